@@ -1,0 +1,97 @@
+//! A parallel gripper with two fingers.
+//!
+//! Frame G: the fingers close along x, y is the approach, z runs across the gap. The finger called left is the one at
+//! negative x. `width` is the distance between the inner faces.
+
+use nalgebra::{Point3, Vector3};
+use serde::Deserialize;
+
+use crate::{InputError, robot::Inertia, shape::Cuboid};
+
+/// Geometry, masses and limits of a parallel gripper, as its file gives them.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Gripper {
+    /// Name.
+    pub name: String,
+    /// Mass of the housing without fingers, in kg.
+    pub body_mass_kg: f64,
+    /// Extents of the housing, a box around the origin of G.
+    pub body_size_m: [f64; 3],
+    /// Mass of one finger, in kg.
+    pub finger_mass_kg: f64,
+    /// Extents of one finger.
+    pub finger_size_m: [f64; 3],
+    /// Centre of the fingers along y.
+    pub finger_centre_y_m: f64,
+    /// Where along y an object's middle should be when the fingers close.
+    pub grasp_centre_y_m: f64,
+    /// Widest opening.
+    pub max_width_m: f64,
+    /// Highest force of one finger.
+    pub max_force_n: f64,
+    /// Highest speed of the fingers relative to each other.
+    pub max_speed_mps: f64,
+}
+
+impl Gripper {
+    /// Reads a gripper's TOML file; `file` names it in errors.
+    pub fn from_toml(file: &str, text: &str) -> Result<Self, InputError> {
+        let gripper: Self = InputError::parse_toml(file, text)?;
+        for (field, value) in [
+            ("body_mass_kg", gripper.body_mass_kg),
+            ("finger_mass_kg", gripper.finger_mass_kg),
+            ("max_width_m", gripper.max_width_m),
+            ("max_force_n", gripper.max_force_n),
+            ("max_speed_mps", gripper.max_speed_mps),
+            ("grasp_centre_y_m", gripper.grasp_centre_y_m),
+        ] {
+            InputError::positive(file, field, value)?;
+        }
+        for (field, size) in [("body_size_m", gripper.body_size_m), ("finger_size_m", gripper.finger_size_m)] {
+            for value in size {
+                InputError::positive(file, field, value)?;
+            }
+        }
+        if gripper.finger_centre_y_m <= gripper.palm_y_m() - gripper.finger_size_m[1] / 2.0 {
+            let expected = "fingers that reach beyond the housing along y";
+            return Err(InputError::new(file, "finger_centre_y_m", gripper.finger_centre_y_m, expected));
+        }
+        Ok(gripper)
+    }
+
+    /// The palm: where the housing ends along y.
+    pub fn palm_y_m(&self) -> f64 {
+        self.body_size_m[1] / 2.0
+    }
+
+    /// Where the fingers end along y.
+    pub fn fingertip_y_m(&self) -> f64 {
+        self.finger_centre_y_m + self.finger_size_m[1] / 2.0
+    }
+
+    /// The grasp centre in G.
+    pub fn grasp_centre(&self) -> Point3<f64> {
+        Point3::new(0.0, self.grasp_centre_y_m, 0.0)
+    }
+
+    /// The housing as a box in G.
+    pub fn body(&self) -> Cuboid {
+        Cuboid { centre: Point3::origin(), size: Vector3::from(self.body_size_m) }
+    }
+
+    /// The left (negative x) and the right finger as boxes in G at an opening of `width_m`.
+    pub fn fingers(&self, width_m: f64) -> [Cuboid; 2] {
+        [-1.0, 1.0].map(|side| {
+            let x = side * (width_m + self.finger_size_m[0]) / 2.0;
+            Cuboid { centre: Point3::new(x, self.finger_centre_y_m, 0.0), size: Vector3::from(self.finger_size_m) }
+        })
+    }
+
+    /// Mass properties of housing and fingers in G at an opening of `width_m`.
+    pub fn inertia(&self, width_m: f64) -> Inertia {
+        let of_box = |mass, cuboid: &Cuboid| Inertia::of_box(mass, &cuboid.size, cuboid.centre);
+        let body = of_box(self.body_mass_kg, &self.body());
+        self.fingers(width_m).iter().fold(body, |all, finger| all.joined(&of_box(self.finger_mass_kg, finger)))
+    }
+}

@@ -1,0 +1,28 @@
+//! Bodies: what the catching robot's brain and the arena it acts in both know about physical things.
+//!
+//! Poses, meshes and shapes, ray casting, collision distance; a serial arm read from a URDF and a `robot.toml`, its forward
+//! and inverse kinematics, Jacobians and inverse dynamics; a parallel gripper. There is no camera, no throw and no time
+//! here.
+//!
+//! Poses are written in monogram notation: `X_WG` is the pose of frame G in frame W, `p_WO` the position of O in W, `R_WG`
+//! a rotation. W is the world (z up), G the gripper, O the object with its origin at the centre of mass, L a link of the arm.
+
+pub mod clearance;
+pub mod dynamics;
+pub mod gripper;
+pub mod input_error;
+pub mod inverse_kinematics;
+pub mod kinematics;
+pub mod mesh;
+pub mod mesh_file;
+pub mod pose;
+pub mod ray_cast;
+pub mod robot;
+pub mod robot_file;
+pub mod shape;
+
+pub use gripper::Gripper;
+pub use input_error::InputError;
+pub use mesh::TriangleMesh;
+pub use pose::{Pose, Twist};
+pub use robot::{JointVector, MAX_JOINTS, Robot};

@@ -1,0 +1,139 @@
+//! The model of a serial arm: joints, links, limits, outline.
+
+use nalgebra::{Matrix3, Point3, SMatrix, SVector, Unit, Vector3};
+
+use crate::{Gripper, pose::Pose, shape::Capsule};
+
+/// The most joints an arm may have.
+pub const MAX_JOINTS: usize = 8;
+
+/// One number per joint, base to tip: radians, rad/s, rad/s² or N·m. An arm with fewer joints than [`MAX_JOINTS`] leaves the
+/// last entries at zero, so that vectors are plain values and nothing allocates.
+pub type JointVector = SVector<f64, MAX_JOINTS>;
+
+/// Maps joint velocities to a spatial velocity: rows 0–2 angular, rows 3–5 linear, one column per joint.
+pub type Jacobian = SMatrix<f64, 6, MAX_JOINTS>;
+
+/// What a joint may do. All bounds are symmetric but the position's.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointLimits {
+    /// Lowest position in radians.
+    pub lower: f64,
+    /// Highest position in radians.
+    pub upper: f64,
+    /// Highest speed in rad/s.
+    pub velocity: f64,
+    /// Highest acceleration in rad/s².
+    pub acceleration: f64,
+    /// Highest torque in N·m.
+    pub torque: f64,
+}
+
+/// Mass, centre of mass and inertia of a link, in the link's frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Inertia {
+    /// Mass in kg.
+    pub mass: f64,
+    /// Centre of mass in metres.
+    pub com: Point3<f64>,
+    /// Rotational inertia about the centre of mass in kg·m², along the link's axes.
+    pub about_com: Matrix3<f64>,
+}
+
+impl Inertia {
+    /// The inertia of two bodies that are rigidly joined, both given in the same frame.
+    pub fn joined(&self, other: &Self) -> Self {
+        let mass = self.mass + other.mass;
+        let com = Point3::from((self.com.coords * self.mass + other.com.coords * other.mass) / mass);
+        let about_com = [self, other].iter().map(|it| it.about_com + it.mass * parallel_axis(&(it.com - com))).sum();
+        Self { mass, com, about_com }
+    }
+
+    /// The same body in another frame: `X_AB` is the pose of the body's present frame B in the new frame A.
+    pub fn transformed(&self, X_AB: &Pose) -> Self {
+        let R_AB = X_AB.rotation.to_rotation_matrix();
+        Self { mass: self.mass, com: X_AB * self.com, about_com: R_AB.matrix() * self.about_com * R_AB.matrix().transpose() }
+    }
+
+    /// A solid box of uniform density, `size` along its axes, centred at `com`.
+    pub fn of_box(mass: f64, size: &Vector3<f64>, com: Point3<f64>) -> Self {
+        let square = size.component_mul(size);
+        let diagonal = Vector3::new(square.y + square.z, square.x + square.z, square.x + square.y) * (mass / 12.0);
+        Self { mass, com, about_com: Matrix3::from_diagonal(&diagonal) }
+    }
+}
+
+/// Inertia of a unit point mass at `r` about the origin: |r|²·1 − r·rᵀ.
+fn parallel_axis(r: &Vector3<f64>) -> Matrix3<f64> {
+    Matrix3::identity() * r.norm_squared() - r * r.transpose()
+}
+
+/// A revolute joint and the link that it moves.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Joint {
+    /// Name in the URDF.
+    pub name: String,
+    /// Pose of the link's frame L in its parent's frame P while the joint is at zero.
+    pub X_PL: Pose,
+    /// Axis in the link's frame.
+    pub axis: Unit<Vector3<f64>>,
+    /// Position, velocity, acceleration and torque limits.
+    pub limits: JointLimits,
+    /// Rotor inertia reflected to the joint, in kg·m².
+    pub rotor_inertia: f64,
+    /// Viscous damping in N·m·s/rad.
+    pub damping: f64,
+    /// Inertia of the moved link.
+    pub inertia: Inertia,
+    /// Name of the moved link.
+    pub link_name: String,
+}
+
+/// A serial arm of revolute joints, welded to the world.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Robot {
+    /// Name in the URDF.
+    pub name: String,
+    /// Pose of the base link in the world.
+    pub X_WB: Pose,
+    /// Joints, base to tip.
+    pub joints: Vec<Joint>,
+    /// Pose of the gripper in the last link.
+    pub X_LG: Pose,
+    /// The paper's comfortable pose q0 (III-D).
+    pub comfortable_q: JointVector,
+    /// Where the arm waits when nothing else is said.
+    pub ready_q: JointVector,
+    /// The arm's outline: capsules in the frame of link `.0`, link 0 being the base and link i the one that joint i moves.
+    pub capsules: Vec<(usize, Capsule)>,
+    /// Links at most this far apart in the chain are not checked for collision with each other.
+    pub ignored_neighbours: usize,
+}
+
+impl Robot {
+    /// Number of joints.
+    pub fn dof(&self) -> usize {
+        self.joints.len()
+    }
+
+    /// One value per joint, zero beyond the last.
+    pub fn per_joint(&self, value: impl Fn(&Joint) -> f64) -> JointVector {
+        JointVector::from_fn(|i, _| self.joints.get(i).map_or(0.0, &value))
+    }
+
+    /// A joint vector from `dof` numbers, `None` if there are more or fewer or one is not finite.
+    pub fn joint_vector(&self, values: &[f64]) -> Option<JointVector> {
+        let fits = values.len() == self.dof() && values.iter().all(|value| value.is_finite());
+        fits.then(|| JointVector::from_fn(|i, _| values.get(i).copied().unwrap_or(0.0)))
+    }
+
+    /// This arm with the gripper's mass added to its last link.
+    ///
+    /// The fingers count at their mean opening; where they stand changes the inertia by less than 1e-3 kg·m².
+    pub fn carrying(mut self, gripper: &Gripper) -> Self {
+        if let Some(last) = self.joints.last_mut() {
+            last.inertia = last.inertia.joined(&gripper.inertia(gripper.max_width_m / 2.0).transformed(&self.X_LG));
+        }
+        self
+    }
+}

@@ -1,0 +1,119 @@
+//! Depth cameras, their images, and the scan of an object that is known beforehand.
+
+use catch_body::Pose;
+use nalgebra::{Point2, Point3};
+use serde::{Deserialize, Serialize};
+
+/// A pinhole depth camera at a known place.
+///
+/// Frame C: z along the optical axis, x to the right, y down in the image. Pixel (0, 0) covers image coordinates 0 to 1, so
+/// its centre is at (0.5, 0.5).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CameraModel {
+    /// Pose of the camera in the world (for a reference scan: in the reference frame R), as calibrated.
+    pub X_WC: Pose,
+    /// Image width.
+    pub width_px: u32,
+    /// Image height.
+    pub height_px: u32,
+    /// Focal length, the same along both axes.
+    pub focal_px: f64,
+    /// Principal point in image coordinates.
+    pub principal_px: [f64; 2],
+}
+
+impl CameraModel {
+    /// A camera whose principal point is the image centre, with a vertical field of view in radians.
+    pub fn with_field_of_view(X_WC: Pose, width_px: u32, height_px: u32, vertical_rad: f64) -> Self {
+        let [width, height] = [f64::from(width_px), f64::from(height_px)];
+        let focal_px = height / 2.0 / (vertical_rad / 2.0).tan();
+        Self { X_WC, width_px, height_px, focal_px, principal_px: [width / 2.0, height / 2.0] }
+    }
+
+    /// Point in C seen at image coordinates `uv` at depth `depth_m` along the optical axis.
+    pub fn back_project(&self, uv: &Point2<f64>, depth_m: f64) -> Point3<f64> {
+        let [cx, cy] = self.principal_px;
+        Point3::new((uv.x - cx) / self.focal_px * depth_m, (uv.y - cy) / self.focal_px * depth_m, depth_m)
+    }
+
+    /// Image coordinates of a point in C, `None` behind the camera.
+    pub fn project(&self, p_C: &Point3<f64>) -> Option<Point2<f64>> {
+        let [cx, cy] = self.principal_px;
+        (p_C.z > 1e-6).then(|| Point2::new(cx + self.focal_px * p_C.x / p_C.z, cy + self.focal_px * p_C.y / p_C.z))
+    }
+
+    /// The whole image.
+    pub fn full_window(&self) -> PixelWindow {
+        PixelWindow { left: 0, top: 0, width: self.width_px, height: self.height_px }
+    }
+
+    /// The pixels that a sphere at `centre_C` may cover, cut to the image; empty if it cannot be seen.
+    pub fn window_around(&self, centre_C: &Point3<f64>, radius_m: f64) -> PixelWindow {
+        let near = centre_C.z - radius_m;
+        let Some(uv) = self.project(centre_C).filter(|_| near > 1e-6) else { return PixelWindow::default() };
+        // The outline reaches at most this far from the image of the centre: |Δ(x/z)| ≤ (r + |x/z|·r)/(z − r).
+        let reach = |offset: f64| (radius_m * self.focal_px + offset.abs() * radius_m) / near + 1.0;
+        let cut = |value: f64, most: u32| value.clamp(0.0, f64::from(most)) as u32;
+        let [cx, cy] = self.principal_px;
+        let (du, dv) = (reach(uv.x - cx), reach(uv.y - cy));
+        let (left, right) = (cut((uv.x - du).floor(), self.width_px), cut((uv.x + du).ceil(), self.width_px));
+        let (top, bottom) = (cut((uv.y - dv).floor(), self.height_px), cut((uv.y + dv).ceil(), self.height_px));
+        if right <= left || bottom <= top {
+            return PixelWindow::default();
+        }
+        PixelWindow { left, top, width: right - left, height: bottom - top }
+    }
+}
+
+/// A rectangle of pixels; the default is empty.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct PixelWindow {
+    /// First column.
+    pub left: u32,
+    /// First row.
+    pub top: u32,
+    /// Number of columns.
+    pub width: u32,
+    /// Number of rows.
+    pub height: u32,
+}
+
+impl PixelWindow {
+    /// Number of pixels.
+    pub fn area(&self) -> usize {
+        self.width as usize * self.height as usize
+    }
+
+    /// Image coordinates of the centre of the `index`-th pixel, row by row.
+    pub fn pixel_centre(&self, index: usize) -> Point2<f64> {
+        let width = self.width as usize;
+        let (column, row) = (index % width, index / width);
+        Point2::new(f64::from(self.left) + column as f64 + 0.5, f64::from(self.top) + row as f64 + 0.5)
+    }
+}
+
+/// One depth image, or the window of it that was read out.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DepthFrame {
+    /// Which camera took it: an index into the cell's list of cameras.
+    pub camera: usize,
+    /// When the shutter closed.
+    pub capture_s: f64,
+    /// The part of the image that follows.
+    pub window: PixelWindow,
+    /// Depth along the optical axis in metres, row by row; NaN where nothing was measured.
+    pub depth_m: Vec<f32>,
+    /// Which of these pixels show the thrown object, where the cell's sensors can tell.
+    pub mask: Option<Vec<bool>>,
+}
+
+/// Depth images of an object, taken beforehand from all around: all that is known of its shape.
+///
+/// The cameras' poses are in the reference frame R, in which the object stood still.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct ReferenceScan {
+    /// Where the images were taken from.
+    pub cameras: Vec<CameraModel>,
+    /// One image per camera or more, masked.
+    pub frames: Vec<DepthFrame>,
+}

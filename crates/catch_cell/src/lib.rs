@@ -1,0 +1,71 @@
+//! The contract: what crosses the wire between a brain that catches and the cell it catches in.
+//!
+//! A cell (a simulated arena, or the driver of a real robot) hands out [`Observation`]s and takes [`Command`]s. A brain
+//! turns one into the other. Everything here is what a driver of a real arm, gripper and set of depth cameras would need,
+//! and nothing else: no truth, no score, no simulator.
+//!
+//! All times are seconds on the cell's clock.
+
+pub mod arm;
+pub mod camera;
+pub mod gripper;
+pub mod spline;
+
+pub use arm::{ArmState, ArmTrajectory};
+pub use camera::{CameraModel, DepthFrame, PixelWindow, ReferenceScan};
+pub use gripper::{GripperMove, GripperState};
+pub use spline::BSpline;
+
+use serde::{Deserialize, Serialize};
+
+/// What the cell senses at one instant.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Observation {
+    /// The cell's clock.
+    pub time_s: f64,
+    /// The arm as its encoders see it.
+    pub arm: ArmState,
+    /// The gripper as it reports itself.
+    pub gripper: GripperState,
+    /// Depth images that have arrived since the last observation. Their capture times lie in the past by the sensors'
+    /// latency.
+    pub frames: Vec<DepthFrame>,
+}
+
+/// What the brain wants. `None` and empty lists change nothing.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Command {
+    /// Replaces the executing trajectory from its `start_s` on.
+    pub arm: Option<ArmTrajectory>,
+    /// Replaces all gripper moves that have not started.
+    pub gripper: Option<Vec<GripperMove>>,
+    /// The part of each camera's next images that the brain wants, one entry per camera; `None` means full images.
+    pub windows: Option<Vec<PixelWindow>>,
+}
+
+/// A place where things are caught: a simulation or real hardware.
+pub trait Cell {
+    /// Waits for the next sensor tick and tells what was sensed.
+    fn sense(&mut self) -> Observation;
+    /// Passes a command on to arm, gripper and cameras.
+    fn act(&mut self, command: Command);
+}
+
+/// Something that decides what to do about what was sensed.
+pub trait Brain {
+    /// One decision. It cannot fail: what is missing leads to a command that is empty or brings the arm to rest.
+    ///
+    /// `probe` is told of every stage as it ends; it is how times are taken without the brain reading a clock.
+    fn tick(&mut self, observation: &Observation, probe: &mut dyn Probe) -> Command;
+}
+
+/// Is told when a stage of the brain ends.
+pub trait Probe {
+    /// Called at the end of the stage called `stage`.
+    fn stage_ended(&mut self, stage: &'static str);
+}
+
+/// Takes no notice.
+impl Probe for () {
+    fn stage_ended(&mut self, _: &'static str) {}
+}

@@ -1,0 +1,170 @@
+//! Cubic B-splines of joint positions over time.
+
+use catch_body::JointVector;
+use serde::{Deserialize, Serialize};
+
+/// Degree of all splines here: position is C², acceleration is piecewise linear.
+pub const DEGREE: usize = 3;
+
+/// A clamped cubic B-spline q(t) (de Boor, A Practical Guide to Splines, ch. IX).
+///
+/// Its knots are non-decreasing, the first and the last repeated four times, four more than there are control points. A knot
+/// that is repeated three times inside joins two splines.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct BSpline {
+    /// Knots in seconds.
+    pub knots_s: Vec<f64>,
+    /// Control points in radians.
+    pub control_points: Vec<JointVector>,
+}
+
+impl BSpline {
+    /// First knot.
+    pub fn start_s(&self) -> f64 {
+        self.knots_s[0]
+    }
+
+    /// Last knot.
+    pub fn end_s(&self) -> f64 {
+        self.knots_s[self.knots_s.len() - 1]
+    }
+
+    /// Position, velocity and acceleration at `time_s`, which is clamped to the spline's domain.
+    pub fn evaluate(&self, time_s: f64) -> [JointVector; 3] {
+        let (first, weights) = basis(&self.knots_s, time_s);
+        weights.map(|row| {
+            row.iter().zip(&self.control_points[first..]).map(|(&weight, point)| point * weight).sum()
+        })
+    }
+
+    /// Whether knots and control points fit together and every number is finite.
+    pub fn is_valid(&self) -> bool {
+        let counts = self.control_points.len() > DEGREE && self.knots_s.len() == self.control_points.len() + DEGREE + 1;
+        counts
+            && self.knots_s.iter().all(|knot| knot.is_finite())
+            && self.knots_s.windows(2).all(|pair| pair[0] <= pair[1])
+            && self.control_points.iter().flat_map(|point| point.iter()).all(|value| value.is_finite())
+    }
+
+    /// This spline followed by one that begins where it ends, in time and position.
+    pub fn followed_by(mut self, next: &Self) -> Self {
+        self.knots_s.pop();
+        self.knots_s.extend_from_slice(&next.knots_s[DEGREE + 1..]);
+        self.control_points.extend_from_slice(&next.control_points[1..]);
+        self
+    }
+}
+
+/// Values, first and second derivatives at `time` of the four cubic basis functions that do not vanish there, and the index
+/// of the first of them.
+///
+/// Cox–de Boor recursion; derivatives by differences of the lower degrees (Piegl & Tiller, The NURBS Book, A2.2 and eq. 2.9).
+pub fn basis(knots: &[f64], time: f64) -> (usize, [[f64; DEGREE + 1]; 3]) {
+    let count = knots.len() - DEGREE - 1;
+    let time = time.clamp(knots[0], knots[knots.len() - 1]);
+    // The last span that begins at or before `time` and is not empty.
+    let mut span = knots[..count].partition_point(|&knot| knot <= time).max(DEGREE + 1) - 1;
+    while span > DEGREE && knots[span + 1] <= knots[span] {
+        span -= 1;
+    }
+
+    // Triangles of basis values: `degree[d][j]` is N_{span-d+j, d}(time).
+    let mut degree = [[0.0; DEGREE + 1]; DEGREE + 1];
+    degree[0][0] = 1.0;
+    for d in 1..=DEGREE {
+        for j in 0..d {
+            let left = knots[span + 1 + j - d];
+            let right = knots[span + 1 + j];
+            let share = degree[d - 1][j] / (right - left);
+            degree[d][j] += (right - time) * share;
+            degree[d][j + 1] += (time - left) * share;
+        }
+    }
+
+    // N'_{i,d} = d·(N_{i,d-1}/(t_{i+d} − t_i) − N_{i+1,d-1}/(t_{i+d+1} − t_{i+1})), here as a map of coefficients.
+    let derivative = |lower: &[f64; DEGREE + 1], d: usize| {
+        let mut out = [0.0; DEGREE + 1];
+        for j in 0..d {
+            let width = knots[span + 1 + j] - knots[span + 1 + j - d];
+            let share = d as f64 * lower[j] / width;
+            out[j] -= share;
+            out[j + 1] += share;
+        }
+        out
+    };
+    let velocity = derivative(&degree[DEGREE - 1], DEGREE);
+    let acceleration = derivative(&derivative(&degree[DEGREE - 2], DEGREE - 1), DEGREE);
+    (span - DEGREE, [degree[DEGREE], velocity, acceleration])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn spline() -> impl Strategy<Value = BSpline> {
+        (prop::collection::vec(0.01f64..0.2, 1..12), prop::collection::vec(-3.0f64..3.0, 15)).prop_map(|(spans, values)| {
+            let mut knots_s = vec![1.0; 4];
+            for span in &spans {
+                knots_s.push(knots_s[knots_s.len() - 1] + span);
+            }
+            knots_s.extend([knots_s[knots_s.len() - 1]; 3]);
+            let control_points = (0..spans.len() + 3).map(|i| JointVector::from_element(values[i])).collect();
+            BSpline { knots_s, control_points }
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn basis_is_a_partition_of_unity(spline in spline(), at in 0.0f64..=1.0) {
+            let time = spline.start_s() + at * (spline.end_s() - spline.start_s());
+            let (_, [values, first, second]) = basis(&spline.knots_s, time);
+            prop_assert!(values.iter().all(|&value| value >= -1e-15));
+            prop_assert!((values.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+            prop_assert!(first.iter().sum::<f64>().abs() < 1e-9);
+            prop_assert!(second.iter().sum::<f64>().abs() < 1e-6);
+        }
+
+        #[test]
+        fn derivatives_match_finite_differences(spline in spline(), at in 0.02f64..0.98) {
+            let time = spline.start_s() + at * (spline.end_s() - spline.start_s());
+            let step = 1e-7;
+            let [_, velocity, acceleration] = spline.evaluate(time);
+            let [before, before_velocity, _] = spline.evaluate(time - step);
+            let [after, after_velocity, _] = spline.evaluate(time + step);
+            // Relative to the spline's roughness; a knot within the step bends the acceleration.
+            let scale = 1.0 + acceleration.amax();
+            prop_assert!(((after - before) / (2.0 * step) - velocity).amax() < 1e-5 * scale);
+            prop_assert!(((after_velocity - before_velocity) / (2.0 * step) - acceleration).amax() < 1e-2 * scale);
+        }
+
+        #[test]
+        fn curve_stays_within_the_hull_of_its_control_points(spline in spline(), at in 0.0f64..=1.0) {
+            let time = spline.start_s() + at * (spline.end_s() - spline.start_s());
+            let [value, ..] = spline.evaluate(time);
+            let bounds = |pick: fn(f64, f64) -> f64| spline.control_points.iter().map(|it| it[0]).reduce(pick).unwrap();
+            prop_assert!(value[0] >= bounds(f64::min) - 1e-12 && value[0] <= bounds(f64::max) + 1e-12);
+        }
+    }
+
+    #[test]
+    fn joined_splines_evaluate_like_their_parts() {
+        let point = |value| JointVector::from_element(value);
+        let first = BSpline {
+            knots_s: vec![0.0, 0.0, 0.0, 0.0, 0.5, 1.0, 1.0, 1.0, 1.0],
+            control_points: [0.0, 0.1, 0.5, 0.9, 1.0].map(point).to_vec(),
+        };
+        let second = BSpline {
+            knots_s: vec![1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0],
+            control_points: [1.0, 1.2, 1.4, 1.4].map(point).to_vec(),
+        };
+        let joined = first.clone().followed_by(&second);
+        assert!(joined.is_valid());
+        for time in [0.0, 0.3, 0.5, 0.99] {
+            assert_eq!(joined.evaluate(time), first.evaluate(time));
+        }
+        for time in [1.0, 1.5, 2.0] {
+            assert_eq!(joined.evaluate(time), second.evaluate(time));
+        }
+    }
+}
