@@ -1,1 +1,189 @@
-//! x
+//! How far an arm is from touching itself and the floor.
+
+use nalgebra::Point3;
+
+use crate::{
+    Gripper,
+    kinematics::LinkPoses,
+    pose::Pose,
+    robot::{MAX_JOINTS, Robot},
+    shape::{Capsule, Cuboid},
+};
+
+/// An arm's and its gripper's outline, prepared for distance queries that do not allocate.
+///
+/// The arm is its capsules, the gripper the boxes of housing and fingers. Distances are exact for these; where solids
+/// overlap they are negative and tell no depth beyond a capsule's radius.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ArmClearance {
+    parts: Vec<Part>,
+    /// Pairs of parts that may meet, by index, the first nearer to the base.
+    pairs: Vec<(usize, usize)>,
+    /// Parts that may meet the gripper.
+    near_gripper: Vec<usize>,
+    X_LG: Pose,
+    gripper: Gripper,
+    /// Ball in G that holds the gripper at any opening.
+    gripper_ball: (Point3<f64>, f64),
+}
+
+/// A capsule of a link and the ball around it.
+#[derive(Debug, Clone, PartialEq)]
+struct Part {
+    link: usize,
+    capsule: Capsule,
+    centre: Point3<f64>,
+    radius: f64,
+}
+
+impl ArmClearance {
+    /// Prepares the outline of `robot` with `gripper` mounted on its last link.
+    pub fn new(robot: &Robot, gripper: &Gripper) -> Self {
+        let parts: Vec<Part> = robot
+            .capsules
+            .iter()
+            .map(|&(link, capsule)| Part { link, capsule, centre: capsule.centre(), radius: capsule.bounding_radius() })
+            .collect();
+        let may_meet = |one: usize, two: usize| one + robot.ignored_neighbours < two;
+        let mut pairs = Vec::new();
+        for (i, one) in parts.iter().enumerate() {
+            pairs.extend((0..parts.len()).filter(|&j| may_meet(one.link, parts[j].link)).map(|j| (i, j)));
+        }
+        let near_gripper = (0..parts.len()).filter(|&i| may_meet(parts[i].link, robot.dof())).collect();
+
+        let middle = Point3::new(0.0, f64::midpoint(-gripper.palm_y_m(), gripper.fingertip_y_m()), 0.0);
+        let reach = |cuboid: &Cuboid| {
+            let corner = (cuboid.centre - middle).abs() + cuboid.size / 2.0;
+            corner.norm()
+        };
+        let [left, right] = gripper.fingers(gripper.max_width_m);
+        let gripper_ball = (middle, [gripper.body(), left, right].iter().map(reach).fold(0.0, f64::max));
+        Self { parts, pairs, near_gripper, X_LG: robot.X_LG, gripper: gripper.clone(), gripper_ball }
+    }
+
+    /// The smallest distance in metres between links that are more than the robot's `ignored_neighbours` apart in the chain,
+    /// the gripper at an opening of `width_m` counting as part of the last link; infinite if no two links may meet.
+    pub fn self_clearance(&self, X_WL: &LinkPoses, width_m: f64) -> f64 {
+        let mut smallest = f64::INFINITY;
+        for &(one, two) in &self.pairs {
+            let (one, two) = (&self.parts[one], &self.parts[two]);
+            let between = (X_WL[one.link] * one.centre - X_WL[two.link] * two.centre).norm();
+            // The balls around both bound the distance from below.
+            if between - one.radius - two.radius < smallest {
+                let one_W = one.capsule.transformed(&X_WL[one.link]);
+                smallest = smallest.min(one_W.distance(&two.capsule.transformed(&X_WL[two.link])));
+            }
+        }
+        let X_WG = X_WL[MAX_JOINTS] * self.X_LG;
+        let (middle, reach) = self.gripper_ball;
+        let middle_W = X_WG * middle;
+        for &part in &self.near_gripper {
+            let part = &self.parts[part];
+            if (X_WL[part.link] * part.centre - middle_W).norm() - part.radius - reach < smallest {
+                let X_GL = X_WG.inv_mul(&X_WL[part.link]);
+                let capsule_G = part.capsule.transformed(&X_GL);
+                for cuboid in self.boxes(width_m) {
+                    smallest = smallest.min(capsule_G.distance_to_cuboid(&cuboid));
+                }
+            }
+        }
+        smallest
+    }
+
+    /// The smallest height in metres of any link but the base, and of the gripper at an opening of `width_m`, above the plane
+    /// z = 0.
+    pub fn floor_clearance(&self, X_WL: &LinkPoses, width_m: f64) -> f64 {
+        let X_WG = X_WL[MAX_JOINTS] * self.X_LG;
+        let gripper = self.boxes(width_m).iter().map(|cuboid| cuboid.lowest_z(&X_WG)).fold(f64::INFINITY, f64::min);
+        let moving = self.parts.iter().filter(|part| part.link > 0);
+        moving.fold(gripper, |lowest, part| {
+            let capsule = part.capsule.transformed(&X_WL[part.link]);
+            lowest.min(capsule.from.z.min(capsule.to.z) - capsule.radius)
+        })
+    }
+
+    /// Housing and fingers in G.
+    fn boxes(&self, width_m: f64) -> [Cuboid; 3] {
+        let [left, right] = self.gripper.fingers(width_m);
+        [self.gripper.body(), left, right]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{TriangleMesh, robot_file::tests::iiwa};
+    use proptest::prelude::*;
+
+    fn wsg50() -> Gripper {
+        Gripper::from_toml("wsg50.toml", include_str!("../../../assets/grippers/wsg50.toml")).unwrap()
+    }
+
+    /// The same by brute force: all pairs of capsules, and the gripper sampled by points on its boxes.
+    fn sampled(robot: &Robot, X_WL: &LinkPoses, width_m: f64) -> (f64, f64) {
+        let gripper = wsg50();
+        let X_WG = robot.gripper_in(X_WL);
+        let [left, right] = gripper.fingers(width_m);
+        let mut points = Vec::new();
+        for cuboid in [gripper.body(), left, right] {
+            for i in 0..=10 {
+                for j in 0..=10 {
+                    for k in 0..=10 {
+                        let grid = nalgebra::Vector3::new(f64::from(i), f64::from(j), f64::from(k)) / 10.0;
+                        points.push(X_WG * (cuboid.centre + grid.add_scalar(-0.5).component_mul(&cuboid.size)));
+                    }
+                }
+            }
+        }
+        let in_world: Vec<(usize, Capsule)> =
+            robot.capsules.iter().map(|(link, capsule)| (*link, capsule.transformed(&X_WL[*link]))).collect();
+        let mut nearest = f64::INFINITY;
+        for (i, one) in &in_world {
+            for (_, two) in in_world.iter().filter(|(j, _)| i + robot.ignored_neighbours < *j) {
+                nearest = nearest.min(one.distance(two));
+            }
+            if i + robot.ignored_neighbours < robot.dof() {
+                nearest = points.iter().map(|p| one.distance_to_point(p)).fold(nearest, f64::min);
+            }
+        }
+        let moving = in_world.iter().filter(|(link, _)| *link > 0);
+        let lowest = moving
+            .flat_map(|(_, capsule)| TriangleMesh::capsule(capsule, 64).vertices)
+            .chain(points)
+            .map(|point| point.z)
+            .fold(f64::INFINITY, f64::min);
+        (nearest, lowest)
+    }
+
+    proptest! {
+        #[test]
+        fn clearances_match_brute_force(q in prop::array::uniform7(-2.9f64..2.9), width_m in 0.0f64..0.11) {
+            let robot = iiwa();
+            let clearance = ArmClearance::new(&robot, &wsg50());
+            let X_WL = robot.link_poses(&robot.joint_vector(&q).unwrap());
+            let (nearest, lowest) = sampled(&robot, &X_WL, width_m);
+            let found = clearance.self_clearance(&X_WL, width_m);
+            // Samples on the boxes are up to 8 mm from the nearest point, and inside a capsule they see deeper.
+            prop_assert!(found <= nearest + 1e-9 || found < 0.0, "{found} is above the sampled {nearest}");
+            prop_assert!(found > nearest - 0.008, "{found} is far below the sampled {nearest}");
+            let found = clearance.floor_clearance(&X_WL, width_m);
+            prop_assert!((found - lowest).abs() < 1e-3, "{found} and sampled {lowest}");
+        }
+    }
+
+    #[test]
+    fn waiting_pose_is_clear_and_a_folded_one_is_not() {
+        let robot = iiwa();
+        let clearance = ArmClearance::new(&robot, &wsg50());
+        let at = |q: &[f64]| {
+            let X_WL = robot.link_poses(&robot.joint_vector(q).unwrap());
+            (clearance.self_clearance(&X_WL, 0.11), clearance.floor_clearance(&X_WL, 0.11))
+        };
+        let (itself, floor) = at(&robot.ready_q.as_slice()[..7]);
+        assert!(itself > 0.05 && floor > 0.05, "{itself} {floor}");
+        let (itself, _) = at(&[0.0, 2.09, 0.0, -2.09, 0.0, -2.09, 0.0]);
+        assert!(itself < 0.0, "{itself}");
+        let (_, floor) = at(&[0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        assert!(floor < 0.0, "{floor}");
+    }
+}
