@@ -1,1 +1,236 @@
-//! x
+//! Closed-form inverse kinematics of S-R-S arms: seven joints, three axes that meet in a shoulder, one elbow, three that
+//! meet in a wrist, and no offsets.
+//!
+//! The position of the wrist fixes the elbow but for a swivel about the line from shoulder to wrist; each swivel angle leaves
+//! eight solutions (sign of elbow, shoulder and wrist). After Shimizu et al., Analytical Inverse Kinematic Computation for
+//! 7-DOF Redundant Manipulators with Joint Limits, IEEE T-RO 24(5), 2008, but written for arbitrary directions of the
+//! axes: everything is expressed by the axes in W while all joints are at zero.
+
+use nalgebra::{Matrix3, Point3, Rotation3, Unit, Vector3};
+
+use crate::{
+    pose::Pose,
+    robot::{JointVector, Robot},
+};
+
+/// How far, in metres and radians, an arm may be from the S-R-S geometry.
+const TOLERANCE: f64 = 1e-6;
+
+/// The geometry of an S-R-S arm at zero joint angles, in W.
+#[derive(Debug, Clone)]
+pub struct SrsArm {
+    shoulder: Point3<f64>,
+    /// Distances from shoulder to elbow and from elbow to wrist.
+    upper_arm: f64,
+    forearm: f64,
+    /// Direction of the stretched arm.
+    along: Unit<Vector3<f64>>,
+    axes: [Unit<Vector3<f64>>; 7],
+    /// Attitude of the gripper and position of the wrist in its frame.
+    R_WG: Rotation3<f64>,
+    p_GW: Point3<f64>,
+    lower: JointVector,
+    upper: JointVector,
+}
+
+/// Up to eight joint positions that reach one pose.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Solutions {
+    found: [JointVector; 8],
+    count: usize,
+}
+
+impl Solutions {
+    /// The solutions within the joint limits.
+    pub fn iter(&self) -> impl Iterator<Item = &JointVector> {
+        self.found[..self.count].iter()
+    }
+
+    fn push(&mut self, q: JointVector) {
+        self.found[self.count] = q;
+        self.count += 1;
+    }
+}
+
+/// Where the elbow may be for one pose of the gripper: a circle about the line from shoulder to wrist.
+#[derive(Debug, Clone, Copy)]
+pub struct ElbowCircle {
+    R_WG: Rotation3<f64>,
+    /// Direction from shoulder to wrist.
+    to_wrist: Vector3<f64>,
+    /// Directions of swivel 0 and π/2.
+    across: [Vector3<f64>; 2],
+    /// Angle at the shoulder between the upper arm and the line to the wrist.
+    shoulder_angle: f64,
+    /// By how much the elbow is bent; zero is stretched.
+    elbow_bend: f64,
+}
+
+impl SrsArm {
+    /// The S-R-S geometry of `robot`, `None` if it is of another kind.
+    pub fn of(robot: &Robot) -> Option<Self> {
+        if robot.dof() != 7 {
+            return None;
+        }
+        let X_WL = robot.link_poses(&JointVector::zeros());
+        let mut axes = [Unit::new_unchecked(Vector3::z()); 7];
+        let mut origins = [Point3::origin(); 7];
+        for i in 0..7 {
+            (axes[i], origins[i]) = robot.joint_axis(&X_WL, i);
+        }
+        let lies_along = |i: usize, along: &Vector3<f64>| {
+            let off_line = along.cross(&(origins[i] - origins[0])).norm();
+            axes[i].cross(along).norm() < TOLERANCE && off_line < TOLERANCE
+        };
+        // Where the axis of joint i crosses the line of joint 1 at a right angle.
+        let crossing = |i: usize| {
+            let along = axes[0].into_inner();
+            let foot = origins[0] + along * along.dot(&(origins[i] - origins[0]));
+            let off_axis = (foot - origins[i]).cross(&axes[i]).norm();
+            (axes[i].dot(&along).abs() < TOLERANCE && off_axis < TOLERANCE).then_some(foot)
+        };
+        let (shoulder, elbow, wrist) = (crossing(1)?, crossing(3)?, crossing(5)?);
+        let along = Unit::try_new(elbow - shoulder, TOLERANCE)?;
+        let stretched = (wrist - elbow).dot(&along) > TOLERANCE;
+        if !stretched || ![0, 2, 4, 6].iter().all(|&i| lies_along(i, &along)) {
+            return None;
+        }
+        let X_WG = robot.gripper_in(&X_WL);
+        Some(Self {
+            shoulder,
+            upper_arm: (elbow - shoulder).norm(),
+            forearm: (wrist - elbow).norm(),
+            along,
+            axes,
+            R_WG: X_WG.rotation.to_rotation_matrix(),
+            p_GW: X_WG.inverse() * wrist,
+            lower: robot.per_joint(|joint| joint.limits.lower),
+            upper: robot.per_joint(|joint| joint.limits.upper),
+        })
+    }
+
+    /// The elbow's circle for a pose of the gripper, `None` if the wrist is too far or too near.
+    pub fn elbow_circle(&self, X_WG: &Pose) -> Option<ElbowCircle> {
+        let to_wrist = X_WG * self.p_GW - self.shoulder;
+        let distance = to_wrist.norm();
+        let (a, b) = (self.upper_arm, self.forearm);
+        // Law of cosines in the triangle shoulder, elbow, wrist.
+        let cos_shoulder = (a * a + distance * distance - b * b) / (2.0 * a * distance);
+        let cos_elbow = (a * a + b * b - distance * distance) / (2.0 * a * b);
+        if !(cos_shoulder.abs() <= 1.0 && cos_elbow.abs() < 1.0) {
+            return None;
+        }
+        let to_wrist = to_wrist / distance;
+        let reference = if to_wrist.z.abs() > 0.95 { Vector3::x() } else { Vector3::z() };
+        let first = (reference - to_wrist * to_wrist.dot(&reference)).normalize();
+        Some(ElbowCircle {
+            R_WG: X_WG.rotation.to_rotation_matrix(),
+            to_wrist,
+            across: [first, to_wrist.cross(&first)],
+            shoulder_angle: cos_shoulder.acos(),
+            elbow_bend: std::f64::consts::PI - cos_elbow.acos(),
+        })
+    }
+
+    /// All joint positions within limits that put the gripper in the circle's pose with the elbow at `swivel` radians.
+    pub fn solve(&self, circle: &ElbowCircle, swivel: f64) -> Solutions {
+        let mut solutions = Solutions::default();
+        let aside = circle.across[0] * swivel.cos() + circle.across[1] * swivel.sin();
+        let upper = circle.to_wrist * circle.shoulder_angle.cos() + aside * circle.shoulder_angle.sin();
+        // The elbow's axis is perpendicular to the arm's plane: upper × forearm = axis · sin(bend).
+        let normal = aside.cross(&circle.to_wrist);
+        let along = self.along.into_inner();
+        for elbow_sign in [1.0, -1.0] {
+            let q4 = elbow_sign * circle.elbow_bend;
+            // R_03 takes (along, a4, along × a4) to (upper arm, elbow axis, their product).
+            let elbow_axis = normal * elbow_sign;
+            let before = basis(along, self.axes[3].into_inner());
+            let R_03 = Rotation3::from_matrix_unchecked(basis(upper, elbow_axis) * before.transpose());
+            let R_04 = R_03 * Rotation3::from_axis_angle(&self.axes[3], q4);
+            let R_47 = R_04.inverse() * circle.R_WG * self.R_WG.inverse();
+            for [q1, q2, q3] in self.euler_angles(&R_03, 0) {
+                for [q5, q6, q7] in self.euler_angles(&R_47, 4) {
+                    let q = JointVector::from_column_slice(&[q1, q2, q3, q4, q5, q6, q7, 0.0]);
+                    if (0..7).all(|i| q[i] >= self.lower[i] && q[i] <= self.upper[i]) {
+                        solutions.push(q);
+                    }
+                }
+            }
+        }
+        solutions
+    }
+
+    /// The swivel at which the elbow stands for `q`, in the circle of the gripper's pose there.
+    pub fn swivel(&self, robot: &Robot, q: &JointVector) -> f64 {
+        let X_WL = robot.link_poses(q);
+        let Some(circle) = self.elbow_circle(&robot.gripper_in(&X_WL)) else { return 0.0 };
+        let upper = X_WL[3].rotation * (robot.link_poses(&JointVector::zeros())[3].rotation.inverse() * self.along.into_inner());
+        upper.dot(&circle.across[1]).atan2(upper.dot(&circle.across[0]))
+    }
+
+    /// Both triples of angles of joints `first`, `first + 1`, `first + 2`, whose product of rotations is `R`.
+    ///
+    /// With u the first and third axis, b the second and c = b × u: R·u = u·cos β + (c·cos α + b·sin α)·sin β.
+    fn euler_angles(&self, R: &Rotation3<f64>, first: usize) -> [[f64; 3]; 2] {
+        let u = self.along.into_inner();
+        let b = self.axes[first + 1].into_inner();
+        let c = b.cross(&u);
+        let signs = [self.axes[first].dot(&u).signum(), self.axes[first + 2].dot(&u).signum()];
+        let turned = R * u;
+        let (along_b, along_c) = (turned.dot(&b), turned.dot(&c));
+        let beta = along_b.hypot(along_c).atan2(turned.dot(&u));
+        [1.0, -1.0].map(|sign| {
+            let alpha = (sign * along_b).atan2(sign * along_c);
+            let rest = (Rotation3::new(u * alpha) * Rotation3::new(b * (sign * beta))).inverse() * (R * c);
+            let gamma = rest.dot(&b).atan2(rest.dot(&c));
+            [alpha * signs[0], sign * beta, gamma * signs[1]]
+        })
+    }
+}
+
+/// An orthonormal basis from two perpendicular directions and their product.
+fn basis(first: Vector3<f64>, second: Vector3<f64>) -> Matrix3<f64> {
+    Matrix3::from_columns(&[first, second, first.cross(&second)])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot_file::tests::iiwa;
+    use proptest::prelude::*;
+
+    #[test]
+    fn iiwa_is_an_srs_arm() {
+        let arm = SrsArm::of(&iiwa()).unwrap();
+        assert!((arm.upper_arm - 0.42).abs() < 1e-9 && (arm.forearm - 0.4).abs() < 1e-9);
+    }
+
+    #[test]
+    fn an_arm_with_offsets_is_not() {
+        let mut robot = iiwa();
+        robot.joints[3].X_PL.translation.x += 0.02;
+        assert!(SrsArm::of(&robot).is_none());
+    }
+
+    proptest! {
+        /// FK ∘ IK is the identity for every solution, and the pose's own joint angles are among them.
+        #[test]
+        fn solutions_reach_the_pose(unit in prop::array::uniform7(-0.99f64..0.99), swivel in -3.1f64..3.1) {
+            let robot = iiwa();
+            let arm = SrsArm::of(&robot).unwrap();
+            let q = robot.per_joint(|joint| joint.limits.upper).component_mul(&robot.joint_vector(&unit).unwrap());
+            prop_assume!(q[1].abs() > 0.01 && q[3].abs() > 0.01 && q[5].abs() > 0.01);
+            let X_WG = robot.gripper_pose(&q);
+            let circle = arm.elbow_circle(&X_WG).unwrap();
+            for swivel in [swivel, arm.swivel(&robot, &q)] {
+                for solution in arm.solve(&circle, swivel).iter() {
+                    let reached = robot.gripper_pose(solution);
+                    prop_assert!((reached.translation.vector - X_WG.translation.vector).norm() < 1e-9);
+                    prop_assert!(reached.rotation.angle_to(&X_WG.rotation) < 1e-7);
+                }
+            }
+            let own = arm.solve(&circle, arm.swivel(&robot, &q));
+            prop_assert!(own.iter().any(|solution| (solution - q).amax() < 1e-6), "{q} not among {own:?}");
+        }
+    }
+}
