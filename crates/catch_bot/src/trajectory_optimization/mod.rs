@@ -1,4 +1,8 @@
 //! Trajectory optimization (paper, III-D).
+pub mod joint_spline;
+pub mod quadratic_program;
+pub mod reachability;
+
 use catch_body::{Gripper, JointVector, Pose, Robot};
 use catch_cell::ArmTrajectory;
 use serde::{Deserialize, Serialize};

@@ -1,0 +1,320 @@
+//! The motion of one joint as a cubic B-spline whose control points solve a quadratic program (paper, III-D).
+//!
+//! With the catch's time and the joint's position and velocity there given, nothing couples the joints any more: the
+//! paper's optimization falls apart into one small program per joint. In normalized time τ = t/T
+//!
+//! ```text
+//!     min   ∫ q″(τ)² dτ + λ ∫ (q(τ) − q₀)² dτ + μ · (q″ at the last knots)²
+//!     s.t.  q, q′, q″ at the start as they are; q and q′ at the end as chosen
+//!           q_min ≤ q ≤ q_max,   |q′| ≤ v_max·T,   |q″| ≤ a_max·T²
+//! ```
+//! Bounds are put on the control points of q, q′ and q″. The hull property makes them sufficient everywhere; for q″, which is
+//! piecewise linear, they are exact. The last term keeps the gripper's velocity steady before the catch: the paper's
+//! pre-grasp constraints, 30 ms before the grasp, in a form that cannot make the problem infeasible.
+
+use catch_body::robot::JointLimits;
+use catch_cell::spline::{DEGREE, basis};
+
+use super::quadratic_program::{Constraint, Hessian, MAX_VARIABLES, Square, Variables};
+
+/// Most control points of one spline.
+const MAX_POINTS: usize = 16;
+
+/// What the end of the spline must fulfil.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum End {
+    /// Position and velocity are given.
+    At {
+        /// Radians.
+        q: f64,
+        /// Rad/s.
+        dq: f64,
+    },
+    /// At rest anywhere, with acceleration zero.
+    Rest,
+}
+
+/// Position, velocity and acceleration of one joint.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointState {
+    /// Radians.
+    pub q: f64,
+    /// Rad/s.
+    pub dq: f64,
+    /// Rad/s².
+    pub ddq: f64,
+}
+
+/// A derivative's control point as a combination of the spline's own.
+type Combination = [f64; MAX_POINTS];
+
+/// The quadratic program with everything that does not depend on the joint, factorized.
+#[derive(Debug, Clone)]
+pub struct JointSpline {
+    /// Knots in normalized time.
+    pub knots: Vec<f64>,
+    points: usize,
+    rests_at_end: bool,
+    velocity: Vec<Combination>,
+    acceleration: Vec<Combination>,
+    /// Full cost over the control points, for the gradient that the fixed ones cause.
+    cost: [[f64; MAX_POINTS]; MAX_POINTS],
+    comfort: Combination,
+    hessian: Hessian,
+}
+
+impl JointSpline {
+    /// A spline over spans of the given relative lengths. `comfort_weight` is λ, `steady_end_weight` μ.
+    ///
+    /// # Panics
+    /// With more spans than there is room for: the layouts are constants of this crate.
+    pub fn new(spans: &[f64], rests_at_end: bool, comfort_weight: f64, steady_end_weight: f64) -> Self {
+        let total: f64 = spans.iter().sum();
+        let mut knots = vec![0.0; DEGREE + 1];
+        let mut at = 0.0;
+        for span in spans {
+            at += span / total;
+            knots.push(at);
+        }
+        let last = knots.len() - 1;
+        knots[last] = 1.0;
+        knots.extend([1.0; DEGREE]);
+        let points = spans.len() + DEGREE;
+        let free = points - 5;
+        assert!(points <= MAX_POINTS && free <= MAX_VARIABLES, "too many spans");
+
+        let identity: Vec<Combination> = (0..points).map(|i| std::array::from_fn(|j| f64::from(u8::from(i == j)))).collect();
+        let velocity = differentiated(&identity, &knots, DEGREE);
+        let acceleration = differentiated(&velocity, &knots[1..knots.len() - 1], DEGREE - 1);
+
+        let mut cost = [[0.0; MAX_POINTS]; MAX_POINTS];
+        let mut comfort = [0.0; MAX_POINTS];
+        // Gauss–Legendre with four points per span integrates degree 7: exact for the square of a cubic.
+        const NODES: [(f64, f64); 4] = [
+            (-0.861_136_311_594_052_6, 0.347_854_845_137_453_9),
+            (-0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
+            (0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
+            (0.861_136_311_594_052_6, 0.347_854_845_137_453_9),
+        ];
+        for pair in knots[DEGREE..=points].windows(2) {
+            for (node, weight) in NODES {
+                let half = (pair[1] - pair[0]) / 2.0;
+                let (first, [values, _, second]) = basis(&knots, pair[0] + half * (1.0 + node));
+                for i in 0..=DEGREE {
+                    comfort[first + i] += comfort_weight * weight * half * values[i];
+                    for j in 0..=DEGREE {
+                        let product = second[i] * second[j] + comfort_weight * values[i] * values[j];
+                        cost[first + i][first + j] += weight * half * product;
+                    }
+                }
+            }
+        }
+        if !rests_at_end {
+            for combination in &acceleration[acceleration.len() - 2..] {
+                for i in 0..points {
+                    for j in 0..points {
+                        cost[i][j] += steady_end_weight * combination[i] * combination[j];
+                    }
+                }
+            }
+        }
+
+        let mut spline = Self {
+            knots,
+            points,
+            rests_at_end,
+            velocity,
+            acceleration,
+            cost,
+            comfort,
+            hessian: Hessian::new(&Square::identity()).expect("the identity is positive definite"),
+        };
+        let mut H = Square::identity();
+        for variable in 0..free {
+            let row = reduced(&spline.cost_row(variable), &spline);
+            for other in 0..free {
+                H[(variable, other)] = row[other];
+            }
+        }
+        spline.hessian = Hessian::new(&H).expect("the cost of a spline is strictly convex");
+        spline
+    }
+
+    /// Control points of the best motion of a joint over `duration_s`, `None` if no spline of this kind keeps the limits.
+    pub fn solve(
+        &self,
+        start: &JointState,
+        end: &End,
+        duration_s: f64,
+        limits: &JointLimits,
+        comfortable: f64,
+    ) -> Option<[f64; MAX_POINTS]> {
+        let fixed = self.fixed_points(start, end, duration_s);
+        let mut gradient = Variables::zeros();
+        for variable in 0..self.free() {
+            let row = self.cost_row(variable);
+            let (scale, _) = self.lifted(variable);
+            gradient[variable] = dot(&row, &fixed) - comfortable * scale.iter().map(|&i| self.comfort[i]).sum::<f64>();
+        }
+
+        let mut constraints = [Constraint { a: Variables::zeros(), b: 0.0 }; 6 * MAX_POINTS];
+        let mut count = 0;
+        let mut bound = |combination: &Combination, lower: f64, upper: f64| {
+            let a = reduced(combination, self);
+            let offset = dot(combination, &fixed);
+            if a.amax() == 0.0 {
+                // Nothing free enters: it holds, or no motion does.
+                let rounding = 1e-9 * (1.0 + upper.abs() + lower.abs());
+                return offset >= lower - rounding && offset <= upper + rounding;
+            }
+            constraints[count] = Constraint { a, b: lower - offset };
+            constraints[count + 1] = Constraint { a: -a, b: offset - upper };
+            count += 2;
+            true
+        };
+        let fits = (0..self.points).all(|i| {
+            let mut point = [0.0; MAX_POINTS];
+            point[i] = 1.0;
+            bound(&point, limits.lower, limits.upper)
+        });
+        let most = limits.velocity * duration_s;
+        let fits = fits && self.velocity.iter().all(|it| bound(it, -most, most));
+        let most = limits.acceleration * duration_s * duration_s;
+        let fits = fits && self.acceleration.iter().all(|it| bound(it, -most, most));
+        if !fits {
+            return None;
+        }
+        let x = self.hessian.minimize(&gradient, &constraints[..count], 0)?;
+        let mut points = fixed;
+        for variable in 0..self.free() {
+            let (indices, _) = self.lifted(variable);
+            for &index in indices {
+                points[index] += x[variable];
+            }
+        }
+        Some(points)
+    }
+
+    /// Number of control points.
+    pub fn len(&self) -> usize {
+        self.points
+    }
+
+    fn free(&self) -> usize {
+        self.points - 5
+    }
+
+    /// The control points that a variable moves: one, or, at an end at rest, the last three together.
+    fn lifted(&self, variable: usize) -> (&'static [usize], usize) {
+        const INDICES: [usize; MAX_POINTS] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
+        let first = variable + 3;
+        let last = if self.rests_at_end && variable + 1 == self.free() { self.points } else { first + 1 };
+        (&INDICES[first..last], first)
+    }
+
+    fn cost_row(&self, variable: usize) -> Combination {
+        let (indices, _) = self.lifted(variable);
+        std::array::from_fn(|j| indices.iter().map(|&i| self.cost[i][j]).sum())
+    }
+
+    /// The control points that start and end dictate; the free ones are zero.
+    fn fixed_points(&self, start: &JointState, end: &End, duration_s: f64) -> [f64; MAX_POINTS] {
+        let mut points = [0.0; MAX_POINTS];
+        let knots = &self.knots;
+        // End derivatives of a clamped spline: q′ = 3·(c₁ − c₀)/h₁ and q″ = 2·(q′₁ − q′₀)/h₁ with q′₁ = 3·(c₂ − c₁)/h₂, where
+        // h₁ is the first span and h₂ the first two (Piegl & Tiller, eq. 3.7).
+        let [h1, h2] = [knots[4], knots[5]];
+        let (dq, ddq) = (start.dq * duration_s, start.ddq * duration_s * duration_s);
+        points[0] = start.q;
+        points[1] = start.q + dq * h1 / 3.0;
+        points[2] = points[1] + (dq + ddq * h1 / 2.0) * h2 / 3.0;
+        if let End::At { q, dq } = end {
+            let h = 1.0 - knots[self.points - 1];
+            points[self.points - 1] = *q;
+            points[self.points - 2] = q - dq * duration_s * h / 3.0;
+        }
+        points
+    }
+}
+
+/// A combination of control points as one of the free variables.
+fn reduced(combination: &Combination, spline: &JointSpline) -> Variables {
+    let mut variables = Variables::zeros();
+    for variable in 0..spline.free() {
+        let (indices, _) = spline.lifted(variable);
+        variables[variable] = indices.iter().map(|&i| combination[i]).sum();
+    }
+    variables
+}
+
+fn dot(combination: &Combination, points: &[f64; MAX_POINTS]) -> f64 {
+    combination.iter().zip(points).map(|(a, b)| a * b).sum()
+}
+
+/// Control points of the derivative of a spline of degree `degree` over `knots`: cᵢ′ = d·(cᵢ₊₁ − cᵢ)/(tᵢ₊d₊₁ − tᵢ₊₁).
+fn differentiated(points: &[Combination], knots: &[f64], degree: usize) -> Vec<Combination> {
+    points
+        .windows(2)
+        .enumerate()
+        .map(|(i, pair)| {
+            let factor = degree as f64 / (knots[i + degree + 1] - knots[i + 1]);
+            std::array::from_fn(|j| factor * (pair[1][j] - pair[0][j]))
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use catch_body::JointVector;
+    use catch_cell::BSpline;
+    use proptest::prelude::*;
+
+    const LIMITS: JointLimits = JointLimits { lower: -2.0, upper: 2.0, velocity: 1.5, acceleration: 9.0, torque: 100.0 };
+
+    fn as_spline(spline: &JointSpline, points: &[f64], duration_s: f64) -> BSpline {
+        BSpline {
+            knots_s: spline.knots.iter().map(|knot| knot * duration_s).collect(),
+            control_points: points[..spline.len()].iter().map(|&value| JointVector::from_element(value)).collect(),
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn solved_splines_meet_their_ends_and_keep_their_limits(
+            q in -1.5f64..1.5, dq in -1.0f64..1.0, ddq in -5.0f64..5.0,
+            to in -1.5f64..1.5, at in -1.0f64..1.0, duration in 0.1f64..0.8,
+        ) {
+            let start = JointState { q, dq, ddq };
+            for (spline, end) in [
+                (JointSpline::new(&[0.4, 0.6, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5], false, 0.1, 0.01), End::At { q: to, dq: at }),
+                (JointSpline::new(&[1.0; 6], true, 0.0, 0.0), End::Rest),
+            ] {
+                let Some(points) = spline.solve(&start, &end, duration, &LIMITS, 0.0) else { continue };
+                let curve = as_spline(&spline, &points, duration);
+                let near = |value: f64, wanted: f64| (value - wanted).abs() < 1e-8 * (1.0 + wanted.abs());
+                let [a, b, c] = curve.evaluate(0.0).map(|it| it[0]);
+                prop_assert!(near(a, q) && near(b, dq) && near(c, ddq));
+                let [a, b, c] = curve.evaluate(duration).map(|it| it[0]);
+                match end {
+                    End::At { q, dq } => prop_assert!(near(a, q) && near(b, dq)),
+                    End::Rest => prop_assert!(b.abs() < 1e-8 && c.abs() < 1e-6),
+                }
+                for i in 0..=400 {
+                    let [q, dq, ddq] = curve.evaluate(duration * f64::from(i) / 400.0).map(|it| it[0]);
+                    prop_assert!(q.abs() <= LIMITS.upper * (1.0 + 1e-9));
+                    prop_assert!(dq.abs() <= LIMITS.velocity * (1.0 + 1e-9));
+                    prop_assert!(ddq.abs() <= LIMITS.acceleration * (1.0 + 1e-8));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_gentle_motion_has_a_solution_and_an_impossible_one_has_none() {
+        let spline = JointSpline::new(&[1.0; 9], false, 0.1, 0.0);
+        let start = JointState { q: 0.0, dq: 0.0, ddq: 0.0 };
+        assert!(spline.solve(&start, &End::At { q: 0.3, dq: 0.2 }, 0.6, &LIMITS, 0.0).is_some());
+        assert!(spline.solve(&start, &End::At { q: 1.5, dq: 0.2 }, 0.6, &LIMITS, 0.0).is_none());
+    }
+}
