@@ -1,1 +1,181 @@
-//! x
+//! Reads meshes from OBJ and STL files.
+
+use std::io::{BufReader, Cursor};
+
+use nalgebra::Point3;
+
+use crate::{InputError, mesh::TriangleMesh};
+
+/// The largest mesh file that is read. A scan of a thrown object has some megabytes at most.
+pub const MAX_FILE_BYTES: usize = 64 << 20;
+
+/// The thinnest solid that is accepted: its volume as a fraction of the cube of its longest side.
+const LEAST_FILLING: f64 = 1e-9;
+
+/// Reads a closed solid; the extension of `file` (`.obj` or `.stl`) says which format the bytes have, `scale` turns the
+/// file's unit of length into metres.
+///
+/// Vertices at the same place become one and triangles without area are left out, so that neighbours share their edges. A
+/// solid that is turned inside out is turned back.
+///
+/// # Errors
+/// If the bytes are not a mesh of that format, or the mesh has no triangles, numbers that are not finite, indices without a
+/// vertex, holes, or no volume.
+pub fn mesh_from_bytes(file: &str, bytes: &[u8], scale: f64) -> Result<TriangleMesh, InputError> {
+    InputError::positive(file, "scale", scale)?;
+    if bytes.len() > MAX_FILE_BYTES {
+        let expected = format!("a mesh file of at most {} MiB", MAX_FILE_BYTES >> 20);
+        return Err(InputError::new(file, "size", format!("{} MiB", bytes.len() >> 20), expected));
+    }
+    let extension = file.rsplit_once('.').map(|(_, extension)| extension.to_ascii_lowercase());
+    let (vertices, triangles) = match extension.as_deref() {
+        Some("obj") => read_obj(file, bytes)?,
+        Some("stl") => read_stl(file, bytes)?,
+        _ => return Err(InputError::new(file, "extension", extension.unwrap_or_default(), "a mesh: .obj or .stl")),
+    };
+    for (i, vertex) in vertices.iter().enumerate() {
+        InputError::finite(file, format!("vertex {}", i + 1), *vertex)?;
+    }
+    if let Some(missing) = triangles.iter().flatten().find(|&&index| index as usize >= vertices.len()) {
+        let expected = format!("indices of the {} vertices", vertices.len());
+        return Err(InputError::new(file, "faces", format!("vertex number {}", u64::from(*missing) + 1), expected));
+    }
+    solid(file, welded(&vertices, &triangles, scale))
+}
+
+/// Vertices and triangles as a file has them.
+type Soup = (Vec<[f64; 3]>, Vec<[u32; 3]>);
+
+fn read_obj(file: &str, bytes: &[u8]) -> Result<Soup, InputError> {
+    let options =
+        tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
+    // Materials are of no interest, so a material file that is named and missing is no fault.
+    let (models, _) = tobj::load_obj_buf(&mut BufReader::new(bytes), &options, |_| Ok(Default::default()))
+        .map_err(|fault| InputError::new(file, "content", fault, "a Wavefront OBJ mesh"))?;
+    let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
+    for tobj::Model { mesh, .. } in models {
+        let first = vertices.len() as u32;
+        vertices.extend(mesh.positions.as_chunks::<3>().0.iter().map(|point| point.map(f64::from)));
+        triangles
+            .extend(mesh.indices.as_chunks::<3>().0.iter().map(|triangle| triangle.map(|i| i.saturating_add(first))));
+    }
+    Ok((vertices, triangles))
+}
+
+fn read_stl(file: &str, bytes: &[u8]) -> Result<Soup, InputError> {
+    let mesh = stl_io::read_stl(&mut Cursor::new(bytes))
+        .map_err(|fault| InputError::new(file, "content", fault, "an STL mesh, binary or text"))?;
+    let vertices = mesh.vertices.iter().map(|vertex| <[f32; 3]>::from(*vertex).map(f64::from)).collect();
+    let triangles = mesh.faces.iter().map(|face| face.vertices.map(|index| index as u32)).collect();
+    Ok((vertices, triangles))
+}
+
+/// Joins vertices that lie at the same place, drops triangles that are left without three corners, and scales.
+fn welded(vertices: &[[f64; 3]], triangles: &[[u32; 3]], scale: f64) -> TriangleMesh {
+    let mut places = std::collections::HashMap::new();
+    let mut mesh = TriangleMesh::default();
+    let merged: Vec<u32> = vertices
+        .iter()
+        .map(|vertex| {
+            // Adding zero makes −0 and +0 the same place.
+            *places.entry(vertex.map(|value| (value + 0.0).to_bits())).or_insert_with(|| {
+                mesh.vertices.push(Point3::from(*vertex) * scale);
+                mesh.vertices.len() as u32 - 1
+            })
+        })
+        .collect();
+    mesh.triangles = triangles.iter().map(|triangle| triangle.map(|index| merged[index as usize])).collect();
+    mesh.triangles.retain(|[a, b, c]| a != b && b != c && c != a);
+    mesh
+}
+
+/// `mesh`, facing outwards, if it encloses a volume.
+fn solid(file: &str, mesh: TriangleMesh) -> Result<TriangleMesh, InputError> {
+    if mesh.triangles.is_empty() {
+        return Err(InputError::new(file, "faces", "no triangles", "the surface of a solid"));
+    }
+    if !mesh.is_closed() {
+        let expected = "a closed surface: each edge shared by two triangles of the same orientation";
+        return Err(InputError::new(file, "faces", "holes or edges with more than two triangles", expected));
+    }
+    let mesh = mesh.facing_outwards();
+    let volume = mesh.volume();
+    if !(volume.is_finite() && volume > LEAST_FILLING * mesh.aabb().size.max().powi(3)) {
+        return Err(InputError::new(file, "faces", format!("a volume of {volume} m³"), "a solid with a volume"));
+    }
+    Ok(mesh)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use std::fmt::Write;
+
+    fn obj(mesh: &TriangleMesh) -> String {
+        let mut text = String::new();
+        for vertex in &mesh.vertices {
+            writeln!(text, "v {} {} {}", vertex.x, vertex.y, vertex.z).unwrap();
+        }
+        for [a, b, c] in &mesh.triangles {
+            writeln!(text, "f {} {} {}", a + 1, b + 1, c + 1).unwrap();
+        }
+        text
+    }
+
+    fn stl(mesh: &TriangleMesh) -> Vec<u8> {
+        let corner = |point: Point3<f64>| stl_io::Vertex::new([point.x as f32, point.y as f32, point.z as f32]);
+        let triangles: Vec<stl_io::Triangle> = mesh
+            .all_corners()
+            .map(|corners| stl_io::Triangle { normal: stl_io::Normal::new([0.0; 3]), vertices: corners.map(corner) })
+            .collect();
+        let mut bytes = Vec::new();
+        stl_io::write_stl(&mut bytes, triangles.iter()).unwrap();
+        bytes
+    }
+
+    #[test]
+    fn both_formats_give_the_same_solid_in_metres() {
+        let mesh = TriangleMesh::sphere(50.0, 2);
+        for (file, bytes) in [("ball.OBJ", obj(&mesh).into_bytes()), ("ball.stl", stl(&mesh))] {
+            let read = mesh_from_bytes(file, &bytes, 1e-3).unwrap();
+            assert_eq!((read.vertices.len(), read.triangles.len()), (mesh.vertices.len(), mesh.triangles.len()));
+            assert_relative_eq!(read.bounding_radius(), 0.05, max_relative = 1e-6);
+            assert_relative_eq!(read.volume(), mesh.volume() * 1e-9, max_relative = 1e-6);
+        }
+    }
+
+    #[test]
+    fn a_solid_that_is_inside_out_is_turned() {
+        let mut mesh = TriangleMesh::sphere(0.05, 1);
+        mesh.triangles.iter_mut().for_each(|triangle| triangle.reverse());
+        assert!(mesh_from_bytes("ball.obj", obj(&mesh).as_bytes(), 1.0).unwrap().volume() > 0.0);
+    }
+
+    #[test]
+    fn what_is_not_a_mesh_is_refused_with_its_fault() {
+        let mut open = TriangleMesh::sphere(0.05, 1);
+        open.triangles.pop();
+        let flat = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 3 2\n";
+        let poem: &[u8] = b"Shall I compare thee to a summer's day?\nThou art more lovely and more temperate:\n\
+            Rough winds do shake the darling buds of May,\n";
+        let open = obj(&open);
+        for (file, bytes, scale, field) in [
+            ("poem.obj", poem, 1.0, "poem.obj: "),
+            ("poem.stl", poem, 1.0, "poem.stl: content"),
+            ("empty.obj", b"", 1.0, "no triangles"),
+            ("empty.stl", b"", 1.0, "content"),
+            ("poem.txt", poem, 1.0, "extension"),
+            ("ball.obj", open.as_bytes(), 1.0, "closed"),
+            ("flat.obj", flat.as_bytes(), 1.0, "volume"),
+            ("nan.obj", b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", 1.0, "finite"),
+            ("range.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", 1.0, "range.obj: "),
+            ("ball.obj", open.as_bytes(), 0.0, "scale"),
+        ] {
+            let fault = mesh_from_bytes(file, bytes, scale).unwrap_err().to_string();
+            assert!(fault.contains(field), "{fault}");
+        }
+        let fault = mesh_from_bytes("big.stl", &vec![0; MAX_FILE_BYTES + 1], 1.0).unwrap_err().to_string();
+        assert!(fault.contains("64 MiB"), "{fault}");
+    }
+}

@@ -1,1 +1,220 @@
-//! x
+//! Where a ray first meets a mesh.
+
+use nalgebra::{Point3, Vector3};
+use obvhs::{
+    aabb::Aabb,
+    bvh2::reinsertion::ReinsertionOptimizer,
+    cwbvh::{CwBvh, bvh2_to_cwbvh::bvh2_to_cwbvh},
+    ploc::{PlocBuilder, PlocSearchDistance, SortPrecision},
+    ray::{Ray, RayHit},
+};
+
+use crate::mesh::TriangleMesh;
+
+/// How much the boxes of the hierarchy are widened, as a fraction of the mesh's radius. They are crossed in single precision,
+/// whose rounding errors stay far below this, so no triangle that the ray meets is ever passed over.
+const BOX_PADDING: f64 = 1e-5;
+
+/// A mesh prepared for ray casting in its own frame.
+///
+/// A bounding volume hierarchy in single precision finds the triangles, which are then intersected in double precision with
+/// the unchanged ray. So the answer is the one that trying every triangle would give, bit for bit, however far away the ray
+/// starts.
+#[derive(Debug, Clone)]
+pub struct RayCaster {
+    hierarchy: CwBvh,
+    /// In the order in which the leaves of the hierarchy refer to them.
+    triangles: Vec<Triangle>,
+    centre: Point3<f64>,
+    radius: f64,
+}
+
+impl RayCaster {
+    /// Prepares a mesh.
+    pub fn new(mesh: &TriangleMesh) -> Self {
+        let centre = mesh.aabb().centre;
+        let radius = mesh.vertices.iter().map(|vertex| (vertex - centre).norm()).fold(0.0, f64::max);
+        let padding = Vector3::repeat(radius * BOX_PADDING);
+        let boxes: Vec<Aabb> = mesh
+            .all_corners()
+            .map(|corners| {
+                let [a, b, c] = corners.map(|corner| corner - centre);
+                let single = |corner: Vector3<f64>| <[f32; 3]>::from(corner.cast::<f32>()).into();
+                Aabb::new(single(a.inf(&b).inf(&c) - padding), single(a.sup(&b).sup(&c) + padding))
+            })
+            .collect();
+        let order: Vec<u32> = (0..).take(boxes.len()).collect();
+        let mut binary = PlocBuilder::with_capacity(boxes.len()).build(
+            PlocSearchDistance::Medium,
+            &boxes,
+            order,
+            SortPrecision::U64,
+            0,
+        );
+        ReinsertionOptimizer::default().run(&mut binary, 0.1, None);
+        let hierarchy = bvh2_to_cwbvh(&binary, 3, true, false);
+        let triangles =
+            hierarchy.primitive_indices.iter().map(|&index| Triangle::new(mesh.corners(index as usize))).collect();
+        Self { hierarchy, triangles, centre, radius }
+    }
+
+    /// Centre of a ball that holds the mesh.
+    pub fn centre(&self) -> Point3<f64> {
+        self.centre
+    }
+
+    /// Radius of the ball around [`Self::centre`] that holds the mesh.
+    pub fn radius(&self) -> f64 {
+        self.radius
+    }
+
+    /// The smallest t ≥ 0 at which origin + t·direction lies on the surface, seen from either side; `None` if there is none.
+    ///
+    /// The direction may have any length but zero: t counts in its multiples, metres for a unit vector.
+    pub fn cast(&self, origin: &Point3<f64>, direction: &Vector3<f64>) -> Option<f64> {
+        let (start, squared) = (origin - self.centre, direction.norm_squared());
+        let nearest = -start.dot(direction) / squared;
+        let miss = (start + direction * nearest).norm_squared();
+        if self.triangles.is_empty() || miss > self.radius * self.radius * (1.0 + 1e-9) {
+            return None;
+        }
+        // The traversal starts just outside the ball around the mesh, where single precision is fine.
+        let speed = squared.sqrt();
+        let entry = nearest - 1.5 * self.radius / speed;
+        let single = |vector: Vector3<f64>| <[f32; 3]>::from(vector.cast::<f32>()).into();
+        // Adding zero turns −0 into +0, of which the traversal would take the sign for a direction.
+        let ray = Ray::new_inf(single(start + direction * entry), single((direction / speed).add_scalar(0.0)));
+
+        let mut first = f64::INFINITY;
+        self.hierarchy.ray_traverse(ray, &mut RayHit::none(), |_, index| {
+            match self.triangles[index].intersect(origin, direction) {
+                Some(t) if t < first => {
+                    first = t;
+                    // The traversal may skip what is certainly further away, so its bound is rounded up.
+                    ((t - entry) * speed + self.radius * BOX_PADDING) as f32
+                }
+                _ => f32::INFINITY,
+            }
+        });
+        (first < f64::INFINITY).then_some(first)
+    }
+}
+
+/// A corner and the edges from it.
+#[derive(Debug, Clone, Copy)]
+struct Triangle {
+    corner: Point3<f64>,
+    edges: [Vector3<f64>; 2],
+}
+
+impl Triangle {
+    fn new([a, b, c]: [Point3<f64>; 3]) -> Self {
+        Self { corner: a, edges: [b - a, c - a] }
+    }
+
+    /// The ray parameter t ≥ 0 where the ray crosses the triangle, from either side.
+    ///
+    /// Solves o + t·d = a + u·e₁ + v·e₂ by Cramer's rule (Möller & Trumbore, Fast, minimum storage ray/triangle intersection,
+    /// 1997).
+    fn intersect(&self, origin: &Point3<f64>, direction: &Vector3<f64>) -> Option<f64> {
+        // A ray through an edge must hit at least one of its two triangles, whatever the rounding.
+        const SLACK: f64 = 1e-9;
+        let [e1, e2] = self.edges;
+        let p = direction.cross(&e2);
+        let determinant = e1.dot(&p);
+        let s = origin - self.corner;
+        let u = s.dot(&p) / determinant;
+        let q = s.cross(&e1);
+        let v = direction.dot(&q) / determinant;
+        let t = e2.dot(&q) / determinant;
+        // A ray within the triangle's plane makes these infinite or undefined, which fails the comparison.
+        (u >= -SLACK && v >= -SLACK && u + v <= 1.0 + SLACK && t >= 0.0 && t.is_finite()).then_some(t)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shape::{Capsule, Cuboid};
+    use proptest::prelude::*;
+    use std::sync::LazyLock;
+
+    fn meshes() -> Vec<TriangleMesh> {
+        let capsule = Capsule { from: Point3::new(0.1, 0.0, 0.2), to: Point3::new(0.1, 0.3, 0.2), radius: 0.05 };
+        let mut two =
+            TriangleMesh::cuboid(&Cuboid { centre: Point3::new(0.0, 0.3, 0.0), size: Vector3::new(0.3, 0.1, 0.2) });
+        two.merge(&TriangleMesh::capsule(&capsule, 24));
+        let single = TriangleMesh {
+            vertices: vec![Point3::origin(), Point3::new(0.1, 0.0, 0.0), Point3::new(0.0, 0.1, 0.0)],
+            triangles: vec![[0, 1, 2]],
+        };
+        vec![
+            TriangleMesh::sphere(0.05, 3),
+            TriangleMesh::cuboid(&Cuboid { centre: Point3::origin(), size: Vector3::repeat(0.2) }),
+            two,
+            single,
+        ]
+    }
+
+    fn brute_force(mesh: &TriangleMesh, origin: &Point3<f64>, direction: &Vector3<f64>) -> Option<f64> {
+        mesh.all_corners()
+            .filter_map(|corners| Triangle::new(corners).intersect(origin, direction))
+            .min_by(f64::total_cmp)
+    }
+
+    #[test]
+    fn nothing_is_hit_where_nothing_is() {
+        let caster = RayCaster::new(&TriangleMesh::default());
+        assert_eq!(caster.cast(&Point3::origin(), &Vector3::x()), None);
+    }
+
+    /// Axis-parallel rays in the planes of faces and along edges are where hierarchies go wrong.
+    #[test]
+    fn grazing_rays_hit_what_every_triangle_tried_alone_would() {
+        for mesh in meshes() {
+            let caster = RayCaster::new(&mesh);
+            let mut targets = mesh.vertices.clone();
+            targets.extend(mesh.all_corners().map(|[a, b, _]| nalgebra::center(&a, &b)));
+            for target in targets {
+                for direction in [Vector3::x(), -Vector3::y(), Vector3::z(), Vector3::new(1.0, 1.0, 0.0)] {
+                    let origin = target - direction * 3.0;
+                    assert_eq!(caster.cast(&origin, &direction), brute_force(&mesh, &origin, &direction));
+                }
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn cast_is_brute_force_bit_for_bit(
+            origin in prop::array::uniform3(-1.0f64..1.0),
+            away in prop_oneof![Just(0.1), Just(1.0), Just(7.0)],
+            target in prop::array::uniform3(-0.2f64..0.2),
+            length in 0.1f64..10.0,
+        ) {
+            let origin = Point3::from(origin) * away;
+            let direction = (Point3::from(target) - origin) * length;
+            static PREPARED: LazyLock<Vec<(TriangleMesh, RayCaster)>> =
+                LazyLock::new(|| meshes().into_iter().map(|mesh| (mesh.clone(), RayCaster::new(&mesh))).collect());
+            for (mesh, caster) in PREPARED.iter() {
+                prop_assert_eq!(caster.cast(&origin, &direction), brute_force(mesh, &origin, &direction));
+            }
+        }
+
+        /// At 7 m the distance is that of the ball, but for its facets, which are 10 µm inside the sphere.
+        #[test]
+        fn far_sphere_is_where_it_is(direction in prop::array::uniform3(-1.0f64..1.0), offset in prop::array::uniform3(-0.02f64..0.02)) {
+            let direction = Vector3::from(direction);
+            prop_assume!(direction.norm() > 0.1);
+            let direction = direction.normalize();
+            let radius = 0.05;
+            static BALL: LazyLock<RayCaster> = LazyLock::new(|| RayCaster::new(&TriangleMesh::sphere(0.05, 5)));
+            let origin = Point3::from(offset) - direction * 7.0;
+            // |o + t·d|² = r²
+            let along = -origin.coords.dot(&direction);
+            let expected = along - (along * along - origin.coords.norm_squared() + radius * radius).sqrt();
+            let found = BALL.cast(&origin, &direction).unwrap();
+            prop_assert!((found - expected).abs() < 20e-6, "{} µm off", (found - expected) * 1e6);
+        }
+    }
+}
