@@ -1,0 +1,229 @@
+//! Robots, grippers, objects, throws, camera rigs and scenarios: those that are built in, and the user's files.
+//!
+//! Wherever something is named, a built-in name or the path of a file may stand. A file refers to others by built-in names or
+//! by paths relative to itself.
+
+use std::{
+    fmt::Display,
+    fs,
+    path::{Path, PathBuf},
+};
+
+use catch_body::InputError;
+use include_dir::{Dir, include_dir};
+
+static BUILT_IN: Dir = include_dir!("$CARGO_MANIFEST_DIR/../../assets");
+
+/// What can be named.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Everything that belongs to a set of trials.
+    Scenario,
+    /// An arm: a URDF and the TOML file beside it.
+    Robot,
+    /// A gripper.
+    Gripper,
+    /// An object to be thrown.
+    Object,
+    /// A way of throwing.
+    Throw,
+    /// An arrangement of cameras.
+    Rig,
+}
+
+impl Kind {
+    /// All kinds, in the order in which a person would ask for them.
+    pub const ALL: [Self; 6] = [Self::Scenario, Self::Object, Self::Throw, Self::Robot, Self::Gripper, Self::Rig];
+
+    /// Folder of the built-in ones.
+    fn folder(self) -> &'static str {
+        match self {
+            Self::Scenario => "scenarios",
+            Self::Robot => "robots",
+            Self::Gripper => "grippers",
+            Self::Object => "objects",
+            Self::Throw => "throws",
+            Self::Rig => "rigs",
+        }
+    }
+
+    /// The file that describes one where it has a folder of its own.
+    fn main_file(self) -> String {
+        format!("{self}.toml")
+    }
+
+    /// Names of the built-in ones, sorted.
+    pub fn names(self) -> Vec<&'static str> {
+        let entries = BUILT_IN.get_dir(self.folder()).map(Dir::entries).unwrap_or_default();
+        let mut names: Vec<&str> = entries
+            .iter()
+            .filter(|entry| entry.as_dir().is_some() || entry.path().extension().is_some_and(|it| it == "toml"))
+            .filter_map(|entry| entry.path().file_stem()?.to_str())
+            .collect();
+        names.sort_unstable();
+        names.dedup();
+        names
+    }
+}
+
+impl Display for Kind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Scenario => "scenario",
+            Self::Robot => "robot",
+            Self::Gripper => "gripper",
+            Self::Object => "object",
+            Self::Throw => "throw",
+            Self::Rig => "rig",
+        })
+    }
+}
+
+/// Where an asset's text came from, and so where the files that it names are looked for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Origin {
+    /// A folder of the built-in assets.
+    BuiltIn(PathBuf),
+    /// A folder of the user's.
+    Disk(PathBuf),
+}
+
+/// An asset's description as text.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Asset {
+    /// Short name: a built-in name, or the file's without its ending.
+    pub name: String,
+    /// What errors call the file.
+    pub file: String,
+    /// Its content.
+    pub text: String,
+    /// Where it lies.
+    pub origin: Origin,
+}
+
+impl Asset {
+    /// Finds what `name` means: a built-in asset or a file.
+    ///
+    /// # Errors
+    /// Names the argument or field `asked_by`, lists what is built in and suggests the nearest.
+    pub fn find(kind: Kind, name: &str, asked_by: &Origin, field: (&str, &str)) -> Result<Self, InputError> {
+        if kind.names().contains(&name) {
+            return Self::built_in(kind, name);
+        }
+        let path = match asked_by {
+            Origin::Disk(folder) => folder.join(name),
+            Origin::BuiltIn(_) => PathBuf::from(name),
+        };
+        let path = if path.is_dir() { path.join(kind.main_file()) } else { path };
+        let looks_like_path = name.contains(['/', '\\']) || name.ends_with(".toml");
+        if looks_like_path || path.is_file() {
+            return Self::on_disk(kind, &path);
+        }
+        Err(unknown(kind, name, field))
+    }
+
+    fn built_in(kind: Kind, name: &str) -> Result<Self, InputError> {
+        let folder = Path::new(kind.folder());
+        let own = folder.join(name).join(kind.main_file());
+        let path = if BUILT_IN.get_file(&own).is_some() { own } else { folder.join(format!("{name}.toml")) };
+        let file = path.display().to_string();
+        let text = BUILT_IN.get_file(&path).and_then(|it| it.contents_utf8());
+        let text = text.ok_or_else(|| InputError::new(&file, "the file", "nothing", "a built-in text file"))?.to_owned();
+        let origin = Origin::BuiltIn(path.parent().map(Path::to_path_buf).unwrap_or_default());
+        Ok(Self { name: name.to_owned(), file, text, origin })
+    }
+
+    /// Reads a file that describes a thing of this kind.
+    ///
+    /// # Errors
+    /// If it cannot be read as text.
+    pub fn on_disk(kind: Kind, path: &Path) -> Result<Self, InputError> {
+        let file = path.display().to_string();
+        let bytes = fs::read(path).map_err(|fault| unreadable(&file, kind, &fault))?;
+        let text = String::from_utf8(bytes)
+            .map_err(|_| InputError::new(&file, "the file", "binary data", format!("the TOML text of a {kind}")))?;
+        let folder = path.parent().map(Path::to_path_buf).unwrap_or_default();
+        // A thing in a folder of its own bears the folder's name.
+        let named_by = if path.file_name().is_some_and(|it| *it == *kind.main_file()) { folder.as_path() } else { path };
+        let name = named_by.file_stem().or_else(|| path.file_stem());
+        let name = name.map(|it| it.to_string_lossy().into_owned()).unwrap_or_default();
+        Ok(Self { name, file, text, origin: Origin::Disk(folder) })
+    }
+
+    /// Reads a file that this one names, from beside it.
+    ///
+    /// # Errors
+    /// If there is no such file.
+    pub fn read_beside(&self, name: &str) -> Result<(String, Vec<u8>), InputError> {
+        match &self.origin {
+            Origin::BuiltIn(folder) => {
+                let path = folder.join(name);
+                let file = path.display().to_string();
+                let found = BUILT_IN.get_file(&path).map(|it| it.contents().to_vec());
+                let bytes = found.ok_or_else(|| InputError::new(&file, "the file", "nothing", format!("the {name} of {}", self.file)))?;
+                Ok((file, bytes))
+            }
+            Origin::Disk(folder) => {
+                let file = folder.join(name).display().to_string();
+                let bytes = fs::read(&file).map_err(|fault| {
+                    InputError::new(&file, "the file", fault, format!("the file that {} names", self.file))
+                })?;
+                Ok((file, bytes))
+            }
+        }
+    }
+
+    /// Like [`read_beside`](Self::read_beside), for text.
+    ///
+    /// # Errors
+    /// If there is no such file or it is not text.
+    pub fn read_text_beside(&self, name: &str) -> Result<(String, String), InputError> {
+        let (file, bytes) = self.read_beside(name)?;
+        let text = String::from_utf8(bytes).map_err(|_| InputError::new(&file, "the file", "binary data", "text"))?;
+        Ok((file, text))
+    }
+}
+
+fn unreadable(file: &str, kind: Kind, fault: &std::io::Error) -> InputError {
+    let built_in = kind.names().join(", ");
+    InputError::new(file, "the file", fault, format!("a readable {kind} file, or a built-in {kind}: {built_in}"))
+}
+
+/// The error for a name that means nothing: what there is, and what was probably meant.
+fn unknown(kind: Kind, name: &str, (file, field): (&str, &str)) -> InputError {
+    let names = kind.names();
+    let hint = nearest(name, &names).map(|it| format!(" (did you mean `{it}`?)")).unwrap_or_default();
+    let expected = format!("one of {}, or the path of a {kind} file{hint}", names.join(", "));
+    InputError::new(file, field, format!("`{name}`"), expected)
+}
+
+/// The candidate that is spelt most like `name`, if any comes near.
+pub fn nearest<'a>(name: &str, candidates: &[&'a str]) -> Option<&'a str> {
+    let distance = |it: &str| strsim::damerau_levenshtein(&name.to_lowercase(), it);
+    let best = candidates.iter().copied().min_by_key(|it| distance(it))?;
+    (distance(best) <= 1 + best.len().max(name.len()) / 3).then_some(best)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ARGUMENTS: Origin = Origin::BuiltIn(PathBuf::new());
+
+    #[test]
+    fn every_built_in_asset_can_be_read() {
+        for kind in Kind::ALL {
+            assert!(!kind.names().is_empty(), "there is no {kind}");
+            for name in kind.names() {
+                let asset = Asset::find(kind, name, &ARGUMENTS, ("test", "name")).unwrap();
+                assert_eq!(asset.name, name);
+            }
+        }
+    }
+
+    #[test]
+    fn a_misspelt_name_gets_the_nearest_one() {
+        assert_eq!(nearest("tenis_ball", &["banana", "tennis_ball"]), Some("tennis_ball"));
+        assert_eq!(nearest("xyz", &["banana", "tennis_ball"]), None);
+    }
+}

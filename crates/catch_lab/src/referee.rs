@@ -1,0 +1,268 @@
+//! The referee: the only place where truth meets score.
+
+pub mod reason;
+
+use catch_body::dynamics::gravity;
+use catch_bot::{Report, Status};
+use catch_sim::{Truth, TruthSample};
+use nalgebra::Point3;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    setup::Setup,
+    trial::{PAPER_LOOKS_AT_S, Thought, Trial},
+};
+use reason::Reason;
+
+/// How far along z of the gripper the object may be for the paper to call it caught.
+const PAPER_DISTANCE_M: f64 = 0.025;
+/// From the first contact on: when the object has to be held, and until when.
+const HELD_FROM_S: f64 = 0.5;
+/// The end of the test.
+const HELD_UNTIL_S: f64 = 1.5;
+/// How fast a held object may move relative to the gripper.
+const HELD_SPEED_MPS: f64 = 0.02;
+/// The same while the world shakes.
+const SHAKEN_SPEED_MPS: f64 = 0.05;
+/// Fingers that move slower have closed.
+const CLOSED_SPEED_MPS: f64 = 0.005;
+
+/// The outcome of a trial.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Verdict {
+    /// Whether the object was caught and held: no command broke a limit; from 0.5 s after the first contact until 1.5 s after
+    /// it the object was squeezed and lay still in the gripper, also while the world shook; nothing else touched it.
+    pub caught: bool,
+    /// Whether the paper would call it caught: at 0.875 s the object is less than 2.5 cm from the gripper along its z axis.
+    pub caught_paper: bool,
+    /// Why not, for every trial in which the object was not caught.
+    pub reason: Option<Reason>,
+    /// Limits of the arm that were broken, by commands or in motion.
+    pub limit_violations: usize,
+    /// When the brain last meant to catch, if it had a plan.
+    pub catch_time_s: Option<f64>,
+    /// When the gripper first touched the object.
+    pub contact_s: Option<f64>,
+    /// What was measured besides.
+    pub measures: Measures,
+}
+
+/// Figures of a trial that explain its outcome.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Measures {
+    /// How far off the object's position at the catch was predicted, by the last prediction before it.
+    pub prediction_error_m: Option<f64>,
+    /// How far the gripper was from where the plan wants it at the catch.
+    pub tracking_error_m: Option<f64>,
+    /// How far the undisturbed object would have been from the middle between the fingers at the catch.
+    pub grasp_offset_m: Option<f64>,
+    /// Speed of the object relative to the gripper at the catch.
+    pub relative_speed_mps: Option<f64>,
+    /// Sum over the joints of how far each moved from the ready pose to the catch.
+    pub joint_travel_rad: Option<f64>,
+    /// The largest force on the object.
+    pub peak_contact_force_n: f64,
+    /// Highest velocity of a joint over its limit.
+    pub peak_velocity_ratio: f64,
+    /// Highest acceleration of a joint over its limit, impacts included.
+    pub peak_acceleration_ratio: f64,
+    /// Highest torque asked of a motor over its limit.
+    pub peak_torque_ratio: f64,
+    /// How long a motor's torque was clamped.
+    pub torque_clamped_s: f64,
+    /// Trajectories that came too late.
+    pub late_trajectories: u32,
+    /// Trajectories refused for other reasons.
+    pub refused_trajectories: u32,
+    /// Smallest distance of the arm from itself.
+    pub min_self_clearance_m: Option<f64>,
+    /// Smallest distance of the arm's moving parts from the floor.
+    pub min_floor_clearance_m: Option<f64>,
+}
+
+/// Judges a trial.
+pub fn judge(setup: &Setup, trial: &Trial) -> Verdict {
+    let truth = &trial.truth;
+    let contact_s = truth.samples.iter().find(|sample| touches_gripper(sample)).map(|sample| sample.time_s);
+    let evidence = Evidence::new(setup, trial, contact_s);
+    let reason = reason::why_not_caught(&evidence);
+    let servo = &truth.servo;
+    Verdict {
+        caught: reason.is_none(),
+        caught_paper: caught_as_in_the_paper(truth),
+        reason,
+        limit_violations: servo.command_violations.len() + servo.motion_violations.len(),
+        catch_time_s: evidence.catch_s,
+        contact_s,
+        measures: evidence.measures(setup),
+    }
+}
+
+/// What the referee looks at.
+pub(crate) struct Evidence<'a> {
+    pub truth: &'a Truth,
+    pub thoughts: &'a [Thought],
+    /// The first contact with the gripper.
+    pub contact_s: Option<f64>,
+    /// The last thought before the catch, or before the end.
+    pub last: Option<&'a Report>,
+    /// When the brain last meant to catch.
+    pub catch_s: Option<f64>,
+    /// The state at the planned catch, or at the end of the trial if that came first.
+    pub at_catch: Option<&'a TruthSample>,
+    /// Where the object would have been at the planned catch if nothing had touched it.
+    pub undisturbed_O: Option<Point3<f64>>,
+    /// The grasp centre in G.
+    pub grasp_centre_G: Point3<f64>,
+}
+
+impl<'a> Evidence<'a> {
+    fn new(setup: &'a Setup, trial: &'a Trial, contact_s: Option<f64>) -> Self {
+        let (truth, thoughts) = (&trial.truth, &trial.thoughts[..]);
+        let catch_s = thoughts.iter().rev().find_map(|thought| thought.report.plan.as_ref()).map(|plan| plan.catch_s);
+        let before = |thought: &&Thought| catch_s.is_none_or(|catch_s| thought.time_s <= catch_s);
+        let last = thoughts.iter().rfind(before).map(|thought| &thought.report);
+        Self {
+            truth,
+            thoughts,
+            contact_s,
+            last,
+            catch_s,
+            at_catch: catch_s.and_then(|at| sample_at(truth, at)),
+            undisturbed_O: catch_s.and_then(|at| undisturbed_position(truth, at)),
+            grasp_centre_G: setup.gripper.grasp_centre(),
+        }
+    }
+
+    /// How far off the last prediction before the catch was.
+    pub fn prediction_error_m(&self) -> Option<f64> {
+        let flight = self.last?.flight.as_ref()?;
+        let predicted = flight.pose_at(self.catch_s?).translation.vector;
+        Some((predicted - self.undisturbed_O?.coords).norm())
+    }
+
+    /// How far off the newest pose was when it was taken.
+    pub fn pose_error_m(&self) -> Option<f64> {
+        let (pose, sample) = self.thoughts.iter().rev().find_map(|thought| {
+            let pose = thought.report.pose.as_ref()?;
+            let undisturbed = |sample: &TruthSample| self.first_touch_s().is_none_or(|touch| sample.time_s < touch);
+            Some((pose, sample_at(self.truth, pose.capture_s).filter(|sample| undisturbed(sample))?))
+        })?;
+        Some((pose.X_WO.translation.vector - sample.X_WO.translation.vector).norm())
+    }
+
+    /// When anything first touched the object.
+    pub fn first_touch_s(&self) -> Option<f64> {
+        self.truth.samples.iter().find(|sample| sample.contact.any()).map(|sample| sample.time_s)
+    }
+
+    /// The object at the planned catch in G, had nothing touched it.
+    pub fn undisturbed_in_gripper(&self) -> Option<Point3<f64>> {
+        Some(self.at_catch?.X_WG.inverse_transform_point(&self.undisturbed_O?))
+    }
+
+    fn measures(&self, setup: &Setup) -> Measures {
+        let servo = &self.truth.servo;
+        let plan = self.last.and_then(|report| report.plan.as_ref());
+        let forces = self.truth.samples.iter().map(|sample| sample.contact.peak_force_n);
+        Measures {
+            prediction_error_m: self.prediction_error_m(),
+            tracking_error_m: self.at_catch.zip(plan).map(|(sample, plan)| {
+                (sample.X_WG * self.grasp_centre_G - plan.X_WG * self.grasp_centre_G).norm()
+            }),
+            grasp_offset_m: self.undisturbed_in_gripper().map(|p_GO| (p_GO - self.grasp_centre_G).norm()),
+            relative_speed_mps: self.catch_s.and_then(|at| {
+                let at = self.first_touch_s().map_or(at, |touch| at.min(touch));
+                sample_before(self.truth, at).map(relative_speed)
+            }),
+            joint_travel_rad: self.at_catch.map(|sample| (sample.q - setup.ready_q).abs().sum()),
+            peak_contact_force_n: forces.fold(0.0, f64::max),
+            peak_velocity_ratio: servo.peak_velocity_ratio,
+            peak_acceleration_ratio: servo.peak_acceleration_ratio,
+            peak_torque_ratio: servo.peak_torque_ratio,
+            torque_clamped_s: servo.torque_clamped_s,
+            late_trajectories: servo.late_trajectories,
+            refused_trajectories: servo.refused_trajectories,
+            min_self_clearance_m: servo.min_self_clearance_m,
+            min_floor_clearance_m: servo.min_floor_clearance_m,
+        }
+    }
+
+    /// Whether the object was held throughout the test, and if not, when that was first seen.
+    pub fn first_not_held_s(&self) -> Option<f64> {
+        let contact_s = self.contact_s?;
+        let (from, until) = (contact_s + HELD_FROM_S, contact_s + HELD_UNTIL_S);
+        let mut test = self.truth.samples.windows(2).filter(|pair| (from..=until).contains(&pair[1].time_s));
+        let shaking = |sample: &TruthSample| self.truth.shaking_since_s.is_some_and(|since| sample.time_s > since);
+        let lost = test.find(|pair| {
+            let most = if shaking(&pair[1]) { SHAKEN_SPEED_MPS } else { HELD_SPEED_MPS };
+            !is_squeezed(&pair[0], &pair[1]) || relative_speed(&pair[1]) >= most
+        });
+        let end_s = self.truth.samples.last().map_or(0.0, |sample| sample.time_s);
+        // A trial that ended before the test did had no object to hold any more.
+        lost.map(|pair| pair[1].time_s).or_else(|| (end_s < until - 1e-6).then_some(end_s))
+    }
+
+    /// The furthest that the brain got.
+    pub fn furthest_status(&self) -> Status {
+        let rank = |status: Status| match status {
+            Status::NoObject => 0,
+            Status::NoTrajectory => 1,
+            Status::OutOfReach => 2,
+            Status::NoGrasp => 3,
+            Status::NoPlan => 4,
+            Status::PlanKept | Status::Planned | Status::Committed => 5,
+        };
+        self.thoughts.iter().map(|thought| thought.report.status).max_by_key(|&status| rank(status)).unwrap_or_default()
+    }
+}
+
+/// Whether fingers or palm touch the object.
+pub(crate) fn touches_gripper(sample: &TruthSample) -> bool {
+    sample.contact.left_finger || sample.contact.right_finger || sample.contact.palm
+}
+
+/// Whether the object is squeezed between both fingers, or between one and the palm by fingers that have closed.
+pub(crate) fn is_squeezed(before: &TruthSample, now: &TruthSample) -> bool {
+    let (left, right) = (now.contact.left_finger, now.contact.right_finger);
+    let finger_speed = (now.width_m - before.width_m).abs() / (now.time_s - before.time_s);
+    (left && right) || ((left || right) && now.contact.palm && finger_speed < CLOSED_SPEED_MPS)
+}
+
+/// Speed of the object's centre of mass relative to the gripper.
+pub(crate) fn relative_speed(sample: &TruthSample) -> f64 {
+    let p_GO_W = sample.X_WO.translation.vector - sample.X_WG.translation.vector;
+    (sample.V_WO.linear - sample.V_WG.velocity_at(&p_GO_W)).norm()
+}
+
+/// The sample nearest to `time_s`; the last one for times beyond it.
+pub(crate) fn sample_at(truth: &Truth, time_s: f64) -> Option<&TruthSample> {
+    let next = truth.samples.partition_point(|sample| sample.time_s < time_s - 0.5e-3);
+    truth.samples.get(next.min(truth.samples.len().checked_sub(1)?))
+}
+
+/// The last sample before `time_s`.
+fn sample_before(truth: &Truth, time_s: f64) -> Option<&TruthSample> {
+    let next = truth.samples.partition_point(|sample| sample.time_s < time_s - 1e-9);
+    truth.samples.get(next.checked_sub(1)?)
+}
+
+/// Where the object would have been at `time_s` if nothing had touched it: from its last free state on along a parabola.
+fn undisturbed_position(truth: &Truth, time_s: f64) -> Option<Point3<f64>> {
+    let free_until = truth.samples.iter().position(|sample| sample.contact.any()).unwrap_or(truth.samples.len());
+    let free = &truth.samples[..free_until];
+    let next = free.partition_point(|sample| sample.time_s < time_s - 0.5e-3);
+    let sample = free.get(next.min(free.len().checked_sub(1)?))?;
+    // p + v·t + g·t²/2; the air does nothing in the milliseconds that this bridges.
+    let t = time_s - sample.time_s;
+    let p = sample.X_WO.translation.vector + sample.V_WO.linear * t + gravity() * (t * t / 2.0);
+    Some(p.into())
+}
+
+fn caught_as_in_the_paper(truth: &Truth) -> bool {
+    let distance = sample_at(truth, PAPER_LOOKS_AT_S).map(|sample| {
+        let p_GO_W = sample.X_WO.translation.vector - sample.X_WG.translation.vector;
+        sample.X_WG.rotation.inverse_transform_vector(&p_GO_W).z.abs()
+    });
+    distance.is_some_and(|distance| distance < PAPER_DISTANCE_M)
+}

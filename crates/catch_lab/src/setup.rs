@@ -1,0 +1,192 @@
+//! What a trial needs, read and checked: the scenario and every file that it names.
+
+use std::path::PathBuf;
+
+use catch_body::{Gripper, InputError, JointVector, Robot, robot_file::RobotFiles};
+use catch_bot::CatchingBot;
+use catch_cell::{CameraModel, ReferenceScan};
+use catch_sim::{
+    Throw, ThrownObject, cameras,
+    random_streams::{Stream, seed_for},
+};
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    assets::{Asset, Kind, Origin},
+    scenario::Scenario,
+};
+
+/// What somebody asks for: a scenario, and what is to be different from its file.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Choice<'a> {
+    /// Name or file; `None` is the scenario of the paper.
+    pub scenario: Option<&'a str>,
+    /// Name or file.
+    pub robot: Option<&'a str>,
+    /// Name or file.
+    pub object: Option<&'a str>,
+    /// Name or file.
+    pub throw: Option<&'a str>,
+}
+
+/// The scenario that is meant when none is named.
+pub const DEFAULT_SCENARIO: &str = "paper";
+
+/// One throw among all: with the scenario, all that its outcome depends on.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Scene {
+    /// Name of the scenario.
+    pub scenario: String,
+    /// Name of the object.
+    pub object: String,
+    /// Name of the throw.
+    pub throw: String,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Number of the throw.
+    pub index: u64,
+}
+
+/// Everything that trials of one object and one throw share.
+#[derive(Debug, Clone)]
+pub struct Setup {
+    /// The scenario, all choices made.
+    pub scenario: Scenario,
+    /// The arm.
+    pub robot: Robot,
+    /// The gripper.
+    pub gripper: Gripper,
+    /// Where the arm waits.
+    pub ready_q: JointVector,
+    /// The cameras as they are.
+    pub cameras: Vec<CameraModel>,
+    /// What is thrown.
+    pub object: ThrownObject,
+    /// How it is thrown.
+    pub throw: Throw,
+    /// What is known of the object's shape.
+    pub reference_scan: ReferenceScan,
+    /// Texts of the files that the brain depends on.
+    pub sources: Sources,
+}
+
+/// Texts of the files from which a brain's arm and gripper are made, so that a recording can make them again.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Sources {
+    /// The robot's URDF.
+    pub robot_urdf: String,
+    /// The robot's `robot.toml`.
+    pub robot_toml: String,
+    /// The gripper's file.
+    pub gripper_toml: String,
+}
+
+/// Names by which errors call the [`Sources`].
+#[derive(Debug, Clone, Copy)]
+pub struct SourceNames<'a> {
+    /// The robot's URDF.
+    pub robot_urdf: &'a str,
+    /// The robot's `robot.toml`.
+    pub robot_toml: &'a str,
+    /// The gripper's file.
+    pub gripper_toml: &'a str,
+}
+
+impl Sources {
+    /// The arm and the gripper that the texts describe.
+    ///
+    /// # Errors
+    /// The first fault in one of them.
+    pub fn parse(&self, names: &SourceNames) -> Result<(Robot, Gripper), InputError> {
+        let robot = Robot::from_files(&RobotFiles {
+            urdf_file: names.robot_urdf,
+            urdf: &self.robot_urdf,
+            toml_file: names.robot_toml,
+            toml: &self.robot_toml,
+        })?;
+        Ok((robot, Gripper::from_toml(names.gripper_toml, &self.gripper_toml)?))
+    }
+}
+
+impl Setup {
+    /// Reads all that is asked for.
+    ///
+    /// # Errors
+    /// The first fault found: which argument or which field of which file, what stands there and what would be right.
+    pub fn load(choice: &Choice) -> Result<Self, InputError> {
+        let nowhere = Origin::BuiltIn(PathBuf::new());
+        let name = choice.scenario.unwrap_or(DEFAULT_SCENARIO);
+        let asset = Asset::find(Kind::Scenario, name, &nowhere, ("--scenario", "value"))?;
+        Self::of_scenario(&asset, choice)
+    }
+
+    /// Reads all that the scenario in `asset` and `choice` name.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn of_scenario(asset: &Asset, choice: &Choice) -> Result<Self, InputError> {
+        let mut scenario = Scenario::from_toml(&asset.file, &asset.text)?;
+        let find = |kind: Kind, asked: Option<&str>, named: &str, field: &str| match asked {
+            Some(name) => Asset::find(kind, name, &Origin::BuiltIn(PathBuf::new()), (&format!("--{kind}"), "value")),
+            None => Asset::find(kind, named, &asset.origin, (&asset.file, field)),
+        };
+        let robot = find(Kind::Robot, choice.robot, &scenario.robot, "robot")?;
+        let gripper = find(Kind::Gripper, None, &scenario.gripper, "gripper")?;
+        let object = find(Kind::Object, choice.object, &scenario.object, "object")?;
+        let throw = find(Kind::Throw, choice.throw, &scenario.throw, "throw")?;
+        let flight_rig = find(Kind::Rig, None, &scenario.flight_rig, "flight_rig")?;
+        let reference_rig = find(Kind::Rig, None, &scenario.reference_rig, "reference_rig")?;
+
+        let (urdf_file, robot_urdf) = robot.read_text_beside("robot.urdf")?;
+        let sources = Sources { robot_urdf, robot_toml: robot.text, gripper_toml: gripper.text };
+        let names = SourceNames { robot_urdf: &urdf_file, robot_toml: &robot.file, gripper_toml: &gripper.file };
+        let (arm, hand) = sources.parse(&names)?;
+        let ready_q = match &scenario.ready_rad {
+            Some(values) => arm.checked_pose(&asset.file, "ready_rad", values)?,
+            None => arm.ready_q,
+        };
+        let thrown = ThrownObject::from_toml(&object.file, &object.text, &|name| Ok(object.read_beside(name)?.1))?;
+        let cameras = cameras::rig_from_toml(&flight_rig.file, &flight_rig.text)?;
+        let scanners = cameras::rig_from_toml(&reference_rig.file, &reference_rig.text)?;
+        let reference_scan = cameras::reference_scan(&thrown.mesh, &scanners);
+
+        // Names only: results of the same content are the same wherever the files lie.
+        scenario.robot = robot.name;
+        scenario.gripper = gripper.name;
+        scenario.object = object.name;
+        scenario.throw = throw.name;
+        scenario.flight_rig = flight_rig.name;
+        scenario.reference_rig = reference_rig.name;
+        scenario.ready_rad = Some(ready_q.as_slice()[..arm.dof()].to_vec());
+        Ok(Self {
+            scenario,
+            robot: arm,
+            gripper: hand,
+            ready_q,
+            cameras,
+            throw: Throw::from_toml(&throw.file, &throw.text)?,
+            object: thrown,
+            reference_scan,
+            sources,
+        })
+    }
+
+    /// The scene of throw number `index`.
+    pub fn scene(&self, seed: u64, index: u64) -> Scene {
+        let Scenario { name, object, throw, .. } = &self.scenario;
+        Scene { scenario: name.clone(), object: object.clone(), throw: throw.clone(), seed, index }
+    }
+
+    /// The brain's settings in one scene: those of the scenario, what is known of the object beforehand, and a seed.
+    pub fn brain_config(&self, seed: u64, index: u64) -> catch_bot::Config {
+        let mut config = self.scenario.brain.clone();
+        config.seed = seed_for(Stream::Brain, seed, index);
+        config
+    }
+
+    /// A brain that has seen nothing yet.
+    pub fn brain(&self, seed: u64, index: u64) -> CatchingBot {
+        let config = self.brain_config(seed, index);
+        CatchingBot::new(config, self.robot.clone(), self.gripper.clone(), self.cameras.clone(), &self.reference_scan)
+    }
+}

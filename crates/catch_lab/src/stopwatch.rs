@@ -1,0 +1,99 @@
+//! Wall time of the brain's stages. The brain itself reads no clock; it only says when a stage has ended.
+
+use std::{
+    collections::BTreeMap,
+    time::{Duration, Instant},
+};
+
+use catch_cell::Probe;
+use serde::Serialize;
+
+/// Takes the time of every stage in every tick.
+#[derive(Debug, Clone)]
+pub struct Stopwatch {
+    last: Instant,
+    started: Instant,
+    laps: BTreeMap<&'static str, Vec<Duration>>,
+}
+
+/// Name under which the time of whole ticks is kept.
+const WHOLE_TICK: &str = "tick";
+
+impl Default for Stopwatch {
+    fn default() -> Self {
+        let now = Instant::now();
+        Self { last: now, started: now, laps: BTreeMap::new() }
+    }
+}
+
+impl Stopwatch {
+    /// A tick begins.
+    pub fn start(&mut self) {
+        self.last = Instant::now();
+        self.started = self.last;
+    }
+
+    /// A tick has ended.
+    pub fn stop(&mut self) {
+        let lap = self.started.elapsed();
+        self.laps.entry(WHOLE_TICK).or_default().push(lap);
+    }
+
+    /// Adds what another one has measured.
+    pub fn merge(&mut self, other: Self) {
+        for (stage, laps) in other.laps {
+            self.laps.entry(stage).or_default().extend(laps);
+        }
+    }
+
+    /// Median, 99th percentile and maximum per stage.
+    pub fn summary(&self) -> BTreeMap<&'static str, StageTimes> {
+        self.laps.iter().map(|(&stage, laps)| (stage, StageTimes::of(laps))).collect()
+    }
+}
+
+impl Probe for Stopwatch {
+    fn stage_ended(&mut self, stage: &'static str) {
+        let now = Instant::now();
+        self.laps.entry(stage).or_default().push(now - self.last);
+        self.last = now;
+    }
+}
+
+/// Wall time of one stage, over all ticks in which it ran.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct StageTimes {
+    /// How often it ran.
+    pub count: usize,
+    /// Median in milliseconds.
+    pub p50_ms: f64,
+    /// 99th percentile.
+    pub p99_ms: f64,
+    /// The longest.
+    pub max_ms: f64,
+}
+
+impl StageTimes {
+    fn of(laps: &[Duration]) -> Self {
+        let mut sorted = laps.to_vec();
+        sorted.sort_unstable();
+        // The smallest value that the share of all values does not exceed.
+        let quantile = |share: f64| {
+            let rank = (share * sorted.len() as f64).ceil() as usize;
+            sorted.get(rank.max(1) - 1).map_or(0.0, |lap| lap.as_secs_f64() * 1e3)
+        };
+        Self { count: laps.len(), p50_ms: quantile(0.5), p99_ms: quantile(0.99), max_ms: quantile(1.0) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_are_values_that_were_measured() {
+        let laps: Vec<Duration> = (1..=100).rev().map(Duration::from_millis).collect();
+        assert_eq!(StageTimes::of(&laps), StageTimes { count: 100, p50_ms: 50.0, p99_ms: 99.0, max_ms: 100.0 });
+        assert_eq!(StageTimes::of(&laps[..1]).p50_ms, 100.0);
+    }
+}

@@ -1,0 +1,126 @@
+//! One trial: an object is thrown, and the brain has its chance.
+
+use std::io;
+
+use catch_bot::Report;
+use catch_cell::{Brain, Cell, Command, Observation};
+use catch_sim::{Arena, Truth};
+
+use crate::{setup::Setup, stopwatch::Stopwatch};
+
+/// From the first contact with the gripper on: how long until the world shakes.
+const SHAKING_AFTER_S: f64 = 1.0;
+/// How long it shakes; then the trial ends.
+const SHAKING_FOR_S: f64 = 0.5;
+/// When the paper looks where the object is: no trial ends before.
+pub const PAPER_LOOKS_AT_S: f64 = 0.875;
+/// How long a trial goes on after the object has met the floor.
+const AFTER_FLOOR_S: f64 = 0.2;
+/// When a trial ends in which nothing has touched the gripper.
+const LONGEST_FLIGHT_S: f64 = 2.0;
+
+/// One decision of the brain.
+#[derive(Debug, Clone, Copy)]
+pub struct Tick<'a> {
+    /// What it saw.
+    pub observation: &'a Observation,
+    /// What it wants.
+    pub command: &'a Command,
+    /// What it thinks.
+    pub report: &'a Report,
+}
+
+/// What the brain thought at one time.
+#[derive(Debug, Clone)]
+pub struct Thought {
+    /// When, on the cell's clock.
+    pub time_s: f64,
+    /// What.
+    pub report: Report,
+}
+
+/// All that happened in a trial.
+#[derive(Debug, Clone)]
+pub struct Trial {
+    /// What really happened.
+    pub truth: Truth,
+    /// What the brain thought, tick by tick.
+    pub thoughts: Vec<Thought>,
+    /// Wall time of the brain's stages.
+    pub stopwatch: Stopwatch,
+}
+
+/// Runs one trial. `onlooker` is shown every tick, with the truth up to then; it ends the trial by an error.
+///
+/// # Errors
+/// Those of the onlooker.
+pub fn run(
+    setup: &Setup,
+    seed: u64,
+    index: u64,
+    onlooker: &mut dyn FnMut(&Tick, &Truth) -> io::Result<()>,
+) -> io::Result<Trial> {
+    let mut arena = setup.arena(seed, index);
+    let mut brain = setup.brain(seed, index);
+    let mut stopwatch = Stopwatch::default();
+    let mut thoughts = Vec::new();
+    let mut watch = EndWatch::default();
+    loop {
+        let observation = arena.sense();
+        stopwatch.start();
+        let command = brain.tick(&observation, &mut stopwatch);
+        stopwatch.stop();
+        let report = brain.report();
+        onlooker(&Tick { observation: &observation, command: &command, report }, arena.truth())?;
+        thoughts.push(Thought { time_s: observation.time_s, report: report.clone() });
+        arena.act(command);
+        if watch.is_over(&mut arena) {
+            return Ok(Trial { truth: arena.truth().clone(), thoughts, stopwatch });
+        }
+    }
+}
+
+/// Watches for the end of a trial, and shakes the world when it is time.
+#[derive(Debug, Default)]
+pub struct EndWatch {
+    samples_seen: usize,
+    gripper_touched_s: Option<f64>,
+    floor_touched_s: Option<f64>,
+}
+
+impl EndWatch {
+    /// Whether the trial is over.
+    pub fn is_over(&mut self, arena: &mut Arena) -> bool {
+        let truth = arena.truth();
+        for sample in &truth.samples[self.samples_seen..] {
+            let contact = &sample.contact;
+            if contact.left_finger || contact.right_finger || contact.palm {
+                self.gripper_touched_s.get_or_insert(sample.time_s);
+            }
+            if contact.floor {
+                self.floor_touched_s.get_or_insert(sample.time_s);
+            }
+        }
+        self.samples_seen = truth.samples.len();
+        let now = truth.samples.last().map_or(0.0, |sample| sample.time_s);
+        if truth.diverged_s.is_some() {
+            return true;
+        }
+        if now < PAPER_LOOKS_AT_S {
+            return false;
+        }
+        if self.floor_touched_s.is_some_and(|touched| now >= touched + AFTER_FLOOR_S) {
+            return true;
+        }
+        let Some(touched) = self.gripper_touched_s else { return now >= LONGEST_FLIGHT_S };
+        match truth.shaking_since_s {
+            Some(since) => now >= since + SHAKING_FOR_S - 1e-9,
+            None => {
+                if now >= touched + SHAKING_AFTER_S - 1e-9 {
+                    arena.start_shaking();
+                }
+                false
+            }
+        }
+    }
+}
