@@ -1,1 +1,27 @@
-//! x
+//! The arena: a simulated cell in which things are thrown at an arm.
+//!
+//! [`Arena`] is a [`catch_cell::Cell`] like any other. Behind it stand the physics of arm, gripper and thrown object
+//! ([`physics`]), the drive cabinet that follows the commanded trajectories and watches the limits ([`servo`]), and the
+//! gripper's drive ([`gripper_drive`]). What really happened is in [`Truth`], which the brain cannot reach: it is not part of
+//! the contract.
+//!
+//! A scene is a pure function of its files, its seed and its index; see [`random_streams`].
+
+pub mod arena;
+pub mod cameras;
+pub mod command_check;
+pub mod config;
+pub mod gripper_drive;
+pub mod object;
+pub mod object_shape;
+pub mod physics;
+pub mod random_streams;
+pub mod servo;
+pub mod throw;
+pub mod truth;
+
+pub use arena::Arena;
+pub use config::{ArenaConfig, GripperDriveKind};
+pub use object::{ObjectPrior, ThrownObject};
+pub use throw::{Release, Throw};
+pub use truth::{Contact, ServoReport, Truth, TruthSample};

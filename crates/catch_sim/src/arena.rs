@@ -1,0 +1,200 @@
+//! The simulated cell.
+
+use catch_body::{Gripper, JointVector, Robot, dynamics};
+use catch_cell::{ArmState, CameraModel, Cell, Command, Observation};
+use nalgebra::Vector3;
+
+use crate::{
+    config::{ArenaConfig, GripperDriveKind},
+    gripper_drive::GripperDrive,
+    object::ThrownObject,
+    physics::{ContactForces, Loads, Mount, World, WorldSettings, WorldState},
+    servo::Servo,
+    throw::Release,
+    truth::{Truth, TruthSample},
+};
+
+/// Amplitude and frequency with which the referee shakes the world, in m/s² and Hz.
+const SHAKE_MPS2: f64 = 5.0;
+const SHAKE_HZ: f64 = 2.0;
+
+/// An arm, a gripper, cameras and an object in flight.
+///
+/// Time passes in [`Cell::sense`] only, from one image to the next. The first call senses t = 0.
+pub struct Arena {
+    config: ArenaConfig,
+    robot: Robot,
+    drag_n_per_mps2: f64,
+    world: World,
+    servo: Servo,
+    drive: GripperDrive,
+    cameras: Vec<CameraModel>,
+    /// Commands under way, with their times of arrival.
+    under_way: Vec<(f64, Command)>,
+    steps: u64,
+    has_sensed: bool,
+    state: WorldState,
+    truth: Truth,
+}
+
+impl Arena {
+    /// A scene: the object is released at t = 0, the arm waits at `ready_q` with the gripper open.
+    ///
+    /// `robot` comes without the gripper's mass. `config` has been checked.
+    #[expect(clippy::too_many_arguments, reason = "a scene has that many parts, each from a file of its own")]
+    pub fn new(
+        config: &ArenaConfig,
+        robot: &Robot,
+        gripper: &Gripper,
+        object: &ThrownObject,
+        release: &Release,
+        ready_q: &JointVector,
+        cameras: &[CameraModel],
+        _seed: u64,
+        _index: u64,
+    ) -> Self {
+        let settings = WorldSettings {
+            step_s: config.step_s,
+            substeps: config.substeps,
+            friction: config.friction,
+            restitution: object.restitution * config.restitution_scale,
+        };
+        let mount = Mount::Arm { robot, q: ready_q };
+        let world = World::new(settings, mount, gripper, gripper.max_width_m, object, release);
+        let drive = match config.gripper {
+            GripperDriveKind::Ideal => GripperDrive::new(gripper, gripper.max_width_m),
+        };
+        let mut arena = Self {
+            config: config.clone(),
+            robot: robot.clone(),
+            drag_n_per_mps2: if config.drag { object.mass_kg * object.drag_per_m } else { 0.0 },
+            state: world.state(),
+            world,
+            servo: Servo::new(robot.clone().carrying(gripper), *ready_q),
+            drive,
+            cameras: cameras.to_vec(),
+            under_way: Vec::new(),
+            steps: 0,
+            has_sensed: false,
+            truth: Truth::default(),
+        };
+        arena.record(JointVector::zeros(), &ContactForces::default());
+        arena
+    }
+
+    /// What really happened so far. No brain may see it.
+    pub fn truth(&self) -> &Truth {
+        &self.truth
+    }
+
+    /// The cell's clock.
+    pub fn time_s(&self) -> f64 {
+        self.steps as f64 * self.config.step_s
+    }
+
+    /// From now on the world shakes along (1, 1, 1).
+    pub fn start_shaking(&mut self) {
+        let now_s = self.time_s();
+        self.truth.shaking_since_s.get_or_insert(now_s);
+    }
+
+    /// Like [`Cell::act`], but the command arrives `delay_s` from now: what it takes to compute it.
+    pub fn act_after(&mut self, delay_s: f64, command: Command) {
+        self.under_way.push((self.time_s() + delay_s.max(0.0), command));
+        self.deliver();
+    }
+
+    /// Hands over the commands that have arrived, in the order in which they were sent.
+    fn deliver(&mut self) {
+        let now_s = self.time_s() + 1e-9;
+        let (arrived, under_way) =
+            std::mem::take(&mut self.under_way).into_iter().partition(|(at_s, _)| *at_s <= now_s);
+        self.under_way = under_way;
+        for (at_s, command) in arrived {
+            if let Some(trajectory) = command.arm {
+                self.servo.receive(trajectory, at_s);
+            }
+            if let Some(moves) = command.gripper {
+                self.drive.receive(moves);
+            }
+        }
+        self.truth.servo.clone_from(self.servo.report());
+    }
+
+    /// Gravity, and the shaking if there is any.
+    fn gravity(&self) -> Vector3<f64> {
+        let shake = self
+            .truth
+            .shaking_since_s
+            .map_or(0.0, |since_s| SHAKE_MPS2 * (std::f64::consts::TAU * SHAKE_HZ * (self.time_s() - since_s)).sin());
+        dynamics::gravity() + Vector3::repeat(shake / 3.0f64.sqrt())
+    }
+
+    /// One step of servo, gripper and physics.
+    fn step(&mut self) {
+        self.deliver();
+        let (now_s, step_s) = (self.time_s(), self.config.step_s);
+        let before = self.state;
+        let torque = self.servo.torque(now_s, step_s, &before.q, &before.dq);
+        let v_WO = before.V_WO.linear;
+        let loads = Loads {
+            torque,
+            finger_force_n: self.drive.forces(now_s, before.finger_m, before.finger_mps),
+            object_force_n: -v_WO * (v_WO.norm() * self.drag_n_per_mps2),
+            gravity: self.gravity(),
+        };
+        self.steps += 1;
+        let mut forces = ContactForces::default();
+        if self.truth.diverged_s.is_none() {
+            self.world.step(&loads);
+            let state = self.world.state();
+            if state.is_finite() {
+                self.state = state;
+                forces = self.world.contact_forces();
+            } else {
+                self.truth.diverged_s = Some(self.time_s());
+            }
+        }
+        self.servo.watch(self.time_s(), step_s, &self.state.q, &self.state.dq, &before.dq);
+        self.record(torque, &forces);
+    }
+
+    fn record(&mut self, torque: JointVector, forces: &ContactForces) {
+        let state = &self.state;
+        self.truth.samples.push(TruthSample {
+            time_s: self.time_s(),
+            q: state.q,
+            dq: state.dq,
+            torque,
+            X_WG: self.robot.gripper_pose(&state.q),
+            V_WG: self.robot.gripper_twist(&state.q, &state.dq),
+            width_m: state.finger_m[0] + state.finger_m[1],
+            finger_force_n: forces.finger_n,
+            X_WO: state.X_WO,
+            V_WO: state.V_WO,
+            contact: forces.contact,
+        });
+    }
+}
+
+impl Cell for Arena {
+    fn sense(&mut self) -> Observation {
+        if std::mem::replace(&mut self.has_sensed, true) {
+            for _ in 0..self.config.steps_per_frame() {
+                self.step();
+            }
+            self.truth.servo.clone_from(self.servo.report());
+        }
+        let _ = &self.cameras;
+        Observation {
+            time_s: self.time_s(),
+            arm: ArmState { q: self.state.q, dq: self.state.dq },
+            gripper: self.drive.state(self.state.finger_m, self.state.finger_mps),
+            frames: Vec::new(),
+        }
+    }
+
+    fn act(&mut self, command: Command) {
+        self.act_after(0.0, command);
+    }
+}

@@ -1,0 +1,246 @@
+//! Rig files: the cameras of a cell.
+
+use catch_body::{InputError, Pose, pose::look_at};
+use catch_cell::CameraModel;
+use nalgebra::{Point3, Quaternion, Translation3, UnitQuaternion};
+use serde::Deserialize;
+
+/// The widest and the highest image that a rig may ask for.
+const MAX_PIXELS: u32 = 8192;
+
+/// A rig: a sphere of cameras, single cameras, or both, in this order.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RigFile {
+    uv_sphere: Option<UvSphereFields>,
+    #[serde(default)]
+    cameras: Vec<CameraFields>,
+}
+
+/// One camera for each pair of an azimuth and an elevation, all looking at the same point.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct UvSphereFields {
+    radius_m: f64,
+    azimuths_deg: Vec<f64>,
+    elevations_deg: Vec<f64>,
+    look_at_m: [f64; 3],
+    width_px: u32,
+    height_px: u32,
+    vertical_fov_deg: f64,
+}
+
+/// A camera of its own: it looks at a point or has a rotation, and has a field of view or a calibrated focal length.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CameraFields {
+    position_m: [f64; 3],
+    look_at_m: Option<[f64; 3]>,
+    rotation_xyzw: Option<[f64; 4]>,
+    width_px: u32,
+    height_px: u32,
+    vertical_fov_deg: Option<f64>,
+    focal_px: Option<f64>,
+    principal_px: Option<[f64; 2]>,
+}
+
+/// Reads the cameras of a rig file; `file` names it in errors.
+///
+/// The file has a table `[uv_sphere]`, or tables `[[cameras]]`, or both. The poses are in the frame that the rig stands in: the
+/// world, or the reference frame R around an object that is scanned.
+///
+/// # Errors
+/// The first field that is missing, misspelt or out of range, or that there is no camera at all.
+pub fn rig_from_toml(file: &str, text: &str) -> Result<Vec<CameraModel>, InputError> {
+    let rig: RigFile = InputError::parse_toml(file, text)?;
+    let mut cameras = match &rig.uv_sphere {
+        Some(sphere) => uv_sphere(file, sphere)?,
+        None => Vec::new(),
+    };
+    for (i, camera) in rig.cameras.iter().enumerate() {
+        cameras.push(single_camera(file, &format!("cameras[{i}]"), camera)?);
+    }
+    if cameras.is_empty() {
+        return Err(InputError::new(file, "uv_sphere", "no cameras", "a table [uv_sphere] or [[cameras]]"));
+    }
+    Ok(cameras)
+}
+
+fn uv_sphere(file: &str, sphere: &UvSphereFields) -> Result<Vec<CameraModel>, InputError> {
+    let field = |name: &str| format!("uv_sphere.{name}");
+    let radius = InputError::positive(file, field("radius_m"), sphere.radius_m)?;
+    let target = Point3::from(InputError::finite(file, field("look_at_m"), sphere.look_at_m)?);
+    image_size(file, "uv_sphere", sphere.width_px, sphere.height_px)?;
+    let vertical_rad = field_of_view(file, "uv_sphere", sphere.vertical_fov_deg)?;
+    for (name, angles, most) in
+        [("azimuths_deg", &sphere.azimuths_deg, 360.0), ("elevations_deg", &sphere.elevations_deg, 90.0)]
+    {
+        if angles.is_empty() || !angles.iter().all(|angle| angle.abs() <= most) {
+            let expected = format!("angles from −{most} to {most} degrees");
+            return Err(InputError::new(file, field(name), format!("{angles:?}"), expected));
+        }
+    }
+    let mut cameras = Vec::with_capacity(sphere.azimuths_deg.len() * sphere.elevations_deg.len());
+    for azimuth in &sphere.azimuths_deg {
+        for elevation in &sphere.elevations_deg {
+            let (sin_a, cos_a) = azimuth.to_radians().sin_cos();
+            let (sin_e, cos_e) = elevation.to_radians().sin_cos();
+            let eye = target + nalgebra::Vector3::new(cos_e * cos_a, cos_e * sin_a, sin_e) * radius;
+            let X_WC = look_at(&eye, &target);
+            cameras.push(CameraModel::with_field_of_view(X_WC, sphere.width_px, sphere.height_px, vertical_rad));
+        }
+    }
+    Ok(cameras)
+}
+
+fn single_camera(file: &str, table: &str, camera: &CameraFields) -> Result<CameraModel, InputError> {
+    let field = |name: &str| format!("{table}.{name}");
+    let position = Point3::from(InputError::finite(file, field("position_m"), camera.position_m)?);
+    let X_WC = match (camera.look_at_m, camera.rotation_xyzw) {
+        (Some(target), None) => {
+            let target = Point3::from(InputError::finite(file, field("look_at_m"), target)?);
+            InputError::positive(
+                file,
+                format!("{table}: distance from position_m to look_at_m"),
+                (target - position).norm(),
+            )?;
+            look_at(&position, &target)
+        }
+        (None, Some(xyzw)) => {
+            let [x, y, z, w] = InputError::finite(file, field("rotation_xyzw"), xyzw)?;
+            let rotation = Quaternion::new(w, x, y, z);
+            if (rotation.norm() - 1.0).abs() > 1e-3 {
+                let expected = "a unit quaternion in the order x, y, z, w";
+                return Err(InputError::new(file, field("rotation_xyzw"), format!("{xyzw:?}"), expected));
+            }
+            Pose::from_parts(Translation3::from(position), UnitQuaternion::from_quaternion(rotation))
+        }
+        (both, _) => {
+            let found = if both.is_some() { "both" } else { "neither" };
+            return Err(InputError::new(file, table, found, "either look_at_m or rotation_xyzw"));
+        }
+    };
+    image_size(file, table, camera.width_px, camera.height_px)?;
+    let mut model = CameraModel::with_field_of_view(X_WC, camera.width_px, camera.height_px, 1.0);
+    model.focal_px = match (camera.vertical_fov_deg, camera.focal_px) {
+        (Some(degrees), None) => f64::from(camera.height_px) / 2.0 / (field_of_view(file, table, degrees)? / 2.0).tan(),
+        (None, Some(focal_px)) => InputError::positive(file, field("focal_px"), focal_px)?,
+        (both, _) => {
+            let found = if both.is_some() { "both" } else { "neither" };
+            return Err(InputError::new(file, table, found, "either vertical_fov_deg or focal_px"));
+        }
+    };
+    if let Some(principal_px) = camera.principal_px {
+        model.principal_px = InputError::finite(file, field("principal_px"), principal_px)?;
+    }
+    Ok(model)
+}
+
+fn image_size(file: &str, table: &str, width_px: u32, height_px: u32) -> Result<(), InputError> {
+    for (name, value) in [("width_px", width_px), ("height_px", height_px)] {
+        if !(1..=MAX_PIXELS).contains(&value) {
+            return Err(InputError::new(file, format!("{table}.{name}"), value, format!("1 to {MAX_PIXELS}")));
+        }
+    }
+    Ok(())
+}
+
+/// The angle in radians.
+fn field_of_view(file: &str, table: &str, degrees: f64) -> Result<f64, InputError> {
+    if degrees > 0.0 && degrees < 180.0 {
+        Ok(degrees.to_radians())
+    } else {
+        Err(InputError::new(file, format!("{table}.vertical_fov_deg"), degrees, "above 0 and below 180 degrees"))
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use nalgebra::Vector3;
+
+    pub const PAPER_FLIGHT: &str = include_str!("../../../../assets/rigs/paper_flight.toml");
+    pub const PAPER_REFERENCE: &str = include_str!("../../../../assets/rigs/paper_reference.toml");
+    pub const REFERENCE: &str = include_str!("../../../../assets/rigs/reference.toml");
+
+    #[test]
+    fn flight_rig_looks_at_the_origin_from_seven_metres() {
+        let cameras = rig_from_toml("paper_flight.toml", PAPER_FLIGHT).unwrap();
+        assert_eq!(cameras.len(), 20);
+        for camera in &cameras {
+            assert!((camera.focal_px - 362.13).abs() < 0.01);
+            let origin_C = camera.X_WC.inverse() * Point3::origin();
+            assert!((origin_C - Point3::new(0.0, 0.0, 7.0)).norm() < 1e-12);
+            // The image stands upright: what lies higher in the world lies higher in the image, which is −y.
+            assert!((camera.X_WC * Vector3::y()).z < 0.0);
+        }
+    }
+
+    #[test]
+    fn reference_rigs_differ_in_resolution_only() {
+        let paper = rig_from_toml("paper_reference.toml", PAPER_REFERENCE).unwrap();
+        let ours = rig_from_toml("reference.toml", REFERENCE).unwrap();
+        assert_eq!((paper.len(), ours.len()), (32, 32));
+        assert!((paper[0].focal_px - 90.53).abs() < 0.01);
+        for (one, two) in paper.iter().zip(&ours) {
+            assert_eq!(one.X_WC, two.X_WC);
+            assert_eq!((one.width_px * 2, one.height_px * 2), (two.width_px, two.height_px));
+        }
+    }
+
+    #[test]
+    fn a_pixel_projects_back_onto_itself() {
+        for camera in rig_from_toml("paper_flight.toml", PAPER_FLIGHT).unwrap() {
+            for index in (0..camera.full_window().area()).step_by(7919) {
+                let uv = camera.full_window().pixel_centre(index);
+                let p_W = camera.X_WC * camera.back_project(&uv, 6.3);
+                let again = camera.project(&(camera.X_WC.inverse() * p_W)).unwrap();
+                assert!((again - uv).norm() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn single_cameras_may_be_calibrated_ones() {
+        let text = "
+            [[cameras]]
+            position_m = [1.0, 2.0, 3.0]
+            rotation_xyzw = [0.0, 0.0, 1.0, 0.0]
+            width_px = 848
+            height_px = 480
+            focal_px = 425.0
+            principal_px = [423.1, 241.7]
+            [[cameras]]
+            position_m = [1.0, 0.0, 0.0]
+            look_at_m = [0.0, 0.0, 0.0]
+            width_px = 400
+            height_px = 300
+            vertical_fov_deg = 45.0";
+        let cameras = rig_from_toml("rig.toml", text).unwrap();
+        assert_eq!((cameras[0].focal_px, cameras[0].principal_px), (425.0, [423.1, 241.7]));
+        assert!((cameras[0].X_WC * Vector3::x() + Vector3::x()).norm() < 1e-12);
+        assert!((cameras[1].focal_px - 362.13).abs() < 0.01);
+        assert_eq!(cameras[1].principal_px, [200.0, 150.0]);
+    }
+
+    #[test]
+    fn every_fault_names_its_file_and_field() {
+        for (from, to, expected) in [
+            ("radius_m = 7.0", "radius_m = 0.0", "rig.toml: uv_sphere.radius_m: found 0"),
+            ("radius_m = 7.0", "radius_m = nan", "uv_sphere.radius_m"),
+            ("radius_m", "radios_m", "radios_m"),
+            ("width_px = 400", "width_px = 0", "uv_sphere.width_px"),
+            ("vertical_fov_deg = 45.0", "vertical_fov_deg = 180.0", "uv_sphere.vertical_fov_deg"),
+            ("[60.0, ", "[160.0, ", "uv_sphere.elevations_deg"),
+        ] {
+            let text = PAPER_FLIGHT.replace(from, to);
+            assert_ne!(text, PAPER_FLIGHT, "{from}");
+            let fault = rig_from_toml("rig.toml", &text).unwrap_err().to_string();
+            assert!(fault.contains(expected), "{fault}");
+        }
+        assert!(rig_from_toml("rig.toml", "").unwrap_err().to_string().contains("[[cameras]]"));
+        let both = "[[cameras]]\nposition_m = [1, 0, 0]\nlook_at_m = [0, 0, 0]\nrotation_xyzw = [0, 0, 0, 1]\nwidth_px = 4\n\
+            height_px = 3\nfocal_px = 4.0\n";
+        assert!(rig_from_toml("rig.toml", both).unwrap_err().to_string().contains("cameras[0]: found both"));
+    }
+}

@@ -1,0 +1,111 @@
+//! The gripper's drive: moves the fingers and squeezes.
+
+use catch_body::Gripper;
+use catch_cell::{GripperMove, GripperState};
+
+/// Stiffness and damping of the position controller of each finger, in N/m and N·s/m: a 50 g finger is brought to a standstill
+/// within 10 ms.
+const STIFFNESS_NPM: f64 = 2500.0;
+const DAMPING_NSPM: f64 = 20.0;
+/// Times closer than this are the same.
+const SAME_TIME_S: f64 = 1e-9;
+
+/// Executes gripper moves.
+#[derive(Debug, Clone)]
+pub struct GripperDrive {
+    max_width_m: f64,
+    max_force_n: f64,
+    active: ActiveMove,
+    /// Moves that have not started, soonest first.
+    pending: Vec<GripperMove>,
+    refused_moves: u32,
+    force_n: [f64; 2],
+}
+
+/// A move and where it started from.
+#[derive(Debug, Clone, Copy)]
+struct ActiveMove {
+    order: GripperMove,
+    from_m: f64,
+    since_s: f64,
+}
+
+impl GripperDrive {
+    /// A drive that holds the fingers `width_m` apart.
+    pub fn new(gripper: &Gripper, width_m: f64) -> Self {
+        let order =
+            GripperMove { start_s: 0.0, width_m, speed_mps: gripper.max_speed_mps, force_n: gripper.max_force_n };
+        Self {
+            max_width_m: gripper.max_width_m,
+            max_force_n: gripper.max_force_n,
+            active: ActiveMove { order, from_m: width_m, since_s: 0.0 },
+            pending: Vec::new(),
+            refused_moves: 0,
+            force_n: [0.0; 2],
+        }
+    }
+
+    /// Moves that were refused because a number was not finite, or speed or force not above zero.
+    pub fn refused_moves(&self) -> u32 {
+        self.refused_moves
+    }
+
+    /// Replaces all moves that have not started. One that should have started begins at once.
+    pub fn receive(&mut self, moves: Vec<GripperMove>) {
+        let given = moves.len();
+        self.pending = moves;
+        self.pending.retain(|order| {
+            let finite = order.start_s.is_finite() && order.width_m.is_finite();
+            // An infinite speed is a jump of the setpoint, which an ideal drive may be asked for.
+            finite && order.speed_mps > 0.0 && order.force_n > 0.0
+        });
+        self.refused_moves += (given - self.pending.len()) as u32;
+        self.pending.sort_by(|a, b| a.start_s.total_cmp(&b.start_s));
+    }
+
+    /// Forces that open the left and the right finger during the step that begins at `time_s`, from their distances to the
+    /// middle and their speeds.
+    ///
+    /// The fingers are geared to each other: one controller acts on their mean, whose force the motor limits, and another
+    /// keeps them symmetrical. Neither finger is pushed harder than the move allows.
+    pub fn forces(&mut self, time_s: f64, finger_m: [f64; 2], finger_mps: [f64; 2]) -> [f64; 2] {
+        while self.pending.first().is_some_and(|order| order.start_s <= time_s + SAME_TIME_S) {
+            let order = self.pending.remove(0);
+            let width_m = order.width_m.clamp(0.0, self.max_width_m);
+            self.active = ActiveMove {
+                order: GripperMove { width_m, ..order },
+                from_m: finger_m[0] + finger_m[1],
+                since_s: time_s,
+            };
+        }
+        let [wanted_m, wanted_mps] = self.setpoint(time_s).map(|of_width| of_width / 2.0);
+        let limit = self.active.order.force_n.min(self.max_force_n);
+        let mean = [(finger_m[0] + finger_m[1]) / 2.0, (finger_mps[0] + finger_mps[1]) / 2.0];
+        let skew = [(finger_m[0] - finger_m[1]) / 2.0, (finger_mps[0] - finger_mps[1]) / 2.0];
+        let opening = STIFFNESS_NPM * (wanted_m - mean[0]) + DAMPING_NSPM * (wanted_mps - mean[1]);
+        let levelling = STIFFNESS_NPM * skew[0] + DAMPING_NSPM * skew[1];
+        self.force_n = [opening - levelling, opening + levelling].map(|force| force.clamp(-limit, limit));
+        self.force_n
+    }
+
+    /// The width that is wanted at `time_s` and its rate.
+    fn setpoint(&self, time_s: f64) -> [f64; 2] {
+        let ActiveMove { order, from_m, since_s } = self.active;
+        let way = order.width_m - from_m;
+        let travelled = order.speed_mps * (time_s - since_s).max(0.0);
+        if order.speed_mps.is_finite() && travelled < way.abs() {
+            [from_m + way.signum() * travelled, way.signum() * order.speed_mps]
+        } else {
+            [order.width_m, 0.0]
+        }
+    }
+
+    /// What the gripper reports of itself.
+    pub fn state(&self, finger_m: [f64; 2], finger_mps: [f64; 2]) -> GripperState {
+        GripperState {
+            width_m: finger_m[0] + finger_m[1],
+            speed_mps: finger_mps[0] + finger_mps[1],
+            force_n: -(self.force_n[0] + self.force_n[1]) / 2.0,
+        }
+    }
+}

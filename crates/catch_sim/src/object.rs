@@ -1,0 +1,183 @@
+//! Thrown objects: what they truly are, and what the brain is told of them.
+
+use catch_body::{InputError, TriangleMesh};
+use nalgebra::{Matrix3, Vector3};
+use serde::Deserialize;
+
+use crate::object_shape::{ColliderPart, ShapeFields, Solid};
+
+/// What an object is like. Its frame O has its origin at the centre of mass and the axes of its file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ThrownObject {
+    /// Name.
+    pub name: String,
+    /// Mass in kg.
+    pub mass_kg: f64,
+    /// Rotational inertia about the centre of mass, along the axes of O, in kg·m².
+    pub inertia_kgm2: Matrix3<f64>,
+    /// Coefficient of restitution: speed after an impact over speed before.
+    pub restitution: f64,
+    /// Drag constant k of a = −k·|v|·v, in 1/m.
+    pub drag_per_m: f64,
+    /// Its surface in O.
+    pub mesh: TriangleMesh,
+    /// Convex parts in O that make up the solid.
+    pub parts: Vec<ColliderPart>,
+    /// Radius of the ball around the centre of mass that holds the object.
+    pub bounding_radius_m: f64,
+    /// What the brain is told beforehand, besides a scan.
+    pub prior: ObjectPrior,
+}
+
+/// What is known of an object's flight before it is thrown.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ObjectPrior {
+    /// Expected drag constant k of a = −k·|v|·v, in 1/m.
+    pub drag_per_m: f64,
+    /// Its standard deviation.
+    pub drag_sd_per_m: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ObjectFile {
+    name: String,
+    truth: TruthFields,
+    prior: ObjectPrior,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TruthFields {
+    mass_kg: f64,
+    restitution: f64,
+    drag_per_m: f64,
+    shape: ShapeFields,
+}
+
+impl ThrownObject {
+    /// Reads an object's TOML file; `file` names it in errors. `load` reads a mesh file that it names.
+    ///
+    /// # Errors
+    /// A field that is missing, misspelt or out of range.
+    pub fn from_toml(
+        file: &str,
+        text: &str,
+        _load: &dyn Fn(&str) -> Result<Vec<u8>, InputError>,
+    ) -> Result<Self, InputError> {
+        let ObjectFile { name, truth, prior } = InputError::parse_toml(file, text)?;
+        let mass_kg = InputError::positive(file, "truth.mass_kg", truth.mass_kg)?;
+        if !(0.0..=1.0).contains(&truth.restitution) {
+            return Err(InputError::new(file, "truth.restitution", truth.restitution, "0 to 1"));
+        }
+        for (field, value) in [
+            ("truth.drag_per_m", truth.drag_per_m),
+            ("prior.drag_per_m", prior.drag_per_m),
+            ("prior.drag_sd_per_m", prior.drag_sd_per_m),
+        ] {
+            if !(value.is_finite() && value >= 0.0) {
+                return Err(InputError::new(file, field, value, "zero or more"));
+            }
+        }
+        let Solid { mesh, parts, inertia } = truth.shape.solid(file, mass_kg)?;
+        let to_com = -inertia.com.coords;
+        let mesh = mesh.translated(&to_com);
+        let parts = parts.into_iter().map(|part| part.translated(&to_com)).collect();
+        Ok(Self {
+            name,
+            mass_kg,
+            inertia_kgm2: inertia.about_com,
+            restitution: truth.restitution,
+            drag_per_m: truth.drag_per_m,
+            bounding_radius_m: mesh.bounding_radius(),
+            mesh,
+            parts,
+            prior,
+        })
+    }
+}
+
+impl ColliderPart {
+    fn translated(self, offset: &Vector3<f64>) -> Self {
+        match self {
+            Self::Ball { centre, radius_m } => Self::Ball { centre: centre + offset, radius_m },
+            Self::Hull(points) => Self::Hull(points.into_iter().map(|point| point + offset).collect()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    const FILES: [(&str, &str); 3] = [
+        ("tennis_ball", include_str!("../../../assets/objects/tennis_ball.toml")),
+        ("banana", include_str!("../../../assets/objects/banana.toml")),
+        ("pill_bottle", include_str!("../../../assets/objects/pill_bottle.toml")),
+    ];
+
+    fn read(file: &str, text: &str) -> Result<ThrownObject, InputError> {
+        ThrownObject::from_toml(file, text, &|name| Err(InputError::new(name, "file", "nothing", "a file")))
+    }
+
+    fn object(name: &str) -> ThrownObject {
+        let (file, text) = FILES.iter().find(|(file, _)| *file == name).unwrap();
+        read(file, text).unwrap()
+    }
+
+    #[test]
+    fn extents_are_those_of_the_real_things() {
+        for (name, extents) in [
+            ("tennis_ball", [0.0672, 0.0672, 0.0672]),
+            ("banana", [0.030, 0.062, 0.176]),
+            ("pill_bottle", [0.0508, 0.0508, 0.0786]),
+        ] {
+            let size = object(name).mesh.aabb().size;
+            assert!((size - Vector3::from(extents)).amax() < 3e-4, "{name}: {size}");
+        }
+    }
+
+    #[test]
+    fn origin_is_the_centre_of_mass_and_meshes_are_closed() {
+        for (name, _) in FILES {
+            let object = object(name);
+            assert_eq!(object.name, name);
+            assert!(object.mesh.is_closed());
+            let inertia = object.mesh.mass_properties(object.mass_kg);
+            assert!(inertia.com.coords.norm() < 1e-9, "{name}: {}", inertia.com);
+            if name != "tennis_ball" {
+                assert_relative_eq!(inertia.about_com, object.inertia_kgm2, epsilon = 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn convex_parts_fill_the_mesh() {
+        for (name, parts) in [("tennis_ball", 1), ("banana", 9), ("pill_bottle", 2)] {
+            let object = object(name);
+            assert_eq!(object.parts.len(), parts, "{name}");
+            for part in &object.parts {
+                if let ColliderPart::Hull(points) = part {
+                    assert!(points.iter().all(|point| point.coords.norm() <= object.bounding_radius_m + 1e-9));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn inertia_of_the_ball_is_that_of_a_shell() {
+        let ball = object("tennis_ball");
+        assert_relative_eq!(ball.inertia_kgm2[(0, 0)], 2.0 / 3.0 * 0.058 * 0.0336f64.powi(2), max_relative = 1e-12);
+    }
+
+    #[test]
+    fn faults_name_file_and_field() {
+        let text = FILES[1].1.replace("mass_kg = 0.118", "mass_kg = -1.0");
+        let fault = read("banana.toml", &text).unwrap_err().to_string();
+        assert!(fault.contains("banana.toml: truth.mass_kg"), "{fault}");
+        let text = FILES[0].1.replace("restitution = 0.75", "restitution = 1.75");
+        assert!(read("ball.toml", &text).unwrap_err().to_string().contains("truth.restitution"));
+    }
+}

@@ -1,0 +1,127 @@
+//! From the few numbers of an object's file to its surface, its convex parts and its inertia.
+
+use catch_body::{InputError, TriangleMesh, mesh::TubeRing, robot::Inertia};
+use nalgebra::{Matrix3, Point3, Vector3};
+use serde::Deserialize;
+
+/// Flat strips around a solid of revolution or a tube: at 32 a radius of 25 mm is 0.12 mm short between them.
+const SEGMENTS: u32 = 32;
+/// How often the triangles of a ball are cut into four: at 4 its faces lie at most 0.03 mm inside a tennis ball.
+const BALL_SUBDIVISIONS: u32 = 4;
+
+/// A convex piece of an object, in the object's frame.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ColliderPart {
+    /// A ball.
+    Ball {
+        /// Its centre.
+        centre: Point3<f64>,
+        /// Its radius in metres.
+        radius_m: f64,
+    },
+    /// The convex hull of points.
+    Hull(Vec<Point3<f64>>),
+}
+
+/// How an object's file describes its shape.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub(crate) enum ShapeFields {
+    /// A ball, hollow (all mass in its skin) or solid.
+    Ball { diameter_m: f64, hollow: bool },
+    /// What a profile of points (z, r) sweeps around the z axis.
+    Revolution { profile_m: Vec<[f64; 2]> },
+    /// A round tube along an arc in the y–z plane, its radii evenly spaced along it.
+    BentTube { arc_radius_m: f64, arc_angle_deg: f64, radii_m: Vec<f64> },
+}
+
+/// A shape worked out: surface, convex parts and inertia, all in the frame in which it was described.
+pub(crate) struct Solid {
+    pub mesh: TriangleMesh,
+    pub parts: Vec<ColliderPart>,
+    pub inertia: Inertia,
+}
+
+impl ShapeFields {
+    /// Works the shape out at a mass. Density is uniform but for a hollow ball.
+    pub fn solid(&self, file: &str, mass_kg: f64) -> Result<Solid, InputError> {
+        match self {
+            Self::Ball { diameter_m, hollow } => {
+                let radius_m = InputError::positive(file, "truth.shape.diameter_m", *diameter_m)? / 2.0;
+                // 2/3·m·r² for a spherical shell, 2/5·m·r² for a solid ball.
+                let share = if *hollow { 2.0 / 3.0 } else { 2.0 / 5.0 };
+                let about_com = Matrix3::identity() * (share * mass_kg * radius_m * radius_m);
+                Ok(Solid {
+                    mesh: TriangleMesh::sphere(radius_m, BALL_SUBDIVISIONS),
+                    parts: vec![ColliderPart::Ball { centre: Point3::origin(), radius_m }],
+                    inertia: Inertia { mass: mass_kg, com: Point3::origin(), about_com },
+                })
+            }
+            Self::Revolution { profile_m } => revolution(file, mass_kg, profile_m),
+            Self::BentTube { arc_radius_m, arc_angle_deg, radii_m } => {
+                bent_tube(file, mass_kg, *arc_radius_m, *arc_angle_deg, radii_m)
+            }
+        }
+    }
+}
+
+fn revolution(file: &str, mass_kg: f64, profile_m: &[[f64; 2]]) -> Result<Solid, InputError> {
+    let rising = profile_m.windows(2).all(|pair| pair[0][0] < pair[1][0]);
+    let finite = profile_m.iter().all(|[z, r]| z.is_finite() && r.is_finite() && *r >= 0.0);
+    if profile_m.len() < 2 || !rising || !finite || profile_m.iter().all(|[_, r]| *r == 0.0) {
+        let expected = "two points (z, r) or more, z rising, r zero or more";
+        return Err(InputError::new(file, "truth.shape.profile_m", format!("{profile_m:?}"), expected));
+    }
+    let mesh = TriangleMesh::revolution(profile_m, SEGMENTS);
+    let inertia = mesh.mass_properties(mass_kg);
+    // A profile that bends inwards is cut there, so that each part is convex.
+    let mut parts = Vec::new();
+    let mut start = 0;
+    for i in 1..profile_m.len() {
+        let is_last = i + 1 == profile_m.len();
+        if is_last || bends_inwards(&profile_m[i - 1..=i + 1]) {
+            parts.push(ColliderPart::Hull(TriangleMesh::revolution(&profile_m[start..=i], SEGMENTS).vertices));
+            start = i;
+        }
+    }
+    Ok(Solid { mesh, parts, inertia })
+}
+
+/// Whether the middle of three profile points lies below the line between its neighbours.
+fn bends_inwards(points: &[[f64; 2]]) -> bool {
+    let [[z0, r0], [z1, r1], [z2, r2]] = [points[0], points[1], points[2]];
+    (r1 - r0) * (z2 - z1) < (r2 - r1) * (z1 - z0) - 1e-12
+}
+
+fn bent_tube(
+    file: &str,
+    mass_kg: f64,
+    arc_radius_m: f64,
+    arc_angle_deg: f64,
+    radii_m: &[f64],
+) -> Result<Solid, InputError> {
+    InputError::positive(file, "truth.shape.arc_radius_m", arc_radius_m)?;
+    InputError::positive(file, "truth.shape.arc_angle_deg", arc_angle_deg)?;
+    if radii_m.len() < 2 || !radii_m.iter().all(|&radius| radius > 0.0 && radius < arc_radius_m) {
+        let expected = "two radii or more, above zero and below arc_radius_m";
+        return Err(InputError::new(file, "truth.shape.radii_m", format!("{radii_m:?}"), expected));
+    }
+    let angle = arc_angle_deg.to_radians();
+    let rings: Vec<TubeRing> = radii_m
+        .iter()
+        .enumerate()
+        .map(|(i, &radius)| {
+            let (sin, cos) = (angle * (i as f64 / (radii_m.len() - 1) as f64 - 0.5)).sin_cos();
+            let outwards = Vector3::new(0.0, cos, sin);
+            TubeRing {
+                centre: (outwards * arc_radius_m).into(),
+                axes: [Vector3::x(), outwards],
+                semi_axes_m: [radius; 2],
+            }
+        })
+        .collect();
+    let mesh = TriangleMesh::tube(&rings, SEGMENTS);
+    let inertia = mesh.mass_properties(mass_kg);
+    let parts = rings.windows(2).map(|pair| ColliderPart::Hull(TriangleMesh::tube(pair, SEGMENTS).vertices)).collect();
+    Ok(Solid { mesh, parts, inertia })
+}

@@ -1,0 +1,236 @@
+//! Builds the engine's bodies, joints and colliders.
+
+use catch_body::{Gripper, JointVector, Pose, Robot, dynamics, robot::Inertia, shape::Cuboid};
+use engine::{Group, InteractionGroups, InteractionTestMode, JointAxesMask, JointAxis, SpringCoefficients};
+use nalgebra::{UnitQuaternion, Vector3};
+use rapier3d_f64::prelude as engine;
+
+use super::convert::{to_matrix, to_pose, to_vector};
+use super::{Axis, Mount, Part, World, WorldSettings};
+use crate::{object::ThrownObject, object_shape::ColliderPart, throw::Release};
+
+/// Stiffness of contacts, see the module's documentation: natural frequency in Hz and damping ratio.
+const CONTACT_SOFTNESS: [f64; 2] = [150.0, 1.0];
+
+pub(super) fn assemble(
+    settings: WorldSettings,
+    mount: Mount,
+    gripper: &Gripper,
+    width_m: f64,
+    object: &ThrownObject,
+    release: &Release,
+) -> World {
+    let mut builder = Builder {
+        settings,
+        bodies: engine::RigidBodySet::new(),
+        colliders: engine::ColliderSet::new(),
+        multibodies: engine::MultibodyJointSet::new(),
+    };
+    builder.add_floor();
+    let (hand, X_HG, joints) = match mount {
+        Mount::Arm { robot, q } => builder.add_arm(robot, gripper, q),
+        Mount::Fixed(X_WG) => {
+            let hand = builder.bodies.insert(engine::RigidBodyBuilder::fixed().pose(to_pose(&X_WG)));
+            (hand, Pose::identity(), Vec::new())
+        }
+    };
+    builder.attach_box(hand, &X_HG, &gripper.body(), Part::Palm);
+    let fingers = builder.add_fingers(gripper, hand, &X_HG);
+    let object = builder.add_object(object, release);
+    // The engine would take the masses into account in the first step only, but the kinematics below need them.
+    for (_, body) in builder.bodies.iter_mut() {
+        body.recompute_mass_properties_from_colliders(&builder.colliders);
+    }
+    builder.set_coordinates(mount, &joints, &fingers, width_m / 2.0);
+
+    let softness = SpringCoefficients::new(CONTACT_SOFTNESS[0], CONTACT_SOFTNESS[1]);
+    let parameters = engine::IntegrationParameters {
+        dt: settings.step_s,
+        num_solver_iterations: settings.substeps,
+        contact_recycling: false,
+        contact_softness: softness,
+        static_contact_softness: softness,
+        friction_model: engine::FrictionModel::Coulomb,
+        ..Default::default()
+    };
+    World {
+        settings,
+        parameters,
+        pipeline: engine::PhysicsPipeline::new(),
+        islands: engine::IslandManager::new(),
+        broad_phase: engine::BroadPhaseBvh::new(),
+        narrow_phase: engine::NarrowPhase::new(),
+        bodies: builder.bodies,
+        colliders: builder.colliders,
+        impulse_joints: engine::ImpulseJointSet::new(),
+        multibodies: builder.multibodies,
+        soft_bodies: engine::SoftBodySet::new(),
+        ccd: engine::CCDSolver::new(),
+        joints,
+        fingers,
+        object,
+    }
+}
+
+struct Builder {
+    settings: WorldSettings,
+    bodies: engine::RigidBodySet,
+    colliders: engine::ColliderSet,
+    multibodies: engine::MultibodyJointSet,
+}
+
+impl Builder {
+    fn add_floor(&mut self) {
+        let floor = self.bodies.insert(engine::RigidBodyBuilder::fixed());
+        let up = engine::ColliderBuilder::new(engine::SharedShape::halfspace(engine::Vector::Z));
+        self.attach(floor, up, Part::Floor);
+    }
+
+    /// The arm's links and joints. The last link carries the gripper's housing; it is returned with the pose of G in it.
+    fn add_arm(
+        &mut self,
+        robot: &Robot,
+        gripper: &Gripper,
+        q: &JointVector,
+    ) -> (engine::RigidBodyHandle, Pose, Vec<Axis>) {
+        let X_WL = robot.link_poses(q);
+        let mut links = vec![self.bodies.insert(engine::RigidBodyBuilder::fixed().pose(to_pose(&robot.X_WB)))];
+        let mut joints = Vec::new();
+        for (i, joint) in robot.joints.iter().enumerate() {
+            let mut inertia = joint.inertia;
+            if i + 1 == robot.dof() {
+                let body = gripper.body();
+                let housing = Inertia::of_box(gripper.body_mass_kg, &body.size, body.centre);
+                inertia = inertia.joined(&housing.transformed(&robot.X_LG));
+            }
+            let (parent, child) = (links[i], self.add_body(&X_WL[i + 1], &inertia));
+            // The engine's joints turn about their own x axis.
+            let R_LJ = rotation_from_x_to(&joint.axis);
+            let revolute = engine::GenericJointBuilder::new(JointAxesMask::LOCKED_REVOLUTE_AXES)
+                .local_frame1(to_pose(&(joint.X_PL * R_LJ)))
+                .local_frame2(to_pose(&Pose::from_parts(Vector3::zeros().into(), R_LJ)));
+            self.multibodies.insert(parent, child, revolute.build(), true);
+            joints.push(Axis { child, parent, direction: to_vector(&joint.axis) });
+            links.push(child);
+        }
+        for (link, capsule) in &robot.capsules {
+            let (from, to) = (to_vector(&capsule.from.coords), to_vector(&capsule.to.coords));
+            let shape = engine::ColliderBuilder::capsule_from_endpoints(from, to, capsule.radius);
+            self.attach(links[*link], shape, Part::Arm);
+        }
+        (links[robot.dof()], robot.X_LG, joints)
+    }
+
+    /// Two fingers that slide along the x axis of G, the left one towards −x. Their frames lie on G when their inner faces
+    /// meet in the middle.
+    fn add_fingers(&mut self, gripper: &Gripper, hand: engine::RigidBodyHandle, X_HG: &Pose) -> [Axis; 2] {
+        let X_WH = super::convert::from_pose(self.bodies[hand].position());
+        let mut closed = gripper.fingers(0.0).into_iter();
+        [(Part::LeftFinger, -Vector3::x_axis()), (Part::RightFinger, Vector3::x_axis())].map(|(part, opening)| {
+            let finger = closed.next().expect("a gripper has two fingers");
+            let inertia = Inertia::of_box(gripper.finger_mass_kg, &finger.size, finger.centre);
+            let child = self.add_body(&(X_WH * X_HG), &inertia);
+            let R_FJ = rotation_from_x_to(&opening);
+            let prismatic = engine::GenericJointBuilder::new(JointAxesMask::LOCKED_PRISMATIC_AXES)
+                .local_frame1(to_pose(&(X_HG * R_FJ)))
+                .local_frame2(to_pose(&Pose::from_parts(Vector3::zeros().into(), R_FJ)))
+                .limits(JointAxis::LinX, [0.0, gripper.max_width_m / 2.0]);
+            self.multibodies.insert(hand, child, prismatic.build(), true);
+            self.attach_box(child, &Pose::identity(), &finger, part);
+            Axis { child, parent: hand, direction: to_vector(&opening) }
+        })
+    }
+
+    /// Sets joint positions, damping and rotor inertia. The tree was put together with all coordinates at zero.
+    fn set_coordinates(&mut self, mount: Mount, joints: &[Axis], fingers: &[Axis; 2], finger_m: f64) {
+        let index = self.multibodies.rigid_body_link(fingers[0].child).expect("fingers are part of the tree").multibody;
+        let multibody = self.multibodies.get_multibody_mut(index).expect("the tree exists");
+        // Only now does the engine notice that the root is fixed and drop its six coordinates.
+        multibody.forward_kinematics(&self.bodies, true);
+        // No link of the tree collides with another; how close they come is watched elsewhere.
+        multibody.set_self_contacts_enabled(false);
+
+        let mut coordinates = vec![0.0; joints.len() + fingers.len()];
+        // The engine gives each joint a damping of its own.
+        multibody.damping_mut().fill(0.0);
+        if let Mount::Arm { robot, q } = mount {
+            for (i, joint) in robot.joints.iter().enumerate() {
+                coordinates[i] = q[i];
+                multibody.damping_mut()[i] = joint.damping;
+                multibody.armature_mut()[i] = joint.rotor_inertia;
+            }
+        }
+        coordinates[joints.len()..].fill(finger_m);
+        multibody.apply_displacements(&coordinates);
+        multibody.forward_kinematics(&self.bodies, true);
+        multibody.update_rigid_bodies(&mut self.bodies, true);
+    }
+
+    fn add_object(&mut self, object: &ThrownObject, release: &Release) -> engine::RigidBodyHandle {
+        // The engine adds gravity to the velocity before it moves the body, which puts it g·h·t/2 ahead of the parabola
+        // (h: substep). Starting g·h/2 slower makes every position exact (leapfrog integration).
+        let substep_s = self.settings.step_s / self.settings.substeps as f64;
+        let v_WO = release.v_WO - dynamics::gravity() * (substep_s / 2.0);
+        let X_WO = Pose::from_parts(release.p_WO.into(), release.q_WO);
+        let inertia = Inertia { mass: object.mass_kg, com: nalgebra::Point3::origin(), about_com: object.inertia_kgm2 };
+        let handle = self.add_body(&X_WO, &inertia);
+        self.bodies[handle].set_linvel(to_vector(&v_WO), true);
+        self.bodies[handle].set_angvel(to_vector(&release.omega_WO), true);
+        for part in &object.parts {
+            let shape = match part {
+                ColliderPart::Ball { centre, radius_m } => {
+                    engine::ColliderBuilder::ball(*radius_m).translation(to_vector(&centre.coords))
+                }
+                ColliderPart::Hull(points) => {
+                    let points: Vec<engine::Vector> = points.iter().map(|point| to_vector(&point.coords)).collect();
+                    engine::ColliderBuilder::convex_hull(&points).expect("a part of an object encloses a volume")
+                }
+            };
+            self.attach(handle, shape, Part::Object);
+        }
+        handle
+    }
+
+    fn add_body(&mut self, X_WL: &Pose, inertia: &Inertia) -> engine::RigidBodyHandle {
+        let com = to_vector(&inertia.com.coords);
+        let mass = engine::MassProperties::with_inertia_matrix(com, inertia.mass, to_matrix(&inertia.about_com));
+        let body = engine::RigidBodyBuilder::dynamic()
+            .pose(to_pose(X_WL))
+            .additional_mass_properties(mass)
+            // A thrown object may spin fast.
+            .allow_fast_rotation(true)
+            .can_sleep(false);
+        self.bodies.insert(body)
+    }
+
+    fn attach_box(&mut self, body: engine::RigidBodyHandle, X_LG: &Pose, cuboid: &Cuboid, part: Part) {
+        let half = cuboid.size / 2.0;
+        let X_LC = X_LG * nalgebra::Translation3::from(cuboid.centre.coords);
+        let shape = engine::ColliderBuilder::cuboid(half.x, half.y, half.z).position(to_pose(&X_LC));
+        self.attach(body, shape, part);
+    }
+
+    /// Everything collides with the object and with the floor, and with nothing else. Friction and restitution of a pair are
+    /// the mean of both surfaces, so all surfaces get the same.
+    fn attach(&mut self, body: engine::RigidBodyHandle, shape: engine::ColliderBuilder, part: Part) {
+        let (object, floor, machine) = (Group::GROUP_1, Group::GROUP_2, Group::GROUP_3);
+        let (memberships, filter) = match part {
+            Part::Object => (object, floor | machine),
+            Part::Floor => (floor, object | machine),
+            Part::LeftFinger | Part::RightFinger | Part::Palm | Part::Arm => (machine, object | floor),
+        };
+        let collider = shape
+            .density(0.0)
+            .friction(self.settings.friction)
+            .restitution(self.settings.restitution)
+            .collision_groups(InteractionGroups::new(memberships, filter, InteractionTestMode::And))
+            .user_data(part as u128);
+        self.colliders.insert_with_parent(collider, body, &mut self.bodies);
+    }
+}
+
+/// A rotation that takes the x axis to `direction`.
+fn rotation_from_x_to(direction: &Vector3<f64>) -> UnitQuaternion<f64> {
+    UnitQuaternion::rotation_between(&Vector3::x(), direction)
+        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI))
+}

@@ -1,0 +1,221 @@
+//! How an object leaves the thrower's hand.
+
+use std::collections::BTreeMap;
+
+use catch_body::InputError;
+use nalgebra::{Point3, UnitQuaternion, Vector3};
+use serde::Deserialize;
+
+use crate::random_streams::{Draws, Stream};
+
+/// An object's state at t = 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Release {
+    /// Its centre of mass in W, in metres.
+    pub p_WO: Point3<f64>,
+    /// The velocity of its centre of mass in W, in m/s.
+    pub v_WO: Vector3<f64>,
+    /// Its attitude.
+    pub q_WO: UnitQuaternion<f64>,
+    /// Its angular velocity in W, in rad/s.
+    pub omega_WO: Vector3<f64>,
+}
+
+/// A throw or a distribution of throws, as its file gives it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Throw {
+    motion: Motion,
+    attitudes: BTreeMap<String, UnitQuaternion<f64>>,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ThrowFile {
+    motion: Motion,
+    /// Per object: intrinsic rotations from left to right, an axis and an angle in degrees each.
+    #[serde(default)]
+    attitudes_deg: BTreeMap<String, Vec<(Axis, f64)>>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Axis {
+    X,
+    Y,
+    Z,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+enum Motion {
+    /// The same throw every time.
+    Fixed { position_m: [f64; 3], velocity_mps: [f64; 3], spin_radps: [f64; 3] },
+    /// The sampler of the paper's code. The horizontal velocity is that speed times (−x, −y)/√(x² + y²) + a·(1, −1): aimed at
+    /// the base's axis, then sheared aside by `a`, the same in both directions.
+    Sampled {
+        x_m: [f64; 2],
+        y_m: [f64; 2],
+        z_m: f64,
+        horizontal_speed_mps: [f64; 2],
+        aside: [f64; 2],
+        vertical_speed_mps: [f64; 2],
+    },
+}
+
+impl Throw {
+    /// Reads a throw's TOML file; `file` names it in errors.
+    ///
+    /// # Errors
+    /// A field that is missing, misspelt or not finite, or a range whose end lies below its start.
+    pub fn from_toml(file: &str, text: &str) -> Result<Self, InputError> {
+        let fields: ThrowFile = InputError::parse_toml(file, text)?;
+        match &fields.motion {
+            Motion::Fixed { position_m, velocity_mps, spin_radps } => {
+                InputError::finite(file, "motion.position_m", *position_m)?;
+                InputError::finite(file, "motion.velocity_mps", *velocity_mps)?;
+                InputError::finite(file, "motion.spin_radps", *spin_radps)?;
+            }
+            Motion::Sampled { x_m, y_m, z_m, horizontal_speed_mps, aside, vertical_speed_mps } => {
+                InputError::finite(file, "motion.z_m", [*z_m])?;
+                for (field, range) in [
+                    ("x_m", x_m),
+                    ("y_m", y_m),
+                    ("horizontal_speed_mps", horizontal_speed_mps),
+                    ("aside", aside),
+                    ("vertical_speed_mps", vertical_speed_mps),
+                ] {
+                    let [low, high] = InputError::finite(file, format!("motion.{field}"), *range)?;
+                    if low > high {
+                        let expected = "a range, its lower end first";
+                        return Err(InputError::new(file, format!("motion.{field}"), format!("{range:?}"), expected));
+                    }
+                }
+            }
+        }
+        let mut attitudes = BTreeMap::new();
+        for (object, rotations) in &fields.attitudes_deg {
+            let mut q_WO = UnitQuaternion::identity();
+            for &(axis, angle_deg) in rotations {
+                let field = format!("attitudes_deg.{object}");
+                let [angle_deg] = InputError::finite(file, field, [angle_deg])?;
+                q_WO *= UnitQuaternion::from_axis_angle(&axis.direction(), angle_deg.to_radians());
+            }
+            attitudes.insert(object.clone(), q_WO);
+        }
+        Ok(Self { motion: fields.motion, attitudes })
+    }
+
+    /// The throw number `index` of `seed`. An object whose attitude the file does not give starts upright.
+    pub fn release(&self, object_name: &str, seed: u64, index: u64) -> Release {
+        let q_WO = self.attitudes.get(object_name).copied().unwrap_or_default();
+        match &self.motion {
+            Motion::Fixed { position_m, velocity_mps, spin_radps } => Release {
+                p_WO: (*position_m).into(),
+                v_WO: (*velocity_mps).into(),
+                q_WO,
+                omega_WO: (*spin_radps).into(),
+            },
+            Motion::Sampled { x_m, y_m, z_m, horizontal_speed_mps, aside, vertical_speed_mps } => {
+                let mut draws = Draws::new(Stream::Throw, seed, index);
+                let p_WO = Point3::new(draws.between(*x_m), draws.between(*y_m), *z_m);
+                let speed = draws.between(*horizontal_speed_mps);
+                let aside = draws.between(*aside);
+                let distance = p_WO.x.hypot(p_WO.y);
+                let v_WO = Vector3::new(
+                    speed * (aside - p_WO.x / distance),
+                    speed * (-aside - p_WO.y / distance),
+                    draws.between(*vertical_speed_mps),
+                );
+                Release { p_WO, v_WO, q_WO, omega_WO: Vector3::zeros() }
+            }
+        }
+    }
+}
+
+impl Axis {
+    fn direction(self) -> nalgebra::Unit<Vector3<f64>> {
+        match self {
+            Self::X => Vector3::x_axis(),
+            Self::Y => Vector3::y_axis(),
+            Self::Z => Vector3::z_axis(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    const FILES: [(&str, &str); 4] = [
+        ("near", include_str!("../../../assets/throws/near.toml")),
+        ("near_sampled", include_str!("../../../assets/throws/near_sampled.toml")),
+        ("far", include_str!("../../../assets/throws/far.toml")),
+        ("far_sampled", include_str!("../../../assets/throws/far_sampled.toml")),
+    ];
+
+    fn throw(name: &str) -> Throw {
+        let (_, text) = FILES.iter().find(|(file, _)| *file == name).unwrap();
+        Throw::from_toml(name, text).unwrap()
+    }
+
+    /// Speed towards the axis and shear, recovered from a release.
+    fn speed_and_shear(release: &Release) -> (f64, f64) {
+        let towards = -release.p_WO.coords.xy().normalize();
+        let speed = (release.v_WO.x + release.v_WO.y) / (towards.x + towards.y);
+        (speed, release.v_WO.x / speed - towards.x)
+    }
+
+    /// The paper's two throws are draws of its samplers: they lie within the ranges of the sampled files.
+    #[test]
+    fn fixed_throws_lie_within_their_samplers() {
+        for (fixed, speeds, shears) in [("near", 3.0..=3.1, 0.18..=0.19), ("far", 4.75..=5.0, 0.11..=0.12)] {
+            let (speed, shear) = speed_and_shear(&throw(fixed).release("ball", 0, 0));
+            assert!(speeds.contains(&speed) && shears.contains(&shear), "{fixed}: {speed} {shear}");
+        }
+    }
+
+    #[test]
+    fn sampled_throws_stay_within_their_ranges_and_differ() {
+        let cases = [
+            ("near_sampled", 1.6..=1.7, 0.3, 3.0..=3.1, 0.18..=0.19, 3.6..=3.8),
+            ("far_sampled", 2.6..=2.7, 0.5, 4.75..=5.0, 0.11..=0.12, 3.3..=4.3),
+        ];
+        for (name, place, height, speeds, shears, vertical) in cases {
+            let throw = throw(name);
+            let mut seen = Vec::new();
+            for index in 0..500 {
+                let release = throw.release("ball", 3, index);
+                assert_eq!(release, throw.release("ball", 3, index));
+                assert!(place.contains(&release.p_WO.x) && place.contains(&release.p_WO.y));
+                assert_eq!(release.p_WO.z, height);
+                let (speed, shear) = speed_and_shear(&release);
+                assert!(speed > speeds.start() - 1e-9 && speed < speeds.end() + 1e-9, "{speed}");
+                assert!(shear > shears.start() - 1e-9 && shear < shears.end() + 1e-9, "{shear}");
+                assert!(vertical.contains(&release.v_WO.z));
+                assert_eq!(release.omega_WO, Vector3::zeros());
+                seen.push(release.p_WO.x.to_bits());
+            }
+            seen.sort_unstable();
+            seen.dedup();
+            assert_eq!(seen.len(), 500);
+        }
+    }
+
+    #[test]
+    fn attitudes_are_intrinsic_rotations_from_left_to_right() {
+        let release = throw("near").release("banana", 0, 0);
+        let about = |axis: Axis, degrees: f64| UnitQuaternion::from_axis_angle(&axis.direction(), degrees.to_radians());
+        let expected = about(Axis::Z, -45.0) * about(Axis::X, -45.0) * about(Axis::Z, -90.0);
+        assert_relative_eq!(release.q_WO, expected, epsilon = 1e-12);
+        assert_eq!(throw("near").release("tennis_ball", 0, 0).q_WO, UnitQuaternion::identity());
+    }
+
+    #[test]
+    fn faults_name_file_and_field() {
+        let text = FILES[1].1.replace("x_m = [1.6, 1.7]", "x_m = [1.7, 1.6]");
+        let fault = Throw::from_toml("t.toml", &text).unwrap_err().to_string();
+        assert!(fault.contains("t.toml: motion.x_m"), "{fault}");
+        assert!(Throw::from_toml("t.toml", "[motion]\nkind = \"lobbed\"").is_err());
+    }
+}

@@ -1,0 +1,123 @@
+//! What really happened: for the referee, recordings and pictures, never for the brain.
+
+use catch_body::{JointVector, Pose, Twist};
+use serde::{Deserialize, Serialize};
+
+/// Everything that happened in a scene so far.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Truth {
+    /// One sample per step of the physics, the first at t = 0.
+    pub samples: Vec<TruthSample>,
+    /// What the drive cabinet noticed.
+    pub servo: ServoReport,
+    /// Since when the physics has been out of its mind, if it ever was: a state was not finite, and the last good one has
+    /// stood still from there on.
+    pub diverged_s: Option<f64>,
+    /// Since when the world has been shaking.
+    pub shaking_since_s: Option<f64>,
+}
+
+/// The state at one instant, and the forces of the step that led to it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct TruthSample {
+    /// When.
+    pub time_s: f64,
+    /// Joint positions in radians.
+    pub q: JointVector,
+    /// Joint velocities in rad/s.
+    pub dq: JointVector,
+    /// Torques of the motors in N·m.
+    pub torque: JointVector,
+    /// Pose of the gripper.
+    pub X_WG: Pose,
+    /// Its spatial velocity.
+    pub V_WG: Twist,
+    /// Distance between the fingers' inner faces in metres.
+    pub width_m: f64,
+    /// Force between left and right finger and the object in N.
+    pub finger_force_n: [f64; 2],
+    /// Pose of the object.
+    pub X_WO: Pose,
+    /// Its spatial velocity, the linear part at the centre of mass.
+    pub V_WO: Twist,
+    /// What touched the object.
+    pub contact: Contact,
+}
+
+/// What touched the object during a step.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Contact {
+    /// The finger at negative x of G.
+    pub left_finger: bool,
+    /// The finger at positive x of G.
+    pub right_finger: bool,
+    /// The gripper's housing.
+    pub palm: bool,
+    /// A link of the arm.
+    pub arm: bool,
+    /// The floor.
+    pub floor: bool,
+    /// The largest of these forces in N, averaged over the step.
+    pub peak_force_n: f64,
+}
+
+impl Contact {
+    /// Whether anything touched the object.
+    pub fn any(&self) -> bool {
+        self.left_finger || self.right_finger || self.palm || self.arm || self.floor
+    }
+}
+
+/// What a limit bounds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LimitKind {
+    /// Joint position; the ratio is of the distance from the middle of the range to half the range.
+    Position,
+    /// Joint velocity.
+    Velocity,
+    /// Joint acceleration.
+    Acceleration,
+    /// Torque by inverse dynamics.
+    Torque,
+}
+
+/// A limit that was broken.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct LimitViolation {
+    /// Which joint, from zero.
+    pub joint: usize,
+    /// Which limit.
+    pub kind: LimitKind,
+    /// The value over its limit.
+    pub ratio: f64,
+    /// When: for a command, the instant of its trajectory; for a motion, when it began.
+    pub time_s: f64,
+}
+
+/// What the drive cabinet noticed.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct ServoReport {
+    /// Trajectories that were taken.
+    pub accepted_trajectories: u32,
+    /// Trajectories refused because their start had passed.
+    pub late_trajectories: u32,
+    /// Trajectories refused because they were invalid, did not end at rest, or did not continue the one being executed.
+    pub refused_trajectories: u32,
+    /// Limits broken by accepted trajectories: the worst value per trajectory, joint and kind.
+    pub command_violations: Vec<LimitViolation>,
+    /// Limits broken in motion, one entry per excursion with its worst value: positions out of range, velocities beyond 1.01.
+    pub motion_violations: Vec<LimitViolation>,
+    /// How long the torque was clamped.
+    pub torque_clamped_s: f64,
+    /// Highest measured velocity over its limit, of any joint.
+    pub peak_velocity_ratio: f64,
+    /// Highest measured acceleration over its limit. An impact alone exceeds it; it is reported, never counted.
+    pub peak_acceleration_ratio: f64,
+    /// Highest torque that the controller asked for over its limit, before clamping.
+    pub peak_torque_ratio: f64,
+    /// Smallest distance between parts of the arm that are compared, in metres; `None` before the first sample.
+    pub min_self_clearance_m: Option<f64>,
+    /// Smallest distance between moving parts and the floor, in metres; `None` before the first sample.
+    pub min_floor_clearance_m: Option<f64>,
+}
