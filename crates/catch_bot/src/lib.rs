@@ -15,13 +15,13 @@ pub mod trajectory_optimization;
 pub mod trajectory_prediction;
 
 use catch_body::{Gripper, Robot};
-use catch_cell::{ArmTrajectory, Brain, CameraModel, Command, Observation, Probe, ReferenceScan};
+use catch_cell::{Brain, CameraModel, Command, Observation, Probe, ReferenceScan, arm::Setpoint};
 use serde::{Deserialize, Serialize};
 
 use control::GripperPlan;
 use grasp_selection::GraspSet;
 use perception::{ObjectPose, ReferenceModel};
-use trajectory_optimization::{CatchPlan, Planner};
+use trajectory_optimization::{CatchPlan, Planner, Refusal, Start};
 use trajectory_prediction::FlightTrajectory;
 
 /// All settings of the brain, stage by stage.
@@ -92,7 +92,7 @@ pub struct CatchingBot {
     poses: Vec<ObjectPose>,
     flight: Option<FlightTrajectory>,
     plan: Option<CatchPlan>,
-    executing: Option<ArmTrajectory>,
+    workspace: perception::Workspace,
     closing: Option<GripperPlan>,
     report: Report,
 }
@@ -118,7 +118,7 @@ impl CatchingBot {
             poses: Vec::new(),
             flight: None,
             plan: None,
-            executing: None,
+            workspace: perception::Workspace::default(),
             closing: None,
             report: Report::default(),
         }
@@ -136,8 +136,116 @@ impl CatchingBot {
 }
 
 impl Brain for CatchingBot {
+    /// The paper's figure 2: images → pose → flight → grasp and plan → command.
     fn tick(&mut self, observation: &Observation, probe: &mut dyn Probe) -> Command {
-        let _ = (observation, probe);
-        Command::default()
+        self.report = Report::default();
+        let now_s = observation.time_s;
+        if self.is_committed(now_s) {
+            return self.close_report(Status::Committed, Command::default());
+        }
+
+        // III-B: pose of the object in the newest images, started from where the last flight says it is.
+        for frames in observation.frames.chunk_by(|a, b| a.capture_s == b.capture_s) {
+            let expected = self.flight.as_ref().map(|flight| flight.pose_at(frames[0].capture_s));
+            let found = perception::find_object(
+                frames,
+                &self.cameras,
+                &self.reference,
+                expected.as_ref(),
+                &self.config.perception,
+                &mut self.workspace,
+            );
+            if let Ok(pose) = found {
+                self.poses.push(pose);
+                self.report.pose = Some(pose);
+            }
+        }
+        probe.stage_ended("perception");
+        if self.poses.is_empty() {
+            return self.close_report(Status::NoObject, Command::default());
+        }
+
+        // III-B: the flight that the poses agree on.
+        let flight = trajectory_prediction::predict(
+            &self.poses,
+            self.flight.as_ref(),
+            &self.reference.symmetry,
+            &self.config.trajectory_prediction,
+            self.config.seed,
+        );
+        probe.stage_ended("trajectory_prediction");
+        let Ok(flight) = flight else {
+            return self.close_report(Status::NoTrajectory, Command::default());
+        };
+
+        // III-C and III-D: the running plan for the new flight, or a new grasp and plan.
+        let start = self.start(observation);
+        let (status, plan) = self.decide(&start, &flight);
+        probe.stage_ended("trajectory_optimization");
+
+        let command = self.command(now_s, plan, &flight);
+        self.flight = Some(flight);
+        probe.stage_ended("control");
+        self.close_report(status, command)
+    }
+}
+
+impl CatchingBot {
+    /// Too late to change anything.
+    fn is_committed(&self, now_s: f64) -> bool {
+        self.plan.as_ref().is_some_and(|plan| now_s > plan.catch_s - self.config.control.commit_s)
+    }
+
+    /// Where the arm will be when a motion that is planned now takes over.
+    fn start(&self, observation: &Observation) -> Start {
+        let time_s = observation.time_s + self.config.control.expected_latency_s;
+        let state = match &self.plan {
+            Some(plan) => plan.trajectory.setpoint(time_s),
+            None => Setpoint::at_rest(observation.arm.q),
+        };
+        Start { time_s, state }
+    }
+
+    /// The ladder of replans: the same catch adjusted, else another one, else the old motion.
+    fn decide(&self, start: &Start, flight: &FlightTrajectory) -> (Status, Option<CatchPlan>) {
+        let search = || self.planner.search(start, flight, &self.grasps, &self.config.grasp_selection);
+        match &self.plan {
+            Some(plan) => match self.planner.retarget(start, flight, plan) {
+                Some(plan) => (Status::Planned, Some(plan)),
+                None if control::is_still_good(plan, flight, self.planner.gripper(), &self.config.control) => {
+                    (Status::PlanKept, None)
+                }
+                None => search().map_or((Status::PlanKept, None), |plan| (Status::Planned, Some(plan))),
+            },
+            None => match search() {
+                Ok(plan) => (Status::Planned, Some(plan)),
+                Err(Refusal::NoGrasp) => (Status::NoGrasp, None),
+                Err(Refusal::OutOfReach) => (Status::OutOfReach, None),
+                Err(Refusal::NoMotion) => (Status::NoPlan, None),
+            },
+        }
+    }
+
+    /// Takes over a new plan, and times the gripper by the newest flight.
+    fn command(&mut self, now_s: f64, new_plan: Option<CatchPlan>, flight: &FlightTrajectory) -> Command {
+        let arm = new_plan.as_ref().map(|plan| plan.trajectory.clone());
+        if new_plan.is_some() {
+            self.plan = new_plan;
+        }
+        let gripper = self.plan.as_ref().map(|plan| {
+            let gripper = self.planner.gripper();
+            let closing = control::closing(plan, flight, self.planner.robot(), gripper, &self.config.control);
+            self.closing = Some(closing);
+            control::gripper_moves(now_s, plan, &closing, gripper, &self.config.control)
+        });
+        Command { arm, gripper, windows: None }
+    }
+
+    fn close_report(&mut self, status: Status, command: Command) -> Command {
+        self.report.status = status;
+        self.report.flight.clone_from(&self.flight);
+        self.report.plan.clone_from(&self.plan);
+        self.report.closing = self.closing;
+        command
     }
 }

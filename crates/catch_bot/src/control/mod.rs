@@ -1,16 +1,102 @@
-//! Control: from plans to commands.
+//! Control: when the gripper closes, and how plans become commands.
+
+use catch_cell::GripperMove;
+use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
-/// Settings of control.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Config {}
+use crate::{trajectory_optimization::CatchPlan, trajectory_prediction::FlightTrajectory};
+use catch_body::{Gripper, Robot};
 
-/// When and how the gripper closes.
+/// Settings of control.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Config {
+    /// Time from an observation until a command takes effect, in seconds: new motions start that much later.
+    pub expected_latency_s: f64,
+    /// Time from the start of a gripper move until the fingers move, in seconds.
+    pub gripper_latency_s: f64,
+    /// Speed of closing in m/s, the fingers relative to each other.
+    pub closing_speed_mps: f64,
+    /// Force of closing in N per finger; the gripper's own limit if it is lower.
+    pub closing_force_n: f64,
+    /// The fingers should touch the object this long after it is at the grasp centre, in seconds.
+    pub closing_delay_s: f64,
+    /// Plans are not changed any more in the last seconds before the catch. The paper's code stops 0.2 s before; corrections
+    /// are small enough by then to go on.
+    pub commit_s: f64,
+    /// A plan that cannot be adjusted is kept while the object is expected within this distance of its grasp centre, in metres.
+    pub tolerated_miss_m: f64,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self {
+            expected_latency_s: 0.0,
+            gripper_latency_s: 0.0,
+            closing_speed_mps: 1.0,
+            closing_force_n: 80.0,
+            closing_delay_s: 0.0,
+            commit_s: 0.05,
+            tolerated_miss_m: 0.008,
+        }
+    }
+}
+
+/// When the gripper closes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct GripperPlan {
     /// When the fingers start to close.
     pub start_s: f64,
     /// When they are expected to touch the object.
     pub contact_s: f64,
+}
+
+/// When to close so that both fingers touch the object as it passes the grasp centre of the moving gripper.
+pub fn closing(plan: &CatchPlan, flight: &FlightTrajectory, robot: &Robot, gripper: &Gripper, config: &Config) -> GripperPlan {
+    let held = plan.grasp.X_OG * gripper.grasp_centre();
+    let distance = |time_s: f64| {
+        let grasp_centre: Point3<f64> = robot.gripper_pose(&plan.trajectory.setpoint(time_s).q) * gripper.grasp_centre();
+        (flight.pose_at(time_s) * held - grasp_centre).norm()
+    };
+    let contact_s = closest(plan.catch_s, distance) + config.closing_delay_s;
+    let travel_s = (plan.grasp.open_width_m - plan.grasp.object_width_m) / config.closing_speed_mps;
+    GripperPlan { start_s: contact_s - travel_s - config.gripper_latency_s, contact_s }
+}
+
+/// Whether a plan whose motion cannot be changed any more still meets the object, as the flight is known now.
+pub fn is_still_good(plan: &CatchPlan, flight: &FlightTrajectory, gripper: &Gripper, config: &Config) -> bool {
+    let X_WG = flight.pose_at(plan.catch_s) * plan.grasp.X_OG;
+    let missed_by = (X_WG * gripper.grasp_centre() - plan.X_WG * gripper.grasp_centre()).norm();
+    missed_by < config.tolerated_miss_m
+}
+
+/// The time of the smallest distance within 30 ms of a guess, by golden-section search: object and gripper pass each other
+/// on nearly straight lines there.
+fn closest(guess_s: f64, distance: impl Fn(f64) -> f64) -> f64 {
+    let ratio = (5.0_f64.sqrt() - 1.0) / 2.0;
+    let (mut low, mut high) = (guess_s - 0.03, guess_s + 0.03);
+    for _ in 0..20 {
+        let width = (high - low) * ratio;
+        if distance(high - width) < distance(low + width) { high = low + width } else { low = high - width }
+    }
+    (low + high) / 2.0
+}
+
+/// The moves of the fingers: open as wide as the plan says, then squeeze.
+pub fn gripper_moves(now_s: f64, plan: &CatchPlan, closing: &GripperPlan, gripper: &Gripper, config: &Config) -> Vec<GripperMove> {
+    let force_n = config.closing_force_n.min(gripper.max_force_n);
+    vec![
+        GripperMove { start_s: now_s, width_m: plan.grasp.open_width_m, speed_mps: gripper.max_speed_mps, force_n },
+        GripperMove { start_s: closing.start_s, width_m: 0.0, speed_mps: config.closing_speed_mps, force_n },
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn closest_approach_is_found() {
+        assert!((closest(0.7, |time| (time - 0.7123_f64).hypot(0.01)) - 0.7123).abs() < 1e-5);
+    }
 }

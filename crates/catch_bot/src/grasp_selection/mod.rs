@@ -1,20 +1,144 @@
-//! Grasp selection (paper, III-C).
-use catch_body::Gripper;
+//! Grasp selection (paper, III-C): where and how to hold the object.
+//!
+//! What depends on the object's shape alone is done once, from its reference scan: Darboux frames at sampled points become
+//! gripper poses in the object's frame, and those that collide, close on nothing or would slip are dropped ([`GraspSet`]).
+//! In flight the paper's heuristics rank what is left ([`heuristics`]): "strength", "catchability" and "comfort". What the arm
+//! can reach is asked by trajectory optimization.
+
+pub mod darboux;
+pub mod fit;
+pub mod heuristics;
+
+use catch_body::{Gripper, Pose};
+use nalgebra::{Point3, Rotation3, UnitQuaternion, Vector3};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
 use crate::perception::ReferenceModel;
+use darboux::darboux_frame;
+pub use heuristics::{Approach, RankedGrasp};
 
 /// Settings of grasp selection.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Config {}
+pub struct Config {
+    /// Points of the cloud at which Darboux frames are tried. The paper draws 2,000 in every call; here they are drawn once,
+    /// and each frame is used in four orientations.
+    pub samples: usize,
+    /// Neighbourhood of a Darboux frame in metres. The paper's code has 2 mm on a cloud of 2.5 mm spacing; a wider one
+    /// keeps the noise of the scan out of the directions.
+    pub darboux_radius_m: f64,
+    /// "Strength": the grasp's axis may miss the centre of mass by this much. The paper's code allows 30 mm.
+    pub max_strength_m: f64,
+    /// The fingers' faces must meet the surface at most this far from its normal, in radians: the cone of a friction
+    /// coefficient of 0.4, the lowest that is expected.
+    pub max_contact_angle_rad: f64,
+    /// Free space on each side between the object and the open fingers, in metres, for the prediction's uncertainty.
+    pub finger_margin_m: f64,
+    /// Free space between the object and the palm, in metres.
+    pub palm_margin_m: f64,
+    /// Weights of the heuristics.
+    pub weights: heuristics::Weights,
+    /// Grasps that are handed on for each catch time.
+    pub kept: usize,
+}
 
-/// Ways of holding an object.
-#[derive(Debug)]
-pub struct GraspSet;
-impl GraspSet {
-    /// Samples.
-    pub fn sample(_: &ReferenceModel, _: &Gripper, _: &Config, _: u64) -> Self {
-        Self
+impl Default for Config {
+    fn default() -> Self {
+        Self {
+            samples: 250,
+            darboux_radius_m: 0.008,
+            max_strength_m: 0.03,
+            max_contact_angle_rad: 0.38,
+            finger_margin_m: 0.008,
+            palm_margin_m: 0.006,
+            weights: heuristics::Weights::default(),
+            kept: 24,
+        }
     }
+}
+
+/// A way of holding the object, fixed to the object.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Grasp {
+    /// Pose of the gripper in the object's frame when the fingers close.
+    pub X_OG: Pose,
+    /// Width of the object between the fingers, in metres.
+    pub object_width_m: f64,
+    /// Opening before the catch, in metres.
+    pub open_width_m: f64,
+    /// "Strength": distance of the centre of mass from the gripper's y axis, in metres; less is better.
+    pub strength_m: f64,
+}
+
+/// All ways of holding one object that its shape allows.
+#[derive(Debug, Clone)]
+pub struct GraspSet {
+    /// The grasps.
+    pub grasps: Vec<Grasp>,
+    /// A thinned cloud of the object in O, for clearance checks on the way in.
+    pub outline: Vec<Point3<f64>>,
+}
+
+impl GraspSet {
+    /// Samples Darboux frames on the reference cloud and keeps the grasps that fit.
+    pub fn sample(reference: &ReferenceModel, gripper: &Gripper, config: &Config, seed: u64) -> Self {
+        let mut rng = Pcg64::seed_from_u64(seed);
+        let mut grasps = Vec::new();
+        if !reference.points.is_empty() {
+            for _ in 0..config.samples {
+                let index = rng.random_range(0..reference.points.len());
+                let frame = darboux_frame(&reference.points, &reference.normals, index, config.darboux_radius_m);
+                let [least, most] = frame.principal;
+                for closing in [least, -least, most, -most] {
+                    // The gripper looks along the inward normal (y) and closes along a principal direction (x).
+                    let approach = -frame.normal;
+                    let R_OG = Rotation3::from_basis_unchecked(&[closing, approach, closing.cross(&approach)]);
+                    let R_OG = UnitQuaternion::from_rotation_matrix(&R_OG);
+                    grasps.extend(fit::fit_gripper(reference, gripper, config, &frame.point, R_OG));
+                }
+            }
+        }
+        Self { grasps, outline: thinned(&reference.points, 200) }
+    }
+
+    /// The best grasps for an object in pose `X_WO` that flies at `v_WO`, best first.
+    pub fn rank(&self, X_WO: &Pose, v_WO: &Vector3<f64>, base: &Point3<f64>, config: &Config) -> Vec<RankedGrasp> {
+        let mut ranked: Vec<RankedGrasp> = self
+            .grasps
+            .iter()
+            .enumerate()
+            .filter_map(|(index, grasp)| heuristics::rank(index, grasp, X_WO, v_WO, base, &config.weights))
+            .collect();
+        ranked.sort_by(|a, b| a.cost.total_cmp(&b.cost).then(a.index.cmp(&b.index)));
+        ranked.truncate(config.kept);
+        ranked
+    }
+}
+
+/// How far back the object's way into the gripper is checked, in metres, and in how many steps.
+const WAY_IN_M: f64 = 0.12;
+const WAY_IN_STEPS: usize = 10;
+
+impl GraspSet {
+    /// Whether the object, coming at `v_GO` relative to a gripper in pose `X_WG` (in W), touches neither the open fingers nor
+    /// the housing before the fingers close.
+    pub fn comes_in_freely(&self, grasp: &Grasp, X_WG: &Pose, v_GO: &Vector3<f64>, gripper: &Gripper) -> bool {
+        let Some(direction) = X_WG.rotation.inverse_transform_vector(v_GO).try_normalize(1e-6) else { return true };
+        let [left, right] = gripper.fingers(grasp.open_width_m);
+        let boxes = [left, right, gripper.body()];
+        let X_GO = grasp.X_OG.inverse();
+        self.outline.iter().map(|point| X_GO * point).all(|p| {
+            (0..=WAY_IN_STEPS).all(|step| {
+                let earlier = p - direction * (WAY_IN_M * step as f64 / WAY_IN_STEPS as f64);
+                boxes.iter().all(|it| ((earlier - it.centre).abs() - it.size / 2.0).max() > 0.0)
+            })
+        })
+    }
+}
+
+/// Every n-th point, so that about `most` are left.
+fn thinned(points: &[Point3<f64>], most: usize) -> Vec<Point3<f64>> {
+    points.iter().step_by(points.len().div_ceil(most).max(1)).copied().collect()
 }

@@ -1,42 +1,162 @@
-//! Trajectory optimization (paper, III-D).
+//! Trajectory optimization (paper, III-D): how the arm gets to a catch.
+//!
+//! A [`Planner`] answers two questions. [`Planner::search`]: which catch time, grasp and redundancy can the arm reach, and how
+//! does it get there? [`Planner::retarget`]: the flight is known better now, how does the running motion change? Both go through
+//! the same steps, each in its module:
+//!
+//! * [`reachability`]: what each joint can reach in the time left, exactly;
+//! * [`arrival`]: the joint velocities at the catch, so that the gripper moves along with the object;
+//! * [`joint_spline`]: the motion, one small quadratic program per joint ([`quadratic_program`]), and the braking after it;
+//! * [`motion`]: both put together and checked against torque limits and collision.
+
+pub mod arrival;
 pub mod joint_spline;
+pub mod motion;
 pub mod quadratic_program;
 pub mod reachability;
+pub mod search;
 
-use catch_body::{Gripper, JointVector, Pose, Robot};
-use catch_cell::ArmTrajectory;
+use catch_body::{Gripper, JointVector, Pose, Robot, clearance::ArmClearance, inverse_kinematics::SrsArm};
+use catch_cell::{ArmTrajectory, arm::Setpoint};
 use serde::{Deserialize, Serialize};
 
+use crate::grasp_selection::{Approach, Grasp};
+use joint_spline::JointSpline;
+
 /// Settings of trajectory optimization.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Config {}
+pub struct Config {
+    /// Highest share of the object's velocity at which the gripper moves along (paper, III-D: 30 %).
+    pub max_speed_fraction: f64,
+    /// Weight of keeping close to the comfortable pose, λ in [`joint_spline`]; the paper minimizes this distance alone.
+    pub comfort_weight: f64,
+    /// Weight of a steady velocity just before the catch, μ in [`joint_spline`], for the paper's pre-grasp constraints.
+    pub steady_end_weight: f64,
+    /// Share of the velocity limits that a plan from rest may use, so that replans keep some room.
+    pub cold_velocity_share: f64,
+    /// Share of the acceleration limits that a plan from rest may use.
+    pub cold_acceleration_share: f64,
+    /// Share of the torque limits that a plan may use.
+    pub torque_share: f64,
+    /// The arm keeps this far from itself and from the floor, in metres.
+    pub clearance_m: f64,
+    /// Distance between the catch times that are tried, in seconds.
+    pub time_step_s: f64,
+    /// A new search must leave at least this much time until the catch, in seconds.
+    pub min_lead_s: f64,
+    /// Swivel angles of the elbow that are tried.
+    pub swivels: usize,
+    /// Weights of the choice among reachable catches.
+    pub weights: search::Weights,
+    /// Reachable catches, best first, that are tried until one has a motion.
+    pub attempts: usize,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self {
+            max_speed_fraction: 0.3,
+            comfort_weight: 0.02,
+            steady_end_weight: 0.002,
+            cold_velocity_share: 0.97,
+            cold_acceleration_share: 0.9,
+            torque_share: 0.95,
+            clearance_m: 0.02,
+            time_step_s: 0.02,
+            min_lead_s: 0.12,
+            swivels: 16,
+            weights: search::Weights::default(),
+            attempts: 24,
+        }
+    }
+}
 
 /// A catch: when, where and how the arm gets there.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CatchPlan {
     /// When the object is at the grasp centre.
     pub catch_s: f64,
-    /// Pose of the gripper at that time.
+    /// The grasp, fixed to the object.
+    pub grasp: Grasp,
+    /// How the object comes into the gripper.
+    pub approach: Approach,
+    /// Pose of the gripper at the catch.
     pub X_WG: Pose,
-    /// Joint positions at that time.
+    /// Joint positions at the catch.
     pub q: JointVector,
+    /// Swivel angle of the elbow, where the arm has one.
+    pub swivel: f64,
     /// Share of the object's velocity at which the gripper moves along with it.
     pub speed_fraction: f64,
-    /// Opening before the catch.
-    pub open_width_m: f64,
-    /// Width of the object between the fingers.
-    pub object_width_m: f64,
-    /// The motion.
+    /// Angular speed of the gripper at the catch, in rad/s.
+    pub spin_radps: f64,
+    /// The motion: to the catch and on to rest.
     pub trajectory: ArmTrajectory,
 }
 
-/// Planner.
+/// Why there is no plan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Refusal {
+    /// No grasp suits the flight's direction.
+    NoGrasp,
+    /// The arm cannot be anywhere on the flight in time.
+    OutOfReach,
+    /// Catches are within reach, but no motion to one keeps all limits.
+    NoMotion,
+}
+
+/// Where and how the arm is when a new motion takes over.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Start {
+    /// When it takes over, on the cell's clock.
+    pub time_s: f64,
+    /// Position, velocity and acceleration then.
+    pub state: Setpoint,
+}
+
+/// Plans motions of one arm with one gripper.
 #[derive(Debug)]
-pub struct Planner;
+pub struct Planner {
+    config: Config,
+    /// The arm with the gripper's mass on it.
+    robot: Robot,
+    gripper: Gripper,
+    srs: Option<SrsArm>,
+    clearance: ArmClearance,
+    catch_spline: JointSpline,
+    brake_spline: JointSpline,
+}
+
 impl Planner {
-    /// New.
-    pub fn new(_: Robot, _: Gripper, _: Config) -> Self {
-        Self
+    /// Prepares what does not depend on any catch.
+    pub fn new(robot: Robot, gripper: Gripper, config: Config) -> Self {
+        // Short first spans take up the acceleration at a replan, short last ones steady the velocity before the catch.
+        let catch_spline = JointSpline::new(
+            &[0.35, 0.65, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5],
+            false,
+            config.comfort_weight,
+            config.steady_end_weight,
+        );
+        let brake_spline = JointSpline::new(&[0.5, 0.5, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5], true, 0.0, 0.0);
+        Self {
+            srs: SrsArm::of(&robot),
+            clearance: ArmClearance::new(&robot, &gripper),
+            robot: robot.carrying(&gripper),
+            gripper,
+            config,
+            catch_spline,
+            brake_spline,
+        }
+    }
+
+    /// The gripper that it plans for.
+    pub fn gripper(&self) -> &Gripper {
+        &self.gripper
+    }
+
+    /// The arm that it plans for, carrying the gripper.
+    pub fn robot(&self) -> &Robot {
+        &self.robot
     }
 }

@@ -1,0 +1,140 @@
+//! Fitting the gripper to the object at one sampled frame: centred between the fingers, clear of palm and fingers, closing
+//! on something that does not slip.
+
+use catch_body::{Gripper, Pose};
+use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
+
+use super::{Config, Grasp};
+use crate::perception::ReferenceModel;
+
+/// Surface points this close to the outermost one count as touched by a finger.
+const CONTACT_DEPTH_M: f64 = 0.003;
+
+/// The gripper with attitude `R_OG` over the surface point `sample`, `None` if it cannot hold the object there.
+pub fn fit_gripper(
+    reference: &ReferenceModel,
+    gripper: &Gripper,
+    config: &Config,
+    sample: &Point3<f64>,
+    R_OG: UnitQuaternion<f64>,
+) -> Option<Grasp> {
+    // Over the sample, with the centre of mass (the origin of O) level with the grasp centre.
+    let lateral = sample.coords - (R_OG * Vector3::y()) * (R_OG * Vector3::y()).dot(&sample.coords);
+    let place = |shift_G: Vector3<f64>| {
+        let origin = lateral + R_OG * (shift_G - gripper.grasp_centre().coords);
+        Pose::from_parts(Translation3::from(origin), R_OG)
+    };
+    let half_gap = gripper.finger_size_m[2] / 2.0;
+    let reach = gripper.fingertip_y_m();
+
+    // Back off until the palm is clear: nothing may come nearer to it than the margin.
+    let half_housing = [gripper.body_size_m[0] / 2.0, gripper.body_size_m[2] / 2.0];
+    let X_GO = place(Vector3::zeros()).inverse();
+    let over_palm = |p: &Point3<f64>| p.x.abs() < half_housing[0] && p.z.abs() < half_housing[1] + config.palm_margin_m;
+    let lowest = reference.points.iter().map(|point| X_GO * point).filter(over_palm).map(|p| p.y).fold(f64::INFINITY, f64::min);
+    let backed_off = (gripper.palm_y_m() + config.palm_margin_m - lowest).max(0.0);
+
+    // What lies between the fingers, and its middle along the closing direction.
+    let X_GO = place(Vector3::new(0.0, -backed_off, 0.0)).inverse();
+    let between = || reference.points.iter().map(|point| X_GO * point).filter(|p| p.z.abs() < half_gap && p.y > 0.0 && p.y < reach);
+    let low = between().map(|p| p.x).fold(f64::INFINITY, f64::min);
+    let high = between().map(|p| p.x).fold(f64::NEG_INFINITY, f64::max);
+    if low >= high {
+        return None;
+    }
+    let object_width_m = high - low;
+    let open_width_m = object_width_m + 2.0 * config.finger_margin_m;
+    if open_width_m > gripper.max_width_m {
+        return None;
+    }
+    let X_OG = place(Vector3::new((low + high) / 2.0, -backed_off, 0.0));
+    let X_GO = X_OG.inverse();
+
+    // "Strength" (paper, III-C): the gripper's axis points at the centre of mass.
+    let centre = X_GO * Point3::origin();
+    let strength_m = centre.x.hypot(centre.z);
+    let palm_too_far = centre.y - gripper.grasp_centre_y_m > config.max_strength_m;
+    if strength_m > config.max_strength_m || palm_too_far {
+        return None;
+    }
+
+    // Both faces must meet the surface squarely enough for friction to hold.
+    let half_width = object_width_m / 2.0;
+    let squareness = |side: f64| {
+        let (sum, count) = reference
+            .points
+            .iter()
+            .zip(&reference.normals)
+            .map(|(point, normal)| (X_GO * point, X_GO * normal))
+            .filter(|(p, _)| p.z.abs() < half_gap && p.y > 0.0 && p.y < reach && side * p.x > half_width - CONTACT_DEPTH_M)
+            .fold((Vector3::zeros(), 0), |(sum, count), (_, normal)| (sum + normal, count + 1));
+        if count == 0 { 0.0 } else { sum.normalize().x * side }
+    };
+    if squareness(1.0).min(squareness(-1.0)) < config.max_contact_angle_rad.cos() {
+        return None;
+    }
+
+    // The open fingers and the housing are clear of the object.
+    let boxes = [gripper.fingers(open_width_m)[0], gripper.fingers(open_width_m)[1], gripper.body()];
+    let collides = |p: &Point3<f64>| {
+        boxes.iter().any(|cuboid| {
+            let inside = (p - cuboid.centre).abs() - cuboid.size / 2.0;
+            inside.max() < config.finger_margin_m / 2.0
+        })
+    };
+    if reference.points.iter().any(|point| collides(&(X_GO * point))) {
+        return None;
+    }
+    Some(Grasp { X_OG, object_width_m, open_width_m, strength_m })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grasp_selection::GraspSet;
+    use nalgebra::Vector3;
+
+    fn gripper() -> Gripper {
+        Gripper::from_toml("wsg50.toml", include_str!("../../../../assets/grippers/wsg50.toml")).unwrap()
+    }
+
+    /// Points all over an ellipsoid.
+    fn ellipsoid(semi_axes: Vector3<f64>) -> ReferenceModel {
+        let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+        let mut model = ReferenceModel::default();
+        for i in 0..3000 {
+            let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / 3000.0;
+            let (s, c) = (golden * f64::from(i)).sin_cos();
+            let r = (1.0 - z * z).sqrt();
+            let unit = Vector3::new(r * c, r * s, z);
+            model.points.push(Point3::from(unit.component_mul(&semi_axes)));
+            model.normals.push(unit.component_div(&semi_axes).normalize());
+        }
+        model.radius_m = semi_axes.max();
+        model
+    }
+
+    #[test]
+    fn a_ball_can_be_held_from_everywhere() {
+        let config = Config { samples: 50, ..Config::default() };
+        let set = GraspSet::sample(&ellipsoid(Vector3::repeat(0.0335)), &gripper(), &config, 1);
+        assert_eq!(set.grasps.len(), 200);
+        for grasp in &set.grasps {
+            assert!((grasp.object_width_m - 0.067).abs() < 1e-3);
+            assert!((grasp.X_OG * gripper().grasp_centre()).coords.norm() < 2e-3, "the ball is at the grasp centre");
+        }
+    }
+
+    #[test]
+    fn a_long_body_is_held_across_and_a_wide_one_not_at_all() {
+        let config = Config { samples: 100, ..Config::default() };
+        let set = GraspSet::sample(&ellipsoid(Vector3::new(0.02, 0.03, 0.09)), &gripper(), &config, 1);
+        assert!(!set.grasps.is_empty());
+        for grasp in &set.grasps {
+            let closing = grasp.X_OG * Vector3::x();
+            assert!(closing.z.abs() < 0.5, "never closes along the length");
+            assert!(grasp.object_width_m < 0.062);
+        }
+        assert!(GraspSet::sample(&ellipsoid(Vector3::repeat(0.06)), &gripper(), &config, 1).grasps.is_empty());
+    }
+}

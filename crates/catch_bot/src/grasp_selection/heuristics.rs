@@ -1,0 +1,94 @@
+//! The paper's three heuristics (III-C): "strength", "catchability" and "comfort".
+//!
+//! "Catchability" differs from the paper's |v·z_G|, which only knows objects that pass through the gap. What matters is that
+//! the object does not move toward a finger: its velocity must lie in the plane of approach (y) and gap (z). In that plane it
+//! may pass through the gap or fly toward the palm, but not come from behind.
+
+use catch_body::Pose;
+use nalgebra::{Point3, Vector3};
+use serde::{Deserialize, Serialize};
+
+use super::Grasp;
+
+/// How much each heuristic counts. All terms are costs between 0 and about 1.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Weights {
+    /// On the share of the velocity that points at a finger, |v̂·x_G|.
+    pub catchability: f64,
+    /// On the distance of the centre of mass from the gripper's axis, per 30 mm.
+    pub strength: f64,
+    /// On 1 − comfort.
+    pub comfort: f64,
+    /// On passing through the gap instead of flying toward the palm, which gives four times the time to close.
+    pub pass_through: f64,
+    /// The share of the velocity that may point at a finger; grasps with more are dropped.
+    pub max_sideways: f64,
+    /// The share of the velocity that may come from behind the palm.
+    pub max_from_behind: f64,
+}
+
+impl Default for Weights {
+    fn default() -> Self {
+        Self {
+            catchability: 3.0,
+            strength: 0.5,
+            comfort: 0.2,
+            pass_through: 0.3,
+            max_sideways: 0.17,
+            max_from_behind: 0.1,
+        }
+    }
+}
+
+/// How the object comes into the gripper.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Approach {
+    /// It flies toward the palm.
+    TowardPalm,
+    /// It passes between the fingers, across the gap.
+    ThroughGap,
+}
+
+/// A grasp with its place in the world and its cost.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RankedGrasp {
+    /// Index into the set's grasps.
+    pub index: usize,
+    /// Pose of the gripper in W when the fingers close.
+    pub X_WG: Pose,
+    /// How the object comes in.
+    pub approach: Approach,
+    /// Weighted sum of the heuristics; less is better.
+    pub cost: f64,
+}
+
+/// Places a grasp on an object in pose `X_WO` that flies at `v_WO` and sums its heuristics, `None` if it cannot catch.
+///
+/// `base` is where the arm stands.
+pub fn rank(
+    index: usize,
+    grasp: &Grasp,
+    X_WO: &Pose,
+    v_WO: &Vector3<f64>,
+    base: &Point3<f64>,
+    weights: &Weights,
+) -> Option<RankedGrasp> {
+    let R_WG = X_WO.rotation * grasp.X_OG.rotation;
+    let v_G = R_WG.inverse_transform_vector(v_WO).try_normalize(1e-6)?;
+    let sideways = v_G.x.abs();
+    if sideways > weights.max_sideways || v_G.y > weights.max_from_behind {
+        return None;
+    }
+    let X_WG = X_WO * grasp.X_OG;
+    let approach = if -v_G.y >= v_G.z.abs() { Approach::TowardPalm } else { Approach::ThroughGap };
+    // "Comfort": the gripper points away from the axis of the base (paper, III-C), here as a cosine.
+    let outward = X_WG.translation.vector - base.coords;
+    let comfort = Vector3::new(outward.x, outward.y, 0.0).try_normalize(1e-6).map_or(0.0, |outward| (R_WG * Vector3::y()).dot(&outward));
+    let cost = weights.catchability * sideways
+        + weights.strength * grasp.strength_m / 0.03
+        + weights.comfort * (1.0 - comfort)
+        + weights.pass_through * (1.0 + v_G.y);
+    Some(RankedGrasp { index, X_WG, approach, cost })
+}

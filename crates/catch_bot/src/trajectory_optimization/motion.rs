@@ -1,0 +1,118 @@
+//! A whole motion: to the catch, then braking to rest, within every limit.
+
+use catch_body::{JointVector, MAX_JOINTS, robot::JointLimits};
+use catch_cell::{ArmTrajectory, BSpline, arm::Setpoint};
+
+use super::{
+    Planner, Start,
+    joint_spline::{End, JointSpline, JointState},
+};
+
+/// Braking uses this share of the acceleration limits when its duration is chosen; the spline needs room to ramp.
+pub(super) const BRAKE_SHARE: f64 = 0.5;
+/// Shortest braking in seconds.
+const MIN_BRAKE_S: f64 = 0.2;
+/// Instants at which torque and clearance are checked along a motion.
+const CHECKS: usize = 40;
+/// Distance from position, velocity and acceleration limits that rounding needs, relative.
+const ROUNDING: f64 = 1e-7;
+
+/// Shares of the velocity and acceleration limits that a motion may use.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shares {
+    /// Of the velocity limits.
+    pub velocity: f64,
+    /// Of the acceleration limits.
+    pub acceleration: f64,
+}
+
+impl Shares {
+    /// All that the arm may do.
+    pub const FULL: Self = Self { velocity: 1.0 - ROUNDING, acceleration: 1.0 - ROUNDING };
+}
+
+impl Planner {
+    /// The motion from `start` that is at `q` with velocity `dq` at `catch_s` and then brakes; `None` if none of its kind keeps
+    /// the joint limits, the torque limits and the clearances. The gripper is `width_m` open.
+    pub fn motion(
+        &self,
+        start: &Start,
+        catch_s: f64,
+        q: &JointVector,
+        dq: &JointVector,
+        width_m: f64,
+        shares: Shares,
+    ) -> Option<ArmTrajectory> {
+        let duration_s = catch_s - start.time_s;
+        let comfortable = &self.robot.comfortable_q;
+        let to_catch = self.spline(&self.catch_spline, &start.state, start.time_s, duration_s, shares, |i| {
+            (End::At { q: q[i], dq: dq[i] }, comfortable[i])
+        })?;
+        let [q, dq, ddq] = to_catch.evaluate(catch_s);
+        let braking = self.braking(&Setpoint { q, dq, ddq }, catch_s)?;
+        let trajectory = ArmTrajectory { spline: to_catch.followed_by(&braking) };
+        self.is_safe(&trajectory, width_m).then_some(trajectory)
+    }
+
+    /// From `state` to rest within the joint limits, as quickly as is comfortable.
+    pub fn braking(&self, state: &Setpoint, start_s: f64) -> Option<BSpline> {
+        let longest = |i: usize| {
+            let joint = &self.robot.joints[i];
+            state.dq[i].abs() / (BRAKE_SHARE * joint.limits.acceleration)
+        };
+        let mut duration_s = (0..self.robot.dof()).map(longest).fold(MIN_BRAKE_S, f64::max);
+        for _ in 0..4 {
+            let spline = self.spline(&self.brake_spline, state, start_s, duration_s, Shares::FULL, |_| (End::Rest, 0.0));
+            if spline.is_some() {
+                return spline;
+            }
+            duration_s *= 1.3;
+        }
+        None
+    }
+
+    /// One spline per joint, put together.
+    fn spline(
+        &self,
+        kind: &JointSpline,
+        state: &Setpoint,
+        start_s: f64,
+        duration_s: f64,
+        shares: Shares,
+        end: impl Fn(usize) -> (End, f64),
+    ) -> Option<BSpline> {
+        let mut control_points = vec![JointVector::zeros(); kind.len()];
+        for (i, joint) in self.robot.joints.iter().enumerate() {
+            let limits = JointLimits {
+                velocity: joint.limits.velocity * shares.velocity,
+                acceleration: joint.limits.acceleration * shares.acceleration,
+                ..joint.limits
+            };
+            let start = JointState { q: state.q[i], dq: state.dq[i], ddq: state.ddq[i] };
+            let (end, comfortable) = end(i);
+            let points = kind.solve(&start, &end, duration_s, &limits, comfortable)?;
+            for (row, point) in control_points.iter_mut().zip(points) {
+                row[i] = point;
+            }
+        }
+        let knots_s = kind.knots.iter().map(|knot| start_s + knot * duration_s).collect();
+        Some(BSpline { knots_s, control_points })
+    }
+
+    /// Whether torque limits and clearances hold along a trajectory.
+    fn is_safe(&self, trajectory: &ArmTrajectory, width_m: f64) -> bool {
+        let (start_s, length_s) = (trajectory.start_s(), trajectory.end_s() - trajectory.start_s());
+        (0..=CHECKS).all(|i| {
+            let at = trajectory.setpoint(start_s + length_s * i as f64 / CHECKS as f64);
+            let torque = self.robot.inverse_dynamics(&at.q, &at.dq, &at.ddq);
+            let within = (0..MAX_JOINTS.min(self.robot.dof()))
+                .all(|i| torque[i].abs() <= self.robot.joints[i].limits.torque * self.config.torque_share);
+            // The gripper's width matters little and only to the fingers; the floor and the arm itself are far from them.
+            within && {
+                let X_WL = self.robot.link_poses(&at.q);
+                self.clearance.self_clearance(&X_WL, width_m) >= self.config.clearance_m
+                    && self.clearance.floor_clearance(&X_WL, width_m) >= self.config.clearance_m
+            }
+        })
+    }
+}

@@ -1,0 +1,254 @@
+//! The choice of catch time, grasp and redundancy, and the ladder of replans.
+//!
+//! Every combination of catch time, ranked grasp, elbow swivel and inverse-kinematics branch is asked whether each joint can
+//! be there in time; what is left is scored, the best get their arrival velocities, and the first that also has a motion
+//! is taken. Reachability is thus the selector: nothing is planned that the arm cannot do, and when nothing is left the throw
+//! is out of reach.
+
+use catch_body::{JointVector, MAX_JOINTS, Pose};
+use nalgebra::Point3;
+use serde::{Deserialize, Serialize};
+
+use super::{
+    CatchPlan, Planner, Refusal, Start,
+    arrival::{Arrival, arrival},
+    motion::{BRAKE_SHARE, Shares},
+    reachability::{Interval, JointReach},
+};
+use crate::{
+    grasp_selection::{self, Approach, Grasp, GraspSet},
+    trajectory_prediction::FlightTrajectory,
+};
+
+/// Weights of the choice among catches that the arm can reach. All terms are costs.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Weights {
+    /// On the effort: the largest share of a joint's reach that is used, raised to the fourth power.
+    pub effort: f64,
+    /// On the distance from the comfortable pose, per radian.
+    pub comfort: f64,
+    /// On the missing speed fraction, relative to the highest.
+    pub speed: f64,
+    /// On the gripper's angular speed, per rad/s.
+    pub spin: f64,
+    /// On waiting longer, per second.
+    pub delay: f64,
+}
+
+impl Default for Weights {
+    fn default() -> Self {
+        Self { effort: 1.0, comfort: 0.02, speed: 0.5, spin: 0.2, delay: 0.5 }
+    }
+}
+
+/// A catch that every joint can reach.
+#[derive(Debug, Clone, Copy)]
+struct Candidate {
+    catch_s: f64,
+    grasp: usize,
+    approach: Approach,
+    X_WG: Pose,
+    q: JointVector,
+    swivel: f64,
+    cost: f64,
+}
+
+impl Planner {
+    /// The best catch of an object on `flight` that the arm can reach from `start`.
+    pub fn search(
+        &self,
+        start: &Start,
+        flight: &FlightTrajectory,
+        grasps: &GraspSet,
+        grasp_config: &grasp_selection::Config,
+    ) -> Result<CatchPlan, Refusal> {
+        let mut candidates = self.candidates(start, flight, grasps, grasp_config)?;
+        candidates.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+
+        // Arrival velocities cost more than reachability: they are found for the most promising only.
+        let mut arrivals: Vec<(f64, Candidate, Arrival)> = candidates
+            .iter()
+            .take(4 * self.config.attempts)
+            .filter_map(|candidate| {
+                let arrival = self.arrive(start, candidate.catch_s, &candidate.X_WG, &candidate.q, flight, self.cold_shares())?;
+                let weights = &self.config.weights;
+                let missing = 1.0 - arrival.speed_fraction / self.config.max_speed_fraction.max(1e-9);
+                let cost = candidate.cost + weights.speed * missing + weights.spin * arrival.spin_radps;
+                Some((cost, *candidate, arrival))
+            })
+            .collect();
+        if arrivals.is_empty() {
+            return Err(Refusal::OutOfReach);
+        }
+        arrivals.sort_by(|a, b| a.0.total_cmp(&b.0));
+        arrivals
+            .iter()
+            .filter(|(_, candidate, arrival)| {
+                let v_WO = flight.twist_at(candidate.catch_s).linear * (1.0 - arrival.speed_fraction);
+                grasps.comes_in_freely(&grasps.grasps[candidate.grasp], &candidate.X_WG, &v_WO, &self.gripper)
+            })
+            .take(self.config.attempts)
+            .find_map(|(_, candidate, arrival)| {
+                self.finish(start, candidate, &grasps.grasps[candidate.grasp], *arrival, self.cold_shares())
+            })
+            .ok_or(Refusal::NoMotion)
+    }
+
+    /// The same catch for a flight that is known better: same time, grasp and swivel.
+    pub fn retarget(&self, start: &Start, flight: &FlightTrajectory, plan: &CatchPlan) -> Option<CatchPlan> {
+        let X_WG = flight.pose_at(plan.catch_s) * plan.grasp.X_OG;
+        let srs = self.srs.as_ref()?;
+        let circle = srs.elbow_circle(&X_WG)?;
+        let solutions = srs.solve(&circle, plan.swivel);
+        let q = *solutions.iter().min_by(|a, b| (*a - plan.q).norm().total_cmp(&(*b - plan.q).norm()))?;
+        let arrival = self.arrive(start, plan.catch_s, &X_WG, &q, flight, Shares::FULL)?;
+        let candidate = Candidate {
+            catch_s: plan.catch_s,
+            grasp: 0,
+            approach: plan.approach,
+            X_WG,
+            q,
+            swivel: plan.swivel,
+            cost: 0.0,
+        };
+        self.finish(start, &candidate, &plan.grasp, arrival, Shares::FULL)
+    }
+
+    fn cold_shares(&self) -> Shares {
+        Shares { velocity: self.config.cold_velocity_share, acceleration: self.config.cold_acceleration_share }
+    }
+
+    /// All catches that every joint can reach in time.
+    fn candidates(
+        &self,
+        start: &Start,
+        flight: &FlightTrajectory,
+        grasps: &GraspSet,
+        grasp_config: &grasp_selection::Config,
+    ) -> Result<Vec<Candidate>, Refusal> {
+        let Some(srs) = &self.srs else { return Err(Refusal::NoMotion) };
+        let base = Point3::from(self.robot.X_WB.translation.vector);
+        let mut candidates = Vec::new();
+        let mut any_grasp = false;
+        let steps = (2.0 / self.config.time_step_s) as usize;
+        for step in 0..steps {
+            let lead_s = self.config.min_lead_s + step as f64 * self.config.time_step_s;
+            let catch_s = start.time_s + lead_s;
+            let X_WO = flight.pose_at(catch_s);
+            if X_WO.translation.vector.z < 0.0 {
+                break;
+            }
+            if srs.elbow_circle(&X_WO).is_none() && (X_WO.translation.vector - base.coords).norm() > 2.0 {
+                continue;
+            }
+            let joints = self.reaches(start, lead_s, self.cold_shares());
+            for ranked in grasps.rank(&X_WO, &flight.twist_at(catch_s).linear, &base, grasp_config) {
+                any_grasp = true;
+                let Some(circle) = srs.elbow_circle(&ranked.X_WG) else { continue };
+                for step in 0..self.config.swivels {
+                    let swivel = std::f64::consts::TAU * step as f64 / self.config.swivels as f64;
+                    for q in srs.solve(&circle, swivel).iter() {
+                        let Some(effort) = effort(&joints, &start.state.q, q, self.robot.dof()) else { continue };
+                        let weights = &self.config.weights;
+                        let cost = ranked.cost
+                            + weights.effort * effort.powi(4)
+                            + weights.comfort * (q - self.robot.comfortable_q).norm()
+                            + weights.delay * lead_s;
+                        candidates.push(Candidate {
+                            catch_s,
+                            grasp: ranked.index,
+                            approach: ranked.approach,
+                            X_WG: ranked.X_WG,
+                            q: *q,
+                            swivel,
+                            cost,
+                        });
+                    }
+                }
+            }
+        }
+        match (any_grasp, candidates.is_empty()) {
+            (_, false) => Ok(candidates),
+            (true, true) => Err(Refusal::OutOfReach),
+            (false, true) => Err(Refusal::NoGrasp),
+        }
+    }
+
+    /// What each joint can reach in `time_s` from the start.
+    fn reaches(&self, start: &Start, time_s: f64, shares: Shares) -> [JointReach; MAX_JOINTS] {
+        std::array::from_fn(|i| {
+            let limits = self.robot.joints.get(i).map(|joint| joint.limits);
+            let velocity = limits.map_or(0.0, |it| it.velocity * shares.velocity);
+            JointReach {
+                start_velocity: start.state.dq[i].clamp(-velocity, velocity),
+                velocity,
+                acceleration: limits.map_or(1.0, |it| it.acceleration * shares.acceleration),
+                time_s,
+            }
+        })
+    }
+
+    /// The arrival at `q`, within what the joints can reach and what leaves them room to brake.
+    fn arrive(
+        &self,
+        start: &Start,
+        catch_s: f64,
+        X_WG: &Pose,
+        q: &JointVector,
+        flight: &FlightTrajectory,
+        shares: Shares,
+    ) -> Option<Arrival> {
+        let joints = self.reaches(start, catch_s - start.time_s, shares);
+        let mut bounds = [Interval { low: 0.0, high: 0.0 }; MAX_JOINTS];
+        for (i, joint) in self.robot.joints.iter().enumerate() {
+            let displacement = q[i] - start.state.q[i];
+            let far = joints[i].displacements();
+            if displacement < far.low || displacement > far.high {
+                return None;
+            }
+            // v² = 2·a·s leaves room to brake before the end of the joint's range.
+            let braking = BRAKE_SHARE * joint.limits.acceleration;
+            let room = |distance: f64| (2.0 * braking * distance.max(0.0)).sqrt();
+            let stoppable = Interval { low: -room(q[i] - joint.limits.lower), high: room(joint.limits.upper - q[i]) };
+            bounds[i] = joints[i].arrival_velocities(displacement).intersection(&stoppable);
+        }
+        let X_WL = self.robot.link_poses(q);
+        let jacobian = self.robot.jacobian(&X_WL, &(X_WG * self.gripper.grasp_centre()));
+        arrival(&jacobian, &flight.twist_at(catch_s).linear, &bounds, self.config.max_speed_fraction)
+    }
+
+    /// Turns a candidate into a plan: a motion at the arrival's speed, or slower, or standing still.
+    fn finish(&self, start: &Start, candidate: &Candidate, grasp: &Grasp, arrival: Arrival, shares: Shares) -> Option<CatchPlan> {
+        [1.0, 0.75, 0.4, 0.0].iter().find_map(|share| {
+            let dq = arrival.dq * *share;
+            let trajectory = self.motion(start, candidate.catch_s, &candidate.q, &dq, grasp.open_width_m, shares)?;
+            Some(CatchPlan {
+                catch_s: candidate.catch_s,
+                grasp: grasp.clone(),
+                approach: candidate.approach,
+                X_WG: candidate.X_WG,
+                q: candidate.q,
+                swivel: candidate.swivel,
+                speed_fraction: arrival.speed_fraction * share,
+                spin_radps: arrival.spin_radps * share,
+                trajectory,
+            })
+        })
+    }
+}
+
+/// The largest share of its reach that a joint must use to get from `start` to `q`, `None` if one cannot.
+fn effort(joints: &[JointReach; MAX_JOINTS], start: &JointVector, q: &JointVector, dof: usize) -> Option<f64> {
+    let mut most: f64 = 0.0;
+    for i in 0..dof {
+        let far = joints[i].displacements();
+        let (middle, half) = ((far.low + far.high) / 2.0, (far.high - far.low) / 2.0);
+        let share = ((q[i] - start[i] - middle) / half).abs();
+        if share > 1.0 {
+            return None;
+        }
+        most = most.max(share);
+    }
+    Some(most)
+}
