@@ -1,5 +1,7 @@
 //! Where a ray first meets a mesh.
 
+mod arm_surface;
+
 use nalgebra::{Point3, Vector3};
 use obvhs::{
     aabb::Aabb,
@@ -10,6 +12,8 @@ use obvhs::{
 };
 
 use crate::mesh::TriangleMesh;
+
+pub use arm_surface::ArmSurface;
 
 /// How much the boxes of the hierarchy are widened, as a fraction of the mesh's radius. They are crossed in single precision,
 /// whose rounding errors stay far below this, so no triangle that the ray meets is ever passed over.
