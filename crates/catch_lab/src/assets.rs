@@ -47,6 +47,11 @@ impl Kind {
         }
     }
 
+    /// "a robot", "an object".
+    fn with_article(self) -> String {
+        if self == Self::Object { format!("an {self}") } else { format!("a {self}") }
+    }
+
     /// The file that describes one where it has a folder of its own.
     fn main_file(self) -> String {
         format!("{self}.toml")
@@ -122,13 +127,22 @@ impl Asset {
         Err(unknown(kind, name, field))
     }
 
+    /// Some built-in asset of a kind, where it does not matter which.
+    ///
+    /// # Errors
+    /// If there is none.
+    pub fn any_built_in(kind: Kind) -> Result<Self, InputError> {
+        Self::built_in(kind, kind.names().first().copied().unwrap_or_default())
+    }
+
     fn built_in(kind: Kind, name: &str) -> Result<Self, InputError> {
         let folder = Path::new(kind.folder());
         let own = folder.join(name).join(kind.main_file());
         let path = if BUILT_IN.get_file(&own).is_some() { own } else { folder.join(format!("{name}.toml")) };
         let file = path.display().to_string();
         let text = BUILT_IN.get_file(&path).and_then(|it| it.contents_utf8());
-        let text = text.ok_or_else(|| InputError::new(&file, "the file", "nothing", "a built-in text file"))?.to_owned();
+        let text =
+            text.ok_or_else(|| InputError::new(&file, "the file", "nothing", "a built-in text file"))?.to_owned();
         let origin = Origin::BuiltIn(path.parent().map(Path::to_path_buf).unwrap_or_default());
         Ok(Self { name: name.to_owned(), file, text, origin })
     }
@@ -140,11 +154,13 @@ impl Asset {
     pub fn on_disk(kind: Kind, path: &Path) -> Result<Self, InputError> {
         let file = path.display().to_string();
         let bytes = fs::read(path).map_err(|fault| unreadable(&file, kind, &fault))?;
-        let text = String::from_utf8(bytes)
-            .map_err(|_| InputError::new(&file, "the file", "binary data", format!("the TOML text of a {kind}")))?;
+        let text = String::from_utf8(bytes).map_err(|_| {
+            InputError::new(&file, "the file", "binary data", format!("the TOML text of {}", kind.with_article()))
+        })?;
         let folder = path.parent().map(Path::to_path_buf).unwrap_or_default();
         // A thing in a folder of its own bears the folder's name.
-        let named_by = if path.file_name().is_some_and(|it| *it == *kind.main_file()) { folder.as_path() } else { path };
+        let named_by =
+            if path.file_name().is_some_and(|it| *it == *kind.main_file()) { folder.as_path() } else { path };
         let name = named_by.file_stem().or_else(|| path.file_stem());
         let name = name.map(|it| it.to_string_lossy().into_owned()).unwrap_or_default();
         Ok(Self { name, file, text, origin: Origin::Disk(folder) })
@@ -160,7 +176,9 @@ impl Asset {
                 let path = folder.join(name);
                 let file = path.display().to_string();
                 let found = BUILT_IN.get_file(&path).map(|it| it.contents().to_vec());
-                let bytes = found.ok_or_else(|| InputError::new(&file, "the file", "nothing", format!("the {name} of {}", self.file)))?;
+                let bytes = found.ok_or_else(|| {
+                    InputError::new(&file, "the file", "nothing", format!("the {name} of {}", self.file))
+                })?;
                 Ok((file, bytes))
             }
             Origin::Disk(folder) => {
@@ -186,14 +204,19 @@ impl Asset {
 
 fn unreadable(file: &str, kind: Kind, fault: &std::io::Error) -> InputError {
     let built_in = kind.names().join(", ");
-    InputError::new(file, "the file", fault, format!("a readable {kind} file, or a built-in {kind}: {built_in}"))
+    InputError::new(
+        file,
+        "the file",
+        fault,
+        format!("a readable {kind} file, or one of the built-in {kind}s {built_in}"),
+    )
 }
 
 /// The error for a name that means nothing: what there is, and what was probably meant.
 fn unknown(kind: Kind, name: &str, (file, field): (&str, &str)) -> InputError {
     let names = kind.names();
     let hint = nearest(name, &names).map(|it| format!(" (did you mean `{it}`?)")).unwrap_or_default();
-    let expected = format!("one of {}, or the path of a {kind} file{hint}", names.join(", "));
+    let expected = format!("one of {}, or the path of {} file{hint}", names.join(", "), kind.with_article());
     InputError::new(file, field, format!("`{name}`"), expected)
 }
 

@@ -1,1 +1,19 @@
-//! x
+//! The lab: trials, their referee, their recordings, and the program `catchingbot`.
+//!
+//! Here, and only here, the brain and the arena meet: [`setup`] reads what a scenario names ([`assets`], [`scenario`]),
+//! [`trial`] lets the brain play one throw, [`referee`] judges it by the truth, [`timeline`] tells its story, [`recording`]
+//! keeps it and [`replay`] checks that the brain would do it again.
+
+pub mod assets;
+pub mod check;
+pub mod recording;
+pub mod referee;
+pub mod replay;
+pub mod scenario;
+pub mod setup;
+pub mod stopwatch;
+pub mod timeline;
+pub mod trial;
+
+/// Version of this program, as every result carries it.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");

@@ -60,7 +60,7 @@ pub struct Measures {
     pub relative_speed_mps: Option<f64>,
     /// Sum over the joints of how far each moved from the ready pose to the catch.
     pub joint_travel_rad: Option<f64>,
-    /// The largest force on the object.
+    /// The largest force on the object while the gripper touched it.
     pub peak_contact_force_n: f64,
     /// Highest velocity of a joint over its limit.
     pub peak_velocity_ratio: f64,
@@ -164,12 +164,14 @@ impl<'a> Evidence<'a> {
     fn measures(&self, setup: &Setup) -> Measures {
         let servo = &self.truth.servo;
         let plan = self.last.and_then(|report| report.plan.as_ref());
-        let forces = self.truth.samples.iter().map(|sample| sample.contact.peak_force_n);
+        let forces =
+            self.truth.samples.iter().filter(|sample| touches_gripper(sample)).map(|it| it.contact.peak_force_n);
         Measures {
             prediction_error_m: self.prediction_error_m(),
-            tracking_error_m: self.at_catch.zip(plan).map(|(sample, plan)| {
-                (sample.X_WG * self.grasp_centre_G - plan.X_WG * self.grasp_centre_G).norm()
-            }),
+            tracking_error_m: self
+                .at_catch
+                .zip(plan)
+                .map(|(sample, plan)| (sample.X_WG * self.grasp_centre_G - plan.X_WG * self.grasp_centre_G).norm()),
             grasp_offset_m: self.undisturbed_in_gripper().map(|p_GO| (p_GO - self.grasp_centre_G).norm()),
             relative_speed_mps: self.catch_s.and_then(|at| {
                 let at = self.first_touch_s().map_or(at, |touch| at.min(touch));

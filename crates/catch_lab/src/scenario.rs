@@ -4,6 +4,8 @@ use catch_body::InputError;
 use catch_sim::ArenaConfig;
 use serde::{Deserialize, Serialize};
 
+use crate::assets::Kind;
+
 /// A scenario's file: a composition of each module's own settings. What it does not say is the module's default.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -44,5 +46,17 @@ impl Scenario {
         let scenario: Self = InputError::parse_toml(file, text)?;
         scenario.arena.check(file, "arena")?;
         Ok(scenario)
+    }
+
+    /// The files that it names: what kind, in which field, by which name.
+    pub fn parts(&self) -> [(Kind, &'static str, &str); 6] {
+        [
+            (Kind::Robot, "robot", &self.robot),
+            (Kind::Gripper, "gripper", &self.gripper),
+            (Kind::Object, "object", &self.object),
+            (Kind::Throw, "throw", &self.throw),
+            (Kind::Rig, "flight_rig", &self.flight_rig),
+            (Kind::Rig, "reference_rig", &self.reference_rig),
+        ]
     }
 }

@@ -6,7 +6,7 @@ use catch_body::{Gripper, InputError, JointVector, Robot, robot_file::RobotFiles
 use catch_bot::CatchingBot;
 use catch_cell::{CameraModel, ReferenceScan};
 use catch_sim::{
-    Throw, ThrownObject, cameras,
+    Arena, Throw, ThrownObject, cameras,
     random_streams::{Stream, seed_for},
 };
 use serde::{Deserialize, Serialize};
@@ -31,6 +31,9 @@ pub struct Choice<'a> {
 
 /// The scenario that is meant when none is named.
 pub const DEFAULT_SCENARIO: &str = "paper";
+
+/// What errors call the place where the program's arguments stand.
+pub const COMMAND_LINE: &str = "command line";
 
 /// One throw among all: with the scenario, all that its outcome depends on.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -116,7 +119,7 @@ impl Setup {
     pub fn load(choice: &Choice) -> Result<Self, InputError> {
         let nowhere = Origin::BuiltIn(PathBuf::new());
         let name = choice.scenario.unwrap_or(DEFAULT_SCENARIO);
-        let asset = Asset::find(Kind::Scenario, name, &nowhere, ("--scenario", "value"))?;
+        let asset = Asset::find(Kind::Scenario, name, &nowhere, (COMMAND_LINE, "--scenario"))?;
         Self::of_scenario(&asset, choice)
     }
 
@@ -127,7 +130,9 @@ impl Setup {
     pub fn of_scenario(asset: &Asset, choice: &Choice) -> Result<Self, InputError> {
         let mut scenario = Scenario::from_toml(&asset.file, &asset.text)?;
         let find = |kind: Kind, asked: Option<&str>, named: &str, field: &str| match asked {
-            Some(name) => Asset::find(kind, name, &Origin::BuiltIn(PathBuf::new()), (&format!("--{kind}"), "value")),
+            Some(name) => {
+                Asset::find(kind, name, &Origin::BuiltIn(PathBuf::new()), (COMMAND_LINE, &format!("--{kind}")))
+            }
             None => Asset::find(kind, named, &asset.origin, (&asset.file, field)),
         };
         let robot = find(Kind::Robot, choice.robot, &scenario.robot, "robot")?;
@@ -175,6 +180,13 @@ impl Setup {
     pub fn scene(&self, seed: u64, index: u64) -> Scene {
         let Scenario { name, object, throw, .. } = &self.scenario;
         Scene { scenario: name.clone(), object: object.clone(), throw: throw.clone(), seed, index }
+    }
+
+    /// The arena with everything in place, the object about to fly.
+    pub fn arena(&self, seed: u64, index: u64) -> Arena {
+        let release = self.throw.release(&self.object.name, seed, index);
+        let Self { scenario, robot, gripper, object, ready_q, cameras, .. } = self;
+        Arena::new(&scenario.arena, robot, gripper, object, &release, ready_q, cameras, seed, index)
     }
 
     /// The brain's settings in one scene: those of the scenario, what is known of the object beforehand, and a seed.

@@ -95,7 +95,9 @@ pub(crate) fn why_not_caught(evidence: &Evidence) -> Option<Reason> {
     if evidence.catch_s.is_none() {
         return Some(without_a_plan(evidence));
     }
-    if touched_else.is_some_and(|sample| sample.contact.arm && evidence.contact_s.is_none_or(|touch| sample.time_s < touch)) {
+    if touched_else
+        .is_some_and(|sample| sample.contact.arm && evidence.contact_s.is_none_or(|touch| sample.time_s < touch))
+    {
         return Some(Reason::HitArm);
     }
     Some(with_a_plan(evidence))
@@ -105,7 +107,9 @@ pub(crate) fn why_not_caught(evidence: &Evidence) -> Option<Reason> {
 fn without_a_plan(evidence: &Evidence) -> Reason {
     match evidence.furthest_status() {
         Status::NoObject => Reason::Perception,
-        Status::NoTrajectory if evidence.pose_error_m().is_some_and(|error| error > LARGE_ERROR_M) => Reason::Perception,
+        Status::NoTrajectory if evidence.pose_error_m().is_some_and(|error| error > LARGE_ERROR_M) => {
+            Reason::Perception
+        }
         Status::NoTrajectory => Reason::Prediction,
         Status::OutOfReach => Reason::OutOfReach,
         Status::NoGrasp => Reason::NoGrasp,
@@ -117,7 +121,9 @@ fn without_a_plan(evidence: &Evidence) -> Reason {
 fn with_a_plan(evidence: &Evidence) -> Reason {
     if let Some(grasped_for_s) = evidence.contact_s.and_then(|_| grasped_for_s(evidence)) {
         // Both fingers had it: either for good, or it was on its way out all the time.
-        let held = evidence.contact_s.is_some_and(|touch| evidence.first_not_held_s().is_some_and(|lost| lost > touch + 0.5 + 2e-3));
+        let held = evidence
+            .contact_s
+            .is_some_and(|touch| evidence.first_not_held_s().is_some_and(|lost| lost > touch + 0.5 + 2e-3));
         return if held || grasped_for_s > 0.5 { Reason::Dropped } else { Reason::SlippedOut };
     }
     if evidence.prediction_error_m().is_some_and(|error| error > LARGE_ERROR_M) {
@@ -129,11 +135,14 @@ fn with_a_plan(evidence: &Evidence) -> Reason {
     }
     let Some(p_GO) = evidence.undisturbed_in_gripper() else { return Reason::Late };
     let Some(at_catch) = evidence.at_catch else { return Reason::Late };
-    let centred = (p_GO - evidence.grasp_centre_G).component_mul(&nalgebra::Vector3::new(1.0, 1.0, 0.0)).norm() <= LARGE_ERROR_M;
-    let object_width_m = evidence.last.and_then(|report| report.plan.as_ref()).map_or(0.0, |plan| plan.object_width_m);
+    let centred =
+        (p_GO - evidence.grasp_centre_G).component_mul(&nalgebra::Vector3::new(1.0, 1.0, 0.0)).norm() <= LARGE_ERROR_M;
+    let object_width_m =
+        evidence.last.and_then(|report| report.plan.as_ref()).map_or(0.0, |plan| plan.grasp.object_width_m);
 
     // How wide the gripper was when the object reached it.
-    let arrival = evidence.contact_s.or(evidence.catch_s).and_then(|at| sample_at(evidence.truth, at)).unwrap_or(at_catch);
+    let arrival =
+        evidence.contact_s.or(evidence.catch_s).and_then(|at| sample_at(evidence.truth, at)).unwrap_or(at_catch);
     if arrival.width_m < object_width_m - 2e-3 {
         return Reason::ClosedEarly;
     }
@@ -143,7 +152,8 @@ fn with_a_plan(evidence: &Evidence) -> Reason {
     let first = arrival;
     let p_GO_first = first.X_WG.inverse_transform_point(&first.X_WO.translation.vector.into());
     let between = p_GO_first.x.abs() < first.width_m / 2.0 && p_GO_first.z.abs() < PASSING_M;
-    let closing = evidence.last.and_then(|report| report.closing).is_some_and(|closing| first.time_s >= closing.start_s);
+    let closing =
+        evidence.last.and_then(|report| report.closing).is_some_and(|closing| first.time_s >= closing.start_s);
     match (between, closing) {
         (true, true) => Reason::SlippedOut,
         (true, false) if first.contact.palm => Reason::ClosedLate,

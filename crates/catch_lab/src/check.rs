@@ -1,0 +1,110 @@
+//! Checks of a user's files: what kind of file is it, and what is wrong with it?
+
+use std::path::{Path, PathBuf};
+
+use catch_body::{Gripper, InputError};
+use catch_sim::{Throw, ThrownObject, cameras};
+
+use crate::{
+    assets::{Asset, Kind},
+    scenario::Scenario,
+    setup::{Choice, Setup, SourceNames, Sources},
+};
+
+/// What a check found.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Checked {
+    /// What the file describes, if that can be told.
+    pub kind: Option<Kind>,
+    /// All faults found.
+    pub faults: Vec<InputError>,
+}
+
+/// Fields that only one kind of file has.
+const TELLTALES: [(&str, Kind); 7] = [
+    ("flight_rig", Kind::Scenario),
+    ("arena", Kind::Scenario),
+    ("gripper_mount", Kind::Robot),
+    ("finger_mass_kg", Kind::Gripper),
+    ("truth", Kind::Object),
+    ("motion", Kind::Throw),
+    ("uv_sphere", Kind::Rig),
+];
+
+/// Checks one file.
+pub fn check(path: &Path) -> Checked {
+    let path = robot_file(path);
+    // Every kind of file is read in the same way; which kind it is only shows afterwards.
+    let asset = match Asset::on_disk(Kind::Scenario, &path) {
+        Ok(asset) => asset,
+        Err(InputError { file, field, found, .. }) => {
+            let expected = "a readable file: a scenario, robot, gripper, object, throw or rig";
+            return Checked { kind: None, faults: vec![InputError::new(file, field, found, expected)] };
+        }
+    };
+    let table: toml::Table = match InputError::parse_toml(&asset.file, &asset.text) {
+        Ok(table) => table,
+        Err(fault) => return Checked { kind: None, faults: vec![fault] },
+    };
+    let kind = TELLTALES.iter().find(|(field, _)| table.contains_key(*field)).map(|&(_, kind)| kind);
+    let faults = match kind {
+        Some(kind) => faults_of(kind, &asset),
+        None => {
+            let fields: Vec<&str> = table.keys().map(String::as_str).collect();
+            let expected = "the fields of a scenario, robot, gripper, object, throw or rig (`catchingbot list --show NAME` prints one)";
+            vec![InputError::new(&asset.file, "the file", format!("fields {}", fields.join(", ")), expected)]
+        }
+    };
+    Checked { kind, faults }
+}
+
+/// A robot may be called by its folder or its URDF; what is checked is its `robot.toml` and what that stands beside.
+fn robot_file(path: &Path) -> PathBuf {
+    let is_urdf = path.extension().is_some_and(|it| it == "urdf");
+    if is_urdf {
+        path.with_file_name("robot.toml")
+    } else if path.is_dir() {
+        path.join("robot.toml")
+    } else {
+        path.to_path_buf()
+    }
+}
+
+fn faults_of(kind: Kind, asset: &Asset) -> Vec<InputError> {
+    let (file, text) = (&asset.file, &asset.text);
+    let result = match kind {
+        Kind::Scenario => return faults_of_scenario(asset),
+        Kind::Robot => asset.read_text_beside("robot.urdf").and_then(|(urdf_file, robot_urdf)| {
+            let gripper = Asset::any_built_in(Kind::Gripper)?;
+            let sources = Sources { robot_urdf, robot_toml: text.clone(), gripper_toml: gripper.text };
+            sources
+                .parse(&SourceNames { robot_urdf: &urdf_file, robot_toml: file, gripper_toml: &gripper.file })
+                .map(drop)
+        }),
+        Kind::Gripper => Gripper::from_toml(file, text).map(drop),
+        Kind::Object => ThrownObject::from_toml(file, text, &|name| Ok(asset.read_beside(name)?.1)).map(drop),
+        Kind::Throw => Throw::from_toml(file, text).map(drop),
+        Kind::Rig => cameras::rig_from_toml(file, text).map(drop),
+    };
+    result.err().into_iter().collect()
+}
+
+/// A scenario's own faults, or those of all the files that it names.
+fn faults_of_scenario(asset: &Asset) -> Vec<InputError> {
+    let scenario = match Scenario::from_toml(&asset.file, &asset.text) {
+        Ok(scenario) => scenario,
+        Err(fault) => return vec![fault],
+    };
+    let mut faults = Vec::new();
+    for (kind, field, name) in scenario.parts() {
+        match Asset::find(kind, name, &asset.origin, (&asset.file, field)) {
+            Ok(part) => faults.extend(faults_of(kind, &part)),
+            Err(fault) => faults.push(fault),
+        }
+    }
+    if faults.is_empty() {
+        // Each part is right; they may still not fit together.
+        faults.extend(Setup::of_scenario(asset, &Choice::default()).err());
+    }
+    faults
+}

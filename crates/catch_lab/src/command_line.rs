@@ -1,0 +1,90 @@
+//! What can be asked for on the command line.
+
+pub mod catch;
+pub mod check;
+pub mod list;
+pub mod replay;
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+
+use catch_lab::setup::{Choice, DEFAULT_SCENARIO};
+
+/// Throws things at a robot arm that catches them from depth images alone.
+///
+/// Without a subcommand it does what `catch` does: one throw, simulated from the thrower's hand to the arm's, with its story
+/// on the terminal and a recording on disk.
+#[derive(Debug, Parser)]
+#[command(name = "catchingbot", version, args_conflicts_with_subcommands = true, max_term_width = 100)]
+#[command(after_help = "\
+Examples:
+  catchingbot                                     a tennis ball, thrown from near
+  catchingbot --object banana --throw far         a banana, thrown from far
+  catchingbot list                                what there is to throw, and how
+  catchingbot catch --json --seed 7 | jq .caught  for scripts: one JSON document
+  catchingbot replay out/paper-tennis_ball-near-1-0.catch
+                                                  would the brain do the same again?
+
+Exit codes: 0 it ran, whatever was caught; 2 something is wrong with what was asked for; 1 anything else.")]
+pub struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    catch: catch::CatchArguments,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// One throw: its story as it happens, the outcome, a recording
+    Catch(Box<catch::CatchArguments>),
+    /// The scenarios, objects, throws, robots, grippers and camera rigs that are built in
+    List(list::ListArguments),
+    /// The brain once more on the observations of a recording: does it want the same, bit for bit?
+    Replay(replay::ReplayArguments),
+    /// Is this robot, gripper, object, throw, rig or scenario file right?
+    Check(check::CheckArguments),
+}
+
+/// What is thrown at what.
+#[derive(Debug, Args)]
+pub struct ChoiceArguments {
+    /// Scenario: a built-in name or a file
+    #[arg(long, value_name = "NAME|FILE", default_value = DEFAULT_SCENARIO)]
+    scenario: String,
+    /// Arm: a built-in name, or a robot.toml with a robot.urdf beside it [default: the scenario's]
+    #[arg(long, value_name = "NAME|FILE")]
+    robot: Option<String>,
+}
+
+impl ChoiceArguments {
+    /// The choice, with an object and a throw.
+    pub fn with<'a>(&'a self, object: Option<&'a str>, throw: Option<&'a str>) -> Choice<'a> {
+        Choice { scenario: Some(&self.scenario), robot: self.robot.as_deref(), object, throw }
+    }
+}
+
+/// Where results go.
+#[derive(Debug, Args)]
+pub struct OutputArguments {
+    /// Folder for what is written
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    out: PathBuf,
+    /// Print one JSON document instead of the story
+    #[arg(long)]
+    json: bool,
+}
+
+/// Does what was asked for.
+///
+/// # Errors
+/// Faults of the input as [`catch_body::InputError`]; anything else that went wrong.
+pub fn run(arguments: Arguments) -> anyhow::Result<()> {
+    match arguments.command {
+        None => catch::run(&arguments.catch),
+        Some(Command::Catch(catch)) => catch::run(&catch),
+        Some(Command::List(list)) => list::run(&list),
+        Some(Command::Replay(replay)) => replay::run(&replay),
+        Some(Command::Check(check)) => check::run(&check),
+    }
+}

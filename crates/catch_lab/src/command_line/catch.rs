@@ -1,0 +1,187 @@
+//! `catchingbot catch`: one throw.
+
+use std::{
+    collections::BTreeMap,
+    fs, io,
+    path::{Path, PathBuf},
+};
+
+use anyhow::Context;
+use catch_body::InputError;
+use catch_lab::{
+    VERSION,
+    recording::{Ending, Recorder, file_stem},
+    referee::{self, Measures, Verdict},
+    scenario::Scenario,
+    setup::{COMMAND_LINE, Scene, Setup},
+    stopwatch::{StageTimes, Stopwatch},
+    timeline::{Entry, Event, Timeline},
+    trial,
+};
+use clap::Args;
+use serde::Serialize;
+
+use super::{ChoiceArguments, OutputArguments};
+use crate::screen::{self, BAD, FAINT, GOOD, STRONG};
+
+/// Arguments of `catch`.
+#[derive(Debug, Args)]
+pub struct CatchArguments {
+    #[command(flatten)]
+    choice: ChoiceArguments,
+    /// Object: a built-in name or a file [default: the scenario's]
+    #[arg(long, value_name = "NAME|FILE")]
+    object: Option<String>,
+    /// Throw: a built-in name or a file [default: the scenario's]
+    #[arg(long, value_name = "NAME|FILE")]
+    throw: Option<String>,
+    /// Seed of everything random
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Number of the throw, for throws that differ
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    index: u64,
+    #[command(flatten)]
+    output: OutputArguments,
+}
+
+/// The JSON document.
+#[derive(Serialize)]
+struct Document<'a> {
+    version: &'static str,
+    caught: bool,
+    caught_paper: bool,
+    reason: Option<referee::reason::Reason>,
+    limit_violations: usize,
+    scene: &'a Scene,
+    catch_time_s: Option<f64>,
+    contact_s: Option<f64>,
+    measures: &'a Measures,
+    timeline: &'a [Entry],
+    stages: BTreeMap<&'static str, StageTimes>,
+    recording: &'a Path,
+    scenario: &'a Scenario,
+}
+
+/// One throw: its story, the outcome, a recording.
+///
+/// # Errors
+/// Faults in the arguments and files; a folder that cannot be written.
+pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
+    let CatchArguments { choice, object, throw, seed, index, output } = arguments;
+    let setup = Setup::load(&choice.with(object.as_deref(), throw.as_deref()))?;
+    let scene = setup.scene(*seed, *index);
+    let mut recorder = Recorder::create(&output.out, &setup, &scene).map_err(|fault| {
+        InputError::new(
+            COMMAND_LINE,
+            "--out",
+            format!("`{}`: {fault}", output.out.display()),
+            "a folder that can be written",
+        )
+    })?;
+
+    let aloud = !output.json;
+    if aloud {
+        title(&scene)?;
+    }
+    let mut timeline = Timeline::default();
+    let trial = trial::run(&setup, *seed, *index, &mut |tick, truth| {
+        recorder.ticked(tick)?;
+        for entry in timeline.ticked(tick, truth).iter().filter(|_| aloud) {
+            tell(entry)?;
+        }
+        Ok(())
+    })
+    .with_context(|| format!("the recording in {}", output.out.display()))?;
+
+    let verdict = referee::judge(&setup, &trial);
+    let end_s = trial.truth.samples.last().map_or(0.0, |sample| sample.time_s);
+    for entry in timeline.ended(&verdict, end_s).iter().filter(|_| aloud) {
+        tell(entry)?;
+    }
+    let ending = Ending { truth: trial.truth, timeline: timeline.entries().to_vec(), verdict };
+    let recording = recorder.finish(&ending).with_context(|| format!("the recording in {}", output.out.display()))?;
+    write_times(&output.out, &scene, &trial.stopwatch)?;
+
+    let verdict = &ending.verdict;
+    if aloud {
+        return Ok(summary(&scene, verdict, &trial.stopwatch, &recording)?);
+    }
+    screen::json(&Document {
+        version: VERSION,
+        caught: verdict.caught,
+        caught_paper: verdict.caught_paper,
+        reason: verdict.reason,
+        limit_violations: verdict.limit_violations,
+        scene: &scene,
+        catch_time_s: verdict.catch_time_s,
+        contact_s: verdict.contact_s,
+        measures: &verdict.measures,
+        timeline: &ending.timeline,
+        stages: trial.stopwatch.summary(),
+        recording: &recording,
+        scenario: &setup.scenario,
+    })
+}
+
+/// Wall times stand beside the recording, which is the same bytes every time.
+fn write_times(folder: &Path, scene: &Scene, stopwatch: &Stopwatch) -> anyhow::Result<PathBuf> {
+    let path = folder.join(format!("{}.times.json", file_stem(scene)));
+    let text = serde_json::to_string_pretty(&stopwatch.summary())?;
+    fs::write(&path, text + "\n").with_context(|| format!("{}", path.display()))?;
+    Ok(path)
+}
+
+fn title(scene: &Scene) -> io::Result<()> {
+    let Scene { scenario, object, throw, seed, index } = scene;
+    screen::line(&format!(
+        "\n  {STRONG}{object}, {throw} throw{STRONG:#} {FAINT}· scenario {scenario}, seed {seed}, throw {index}{FAINT:#}\n"
+    ))
+}
+
+fn tell(entry: &Entry) -> io::Result<()> {
+    let style = match entry.event {
+        Event::Held => GOOD,
+        Event::Missed => BAD,
+        _ => STRONG,
+    };
+    let Entry { time_s, event, detail, .. } = entry;
+    screen::line(&format!("  {FAINT}{time_s:>6.3} s{FAINT:#}  {style}{:<16}{style:#}  {detail}", event.label()))
+}
+
+fn summary(scene: &Scene, verdict: &Verdict, stopwatch: &Stopwatch, recording: &Path) -> io::Result<()> {
+    let millimetres = |value: Option<f64>| value.map_or("unknown".to_owned(), |it| format!("{:.1} mm", it * 1e3));
+    let percent = |ratio: f64| format!("{:.0} %", ratio * 100.0);
+    let measures = &verdict.measures;
+    let object = &scene.object;
+    screen::line("")?;
+    match verdict.reason {
+        None => screen::line(&format!("  {GOOD}Caught.{GOOD:#} The {object} stayed in the hand."))?,
+        Some(reason) => screen::line(&format!("  {BAD}Not caught:{BAD:#} {reason}."))?,
+    }
+    screen::line("")?;
+    screen::fact("by the paper", if verdict.caught_paper { "caught" } else { "not caught" })?;
+    if verdict.catch_time_s.is_some() {
+        screen::fact("prediction", &format!("off by {} at the catch", millimetres(measures.prediction_error_m)))?;
+        screen::fact("hand", &format!("off by {} from its plan", millimetres(measures.tracking_error_m)))?;
+    }
+    if let Some(travel_rad) = measures.joint_travel_rad {
+        screen::fact("arm", &format!("{travel_rad:.2} rad over all joints from its ready pose to the catch"))?;
+    }
+    let clearances = [measures.min_self_clearance_m, measures.min_floor_clearance_m].map(millimetres);
+    screen::fact("clearance", &format!("{} from itself, {} from the floor", clearances[0], clearances[1]))?;
+    let broken = match verdict.limit_violations {
+        0 => "none broken".to_owned(),
+        count => format!("{BAD}{count} broken{BAD:#}"),
+    };
+    let (velocity, torque) = (percent(measures.peak_velocity_ratio), percent(measures.peak_torque_ratio));
+    screen::fact("limits", &format!("{broken}; at most {velocity} of a joint's velocity, {torque} of its torque"))?;
+    let stages: Vec<String> = stopwatch
+        .summary()
+        .iter()
+        .map(|(stage, times)| format!("{stage} {:.2} ms (max {:.1})", times.p50_ms, times.max_ms))
+        .collect();
+    screen::fact("median times", &stages.join(", "))?;
+    screen::fact("recording", &format!("{}", recording.display()))?;
+    screen::line("")
+}

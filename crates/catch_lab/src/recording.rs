@@ -1,0 +1,299 @@
+//! Recordings: one file per throw that holds all that was seen, wanted, thought and true.
+//!
+//! A gzip file of MessagePack maps with named fields, one after the other: a [`Header`], one [`RecordedTick`] per tick, and an
+//! [`Ending`]. Other tools read it so: `zcat FILE | msgpack2json -c`. It holds no wall time and no path: the same scene gives
+//! the same bytes.
+
+use std::{
+    fs::{self, File},
+    io::{self, BufReader, BufWriter, Read},
+    path::{Path, PathBuf},
+};
+
+use catch_body::{InputError, JointVector, Pose};
+use catch_bot::{
+    Report, Status, control::GripperPlan, grasp_selection::Approach, perception::ObjectPose,
+    trajectory_prediction::FlightTrajectory,
+};
+use catch_cell::{CameraModel, Command, Observation, ReferenceScan};
+use catch_sim::Truth;
+use flate2::{Compression, GzBuilder, read::GzDecoder, write::GzEncoder};
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+
+use crate::{
+    VERSION,
+    referee::Verdict,
+    scenario::Scenario,
+    setup::{Scene, Setup, Sources},
+    timeline::Entry,
+    trial::Tick,
+};
+
+/// What every recording begins with.
+pub const FORMAT: &str = "catchingbot recording";
+/// Changes whenever older programs could not read the file.
+pub const FORMAT_VERSION: u32 = 1;
+/// Ending of the files' names.
+pub const EXTENSION: &str = "catch";
+
+/// What was known before the throw: enough to build the same brain again.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Header {
+    /// [`FORMAT`].
+    pub format: String,
+    /// [`FORMAT_VERSION`].
+    pub format_version: u32,
+    /// Version of the program that wrote it.
+    pub version: String,
+    /// Which throw.
+    pub scene: Scene,
+    /// The scenario, all choices made.
+    pub scenario: Scenario,
+    /// The brain's settings as it was given them.
+    pub brain: catch_bot::Config,
+    /// Texts of robot and gripper.
+    pub sources: Sources,
+    /// The cameras as the brain believes them to be.
+    pub cameras: Vec<CameraModel>,
+    /// What it knows of the object's shape.
+    pub reference_scan: ReferenceScan,
+}
+
+/// One tick of the brain.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecordedTick {
+    /// What it saw.
+    pub observation: Observation,
+    /// What it wanted.
+    pub command: Command,
+    /// What it thought.
+    pub report: RecordedReport,
+}
+
+/// What the brain thought. The plan's motion is in the command of the tick that made it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecordedReport {
+    /// How far it got.
+    pub status: Status,
+    /// The newest pose of the object.
+    pub pose: Option<ObjectPose>,
+    /// The predicted flight.
+    pub flight: Option<FlightTrajectory>,
+    /// Where, when and how it means to catch.
+    pub plan: Option<RecordedPlan>,
+    /// Closing of the gripper.
+    pub closing: Option<GripperPlan>,
+}
+
+/// A plan without its motion.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecordedPlan {
+    /// When the object is at the grasp centre.
+    pub catch_s: f64,
+    /// How the object comes into the gripper.
+    pub approach: Approach,
+    /// Pose of the gripper then.
+    pub X_WG: Pose,
+    /// Joint positions then, in radians.
+    pub q: JointVector,
+    /// Share of the object's velocity at which the gripper moves along.
+    pub speed_fraction: f64,
+    /// Opening before the catch.
+    pub open_width_m: f64,
+    /// Width of the object between the fingers.
+    pub object_width_m: f64,
+}
+
+/// What is known afterwards.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Ending {
+    /// What really happened.
+    pub truth: Truth,
+    /// The story.
+    pub timeline: Vec<Entry>,
+    /// The outcome.
+    pub verdict: Verdict,
+}
+
+impl From<&Report> for RecordedReport {
+    fn from(report: &Report) -> Self {
+        let plan = report.plan.as_ref().map(|plan| RecordedPlan {
+            catch_s: plan.catch_s,
+            approach: plan.approach,
+            X_WG: plan.X_WG,
+            q: plan.q,
+            speed_fraction: plan.speed_fraction,
+            open_width_m: plan.grasp.open_width_m,
+            object_width_m: plan.grasp.object_width_m,
+        });
+        Self { status: report.status, pose: report.pose, flight: report.flight.clone(), plan, closing: report.closing }
+    }
+}
+
+#[derive(Serialize)]
+#[serde(rename_all = "snake_case")]
+enum Written<'a> {
+    Tick { observation: &'a Observation, command: &'a Command, report: RecordedReport },
+    Ending(&'a Ending),
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Found {
+    Tick(Box<RecordedTick>),
+    Ending(Box<Ending>),
+}
+
+/// Writes a recording while the trial runs. The file appears under its name when it is complete, not before.
+pub struct Recorder {
+    path: PathBuf,
+    unfinished: PathBuf,
+    out: Option<GzEncoder<BufWriter<File>>>,
+}
+
+impl Recorder {
+    /// Begins the recording of a scene in `folder`, which is made if it does not exist.
+    ///
+    /// # Errors
+    /// If the folder or the file cannot be written.
+    pub fn create(folder: &Path, setup: &Setup, scene: &Scene) -> io::Result<Self> {
+        fs::create_dir_all(folder)?;
+        let name = file_stem(scene);
+        let path = folder.join(format!("{name}.{EXTENSION}"));
+        let unfinished = folder.join(format!(".{name}.{}.unfinished", std::process::id()));
+        let out = GzBuilder::new().write(BufWriter::new(File::create(&unfinished)?), Compression::fast());
+        let mut recorder = Self { path, unfinished, out: Some(out) };
+        recorder.write(&Header {
+            format: FORMAT.to_owned(),
+            format_version: FORMAT_VERSION,
+            version: VERSION.to_owned(),
+            scene: scene.clone(),
+            scenario: setup.scenario.clone(),
+            brain: setup.brain_config(scene.seed, scene.index),
+            sources: setup.sources.clone(),
+            cameras: setup.cameras.clone(),
+            reference_scan: setup.reference_scan.clone(),
+        })?;
+        Ok(recorder)
+    }
+
+    /// Adds a tick.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn ticked(&mut self, tick: &Tick) -> io::Result<()> {
+        let Tick { observation, command, report } = *tick;
+        self.write(&Written::Tick { observation, command, report: report.into() })
+    }
+
+    /// Adds the ending and gives the file its name, which is returned.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn finish(mut self, ending: &Ending) -> io::Result<PathBuf> {
+        self.write(&Written::Ending(ending))?;
+        if let Some(out) = self.out.take() {
+            out.finish()?.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()?;
+        }
+        fs::rename(&self.unfinished, &self.path)?;
+        Ok(self.path.clone())
+    }
+
+    fn write(&mut self, value: &impl Serialize) -> io::Result<()> {
+        let Some(out) = &mut self.out else { return Ok(()) };
+        rmp_serde::encode::write_named(out, value).map_err(|fault| match fault {
+            rmp_serde::encode::Error::InvalidValueWrite(write) => write.into(),
+            other => io::Error::other(other),
+        })
+    }
+}
+
+impl Drop for Recorder {
+    /// What was not finished is taken away; after a finish there is nothing left to take.
+    fn drop(&mut self) {
+        let _ = fs::remove_file(&self.unfinished);
+    }
+}
+
+/// Name of a scene's files, without ending.
+pub fn file_stem(scene: &Scene) -> String {
+    let Scene { scenario, object, throw, seed, index } = scene;
+    format!("{scenario}-{object}-{throw}-{seed}-{index}")
+}
+
+/// Reads a recording, tick by tick.
+pub struct RecordingReader {
+    file: String,
+    input: BufReader<GzDecoder<BufReader<File>>>,
+    /// What was known before the throw.
+    pub header: Header,
+}
+
+/// What follows the header.
+pub enum Part {
+    /// The next tick.
+    Tick(Box<RecordedTick>),
+    /// The end; nothing follows.
+    Ending(Box<Ending>),
+}
+
+impl RecordingReader {
+    /// Opens a recording and reads its header.
+    ///
+    /// # Errors
+    /// If there is no such file, it is not a recording, or a recording of another version.
+    pub fn open(path: &Path) -> Result<Self, InputError> {
+        let file = path.display().to_string();
+        let opened = File::open(path)
+            .map_err(|fault| InputError::new(&file, "the file", fault, "a recording written by `catchingbot catch`"))?;
+        let mut input = BufReader::new(GzDecoder::new(BufReader::new(opened)));
+        let header: Header = read(&file, &mut input, true)?;
+        if header.format != FORMAT {
+            return Err(InputError::new(&file, "format", header.format, FORMAT));
+        }
+        if header.format_version != FORMAT_VERSION {
+            let found = format!("{}, written by version {}", header.format_version, header.version);
+            return Err(InputError::new(&file, "format_version", found, FORMAT_VERSION));
+        }
+        Ok(Self { file, input, header })
+    }
+
+    /// The next part of the recording.
+    ///
+    /// # Errors
+    /// If the file ends before its ending or is damaged.
+    pub fn next_part(&mut self) -> Result<Part, InputError> {
+        match read(&self.file, &mut self.input, false)? {
+            Found::Tick(tick) => Ok(Part::Tick(tick)),
+            Found::Ending(ending) => {
+                // Reading on to the end checks the checksum, too.
+                let rest = io::copy(&mut self.input.by_ref().take(1), &mut io::sink());
+                if rest.as_ref().is_ok_and(|&bytes| bytes == 0) {
+                    return Ok(Part::Ending(ending));
+                }
+                let found = rest.map_or_else(|fault| fault.to_string(), |_| "more data after its end".to_owned());
+                Err(InputError::new(&self.file, "the file", found, "the end of the recording"))
+            }
+        }
+    }
+}
+
+fn read<T: DeserializeOwned>(file: &str, input: &mut impl Read, first: bool) -> Result<T, InputError> {
+    rmp_serde::decode::from_read(input).map_err(|fault| {
+        let cut_off = match &fault {
+            rmp_serde::decode::Error::InvalidMarkerRead(fault) | rmp_serde::decode::Error::InvalidDataRead(fault) => {
+                fault.kind() == io::ErrorKind::UnexpectedEof
+            }
+            _ => false,
+        };
+        match (first, cut_off) {
+            (true, false) => {
+                InputError::new(file, "the file", "something else", "a recording written by `catchingbot catch`")
+            }
+            (_, true) => {
+                InputError::new(file, "the file", "an end too early", "a complete recording; this one was cut off")
+            }
+            (false, false) => InputError::new(file, "the file", fault, "an undamaged recording"),
+        }
+    })
+}

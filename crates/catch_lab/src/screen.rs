@@ -1,0 +1,57 @@
+//! What appears on the terminal. Colours only where the output is a terminal; results on standard output, faults on standard
+//! error.
+
+use std::io::{self, Write};
+
+use anstyle::{AnsiColor, Style};
+
+/// For what went well.
+pub const GOOD: Style = AnsiColor::Green.on_default().bold();
+/// For what did not.
+pub const BAD: Style = AnsiColor::Red.on_default().bold();
+/// For what stands out.
+pub const STRONG: Style = Style::new().bold();
+/// For what stands back.
+pub const FAINT: Style = Style::new().dimmed();
+
+/// Width of the column of labels.
+const LABEL_WIDTH: usize = 18;
+
+/// Prints one line of results.
+///
+/// # Errors
+/// If standard output is closed.
+pub fn line(text: &str) -> io::Result<()> {
+    writeln!(anstream::stdout().lock(), "{text}")
+}
+
+/// Prints text as it is.
+///
+/// # Errors
+/// If standard output is closed.
+pub fn text(text: &str) -> io::Result<()> {
+    anstream::stdout().lock().write_all(text.as_bytes())
+}
+
+/// Prints a label and what belongs to it.
+///
+/// # Errors
+/// If standard output is closed.
+pub fn fact(label: &str, value: &str) -> io::Result<()> {
+    line(&format!("  {FAINT}{label:<LABEL_WIDTH$}{FAINT:#}{value}"))
+}
+
+/// Prints one JSON document.
+///
+/// # Errors
+/// If standard output is closed.
+pub fn json(document: &impl serde::Serialize) -> anyhow::Result<()> {
+    let text = serde_json::to_string_pretty(document)?;
+    Ok(line(&text)?)
+}
+
+/// Says what went wrong, on standard error.
+pub fn error(message: &str) {
+    // Nobody is left to be told if this fails.
+    let _ = writeln!(anstream::stderr().lock(), "{BAD}error:{BAD:#} {message}");
+}

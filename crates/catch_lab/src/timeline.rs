@@ -1,0 +1,167 @@
+//! The story of a throw: what happened when, as it happens.
+
+use catch_bot::Status;
+use catch_sim::{Truth, TruthSample};
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    referee::{Verdict, touches_gripper},
+    trial::Tick,
+};
+
+/// What can happen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Event {
+    /// The object leaves the thrower's hand.
+    Thrown,
+    /// The brain has its first pose of the object.
+    FirstSeen,
+    /// It knows how the object flies.
+    FirstTrajectory,
+    /// It knows where, when and how to catch.
+    FirstPlan,
+    /// It changed its plan, once or more often.
+    Replanned,
+    /// The fingers start to close.
+    Closing,
+    /// The object touches the gripper.
+    Contact,
+    /// The object has stayed in the gripper, also while the world shook.
+    Held,
+    /// The object was not caught.
+    Missed,
+}
+
+impl Event {
+    /// How a person calls it.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Thrown => "thrown",
+            Self::FirstSeen => "first seen",
+            Self::FirstTrajectory => "first trajectory",
+            Self::FirstPlan => "first plan",
+            Self::Replanned => "replanned",
+            Self::Closing => "closing",
+            Self::Contact => "contact",
+            Self::Held => "held",
+            Self::Missed => "missed",
+        }
+    }
+}
+
+/// One line of the story.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Entry {
+    /// When it happened, or when it first did.
+    pub time_s: f64,
+    /// What happened.
+    pub event: Event,
+    /// How often, where that can be more than once.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub count: Option<u32>,
+    /// More about it, for people.
+    pub detail: String,
+}
+
+/// Follows a trial and tells its story.
+#[derive(Debug, Default)]
+pub struct Timeline {
+    entries: Vec<Entry>,
+    /// Replans since the last entry; they are told as one.
+    replans: Option<Entry>,
+    samples_seen: usize,
+    seen: bool,
+    predicted: bool,
+    planned: bool,
+    closing: bool,
+    touched: bool,
+}
+
+impl Timeline {
+    /// Takes note of a tick; returns what can be told now.
+    pub fn ticked(&mut self, tick: &Tick, truth: &Truth) -> &[Entry] {
+        let told = self.entries.len();
+        if let Some(sample) = truth.samples.first().filter(|_| self.entries.is_empty()) {
+            self.tell(sample.time_s, Event::Thrown, thrown(sample));
+        }
+        self.follow_brain(tick);
+        let new = &truth.samples[self.samples_seen..];
+        if let Some(sample) = new.iter().find(|sample| touches_gripper(sample) && !self.touched) {
+            self.touched = true;
+            self.tell(sample.time_s, Event::Contact, touched_by(sample));
+        }
+        self.samples_seen = truth.samples.len();
+        &self.entries[told..]
+    }
+
+    fn follow_brain(&mut self, tick: &Tick) {
+        let (now, report) = (tick.observation.time_s, tick.report);
+        if let Some(pose) = report.pose.as_ref().filter(|_| !self.seen) {
+            self.seen = true;
+            self.tell(now, Event::FirstSeen, format!("{} points on its surface", pose.points));
+        }
+        if let Some(flight) = report.flight.as_ref().filter(|_| !self.predicted) {
+            self.predicted = true;
+            self.tell(now, Event::FirstTrajectory, format!("{} poses agree", flight.inliers));
+        }
+        if let Some(plan) = &report.plan {
+            let detail =
+                format!("catch at {:.3} s, moving along at {:.0} %", plan.catch_s, plan.speed_fraction * 100.0);
+            if !self.planned {
+                self.planned = true;
+                self.tell(now, Event::FirstPlan, detail);
+            } else if report.status == Status::Planned {
+                let (count, since) = self.replans.as_ref().map_or((0, now), |it| (it.count.unwrap_or(0), it.time_s));
+                let count = count + 1;
+                let times = if count == 1 { "once".to_owned() } else { format!("{count} times until {now:.3} s") };
+                let detail = format!("{times}; {detail}");
+                self.replans = Some(Entry { time_s: since, event: Event::Replanned, count: Some(count), detail });
+            }
+        }
+        if let Some(closing) = report.closing.filter(|it| it.start_s <= now && !self.closing) {
+            self.closing = true;
+            let width_mm = tick.observation.gripper.width_m * 1e3;
+            self.tell(
+                closing.start_s,
+                Event::Closing,
+                format!("from {width_mm:.0} mm, contact expected at {:.3} s", closing.contact_s),
+            );
+        }
+    }
+
+    /// The end of the story.
+    pub fn ended(&mut self, verdict: &Verdict, end_s: f64) -> &[Entry] {
+        let told = self.entries.len();
+        match verdict.reason {
+            None => self.tell(end_s, Event::Held, "squeezed, at rest in the hand, and shaken".to_owned()),
+            Some(reason) => self.tell(end_s, Event::Missed, reason.to_string()),
+        }
+        &self.entries[told..]
+    }
+
+    /// The whole story so far.
+    pub fn entries(&self) -> &[Entry] {
+        &self.entries
+    }
+
+    fn tell(&mut self, time_s: f64, event: Event, detail: String) {
+        self.entries.extend(self.replans.take());
+        self.entries.push(Entry { time_s, event, count: None, detail });
+    }
+}
+
+fn thrown(sample: &TruthSample) -> String {
+    let p_WO = sample.X_WO.translation.vector;
+    format!("{:.2} m/s, {:.2} m from the arm's axis", sample.V_WO.linear.norm(), p_WO.x.hypot(p_WO.y))
+}
+
+fn touched_by(sample: &TruthSample) -> String {
+    let parts = [
+        (sample.contact.left_finger, "left finger"),
+        (sample.contact.right_finger, "right finger"),
+        (sample.contact.palm, "palm"),
+    ];
+    let parts: Vec<&str> = parts.iter().filter(|(touches, _)| *touches).map(|&(_, name)| name).collect();
+    parts.join(" and ")
+}
