@@ -76,31 +76,41 @@ impl RayCaster {
     ///
     /// The direction may have any length but zero: t counts in its multiples, metres for a unit vector.
     pub fn cast(&self, origin: &Point3<f64>, direction: &Vector3<f64>) -> Option<f64> {
+        self.cast_within(origin, direction, f64::INFINITY)
+    }
+
+    /// As [`Self::cast`], but only what lies before `limit` counts, which spares searching behind it.
+    pub fn cast_within(&self, origin: &Point3<f64>, direction: &Vector3<f64>, limit: f64) -> Option<f64> {
         let (start, squared) = (origin - self.centre, direction.norm_squared());
         let nearest = -start.dot(direction) / squared;
         let miss = (start + direction * nearest).norm_squared();
         if self.triangles.is_empty() || miss > self.radius * self.radius * (1.0 + 1e-9) {
             return None;
         }
-        // The traversal starts just outside the ball around the mesh, where single precision is fine.
         let speed = squared.sqrt();
+        if nearest - self.radius / speed > limit * (1.0 + 1e-9) {
+            return None;
+        }
+        // The traversal starts just outside the ball around the mesh, where single precision is fine.
         let entry = nearest - 1.5 * self.radius / speed;
         let single = |vector: Vector3<f64>| <[f32; 3]>::from(vector.cast::<f32>()).into();
+        // The traversal skips boxes that begin behind a bound, which is rounded up so that rounding hides nothing.
+        let bound = |t: f64| ((t - entry) * speed + self.radius * BOX_PADDING) as f32;
         // Adding zero turns −0 into +0, of which the traversal would take the sign for a direction.
-        let ray = Ray::new_inf(single(start + direction * entry), single((direction / speed).add_scalar(0.0)));
+        let along = single((direction / speed).add_scalar(0.0));
+        let ray = Ray::new(single(start + direction * entry), along, 0.0, bound(limit));
 
-        let mut first = f64::INFINITY;
+        let mut first = limit;
         self.hierarchy.ray_traverse(ray, &mut RayHit::none(), |_, index| {
             match self.triangles[index].intersect(origin, direction) {
                 Some(t) if t < first => {
                     first = t;
-                    // The traversal may skip what is certainly further away, so its bound is rounded up.
-                    ((t - entry) * speed + self.radius * BOX_PADDING) as f32
+                    bound(t)
                 }
                 _ => f32::INFINITY,
             }
         });
-        (first < f64::INFINITY).then_some(first)
+        (first < limit).then_some(first)
     }
 }
 
@@ -123,16 +133,23 @@ impl Triangle {
     fn intersect(&self, origin: &Point3<f64>, direction: &Vector3<f64>) -> Option<f64> {
         // A ray through an edge must hit at least one of its two triangles, whatever the rounding.
         const SLACK: f64 = 1e-9;
+        const WITHIN: std::ops::RangeInclusive<f64> = -SLACK..=1.0 + SLACK;
         let [e1, e2] = self.edges;
         let p = direction.cross(&e2);
-        let determinant = e1.dot(&p);
+        // A ray within the triangle's plane makes this infinite and what follows undefined, which is within no range.
+        let inverse = 1.0 / e1.dot(&p);
         let s = origin - self.corner;
-        let u = s.dot(&p) / determinant;
+        let u = s.dot(&p) * inverse;
+        if !WITHIN.contains(&u) {
+            return None;
+        }
         let q = s.cross(&e1);
-        let v = direction.dot(&q) / determinant;
-        let t = e2.dot(&q) / determinant;
-        // A ray within the triangle's plane makes these infinite or undefined, which fails the comparison.
-        (u >= -SLACK && v >= -SLACK && u + v <= 1.0 + SLACK && t >= 0.0 && t.is_finite()).then_some(t)
+        let v = direction.dot(&q) * inverse;
+        if !(v >= -SLACK && WITHIN.contains(&(u + v))) {
+            return None;
+        }
+        let t = e2.dot(&q) * inverse;
+        (t >= 0.0 && t.is_finite()).then_some(t)
     }
 }
 
@@ -201,7 +218,12 @@ mod tests {
             static PREPARED: LazyLock<Vec<(TriangleMesh, RayCaster)>> =
                 LazyLock::new(|| meshes().into_iter().map(|mesh| (mesh.clone(), RayCaster::new(&mesh))).collect());
             for (mesh, caster) in PREPARED.iter() {
-                prop_assert_eq!(caster.cast(&origin, &direction), brute_force(mesh, &origin, &direction));
+                let expected = brute_force(mesh, &origin, &direction);
+                prop_assert_eq!(caster.cast(&origin, &direction), expected);
+                for limit in [0.5, 1.0, 1.0 + 1e-12].map(|part| part * expected.unwrap_or(1.0)) {
+                    let before = expected.filter(|t| *t < limit);
+                    prop_assert_eq!(caster.cast_within(&origin, &direction, limit), before);
+                }
             }
         }
 

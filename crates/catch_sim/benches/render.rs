@@ -1,5 +1,7 @@
 //! How long the twenty cameras take for one scene: the window around a ball beside the gripper, and full images.
 
+#![allow(missing_docs, reason = "the macros of criterion make functions without")]
+
 use catch_body::{Gripper, Pose, Robot, TriangleMesh, robot_file::RobotFiles};
 use catch_sim::cameras::{Readout, Renderer, Scene, reference_scan, rig_from_toml};
 use criterion::{Criterion, criterion_group, criterion_main};

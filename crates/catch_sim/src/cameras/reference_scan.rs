@@ -12,10 +12,9 @@ pub fn reference_scan(object: &TriangleMesh, rig: &[CameraModel]) -> ReferenceSc
     let body = (Pose::identity(), &caster);
     let frame_of = |(index, camera): (usize, &CameraModel)| {
         let window = covered(camera, &body);
-        let mut mask = vec![false; window.area()];
         let mut image = Image::empty(camera, window);
-        image.add_body(&body, |pixel| mask[pixel] = true);
-        image.frame(index, 0.0, Some(mask))
+        image.add_body(&body, true);
+        image.frame(index, 0.0, true)
     };
     ReferenceScan { cameras: rig.to_vec(), frames: rig.iter().enumerate().map(frame_of).collect() }
 }

@@ -66,7 +66,7 @@ impl Renderer {
     /// One frame per camera: depth in metres along the optical axis, NaN where there is no surface; with `labelled` also which
     /// pixels show the object.
     pub fn render(&self, scene: &Scene, readout: Readout, labelled: bool) -> Vec<DepthFrame> {
-        let surroundings: Vec<(Pose, &RayCaster)> = self.arm.parts(scene.X_WL, scene.width_m).collect();
+        let arm: Vec<(Pose, &RayCaster)> = self.arm.parts(scene.X_WL, scene.width_m).collect();
         let object = (*scene.X_WO, &self.object);
         let image_of = |(index, camera): (usize, &CameraModel)| {
             let window = match readout {
@@ -77,19 +77,18 @@ impl Renderer {
                 Readout::Object => covered(camera, &object),
             };
             let mut image = Image::empty(camera, window);
+            image.add_body(&object, true);
+            // From near to far, because what is known to be hidden costs little. The order is the same for all windows.
+            let in_sight = arm.iter().filter(|body| overlap(&covered(camera, body), &window).area() > 0);
+            let mut in_sight: Vec<_> = in_sight.map(|body| (nearest_depth(camera, body), body)).collect();
+            in_sight.sort_by(|(one, _), (two, _)| one.total_cmp(two));
+            for (_, body) in in_sight {
+                image.add_body(body, false);
+            }
             if self.floor_visible {
                 image.add_floor();
             }
-            for body in &surroundings {
-                image.add_body(body, |_| ());
-            }
-            let mut mask = labelled.then(|| vec![false; window.area()]);
-            image.add_body(&object, |pixel| {
-                if let Some(mask) = &mut mask {
-                    mask[pixel] = true;
-                }
-            });
-            image.frame(index, scene.capture_s, mask)
+            image.frame(index, scene.capture_s, labelled)
         };
         self.cameras.iter().enumerate().map(image_of).collect()
     }
@@ -101,16 +100,18 @@ pub(super) struct Image<'a> {
     window: PixelWindow,
     /// Along the optical axis, row by row; infinite where nothing was met.
     nearest: Vec<f64>,
+    /// Where that surface is the object's.
+    shows_object: Vec<bool>,
 }
 
 impl<'a> Image<'a> {
     /// An image of nothing.
     pub fn empty(camera: &'a CameraModel, window: PixelWindow) -> Self {
-        Self { camera, window, nearest: vec![f64::INFINITY; window.area()] }
+        Self { camera, window, nearest: vec![f64::INFINITY; window.area()], shows_object: vec![false; window.area()] }
     }
 
-    /// Adds a body with its pose X_WB; `shown` is told each pixel in which it is nearer than all before it.
-    pub fn add_body(&mut self, body: &(Pose, &RayCaster), mut shown: impl FnMut(usize)) {
+    /// Adds a body with its pose X_WB wherever it is nearer than all before it.
+    pub fn add_body(&mut self, body: &(Pose, &RayCaster), is_object: bool) {
         let part = overlap(&covered(self.camera, body), &self.window);
         let (X_WB, caster) = body;
         // Rays are cast in the body's frame: origin C, direction R_BC·((u − cx)/f, (v − cy)/f, 1), whose third component of one
@@ -121,11 +122,11 @@ impl<'a> Image<'a> {
         for row in part.top..part.top + part.height {
             for column in part.left..part.left + part.width {
                 let pixel = self.index(column, row);
-                if let Some(depth) = caster.cast(&origin, &(R_BC * self.direction(column, row)))
-                    && depth < self.nearest[pixel]
+                if let Some(depth) =
+                    caster.cast_within(&origin, &(R_BC * self.direction(column, row)), self.nearest[pixel])
                 {
                     self.nearest[pixel] = depth;
-                    shown(pixel);
+                    self.shows_object[pixel] = is_object;
                 }
             }
         }
@@ -141,14 +142,16 @@ impl<'a> Image<'a> {
                 let pixel = self.index(column, row);
                 if depth > 0.0 && depth < self.nearest[pixel] {
                     self.nearest[pixel] = depth;
+                    self.shows_object[pixel] = false;
                 }
             }
         }
     }
 
     /// The image as the cell hands it out.
-    pub fn frame(self, camera: usize, capture_s: f64, mask: Option<Vec<bool>>) -> DepthFrame {
+    pub fn frame(self, camera: usize, capture_s: f64, labelled: bool) -> DepthFrame {
         let depth_m = self.nearest.iter().map(|&depth| if depth < f64::INFINITY { depth as f32 } else { f32::NAN });
+        let mask = labelled.then_some(self.shows_object);
         DepthFrame { camera, capture_s, window: self.window, depth_m: depth_m.collect(), mask }
     }
 
@@ -175,6 +178,11 @@ pub(super) fn covered(camera: &CameraModel, (X_WB, caster): &(Pose, &RayCaster))
     } else {
         camera.window_around(&centre_C, caster.radius())
     }
+}
+
+/// The smallest depth that a body at X_WB may have.
+fn nearest_depth(camera: &CameraModel, (X_WB, caster): &(Pose, &RayCaster)) -> f64 {
+    camera.X_WC.inverse_transform_point(&(X_WB * caster.centre())).z - caster.radius()
 }
 
 /// The pixels that two windows share.
