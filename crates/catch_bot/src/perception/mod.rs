@@ -1,17 +1,87 @@
 //! Perception (paper, III-B): the object's pose from one set of depth images.
 //!
-//! Pixels become points, points that belong to the object are kept, and the reference scan is registered to them, starting
-//! from where the last trajectory says the object should be.
+//! Pixels become points, points that belong to the object are kept ([`point_cloud`]), and the reference ([`ReferenceModel`])
+//! is registered to them ([`registration`]), starting from where the last trajectory says the object should be.
+
+mod cold_start;
+mod distance_field;
+mod neighbours;
+pub mod point_cloud;
+pub mod reference;
+pub mod registration;
+pub mod symmetry;
+#[cfg(test)]
+pub(crate) mod synthetic;
+#[cfg(test)]
+mod tests;
 
 use catch_body::Pose;
-use catch_cell::ReferenceScan;
-use nalgebra::{Matrix6, Point3, Vector3};
+use catch_cell::{CameraModel, DepthFrame};
+use nalgebra::Matrix6;
 use serde::{Deserialize, Serialize};
 
+pub use distance_field::DistanceField;
+pub use point_cloud::{DepthNoise, SceneCloud};
+pub use reference::ReferenceModel;
+pub use symmetry::Symmetry;
+
 /// Settings of perception.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Config {}
+pub struct Config {
+    /// Points of the reference scan closer than this to each other are thinned, in metres. 1.5 mm keeps nearly all points of
+    /// a scan with 200×150 pixels per camera and bounds the work for denser ones.
+    pub reference_spacing_m: f64,
+    /// Spacing of the reference points that are kept for choosing grasps: 2.5 mm, the voxels of the original.
+    pub grasp_spacing_m: f64,
+    /// Nodes of the signed distance field next to the surface, in metres.
+    pub distance_grid_m: f64,
+    /// Root mean square distance up to which a turned object counts as looking the same. Measured on symmetric objects:
+    /// ≤ 0.3 mm, on others ≥ 8 mm.
+    pub symmetry_tolerance_m: f64,
+    /// Depth noise of the cameras, as their data sheet has it.
+    pub depth_noise: DepthNoise,
+    /// What the distance of a point from the reference is off by even without noise: the reference's own error, in metres.
+    pub model_sd_m: f64,
+    /// Fewer points than this give no pose.
+    pub min_points: usize,
+    /// Most iterations of one registration.
+    pub max_iterations: usize,
+    /// A registration has converged when a step is shorter than this in metres, and at the object's surface.
+    pub step_tolerance_m: f64,
+    /// Or when a step is shorter than this share of the pose's standard deviation.
+    pub step_tolerance_sd: f64,
+    /// A registration whose points lie further than this from the reference (root mean square, in metres), beside three
+    /// standard deviations of the depth noise that was told, is not believed. A wrong attitude leaves 8 mm or more.
+    pub max_residual_m: f64,
+    /// What every pose is taken to be off by at least, because points of one frame err together: metres.
+    pub position_floor_m: f64,
+    /// The same for the attitude, in radians.
+    pub rotation_floor_rad: f64,
+    /// How far from the predicted position unlabelled points may be the object's, in metres, beside its own size.
+    pub gate_m: f64,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self {
+            reference_spacing_m: 0.0015,
+            grasp_spacing_m: 0.0025,
+            distance_grid_m: 0.002,
+            symmetry_tolerance_m: 0.0008,
+            depth_noise: DepthNoise::default(),
+            model_sd_m: 0.0002,
+            min_points: 6,
+            max_iterations: 20,
+            step_tolerance_m: 2e-6,
+            step_tolerance_sd: 0.03,
+            max_residual_m: 0.008,
+            position_floor_m: 5e-5,
+            rotation_floor_rad: 1e-3,
+            gate_m: 0.05,
+        }
+    }
+}
 
 /// The object's pose at one instant.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -20,31 +90,78 @@ pub struct ObjectPose {
     pub capture_s: f64,
     /// Pose of the object; O has its origin at the centre of mass as the reference model estimates it.
     pub X_WO: Pose,
-    /// Inverse covariance of (rotation vector in W, rad; position in W, m).
+    /// Inverse covariance of (rotation vector in W, rad; position in W, m). Turns that cannot be seen have none.
     pub information: Matrix6<f64>,
     /// Number of points that it rests on.
     pub points: usize,
     /// Root mean square distance of those points from the reference surface, in metres.
     pub residual_m: f64,
+    /// Iterations that it took.
+    pub iterations: usize,
+    /// Whether it was found without regard to the predicted pose.
+    pub cold_started: bool,
 }
 
-/// The object as the brain knows it: oriented points of its surface.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct ReferenceModel {
-    /// Points of the surface in O, metres.
-    pub points: Vec<Point3<f64>>,
-    /// Outward unit normals, one per point.
-    pub normals: Vec<Vector3<f64>>,
-    /// Pose of O in the frame R of the scan.
-    pub X_RO: Pose,
-    /// Radius of a sphere around the origin of O that holds the object.
-    pub radius_m: f64,
+/// Why there is no pose.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PerceptionStatus {
+    /// No pixel shows anything that could be the object.
+    NoPoints,
+    /// Too few pixels do.
+    TooFewPoints,
+    /// The reference could not be brought to lie on the points.
+    NotConverged,
+    /// There is no reference to look for: its scan was empty.
+    NoReference,
 }
 
-impl ReferenceModel {
-    /// Builds the model from a scan.
-    pub fn from_scan(scan: &ReferenceScan, config: &Config) -> Self {
-        let _ = (scan, config);
-        Self::default()
+/// Buffers of [`find_object`], kept so that finding an object need not allocate. They carry nothing from one call to the
+/// next.
+#[derive(Debug, Clone, Default)]
+pub struct Workspace {
+    scene: SceneCloud,
+    thinned: SceneCloud,
+}
+
+/// Finds the object in all depth images of one capture time.
+///
+/// `prior` is the predicted X_WO, from which registration starts; without one, or when it leads nowhere, all attitudes are
+/// tried. Frames of unknown cameras are passed over.
+pub fn find_object(
+    frames: &[DepthFrame],
+    cameras: &[CameraModel],
+    reference: &ReferenceModel,
+    prior: Option<&Pose>,
+    config: &Config,
+    workspace: &mut Workspace,
+) -> Result<ObjectPose, PerceptionStatus> {
+    if reference.points.is_empty() {
+        return Err(PerceptionStatus::NoReference);
     }
+    let prior = prior.filter(|X_WO| X_WO.to_homogeneous().iter().all(|value| value.is_finite()));
+    let Workspace { scene, thinned } = workspace;
+    scene.collect(frames, cameras, reference, prior, config);
+    match scene.points.len() {
+        0 => return Err(PerceptionStatus::NoPoints),
+        few if few < config.min_points => return Err(PerceptionStatus::TooFewPoints),
+        _ => {}
+    }
+
+    let tracked = prior.and_then(|X_WO| registration::register(scene, reference, X_WO, config).ok());
+    let cold_started = tracked.is_none();
+    let fit = match tracked {
+        Some(fit) => fit,
+        None => cold_start::register(scene, thinned, reference, prior, config)?,
+    };
+    let capture_s = frames.iter().map(|frame| frame.capture_s).find(|time| time.is_finite()).unwrap_or(0.0);
+    Ok(ObjectPose {
+        capture_s,
+        X_WO: fit.X_WO,
+        information: fit.information,
+        points: fit.points,
+        residual_m: fit.residual_m,
+        iterations: fit.iterations,
+        cold_started,
+    })
 }

@@ -1,0 +1,221 @@
+//! The signed distance from a cloud of oriented points, on a grid.
+//!
+//! Registering a cloud to a surface needs, for each point and iteration, its distance from the surface and the direction of
+//! that distance. A grid answers in eight look-ups, without searching for neighbours.
+
+use nalgebra::{Point3, Vector3};
+
+use super::neighbours::{PointGrid, bounds};
+
+/// Signed distance, negative inside: fine near the surface, coarse around it.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct DistanceField {
+    fine: Grid,
+    coarse: Grid,
+}
+
+/// A cloud of oriented points, and how far apart its points are.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct OrientedPoints<'a> {
+    pub points: &'a [Point3<f64>],
+    pub normals: &'a [Vector3<f64>],
+    /// Width of the neighbourhood over which the surface is averaged, in metres.
+    pub smoothing_m: f64,
+}
+
+/// Margin of the coarse grid around the cloud: 10 cm, from where registration still finds its way (the start may be off by
+/// that much).
+const COARSE_MARGIN_M: f64 = 0.1;
+/// Coarse nodes per metre of spacing: the surface's surroundings are smooth.
+const COARSE_M: f64 = 0.01;
+/// Within this distance of the cloud the surface is averaged over neighbours, beyond it the nearest point suffices.
+const BAND_M: f64 = 0.008;
+
+impl DistanceField {
+    /// The field of a cloud, `fine_m` between the nodes next to it.
+    pub(super) fn new(cloud: &OrientedPoints<'_>, fine_m: f64) -> Self {
+        let grid = PointGrid::new(cloud.points, cloud.smoothing_m);
+        Self {
+            fine: Grid::around(cloud, &grid, fine_m, BAND_M + fine_m),
+            coarse: Grid::around(cloud, &grid, COARSE_M, COARSE_MARGIN_M),
+        }
+    }
+
+    /// Signed distance in metres and its gradient.
+    pub fn at(&self, point: &Point3<f64>) -> (f64, Vector3<f64>) {
+        self.fine.at(point).or_else(|| self.coarse.at(point)).unwrap_or_else(|| self.coarse.beyond(point))
+    }
+
+    /// Moves the field: what was at `point` is at `point + offset` afterwards.
+    pub(super) fn translate(&mut self, offset: &Vector3<f64>) {
+        self.fine.lowest += offset;
+        self.coarse.lowest += offset;
+    }
+
+    /// Nodes of the fine grid with the share of their cell that is inside, and the volume of a cell in m³.
+    pub(super) fn inside(&self) -> (impl Iterator<Item = (Point3<f64>, f64)>, f64) {
+        let grid = &self.fine;
+        let cells = grid.values.iter().enumerate().filter_map(|(i, &value)| {
+            let share = (0.5 - f64::from(value) / grid.spacing_m).clamp(0.0, 1.0);
+            (share > 0.0).then(|| (grid.node(i), share))
+        });
+        (cells, grid.spacing_m.powi(3))
+    }
+}
+
+/// Values on the nodes of a regular grid, x running fastest.
+#[derive(Debug, Clone, PartialEq, Default)]
+struct Grid {
+    lowest: Point3<f64>,
+    spacing_m: f64,
+    nodes: [usize; 3],
+    values: Vec<f32>,
+}
+
+impl Grid {
+    fn around(cloud: &OrientedPoints<'_>, near: &PointGrid, spacing_m: f64, margin_m: f64) -> Self {
+        let (low, high) = bounds(cloud.points);
+        let lowest = low - Vector3::repeat(margin_m);
+        let nodes = std::array::from_fn(|axis| ((high[axis] + margin_m - lowest[axis]) / spacing_m) as usize + 2);
+        let mut grid = Self { lowest, spacing_m, nodes, values: Vec::new() };
+        let nearest = grid.nearest_points(cloud.points);
+        grid.values = nearest
+            .iter()
+            .enumerate()
+            .map(|(i, &nearest)| {
+                cloud
+                    .points
+                    .get(nearest as usize)
+                    .map_or(1.0, |_| cloud.distance(near, &grid.node(i), nearest as usize) as f32)
+            })
+            .collect();
+        grid
+    }
+
+    /// For each node the index of the nearest point, found by passing candidates on from node to node (a vector distance
+    /// transform: Danielsson, Euclidean Distance Mapping, 1980); off by a fraction of the points' spacing at most.
+    fn nearest_points(&self, points: &[Point3<f64>]) -> Vec<u32> {
+        let [nx, ny, nz] = self.nodes;
+        let mut nearest = vec![u32::MAX; nx * ny * nz];
+        let mut squared = vec![f64::INFINITY; nearest.len()];
+        let mut offer = |nearest: &mut Vec<u32>, node: usize, candidate: u32| {
+            if candidate == u32::MAX || candidate == nearest[node] {
+                return;
+            }
+            let distance = (points[candidate as usize] - self.node(node)).norm_squared();
+            if distance < squared[node] {
+                squared[node] = distance;
+                nearest[node] = candidate;
+            }
+        };
+        for (candidate, point) in points.iter().enumerate() {
+            let cell = (point - self.lowest) / self.spacing_m;
+            let [x, y, z] = std::array::from_fn(|axis| (cell[axis].max(0.0) as usize).min(self.nodes[axis] - 2));
+            for corner in 0..8 {
+                let node = ((z + (corner >> 2)) * ny + y + (corner >> 1 & 1)) * nx + x + (corner & 1);
+                offer(&mut nearest, node, candidate as u32);
+            }
+        }
+        let strides = [1, nx, nx * ny];
+        let count = nearest.len();
+        for _ in 0..2 {
+            for node in 0..count {
+                for stride in strides.into_iter().filter(|&stride| node >= stride) {
+                    let candidate = nearest[node - stride];
+                    offer(&mut nearest, node, candidate);
+                }
+            }
+            for node in (0..count).rev() {
+                for stride in strides.into_iter().filter(|&stride| node + stride < count) {
+                    let candidate = nearest[node + stride];
+                    offer(&mut nearest, node, candidate);
+                }
+            }
+        }
+        nearest
+    }
+
+    fn node(&self, index: usize) -> Point3<f64> {
+        let [nx, ny, _] = self.nodes;
+        let [x, y, z] = [index % nx, index / nx % ny, index / (nx * ny)].map(|i| i as f64 * self.spacing_m);
+        self.lowest + Vector3::new(x, y, z)
+    }
+
+    /// Value and gradient between the nodes, linear along each axis; `None` outside.
+    fn at(&self, point: &Point3<f64>) -> Option<(f64, Vector3<f64>)> {
+        let cell = (point - self.lowest) / self.spacing_m;
+        let [nx, ny, nz] = self.nodes;
+        let inside = |value: f64, nodes: usize| value >= 0.0 && value < nodes as f64 - 1.0;
+        if self.values.is_empty() || !(inside(cell.x, nx) && inside(cell.y, ny) && inside(cell.z, nz)) {
+            return None;
+        }
+        let [x, y, z] = [cell.x as usize, cell.y as usize, cell.z as usize];
+        let [u, v, w] = [cell.x - x as f64, cell.y - y as f64, cell.z - z as f64];
+        let first = (z * ny + y) * nx + x;
+        let corner = |offset: usize| f64::from(self.values[first + offset]);
+        let layer = nx * ny;
+        let [a, b] = [corner(0), corner(1)];
+        let [c, d] = [corner(nx), corner(nx + 1)];
+        let [e, f] = [corner(layer), corner(layer + 1)];
+        let [g, h] = [corner(layer + nx), corner(layer + nx + 1)];
+
+        // Along x, then y, then z; the derivative along an axis is the difference where the value is the mean.
+        let [ab, cd, ef, gh] = [a + u * (b - a), c + u * (d - c), e + u * (f - e), g + u * (h - g)];
+        let [abcd, efgh] = [ab + v * (cd - ab), ef + v * (gh - ef)];
+        let mean = |low: f64, high: f64, at: f64| low + at * (high - low);
+        let along_x = mean(mean(b - a, d - c, v), mean(f - e, h - g, v), w);
+        let along_y = mean(cd - ab, gh - ef, w);
+        Some((mean(abcd, efgh, w), Vector3::new(along_x, along_y, efgh - abcd) / self.spacing_m))
+    }
+
+    /// Value and gradient outside: the distance from the box of the grid added to the value where the box is nearest.
+    fn beyond(&self, point: &Point3<f64>) -> (f64, Vector3<f64>) {
+        let high = Vector3::from_fn(|axis, _| (self.nodes[axis].max(2) as f64 - 1.0) * self.spacing_m * (1.0 - 1e-9));
+        let nearest = point.sup(&self.lowest).inf(&(self.lowest + high));
+        let away = point - nearest;
+        let (value, _) = self.at(&nearest).unwrap_or((0.0, Vector3::zeros()));
+        let distance = away.norm();
+        (value + distance, if distance > 0.0 { away / distance } else { Vector3::zeros() })
+    }
+}
+
+impl OrientedPoints<'_> {
+    /// Signed distance of `at` from the surface, given the index of the nearest point.
+    ///
+    /// Each neighbour i of the nearest point with its normal nᵢ, and the mean normal n̄ there, speak for a sphere that
+    /// touches the neighbour's tangent plane: its distance is (x − pᵢ)·(nᵢ + n̄) / (1 + nᵢ·n̄), exact on planes and spheres
+    /// (the mean of tangent-plane distances alone, as in implicit moving least squares, is too small by the curvature).
+    fn distance(&self, near: &PointGrid, at: &Point3<f64>, nearest: usize) -> f64 {
+        let mut foot = self.points[nearest];
+        let apart = at - foot;
+        let far = apart.norm();
+        if far < BAND_M {
+            foot = at - self.normals[nearest] * apart.dot(&self.normals[nearest]);
+        }
+        let reach = 1.5 * self.smoothing_m;
+        let mut mean_normal = Vector3::zeros();
+        let mut side = 0.0;
+        let weight = |i: usize| {
+            let squared = (self.points[i] - foot).norm_squared() / (reach * reach);
+            if squared < 1.0 { (1.0 - squared).powi(2) } else { 0.0 }
+        };
+        near.near(&foot, reach, |i| {
+            let weight = weight(i);
+            mean_normal += self.normals[i] * weight;
+            side += (at - self.points[i]).dot(&self.normals[i]) * weight;
+        });
+        let length = mean_normal.norm();
+        if far >= BAND_M || length < 1e-9 {
+            let side = if side == 0.0 { apart.dot(&self.normals[nearest]) } else { side };
+            return far.copysign(side);
+        }
+        mean_normal /= length;
+        let (mut sum, mut weights) = (0.0, 0.0);
+        near.near(&foot, reach, |i| {
+            let weight = weight(i);
+            sum += (at - self.points[i]).dot(&(self.normals[i] + mean_normal)) * weight;
+            weights += (1.0 + self.normals[i].dot(&mean_normal)) * weight;
+        });
+        if weights > 1e-9 { sum / weights } else { far.copysign(side) }
+    }
+}

@@ -1,0 +1,120 @@
+use catch_body::Pose;
+use nalgebra::UnitQuaternion;
+
+use super::*;
+use synthetic::{Noise, Normal, Shape};
+
+fn median(values: &mut [f64]) -> f64 {
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// Median errors in mm and degrees, tracking from a start that is off by 2 cm and 10°.
+fn tracking_errors(shape: &Shape, noise: Noise, config: &Config, trials: u64) -> (f64, f64) {
+    let reference = synthetic::reference(shape, 200);
+    let cameras = synthetic::flight_rig();
+    let mut workspace = Workspace::default();
+    let (mut position, mut rotation) = (Vec::new(), Vec::new());
+    for seed in 0..trials {
+        let mut normal = Normal::new(seed);
+        let X_WO = synthetic::pose_in_flight(&mut normal);
+        let frames = synthetic::depth_frames(&cameras, shape, &(X_WO * reference.X_RO.inverse()), noise, &mut normal);
+        let turn = UnitQuaternion::from_scaled_axis(normal.vector() * 0.1);
+        let prior = Pose::from_parts((X_WO.translation.vector + normal.vector() * 0.012).into(), turn * X_WO.rotation);
+        match find_object(&frames, &cameras, &reference, Some(&prior), config, &mut workspace) {
+            Ok(found) => {
+                position.push((found.X_WO.translation.vector - X_WO.translation.vector).norm() * 1e3);
+                let turn = reference.symmetry.turn_between(&found.X_WO.rotation, &X_WO.rotation);
+                rotation.push(turn.norm().to_degrees());
+            }
+            Err(_) => {
+                position.push(f64::INFINITY);
+                rotation.push(f64::INFINITY);
+            }
+        }
+    }
+    (median(&mut position), median(&mut rotation))
+}
+
+#[test]
+fn reference_knows_centre_and_symmetry() {
+    for (name, shape) in Shape::all() {
+        let reference = synthetic::reference(&shape, 200);
+        println!(
+            "{name}: {} points, {:?}, {:?}",
+            reference.points.len(),
+            reference.X_RO.translation.vector,
+            reference.symmetry
+        );
+        match name {
+            "ball" => assert_eq!(reference.symmetry, Symmetry::Sphere),
+            "bottle" => assert!(matches!(reference.symmetry, Symmetry::Axis { reversible: false, .. })),
+            _ => assert!(matches!(reference.symmetry, Symmetry::None { .. })),
+        }
+    }
+}
+
+#[test]
+fn clean_frames_give_the_pose() {
+    for (name, shape) in Shape::all() {
+        let (position_mm, rotation_deg) = tracking_errors(&shape, Noise::Clean, &Config::default(), 30);
+        println!("{name}: {position_mm:.4} mm {rotation_deg:.4}°");
+        assert!(position_mm < 0.1 && rotation_deg < 0.1, "{name}: {position_mm} mm, {rotation_deg}°");
+    }
+}
+
+#[test]
+fn frames_with_noise_give_the_pose() {
+    for (name, shape) in Shape::all() {
+        let (position_mm, rotation_deg) = tracking_errors(&shape, Noise::Constant(0.002), &Config::default(), 30);
+        println!("{name}: {position_mm:.4} mm {rotation_deg:.4}°");
+        assert!(position_mm < 0.6 && rotation_deg < 1.2, "{name}: {position_mm} mm, {rotation_deg}°");
+    }
+}
+
+#[test]
+fn finds_the_object_without_prior() {
+    for (name, shape) in Shape::all() {
+        let reference = synthetic::reference(&shape, 200);
+        let cameras = synthetic::flight_rig();
+        for seed in 0..30 {
+            let mut normal = Normal::new(seed);
+            let X_WO = synthetic::pose_in_flight(&mut normal);
+            let noise = if seed % 2 == 0 { Noise::Clean } else { Noise::Constant(0.002) };
+            let X_WS = X_WO * reference.X_RO.inverse();
+            let frames = synthetic::depth_frames(&cameras, &shape, &X_WS, noise, &mut normal);
+            let found = find_object(&frames, &cameras, &reference, None, &Config::default(), &mut Workspace::default());
+            let found = found.unwrap_or_else(|status| panic!("{name} {seed}: {status:?}"));
+            let off_m = (found.X_WO.translation.vector - X_WO.translation.vector).norm();
+            let turn = reference.symmetry.turn_between(&found.X_WO.rotation, &X_WO.rotation).norm();
+            assert!(off_m < 0.006 && turn < 0.2, "{name} {seed}: {off_m} m, {turn} rad, {found:?}");
+        }
+    }
+}
+
+#[test]
+fn what_shows_nothing_gives_a_status() {
+    let reference = synthetic::reference(&Shape::ball(), 100);
+    let cameras = synthetic::flight_rig();
+    let config = Config::default();
+    let find = |frames: &[DepthFrame], prior: Option<&Pose>| {
+        find_object(frames, &cameras, &reference, prior, &config, &mut Workspace::default())
+    };
+    assert_eq!(find(&[], None), Err(PerceptionStatus::NoPoints));
+    let mut frames =
+        synthetic::depth_frames(&cameras, &Shape::ball(), &Pose::identity(), Noise::Clean, &mut Normal::new(0));
+    let nan = Pose::translation(f64::NAN, 0.0, 0.0);
+    assert!(find(&frames, Some(&nan)).is_ok());
+    let mut one_point = frames[..1].to_vec();
+    one_point[0].mask.iter_mut().flatten().enumerate().for_each(|(i, mask)| *mask = i == 90);
+    one_point[0].depth_m.fill(7.0);
+    assert_eq!(find(&one_point, None), Err(PerceptionStatus::TooFewPoints));
+    for frame in &mut frames {
+        frame.depth_m.fill(f32::NAN);
+    }
+    assert_eq!(find(&frames, Some(&Pose::identity())), Err(PerceptionStatus::NoPoints));
+    frames[0].camera = 99;
+    frames[1].depth_m.clear();
+    assert_eq!(find(&frames, None), Err(PerceptionStatus::NoPoints));
+    assert_eq!(ReferenceModel::from_scan(&Default::default(), &config), ReferenceModel::default());
+}

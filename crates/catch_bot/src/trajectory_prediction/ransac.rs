@@ -1,0 +1,163 @@
+//! Random sample consensus over flights through two poses (paper, III-B; Fischler and Bolles, 1981).
+
+use catch_body::dynamics::gravity;
+use nalgebra::{Matrix6, Point3, SMatrix, Vector3};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+use super::{Config, FlightTrajectory, Method, PredictionStatus, flight::Motion, tumbling};
+use crate::perception::{ObjectPose, Symmetry};
+
+/// The sampled flight that most poses agree with and, of several, the one they lie closest to in the mean square.
+pub fn best_flight(
+    poses: &[ObjectPose],
+    symmetry: &Symmetry,
+    config: &Config,
+    seed: u64,
+) -> Result<FlightTrajectory, PredictionStatus> {
+    if poses.len() < 2 {
+        return Err(PredictionStatus::TooFewPoses);
+    }
+    let mut random = Pcg64Mcg::seed_from_u64(seed ^ poses.len() as u64);
+    let mut best: Option<(usize, f64, FlightTrajectory)> = None;
+    for sample in 0..config.max_samples.max(config.samples) {
+        if sample >= config.samples
+            && best.as_ref().is_some_and(|(inliers, ..)| enough(sample, *inliers, poses.len(), config))
+        {
+            break;
+        }
+        let first = random.random_range(0..poses.len());
+        let second = (first + random.random_range(1..poses.len())) % poses.len();
+        let (from, to) = (first.min(second), first.max(second));
+        let Some(flight) = through(&poses[from], &poses[to], symmetry, config) else { continue };
+        let (inliers, mean_square_m2) = agreement(poses, &flight, symmetry, config);
+        let better =
+            best.as_ref().is_none_or(|(most, least, _)| inliers > *most || inliers == *most && mean_square_m2 < *least);
+        if better {
+            best = Some((inliers, mean_square_m2, flight));
+        }
+    }
+    let (inliers, mean_square_m2, mut flight) = best.ok_or(PredictionStatus::NoAgreement)?;
+    if inliers < 2 {
+        return Err(PredictionStatus::NoAgreement);
+    }
+    if config.method != Method::Ransac {
+        flight.w_WO = typical_spin(poses, &flight, symmetry, config);
+    }
+    // What can be said of its uncertainty without a fit: two points, each as far off as the inliers on average.
+    let variance = mean_square_m2 / 3.0;
+    let seen_s = (poses[poses.len() - 1].capture_s - poses[0].capture_s).abs().max(1e-3);
+    for i in 0..3 {
+        flight.covariance[(i, i)] = variance;
+        flight.covariance[(i + 3, i + 3)] = 2.0 * variance / (seen_s * seen_s);
+    }
+    flight.inliers = inliers;
+    flight.considered = poses.len();
+    Ok(flight)
+}
+
+/// Chance that sampling stops before it has seen a pair of inliers.
+const MISS: f64 = 1e-6;
+
+/// Whether `samples` pairs are enough when a share w of the poses agrees with the best: (1 − w²)^samples ≤ [`MISS`].
+fn enough(samples: usize, inliers: usize, poses: usize, config: &Config) -> bool {
+    let share = inliers as f64 / poses as f64;
+    config.method == Method::Ransac || samples as f64 * (1.0 - share * share).ln() <= MISS.ln()
+}
+
+/// The flight through two poses, at the time of the later one: p₂ = p₁ + v₁Δt + ½gΔt², shortened by the drag that is
+/// expected, and the shortest turn between the attitudes.
+fn through(earlier: &ObjectPose, later: &ObjectPose, symmetry: &Symmetry, config: &Config) -> Option<FlightTrajectory> {
+    let elapsed_s = later.capture_s - earlier.capture_s;
+    if !(elapsed_s > 1e-6) {
+        return None;
+    }
+    let (p1, p2) = (earlier.X_WO.translation.vector, later.X_WO.translation.vector);
+    let mut v_WO = (p2 - p1) / elapsed_s + gravity() * (0.5 * elapsed_s);
+    if config.drag_prior_per_m != 0.0 {
+        // Flown backwards from the later pose, the flight must meet the earlier one.
+        for _ in 0..3 {
+            let missed = Motion::new(p2, v_WO).after(-elapsed_s, config.drag_prior_per_m, false).p - p1;
+            v_WO += missed / elapsed_s;
+        }
+    }
+    let w_WO = symmetry.turn_between(&earlier.X_WO.rotation, &later.X_WO.rotation) / elapsed_s;
+    let flight = FlightTrajectory {
+        time_s: later.capture_s,
+        p_WO: Point3::from(p2),
+        v_WO,
+        R_WO: later.X_WO.rotation,
+        w_WO,
+        drag_per_m: config.drag_prior_per_m,
+        inertia_per_kg: tumbling::inertia(symmetry).filter(|_| config.method != Method::Ransac),
+        covariance: SMatrix::zeros(),
+        rotation_covariance: Matrix6::zeros(),
+        systematic_sd_m: config.systematic_sd_m,
+        inliers: 2,
+        considered: 2,
+        error_scale: 1.0,
+    };
+    (v_WO.iter().chain(w_WO.iter()).all(|value| value.is_finite())).then_some(flight)
+}
+
+/// Median, component by component, of the turns from one agreeing pose to the next per time. Over the short time between
+/// two frames the shortest turn is the true one, which it need not be between the two poses that were sampled.
+fn typical_spin(poses: &[ObjectPose], flight: &FlightTrajectory, symmetry: &Symmetry, config: &Config) -> Vector3<f64> {
+    let mut components: [Vec<f64>; 3] = Default::default();
+    let mut earlier: Option<&ObjectPose> = None;
+    for pose in poses.iter().filter(|pose| is_finite(pose) && agrees(pose, flight, config)) {
+        if let Some(earlier) = earlier.filter(|earlier| pose.capture_s - earlier.capture_s > 1e-6) {
+            let turn = symmetry.turn_between(&earlier.X_WO.rotation, &pose.X_WO.rotation);
+            let elapsed_s = pose.capture_s - earlier.capture_s;
+            components.iter_mut().zip(turn.iter()).for_each(|(values, angle)| values.push(angle / elapsed_s));
+        }
+        earlier = Some(pose);
+    }
+    Vector3::from(components.map(|mut values| {
+        let middle = values.len() / 2;
+        if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
+    }))
+}
+
+/// Number of poses that agree with a flight, and their mean squared distance from it.
+///
+/// The start of a fit is judged by positions alone: the shortest turn between two poses of a tumbling object is often not
+/// the way it turned.
+fn agreement(poses: &[ObjectPose], flight: &FlightTrajectory, symmetry: &Symmetry, config: &Config) -> (usize, f64) {
+    let (mut inliers, mut squares) = (0, 0.0);
+    for pose in poses {
+        let X_WO = flight.pose_at(pose.capture_s);
+        let distance = (pose.X_WO.translation.vector - X_WO.translation.vector).norm();
+        let turned_alike = config.method != Method::Ransac
+            || symmetry.turn_between(&X_WO.rotation, &pose.X_WO.rotation).norm() < config.inlier_rad;
+        if distance < config.inlier_m.max(3.0 * position_sd(pose)) && turned_alike {
+            inliers += 1;
+            squares += distance * distance;
+        }
+    }
+    (inliers, squares / inliers.max(1) as f64)
+}
+
+/// Number of poses whose position agrees with a flight.
+pub(super) fn count_agreeing(poses: &[ObjectPose], flight: &FlightTrajectory, config: &Config) -> usize {
+    poses.iter().filter(|pose| agrees(pose, flight, config)).count()
+}
+
+/// Whether a pose's position agrees with a flight.
+fn agrees(pose: &ObjectPose, flight: &FlightTrajectory, config: &Config) -> bool {
+    let distance = (pose.X_WO.translation.vector - flight.pose_at(pose.capture_s).translation.vector).norm();
+    distance < config.inlier_m.max(3.0 * position_sd(pose))
+}
+
+/// A pose's standard deviation of position over all directions, for judging whether it is an outlier.
+fn position_sd(pose: &ObjectPose) -> f64 {
+    let information: f64 = (3..6).map(|i| pose.information[(i, i)]).sum();
+    if information > 0.0 { 3.0 / information.sqrt() } else { 0.0 }
+}
+
+/// Whether all numbers of a pose are finite.
+pub(super) fn is_finite(pose: &ObjectPose) -> bool {
+    let numbers: [Vector3<f64>; 2] = [pose.X_WO.translation.vector, pose.X_WO.rotation.scaled_axis()];
+    pose.capture_s.is_finite()
+        && numbers.iter().flat_map(|vector| vector.iter()).chain(pose.information.iter()).all(|value| value.is_finite())
+}

@@ -1,0 +1,139 @@
+use catch_body::Pose;
+use nalgebra::{Matrix3, Matrix6, Translation3, UnitQuaternion, Vector3, Vector6};
+
+use super::{flight::Motion, tumbling::Tumbling, *};
+use crate::perception::synthetic::Normal;
+
+/// A throw as in the paper: about 0.7 s.
+struct Throw {
+    start: Motion,
+    R_WO: UnitQuaternion<f64>,
+    w_WO: Vector3<f64>,
+    inertia: Option<Matrix3<f64>>,
+    drag_per_m: f64,
+}
+
+impl Throw {
+    fn pose_at(&self, time_s: f64) -> Pose {
+        let p_WO = self.start.after(time_s, self.drag_per_m, false).p;
+        let R_WO = Tumbling::new(self.R_WO, &self.w_WO, self.inertia.as_ref()).after(time_s, false).R_WO;
+        Pose::from_parts(Translation3::from(p_WO), R_WO)
+    }
+}
+
+fn banana() -> Symmetry {
+    Symmetry::None { inertia_per_kg: Matrix3::from_diagonal(&Vector3::new(0.0002, 0.0017, 0.0018)) }
+}
+
+fn throw(normal: &mut Normal, spin_radps: f64, drag_per_m: f64, symmetry: &Symmetry) -> Throw {
+    let p_WO = Vector3::new(2.66, 2.61, 0.5) + normal.vector() * 0.05;
+    let v_WO = Vector3::new(-2.96, -4.06, 3.59) + normal.vector() * 0.1;
+    let w_WO = normal.vector().normalize() * spin_radps;
+    let inertia = tumbling::inertia(symmetry);
+    Throw { start: Motion::new(p_WO, v_WO), R_WO: normal.rotation(), w_WO, inertia, drag_per_m }
+}
+
+/// What is seen of a throw in `count` frames at 100 Hz, with the given standard deviations; a share of the frames is
+/// shifted by 5 to 20 cm.
+fn seen(throw: &Throw, count: usize, sd_m: f64, sd_rad: f64, outliers: f64, normal: &mut Normal) -> Vec<ObjectPose> {
+    let (turn, shift) = (sd_rad.powi(-2), sd_m.powi(-2));
+    let information = Matrix6::from_diagonal(&Vector6::new(turn, turn, turn, shift, shift, shift));
+    let poses = (0..count).map(|i| {
+        let capture_s = 0.01 * i as f64;
+        let X_WO = throw.pose_at(capture_s);
+        let mut shift = normal.vector() * sd_m;
+        let turn = UnitQuaternion::from_scaled_axis(normal.vector() * sd_rad);
+        let away = normal.vector().normalize() * normal.uniform(0.05, 0.2);
+        if normal.uniform(0.0, 1.0) < outliers {
+            shift += away;
+        }
+        let X_WO = Pose::from_parts(Translation3::from(X_WO.translation.vector + shift), turn * X_WO.rotation);
+        ObjectPose { capture_s, X_WO, information, points: 200, residual_m: sd_m, iterations: 5, cold_started: false }
+    });
+    poses.collect()
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+#[test]
+fn clean_poses_give_the_flight() {
+    let config = Config { drag_prior_per_m: 0.05, ..Config::default() };
+    for seed in 0..50 {
+        let mut normal = Normal::new(seed);
+        let throw = throw(&mut normal, 6.0, 0.05, &banana());
+        let poses = seen(&throw, 20, 1e-6, 1e-6, 0.0, &mut normal);
+        let flight = predict(&poses, None, banana(), &config, seed).unwrap();
+        let (found, truth) = (flight.pose_at(0.7), throw.pose_at(0.7));
+        let off_m = (found.translation.vector - truth.translation.vector).norm();
+        assert!(off_m < 1e-4 && found.rotation.angle_to(&truth.rotation) < 1e-2, "{seed}: {off_m} m, {flight:?}");
+    }
+}
+
+#[test]
+fn prediction_survives_outliers_of_four_frames_in_ten() {
+    let config = Config::default();
+    let mut worst = 0.0_f64;
+    for seed in 0..1000 {
+        let mut normal = Normal::new(seed);
+        let throw = throw(&mut normal, 0.0, 0.0, &Symmetry::Sphere);
+        let poses = seen(&throw, 20, 0.001, 0.02, 0.4, &mut normal);
+        let flight = predict(&poses, None, Symmetry::Sphere, &config, seed)
+            .unwrap_or_else(|status| panic!("{seed}: {status:?}"));
+        let off_m = (flight.pose_at(0.7).translation.vector - throw.pose_at(0.7).translation.vector).norm();
+        worst = worst.max(off_m);
+        assert!(off_m < 0.03, "{seed}: {off_m} m");
+    }
+    println!("worst {worst} m");
+}
+
+#[test]
+fn claimed_uncertainty_holds() {
+    for (symmetry, sd_m, drag_sd) in
+        [(Symmetry::Sphere, 0.0003, 0.0), (banana(), 0.0015, 0.0), (banana(), 0.0005, 0.02)]
+    {
+        let config = Config { drag_prior_per_m: 0.05, drag_prior_sd_per_m: drag_sd, ..Config::default() };
+        let mut inside = 0;
+        let mut errors = Vec::new();
+        for seed in 0..300 {
+            let mut normal = Normal::new(seed);
+            let drag = 0.05 + drag_sd * normal.draw();
+            let throw = throw(&mut normal, 6.0, drag, &symmetry);
+            let poses = seen(&throw, 20, sd_m, 0.02, 0.1, &mut normal);
+            let flight = predict(&poses, None, symmetry, &config, seed).unwrap();
+            let error = throw.pose_at(0.7).translation.vector - flight.pose_at(0.7).translation.vector;
+            let covariance = flight.covariance_at(0.7).fixed_view::<3, 3>(0, 0).into_owned();
+            let square = error.dot(&covariance.cholesky().unwrap().solve(&error));
+            // 95 % of χ² with three degrees of freedom.
+            inside += usize::from(square < 7.815);
+            errors.push(error.norm());
+        }
+        let share = f64::from(inside as u32) / 300.0;
+        println!("{share} inside, median error {} mm", median(errors) * 1e3);
+        assert!((0.9..=0.98).contains(&share), "{share}");
+    }
+}
+
+#[test]
+fn too_little_or_nonsense_gives_a_status() {
+    let config = Config::default();
+    let mut normal = Normal::new(0);
+    let throw = throw(&mut normal, 0.0, 0.0, &banana());
+    let mut poses = seen(&throw, 20, 0.001, 0.02, 0.0, &mut normal);
+    assert_eq!(predict(&[], None, banana(), &config, 0), Err(PredictionStatus::TooFewPoses));
+    assert_eq!(predict(&poses[..5], None, banana(), &config, 0), Err(PredictionStatus::TooFewPoses));
+    let same = vec![poses[0]; 10];
+    assert!(predict(&same, None, banana(), &config, 0).is_err());
+    for pose in &mut poses[3..10] {
+        pose.X_WO.translation.vector.x = f64::NAN;
+    }
+    let flight = predict(&poses, None, banana(), &config, 0).unwrap();
+    assert!(flight.pose_at(0.7).translation.vector.iter().all(|value| value.is_finite()));
+    assert!((flight.pose_at(0.7).translation.vector - throw.pose_at(0.7).translation.vector).norm() < 0.03);
+    for pose in &mut poses {
+        pose.information.fill(f64::NAN);
+    }
+    assert!(predict(&poses, None, banana(), &config, 0).is_err());
+}
