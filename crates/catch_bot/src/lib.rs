@@ -169,7 +169,7 @@ impl Brain for CatchingBot {
         let flight = trajectory_prediction::predict(
             &self.poses,
             self.flight.as_ref(),
-            &self.reference.symmetry,
+            self.reference.symmetry,
             &self.config.trajectory_prediction,
             self.config.seed,
         );

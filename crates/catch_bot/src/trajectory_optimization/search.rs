@@ -67,7 +67,7 @@ impl Planner {
         candidates.sort_by(|a, b| a.cost.total_cmp(&b.cost));
 
         // Arrival velocities cost more than reachability: they are found for the most promising only.
-        let mut arrivals: Vec<(f64, Candidate, Arrival)> = candidates
+        let mut arrivals: Vec<(Candidate, Arrival)> = candidates
             .iter()
             .take(4 * self.config.attempts)
             .filter_map(|candidate| {
@@ -75,21 +75,21 @@ impl Planner {
                 let weights = &self.config.weights;
                 let missing = 1.0 - arrival.speed_fraction / self.config.max_speed_fraction.max(1e-9);
                 let cost = candidate.cost + weights.speed * missing + weights.spin * arrival.spin_radps;
-                Some((cost, *candidate, arrival))
+                Some((Candidate { cost, ..*candidate }, arrival))
             })
             .collect();
         if arrivals.is_empty() {
             return Err(Refusal::OutOfReach);
         }
-        arrivals.sort_by(|a, b| a.0.total_cmp(&b.0));
+        arrivals.sort_by(|a, b| a.0.cost.total_cmp(&b.0.cost));
         arrivals
             .iter()
-            .filter(|(_, candidate, arrival)| {
+            .filter(|(candidate, arrival)| {
                 let v_WO = flight.twist_at(candidate.catch_s).linear * (1.0 - arrival.speed_fraction);
                 grasps.comes_in_freely(&grasps.grasps[candidate.grasp], &candidate.X_WG, &v_WO, &self.gripper)
             })
             .take(self.config.attempts)
-            .find_map(|(_, candidate, arrival)| {
+            .find_map(|(candidate, arrival)| {
                 self.finish(start, candidate, &grasps.grasps[candidate.grasp], *arrival, self.cold_shares())
             })
             .ok_or(Refusal::NoMotion)
@@ -110,7 +110,7 @@ impl Planner {
             X_WG,
             q,
             swivel: plan.swivel,
-            cost: 0.0,
+            cost: plan.cost,
         };
         self.finish(start, &candidate, &plan.grasp, arrival, Shares::FULL)
     }
@@ -232,6 +232,7 @@ impl Planner {
                 swivel: candidate.swivel,
                 speed_fraction: arrival.speed_fraction * share,
                 spin_radps: arrival.spin_radps * share,
+                cost: candidate.cost,
                 trajectory,
             })
         })
