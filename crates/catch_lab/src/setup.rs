@@ -193,6 +193,11 @@ impl Setup {
     pub fn brain_config(&self, seed: u64, index: u64) -> catch_bot::Config {
         let mut config = self.scenario.brain.clone();
         config.seed = seed_for(Stream::Brain, seed, index);
+        // Whether there is air is known to everybody; how much it brakes the object is known beforehand only so far.
+        if self.scenario.arena.drag {
+            config.trajectory_prediction.drag_prior_per_m = self.object.prior.drag_per_m;
+            config.trajectory_prediction.drag_prior_sd_per_m = self.object.prior.drag_sd_per_m;
+        }
         config
     }
 

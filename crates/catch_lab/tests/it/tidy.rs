@@ -1,0 +1,165 @@
+//! The architecture, as tests: each states an invariant of ARCHITECTURE.md.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    process::Command,
+};
+
+use catch_lab::assets::Kind;
+use serde_json::Value;
+
+use crate::source::{is_test_file, read, root, rust_files, string_literals, without_comments, without_test_modules};
+
+/// Crate → the crates of the workspace that it may depend on, for its tests, too.
+const CRATES: &[(&str, &[&str])] = &[
+    ("catch_body", &[]),
+    ("catch_cell", &["catch_body"]),
+    ("catch_bot", &["catch_body", "catch_cell"]),
+    ("catch_sim", &["catch_body", "catch_cell"]),
+    ("catch_lab", &["catch_body", "catch_cell", "catch_bot", "catch_sim"]),
+];
+
+/// Stages of the brain in the order in which data flows; a stage may use only those above it.
+const STAGES: &[&str] =
+    &["perception", "trajectory_prediction", "grasp_selection", "trajectory_optimization", "control"];
+
+const MAX_LINES: usize = 400;
+const BANNED_NAMES: &[&str] = &["utils", "util", "helpers", "helper", "common", "misc", "types"];
+
+/// What the brain and the models that it uses must not do: read clocks, files, the environment or global random state, print.
+const BANNED_IN_BRAIN: &[&str] = &[
+    "std::fs",
+    "std::io",
+    "std::time",
+    "std::env",
+    "std::net",
+    "std::process",
+    "std::thread",
+    "thread_local!",
+    "Instant",
+    "SystemTime",
+    "rand::rng",
+    "thread_rng",
+    "from_os_rng",
+    "RandomState",
+    "HashMap::new",
+    "println!",
+    "eprintln!",
+];
+
+#[test]
+fn the_brain_and_the_simulator_never_meet() {
+    for (name, found) in crate_graph() {
+        let (_, allowed) =
+            CRATES.iter().find(|(known, _)| *known == name).unwrap_or_else(|| panic!("a new crate: {name}"));
+        for other in found {
+            assert!(allowed.contains(&other.as_str()), "{name} must not depend on {other}");
+        }
+    }
+}
+
+/// Crate → the crates of the workspace that it depends on, by their real names whatever they are called inside.
+fn crate_graph() -> BTreeMap<String, BTreeSet<String>> {
+    let metadata = Command::new(env!("CARGO"))
+        .args(["metadata", "--format-version", "1", "--no-deps", "--offline"])
+        .current_dir(root())
+        .output()
+        .unwrap();
+    assert!(metadata.status.success(), "{}", String::from_utf8_lossy(&metadata.stderr));
+    let metadata: Value = serde_json::from_slice(&metadata.stdout).unwrap();
+    let packages = metadata["packages"].as_array().unwrap();
+    let name = |it: &Value| it["name"].as_str().unwrap().to_owned();
+    let members: BTreeSet<String> = packages.iter().map(name).collect();
+    assert_eq!(members.len(), CRATES.len());
+    let dependencies =
+        |package: &Value| package["dependencies"].as_array().unwrap().iter().map(name).collect::<BTreeSet<_>>();
+    packages
+        .iter()
+        .map(|package| (name(package), dependencies(package).intersection(&members).cloned().collect()))
+        .collect()
+}
+
+#[test]
+fn data_flows_one_way() {
+    for (rank, stage) in STAGES.iter().enumerate() {
+        for file in rust_files(&format!("crates/catch_bot/src/{stage}")) {
+            let code = without_comments(&read(&file));
+            for used in crate_paths(&code) {
+                let backward = STAGES[rank + 1..].contains(&used.as_str());
+                assert!(!backward, "{}: {stage} uses {used}, which comes after it", file.display());
+            }
+        }
+    }
+}
+
+/// Top-level modules of the own crate that a text names, in paths like `crate::a::b` and `crate::{a, b::{c, d}}`.
+fn crate_paths(code: &str) -> Vec<String> {
+    let code: String = code.split_whitespace().collect::<Vec<_>>().join(" ");
+    let identifier =
+        |text: &str| text.trim_start().chars().take_while(|it| it.is_alphanumeric() || *it == '_').collect();
+    let mut found = Vec::new();
+    for (at, _) in code.match_indices("crate::") {
+        let path = &code[at + "crate::".len()..];
+        let Some(group) = path.strip_prefix('{') else {
+            found.push(identifier(path));
+            continue;
+        };
+        let (mut depth, mut start) = (0, 0);
+        for (i, letter) in group.char_indices() {
+            match letter {
+                '{' => depth += 1,
+                '}' if depth == 0 => {
+                    found.push(identifier(&group[start..i]));
+                    break;
+                }
+                '}' => depth -= 1,
+                ',' if depth == 0 => {
+                    found.push(identifier(&group[start..i]));
+                    start = i + 1;
+                }
+                _ => {}
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn module_paths_are_found_in_groups() {
+    let code = "use crate::{a::{b, c}, d};\nfn f(x: crate::e::F) {}";
+    assert_eq!(crate_paths(code), ["a", "d", "e"]);
+}
+
+#[test]
+fn the_brain_reads_no_clock_and_no_file() {
+    for file in rust_files("crates/catch_bot/src").into_iter().filter(|file| !is_test_file(file)) {
+        let code = without_comments(&without_test_modules(&read(&file)));
+        for banned in BANNED_IN_BRAIN {
+            assert!(!code.contains(banned), "{}: {banned}", file.display());
+        }
+    }
+}
+
+#[test]
+fn files_are_short_and_honestly_named() {
+    for file in rust_files("crates") {
+        let stem = file.file_stem().unwrap().to_str().unwrap();
+        assert!(!BANNED_NAMES.contains(&stem), "{}: name it after its subject", file.display());
+        let lines = without_test_modules(&read(&file)).lines().count();
+        assert!(lines <= MAX_LINES || is_test_file(&file), "{}: {lines} lines", file.display());
+    }
+}
+
+/// No robot, gripper, object or camera rig is named in Rust: they are files. Texts for people may name them as examples.
+#[test]
+fn things_are_not_named_in_rust() {
+    let kinds = [Kind::Robot, Kind::Gripper, Kind::Object, Kind::Rig];
+    let names: Vec<&str> = kinds.iter().flat_map(|kind| kind.names()).collect();
+    for file in rust_files("crates").into_iter().filter(|file| !is_test_file(file)) {
+        let code = without_comments(&without_test_modules(&read(&file)));
+        for literal in string_literals(&code) {
+            let named = names.iter().find(|name| literal == **name);
+            assert!(named.is_none(), "{}: \"{literal}\" is an asset's name", file.display());
+        }
+    }
+}
