@@ -1,14 +1,16 @@
 //! The simulated cell.
 
-use catch_body::{Gripper, JointVector, Robot, dynamics};
+use catch_body::{Gripper, JointVector, Robot, clearance::ArmClearance, dynamics};
 use catch_cell::{ArmState, CameraModel, Cell, Command, Observation};
 use nalgebra::Vector3;
 
 use crate::{
+    cameras::{Renderer, Scene},
     config::{ArenaConfig, GripperDriveKind},
     gripper_drive::GripperDrive,
     object::ThrownObject,
     physics::{ContactForces, Loads, Mount, World, WorldSettings, WorldState},
+    sensors::Sensors,
     servo::Servo,
     throw::Release,
     truth::{Truth, TruthSample},
@@ -28,7 +30,8 @@ pub struct Arena {
     world: World,
     servo: Servo,
     drive: GripperDrive,
-    cameras: Vec<CameraModel>,
+    sensors: Sensors,
+    clearance: ArmClearance,
     /// Commands under way, with their times of arrival.
     under_way: Vec<(f64, Command)>,
     steps: u64,
@@ -64,6 +67,7 @@ impl Arena {
         let drive = match config.gripper {
             GripperDriveKind::Ideal => GripperDrive::new(gripper, gripper.max_width_m),
         };
+        let renderer = Renderer::new(robot, gripper, &object.mesh, cameras.to_vec(), config.floor_visible);
         let mut arena = Self {
             config: config.clone(),
             robot: robot.clone(),
@@ -72,7 +76,8 @@ impl Arena {
             world,
             servo: Servo::new(robot.clone().carrying(gripper), *ready_q),
             drive,
-            cameras: cameras.to_vec(),
+            sensors: Sensors::new(renderer, config),
+            clearance: ArmClearance::new(robot, gripper),
             under_way: Vec::new(),
             steps: 0,
             has_sensed: false,
@@ -102,6 +107,12 @@ impl Arena {
     pub fn act_after(&mut self, delay_s: f64, command: Command) {
         self.under_way.push((self.time_s() + delay_s.max(0.0), command));
         self.deliver();
+        self.update_report();
+    }
+
+    fn update_report(&mut self) {
+        self.truth.servo.clone_from(self.servo.report());
+        self.truth.servo.refused_gripper_moves = self.drive.refused_moves();
     }
 
     /// Hands over the commands that have arrived, in the order in which they were sent.
@@ -117,8 +128,8 @@ impl Arena {
             if let Some(moves) = command.gripper {
                 self.drive.receive(moves);
             }
+            self.sensors.set_windows(command.windows);
         }
-        self.truth.servo.clone_from(self.servo.report());
     }
 
     /// Gravity, and the shaking if there is any.
@@ -161,14 +172,19 @@ impl Arena {
 
     fn record(&mut self, torque: JointVector, forces: &ContactForces) {
         let state = &self.state;
+        let (X_WL, width_m) = (self.robot.link_poses(&state.q), state.finger_m[0] + state.finger_m[1]);
+        self.servo.note_clearances(
+            self.clearance.self_clearance(&X_WL, width_m),
+            self.clearance.floor_clearance(&X_WL, width_m),
+        );
         self.truth.samples.push(TruthSample {
             time_s: self.time_s(),
             q: state.q,
             dq: state.dq,
             torque,
-            X_WG: self.robot.gripper_pose(&state.q),
+            X_WG: self.robot.gripper_in(&X_WL),
             V_WG: self.robot.gripper_twist(&state.q, &state.dq),
-            width_m: state.finger_m[0] + state.finger_m[1],
+            width_m,
             finger_force_n: forces.finger_n,
             X_WO: state.X_WO,
             V_WO: state.V_WO,
@@ -183,14 +199,17 @@ impl Cell for Arena {
             for _ in 0..self.config.steps_per_frame() {
                 self.step();
             }
-            self.truth.servo.clone_from(self.servo.report());
         }
-        let _ = &self.cameras;
+        let (now_s, state) = (self.time_s(), self.state);
+        let gripper = self.drive.state(state.finger_m, state.finger_mps);
+        let X_WL = self.robot.link_poses(&state.q);
+        self.sensors.expose(&Scene { capture_s: now_s, X_WL: &X_WL, width_m: gripper.width_m, X_WO: &state.X_WO });
+        self.update_report();
         Observation {
-            time_s: self.time_s(),
-            arm: ArmState { q: self.state.q, dq: self.state.dq },
-            gripper: self.drive.state(self.state.finger_m, self.state.finger_mps),
-            frames: Vec::new(),
+            time_s: now_s,
+            arm: ArmState { q: state.q, dq: state.dq },
+            gripper,
+            frames: self.sensors.arrived(now_s),
         }
     }
 

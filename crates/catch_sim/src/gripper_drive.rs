@@ -19,7 +19,7 @@ pub struct GripperDrive {
     /// Moves that have not started, soonest first.
     pending: Vec<GripperMove>,
     refused_moves: u32,
-    force_n: [f64; 2],
+    squeeze_n: f64,
 }
 
 /// A move and where it started from.
@@ -41,7 +41,7 @@ impl GripperDrive {
             active: ActiveMove { order, from_m: width_m, since_s: 0.0 },
             pending: Vec::new(),
             refused_moves: 0,
-            force_n: [0.0; 2],
+            squeeze_n: 0.0,
         }
     }
 
@@ -66,8 +66,8 @@ impl GripperDrive {
     /// Forces that open the left and the right finger during the step that begins at `time_s`, from their distances to the
     /// middle and their speeds.
     ///
-    /// The fingers are geared to each other: one controller acts on their mean, whose force the motor limits, and another
-    /// keeps them symmetrical. Neither finger is pushed harder than the move allows.
+    /// The fingers are geared to each other: one controller acts on their mean, with a force up to that of the move, and
+    /// another stands for the gear that keeps them symmetrical; it must also work while the first is at its limit.
     pub fn forces(&mut self, time_s: f64, finger_m: [f64; 2], finger_mps: [f64; 2]) -> [f64; 2] {
         while self.pending.first().is_some_and(|order| order.start_s <= time_s + SAME_TIME_S) {
             let order = self.pending.remove(0);
@@ -83,9 +83,10 @@ impl GripperDrive {
         let mean = [(finger_m[0] + finger_m[1]) / 2.0, (finger_mps[0] + finger_mps[1]) / 2.0];
         let skew = [(finger_m[0] - finger_m[1]) / 2.0, (finger_mps[0] - finger_mps[1]) / 2.0];
         let opening = STIFFNESS_NPM * (wanted_m - mean[0]) + DAMPING_NSPM * (wanted_mps - mean[1]);
-        let levelling = STIFFNESS_NPM * skew[0] + DAMPING_NSPM * skew[1];
-        self.force_n = [opening - levelling, opening + levelling].map(|force| force.clamp(-limit, limit));
-        self.force_n
+        let opening = opening.clamp(-limit, limit);
+        let levelling = (STIFFNESS_NPM * skew[0] + DAMPING_NSPM * skew[1]).clamp(-self.max_force_n, self.max_force_n);
+        self.squeeze_n = -opening;
+        [opening - levelling, opening + levelling]
     }
 
     /// The width that is wanted at `time_s` and its rate.
@@ -105,7 +106,7 @@ impl GripperDrive {
         GripperState {
             width_m: finger_m[0] + finger_m[1],
             speed_mps: finger_mps[0] + finger_mps[1],
-            force_n: -(self.force_n[0] + self.force_n[1]) / 2.0,
+            force_n: self.squeeze_n,
         }
     }
 }

@@ -16,6 +16,7 @@ pub mod object;
 pub mod object_shape;
 pub mod physics;
 pub mod random_streams;
+mod sensors;
 pub mod servo;
 pub mod throw;
 pub mod truth;

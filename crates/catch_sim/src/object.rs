@@ -64,7 +64,7 @@ impl ThrownObject {
     pub fn from_toml(
         file: &str,
         text: &str,
-        _load: &dyn Fn(&str) -> Result<Vec<u8>, InputError>,
+        load: &dyn Fn(&str) -> Result<Vec<u8>, InputError>,
     ) -> Result<Self, InputError> {
         let ObjectFile { name, truth, prior } = InputError::parse_toml(file, text)?;
         let mass_kg = InputError::positive(file, "truth.mass_kg", truth.mass_kg)?;
@@ -80,7 +80,7 @@ impl ThrownObject {
                 return Err(InputError::new(file, field, value, "zero or more"));
             }
         }
-        let Solid { mesh, parts, inertia } = truth.shape.solid(file, mass_kg)?;
+        let Solid { mesh, parts, inertia } = truth.shape.solid(file, mass_kg, load)?;
         let to_com = -inertia.com.coords;
         let mesh = mesh.translated(&to_com);
         let parts = parts.into_iter().map(|part| part.translated(&to_com)).collect();

@@ -1,6 +1,6 @@
 //! From the few numbers of an object's file to its surface, its convex parts and its inertia.
 
-use catch_body::{InputError, TriangleMesh, mesh::TubeRing, robot::Inertia};
+use catch_body::{InputError, TriangleMesh, mesh::TubeRing, mesh_file::mesh_from_bytes, robot::Inertia};
 use nalgebra::{Matrix3, Point3, Vector3};
 use serde::Deserialize;
 
@@ -33,7 +33,23 @@ pub(crate) enum ShapeFields {
     Revolution { profile_m: Vec<[f64; 2]> },
     /// A round tube along an arc in the y–z plane, its radii evenly spaced along it.
     BentTube { arc_radius_m: f64, arc_angle_deg: f64, radii_m: Vec<f64> },
+    /// A mesh from a file beside this one. It collides as its convex `parts`, or as its convex hull if none are named.
+    Mesh {
+        file: String,
+        #[serde(default)]
+        parts: Vec<String>,
+        /// Metres per unit of the files.
+        #[serde(default = "one")]
+        scale: f64,
+    },
 }
+
+fn one() -> f64 {
+    1.0
+}
+
+/// Reads a file that another one names.
+pub(crate) type Load<'a> = &'a dyn Fn(&str) -> Result<Vec<u8>, InputError>;
 
 /// A shape worked out: surface, convex parts and inertia, all in the frame in which it was described.
 pub(crate) struct Solid {
@@ -44,7 +60,7 @@ pub(crate) struct Solid {
 
 impl ShapeFields {
     /// Works the shape out at a mass. Density is uniform but for a hollow ball.
-    pub fn solid(&self, file: &str, mass_kg: f64) -> Result<Solid, InputError> {
+    pub fn solid(&self, file: &str, mass_kg: f64, load: Load) -> Result<Solid, InputError> {
         match self {
             Self::Ball { diameter_m, hollow } => {
                 let radius_m = InputError::positive(file, "truth.shape.diameter_m", *diameter_m)? / 2.0;
@@ -60,6 +76,15 @@ impl ShapeFields {
             Self::Revolution { profile_m } => revolution(file, mass_kg, profile_m),
             Self::BentTube { arc_radius_m, arc_angle_deg, radii_m } => {
                 bent_tube(file, mass_kg, *arc_radius_m, *arc_angle_deg, radii_m)
+            }
+            Self::Mesh { file: mesh_file, parts, scale } => {
+                let scale = InputError::positive(file, "truth.shape.scale", *scale)?;
+                let read = |name: &String| mesh_from_bytes(name, &load(name)?, scale);
+                let mesh = read(mesh_file)?;
+                let hulls = if parts.is_empty() { vec![mesh_file] } else { parts.iter().collect() };
+                let parts = hulls.into_iter().map(|name| Ok(ColliderPart::Hull(read(name)?.vertices)));
+                let parts = parts.collect::<Result<_, InputError>>()?;
+                Ok(Solid { inertia: mesh.mass_properties(mass_kg), parts, mesh })
             }
         }
     }

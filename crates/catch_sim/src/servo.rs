@@ -133,6 +133,13 @@ impl Servo {
         }
     }
 
+    /// Takes down how close the arm is to itself and to the floor.
+    pub fn note_clearances(&mut self, self_m: f64, floor_m: f64) {
+        let smaller = |kept: Option<f64>, new: f64| Some(kept.map_or(new, |kept| kept.min(new)));
+        self.report.min_self_clearance_m = smaller(self.report.min_self_clearance_m, self_m);
+        self.report.min_floor_clearance_m = smaller(self.report.min_floor_clearance_m, floor_m);
+    }
+
     fn note_excursion(&mut self, slot: usize, kind: LimitKind, joint: usize, ratio: f64, tolerated: f64, time_s: f64) {
         let excursion = &mut self.excursions[slot][joint];
         if ratio <= tolerated {

@@ -104,6 +104,8 @@ pub struct ServoReport {
     pub late_trajectories: u32,
     /// Trajectories refused because they were invalid, did not end at rest, or did not continue the one being executed.
     pub refused_trajectories: u32,
+    /// Gripper moves refused because a number was not finite, or speed or force not above zero.
+    pub refused_gripper_moves: u32,
     /// Limits broken by accepted trajectories: the worst value per trajectory, joint and kind.
     pub command_violations: Vec<LimitViolation>,
     /// Limits broken in motion, one entry per excursion with its worst value: positions out of range, velocities beyond 1.01.

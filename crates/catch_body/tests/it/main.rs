@@ -1,0 +1,3 @@
+//! Bodies against an independent library.
+
+mod arm_dynamics;

@@ -1,0 +1,151 @@
+//! Friction and restitution against theory, and that what is squeezed stays where it is.
+
+use catch_body::Gripper;
+use catch_cell::GripperMove;
+use catch_sim::{ThrownObject, gripper_drive::GripperDrive, physics::World};
+use nalgebra::{Point3, Vector3};
+
+use crate::setting;
+
+/// A hand fixed in the world that holds an object between its fingers.
+struct Grip {
+    world: World,
+    drive: GripperDrive,
+    steps: u32,
+}
+
+impl Grip {
+    /// Squeezes `object`, which waits between the fingers, for 0.3 s without gravity.
+    fn of(object: &ThrownObject, width_m: f64, friction: f64, force_n: f64) -> Self {
+        let gripper = setting::gripper();
+        let p_WG = Point3::new(0.0, 0.0, 2.0);
+        let release = setting::release([0.0, gripper.grasp_centre_y_m, 2.0], [0.0; 3]);
+        let settings = setting::settings(friction, 0.0);
+        let world = setting::fixed_hand(settings, p_WG, &gripper, width_m, object, &release);
+        let mut drive = GripperDrive::new(&gripper, width_m);
+        drive.receive(vec![GripperMove { start_s: 0.0, width_m: 0.0, speed_mps: 0.1, force_n }]);
+        let mut grip = Self { world, drive, steps: 0 };
+        grip.hold(0.3, &|_| (Vector3::zeros(), Vector3::zeros()));
+        grip
+    }
+
+    /// Goes on holding; `load` gives the force on the object and gravity by the time since the call.
+    fn hold(&mut self, duration_s: f64, load: &dyn Fn(f64) -> (Vector3<f64>, Vector3<f64>)) {
+        for i in 0..(duration_s * 1e3).round() as u32 {
+            let state = self.world.state();
+            let mut loads = setting::no_loads();
+            loads.finger_force_n = self.drive.forces(f64::from(self.steps) * 1e-3, state.finger_m, state.finger_mps);
+            (loads.object_force_n, loads.gravity) = load(f64::from(i) * 1e-3);
+            self.world.step(&loads);
+            self.steps += 1;
+        }
+    }
+
+    fn place(&self) -> Vector3<f64> {
+        self.world.state().X_WO.translation.vector
+    }
+}
+
+/// The pull at which a squeezed object begins to slide is 2·μ·N.
+#[test]
+fn squeezed_objects_slide_at_the_coulomb_limit() {
+    for (name, width_m) in [("tennis_ball", 0.068), ("pill_bottle", 0.052)] {
+        for friction in [0.4, 0.667, 1.0] {
+            let object = setting::object(name);
+            let mut grip = Grip::of(&object, width_m, friction, 40.0);
+            let [left, right] = grip.world.contact_forces().finger_n;
+            let limit = friction * (left + right);
+            // Pulled along the fingers ever harder.
+            let (pulling_s, fastest) = (1.0, 1.2);
+            let start = grip.place();
+            let mut slid_at = None;
+            for step in 0..1000 {
+                let share = f64::from(step) / 1000.0 * fastest;
+                let pull = Vector3::new(0.0, share * limit, 0.0);
+                grip.hold(pulling_s / 1000.0, &|_| (pull, Vector3::zeros()));
+                let slipping = grip.world.state().V_WO.linear.norm() > 0.01 && (grip.place() - start).norm() > 1e-4;
+                if slipping && slid_at.is_none() {
+                    slid_at = Some(share);
+                }
+            }
+            let share = slid_at.expect("it slides before 1.2 times the limit");
+            println!("{name} mu {friction}: forces {left:.3} {right:.3} N, slides at {share:.4} of the limit");
+            assert!((share - 1.0).abs() < 0.05, "{name}, μ = {friction}: slides at {share} of the limit");
+        }
+    }
+}
+
+/// Both fingers press with the force that was asked for.
+#[test]
+fn fingers_press_as_hard_as_they_are_told() {
+    for force_n in [20.0, 40.0, 80.0] {
+        let grip = Grip::of(&setting::object("tennis_ball"), 0.068, 0.667, force_n);
+        for measured in grip.world.contact_forces().finger_n {
+            assert!((measured / force_n - 1.0).abs() < 0.01, "{measured} N of {force_n} N");
+        }
+    }
+}
+
+/// Shaken by ±10 m/s² on top of gravity, squeezed objects stay in place.
+#[test]
+fn shaken_objects_stay_in_the_grasp() {
+    for (name, width_m, tolerated_m) in
+        [("tennis_ball", 0.068, 1e-5), ("pill_bottle", 0.052, 5e-5), ("banana", 0.031, 5e-5)]
+    {
+        let mut grip = Grip::of(&setting::object(name), width_m, 0.667, 72.0);
+        let gravity = Vector3::new(0.0, 0.0, -9.81);
+        grip.hold(0.5, &|_| (Vector3::zeros(), gravity));
+        let settled = grip.place();
+        grip.hold(2.0, &|t| {
+            let shake = 10.0 * (std::f64::consts::TAU * 2.0 * t).sin();
+            (Vector3::zeros(), gravity + Vector3::repeat(shake / 3.0f64.sqrt()))
+        });
+        let drift = (grip.place() - settled).norm();
+        println!("{name}: drift {drift}");
+        assert!(drift < tolerated_m, "{name}: {drift} m");
+    }
+}
+
+/// A ball rebounds from the floor at e times its speed.
+#[test]
+fn restitution_is_exact() {
+    for restitution in [0.3, 0.5, 0.75] {
+        for speed in [1.0, 3.0, 6.0] {
+            let gripper = setting::gripper();
+            let settings = setting::settings(0.6, restitution);
+            let ball = setting::object("tennis_ball");
+            let release = setting::release([5.0, 5.0, 0.0336 + 0.05], [0.0, 0.0, -speed]);
+            let hand = Point3::new(0.0, 0.0, 2.0);
+            let mut world = setting::fixed_hand(settings, hand, &gripper, 0.1, &ball, &release);
+            let mut loads = setting::no_loads();
+            loads.gravity = Vector3::zeros();
+            for _ in 0..200 {
+                world.step(&loads);
+            }
+            let rebound = world.state().V_WO.linear.z / speed;
+            println!("e {restitution} at {speed} m/s: {rebound}");
+            assert!((rebound / restitution - 1.0).abs() < 0.02, "{rebound} instead of {restitution} at {speed} m/s");
+        }
+    }
+}
+
+/// The fingers of the ideal drive: about 5 ms from wide open to a tennis ball.
+#[test]
+fn ideal_fingers_reach_a_tennis_ball_in_five_milliseconds() {
+    let gripper: Gripper = setting::gripper();
+    let ball = setting::object("tennis_ball");
+    let release = setting::release([5.0, 5.0, 5.0], [0.0; 3]);
+    let hand = Point3::new(0.0, 0.0, 2.0);
+    let mut world = setting::fixed_hand(setting::settings(0.6, 0.5), hand, &gripper, 0.11, &ball, &release);
+    let mut drive = GripperDrive::new(&gripper, 0.11);
+    drive.receive(vec![GripperMove { start_s: 0.0, width_m: 0.0, speed_mps: f64::INFINITY, force_n: 80.0 }]);
+    let mut steps = 0u32;
+    while world.state().finger_m.iter().sum::<f64>() > 0.0672 {
+        let state = world.state();
+        let mut loads = setting::no_loads();
+        loads.finger_force_n = drive.forces(f64::from(steps) * 1e-3, state.finger_m, state.finger_mps);
+        world.step(&loads);
+        steps += 1;
+    }
+    assert!((5..=7).contains(&steps), "{steps} ms");
+}

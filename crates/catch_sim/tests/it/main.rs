@@ -1,0 +1,8 @@
+//! Physics, servo and truth of the arena, against theory and against another engine.
+
+mod catch_table;
+mod contacts;
+mod free_motion;
+mod scenes;
+mod servo;
+mod setting;

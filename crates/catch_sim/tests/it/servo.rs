@@ -1,0 +1,172 @@
+//! The drive cabinet: how well it follows, and what it refuses and counts.
+
+use catch_body::{JointVector, Robot};
+use catch_cell::{ArmTrajectory, BSpline, Cell, Command};
+use catch_sim::{Arena, ArenaConfig, Truth, truth::LimitKind};
+
+use crate::setting;
+
+fn arena(ready_q: &JointVector) -> Arena {
+    let release = setting::release([9.0, 9.0, 9.0], [0.0; 3]);
+    let (robot, gripper, object) = (setting::robot(), setting::gripper(), setting::object("tennis_ball"));
+    Arena::new(&ArenaConfig::default(), &robot, &gripper, &object, &release, ready_q, &[], 0, 0)
+}
+
+/// From rest to rest, close to a quintic polynomial: its values as control points, the ends three times.
+fn motion(start_s: f64, duration_s: f64, from: JointVector, to: JointVector) -> ArmTrajectory {
+    let count = 16;
+    let control_points: Vec<JointVector> = (0..count)
+        .map(|i| {
+            let u = (f64::from(i - 2) / f64::from(count - 5)).clamp(0.0, 1.0);
+            from + (to - from) * (u * u * u * (10.0 - 15.0 * u + 6.0 * u * u))
+        })
+        .collect();
+    let spans = control_points.len() - 3;
+    let inner = (1..spans).map(|i| start_s + duration_s * i as f64 / spans as f64);
+    let knots_s = [start_s; 4].into_iter().chain(inner).chain([start_s + duration_s; 4]).collect();
+    ArmTrajectory { spline: BSpline { knots_s, control_points } }
+}
+
+fn send(arena: &mut Arena, trajectory: ArmTrajectory) {
+    arena.act(Command { arm: Some(trajectory), ..Default::default() });
+}
+
+fn senses(arena: &mut Arena, count: usize) {
+    for _ in 0..count {
+        arena.sense();
+    }
+}
+
+/// The largest distance between the gripper where it was and where it should have been.
+fn largest_tool_error(robot: &Robot, truth: &Truth, trajectory: &ArmTrajectory) -> f64 {
+    let error = |sample: &catch_sim::TruthSample| {
+        let wanted = robot.gripper_pose(&trajectory.setpoint(sample.time_s).q);
+        (sample.X_WG.translation.vector - wanted.translation.vector).norm()
+    };
+    truth.samples.iter().map(error).fold(0.0, f64::max)
+}
+
+#[test]
+fn a_fast_motion_is_followed_within_a_tenth_of_a_millimetre() {
+    let robot = setting::robot();
+    let from = robot.ready_q;
+    let to = from + robot.joint_vector(&[0.27, -0.25, 0.27, 0.25, -0.39, -0.45, -0.45]).unwrap();
+    let trajectory = motion(0.0, 0.5, from, to);
+    let mut arena = arena(&from);
+    arena.sense();
+    send(&mut arena, trajectory.clone());
+    senses(&mut arena, 60);
+    let truth = arena.truth();
+    let fastest = truth.samples.iter().map(|sample| sample.dq.amax()).fold(0.0, f64::max);
+    assert!(fastest > 1.5, "only {fastest} rad/s");
+    let error = largest_tool_error(&robot, truth, &trajectory);
+    assert_eq!(truth.servo.command_violations, []);
+    println!("tool error {error}, {fastest} rad/s, {:?}", truth.servo);
+    assert!(error < 1e-4, "{error} m");
+    assert_eq!(truth.servo.accepted_trajectories, 1);
+    assert_eq!(truth.servo.torque_clamped_s, 0.0);
+    let clearance = truth.servo.min_self_clearance_m.unwrap();
+    assert!(clearance > 0.0 && truth.servo.min_floor_clearance_m.unwrap() > 0.0, "{clearance}");
+}
+
+#[test]
+fn a_command_that_breaks_a_limit_is_counted() {
+    let robot = setting::robot();
+    let from = robot.ready_q;
+    let slow = robot.joint_vector(&[0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).unwrap();
+    let mut arena = arena(&from);
+    arena.sense();
+    send(&mut arena, motion(0.0, 1.0, from, from + slow));
+    assert_eq!(arena.truth().servo.command_violations, []);
+    send(&mut arena, motion(0.0, 0.05, from, from + slow));
+    let servo = &arena.truth().servo;
+    assert_eq!(servo.accepted_trajectories, 2);
+    for kind in [LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Torque] {
+        let found = servo.command_violations.iter().filter(|it| it.joint == 0 && it.kind == kind).count();
+        assert_eq!(found, 1, "{kind:?} in {:?}", servo.command_violations);
+    }
+    let beyond = robot.joint_vector(&[0.0, 0.9, 0.0, 0.0, 0.0, 0.0, 0.0]).unwrap();
+    send(&mut arena, motion(0.0, 3.0, from, from + beyond));
+    let last = arena.truth().servo.command_violations.last().unwrap();
+    assert_eq!((last.joint, last.kind), (1, LimitKind::Position));
+    assert!((last.ratio - (1.344 + 0.9) / 2.0944).abs() < 1e-9);
+}
+
+/// The edge itself is allowed.
+#[test]
+fn a_command_at_its_limits_is_not_counted() {
+    let mut robot = setting::robot();
+    let from = robot.ready_q;
+    let to = from + robot.joint_vector(&[0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).unwrap();
+    let trajectory = motion(0.0, 0.5, from, to);
+    let peak =
+        |kind: LimitKind, robot: &Robot| catch_sim::command_check::PeakRatios::of(robot, &trajectory).highest(kind);
+    let (velocity, acceleration) = (peak(LimitKind::Velocity, &robot), peak(LimitKind::Acceleration, &robot));
+    robot.joints[0].limits.velocity *= velocity;
+    robot.joints[0].limits.acceleration *= acceleration;
+    let peaks = catch_sim::command_check::PeakRatios::of(&robot, &trajectory);
+    assert_eq!(peaks.violations(), []);
+    robot.joints[0].limits.velocity *= 1.0 - 1e-8;
+    assert_eq!(catch_sim::command_check::PeakRatios::of(&robot, &trajectory).violations().len(), 1);
+}
+
+#[test]
+fn late_and_discontinuous_commands_are_refused_and_the_old_one_goes_on() {
+    let robot = setting::robot();
+    let from = robot.ready_q;
+    let to = from + robot.joint_vector(&[0.2, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0]).unwrap();
+    let trajectory = motion(0.0, 0.6, from, to);
+    let mut arena = arena(&from);
+    arena.sense();
+    send(&mut arena, trajectory.clone());
+    senses(&mut arena, 20);
+    // Continuous, but 1 ms too late.
+    send(&mut arena, motion(0.199, 0.6, from, to));
+    assert_eq!(arena.truth().servo.late_trajectories, 1);
+    // Under way for 20 ms, so late on arrival.
+    arena.act_after(0.02, Command { arm: Some(ArmTrajectory::at_rest(0.21, from)), ..Default::default() });
+    assert_eq!(arena.truth().servo.late_trajectories, 1);
+    // In time, but 10 mrad away.
+    let away = JointVector::ith(0, 0.01);
+    send(&mut arena, motion(0.7, 0.6, to + away, from));
+    assert_eq!(arena.truth().servo.refused_trajectories, 1);
+    // Does not end at rest.
+    let mut endless = motion(0.7, 0.6, to, from);
+    *endless.spline.control_points.last_mut().unwrap() = from + JointVector::ith(0, 0.1);
+    send(&mut arena, endless);
+    // Not a number.
+    let mut broken = motion(0.7, 0.6, to, from);
+    broken.spline.control_points[4][0] = f64::NAN;
+    send(&mut arena, broken);
+    assert_eq!(arena.truth().servo.refused_trajectories, 3);
+    senses(&mut arena, 45);
+    let servo = &arena.truth().servo;
+    assert_eq!((servo.late_trajectories, servo.accepted_trajectories), (2, 1));
+    let error = largest_tool_error(&robot, arena.truth(), &trajectory);
+    assert!(error < 1e-4, "{error} m");
+}
+
+#[test]
+fn trajectories_are_spliced_where_the_next_one_starts() {
+    let robot = setting::robot();
+    let from = robot.ready_q;
+    let step = robot.joint_vector(&[0.2, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0]).unwrap();
+    let (first, second) = (motion(0.0, 0.4, from, from + step), motion(0.4, 0.4, from + step, from + step * 2.0));
+    let mut arena = arena(&from);
+    arena.sense();
+    send(&mut arena, first.clone());
+    // Sent long before it starts; the third would continue the second and is dropped when another takes its place.
+    send(&mut arena, second.clone());
+    send(&mut arena, motion(0.8, 0.4, from + step * 2.0, from));
+    send(&mut arena, motion(0.8, 0.5, from + step * 2.0, from + step));
+    senses(&mut arena, 140);
+    assert_eq!(arena.truth().servo.accepted_trajectories, 4);
+    for sample in &arena.truth().samples {
+        let wanted = match sample.time_s {
+            t if t < 0.4 => first.setpoint(t),
+            t if t < 0.8 => second.setpoint(t),
+            t => motion(0.8, 0.5, from + step * 2.0, from + step).setpoint(t),
+        };
+        assert!((sample.q - wanted.q).amax() < 2e-4, "at {}", sample.time_s);
+    }
+}

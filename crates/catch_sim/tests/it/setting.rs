@@ -1,0 +1,69 @@
+//! Robot, gripper and objects from the project's files, and hands that are fixed in the world.
+
+use catch_body::{Gripper, InputError, JointVector, Pose, Robot, robot_file::RobotFiles};
+use catch_sim::{
+    Release, ThrownObject,
+    physics::{Loads, Mount, World, WorldSettings},
+};
+use nalgebra::{Point3, UnitQuaternion, Vector3};
+
+pub fn robot() -> Robot {
+    Robot::from_files(&RobotFiles {
+        urdf_file: "robot.urdf",
+        urdf: include_str!("../../../../assets/robots/iiwa14/robot.urdf"),
+        toml_file: "robot.toml",
+        toml: include_str!("../../../../assets/robots/iiwa14/robot.toml"),
+    })
+    .unwrap()
+}
+
+pub fn gripper() -> Gripper {
+    Gripper::from_toml("wsg50.toml", include_str!("../../../../assets/grippers/wsg50.toml")).unwrap()
+}
+
+pub fn object(name: &str) -> ThrownObject {
+    let text = match name {
+        "tennis_ball" => include_str!("../../../../assets/objects/tennis_ball.toml"),
+        "banana" => include_str!("../../../../assets/objects/banana.toml"),
+        "pill_bottle" => include_str!("../../../../assets/objects/pill_bottle.toml"),
+        _ => panic!("{name}"),
+    };
+    ThrownObject::from_toml(name, text, &|file| Err(InputError::new(file, "file", "nothing", "a file"))).unwrap()
+}
+
+/// A hollow ball like the tennis ball, of any radius.
+pub fn ball(radius_m: f64) -> ThrownObject {
+    let text = include_str!("../../../../assets/objects/tennis_ball.toml");
+    let text = text.replace("diameter_m = 0.0672", &format!("diameter_m = {}", 2.0 * radius_m));
+    ThrownObject::from_toml("ball", &text, &|file| Err(InputError::new(file, "file", "nothing", "a file"))).unwrap()
+}
+
+/// A release without spin.
+pub fn release(p_WO: [f64; 3], v_WO: [f64; 3]) -> Release {
+    Release { p_WO: p_WO.into(), v_WO: v_WO.into(), q_WO: UnitQuaternion::identity(), omega_WO: Vector3::zeros() }
+}
+
+pub fn settings(friction: f64, restitution: f64) -> WorldSettings {
+    WorldSettings { step_s: 1e-3, substeps: 4, friction, restitution }
+}
+
+pub fn no_loads() -> Loads {
+    Loads {
+        torque: JointVector::zeros(),
+        finger_force_n: [0.0; 2],
+        object_force_n: Vector3::zeros(),
+        gravity: Vector3::new(0.0, 0.0, -9.81),
+    }
+}
+
+/// A hand fixed in the world, frame G at `p_WG`, its axes along the world's.
+pub fn fixed_hand(
+    settings: WorldSettings,
+    p_WG: Point3<f64>,
+    gripper: &Gripper,
+    width_m: f64,
+    object: &ThrownObject,
+    release: &Release,
+) -> World {
+    World::new(settings, Mount::Fixed(Pose::translation(p_WG.x, p_WG.y, p_WG.z)), gripper, width_m, object, release)
+}
