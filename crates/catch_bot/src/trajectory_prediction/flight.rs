@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::tumbling::Tumbling;
 
 /// A flight: the state at one instant and the law by which it goes on.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct FlightTrajectory {
     /// The instant of the state below: that of the newest pose it rests on.
     pub time_s: f64,
