@@ -4,13 +4,15 @@ use crate::source::{read, rust_files};
 
 #[test]
 fn frames_cancel() {
+    let mut faults = Vec::new();
     for file in rust_files("crates").iter().filter(|file| !file.ends_with("it/frames.rs")) {
-        for (number, line) in read(file).lines().enumerate() {
-            if let Some(fault) = first_fault(line) {
-                panic!("{}:{}: {fault}", file.display(), number + 1);
-            }
-        }
+        let text = read(file);
+        let lines = text.lines().enumerate();
+        let found =
+            lines.filter_map(|(i, line)| first_fault(line).map(|it| format!("{}:{}: {it}", file.display(), i + 1)));
+        faults.extend(found);
     }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
 #[test]

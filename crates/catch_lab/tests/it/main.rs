@@ -1,5 +1,26 @@
-//! Tests of the whole: the architecture, wrong input, reproducibility, and every object and throw.
+//! Tests of the whole: the architecture, wrong input, reproducibility, every object and throw, and what the brain cannot see.
 
+mod all_cells;
+mod blanked;
+mod determinism;
 mod frames;
 mod source;
 mod tidy;
+mod wrong_input;
+
+use std::process::{Command, Output};
+
+/// Runs the program.
+fn catchingbot(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_catchingbot")).args(arguments).output().unwrap()
+}
+
+/// What it printed as its result.
+fn stdout(output: &Output) -> String {
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+/// What it complained about.
+fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}

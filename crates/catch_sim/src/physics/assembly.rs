@@ -130,10 +130,10 @@ impl Builder {
             let finger = closed.next().expect("a gripper has two fingers");
             let inertia = Inertia::of_box(gripper.finger_mass_kg, &finger.size, finger.centre);
             let child = self.add_body(&(X_WH * X_HG), &inertia);
-            let R_FJ = rotation_from_x_to(&opening);
+            let R_GJ = rotation_from_x_to(&opening);
             let prismatic = engine::GenericJointBuilder::new(JointAxesMask::LOCKED_PRISMATIC_AXES)
-                .local_frame1(to_pose(&(X_HG * R_FJ)))
-                .local_frame2(to_pose(&Pose::from_parts(Vector3::zeros().into(), R_FJ)))
+                .local_frame1(to_pose(&(X_HG * R_GJ)))
+                .local_frame2(to_pose(&Pose::from_parts(Vector3::zeros().into(), R_GJ)))
                 .limits(JointAxis::LinX, [0.0, gripper.max_width_m / 2.0]);
             self.multibodies.insert(hand, child, prismatic.build(), true);
             self.attach_box(child, &Pose::identity(), &finger, part);

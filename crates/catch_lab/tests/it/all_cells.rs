@@ -1,0 +1,57 @@
+//! Every object with every throw: always an outcome, never a number that is none.
+
+use catch_lab::{
+    assets::Kind,
+    referee::{self, Verdict},
+    setup::{Choice, Setup},
+    trial,
+};
+use catch_sim::{Truth, TruthSample};
+
+fn run(object: &str, throw: &str, seed: u64, index: u64) -> (Truth, Verdict) {
+    let choice = Choice { object: Some(object), throw: Some(throw), ..Choice::default() };
+    let setup = Setup::load(&choice).unwrap();
+    let trial = trial::run(&setup, seed, index, &mut |_, _| Ok(())).unwrap();
+    let verdict = referee::judge(&setup, &trial);
+    (trial.truth, verdict)
+}
+
+fn is_finite(sample: &TruthSample) -> bool {
+    let TruthSample { q, dq, torque, X_WG, X_WO, V_WO, width_m, .. } = sample;
+    let poses = [X_WG, X_WO].into_iter().flat_map(|it| it.translation.vector.iter().chain(it.rotation.coords.iter()));
+    let mut numbers = q
+        .iter()
+        .chain(dq.iter())
+        .chain(torque.iter())
+        .chain(V_WO.linear.iter())
+        .chain(V_WO.angular.iter())
+        .chain(poses);
+    numbers.all(|number| number.is_finite()) && width_m.is_finite()
+}
+
+#[test]
+fn every_throw_of_every_object_has_an_outcome() {
+    for object in Kind::Object.names() {
+        for throw in Kind::Throw.names() {
+            let (truth, verdict) = run(object, throw, 3, 1);
+            let cell = format!("{object}, {throw}: {verdict:?}");
+            assert_eq!(verdict.caught, verdict.reason.is_none(), "{cell}");
+            assert!(truth.samples.iter().all(is_finite) && truth.diverged_s.is_none(), "{cell}");
+            assert_eq!(verdict.limit_violations, 0, "{cell}: {:?}", truth.servo);
+            let measures = &verdict.measures;
+            for clearance in [measures.min_self_clearance_m, measures.min_floor_clearance_m] {
+                assert!(clearance.is_some_and(|it| it > 0.0), "{cell}");
+            }
+        }
+    }
+}
+
+/// An arm that waits at the catch proves nothing.
+#[test]
+fn a_ball_is_caught_by_an_arm_that_moves() {
+    for throw in ["near", "far"] {
+        let (_, verdict) = run("tennis_ball", throw, 1, 0);
+        assert!(verdict.caught && verdict.caught_paper, "{throw}: {verdict:?}");
+        assert!(verdict.measures.joint_travel_rad.is_some_and(|travel| travel > 0.5), "{throw}: {verdict:?}");
+    }
+}

@@ -1,0 +1,91 @@
+//! The brain sees only through its cameras: once they are dark, it does not notice where the object goes.
+
+use catch_bot::CatchingBot;
+use catch_cell::{Brain, Cell, Command, DepthFrame, Observation, PixelWindow};
+use catch_lab::setup::{Choice, Setup};
+use catch_sim::Arena;
+use nalgebra::Vector3;
+
+/// When the cameras go dark, before the catch.
+const DARK_FOR_S: f64 = 0.1;
+
+/// How the frames change shortly before the catch.
+#[derive(Clone, Copy, PartialEq)]
+enum Cameras {
+    Dark,
+    Seeing,
+}
+
+/// A cell whose object is suddenly somewhere else: at first everything is sensed in one arena, then in another one where the
+/// object was thrown elsewhere. Both receive all commands, so that the arm is in the same state when they change places.
+struct MovedObject {
+    before: Arena,
+    after: Arena,
+    moved: bool,
+    cameras: Cameras,
+}
+
+impl Cell for MovedObject {
+    fn sense(&mut self) -> Observation {
+        let (before, after) = (self.before.sense(), self.after.sense());
+        let mut observation = if self.moved { after } else { before };
+        if self.moved && self.cameras == Cameras::Dark {
+            observation.frames.iter_mut().for_each(darken);
+        }
+        observation
+    }
+
+    fn act(&mut self, command: Command) {
+        self.before.act(command.clone());
+        self.after.act(command);
+    }
+}
+
+/// Nothing is seen, and no window tells where something might be.
+fn darken(frame: &mut DepthFrame) {
+    *frame = DepthFrame {
+        window: PixelWindow::default(),
+        depth_m: Vec::new(),
+        mask: frame.mask.as_ref().map(|_| Vec::new()),
+        ..frame.clone()
+    };
+}
+
+/// All commands of a trial in which the object jumps by `offset` shortly before the catch.
+fn commands(setup: &Setup, offset: Vector3<f64>, cameras: Cameras) -> Vec<Command> {
+    let (seed, index) = (1, 0);
+    let elsewhere = || {
+        let mut release = setup.throw.release(&setup.object.name, seed, index);
+        release.p_WO += offset;
+        let Setup { scenario, robot, gripper, object, ready_q, cameras, .. } = setup;
+        Arena::new(&scenario.arena, robot, gripper, object, &release, ready_q, cameras, seed, index)
+    };
+    let mut cell = MovedObject { before: setup.arena(seed, index), after: elsewhere(), moved: false, cameras };
+    let mut brain: CatchingBot = setup.brain(seed, index);
+    let mut commands = Vec::new();
+    while commands.len() < 120 {
+        let plan = brain.report().plan.as_ref();
+        cell.moved |= plan.is_some_and(|plan| cell.after.time_s() >= plan.catch_s - DARK_FOR_S);
+        let observation = cell.sense();
+        let command = brain.tick(&observation, &mut ());
+        commands.push(command.clone());
+        cell.act(command);
+    }
+    assert!(cell.moved, "there was no plan");
+    commands
+}
+
+#[test]
+fn in_the_dark_the_object_may_go_where_it_likes() {
+    let setup = Setup::load(&Choice::default()).unwrap();
+    let offset = Vector3::new(0.05, -0.03, 0.1);
+    let dark = commands(&setup, Vector3::zeros(), Cameras::Dark);
+    let dark_and_moved = commands(&setup, offset, Cameras::Dark);
+    let first = dark.iter().zip(&dark_and_moved).position(|(one, two)| one != two);
+    assert_eq!(first, None, "a command depends on where the object is though nothing was seen of it");
+
+    // The test can fail: with open eyes the brain does notice.
+    let seeing = commands(&setup, Vector3::zeros(), Cameras::Seeing);
+    let seeing_and_moved = commands(&setup, offset, Cameras::Seeing);
+    assert_ne!(seeing, seeing_and_moved);
+}

@@ -1,0 +1,64 @@
+//! Same seed, same bytes.
+
+use std::{fs, path::Path};
+
+use serde_json::Value;
+
+use crate::{catchingbot, stderr, stdout};
+
+fn throw(folder: &Path, object: &str) -> (Value, Vec<u8>) {
+    let folder = folder.to_str().unwrap();
+    let output =
+        catchingbot(&["catch", "--json", "--object", object, "--throw", "far_sampled", "--seed", "5", "--out", folder]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let document: Value = serde_json::from_str(&stdout(&output)).unwrap();
+    let recording = fs::read(document["recording"].as_str().unwrap()).unwrap();
+    (document, recording)
+}
+
+#[test]
+fn two_runs_write_the_same_recording_and_a_replay_wants_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let (one, two) = (folder.path().join("one"), folder.path().join("two"));
+    for object in ["tennis_ball", "banana"] {
+        let (mut first, recording) = throw(&one, object);
+        let (mut second, again) = throw(&two, object);
+        assert!(recording == again, "{object}: the recordings differ");
+        for document in [&mut first, &mut second] {
+            // Wall times, and the folder.
+            document["stages"].take();
+            document["recording"].take();
+        }
+        assert_eq!(first, second);
+    }
+    assert_eq!(fs::read_dir(&one).unwrap().count(), 4, "two recordings with their times, and nothing else");
+
+    let recording = one.join("paper-banana-far_sampled-5-0.catch");
+    let output = catchingbot(&["replay", "--json", recording.to_str().unwrap()]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let replay: Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!(replay["identical"], true, "{replay}");
+    assert!(replay["ticks"].as_u64().unwrap() > 50);
+}
+
+#[test]
+fn json_is_one_document_with_everything_in_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let (document, _) = throw(folder.path(), "tennis_ball");
+    for field in [
+        "caught",
+        "caught_paper",
+        "reason",
+        "limit_violations",
+        "scene",
+        "catch_time_s",
+        "timeline",
+        "stages",
+        "version",
+    ] {
+        assert!(document.get(field).is_some(), "{field}");
+    }
+    assert_eq!(document["scene"]["seed"], 5);
+    assert_eq!(document["timeline"][0]["event"], "thrown");
+    assert_eq!(document["scenario"]["arena"]["drag"], false);
+}
