@@ -37,7 +37,8 @@ pub(super) fn register(
     let mut finalists: [Option<Fit>; FINALISTS] = [None; FINALISTS];
     for i in 0..starts {
         let X_WO = Pose::from_parts(p_WO, rotation_of_cube(i) * R_WO);
-        let fit = registration::iterate(thinned, reference, &X_WO, config, TRIAL_ITERATIONS).0;
+        let fit =
+            registration::iterate(thinned, reference, &X_WO, config, TRIAL_ITERATIONS, !thinned.outline.is_empty()).0;
         keep(&mut finalists, fit, &reference.symmetry);
     }
     let results = finalists.iter().flatten();

@@ -46,6 +46,11 @@ impl DistanceField {
         self.fine.at(point).or_else(|| self.coarse.at(point)).unwrap_or_else(|| self.coarse.beyond(point))
     }
 
+    /// Signed distance in metres alone.
+    pub fn value_at(&self, point: &Point3<f64>) -> f64 {
+        self.at(point).0
+    }
+
     /// Moves the field: what was at `point` is at `point + offset` afterwards.
     pub(super) fn translate(&mut self, offset: &Vector3<f64>) {
         self.fine.lowest += offset;

@@ -9,6 +9,7 @@ mod neighbours;
 pub mod point_cloud;
 pub mod reference;
 pub mod registration;
+pub mod silhouette;
 pub mod symmetry;
 #[cfg(test)]
 pub(crate) mod synthetic;
@@ -41,6 +42,11 @@ pub struct Config {
     pub symmetry_tolerance_m: f64,
     /// Depth noise of the cameras, as their data sheet has it.
     pub depth_noise: DepthNoise,
+    /// Standard deviation of an outline between two pixels' centres: 1/√12 of a pixel, evenly distributed.
+    pub outline_sd_px: f64,
+    /// Outlines are used once the points lie further than this from the reference, root mean square in metres: below it they
+    /// would add nothing but time.
+    pub outline_above_m: f64,
     /// What the distance of a point from the reference is off by even without noise: the reference's own error, in metres.
     pub model_sd_m: f64,
     /// Fewer points than this give no pose.
@@ -70,6 +76,8 @@ impl Default for Config {
             distance_grid_m: 0.002,
             symmetry_tolerance_m: 0.0008,
             depth_noise: DepthNoise::default(),
+            outline_sd_px: 0.29,
+            outline_above_m: 0.001,
             model_sd_m: 0.0002,
             min_points: 6,
             max_iterations: 20,

@@ -5,7 +5,10 @@ use catch_cell::{CameraModel, DepthFrame, PixelWindow};
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::{Config, ReferenceModel};
+use super::{
+    Config, ReferenceModel,
+    silhouette::{OutlineRay, outline},
+};
 
 /// Standard deviation of a measured depth: σ(z) = c + q·z², in metres.
 ///
@@ -42,6 +45,8 @@ pub struct ScenePoint {
 pub struct SceneCloud {
     /// Points on its surface.
     pub points: Vec<ScenePoint>,
+    /// Rays along its outline; only where masks tell it.
+    pub outline: Vec<OutlineRay>,
 }
 
 impl SceneCloud {
@@ -58,26 +63,38 @@ impl SceneCloud {
         config: &Config,
     ) {
         self.points.clear();
+        self.outline.clear();
         for frame in frames {
             let Some(camera) = cameras.get(frame.camera) else { continue };
             if frame.depth_m.len() < frame.window.area() || !frame.capture_s.is_finite() {
                 continue;
             }
-            match (&frame.mask, prior) {
-                (Some(mask), _) if mask.len() >= frame.window.area() => {
-                    self.collect_where(frame, camera, frame.window, config, |i, _| mask[i]);
+            let near = prior.map(|X_WO| Near::new(X_WO, camera, reference.radius_m + config.gate_m));
+            match (&frame.mask, near) {
+                (Some(mask), near) if mask.len() >= frame.window.area() => {
+                    let part = near.map_or(frame.window, |near| intersection(&frame.window, &near.window));
+                    let before = self.points.len();
+                    self.collect_where(frame, camera, part, config, |i, _| mask[i]);
+                    let depth_m = self.mean_depth(before, camera);
+                    let nearest_m = depth_m - reference.radius_m - 3.0 * config.depth_noise.sd_m(depth_m);
+                    outline(&mut self.outline, frame, mask, camera, &part, nearest_m);
                 }
-                (None, Some(X_WO)) => {
-                    let centre_C = camera.X_WC.inverse_transform_point(&X_WO.translation.vector.into());
-                    let reach_m = reference.radius_m + config.gate_m;
-                    let window = intersection(&frame.window, &camera.window_around(&centre_C, reach_m));
-                    self.collect_where(frame, camera, window, config, |_, depth_m| {
-                        (depth_m - centre_C.z).abs() < reach_m + 3.0 * config.depth_noise.sd_m(depth_m)
+                (None, Some(near)) => {
+                    let part = intersection(&frame.window, &near.window);
+                    self.collect_where(frame, camera, part, config, |_, depth_m| {
+                        (depth_m - near.depth_m).abs() < near.reach_m + 3.0 * config.depth_noise.sd_m(depth_m)
                     });
                 }
                 _ => {}
             }
         }
+    }
+
+    /// Mean depth in a camera of the points from number `first` on.
+    fn mean_depth(&self, first: usize, camera: &CameraModel) -> f64 {
+        let points = &self.points[first..];
+        let sum: f64 = points.iter().map(|point| camera.X_WC.inverse_transform_point(&point.p_W).z).sum();
+        if points.is_empty() { 0.0 } else { sum / points.len() as f64 }
     }
 
     /// Collects the pixels of a part of a frame for which `wanted(index, depth)` holds.
@@ -117,8 +134,25 @@ impl SceneCloud {
     /// Takes over at most about `most` of another cloud's points, evenly.
     pub(super) fn thin_from(&mut self, other: &Self, most: usize) {
         self.points.clear();
-        let step = other.points.len().div_ceil(most.max(1)).max(1);
-        self.points.extend(other.points.iter().step_by(step));
+        self.outline.clear();
+        let step = |count: usize| count.div_ceil(most.max(1)).max(1);
+        self.points.extend(other.points.iter().step_by(step(other.points.len())));
+        self.outline.extend(other.outline.iter().step_by(step(other.outline.len())));
+    }
+}
+
+/// Where in a camera's image the object is expected.
+#[derive(Debug, Clone, Copy)]
+struct Near {
+    window: PixelWindow,
+    depth_m: f64,
+    reach_m: f64,
+}
+
+impl Near {
+    fn new(X_WO: &Pose, camera: &CameraModel, reach_m: f64) -> Self {
+        let centre_C = camera.X_WC.inverse_transform_point(&X_WO.translation.vector.into());
+        Self { window: camera.window_around(&centre_C, reach_m), depth_m: centre_C.z, reach_m }
     }
 }
 

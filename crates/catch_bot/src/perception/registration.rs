@@ -11,6 +11,7 @@ use nalgebra::{Matrix3, Matrix6, Point3, Translation3, UnitQuaternion, Vector3, 
 use super::{
     Config, PerceptionStatus, ReferenceModel,
     point_cloud::{SceneCloud, ScenePoint},
+    silhouette::OutlineRay,
 };
 
 /// A pose that a registration arrived at.
@@ -24,7 +25,9 @@ pub struct Fit {
     pub points: usize,
     /// Root mean square distance of those points.
     pub residual_m: f64,
-    /// Mean distance of all points, outliers included: what different starts are compared by.
+    /// Root mean square distance of the outline's rays, where it was used.
+    pub outline_residual_m: Option<f64>,
+    /// Mean distance of all points or rays, outliers included: what different starts are compared by.
     pub mean_distance_m: f64,
     /// The same as the sensors' noise alone would make it.
     pub noise_m: f64,
@@ -32,7 +35,7 @@ pub struct Fit {
     pub iterations: usize,
 }
 
-/// Sums over all residuals at one pose.
+/// Sums over all residuals of one kind at one pose.
 #[derive(Debug, Clone, Copy)]
 struct Sums {
     /// Σ w J Jᵀ and Σ w J r, J being the gradient of r/σ with respect to (rotation vector, position).
@@ -48,19 +51,37 @@ struct Sums {
     distances_m: f64,
 }
 
-/// Standard deviations at which a point's weight has fallen to a quarter (Geman–McClure).
+/// Standard deviations at which a residual's weight has fallen to a quarter (Geman–McClure).
 const OUTLIER_SD: f64 = 3.0;
 
-/// Brings the reference from `X_WO` onto the scene's points.
+/// Least share of a pixel across the outline that counts: over a pixel, outlines are not straight.
+const LEAST_ACROSS: f64 = 0.3;
+
+/// How much larger than told the residuals of points and of outline rays are, never less than one. Estimated along, it
+/// weighs the two kinds against each other even if nobody told how noisy the depths are.
+#[derive(Debug, Clone, Copy)]
+struct Scales {
+    points: f64,
+    outline: f64,
+}
+
+/// Brings the reference from `X_WO` onto the scene's points, and its outline onto theirs where the depths are noisy.
 pub fn register(
     scene: &SceneCloud,
     reference: &ReferenceModel,
     X_WO: &Pose,
     config: &Config,
 ) -> Result<Fit, PerceptionStatus> {
-    let (fit, converged) = iterate(scene, reference, X_WO, config, config.max_iterations);
+    let (mut fit, mut converged) = iterate(scene, reference, X_WO, config, config.max_iterations, false);
+    if fit.residual_m > config.outline_above_m && !scene.outline.is_empty() {
+        // Noisy depths may have led astray: with the outline from the start again.
+        let before = fit.iterations;
+        (fit, converged) = iterate(scene, reference, X_WO, config, config.max_iterations, true);
+        fit.iterations += before;
+    }
     let limit_m = config.max_residual_m + 3.0 * fit.noise_m;
-    let believable = fit.residual_m <= limit_m && fit.points >= config.min_points;
+    let outlined = fit.outline_residual_m.is_some_and(|residual_m| residual_m <= config.max_residual_m);
+    let believable = (fit.residual_m <= limit_m || outlined) && fit.points >= config.min_points;
     if converged && believable { Ok(fit) } else { Err(PerceptionStatus::NotConverged) }
 }
 
@@ -71,39 +92,68 @@ pub(super) fn iterate(
     start: &Pose,
     config: &Config,
     max_iterations: usize,
+    with_outline: bool,
 ) -> (Fit, bool) {
+    let outline = if with_outline { scene.outline.as_slice() } else { &[] };
     let mut X_WO = *start;
-    let mut scale = initial_scale(scene, reference, &X_WO, config);
+    let far = Scales { points: f64::INFINITY, outline: f64::INFINITY };
+    let both = |X_WO: &Pose, scales: &Scales| {
+        let points = sum_points(&scene.points, reference, X_WO, scales.points, config);
+        (points, sum_outline(outline, reference, X_WO, scales.outline, config))
+    };
+    let typical = |sums: &Sums| (sums.squares / sums.weight.max(1e-12)).sqrt().max(1.0);
+    // With infinite scales nothing is an outlier: the typical residual at the start, so that a start that is off does not
+    // turn everything to outliers.
+    let (mut points, mut rays) = both(&X_WO, &far);
+    let mut scales = Scales { points: typical(&points), outline: typical(&rays) };
     let mut converged = false;
     let mut in_sd = f64::INFINITY;
     let mut iterations = 0;
     while iterations < max_iterations && !converged {
         iterations += 1;
-        let sums = accumulate(scene, reference, &X_WO, scale, config);
-        let Some(step) = step(&sums, reference.radius_m) else { break };
+        (points, rays) = both(&X_WO, &scales);
+        scales = Scales { points: typical(&points), outline: typical(&rays) };
+        let (information, gradient) = joined(&points, &rays, &scales);
+        let Some(step) = step(&information, &gradient, reference.radius_m) else { break };
         X_WO = moved(&X_WO, &step, reference.radius_m);
-        scale = (sums.squares / sums.weight.max(1e-12)).sqrt().max(1.0);
         let length = step.fixed_rows::<3>(3).norm() + step.fixed_rows::<3>(0).norm() * reference.radius_m;
-        in_sd = step.dot(&(sums.information * step)).max(0.0).sqrt() / scale;
+        in_sd = step.dot(&(information * step)).max(0.0).sqrt();
         converged = length < config.step_tolerance_m || in_sd < config.step_tolerance_sd;
     }
-    let sums = accumulate(scene, reference, &X_WO, scale, config);
-    let weight = sums.weight.max(1e-12);
-    let residual_sd = (sums.squares / weight).sqrt();
-    // Noise that turned out larger than told makes the pose as much more uncertain.
-    let information = with_floor(&(sums.information / residual_sd.powi(2).max(1.0)), config);
+    (points, rays) = both(&X_WO, &scales);
+    scales = Scales { points: typical(&points), outline: typical(&rays) };
+    let information = with_floor(&joined(&points, &rays, &scales).0, config);
+    let weight = points.weight.max(1e-12);
     let fit = Fit {
         X_WO,
         information,
-        points: sums.weight.round() as usize,
-        residual_m: (sums.squares_m2 / weight).sqrt(),
-        mean_distance_m: sums.distances_m / scene.points.len().max(1) as f64,
-        noise_m: (sums.variances_m2 / weight).sqrt(),
+        points: points.weight.round() as usize,
+        residual_m: (points.squares_m2 / weight).sqrt(),
+        noise_m: (points.variances_m2 / weight).sqrt(),
+        outline_residual_m: (rays.weight > 0.0).then(|| (rays.squares_m2 / rays.weight).sqrt()),
+        mean_distance_m: mean_distance(&points, &rays, &scales, scene.points.len(), outline.len()),
         iterations,
     };
     let finite = X_WO.to_homogeneous().iter().chain(information.iter()).all(|value| value.is_finite());
     // Kinks of the field can keep the last steps from vanishing; within the noise they do no harm.
-    (fit, (converged || in_sd < 0.5) && finite && residual_sd.is_finite())
+    (fit, (converged || in_sd < 0.5) && finite && fit.residual_m.is_finite())
+}
+
+/// Normal equations of both kinds, each by what its residuals turned out to be worth.
+fn joined(points: &Sums, rays: &Sums, scales: &Scales) -> (Matrix6<f64>, Vector6<f64>) {
+    let (a, b) = (scales.points.powi(-2), scales.outline.powi(-2));
+    (points.information * a + rays.information * b, points.gradient * a + rays.gradient * b)
+}
+
+/// Mean distance of all points or, where the outline is the better witness, of all its rays: what starts are compared by.
+fn mean_distance(points: &Sums, rays: &Sums, scales: &Scales, point_count: usize, ray_count: usize) -> f64 {
+    let per_point_sd = (points.variances_m2 / points.weight.max(1e-12)).sqrt() * scales.points;
+    let per_ray_sd = (rays.variances_m2 / rays.weight.max(1e-12)).sqrt() * scales.outline;
+    if ray_count > 0 && per_ray_sd < per_point_sd {
+        rays.distances_m / ray_count as f64
+    } else {
+        points.distances_m / point_count.max(1) as f64
+    }
 }
 
 /// Distance of a point from the reference in metres, its gradient with respect to the point in W, and its standard deviation.
@@ -116,47 +166,65 @@ fn residual(point: &ScenePoint, reference: &ReferenceModel, X_WO: &Pose, config:
     (distance, gradient_W, from_depth.hypot(config.model_sd_m))
 }
 
-/// Typical residual at the start in standard deviations, so that a start that is off does not turn all points to outliers.
-fn initial_scale(scene: &SceneCloud, reference: &ReferenceModel, X_WO: &Pose, config: &Config) -> f64 {
-    let squares: f64 = scene
-        .points
-        .iter()
-        .map(|point| {
-            let (distance, _, sd) = residual(point, reference, X_WO, config);
-            (distance / sd).powi(2)
-        })
-        .sum();
-    (squares / scene.points.len().max(1) as f64).sqrt().max(1.0)
-}
-
-fn accumulate(scene: &SceneCloud, reference: &ReferenceModel, X_WO: &Pose, scale: f64, config: &Config) -> Sums {
-    let mut sums = Sums {
-        information: Matrix6::zeros(),
-        gradient: Vector6::zeros(),
+impl Sums {
+    const ZERO: Self = Self {
+        information: Matrix6::from_array_storage(nalgebra::ArrayStorage([[0.0; 6]; 6])),
+        gradient: Vector6::from_array_storage(nalgebra::ArrayStorage([[0.0; 6]; 1])),
         weight: 0.0,
         squares: 0.0,
         squares_m2: 0.0,
         variances_m2: 0.0,
         distances_m: 0.0,
     };
-    let R_WO = X_WO.rotation.to_rotation_matrix();
-    let observable_W = R_WO * reference.symmetry.observable() * R_WO.transpose();
-    for point in &scene.points {
-        let (distance, gradient_W, sd) = residual(point, reference, X_WO, config);
-        // ρ of Geman and McClure: w = 1/(1 + (r/c)²)².
+
+    /// Adds a residual with its gradient and standard deviation, with the weight of Geman and McClure,
+    /// w = 1/(1 + (r/c)²)².
+    fn add(&mut self, distance: f64, J: &Vector6<f64>, sd: f64, scale: f64) {
         let in_sd = distance / sd;
         let weight = (1.0 + (in_sd / (OUTLIER_SD * scale)).powi(2)).powi(-2);
-        let J = jacobian(&point.p_W, &gradient_W, X_WO, &observable_W) / sd;
-        sums.information.syger(weight, &J, &J, 1.0);
-        sums.gradient += J * (weight * in_sd);
-        sums.weight += weight;
-        sums.squares += weight * in_sd * in_sd;
-        sums.squares_m2 += weight * distance * distance;
-        sums.variances_m2 += weight * sd * sd;
-        sums.distances_m += distance.abs();
+        let J = J / sd;
+        self.information.syger(weight, &J, &J, 1.0);
+        self.gradient += J * (weight * in_sd);
+        self.weight += weight;
+        self.squares += weight * in_sd * in_sd;
+        self.squares_m2 += weight * distance * distance;
+        self.variances_m2 += weight * sd * sd;
+        self.distances_m += distance.abs();
+    }
+}
+
+fn sum_points(points: &[ScenePoint], reference: &ReferenceModel, X_WO: &Pose, scale: f64, config: &Config) -> Sums {
+    let mut sums = Sums::ZERO;
+    let observable_W = observable(reference, X_WO);
+    for point in points {
+        let (distance, gradient_W, sd) = residual(point, reference, X_WO, config);
+        sums.add(distance, &jacobian(&point.p_W, &gradient_W, X_WO, &observable_W), sd, scale);
     }
     sums.information.fill_upper_triangle_with_lower_triangle();
     sums
+}
+
+fn sum_outline(rays: &[OutlineRay], reference: &ReferenceModel, X_WO: &Pose, scale: f64, config: &Config) -> Sums {
+    let mut sums = Sums::ZERO;
+    let observable_W = observable(reference, X_WO);
+    for ray in rays {
+        let p_W = ray.touching(reference, X_WO);
+        let (distance, gradient_O) = reference.distance.at(&X_WO.inverse_transform_point(&p_W));
+        let gradient_W = X_WO.rotation * gradient_O;
+        // Where the outline runs along the line between the two pixels, it is known better across it.
+        let distance_m = (p_W - ray.p_WC).norm();
+        let across = gradient_W.dot(&ray.pixel_W).abs().max(LEAST_ACROSS * ray.pixel_W.norm());
+        let sd = (config.outline_sd_px * across * distance_m).hypot(config.model_sd_m);
+        sums.add(distance, &jacobian(&p_W, &gradient_W, X_WO, &observable_W), sd, scale);
+    }
+    sums.information.fill_upper_triangle_with_lower_triangle();
+    sums
+}
+
+/// Projects a small turn, given in W, on what can be seen of it.
+fn observable(reference: &ReferenceModel, X_WO: &Pose) -> Matrix3<f64> {
+    let R_WO = X_WO.rotation.to_rotation_matrix();
+    R_WO * reference.symmetry.observable() * R_WO.transpose()
 }
 
 /// Gradient of the distance of a point fixed in W with respect to the pose.
@@ -168,14 +236,14 @@ fn jacobian(p_W: &Point3<f64>, n_W: &Vector3<f64>, X_WO: &Pose, observable_W: &M
 }
 
 /// The Gauss–Newton step, damped a little so that what cannot be observed stays where it was.
-fn step(sums: &Sums, radius_m: f64) -> Option<Vector6<f64>> {
-    let along: f64 = (3..6).map(|i| sums.information[(i, i)]).sum();
-    let mut damped = sums.information;
+fn step(information: &Matrix6<f64>, gradient: &Vector6<f64>, radius_m: f64) -> Option<Vector6<f64>> {
+    let along: f64 = (3..6).map(|i| information[(i, i)]).sum();
+    let mut damped = *information;
     for i in 0..3 {
         damped[(i, i)] += 1e-6 * along * radius_m * radius_m;
         damped[(i + 3, i + 3)] += 1e-6 * along;
     }
-    damped.cholesky().map(|factor| -factor.solve(&sums.gradient)).filter(|step| step.iter().all(|x| x.is_finite()))
+    damped.cholesky().map(|factor| -factor.solve(gradient)).filter(|step| step.iter().all(|x| x.is_finite()))
 }
 
 /// The pose moved by a step, cut to what the distance field can be trusted for.

@@ -78,7 +78,7 @@ impl Symmetry {
     /// The turn in W, as a rotation vector, that takes the looks of an object at `R_WA` to those at `R_WB`, and is smallest.
     pub fn turn_between(&self, R_WA: &UnitQuaternion<f64>, R_WB: &UnitQuaternion<f64>) -> Vector3<f64> {
         match self {
-            Self::None { .. } => (R_WB * R_WA.inverse()).scaled_axis(),
+            Self::None { .. } => R_WA.rotation_to(R_WB).scaled_axis(),
             Self::Axis { axis, reversible } => {
                 let (from, mut to) = (R_WA * axis.into_inner(), R_WB * axis.into_inner());
                 if *reversible && from.dot(&to) < 0.0 {
