@@ -157,9 +157,9 @@ impl Arena {
         self.steps += 1;
         let mut forces = ContactForces::default();
         if self.truth.diverged_s.is_none() {
-            self.world.step(&loads);
+            let went_well = self.world.step(&loads);
             let state = self.world.state();
-            if state.is_finite() {
+            if went_well && state.is_finite() {
                 self.state = state;
                 forces = self.world.contact_forces();
             } else {

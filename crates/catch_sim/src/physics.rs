@@ -150,8 +150,9 @@ impl World {
         assembly::assemble(settings, mount, gripper, width_m, object, release)
     }
 
-    /// Lets one step pass.
-    pub fn step(&mut self, loads: &Loads) {
+    /// Lets one step pass and tells whether all went well. If not, a body's state was no longer finite; the engine has taken that
+    /// body out of the world, and what follows means nothing.
+    pub fn step(&mut self, loads: &Loads) -> bool {
         self.apply(loads);
         self.pipeline.step(
             to_vector(&loads.gravity),
@@ -168,6 +169,7 @@ impl World {
             &(),
             &(),
         );
+        self.pipeline.quarantine().is_empty()
     }
 
     /// Replaces the forces on all bodies.

