@@ -14,7 +14,7 @@ pub mod perception;
 pub mod trajectory_optimization;
 pub mod trajectory_prediction;
 
-use catch_body::{Gripper, Robot};
+use catch_body::{Gripper, Pose, Robot};
 use catch_cell::{Brain, CameraModel, Command, Observation, Probe, ReferenceScan, arm::Setpoint};
 use serde::{Deserialize, Serialize};
 
@@ -146,7 +146,7 @@ impl Brain for CatchingBot {
 
         // III-B: pose of the object in the newest images, started from where the last flight says it is.
         for frames in observation.frames.chunk_by(|a, b| a.capture_s == b.capture_s) {
-            let expected = self.flight.as_ref().map(|flight| flight.pose_at(frames[0].capture_s));
+            let expected = self.expected_pose(frames[0].capture_s);
             let found = perception::find_object(
                 frames,
                 &self.cameras,
@@ -194,6 +194,13 @@ impl CatchingBot {
     /// Too late to change anything.
     fn is_committed(&self, now_s: f64) -> bool {
         self.plan.as_ref().is_some_and(|plan| now_s > plan.catch_s - self.config.control.commit_s)
+    }
+
+    /// Where the object should be: on the last flight, or, before there is one, where it was seen last. The latter keeps an
+    /// object that looks the same from two sides from turning over between the first images.
+    fn expected_pose(&self, time_s: f64) -> Option<Pose> {
+        let flight = self.flight.as_ref().map(|flight| flight.pose_at(time_s));
+        flight.or_else(|| self.poses.last().map(|pose| pose.X_WO))
     }
 
     /// Where the arm will be when a motion that is planned now takes over.

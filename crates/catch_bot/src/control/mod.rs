@@ -4,7 +4,10 @@ use catch_cell::GripperMove;
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
-use crate::{trajectory_optimization::CatchPlan, trajectory_prediction::FlightTrajectory};
+use crate::{
+    trajectory_optimization::CatchPlan,
+    trajectory_prediction::{FlightTrajectory, Passage},
+};
 use catch_body::{Gripper, Robot};
 
 /// Settings of control.
@@ -26,6 +29,8 @@ pub struct Config {
     pub commit_s: f64,
     /// A plan that cannot be adjusted is kept while the object is expected within this distance of its grasp centre, in metres.
     pub tolerated_miss_m: f64,
+    /// And while its attitude differs by less than this, in radians.
+    pub tolerated_miss_rad: f64,
 }
 
 impl Default for Config {
@@ -37,7 +42,8 @@ impl Default for Config {
             closing_force_n: 80.0,
             closing_delay_s: 0.0,
             commit_s: 0.05,
-            tolerated_miss_m: 0.008,
+            tolerated_miss_m: 0.006,
+            tolerated_miss_rad: 0.05,
         }
     }
 }
@@ -54,9 +60,10 @@ pub struct GripperPlan {
 /// When to close so that both fingers touch the object as it passes the grasp centre of the moving gripper.
 pub fn closing(plan: &CatchPlan, flight: &FlightTrajectory, robot: &Robot, gripper: &Gripper, config: &Config) -> GripperPlan {
     let held = plan.grasp.X_OG * gripper.grasp_centre();
+    let passage = Passage::of(flight, plan.catch_s);
     let distance = |time_s: f64| {
         let grasp_centre: Point3<f64> = robot.gripper_pose(&plan.trajectory.setpoint(time_s).q) * gripper.grasp_centre();
-        (flight.pose_at(time_s) * held - grasp_centre).norm()
+        (passage.pose_at(time_s) * held - grasp_centre).norm()
     };
     let contact_s = closest(plan.catch_s, distance) + config.closing_delay_s;
     let travel_s = (plan.grasp.open_width_m - plan.grasp.object_width_m) / config.closing_speed_mps;
@@ -67,7 +74,7 @@ pub fn closing(plan: &CatchPlan, flight: &FlightTrajectory, robot: &Robot, gripp
 pub fn is_still_good(plan: &CatchPlan, flight: &FlightTrajectory, gripper: &Gripper, config: &Config) -> bool {
     let X_WG = flight.pose_at(plan.catch_s) * plan.grasp.X_OG;
     let missed_by = (X_WG * gripper.grasp_centre() - plan.X_WG * gripper.grasp_centre()).norm();
-    missed_by < config.tolerated_miss_m
+    missed_by < config.tolerated_miss_m && X_WG.rotation.angle_to(&plan.X_WG.rotation) < config.tolerated_miss_rad
 }
 
 /// The time of the smallest distance within 30 ms of a guess, by golden-section search: object and gripper pass each other

@@ -9,7 +9,7 @@ pub mod darboux;
 pub mod fit;
 pub mod heuristics;
 
-use catch_body::{Gripper, Pose};
+use catch_body::{Gripper, Pose, shape::Cuboid};
 use nalgebra::{Point3, Rotation3, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -36,6 +36,8 @@ pub struct Config {
     pub max_contact_angle_rad: f64,
     /// Free space on each side between the object and the open fingers, in metres, for the prediction's uncertainty.
     pub finger_margin_m: f64,
+    /// What must be left of it while the object comes in, in metres.
+    pub way_in_margin_m: f64,
     /// Free space between the object and the palm, in metres.
     pub palm_margin_m: f64,
     /// Weights of the heuristics.
@@ -51,7 +53,8 @@ impl Default for Config {
             darboux_radius_m: 0.008,
             max_strength_m: 0.03,
             max_contact_angle_rad: 0.38,
-            finger_margin_m: 0.008,
+            finger_margin_m: 0.012,
+            way_in_margin_m: 0.003,
             palm_margin_m: 0.006,
             weights: heuristics::Weights::default(),
             kept: 24,
@@ -117,23 +120,24 @@ impl GraspSet {
     }
 }
 
-/// How far back the object's way into the gripper is checked, in metres, and in how many steps.
-const WAY_IN_M: f64 = 0.12;
-const WAY_IN_STEPS: usize = 10;
+/// The open fingers and the housing as the object comes in; it must touch none of them before the fingers close.
+#[derive(Debug)]
+pub struct OpenGripper {
+    boxes: [Cuboid; 3],
+    margin_m: f64,
+}
 
-impl GraspSet {
-    /// Whether the object, coming at `v_GO` relative to a gripper in pose `X_WG` (in W), touches neither the open fingers nor
-    /// the housing before the fingers close.
-    pub fn comes_in_freely(&self, grasp: &Grasp, X_WG: &Pose, v_GO: &Vector3<f64>, gripper: &Gripper) -> bool {
-        let Some(direction) = X_WG.rotation.inverse_transform_vector(v_GO).try_normalize(1e-6) else { return true };
+impl OpenGripper {
+    /// The gripper as wide open as `grasp` wants it; the object must stay `margin_m` away.
+    pub fn new(gripper: &Gripper, grasp: &Grasp, margin_m: f64) -> Self {
         let [left, right] = gripper.fingers(grasp.open_width_m);
-        let boxes = [left, right, gripper.body()];
-        let X_GO = grasp.X_OG.inverse();
-        self.outline.iter().map(|point| X_GO * point).all(|p| {
-            (0..=WAY_IN_STEPS).all(|step| {
-                let earlier = p - direction * (WAY_IN_M * step as f64 / WAY_IN_STEPS as f64);
-                boxes.iter().all(|it| ((earlier - it.centre).abs() - it.size / 2.0).max() > 0.0)
-            })
+        Self { boxes: [left, right, gripper.body()], margin_m }
+    }
+
+    /// Whether the object in pose `X_GO` is clear of it.
+    pub fn is_clear_of(&self, outline: &[Point3<f64>], X_GO: &Pose) -> bool {
+        outline.iter().map(|point| X_GO * point).all(|p| {
+            self.boxes.iter().all(|it| ((p - it.centre).abs() - it.size / 2.0).max() > self.margin_m)
         })
     }
 }

@@ -23,12 +23,14 @@ const MAX_POINTS: usize = 16;
 /// What the end of the spline must fulfil.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum End {
-    /// Position and velocity are given.
+    /// Position and velocity are given, acceleration within bounds.
     At {
         /// Radians.
         q: f64,
         /// Rad/s.
         dq: f64,
+        /// Lowest and highest acceleration in rad/s², for what comes after.
+        ddq: [f64; 2],
     },
     /// At rest anywhere, with acceleration zero.
     Rest,
@@ -153,8 +155,8 @@ impl JointSpline {
         let mut gradient = Variables::zeros();
         for variable in 0..self.free() {
             let row = self.cost_row(variable);
-            let (scale, _) = self.lifted(variable);
-            gradient[variable] = dot(&row, &fixed) - comfortable * scale.iter().map(|&i| self.comfort[i]).sum::<f64>();
+            let pull: f64 = self.lifted(variable).map(|i| self.comfort[i]).sum();
+            gradient[variable] = dot(&row, &fixed) - comfortable * pull;
         }
 
         let mut constraints = [Constraint { a: Variables::zeros(), b: 0.0 }; 6 * MAX_POINTS];
@@ -181,14 +183,19 @@ impl JointSpline {
         let fits = fits && self.velocity.iter().all(|it| bound(it, -most, most));
         let most = limits.acceleration * duration_s * duration_s;
         let fits = fits && self.acceleration.iter().all(|it| bound(it, -most, most));
+        let last = &self.acceleration[self.acceleration.len() - 1];
+        let fits = fits
+            && match end {
+                End::At { ddq: [low, high], .. } => bound(last, low * duration_s * duration_s, high * duration_s * duration_s),
+                End::Rest => true,
+            };
         if !fits {
             return None;
         }
         let x = self.hessian.minimize(&gradient, &constraints[..count], 0)?;
         let mut points = fixed;
         for variable in 0..self.free() {
-            let (indices, _) = self.lifted(variable);
-            for &index in indices {
+            for index in self.lifted(variable) {
                 points[index] += x[variable];
             }
         }
@@ -205,16 +212,14 @@ impl JointSpline {
     }
 
     /// The control points that a variable moves: one, or, at an end at rest, the last three together.
-    fn lifted(&self, variable: usize) -> (&'static [usize], usize) {
-        const INDICES: [usize; MAX_POINTS] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
+    fn lifted(&self, variable: usize) -> std::ops::Range<usize> {
         let first = variable + 3;
         let last = if self.rests_at_end && variable + 1 == self.free() { self.points } else { first + 1 };
-        (&INDICES[first..last], first)
+        first..last
     }
 
     fn cost_row(&self, variable: usize) -> Combination {
-        let (indices, _) = self.lifted(variable);
-        std::array::from_fn(|j| indices.iter().map(|&i| self.cost[i][j]).sum())
+        std::array::from_fn(|j| self.lifted(variable).map(|i| self.cost[i][j]).sum())
     }
 
     /// The control points that start and end dictate; the free ones are zero.
@@ -228,7 +233,7 @@ impl JointSpline {
         points[0] = start.q;
         points[1] = start.q + dq * h1 / 3.0;
         points[2] = points[1] + (dq + ddq * h1 / 2.0) * h2 / 3.0;
-        if let End::At { q, dq } = end {
+        if let End::At { q, dq, .. } = end {
             let h = 1.0 - knots[self.points - 1];
             points[self.points - 1] = *q;
             points[self.points - 2] = q - dq * duration_s * h / 3.0;
@@ -241,8 +246,7 @@ impl JointSpline {
 fn reduced(combination: &Combination, spline: &JointSpline) -> Variables {
     let mut variables = Variables::zeros();
     for variable in 0..spline.free() {
-        let (indices, _) = spline.lifted(variable);
-        variables[variable] = indices.iter().map(|&i| combination[i]).sum();
+        variables[variable] = spline.lifted(variable).map(|i| combination[i]).sum();
     }
     variables
 }
@@ -287,7 +291,7 @@ mod tests {
         ) {
             let start = JointState { q, dq, ddq };
             for (spline, end) in [
-                (JointSpline::new(&[0.4, 0.6, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5], false, 0.1, 0.01), End::At { q: to, dq: at }),
+                (JointSpline::new(&[0.4, 0.6, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5], false, 0.1, 0.01), End::At { q: to, dq: at, ddq: [-20.0, 3.0] }),
                 (JointSpline::new(&[1.0; 6], true, 0.0, 0.0), End::Rest),
             ] {
                 let Some(points) = spline.solve(&start, &end, duration, &LIMITS, 0.0) else { continue };
@@ -297,7 +301,7 @@ mod tests {
                 prop_assert!(near(a, q) && near(b, dq) && near(c, ddq));
                 let [a, b, c] = curve.evaluate(duration).map(|it| it[0]);
                 match end {
-                    End::At { q, dq } => prop_assert!(near(a, q) && near(b, dq)),
+                    End::At { q, dq, ddq } => prop_assert!(near(a, q) && near(b, dq) && c <= ddq[1] + 1e-8),
                     End::Rest => prop_assert!(b.abs() < 1e-8 && c.abs() < 1e-6),
                 }
                 for i in 0..=400 {
@@ -314,7 +318,7 @@ mod tests {
     fn a_gentle_motion_has_a_solution_and_an_impossible_one_has_none() {
         let spline = JointSpline::new(&[1.0; 9], false, 0.1, 0.0);
         let start = JointState { q: 0.0, dq: 0.0, ddq: 0.0 };
-        assert!(spline.solve(&start, &End::At { q: 0.3, dq: 0.2 }, 0.6, &LIMITS, 0.0).is_some());
-        assert!(spline.solve(&start, &End::At { q: 1.5, dq: 0.2 }, 0.6, &LIMITS, 0.0).is_none());
+        assert!(spline.solve(&start, &End::At { q: 0.3, dq: 0.2, ddq: [-9.0, 9.0] }, 0.6, &LIMITS, 0.0).is_some());
+        assert!(spline.solve(&start, &End::At { q: 1.5, dq: 0.2, ddq: [-9.0, 9.0] }, 0.6, &LIMITS, 0.0).is_none());
     }
 }

@@ -1,7 +1,7 @@
 //! A whole motion: to the catch, then braking to rest, within every limit.
 
 use catch_body::{JointVector, MAX_JOINTS, robot::JointLimits};
-use catch_cell::{ArmTrajectory, BSpline, arm::Setpoint};
+use catch_cell::{ArmTrajectory, BSpline, arm::Setpoint, spline::DEGREE};
 
 use super::{
     Planner, Start,
@@ -45,8 +45,13 @@ impl Planner {
     ) -> Option<ArmTrajectory> {
         let duration_s = catch_s - start.time_s;
         let comfortable = &self.robot.comfortable_q;
+        // The braking spline's first span takes up the acceleration at the catch: its first velocity control point,
+        // q̇ + q̈·h/2, must keep the velocity limit too.
+        let onset_s = self.brake_spline.knots[DEGREE + 1] * self.braking_s(dq) / 2.0;
         let to_catch = self.spline(&self.catch_spline, &start.state, start.time_s, duration_s, shares, |i| {
-            (End::At { q: q[i], dq: dq[i] }, comfortable[i])
+            let most = self.robot.joints[i].limits.velocity * (1.0 - ROUNDING);
+            let ddq = [(-most - dq[i]) / onset_s, (most - dq[i]) / onset_s];
+            (End::At { q: q[i], dq: dq[i], ddq }, comfortable[i])
         })?;
         let [q, dq, ddq] = to_catch.evaluate(catch_s);
         let braking = self.braking(&Setpoint { q, dq, ddq }, catch_s)?;
@@ -56,11 +61,7 @@ impl Planner {
 
     /// From `state` to rest within the joint limits, as quickly as is comfortable.
     pub fn braking(&self, state: &Setpoint, start_s: f64) -> Option<BSpline> {
-        let longest = |i: usize| {
-            let joint = &self.robot.joints[i];
-            state.dq[i].abs() / (BRAKE_SHARE * joint.limits.acceleration)
-        };
-        let mut duration_s = (0..self.robot.dof()).map(longest).fold(MIN_BRAKE_S, f64::max);
+        let mut duration_s = self.braking_s(&state.dq);
         for _ in 0..4 {
             let spline = self.spline(&self.brake_spline, state, start_s, duration_s, Shares::FULL, |_| (End::Rest, 0.0));
             if spline.is_some() {
@@ -69,6 +70,12 @@ impl Planner {
             duration_s *= 1.3;
         }
         None
+    }
+
+    /// How long braking from `dq` should take.
+    fn braking_s(&self, dq: &JointVector) -> f64 {
+        let needed = |i: usize| dq[i].abs() / (BRAKE_SHARE * self.robot.joints[i].limits.acceleration);
+        (0..self.robot.dof()).map(needed).fold(MIN_BRAKE_S, f64::max)
     }
 
     /// One spline per joint, put together.

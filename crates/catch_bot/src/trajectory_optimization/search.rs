@@ -16,8 +16,8 @@ use super::{
     reachability::{Interval, JointReach},
 };
 use crate::{
-    grasp_selection::{self, Approach, Grasp, GraspSet},
-    trajectory_prediction::FlightTrajectory,
+    grasp_selection::{self, Approach, Grasp, GraspSet, OpenGripper},
+    trajectory_prediction::{FlightTrajectory, Passage},
 };
 
 /// Weights of the choice among catches that the arm can reach. All terms are costs.
@@ -42,6 +42,10 @@ impl Default for Weights {
     }
 }
 
+/// How long before the catch the object's way into the gripper is checked, and in how many steps.
+const WAY_IN_S: f64 = 0.08;
+const WAY_IN_STEPS: usize = 16;
+
 /// A catch that every joint can reach.
 #[derive(Debug, Clone, Copy)]
 struct Candidate {
@@ -63,6 +67,7 @@ impl Planner {
         grasps: &GraspSet,
         grasp_config: &grasp_selection::Config,
     ) -> Result<CatchPlan, Refusal> {
+        let shares = self.shares(start);
         let mut candidates = self.candidates(start, flight, grasps, grasp_config)?;
         candidates.sort_by(|a, b| a.cost.total_cmp(&b.cost));
 
@@ -71,7 +76,7 @@ impl Planner {
             .iter()
             .take(4 * self.config.attempts)
             .filter_map(|candidate| {
-                let arrival = self.arrive(start, candidate.catch_s, &candidate.X_WG, &candidate.q, flight, self.cold_shares())?;
+                let arrival = self.arrive(start, candidate.catch_s, &candidate.X_WG, &candidate.q, flight, shares)?;
                 let weights = &self.config.weights;
                 let missing = 1.0 - arrival.speed_fraction / self.config.max_speed_fraction.max(1e-9);
                 let cost = candidate.cost + weights.speed * missing + weights.spin * arrival.spin_radps;
@@ -84,39 +89,50 @@ impl Planner {
         arrivals.sort_by(|a, b| a.0.cost.total_cmp(&b.0.cost));
         arrivals
             .iter()
-            .filter(|(candidate, arrival)| {
-                let v_WO = flight.twist_at(candidate.catch_s).linear * (1.0 - arrival.speed_fraction);
-                grasps.comes_in_freely(&grasps.grasps[candidate.grasp], &candidate.X_WG, &v_WO, &self.gripper)
-            })
             .take(self.config.attempts)
             .find_map(|(candidate, arrival)| {
-                self.finish(start, candidate, &grasps.grasps[candidate.grasp], *arrival, self.cold_shares())
+                let grasp = &grasps.grasps[candidate.grasp];
+                let plan = self.finish(start, candidate, grasp, *arrival, shares)?;
+                self.comes_in_freely(&plan, flight, grasps, grasp_config.way_in_margin_m).then_some(plan)
             })
             .ok_or(Refusal::NoMotion)
     }
 
-    /// The same catch for a flight that is known better: same time, grasp and swivel.
+    /// Whether the object touches neither the open fingers nor the housing on its way into the moving gripper.
+    fn comes_in_freely(&self, plan: &CatchPlan, flight: &FlightTrajectory, grasps: &GraspSet, margin_m: f64) -> bool {
+        let gripper = OpenGripper::new(&self.gripper, &plan.grasp, margin_m);
+        let passage = Passage::of(flight, plan.catch_s);
+        (0..=WAY_IN_STEPS).all(|step| {
+            let time_s = plan.catch_s - WAY_IN_S * step as f64 / WAY_IN_STEPS as f64;
+            let X_WG = self.robot.gripper_pose(&plan.trajectory.setpoint(time_s).q);
+            gripper.is_clear_of(&grasps.outline, &(X_WG.inverse() * passage.pose_at(time_s)))
+        })
+    }
+
+    /// The same catch for a flight that is known better: same time and grasp, the elbow where it was or close by.
     pub fn retarget(&self, start: &Start, flight: &FlightTrajectory, plan: &CatchPlan) -> Option<CatchPlan> {
         let X_WG = flight.pose_at(plan.catch_s) * plan.grasp.X_OG;
         let srs = self.srs.as_ref()?;
         let circle = srs.elbow_circle(&X_WG)?;
-        let solutions = srs.solve(&circle, plan.swivel);
-        let q = *solutions.iter().min_by(|a, b| (*a - plan.q).norm().total_cmp(&(*b - plan.q).norm()))?;
-        let arrival = self.arrive(start, plan.catch_s, &X_WG, &q, flight, Shares::FULL)?;
-        let candidate = Candidate {
-            catch_s: plan.catch_s,
-            grasp: 0,
-            approach: plan.approach,
-            X_WG,
-            q,
-            swivel: plan.swivel,
-            cost: plan.cost,
-        };
-        self.finish(start, &candidate, &plan.grasp, arrival, Shares::FULL)
+        let step = std::f64::consts::TAU / self.config.swivels as f64;
+        [0.0, 0.5, -0.5, 1.0, -1.0].iter().find_map(|offset| {
+            let swivel = plan.swivel + offset * step;
+            let solutions = srs.solve(&circle, swivel);
+            let q = *solutions.iter().min_by(|a, b| (*a - plan.q).norm().total_cmp(&(*b - plan.q).norm()))?;
+            let arrival = self.arrive(start, plan.catch_s, &X_WG, &q, flight, Shares::FULL)?;
+            let CatchPlan { catch_s, approach, cost, .. } = *plan;
+            let candidate = Candidate { catch_s, grasp: 0, approach, X_WG, q, swivel, cost };
+            self.finish(start, &candidate, &plan.grasp, arrival, Shares::FULL)
+        })
     }
 
-    fn cold_shares(&self) -> Shares {
-        Shares { velocity: self.config.cold_velocity_share, acceleration: self.config.cold_acceleration_share }
+    /// From rest, a plan leaves room for replans; on the move it may use all there is.
+    fn shares(&self, start: &Start) -> Shares {
+        if start.state.dq == JointVector::zeros() {
+            Shares { velocity: self.config.cold_velocity_share, acceleration: self.config.cold_acceleration_share }
+        } else {
+            Shares::FULL
+        }
     }
 
     /// All catches that every joint can reach in time.
@@ -142,7 +158,7 @@ impl Planner {
             if srs.elbow_circle(&X_WO).is_none() && (X_WO.translation.vector - base.coords).norm() > 2.0 {
                 continue;
             }
-            let joints = self.reaches(start, lead_s, self.cold_shares());
+            let joints = self.reaches(start, lead_s, self.shares(start));
             for ranked in grasps.rank(&X_WO, &flight.twist_at(catch_s).linear, &base, grasp_config) {
                 any_grasp = true;
                 let Some(circle) = srs.elbow_circle(&ranked.X_WG) else { continue };

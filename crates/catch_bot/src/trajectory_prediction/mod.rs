@@ -5,7 +5,10 @@
 
 mod fit;
 mod flight;
+mod passage;
 pub mod ransac;
+#[cfg(test)]
+mod measured;
 #[cfg(test)]
 mod tests;
 mod tumbling;
@@ -13,6 +16,7 @@ mod tumbling;
 use serde::{Deserialize, Serialize};
 
 pub use flight::FlightTrajectory;
+pub use passage::Passage;
 
 use crate::perception::{ObjectPose, Symmetry};
 

@@ -1,0 +1,34 @@
+//! A flight close to one instant.
+
+use catch_body::{Pose, Twist, dynamics::gravity};
+use nalgebra::UnitQuaternion;
+
+use super::FlightTrajectory;
+
+/// The flight within about 0.1 s of an instant, as cheap to evaluate as a pose: constant acceleration and constant angular
+/// velocity. Over 0.1 s, drag's change and tumbling displace the object by less than 0.3 mm and turn it by less than 1° more.
+#[derive(Debug, Clone, Copy)]
+pub struct Passage {
+    time_s: f64,
+    X_WO: Pose,
+    V_WO: Twist,
+    drag_per_m: f64,
+}
+
+impl Passage {
+    /// The flight near `time_s`.
+    pub fn of(flight: &FlightTrajectory, time_s: f64) -> Self {
+        Self { time_s, X_WO: flight.pose_at(time_s), V_WO: flight.twist_at(time_s), drag_per_m: flight.drag_per_m }
+    }
+
+    /// Pose at `time_s`.
+    pub fn pose_at(&self, time_s: f64) -> Pose {
+        let elapsed_s = time_s - self.time_s;
+        let v = self.V_WO.linear;
+        let acceleration = gravity() - v * (self.drag_per_m * v.norm());
+        let mut X_WO = self.X_WO;
+        X_WO.translation.vector += v * elapsed_s + acceleration * (0.5 * elapsed_s * elapsed_s);
+        X_WO.rotation = UnitQuaternion::from_scaled_axis(self.V_WO.angular * elapsed_s) * X_WO.rotation;
+        X_WO
+    }
+}
