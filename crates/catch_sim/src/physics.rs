@@ -236,8 +236,7 @@ impl World {
         for &collider in self.bodies[self.object].colliders() {
             for pair in self.narrow_phase.contact_pairs_with(collider) {
                 let other = if pair.collider1 == collider { pair.collider2 } else { pair.collider1 };
-                forces[self.colliders[other].user_data as usize] +=
-                    pair.total_impulse_magnitude() / self.settings.step_s;
+                forces[self.colliders[other].user_data as usize] += normal_impulse(pair) / self.settings.step_s;
             }
         }
         let force = |part: Part| forces[part as usize];
@@ -254,4 +253,19 @@ impl World {
             finger_n: [force(Part::LeftFinger), force(Part::RightFinger)],
         }
     }
+}
+
+/// The engine marks new contacts in this bit of their index.
+const NEW_CONTACT: u64 = 1 << 31;
+
+/// Sum of the normal impulses of a pair during the last step.
+///
+/// Only the points that were solved count: a manifold may list a point twice, and the duplicate keeps an impulse that nothing
+/// felt.
+fn normal_impulse(pair: &engine::ContactPair) -> f64 {
+    let solved = pair.solver_manifolds().iter().flat_map(|manifold| {
+        let indices = manifold.data.solver_contacts.iter().map(|contact| contact.contact_id[0] & !NEW_CONTACT);
+        indices.filter_map(|index| manifold.points.get(index as usize)).map(|point| point.data.impulse)
+    });
+    solved.sum()
 }

@@ -61,7 +61,6 @@ fn free_spin_keeps_momentum_and_energy() {
         let drift = (momentum(last) - momentum(first)).norm() / momentum(first).norm();
         let energy = |sample: &TruthSample| sample.V_WO.angular.dot(&momentum(sample));
         let gain = (energy(last) / energy(first) - 1.0).abs();
-        println!("{object}: momentum {drift}, energy {gain}");
         assert!(drift < 0.02 && gain < 0.02, "{object}: momentum off by {drift}, energy by {gain}");
     }
 }
@@ -148,7 +147,6 @@ fn the_arm_holds_what_it_has_grasped() {
             let fastest = if sample.time_s <= 1.0 { &mut fastest_still } else { &mut fastest_shaken };
             *fastest = fastest.max(relative);
         }
-        println!("{object}: {fastest_still} m/s, shaken {fastest_shaken} m/s");
         assert!(fastest_still < 0.02 && fastest_shaken < 0.05, "{object}: {fastest_still}, {fastest_shaken} m/s");
         assert_eq!(truth.diverged_s, None);
     }

@@ -61,7 +61,6 @@ fn a_fast_motion_is_followed_within_a_tenth_of_a_millimetre() {
     assert!(fastest > 1.5, "only {fastest} rad/s");
     let error = largest_tool_error(&robot, truth, &trajectory);
     assert_eq!(truth.servo.command_violations, []);
-    println!("tool error {error}, {fastest} rad/s, {:?}", truth.servo);
     assert!(error < 1e-4, "{error} m");
     assert_eq!(truth.servo.accepted_trajectories, 1);
     assert_eq!(truth.servo.torque_clamped_s, 0.0);
