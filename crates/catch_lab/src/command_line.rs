@@ -2,6 +2,7 @@
 
 pub mod catch;
 pub mod check;
+pub mod eval;
 pub mod list;
 pub mod replay;
 
@@ -21,6 +22,7 @@ use catch_lab::setup::{Choice, DEFAULT_SCENARIO};
 Examples:
   catchingbot                                     a tennis ball, thrown from near
   catchingbot --object banana --throw far         a banana, thrown from far
+  catchingbot eval --throw near --throw far       57 throws of each: a table
   catchingbot list                                what there is to throw, and how
   catchingbot catch --json --seed 7 | jq .caught  for scripts: one JSON document
   catchingbot replay out/paper-tennis_ball-near-1-0.catch
@@ -38,6 +40,8 @@ pub struct Arguments {
 enum Command {
     /// One throw: its story as it happens, the outcome, a recording
     Catch(Box<catch::CatchArguments>),
+    /// Many throws: a table, and a row per trial on disk
+    Eval(Box<eval::EvalArguments>),
     /// The scenarios, objects, throws, robots, grippers and camera rigs that are built in
     List(list::ListArguments),
     /// The brain once more on the observations of a recording: does it want the same, bit for bit?
@@ -83,6 +87,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<()> {
     match arguments.command {
         None => catch::run(&arguments.catch),
         Some(Command::Catch(catch)) => catch::run(&catch),
+        Some(Command::Eval(eval)) => eval::run(&eval),
         Some(Command::List(list)) => list::run(&list),
         Some(Command::Replay(replay)) => replay::run(&replay),
         Some(Command::Check(check)) => check::run(&check),

@@ -2,15 +2,20 @@
 //!
 //! Here, and only here, the brain and the arena meet: [`setup`] reads what a scenario names ([`assets`], [`scenario`]),
 //! [`trial`] lets the brain play one throw, [`referee`] judges it by the truth, [`timeline`] tells its story, [`recording`]
-//! keeps it and [`replay`] checks that the brain would do it again.
+//! keeps it and [`replay`] checks that the brain would do it again. An [`evaluation`] is many trials, [`results`] keeps their
+//! rows and [`statistics`] sums them up.
 
 pub mod assets;
 pub mod check;
+pub mod evaluation;
+pub mod ready;
 pub mod recording;
 pub mod referee;
 pub mod replay;
+pub mod results;
 pub mod scenario;
 pub mod setup;
+pub mod statistics;
 pub mod stopwatch;
 pub mod timeline;
 pub mod trial;

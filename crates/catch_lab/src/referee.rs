@@ -3,9 +3,9 @@
 pub mod reason;
 
 use catch_body::dynamics::gravity;
-use catch_bot::{Report, Status};
-use catch_sim::{Truth, TruthSample};
-use nalgebra::Point3;
+use catch_bot::{Report, Status, trajectory_optimization::CatchPlan};
+use catch_sim::{Truth, TruthSample, truth::LimitViolation};
+use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -37,13 +37,16 @@ pub struct Verdict {
     pub caught_paper: bool,
     /// Why not, for every trial in which the object was not caught.
     pub reason: Option<Reason>,
-    /// Limits of the arm that were broken, by commands or in motion.
+    /// Number of limits of the arm that were broken, by commands or in motion.
     pub limit_violations: usize,
+    /// The first of them.
+    pub first_violation: Option<LimitViolation>,
     /// When the brain last meant to catch, if it had a plan.
     pub catch_time_s: Option<f64>,
     /// When the gripper first touched the object.
     pub contact_s: Option<f64>,
     /// What was measured besides.
+    #[serde(flatten)]
     pub measures: Measures,
 }
 
@@ -54,8 +57,10 @@ pub struct Measures {
     pub prediction_error_m: Option<f64>,
     /// How far the gripper was from where the plan wants it at the catch.
     pub tracking_error_m: Option<f64>,
-    /// How far the undisturbed object would have been from the middle between the fingers at the catch.
+    /// How far the undisturbed object would have been from where the plan wants it in the gripper at the catch.
     pub grasp_offset_m: Option<f64>,
+    /// How far it would have been turned from how the plan wants it, its symmetry not considered.
+    pub grasp_turn_rad: Option<f64>,
     /// Speed of the object relative to the gripper at the catch.
     pub relative_speed_mps: Option<f64>,
     /// Sum over the joints of how far each moved from the ready pose to the catch.
@@ -92,6 +97,7 @@ pub fn judge(setup: &Setup, trial: &Trial) -> Verdict {
         caught_paper: caught_as_in_the_paper(truth),
         reason,
         limit_violations: servo.command_violations.len() + servo.motion_violations.len(),
+        first_violation: servo.command_violations.iter().chain(&servo.motion_violations).next().copied(),
         catch_time_s: evidence.catch_s,
         contact_s,
         measures: evidence.measures(setup),
@@ -112,8 +118,7 @@ pub(crate) struct Evidence<'a> {
     pub at_catch: Option<&'a TruthSample>,
     /// Where the object would have been at the planned catch if nothing had touched it.
     pub undisturbed_O: Option<Point3<f64>>,
-    /// The grasp centre in G.
-    pub grasp_centre_G: Point3<f64>,
+    grasp_centre_G: Point3<f64>,
 }
 
 impl<'a> Evidence<'a> {
@@ -156,14 +161,35 @@ impl<'a> Evidence<'a> {
         self.truth.samples.iter().find(|sample| sample.contact.any()).map(|sample| sample.time_s)
     }
 
-    /// The object at the planned catch in G, had nothing touched it.
-    pub fn undisturbed_in_gripper(&self) -> Option<Point3<f64>> {
-        Some(self.at_catch?.X_WG.inverse_transform_point(&self.undisturbed_O?))
+    /// The plan that was carried out.
+    pub fn plan(&self) -> Option<&CatchPlan> {
+        self.last?.plan.as_ref()
+    }
+
+    /// How far the undisturbed object would have been from where the plan wants it in the gripper at the catch.
+    pub fn grasp_offset_m(&self) -> Option<f64> {
+        let p_GO = self.at_catch?.X_WG.inverse_transform_point(&self.undisturbed_O?);
+        Some((p_GO.coords - self.plan()?.grasp.X_OG.inverse().translation.vector).norm())
+    }
+
+    /// How far past its planned place in the gripper the object was when it first touched something, along its way.
+    pub fn progress_m(&self) -> Option<f64> {
+        let sample = self.before_touch()?;
+        let planned_GO = self.plan()?.grasp.X_OG.inverse().translation.vector;
+        let p_GO = sample.X_WG.inverse_transform_point(&sample.X_WO.translation.vector.into());
+        let way_W = relative_velocity(sample).try_normalize(1e-6)?;
+        Some((p_GO.coords - planned_GO).dot(&sample.X_WG.rotation.inverse_transform_vector(&way_W)))
+    }
+
+    /// The last state before anything touched the object, or that at the planned catch if it came first.
+    fn before_touch(&self) -> Option<&TruthSample> {
+        let at = self.first_touch_s().map_or(self.catch_s?, |touch| self.catch_s.map_or(touch, |at| at.min(touch)));
+        sample_before(self.truth, at)
     }
 
     fn measures(&self, setup: &Setup) -> Measures {
         let servo = &self.truth.servo;
-        let plan = self.last.and_then(|report| report.plan.as_ref());
+        let plan = self.plan();
         let forces =
             self.truth.samples.iter().filter(|sample| touches_gripper(sample)).map(|it| it.contact.peak_force_n);
         Measures {
@@ -172,11 +198,11 @@ impl<'a> Evidence<'a> {
                 .at_catch
                 .zip(plan)
                 .map(|(sample, plan)| (sample.X_WG * self.grasp_centre_G - plan.X_WG * self.grasp_centre_G).norm()),
-            grasp_offset_m: self.undisturbed_in_gripper().map(|p_GO| (p_GO - self.grasp_centre_G).norm()),
-            relative_speed_mps: self.catch_s.and_then(|at| {
-                let at = self.first_touch_s().map_or(at, |touch| at.min(touch));
-                sample_before(self.truth, at).map(relative_speed)
+            grasp_offset_m: self.grasp_offset_m(),
+            grasp_turn_rad: self.before_touch().zip(plan).map(|(sample, plan)| {
+                (sample.X_WG.rotation * plan.grasp.X_OG.rotation.inverse()).angle_to(&sample.X_WO.rotation)
             }),
+            relative_speed_mps: self.before_touch().map(relative_speed),
             joint_travel_rad: self.at_catch.map(|sample| (sample.q - setup.ready_q).abs().sum()),
             peak_contact_force_n: forces.fold(0.0, f64::max),
             peak_velocity_ratio: servo.peak_velocity_ratio,
@@ -232,9 +258,14 @@ pub(crate) fn is_squeezed(before: &TruthSample, now: &TruthSample) -> bool {
 }
 
 /// Speed of the object's centre of mass relative to the gripper.
-pub(crate) fn relative_speed(sample: &TruthSample) -> f64 {
+fn relative_speed(sample: &TruthSample) -> f64 {
+    relative_velocity(sample).norm()
+}
+
+/// Velocity of the object's centre of mass relative to the gripper, in W.
+fn relative_velocity(sample: &TruthSample) -> Vector3<f64> {
     let p_GO_W = sample.X_WO.translation.vector - sample.X_WG.translation.vector;
-    (sample.V_WO.linear - sample.V_WG.velocity_at(&p_GO_W)).norm()
+    sample.V_WO.linear - sample.V_WG.velocity_at(&p_GO_W)
 }
 
 /// The sample nearest to `time_s`; the last one for times beyond it.

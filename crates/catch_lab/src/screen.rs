@@ -15,7 +15,7 @@ pub const STRONG: Style = Style::new().bold();
 pub const FAINT: Style = Style::new().dimmed();
 
 /// Width of the column of labels.
-const LABEL_WIDTH: usize = 18;
+const LABEL_WIDTH: usize = 24;
 
 /// Prints one line of results.
 ///

@@ -13,7 +13,8 @@ use serde::Serialize;
 pub struct Stopwatch {
     last: Instant,
     started: Instant,
-    laps: BTreeMap<&'static str, Vec<Duration>>,
+    /// In units of 0.1 µs, small because evaluations keep millions of them.
+    laps: BTreeMap<&'static str, Vec<u32>>,
 }
 
 /// Name under which the time of whole ticks is kept.
@@ -36,7 +37,7 @@ impl Stopwatch {
     /// A tick has ended.
     pub fn stop(&mut self) {
         let lap = self.started.elapsed();
-        self.laps.entry(WHOLE_TICK).or_default().push(lap);
+        self.laps.entry(WHOLE_TICK).or_default().push(units(lap));
     }
 
     /// Adds what another one has measured.
@@ -55,9 +56,14 @@ impl Stopwatch {
 impl Probe for Stopwatch {
     fn stage_ended(&mut self, stage: &'static str) {
         let now = Instant::now();
-        self.laps.entry(stage).or_default().push(now - self.last);
+        self.laps.entry(stage).or_default().push(units(now - self.last));
         self.last = now;
     }
+}
+
+/// A time in units of 0.1 µs, at most seven minutes.
+fn units(lap: Duration) -> u32 {
+    u32::try_from(lap.as_nanos() / 100).unwrap_or(u32::MAX)
 }
 
 /// Wall time of one stage, over all ticks in which it ran.
@@ -74,13 +80,13 @@ pub struct StageTimes {
 }
 
 impl StageTimes {
-    fn of(laps: &[Duration]) -> Self {
+    fn of(laps: &[u32]) -> Self {
         let mut sorted = laps.to_vec();
         sorted.sort_unstable();
         // The smallest value that the share of all values does not exceed.
         let quantile = |share: f64| {
             let rank = (share * sorted.len() as f64).ceil() as usize;
-            sorted.get(rank.max(1) - 1).map_or(0.0, |lap| lap.as_secs_f64() * 1e3)
+            sorted.get(rank.max(1) - 1).map_or(0.0, |&lap| f64::from(lap) / 1e4)
         };
         Self { count: laps.len(), p50_ms: quantile(0.5), p99_ms: quantile(0.99), max_ms: quantile(1.0) }
     }
@@ -92,7 +98,7 @@ mod tests {
 
     #[test]
     fn quantiles_are_values_that_were_measured() {
-        let laps: Vec<Duration> = (1..=100).rev().map(Duration::from_millis).collect();
+        let laps: Vec<u32> = (1..=100).rev().map(|ms| units(Duration::from_millis(ms))).collect();
         assert_eq!(StageTimes::of(&laps), StageTimes { count: 100, p50_ms: 50.0, p99_ms: 99.0, max_ms: 100.0 });
         assert_eq!(StageTimes::of(&laps[..1]).p50_ms, 100.0);
     }

@@ -18,6 +18,7 @@ use catch_lab::{
     timeline::{Entry, Event, Timeline},
     trial,
 };
+use catch_sim::truth::LimitViolation;
 use clap::Args;
 use serde::Serialize;
 
@@ -170,9 +171,15 @@ fn summary(scene: &Scene, verdict: &Verdict, stopwatch: &Stopwatch, recording: &
     }
     let clearances = [measures.min_self_clearance_m, measures.min_floor_clearance_m].map(millimetres);
     screen::fact("clearance", &format!("{} from itself, {} from the floor", clearances[0], clearances[1]))?;
-    let broken = match verdict.limit_violations {
-        0 => "none broken".to_owned(),
-        count => format!("{BAD}{count} broken{BAD:#}"),
+    let broken = match verdict.first_violation {
+        None => "none broken".to_owned(),
+        Some(LimitViolation { joint, kind, ratio, time_s }) => {
+            let (count, percent, kind) = (verdict.limit_violations, percent(ratio), format!("{kind:?}").to_lowercase());
+            format!(
+                "{BAD}{count} broken{BAD:#}, first by joint {} at {time_s:.3} s: {percent} of its {kind}",
+                joint + 1
+            )
+        }
     };
     let (velocity, torque) = (percent(measures.peak_velocity_ratio), percent(measures.peak_torque_ratio));
     screen::fact("limits", &format!("{broken}; at most {velocity} of a joint's velocity, {torque} of its torque"))?;

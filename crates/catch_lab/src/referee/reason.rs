@@ -2,17 +2,19 @@
 
 use std::fmt::Display;
 
-use catch_bot::Status;
+use catch_bot::{Status, trajectory_optimization::CatchPlan};
 use serde::{Deserialize, Serialize};
 
-use super::{Evidence, is_squeezed, sample_at, touches_gripper};
+use super::{Evidence, HELD_FROM_S, is_squeezed, sample_at, touches_gripper};
 
 /// Beyond this a prediction or a pose explains why the gripper missed.
 const LARGE_ERROR_M: f64 = 0.02;
 /// An object that both fingers have held this long has been grasped.
 const GRASPED_AFTER_S: f64 = 0.02;
-/// How far along z of the gripper the fingers can still touch the middle of an object.
-const PASSING_M: f64 = 0.05;
+/// Fingers that are this much closer than the object is wide, when it comes, have closed before it.
+const CLOSED_TOO_FAR_M: f64 = 2e-3;
+/// Fingers that have moved less than this have not begun to close.
+const STILL_OPEN_M: f64 = 2e-3;
 
 /// Why an object was not caught.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -120,11 +122,10 @@ fn without_a_plan(evidence: &Evidence) -> Reason {
 /// The brain tried.
 fn with_a_plan(evidence: &Evidence) -> Reason {
     if let Some(grasped_for_s) = evidence.contact_s.and_then(|_| grasped_for_s(evidence)) {
-        // Both fingers had it: either for good, or it was on its way out all the time.
-        let held = evidence
-            .contact_s
-            .is_some_and(|touch| evidence.first_not_held_s().is_some_and(|lost| lost > touch + 0.5 + 2e-3));
-        return if held || grasped_for_s > 0.5 { Reason::Dropped } else { Reason::SlippedOut };
+        // Both fingers had it: for good, or it was on its way out all the time.
+        let test_began = evidence.contact_s.map(|touch| touch + HELD_FROM_S + 2e-3);
+        let held = evidence.first_not_held_s().zip(test_began).is_some_and(|(lost, began)| lost > began);
+        return if held || grasped_for_s > HELD_FROM_S { Reason::Dropped } else { Reason::SlippedOut };
     }
     if evidence.prediction_error_m().is_some_and(|error| error > LARGE_ERROR_M) {
         let seen_wrong = evidence.pose_error_m().is_some_and(|error| error > LARGE_ERROR_M);
@@ -133,32 +134,25 @@ fn with_a_plan(evidence: &Evidence) -> Reason {
     if evidence.truth.servo.accepted_trajectories == 0 && evidence.truth.servo.late_trajectories > 0 {
         return Reason::Late;
     }
-    let Some(p_GO) = evidence.undisturbed_in_gripper() else { return Reason::Late };
-    let Some(at_catch) = evidence.at_catch else { return Reason::Late };
-    let centred =
-        (p_GO - evidence.grasp_centre_G).component_mul(&nalgebra::Vector3::new(1.0, 1.0, 0.0)).norm() <= LARGE_ERROR_M;
-    let object_width_m =
-        evidence.last.and_then(|report| report.plan.as_ref()).map_or(0.0, |plan| plan.grasp.object_width_m);
-
-    // How wide the gripper was when the object reached it.
-    let arrival =
-        evidence.contact_s.or(evidence.catch_s).and_then(|at| sample_at(evidence.truth, at)).unwrap_or(at_catch);
-    if arrival.width_m < object_width_m - 2e-3 {
+    if evidence.grasp_offset_m().is_none_or(|offset| offset > LARGE_ERROR_M) {
+        return Reason::MissedPosition;
+    }
+    let Some(first) = evidence.contact_s.and_then(|at| sample_at(evidence.truth, at)) else {
+        // It was where the plan wanted it, and flew on.
+        return Reason::ClosedLate;
+    };
+    let width_m = |pick: fn(&CatchPlan) -> f64| evidence.plan().map_or(0.0, pick);
+    if first.width_m < width_m(|plan| plan.grasp.object_width_m) - CLOSED_TOO_FAR_M {
         return Reason::ClosedEarly;
     }
-    if evidence.contact_s.is_none() {
-        return if centred { Reason::ClosedLate } else { Reason::MissedPosition };
-    }
-    let first = arrival;
-    let p_GO_first = first.X_WG.inverse_transform_point(&first.X_WO.translation.vector.into());
-    let between = p_GO_first.x.abs() < first.width_m / 2.0 && p_GO_first.z.abs() < PASSING_M;
-    let closing =
-        evidence.last.and_then(|report| report.closing).is_some_and(|closing| first.time_s >= closing.start_s);
-    match (between, closing) {
-        (true, true) => Reason::SlippedOut,
-        (true, false) if first.contact.palm => Reason::ClosedLate,
-        (false, true) => Reason::ClosedLate,
-        _ => Reason::HitFinger,
+    let still_open = first.width_m > width_m(|plan| plan.grasp.open_width_m) - STILL_OPEN_M;
+    match evidence.progress_m() {
+        // Open fingers are in the way of an object that comes in crooked; off the palm it bounces.
+        _ if still_open && !first.contact.palm => Reason::HitFinger,
+        _ if still_open => Reason::ClosedLate,
+        Some(progress) if progress > LARGE_ERROR_M => Reason::ClosedLate,
+        Some(progress) if progress < -LARGE_ERROR_M => Reason::ClosedEarly,
+        _ => Reason::SlippedOut,
     }
 }
 

@@ -3,6 +3,7 @@
 mod all_cells;
 mod blanked;
 mod determinism;
+mod evaluation;
 mod frames;
 mod source;
 mod tidy;

@@ -1,0 +1,242 @@
+//! `catchingbot eval`: many throws.
+
+use std::{
+    collections::BTreeMap,
+    fs,
+    io::{self, IsTerminal, Write},
+    num::NonZero,
+    path::Path,
+    thread,
+    time::Instant,
+};
+
+use anyhow::Context;
+use catch_body::InputError;
+use catch_lab::{
+    VERSION,
+    evaluation::{Cell, Evaluation, Row},
+    results::{Results, TRIALS_FILE},
+    setup::{COMMAND_LINE, Setup},
+    statistics::CellSummary,
+    stopwatch::{StageTimes, Stopwatch},
+};
+use clap::Args;
+use comfy_table::{CellAlignment, ContentArrangement, Table, TableComponent, presets};
+use serde::Serialize;
+
+use super::ChoiceArguments;
+use crate::screen::{self, FAINT, STRONG};
+
+/// Arguments of `eval`.
+#[derive(Debug, Args)]
+pub struct EvalArguments {
+    #[command(flatten)]
+    choice: ChoiceArguments,
+    /// Object: a built-in name or a file; may be given more than once [default: the scenario's]
+    #[arg(long, value_name = "NAME|FILE")]
+    object: Vec<String>,
+    /// Throw: a built-in name or a file; may be given more than once [default: the scenario's]
+    #[arg(long, value_name = "NAME|FILE")]
+    throw: Vec<String>,
+    /// Seed of everything random
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Throws per object and throw
+    #[arg(long, value_name = "N", default_value_t = 57, value_parser = clap::value_parser!(u64).range(1..=10_000_000))]
+    trials: u64,
+    /// Number of the first throw, to share an evaluation between machines
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    first: u64,
+    /// Trials that run at the same time [default: the number of cores]
+    #[arg(long, value_name = "N")]
+    threads: Option<NonZero<usize>>,
+    /// Folder for the results
+    #[arg(long, value_name = "DIR", default_value = "out/eval")]
+    out: std::path::PathBuf,
+    /// Go on with the results that are in the folder
+    #[arg(long)]
+    resume: bool,
+    /// Print one JSON document instead of the table
+    #[arg(long)]
+    json: bool,
+}
+
+/// The JSON document.
+#[derive(Serialize)]
+struct Document<'a> {
+    version: &'static str,
+    scenario: &'a str,
+    seed: u64,
+    first: u64,
+    cells: &'a [CellSummary],
+    trials: usize,
+    caught: usize,
+    wall_s: f64,
+    stages: BTreeMap<&'static str, StageTimes>,
+    results: &'a Path,
+}
+
+/// Wall times, which stand beside the results.
+#[derive(Serialize)]
+struct Times {
+    wall_s: f64,
+    threads: usize,
+    /// Trials that were run now; those of an earlier run are not timed.
+    trials: usize,
+    stages: BTreeMap<&'static str, StageTimes>,
+}
+
+/// Many throws: a table, and a row per trial on disk.
+///
+/// # Errors
+/// Faults in the arguments and files; results that cannot be written.
+pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
+    let started = Instant::now();
+    let evaluation = evaluation(arguments)?;
+    let (mut results, mut rows) = Results::open(&arguments.out, &evaluation, arguments.resume)?;
+    let done_before = rows.len();
+    let threads = arguments.threads.or_else(|| thread::available_parallelism().ok()).map_or(1, NonZero::get);
+    let mut stopwatch = Stopwatch::default();
+    let mut progress = Progress::new(evaluation.len(), &rows);
+    evaluation
+        .run(done_before, threads, &mut |row, times| {
+            results.add(&row)?;
+            stopwatch.merge(times);
+            progress.row_done(&row);
+            rows.push(row);
+            Ok(())
+        })
+        .with_context(|| format!("{}", arguments.out.join(TRIALS_FILE).display()))?;
+    progress.finish();
+
+    let wall_s = started.elapsed().as_secs_f64();
+    let cells = evaluation.summarize(&rows);
+    let times = Times { wall_s, threads, trials: rows.len() - done_before, stages: stopwatch.summary() };
+    let path = arguments.out.join("times.json");
+    fs::write(&path, serde_json::to_string_pretty(&times)? + "\n").with_context(|| format!("{}", path.display()))?;
+    if !arguments.json {
+        return Ok(print(&cells, &times, &arguments.out)?);
+    }
+    screen::json(&Document {
+        version: VERSION,
+        scenario: &evaluation.cells[0].setup.scenario.name,
+        seed: evaluation.seed,
+        first: evaluation.first,
+        cells: &cells,
+        trials: rows.len(),
+        caught: rows.iter().filter(|row| row.verdict.caught).count(),
+        wall_s,
+        stages: times.stages,
+        results: &arguments.out,
+    })
+}
+
+/// Every object with every throw.
+fn evaluation(arguments: &EvalArguments) -> Result<Evaluation, InputError> {
+    let or_default = |names: &[String]| -> Vec<Option<String>> {
+        if names.is_empty() { vec![None] } else { names.iter().cloned().map(Some).collect() }
+    };
+    let mut cells: Vec<Cell> = Vec::new();
+    for object in or_default(&arguments.object) {
+        for throw in or_default(&arguments.throw) {
+            let setup = Setup::load(&arguments.choice.with(object.as_deref(), throw.as_deref()))?;
+            let names = (&setup.scenario.object, &setup.scenario.throw);
+            if cells.iter().any(|it| (&it.setup.scenario.object, &it.setup.scenario.throw) == names) {
+                let found = format!("{} with the {} throw twice", names.0, names.1);
+                return Err(InputError::new(COMMAND_LINE, "--object and --throw", found, "each pair once"));
+            }
+            cells.push(Cell::new(setup));
+        }
+    }
+    Ok(Evaluation { cells, seed: arguments.seed, first: arguments.first, trials: arguments.trials })
+}
+
+fn print(cells: &[CellSummary], times: &Times, folder: &Path) -> io::Result<()> {
+    screen::line("")?;
+    screen::line(&table(cells).trim_fmt())?;
+    screen::line("")?;
+    let (caught, trials): (usize, usize) = cells.iter().fold((0, 0), |(a, b), cell| (a + cell.caught, b + cell.trials));
+    screen::line(&format!("  {STRONG}{caught} of {trials} caught{STRONG:#}{FAINT} in {:.1} s{FAINT:#}", times.wall_s))?;
+    for (stage, StageTimes { p50_ms, p99_ms, max_ms, .. }) in &times.stages {
+        screen::fact(stage, &format!("p50 {p50_ms:.2} ms, p99 {p99_ms:.2} ms, max {max_ms:.1} ms"))?;
+    }
+    screen::fact("results", &folder.join(TRIALS_FILE).display().to_string())
+}
+
+fn table(cells: &[CellSummary]) -> Table {
+    let mut table = Table::new();
+    table.load_preset(presets::UTF8_HORIZONTAL_ONLY).set_content_arrangement(ContentArrangement::Disabled);
+    table.remove_style(TableComponent::HorizontalLines).remove_style(TableComponent::MiddleIntersections);
+    table.set_header([
+        "object",
+        "throw",
+        "trials",
+        "caught",
+        "95 %",
+        "as the paper",
+        "joint travel",
+        "limits broken",
+        "misses",
+    ]);
+    for column in 2..8 {
+        if let Some(column) = table.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    for cell in cells {
+        let percent = |value: f64| format!("{:.1}", value * 100.0);
+        let share = |count: usize| format!("{count} ({} %)", percent(count as f64 / cell.trials.max(1) as f64));
+        let reasons: Vec<String> = cell.reasons.iter().map(|(reason, count)| format!("{count}× {reason}")).collect();
+        table.add_row([
+            cell.object.clone(),
+            cell.throw.clone(),
+            cell.trials.to_string(),
+            share(cell.caught),
+            cell.wilson95
+                .map_or("same throw".to_owned(), |[low, high]| format!("{} – {} %", percent(low), percent(high))),
+            share(cell.caught_paper),
+            cell.median_joint_travel_rad.map_or("–".to_owned(), |it| format!("{it:.2} rad")),
+            cell.limit_violations.to_string(),
+            reasons.join(", "),
+        ]);
+    }
+    table
+}
+
+/// How far it is, on a terminal only.
+struct Progress {
+    started: Instant,
+    total: usize,
+    before: usize,
+    done: usize,
+    caught: usize,
+    shown: bool,
+}
+
+impl Progress {
+    fn new(total: usize, rows: &[Row]) -> Self {
+        let caught = rows.iter().filter(|row| row.verdict.caught).count();
+        let shown = io::stderr().is_terminal();
+        Self { started: Instant::now(), total, before: rows.len(), done: rows.len(), caught, shown }
+    }
+
+    fn row_done(&mut self, row: &Row) {
+        self.done += 1;
+        self.caught += usize::from(row.verdict.caught);
+        let rate = (self.done - self.before) as f64 / self.started.elapsed().as_secs_f64();
+        let left_s = (self.total - self.done) as f64 / rate;
+        let Self { done, total, caught, .. } = &*self;
+        self.show(&format!("{done}/{total} trials, {caught} caught, {rate:.1} per second, {left_s:.0} s left"));
+    }
+
+    fn finish(&self) {
+        self.show("");
+    }
+
+    fn show(&self, text: &str) {
+        if self.shown {
+            // Nobody minds if this cannot be shown.
+            let _ = write!(io::stderr().lock(), "\r\x1b[2K{text}");
+        }
+    }
+}

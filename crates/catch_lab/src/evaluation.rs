@@ -1,0 +1,173 @@
+//! Evaluations: many throws of many objects, on all cores, with the same rows in the same order whatever the number of
+//! threads.
+
+use std::{
+    collections::BTreeMap,
+    io,
+    sync::{
+        atomic::{AtomicUsize, Ordering},
+        mpsc,
+    },
+    thread,
+};
+
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    VERSION,
+    referee::{self, Verdict},
+    scenario::Scenario,
+    setup::{Scene, Setup},
+    statistics::CellSummary,
+    stopwatch::Stopwatch,
+    trial,
+};
+
+/// One object with one throw, many times.
+#[derive(Debug)]
+pub struct Cell {
+    /// All that its trials share.
+    pub setup: Setup,
+    /// Whether every trial sees the same throw.
+    pub throw_is_fixed: bool,
+}
+
+impl Cell {
+    /// A cell of trials that share a setup.
+    pub fn new(setup: Setup) -> Self {
+        let release = |index| setup.throw.release(&setup.object.name, 0, index);
+        let throw_is_fixed = release(0) == release(1);
+        Self { setup, throw_is_fixed }
+    }
+}
+
+/// What is evaluated. Trials are numbered throw by throw: first the first throw in all cells, then the second.
+#[derive(Debug)]
+pub struct Evaluation {
+    /// Objects with their throws.
+    pub cells: Vec<Cell>,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Number of the first throw.
+    pub first: u64,
+    /// Throws per cell.
+    pub trials: u64,
+}
+
+/// What makes an evaluation the same one: all that its rows depend on, but how many there are.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Identity {
+    /// Version of the program.
+    pub version: String,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Number of the first throw.
+    pub first: u64,
+    /// The scenario of each cell, all choices made.
+    pub cells: Vec<Scenario>,
+}
+
+/// The result of one trial.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    /// Which throw.
+    #[serde(flatten)]
+    pub scene: Scene,
+    /// Its outcome.
+    #[serde(flatten)]
+    pub verdict: Verdict,
+}
+
+impl Evaluation {
+    /// What makes it the same one.
+    pub fn identity(&self) -> Identity {
+        Identity {
+            version: VERSION.to_owned(),
+            seed: self.seed,
+            first: self.first,
+            cells: self.cells.iter().map(|cell| cell.setup.scenario.clone()).collect(),
+        }
+    }
+
+    /// Number of trials in all cells.
+    pub fn len(&self) -> usize {
+        self.cells.len() * self.trials as usize
+    }
+
+    /// Whether there is nothing to do.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The cell and the number of the throw of trial number `job`.
+    fn job(&self, job: usize) -> (&Cell, u64) {
+        (&self.cells[job % self.cells.len()], self.first + (job / self.cells.len()) as u64)
+    }
+
+    /// The scene of trial number `job`.
+    pub fn scene(&self, job: usize) -> Scene {
+        let (cell, index) = self.job(job);
+        cell.setup.scene(self.seed, index)
+    }
+
+    fn trial(&self, job: usize) -> (Row, Stopwatch) {
+        let (cell, index) = self.job(job);
+        let trial =
+            trial::run(&cell.setup, self.seed, index, &mut |_, _| Ok(())).expect("this onlooker has no objections");
+        let row = Row { scene: self.scene(job), verdict: referee::judge(&cell.setup, &trial) };
+        (row, trial.stopwatch)
+    }
+
+    /// Runs the trials from number `from` on, on several threads, and hands over each row in the order of their numbers.
+    ///
+    /// # Errors
+    /// Those of `row_done`; the trials that are running then are given up.
+    pub fn run(
+        &self,
+        from: usize,
+        threads: usize,
+        row_done: &mut dyn FnMut(Row, Stopwatch) -> io::Result<()>,
+    ) -> io::Result<()> {
+        let next = AtomicUsize::new(from);
+        let (sender, receiver) = mpsc::channel();
+        thread::scope(|scope| {
+            for _ in 0..threads.clamp(1, self.len().saturating_sub(from).max(1)) {
+                let (next, sender) = (&next, sender.clone());
+                scope.spawn(move || {
+                    loop {
+                        let job = next.fetch_add(1, Ordering::Relaxed);
+                        // Nobody receives any more once a row could not be taken.
+                        if job >= self.len() || sender.send((job, self.trial(job))).is_err() {
+                            return;
+                        }
+                    }
+                });
+            }
+            drop(sender);
+            let mut waiting = BTreeMap::new();
+            let mut due = from;
+            for (job, result) in &receiver {
+                waiting.insert(job, result);
+                while let Some((row, stopwatch)) = waiting.remove(&due) {
+                    due += 1;
+                    if let Err(fault) = row_done(row, stopwatch) {
+                        drop(receiver);
+                        return Err(fault);
+                    }
+                }
+            }
+            Ok(())
+        })
+    }
+
+    /// Sums up the rows cell by cell.
+    pub fn summarize(&self, rows: &[Row]) -> Vec<CellSummary> {
+        let of_cell = |cell: &Cell| {
+            let Scenario { object, throw, .. } = &cell.setup.scenario;
+            let rows: Vec<&Row> =
+                rows.iter().filter(|row| &row.scene.object == object && &row.scene.throw == throw).collect();
+            CellSummary::of(object, throw, &rows, cell.throw_is_fixed)
+        };
+        self.cells.iter().map(of_cell).collect()
+    }
+}

@@ -1,0 +1,124 @@
+//! What many trials say together.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use crate::{evaluation::Row, referee::reason::Reason};
+
+/// The 97.5 % quantile of the normal distribution.
+const Z_95: f64 = 1.959_963_984_540_054;
+
+/// Wilson's score interval at 95 % for a probability of which `successes` of `trials` were seen.
+///
+/// (p + z²/2n ± z·√(p·(1 − p)/n + z²/4n²)) / (1 + z²/n) (Wilson, Probable inference, the law of succession, and statistical
+/// inference, 1927). Unlike the textbook's interval it is right near 0 and 1.
+pub fn wilson95(successes: usize, trials: usize) -> [f64; 2] {
+    if trials == 0 {
+        return [0.0, 1.0];
+    }
+    let n = trials as f64;
+    let p = successes as f64 / n;
+    let z2 = Z_95 * Z_95;
+    let centre = p + z2 / (2.0 * n);
+    let reach = Z_95 * (p * (1.0 - p) / n + z2 / (4.0 * n * n)).sqrt();
+    [(centre - reach) / (1.0 + z2 / n), (centre + reach) / (1.0 + z2 / n)].map(|bound| bound.clamp(0.0, 1.0))
+}
+
+/// The middle of the values, the mean of the two middle ones where their number is even.
+pub fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    let upper = *values.get(values.len() / 2)?;
+    let lower = values[(values.len() - 1) / 2];
+    Some(f64::midpoint(lower, upper))
+}
+
+/// All trials of one object and one throw.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CellSummary {
+    /// What was thrown.
+    pub object: String,
+    /// How.
+    pub throw: String,
+    /// How often.
+    pub trials: usize,
+    /// How often it was caught.
+    pub caught: usize,
+    /// How often the paper would have called it caught.
+    pub caught_paper: usize,
+    /// How often the arm could not have been there in time.
+    pub out_of_reach: usize,
+    /// Interval for the probability of a catch; none for a throw that is always the same, whose outcomes repeat.
+    pub wilson95: Option<[f64; 2]>,
+    /// Why it was not caught, and how often for this reason.
+    pub reasons: BTreeMap<Reason, usize>,
+    /// Limits of the arm that were broken, over all trials.
+    pub limit_violations: usize,
+    /// How far the joints moved in sum from the ready pose to the catch, in the middle.
+    pub median_joint_travel_rad: Option<f64>,
+    /// How far off the object's position at the catch was predicted, in the middle.
+    pub median_prediction_error_m: Option<f64>,
+    /// The closest that the arm came to itself or to the floor.
+    pub min_clearance_m: Option<f64>,
+}
+
+impl CellSummary {
+    /// Sums up the trials of one cell; `throw_is_fixed` if they all saw the same throw.
+    pub fn of(object: &str, throw: &str, rows: &[&Row], throw_is_fixed: bool) -> Self {
+        let count = |counts: &dyn Fn(&Row) -> bool| rows.iter().filter(|row| counts(row)).count();
+        let values = |pick: &dyn Fn(&Row) -> Option<f64>| rows.iter().filter_map(|row| pick(row)).collect::<Vec<f64>>();
+        let mut reasons = BTreeMap::new();
+        for reason in rows.iter().filter_map(|row| row.verdict.reason) {
+            *reasons.entry(reason).or_insert(0) += 1;
+        }
+        let caught = count(&|row| row.verdict.caught);
+        let clearances = rows.iter().flat_map(|row| {
+            let measures = &row.verdict.measures;
+            [measures.min_self_clearance_m, measures.min_floor_clearance_m]
+        });
+        Self {
+            object: object.to_owned(),
+            throw: throw.to_owned(),
+            trials: rows.len(),
+            caught,
+            caught_paper: count(&|row| row.verdict.caught_paper),
+            out_of_reach: reasons.get(&Reason::OutOfReach).copied().unwrap_or(0),
+            wilson95: (!throw_is_fixed).then(|| wilson95(caught, rows.len())),
+            reasons,
+            limit_violations: rows.iter().map(|row| row.verdict.limit_violations).sum(),
+            median_joint_travel_rad: median(values(&|row| row.verdict.measures.joint_travel_rad)),
+            median_prediction_error_m: median(values(&|row| row.verdict.measures.prediction_error_m)),
+            min_clearance_m: clearances.flatten().min_by(f64::total_cmp),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Against the figures of Newcombe, Two-sided confidence intervals for the single proportion (1998), table I, method 3.
+    #[test]
+    fn wilson_agrees_with_published_figures() {
+        for (successes, trials, expected) in [
+            (81, 263, [0.2553, 0.3662]),
+            (15, 148, [0.0624, 0.1605]),
+            (0, 20, [0.0, 0.1611]),
+            (1, 29, [0.0061, 0.1718]),
+        ] {
+            let [low, high] = wilson95(successes, trials);
+            assert!(
+                (low - expected[0]).abs() < 6e-5 && (high - expected[1]).abs() < 6e-5,
+                "{successes}/{trials}: {low} {high}"
+            );
+        }
+        assert!(wilson95(561, 570)[0] >= 0.97 && wilson95(560, 570)[0] < 0.97);
+    }
+
+    #[test]
+    fn median_is_in_the_middle() {
+        assert_eq!(median(vec![]), None);
+        assert_eq!(median(vec![3.0, 1.0, 2.0]), Some(2.0));
+        assert_eq!(median(vec![4.0, 1.0, 2.0, 3.0]), Some(2.5));
+    }
+}
