@@ -14,7 +14,7 @@ const TRIAL_POINTS: usize = 150;
 /// Steps from each attitude before they are compared.
 const TRIAL_ITERATIONS: usize = 8;
 /// Attitudes that are then compared on all points.
-const FINALISTS: usize = 3;
+const FINALISTS: usize = 4;
 /// Attitudes closer than this are one.
 const SAME_ATTITUDE_RAD: f64 = 0.3;
 
@@ -41,21 +41,24 @@ pub(super) fn register(
             registration::iterate(thinned, reference, &X_WO, config, TRIAL_ITERATIONS, !thinned.outline.is_empty()).0;
         keep(&mut finalists, fit, &reference.symmetry);
     }
+    let outlined = !scene.outline.is_empty();
     let results = finalists.iter().flatten();
-    let results = results.filter_map(|fit| registration::register(scene, reference, &fit.X_WO, config).ok());
-    results.min_by(|a, b| a.mean_distance_m.total_cmp(&b.mean_distance_m)).ok_or(PerceptionStatus::NotConverged)
+    let results =
+        results.map(|fit| registration::iterate(scene, reference, &fit.X_WO, config, TRIAL_ITERATIONS, outlined).0);
+    let best = results.min_by(|a, b| a.misfit.total_cmp(&b.misfit)).ok_or(PerceptionStatus::NotConverged)?;
+    registration::register(scene, reference, &best.X_WO, config)
 }
 
 /// Keeps the best fits in order, each attitude once.
 fn keep(finalists: &mut [Option<Fit>; FINALISTS], fit: Fit, symmetry: &Symmetry) {
-    if !fit.mean_distance_m.is_finite() {
+    if !fit.misfit.is_finite() {
         return;
     }
     let mut candidate = Some(fit);
     for place in finalists {
         let Some(new) = candidate else { return };
         match place {
-            Some(old) if old.mean_distance_m <= new.mean_distance_m => {
+            Some(old) if old.misfit <= new.misfit => {
                 if symmetry.turn_between(&old.X_WO.rotation, &new.X_WO.rotation).norm() < SAME_ATTITUDE_RAD {
                     return;
                 }

@@ -27,8 +27,8 @@ pub struct Fit {
     pub residual_m: f64,
     /// Root mean square distance of the outline's rays, where it was used.
     pub outline_residual_m: Option<f64>,
-    /// Mean distance of all points or rays, outliers included: what different starts are compared by.
-    pub mean_distance_m: f64,
+    /// How badly all residuals fit, outliers included: what different starts are compared by.
+    pub misfit: f64,
     /// The same as the sensors' noise alone would make it.
     pub noise_m: f64,
     /// Iterations.
@@ -51,12 +51,18 @@ struct Sums {
     distances_m: f64,
 }
 
-/// Standard deviations at which a residual's weight has fallen to a quarter (Geman–McClure).
-const OUTLIER_SD: f64 = 3.0;
+/// Standard deviations at which a residual's weight has fallen to a quarter (Geman–McClure): 98 % efficient on normal noise.
+const OUTLIER_SD: f64 = 5.0;
+/// What the weighted mean square of normal residuals then is, in variances: E\[w·u²\]/E\[w\].
+const MEAN_SQUARE: f64 = 0.873;
 
+/// Steps that are taken in full before they are halved.
+const FULL_STEPS: usize = 8;
 /// Least share of a pixel across the outline that counts: over a pixel, outlines are not straight.
 const LEAST_ACROSS: f64 = 0.3;
 
+/// Mean distances below this are all perfect, in metres.
+const LEAST_MEAN_M: f64 = 1e-5;
 /// How much larger than told the residuals of points and of outline rays are, never less than one. Estimated along, it
 /// weighs the two kinds against each other even if nobody told how noisy the depths are.
 #[derive(Debug, Clone, Copy)]
@@ -101,7 +107,7 @@ pub(super) fn iterate(
         let points = sum_points(&scene.points, reference, X_WO, scales.points, config);
         (points, sum_outline(outline, reference, X_WO, scales.outline, config))
     };
-    let typical = |sums: &Sums| (sums.squares / sums.weight.max(1e-12)).sqrt().max(1.0);
+    let typical = |sums: &Sums| (sums.squares / (MEAN_SQUARE * sums.weight.max(1e-12))).sqrt().max(1.0);
     // With infinite scales nothing is an outlier: the typical residual at the start, so that a start that is off does not
     // turn everything to outliers.
     let (mut points, mut rays) = both(&X_WO, &far);
@@ -114,7 +120,11 @@ pub(super) fn iterate(
         (points, rays) = both(&X_WO, &scales);
         scales = Scales { points: typical(&points), outline: typical(&rays) };
         let (information, gradient) = joined(&points, &rays, &scales);
-        let Some(step) = step(&information, &gradient, reference.radius_m) else { break };
+        let Some(mut step) = step(&information, &gradient, reference.radius_m) else { break };
+        if iterations > FULL_STEPS {
+            // Full steps may jump to and fro across a kink of the field.
+            step *= 0.5;
+        }
         X_WO = moved(&X_WO, &step, reference.radius_m);
         let length = step.fixed_rows::<3>(3).norm() + step.fixed_rows::<3>(0).norm() * reference.radius_m;
         in_sd = step.dot(&(information * step)).max(0.0).sqrt();
@@ -131,7 +141,7 @@ pub(super) fn iterate(
         residual_m: (points.squares_m2 / weight).sqrt(),
         noise_m: (points.variances_m2 / weight).sqrt(),
         outline_residual_m: (rays.weight > 0.0).then(|| (rays.squares_m2 / rays.weight).sqrt()),
-        mean_distance_m: mean_distance(&points, &rays, &scales, scene.points.len(), outline.len()),
+        misfit: misfit(&points, &rays, scene.points.len(), outline.len()),
         iterations,
     };
     let finite = X_WO.to_homogeneous().iter().chain(information.iter()).all(|value| value.is_finite());
@@ -145,15 +155,14 @@ fn joined(points: &Sums, rays: &Sums, scales: &Scales) -> (Matrix6<f64>, Vector6
     (points.information * a + rays.information * b, points.gradient * a + rays.gradient * b)
 }
 
-/// Mean distance of all points or, where the outline is the better witness, of all its rays: what starts are compared by.
-fn mean_distance(points: &Sums, rays: &Sums, scales: &Scales, point_count: usize, ray_count: usize) -> f64 {
-    let per_point_sd = (points.variances_m2 / points.weight.max(1e-12)).sqrt() * scales.points;
-    let per_ray_sd = (rays.variances_m2 / rays.weight.max(1e-12)).sqrt() * scales.outline;
-    if ray_count > 0 && per_ray_sd < per_point_sd {
-        rays.distances_m / ray_count as f64
-    } else {
-        points.distances_m / point_count.max(1) as f64
-    }
+/// −2 × the log-likelihood of all residuals, outliers included, if they are Laplace distributed with widths that only their
+/// mean tells, up to a constant: Σ 2·n·ln(mean |r|) over the two kinds.
+fn misfit(points: &Sums, rays: &Sums, point_count: usize, ray_count: usize) -> f64 {
+    let of = |sums: &Sums, count: usize| {
+        let mean_m = sums.distances_m / count.max(1) as f64;
+        2.0 * count as f64 * mean_m.max(LEAST_MEAN_M).ln()
+    };
+    of(points, point_count) + of(rays, ray_count)
 }
 
 /// Distance of a point from the reference in metres, its gradient with respect to the point in W, and its standard deviation.

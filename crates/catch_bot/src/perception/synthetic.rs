@@ -30,9 +30,9 @@ impl Shape {
 
     /// About 0.176 × 0.062 × 0.030 m.
     pub fn banana() -> Self {
-        let balls = (0..=48)
+        let balls = (0..=16)
             .map(|i| {
-                let along = f64::from(i) / 24.0 - 1.0;
+                let along = f64::from(i) / 8.0 - 1.0;
                 let angle = along * 0.85;
                 let radius = 0.0155 * (1.0 - 0.55 * along.powi(4) - 0.1 * along);
                 (Point3::new(0.1 * angle.sin() + 0.01, 0.1 * angle.cos() - 0.09, 0.005), radius)
@@ -177,15 +177,18 @@ pub fn depth_frames(
     noise: Noise,
     normal: &mut Normal,
 ) -> Vec<DepthFrame> {
-    let frames = cameras.iter().enumerate().map(|(i, camera)| {
-        let mut frame = depth_frame(i, camera, shape, X_WS, 0.03);
-        for depth in frame.depth_m.iter_mut().filter(|depth| depth.is_finite()) {
-            let z = f64::from(*depth);
-            *depth = (z + noise.sd(z) * normal.draw()) as f32;
-        }
-        frame
-    });
-    frames.collect()
+    let frames = cameras.iter().enumerate().map(|(i, camera)| depth_frame(i, camera, shape, X_WS, 0.03));
+    let mut frames: Vec<DepthFrame> = frames.collect();
+    add_noise(&mut frames, noise, normal);
+    frames
+}
+
+/// Adds noise to clean images.
+pub fn add_noise(frames: &mut [DepthFrame], noise: Noise, normal: &mut Normal) {
+    for depth in frames.iter_mut().flat_map(|frame| &mut frame.depth_m).filter(|depth| depth.is_finite()) {
+        let z = f64::from(*depth);
+        *depth = (z + noise.sd(z) * normal.draw()) as f32;
+    }
 }
 
 /// The scan of a shape by 32 cameras 1 m around it, `width` pixels wide.

@@ -73,6 +73,16 @@ fn frames_with_noise_give_the_pose() {
 }
 
 #[test]
+fn the_papers_registration_gives_the_pose_less_well() {
+    let config = Config { method: Method::IcpPointToPoint, ..Config::default() };
+    for (name, shape) in Shape::all() {
+        let (position_mm, rotation_deg) = tracking_errors(&shape, Noise::Clean, &config, 30);
+        println!("{name}: {position_mm:.4} mm {rotation_deg:.4}°");
+        assert!(position_mm < 5.0 && rotation_deg < 8.0, "{name}: {position_mm} mm, {rotation_deg}°");
+    }
+}
+
+#[test]
 fn outlines_give_the_pose_where_depths_do_not() {
     for (name, shape) in Shape::all() {
         let (position_mm, rotation_deg) = tracking_errors(&shape, Noise::Stereo7, &Config::default(), 30);

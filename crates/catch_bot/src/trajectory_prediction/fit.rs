@@ -19,7 +19,7 @@ const TURN: usize = 7;
 const SPIN: usize = 10;
 
 /// Error in scaled standard deviations per degree of freedom at which a pose's weight has fallen to a quarter.
-const OUTLIER_SD: f64 = 3.0;
+const OUTLIER_SD: f64 = 4.0;
 /// Degrees of freedom that "the errors are as the poses say" counts for when their scale is estimated.
 const SCALE_PRIOR_DOF: f64 = 12.0;
 /// A fit has come to rest when a step is shorter than this share of its standard deviation.

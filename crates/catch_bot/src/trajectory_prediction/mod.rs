@@ -5,10 +5,10 @@
 
 mod fit;
 mod flight;
-mod passage;
-pub mod ransac;
 #[cfg(test)]
 mod measured;
+mod passage;
+pub mod ransac;
 #[cfg(test)]
 mod tests;
 mod tumbling;

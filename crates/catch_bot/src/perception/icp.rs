@@ -1,0 +1,112 @@
+//! The paper's own registration, to compare with: iterative closest points (Besl and McKay, A method for registration of 3-D
+//! shapes, 1992).
+//!
+//! Alternates between pairing each point of the scene with the nearest point of the reference, found by a k-d tree, and the
+//! rigid motion that brings the pairs together best in the least squares (Kabsch; Arun, Huang and Blostein, 1987).
+
+use std::sync::Arc;
+
+use catch_body::Pose;
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use nalgebra::{Matrix3, Matrix6, Point3, Rotation3, Translation3, UnitQuaternion, Vector3, Vector6};
+
+use super::{Config, PerceptionStatus, ReferenceModel, point_cloud::SceneCloud, registration::Fit};
+
+/// The reference's points, to be searched for the nearest.
+#[derive(Clone, Default)]
+pub struct NearestPoints(Option<Arc<ImmutableKdTree<f64, 3>>>);
+
+impl std::fmt::Debug for NearestPoints {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str("NearestPoints")
+    }
+}
+
+/// It follows from the points, which are compared themselves.
+impl PartialEq for NearestPoints {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
+}
+
+impl NearestPoints {
+    /// Sorts points for searching.
+    pub(super) fn new(points: &[Point3<f64>]) -> Self {
+        let points: Vec<[f64; 3]> = points.iter().map(|point| [point.x, point.y, point.z]).collect();
+        Self(ImmutableKdTree::new_from_slice(&points).ok().map(Arc::new))
+    }
+
+    fn nearest(&self, point: &Point3<f64>) -> Option<usize> {
+        let query = [point.x, point.y, point.z];
+        let found = self.0.as_ref()?.query(&query).nearest_one::<SquaredEuclidean<f64>>().execute();
+        Some(found.item as usize)
+    }
+}
+
+/// Brings the reference from `X_WO` onto the scene's points, point to point.
+pub(super) fn register(
+    scene: &SceneCloud,
+    reference: &ReferenceModel,
+    X_WO: &Pose,
+    config: &Config,
+) -> Result<Fit, PerceptionStatus> {
+    let mut X_WO = *X_WO;
+    let count = scene.points.len() as f64;
+    let mut iterations = 0;
+    let mut converged = false;
+    let mut squares = 0.0;
+    while iterations < config.max_icp_iterations && !converged {
+        iterations += 1;
+        // Sums over all pairs: means, and the covariance Σ (o − ō)(w − w̄)ᵀ = Σ o·wᵀ − n·ō·w̄ᵀ.
+        let (mut mean_O, mut mean_W, mut products) = (Vector3::zeros(), Vector3::zeros(), Matrix3::zeros());
+        squares = 0.0;
+        let origin = X_WO.translation.vector;
+        for point in &scene.points {
+            let p_O = X_WO.inverse_transform_point(&point.p_W);
+            let Some(nearest) = reference.nearest.nearest(&p_O) else { return Err(PerceptionStatus::NoReference) };
+            let paired = reference.points[nearest];
+            let from_origin = point.p_W.coords - origin;
+            mean_O += paired.coords;
+            mean_W += from_origin;
+            products += paired.coords * from_origin.transpose();
+            squares += (p_O - paired).norm_squared();
+        }
+        mean_O /= count;
+        mean_W /= count;
+        // R = V·diag(1, 1, det)·Uᵀ for the covariance U·S·Vᵀ.
+        let svd = (products - mean_O * mean_W.transpose() * count).svd(true, true);
+        let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return Err(PerceptionStatus::NotConverged) };
+        let handed = (v_t.transpose() * u.transpose()).determinant().signum();
+        let R = v_t.transpose() * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, handed)) * u.transpose();
+        let R_WO = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(R));
+        let moved = Pose::from_parts(Translation3::from(origin + mean_W - R_WO * mean_O), R_WO);
+        let length = (moved.translation.vector - origin).norm() + R_WO.angle_to(&X_WO.rotation) * reference.radius_m;
+        converged = length < config.icp_tolerance_m;
+        X_WO = moved;
+    }
+    let residual_m = (squares / count).sqrt();
+    let finite = X_WO.to_homogeneous().iter().all(|value| value.is_finite());
+    if !finite || residual_m > config.max_residual_m + 3.0 * mean_noise(scene) {
+        return Err(PerceptionStatus::NotConverged);
+    }
+    // Each pair tells of all three coordinates as much as it is off by.
+    let along = count / residual_m.max(config.model_sd_m).powi(2);
+    let turn = along * reference.radius_m.powi(2) / 3.0;
+    let observable = X_WO.rotation.to_rotation_matrix() * reference.symmetry.observable();
+    let mut information = Matrix6::from_diagonal(&Vector6::new(0.0, 0.0, 0.0, along, along, along));
+    information.fixed_view_mut::<3, 3>(0, 0).copy_from(&(observable * observable.transpose() * turn));
+    Ok(Fit {
+        X_WO,
+        information,
+        points: scene.points.len(),
+        residual_m,
+        noise_m: mean_noise(scene),
+        outline_residual_m: None,
+        misfit: count * residual_m.max(1e-9).ln(),
+        iterations,
+    })
+}
+
+fn mean_noise(scene: &SceneCloud) -> f64 {
+    scene.points.iter().map(|point| point.depth_sd_m).sum::<f64>() / scene.points.len().max(1) as f64
+}
