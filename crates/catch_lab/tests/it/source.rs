@@ -35,9 +35,9 @@ pub fn read(path: &Path) -> String {
     fs::read_to_string(path).unwrap_or_else(|fault| panic!("{}: {fault}", path.display()))
 }
 
-/// Whether a file holds nothing but tests: it lies in a folder of tests, or its parent says `#[cfg(test)] mod …;`.
+/// Whether a file holds nothing but tests or examples: it lies in a folder of them, or its parent says `#[cfg(test)] mod …;`.
 pub fn is_test_file(path: &Path) -> bool {
-    if path.iter().any(|folder| folder == "tests" || folder == "benches") {
+    if path.iter().any(|folder| folder == "tests" || folder == "benches" || folder == "examples") {
         return true;
     }
     let folder = path.parent().unwrap();

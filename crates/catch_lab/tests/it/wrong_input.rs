@@ -128,6 +128,30 @@ fn robots_without_limits_are_refused() {
 }
 
 #[test]
+fn meshes_that_are_none_are_refused() {
+    let assets = Spoilt::new();
+    let path = assets.path("objects/thing.toml");
+    let thing = path.to_str().unwrap();
+    let text = |file: &str| {
+        format!(
+            "name = \"thing\"\n[truth]\nmass_kg = 0.1\nrestitution = 0.3\ndrag_per_m = 0.0\n\
+             shape = {{ kind = \"mesh\", file = \"{file}\" }}\n[prior]\ndrag_per_m = 0.0\ndrag_sd_per_m = 0.0\n"
+        )
+    };
+    fs::write(&path, text("no_such.stl")).unwrap();
+    one_line(&["catch", "--object", thing], &["no_such.stl", "thing.toml"]);
+    for file in ["poem.stl", "poem.obj", "poem.txt"] {
+        fs::write(assets.path("objects").join(file), "Shall I compare thee to a summer's day?\n").unwrap();
+        fs::write(&path, text(file)).unwrap();
+        one_line(&["catch", "--object", thing], &[file]);
+    }
+    let open = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\n";
+    fs::write(assets.path("objects/open.obj"), open).unwrap();
+    fs::write(&path, text("open.obj")).unwrap();
+    one_line(&["catch", "--object", thing], &["open.obj", "closed"]);
+}
+
+#[test]
 fn folders_that_cannot_be_written_are_named() {
     let file = tempfile::NamedTempFile::new().unwrap();
     let output = catchingbot(&["catch", "--out", file.path().to_str().unwrap()]);
