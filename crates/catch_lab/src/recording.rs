@@ -123,7 +123,7 @@ impl From<&Report> for RecordedReport {
             X_WG: plan.X_WG,
             q: plan.q,
             speed_fraction: plan.speed_fraction,
-            open_width_m: plan.grasp.open_width_m,
+            open_width_m: plan.open_width_m,
             object_width_m: plan.grasp.object_width_m,
         });
         Self { status: report.status, pose: report.pose, flight: report.flight.clone(), plan, closing: report.closing }

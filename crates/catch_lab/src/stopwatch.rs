@@ -1,9 +1,6 @@
 //! Wall time of the brain's stages. The brain itself reads no clock; it only says when a stage has ended.
 
-use std::{
-    collections::BTreeMap,
-    time::{Duration, Instant},
-};
+use std::time::{Duration, Instant};
 
 use catch_cell::Probe;
 use serde::Serialize;
@@ -13,8 +10,8 @@ use serde::Serialize;
 pub struct Stopwatch {
     last: Instant,
     started: Instant,
-    /// In units of 0.1 µs, small because evaluations keep millions of them.
-    laps: BTreeMap<&'static str, Vec<u32>>,
+    /// Stage by stage in the order of the pipeline, in units of 0.1 µs, small because evaluations keep millions of them.
+    laps: Vec<(&'static str, Vec<u32>)>,
 }
 
 /// Name under which the time of whole ticks is kept.
@@ -23,7 +20,7 @@ const WHOLE_TICK: &str = "tick";
 impl Default for Stopwatch {
     fn default() -> Self {
         let now = Instant::now();
-        Self { last: now, started: now, laps: BTreeMap::new() }
+        Self { last: now, started: now, laps: Vec::new() }
     }
 }
 
@@ -37,27 +34,38 @@ impl Stopwatch {
     /// A tick has ended.
     pub fn stop(&mut self) {
         let lap = self.started.elapsed();
-        self.laps.entry(WHOLE_TICK).or_default().push(units(lap));
+        self.laps_of(WHOLE_TICK).push(units(lap));
     }
 
     /// Adds what another one has measured.
     pub fn merge(&mut self, other: Self) {
         for (stage, laps) in other.laps {
-            self.laps.entry(stage).or_default().extend(laps);
+            self.laps_of(stage).extend(laps);
         }
     }
 
-    /// Median, 99th percentile and maximum per stage.
-    pub fn summary(&self) -> BTreeMap<&'static str, StageTimes> {
-        self.laps.iter().map(|(&stage, laps)| (stage, StageTimes::of(laps))).collect()
+    fn laps_of(&mut self, stage: &'static str) -> &mut Vec<u32> {
+        let known = self.laps.iter().position(|(name, _)| *name == stage);
+        let at = known.unwrap_or_else(|| {
+            self.laps.push((stage, Vec::new()));
+            self.laps.len() - 1
+        });
+        &mut self.laps[at].1
+    }
+
+    /// Median, 99th percentile and maximum per stage, in the order of the pipeline.
+    pub fn summary(&self) -> Vec<(&'static str, StageTimes)> {
+        let mut summary: Vec<_> = self.laps.iter().map(|(stage, laps)| (*stage, StageTimes::of(laps))).collect();
+        summary.sort_by_key(|(stage, _)| *stage == WHOLE_TICK);
+        summary
     }
 }
 
 impl Probe for Stopwatch {
     fn stage_ended(&mut self, stage: &'static str) {
         let now = Instant::now();
-        self.laps.entry(stage).or_default().push(units(now - self.last));
-        self.last = now;
+        let lap = now - std::mem::replace(&mut self.last, now);
+        self.laps_of(stage).push(units(lap));
     }
 }
 

@@ -119,7 +119,7 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
         contact_s: verdict.contact_s,
         measures: &verdict.measures,
         timeline: &ending.timeline,
-        stages: trial.stopwatch.summary(),
+        stages: trial.stopwatch.summary().into_iter().collect(),
         recording: &recording,
         scenario: &setup.scenario,
     })
@@ -128,7 +128,7 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
 /// Wall times stand beside the recording, which is the same bytes every time.
 fn write_times(folder: &Path, scene: &Scene, stopwatch: &Stopwatch) -> anyhow::Result<PathBuf> {
     let path = folder.join(format!("{}.times.json", file_stem(scene)));
-    let text = serde_json::to_string_pretty(&stopwatch.summary())?;
+    let text = serde_json::to_string_pretty(&stopwatch.summary().into_iter().collect::<BTreeMap<_, _>>())?;
     fs::write(&path, text + "\n").with_context(|| format!("{}", path.display()))?;
     Ok(path)
 }
@@ -151,7 +151,11 @@ fn tell(entry: &Entry) -> io::Result<()> {
 }
 
 fn summary(scene: &Scene, verdict: &Verdict, stopwatch: &Stopwatch, recording: &Path) -> io::Result<()> {
-    let millimetres = |value: Option<f64>| value.map_or("unknown".to_owned(), |it| format!("{:.1} mm", it * 1e3));
+    let millimetres = |value: Option<f64>| match value.map(|metres| metres * 1e3) {
+        None => "unknown".to_owned(),
+        Some(mm) if mm < 10.0 => format!("{mm:.2} mm"),
+        Some(mm) => format!("{mm:.0} mm"),
+    };
     let percent = |ratio: f64| format!("{:.0} %", ratio * 100.0);
     let measures = &verdict.measures;
     let object = &scene.object;
@@ -183,12 +187,9 @@ fn summary(scene: &Scene, verdict: &Verdict, stopwatch: &Stopwatch, recording: &
     };
     let (velocity, torque) = (percent(measures.peak_velocity_ratio), percent(measures.peak_torque_ratio));
     screen::fact("limits", &format!("{broken}; at most {velocity} of a joint's velocity, {torque} of its torque"))?;
-    let stages: Vec<String> = stopwatch
-        .summary()
-        .iter()
-        .map(|(stage, times)| format!("{stage} {:.2} ms (max {:.1})", times.p50_ms, times.max_ms))
-        .collect();
-    screen::fact("median times", &stages.join(", "))?;
+    for (stage, times) in stopwatch.summary() {
+        screen::fact(stage, &format!("{:.2} ms as a rule, {:.1} ms at most", times.p50_ms, times.max_ms))?;
+    }
     screen::fact("recording", &format!("{}", recording.display()))?;
     screen::line("")
 }

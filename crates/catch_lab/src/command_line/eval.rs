@@ -111,7 +111,8 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
 
     let wall_s = started.elapsed().as_secs_f64();
     let cells = evaluation.summarize(&rows);
-    let times = Times { wall_s, threads, trials: rows.len() - done_before, stages: stopwatch.summary() };
+    let times =
+        Times { wall_s, threads, trials: rows.len() - done_before, stages: stopwatch.summary().into_iter().collect() };
     let path = arguments.out.join("times.json");
     fs::write(&path, serde_json::to_string_pretty(&times)? + "\n").with_context(|| format!("{}", path.display()))?;
     if !arguments.json {

@@ -145,7 +145,7 @@ fn with_a_plan(evidence: &Evidence) -> Reason {
     if first.width_m < width_m(|plan| plan.grasp.object_width_m) - CLOSED_TOO_FAR_M {
         return Reason::ClosedEarly;
     }
-    let still_open = first.width_m > width_m(|plan| plan.grasp.open_width_m) - STILL_OPEN_M;
+    let still_open = first.width_m > width_m(|plan| plan.open_width_m) - STILL_OPEN_M;
     match evidence.progress_m() {
         // Open fingers are in the way of an object that comes in crooked; off the palm it bounces.
         _ if still_open && !first.contact.palm => Reason::HitFinger,
