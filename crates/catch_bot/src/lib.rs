@@ -241,7 +241,8 @@ impl CatchingBot {
         }
         let gripper = self.plan.as_ref().map(|plan| {
             let gripper = self.planner.gripper();
-            let closing = control::closing(plan, flight, self.planner.robot(), gripper, &self.config.control);
+            let speed_mps = self.config.grasp_selection.closing_speed_mps;
+            let closing = control::closing(plan, flight, self.planner.robot(), gripper, speed_mps, &self.config.control);
             self.closing = Some(closing);
             control::gripper_moves(now_s, plan, &closing, gripper, &self.config.control)
         });

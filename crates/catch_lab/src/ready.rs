@@ -66,9 +66,15 @@ impl Corridor {
             let config = setup.brain_config(seed, 0);
             let reference = ReferenceModel::from_scan(&setup.reference_scan, &config.perception);
             Part {
-                planner: Planner::new(setup.robot.clone(), setup.gripper.clone(), config.trajectory_optimization.clone()),
+                planner: Planner::new(
+                    setup.robot.clone(),
+                    setup.gripper.clone(),
+                    config.trajectory_optimization.clone(),
+                ),
                 grasps: GraspSet::sample(&reference, &setup.gripper, &config.grasp_selection, config.seed),
-                flights: (0..throws).map(|index| flight(&setup.throw.release(&setup.object.name, seed, index))).collect(),
+                flights: (0..throws)
+                    .map(|index| flight(&setup.throw.release(&setup.object.name, seed, index)))
+                    .collect(),
                 config,
             }
         });
@@ -84,20 +90,28 @@ impl Corridor {
     /// The catches that the planner would choose from `q`, `None` for each throw that it cannot catch.
     pub fn catches(&self, q: &JointVector) -> Vec<Option<CatchPlan>> {
         let start = Start { time_s: FIRST_ESTIMATE_S, state: Setpoint::at_rest(*q) };
-        let ask = |part: &Part, flight| part.planner.search(&start, flight, &part.grasps, &part.config.grasp_selection).ok();
+        let ask =
+            |part: &Part, flight| part.planner.search(&start, flight, &part.grasps, &part.config.grasp_selection).ok();
         self.parts.iter().flat_map(|part| part.flights.iter().map(move |flight| ask(part, flight))).collect()
     }
 
     /// What waiting at `q` is worth; `None` if the arm cannot stand there.
     pub fn value(&self, q: &JointVector) -> Option<Ready> {
         let X_WL = self.robot.link_poses(q);
-        let free = self.clearance.self_clearance(&X_WL, self.width_m).min(self.clearance.floor_clearance(&X_WL, self.width_m));
-        let within = self.robot.joints.iter().zip(q.iter()).all(|(joint, q)| (joint.limits.lower..=joint.limits.upper).contains(q));
+        let free =
+            self.clearance.self_clearance(&X_WL, self.width_m).min(self.clearance.floor_clearance(&X_WL, self.width_m));
+        let within = self
+            .robot
+            .joints
+            .iter()
+            .zip(q.iter())
+            .all(|(joint, q)| (joint.limits.lower..=joint.limits.upper).contains(q));
         if !within || free < CLEARANCE_M {
             return None;
         }
         let catches = self.catches(q);
-        let cost = catches.iter().map(|plan| plan.as_ref().map_or(MISSED, |plan| plan.cost)).sum::<f64>() / catches.len() as f64;
+        let cost = catches.iter().map(|plan| plan.as_ref().map_or(MISSED, |plan| plan.cost)).sum::<f64>()
+            / catches.len() as f64;
         let mut travels: Vec<f64> = catches.iter().flatten().map(|plan| (plan.q - q).amax()).collect();
         travels.sort_by(f64::total_cmp);
         Some(Ready {
@@ -110,7 +124,13 @@ impl Corridor {
     }
 
     /// Tries `tries` poses, starting from `start`; `onlooker` sees every improvement.
-    pub fn search(&self, start: &JointVector, tries: usize, seed: u64, onlooker: &mut dyn FnMut(&Ready)) -> Option<Ready> {
+    pub fn search(
+        &self,
+        start: &JointVector,
+        tries: usize,
+        seed: u64,
+        onlooker: &mut dyn FnMut(&Ready),
+    ) -> Option<Ready> {
         let mut rng = Pcg64::seed_from_u64(seed);
         let mut best = self.value(start);
         for attempt in 0..tries {

@@ -18,8 +18,6 @@ pub struct Config {
     pub expected_latency_s: f64,
     /// Time from the start of a gripper move until the fingers move, in seconds.
     pub gripper_latency_s: f64,
-    /// Speed of closing in m/s, the fingers relative to each other.
-    pub closing_speed_mps: f64,
     /// Force of closing in N per finger; the gripper's own limit if it is lower.
     pub closing_force_n: f64,
     /// The fingers should touch the object this long after it is at the grasp centre, in seconds.
@@ -38,7 +36,6 @@ impl Default for Config {
         Self {
             expected_latency_s: 0.0,
             gripper_latency_s: 0.0,
-            closing_speed_mps: 1.0,
             closing_force_n: 80.0,
             closing_delay_s: 0.0,
             commit_s: 0.05,
@@ -55,10 +52,19 @@ pub struct GripperPlan {
     pub start_s: f64,
     /// When they are expected to touch the object.
     pub contact_s: f64,
+    /// Speed of closing in m/s, the fingers relative to each other.
+    pub speed_mps: f64,
 }
 
 /// When to close so that both fingers touch the object as it passes the grasp centre of the moving gripper.
-pub fn closing(plan: &CatchPlan, flight: &FlightTrajectory, robot: &Robot, gripper: &Gripper, config: &Config) -> GripperPlan {
+pub fn closing(
+    plan: &CatchPlan,
+    flight: &FlightTrajectory,
+    robot: &Robot,
+    gripper: &Gripper,
+    closing_speed_mps: f64,
+    config: &Config,
+) -> GripperPlan {
     let held = plan.grasp.X_OG * gripper.grasp_centre();
     let passage = Passage::of(flight, plan.catch_s);
     let distance = |time_s: f64| {
@@ -66,8 +72,8 @@ pub fn closing(plan: &CatchPlan, flight: &FlightTrajectory, robot: &Robot, gripp
         (passage.pose_at(time_s) * held - grasp_centre).norm()
     };
     let contact_s = closest(plan.catch_s, distance) + config.closing_delay_s;
-    let travel_s = (plan.grasp.open_width_m - plan.grasp.object_width_m) / config.closing_speed_mps;
-    GripperPlan { start_s: contact_s - travel_s - config.gripper_latency_s, contact_s }
+    let travel_s = (plan.open_width_m - plan.grasp.object_width_m) / closing_speed_mps;
+    GripperPlan { start_s: contact_s - travel_s - config.gripper_latency_s, contact_s, speed_mps: closing_speed_mps }
 }
 
 /// Whether a plan whose motion cannot be changed any more still meets the object, as the flight is known now.
@@ -93,8 +99,8 @@ fn closest(guess_s: f64, distance: impl Fn(f64) -> f64) -> f64 {
 pub fn gripper_moves(now_s: f64, plan: &CatchPlan, closing: &GripperPlan, gripper: &Gripper, config: &Config) -> Vec<GripperMove> {
     let force_n = config.closing_force_n.min(gripper.max_force_n);
     vec![
-        GripperMove { start_s: now_s, width_m: plan.grasp.open_width_m, speed_mps: gripper.max_speed_mps, force_n },
-        GripperMove { start_s: closing.start_s, width_m: 0.0, speed_mps: config.closing_speed_mps, force_n },
+        GripperMove { start_s: now_s, width_m: plan.open_width_m, speed_mps: gripper.max_speed_mps, force_n },
+        GripperMove { start_s: closing.start_s, width_m: 0.0, speed_mps: closing.speed_mps, force_n },
     ]
 }
 

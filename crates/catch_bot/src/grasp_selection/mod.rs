@@ -40,6 +40,8 @@ pub struct Config {
     pub way_in_margin_m: f64,
     /// Free space between the object and the palm, in metres.
     pub palm_margin_m: f64,
+    /// Speed of closing in m/s, the fingers relative to each other.
+    pub closing_speed_mps: f64,
     /// Weights of the heuristics.
     pub weights: heuristics::Weights,
     /// Grasps that are handed on for each catch time.
@@ -56,6 +58,7 @@ impl Default for Config {
             finger_margin_m: 0.012,
             way_in_margin_m: 0.003,
             palm_margin_m: 0.006,
+            closing_speed_mps: 0.42,
             weights: heuristics::Weights::default(),
             kept: 24,
         }
@@ -69,7 +72,7 @@ pub struct Grasp {
     pub X_OG: Pose,
     /// Width of the object between the fingers, in metres.
     pub object_width_m: f64,
-    /// Opening before the catch, in metres.
+    /// Narrowest opening before the catch, in metres.
     pub open_width_m: f64,
     /// "Strength": distance of the centre of mass from the gripper's y axis, in metres; less is better.
     pub strength_m: f64,
@@ -120,17 +123,17 @@ impl GraspSet {
     }
 }
 
-/// The open fingers and the housing as the object comes in; it must touch none of them before the fingers close.
+/// Fingers and housing while an object comes in; it must touch none of them before the fingers have closed.
 #[derive(Debug)]
-pub struct OpenGripper {
+pub struct Entry {
     boxes: [Cuboid; 3],
     margin_m: f64,
 }
 
-impl OpenGripper {
-    /// The gripper as wide open as `grasp` wants it; the object must stay `margin_m` away.
-    pub fn new(gripper: &Gripper, grasp: &Grasp, margin_m: f64) -> Self {
-        let [left, right] = gripper.fingers(grasp.open_width_m);
+impl Entry {
+    /// The gripper `width_m` open; the object must stay `margin_m` away.
+    pub fn new(gripper: &Gripper, width_m: f64, margin_m: f64) -> Self {
+        let [left, right] = gripper.fingers(width_m);
         Self { boxes: [left, right, gripper.body()], margin_m }
     }
 

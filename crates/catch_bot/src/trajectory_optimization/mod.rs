@@ -85,6 +85,8 @@ pub struct CatchPlan {
     pub X_WG: Pose,
     /// Joint positions at the catch.
     pub q: JointVector,
+    /// Opening before the catch, in metres.
+    pub open_width_m: f64,
     /// Swivel angle of the elbow, where the arm has one.
     pub swivel: f64,
     /// Share of the object's velocity at which the gripper moves along with it.

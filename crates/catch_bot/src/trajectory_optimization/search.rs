@@ -6,7 +6,7 @@
 //! is out of reach.
 
 use catch_body::{JointVector, MAX_JOINTS, Pose};
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -16,7 +16,7 @@ use super::{
     reachability::{Interval, JointReach},
 };
 use crate::{
-    grasp_selection::{self, Approach, Grasp, GraspSet, OpenGripper},
+    grasp_selection::{self, Approach, Grasp, GraspSet, Entry},
     trajectory_prediction::{FlightTrajectory, Passage},
 };
 
@@ -42,8 +42,9 @@ impl Default for Weights {
     }
 }
 
-/// How long before the catch the object's way into the gripper is checked, and in how many steps.
+/// How long, how far and in how many steps before the catch the object's way into the gripper is checked.
 const WAY_IN_S: f64 = 0.08;
+const WAY_IN_M: f64 = 0.15;
 const WAY_IN_STEPS: usize = 16;
 
 /// A catch that every joint can reach.
@@ -71,10 +72,21 @@ impl Planner {
         let mut candidates = self.candidates(start, flight, grasps, grasp_config)?;
         candidates.sort_by(|a, b| a.cost.total_cmp(&b.cost));
 
-        // Arrival velocities cost more than reachability: they are found for the most promising only.
+        // Arrival velocities cost more than reachability: they are found for the most promising only, whose grasps the object
+        // can enter on a straight line.
+        let mut entries = Vec::new();
         let mut arrivals: Vec<(Candidate, Arrival)> = candidates
             .iter()
-            .take(4 * self.config.attempts)
+            .filter(|candidate| {
+                let key = (candidate.grasp, candidate.catch_s.to_bits());
+                let known = entries.iter().find(|(other, _)| *other == key).map(|(_, free)| *free);
+                known.unwrap_or_else(|| {
+                    let v_GO = candidate.X_WG.rotation.inverse_transform_vector(&flight.twist_at(candidate.catch_s).linear);
+                    let free = self.enters_straight(&grasps.grasps[candidate.grasp], &v_GO, grasps, grasp_config.way_in_margin_m);
+                    entries.push((key, free));
+                    free
+                })
+            })
             .filter_map(|candidate| {
                 let arrival = self.arrive(start, candidate.catch_s, &candidate.X_WG, &candidate.q, flight, shares)?;
                 let weights = &self.config.weights;
@@ -82,6 +94,7 @@ impl Planner {
                 let cost = candidate.cost + weights.speed * missing + weights.spin * arrival.spin_radps;
                 Some((Candidate { cost, ..*candidate }, arrival))
             })
+            .take(4 * self.config.attempts)
             .collect();
         if arrivals.is_empty() {
             return Err(Refusal::OutOfReach);
@@ -92,20 +105,48 @@ impl Planner {
             .take(self.config.attempts)
             .find_map(|(candidate, arrival)| {
                 let grasp = &grasps.grasps[candidate.grasp];
-                let plan = self.finish(start, candidate, grasp, *arrival, shares)?;
-                self.comes_in_freely(&plan, flight, grasps, grasp_config.way_in_margin_m).then_some(plan)
+                let mut plan = self.finish(start, candidate, grasp, *arrival, shares)?;
+                plan.open_width_m = self.opening(&plan, flight, grasps, grasp_config)?;
+                Some(plan)
             })
             .ok_or(Refusal::NoMotion)
     }
 
-    /// Whether the object touches neither the open fingers nor the housing on its way into the moving gripper.
-    fn comes_in_freely(&self, plan: &CatchPlan, flight: &FlightTrajectory, grasps: &GraspSet, margin_m: f64) -> bool {
-        let gripper = OpenGripper::new(&self.gripper, &plan.grasp, margin_m);
-        let passage = Passage::of(flight, plan.catch_s);
+    /// Whether the object can come into a gripper that is fully open and does not turn, at `v_GO` in G, without touching it.
+    fn enters_straight(&self, grasp: &Grasp, v_GO: &Vector3<f64>, grasps: &GraspSet, margin_m: f64) -> bool {
+        let entry = Entry::new(&self.gripper, self.gripper.max_width_m, margin_m);
+        let Some(direction) = v_GO.try_normalize(1e-6) else { return true };
         (0..=WAY_IN_STEPS).all(|step| {
-            let time_s = plan.catch_s - WAY_IN_S * step as f64 / WAY_IN_STEPS as f64;
+            let mut X_GO = grasp.X_OG.inverse();
+            X_GO.translation.vector -= direction * (WAY_IN_M * step as f64 / WAY_IN_STEPS as f64);
+            entry.is_clear_of(&grasps.outline, &X_GO)
+        })
+    }
+
+    /// The narrowest opening with which the object touches neither fingers nor housing on its way into the moving gripper,
+    /// the fingers closing in time for the catch; `None` if there is none.
+    fn opening(
+        &self,
+        plan: &CatchPlan,
+        flight: &FlightTrajectory,
+        grasps: &GraspSet,
+        config: &grasp_selection::Config,
+    ) -> Option<f64> {
+        let passage = Passage::of(flight, plan.catch_s);
+        let way: [_; WAY_IN_STEPS + 1] = std::array::from_fn(|step| {
+            let before_s = WAY_IN_S * step as f64 / WAY_IN_STEPS as f64;
+            let time_s = plan.catch_s - before_s;
             let X_WG = self.robot.gripper_pose(&plan.trajectory.setpoint(time_s).q);
-            gripper.is_clear_of(&grasps.outline, &(X_WG.inverse() * passage.pose_at(time_s)))
+            (before_s, X_WG.inverse() * passage.pose_at(time_s))
+        });
+        let (narrow, wide) = (plan.grasp.open_width_m, self.gripper.max_width_m);
+        [0.0, 0.25, 0.5, 1.0].iter().map(|share| narrow + share * (wide - narrow)).find(|&open_m| {
+            way.iter().all(|(before_s, X_GO)| {
+                // How far the fingers have closed by then; toward the end less and less space is left on purpose.
+                let width_m = (plan.grasp.object_width_m + before_s * config.closing_speed_mps).min(open_m);
+                let margin_m = config.way_in_margin_m.min((width_m - plan.grasp.object_width_m) / 4.0);
+                Entry::new(&self.gripper, width_m, margin_m - 1e-4).is_clear_of(&grasps.outline, X_GO)
+            })
         })
     }
 
@@ -122,7 +163,8 @@ impl Planner {
             let arrival = self.arrive(start, plan.catch_s, &X_WG, &q, flight, Shares::FULL)?;
             let CatchPlan { catch_s, approach, cost, .. } = *plan;
             let candidate = Candidate { catch_s, grasp: 0, approach, X_WG, q, swivel, cost };
-            self.finish(start, &candidate, &plan.grasp, arrival, Shares::FULL)
+            let found = self.finish(start, &candidate, &plan.grasp, arrival, Shares::FULL)?;
+            Some(CatchPlan { open_width_m: plan.open_width_m, ..found })
         })
     }
 
@@ -245,6 +287,7 @@ impl Planner {
                 approach: candidate.approach,
                 X_WG: candidate.X_WG,
                 q: candidate.q,
+                open_width_m: grasp.open_width_m,
                 swivel: candidate.swivel,
                 speed_fraction: arrival.speed_fraction * share,
                 spin_radps: arrival.spin_radps * share,
