@@ -22,7 +22,7 @@ const SAME_ATTITUDE_RAD: f64 = 0.3;
 ///
 /// What cannot be observed of the attitude is taken from the prior if there is one.
 pub(super) fn register(
-    scene: &SceneCloud,
+    scene: &mut SceneCloud,
     thinned: &mut SceneCloud,
     reference: &ReferenceModel,
     prior: Option<&Pose>,
@@ -33,19 +33,28 @@ pub(super) fn register(
     let R_WO = prior.map_or_else(UnitQuaternion::identity, |X_WO| X_WO.rotation);
     let starts = if matches!(reference.symmetry, Symmetry::Sphere) { 1 } else { 24 };
 
-    // The best few on a part of the points, then the best of these on all.
-    let mut finalists: [Option<Fit>; FINALISTS] = [None; FINALISTS];
-    for i in 0..starts {
-        let X_WO = Pose::from_parts(p_WO, rotation_of_cube(i) * R_WO);
-        let fit =
-            registration::iterate(thinned, reference, &X_WO, config, TRIAL_ITERATIONS, !thinned.outline.is_empty()).0;
-        keep(&mut finalists, fit, &reference.symmetry);
+    // With points alone first; again with the outline if the depths turn out to be noisy.
+    let mut best = None;
+    for outlined in [false, true] {
+        if outlined && scene.outline.is_empty() {
+            break;
+        }
+        // The best few on a part of the scene, then the best of these on all of it.
+        let mut finalists: [Option<Fit>; FINALISTS] = [None; FINALISTS];
+        for i in 0..starts {
+            let X_WO = Pose::from_parts(p_WO, rotation_of_cube(i) * R_WO);
+            let fit = registration::iterate(thinned, reference, &X_WO, config, TRIAL_ITERATIONS, outlined).0;
+            keep(&mut finalists, fit, &reference.symmetry);
+        }
+        let results = finalists.iter().flatten();
+        let results =
+            results.map(|fit| registration::iterate(scene, reference, &fit.X_WO, config, TRIAL_ITERATIONS, outlined).0);
+        best = results.min_by(|a, b| a.misfit.total_cmp(&b.misfit)).or(best);
+        if best.is_some_and(|fit| fit.residual_m <= config.outline_above_m) {
+            break;
+        }
     }
-    let outlined = !scene.outline.is_empty();
-    let results = finalists.iter().flatten();
-    let results =
-        results.map(|fit| registration::iterate(scene, reference, &fit.X_WO, config, TRIAL_ITERATIONS, outlined).0);
-    let best = results.min_by(|a, b| a.misfit.total_cmp(&b.misfit)).ok_or(PerceptionStatus::NotConverged)?;
+    let best = best.ok_or(PerceptionStatus::NotConverged)?;
     registration::register(scene, reference, &best.X_WO, config)
 }
 

@@ -48,7 +48,7 @@ impl DistanceField {
 
     /// Signed distance in metres alone.
     pub fn value_at(&self, point: &Point3<f64>) -> f64 {
-        self.at(point).0
+        self.fine.value_at(point).unwrap_or_else(|| self.at(point).0)
     }
 
     /// Moves the field: what was at `point` is at `point + offset` afterwards.
@@ -73,6 +73,8 @@ impl DistanceField {
 struct Grid {
     lowest: Point3<f64>,
     spacing_m: f64,
+    /// Its inverse.
+    per_m: f64,
     nodes: [usize; 3],
     values: Vec<f32>,
 }
@@ -82,7 +84,7 @@ impl Grid {
         let (low, high) = bounds(cloud.points);
         let lowest = low - Vector3::repeat(margin_m);
         let nodes = std::array::from_fn(|axis| ((high[axis] + margin_m - lowest[axis]) / spacing_m) as usize + 2);
-        let mut grid = Self { lowest, spacing_m, nodes, values: Vec::new() };
+        let mut grid = Self { lowest, spacing_m, per_m: 1.0 / spacing_m, nodes, values: Vec::new() };
         let nearest = grid.nearest_points(cloud.points);
         grid.values = nearest
             .iter()
@@ -146,31 +148,50 @@ impl Grid {
         self.lowest + Vector3::new(x, y, z)
     }
 
-    /// Value and gradient between the nodes, linear along each axis; `None` outside.
-    fn at(&self, point: &Point3<f64>) -> Option<(f64, Vector3<f64>)> {
-        let cell = (point - self.lowest) / self.spacing_m;
+    /// Index of the lowest corner of the cell around a point, and where in the cell it lies; `None` outside.
+    fn cell(&self, point: &Point3<f64>) -> Option<(usize, [f64; 3])> {
+        let cell = (point - self.lowest) * self.per_m;
         let [nx, ny, nz] = self.nodes;
         let inside = |value: f64, nodes: usize| value >= 0.0 && value < nodes as f64 - 1.0;
         if self.values.is_empty() || !(inside(cell.x, nx) && inside(cell.y, ny) && inside(cell.z, nz)) {
             return None;
         }
         let [x, y, z] = [cell.x as usize, cell.y as usize, cell.z as usize];
-        let [u, v, w] = [cell.x - x as f64, cell.y - y as f64, cell.z - z as f64];
-        let first = (z * ny + y) * nx + x;
-        let corner = |offset: usize| f64::from(self.values[first + offset]);
-        let layer = nx * ny;
-        let [a, b] = [corner(0), corner(1)];
-        let [c, d] = [corner(nx), corner(nx + 1)];
-        let [e, f] = [corner(layer), corner(layer + 1)];
-        let [g, h] = [corner(layer + nx), corner(layer + nx + 1)];
+        Some(((z * ny + y) * nx + x, [cell.x - x as f64, cell.y - y as f64, cell.z - z as f64]))
+    }
 
+    /// Values at the corners of a cell, x running fastest.
+    fn corners(&self, first: usize) -> [f64; 8] {
+        let (row, layer) = (self.nodes[0], self.nodes[0] * self.nodes[1]);
+        let at = |start: usize| {
+            let pair = &self.values[start..start + 2];
+            [f64::from(pair[0]), f64::from(pair[1])]
+        };
+        let [[a, b], [c, d]] = [at(first), at(first + row)];
+        let [[e, f], [g, h]] = [at(first + layer), at(first + layer + row)];
+        [a, b, c, d, e, f, g, h]
+    }
+
+    /// Value between the nodes, linear along each axis; `None` outside.
+    fn value_at(&self, point: &Point3<f64>) -> Option<f64> {
+        let (first, [u, v, w]) = self.cell(point)?;
+        let [a, b, c, d, e, f, g, h] = self.corners(first);
+        let [ab, cd, ef, gh] = [a + u * (b - a), c + u * (d - c), e + u * (f - e), g + u * (h - g)];
+        let [abcd, efgh] = [ab + v * (cd - ab), ef + v * (gh - ef)];
+        Some(abcd + w * (efgh - abcd))
+    }
+
+    /// Value and gradient between the nodes; `None` outside.
+    fn at(&self, point: &Point3<f64>) -> Option<(f64, Vector3<f64>)> {
+        let (first, [u, v, w]) = self.cell(point)?;
+        let [a, b, c, d, e, f, g, h] = self.corners(first);
         // Along x, then y, then z; the derivative along an axis is the difference where the value is the mean.
         let [ab, cd, ef, gh] = [a + u * (b - a), c + u * (d - c), e + u * (f - e), g + u * (h - g)];
         let [abcd, efgh] = [ab + v * (cd - ab), ef + v * (gh - ef)];
         let mean = |low: f64, high: f64, at: f64| low + at * (high - low);
         let along_x = mean(mean(b - a, d - c, v), mean(f - e, h - g, v), w);
         let along_y = mean(cd - ab, gh - ef, w);
-        Some((mean(abcd, efgh, w), Vector3::new(along_x, along_y, efgh - abcd) / self.spacing_m))
+        Some((mean(abcd, efgh, w), Vector3::new(along_x, along_y, efgh - abcd) * self.per_m))
     }
 
     /// Value and gradient outside: the distance from the box of the grid added to the value where the box is nearest.

@@ -104,7 +104,7 @@ impl Default for Config {
             min_points: 6,
             max_iterations: 20,
             step_tolerance_m: 2e-6,
-            step_tolerance_sd: 0.03,
+            step_tolerance_sd: 0.05,
             max_residual_m: 0.008,
             position_floor_m: 5e-5,
             rotation_floor_rad: 1e-3,
@@ -178,7 +178,7 @@ pub fn find_object(
         _ => {}
     }
 
-    let from = |X_WO: &Pose| match config.method {
+    let mut from = |X_WO: &Pose| match config.method {
         Method::Sdf => registration::register(scene, reference, X_WO, config),
         Method::IcpPointToPoint => icp::register(scene, reference, X_WO, config),
     };

@@ -56,6 +56,8 @@ const OUTLIER_SD: f64 = 5.0;
 /// What the weighted mean square of normal residuals then is, in variances: E\[w·u²\]/E\[w\].
 const MEAN_SQUARE: f64 = 0.873;
 
+/// Steps on depths alone before it is decided whether the outline is needed.
+const FIRST_STEPS: usize = 5;
 /// Steps that are taken in full before they are halved.
 const FULL_STEPS: usize = 8;
 /// Least share of a pixel across the outline that counts: over a pixel, outlines are not straight.
@@ -73,16 +75,20 @@ struct Scales {
 
 /// Brings the reference from `X_WO` onto the scene's points, and its outline onto theirs where the depths are noisy.
 pub fn register(
-    scene: &SceneCloud,
+    scene: &mut SceneCloud,
     reference: &ReferenceModel,
     X_WO: &Pose,
     config: &Config,
 ) -> Result<Fit, PerceptionStatus> {
-    let (mut fit, mut converged) = iterate(scene, reference, X_WO, config, config.max_iterations, false);
-    if fit.residual_m > config.outline_above_m && !scene.outline.is_empty() {
-        // Noisy depths may have led astray: with the outline from the start again.
+    // A few steps tell whether the depths are good enough by themselves. If not, they may have led astray: from the start
+    // again, with the outline.
+    let first = if scene.outline.is_empty() { config.max_iterations } else { FIRST_STEPS.min(config.max_iterations) };
+    let (mut fit, mut converged) = iterate(scene, reference, X_WO, config, first, false);
+    let with_outline = fit.residual_m > config.outline_above_m && !scene.outline.is_empty();
+    if with_outline || !converged {
         let before = fit.iterations;
-        (fit, converged) = iterate(scene, reference, X_WO, config, config.max_iterations, true);
+        let start = if with_outline { *X_WO } else { fit.X_WO };
+        (fit, converged) = iterate(scene, reference, &start, config, config.max_iterations, with_outline);
         fit.iterations += before;
     }
     let limit_m = config.max_residual_m + 3.0 * fit.noise_m;
@@ -93,31 +99,33 @@ pub fn register(
 
 /// At most `max_iterations` Gauss–Newton steps, and whether they came to rest.
 pub(super) fn iterate(
-    scene: &SceneCloud,
+    scene: &mut SceneCloud,
     reference: &ReferenceModel,
     start: &Pose,
     config: &Config,
     max_iterations: usize,
     with_outline: bool,
 ) -> (Fit, bool) {
-    let outline = if with_outline { scene.outline.as_slice() } else { &[] };
+    let SceneCloud { points: scene_points, outline } = scene;
+    let outline = if with_outline { outline.as_mut_slice() } else { &mut [] };
+    let counts = [scene_points.len(), outline.len()];
     let mut X_WO = *start;
     let far = Scales { points: f64::INFINITY, outline: f64::INFINITY };
-    let both = |X_WO: &Pose, scales: &Scales| {
-        let points = sum_points(&scene.points, reference, X_WO, scales.points, config);
-        (points, sum_outline(outline, reference, X_WO, scales.outline, config))
+    let mut both = |X_WO: &Pose, scales: &Scales, refine: bool| {
+        let points = sum_points(scene_points, reference, X_WO, scales.points, config);
+        (points, sum_outline(outline, reference, X_WO, scales.outline, refine, config))
     };
     let typical = |sums: &Sums| (sums.squares / (MEAN_SQUARE * sums.weight.max(1e-12))).sqrt().max(1.0);
     // With infinite scales nothing is an outlier: the typical residual at the start, so that a start that is off does not
     // turn everything to outliers.
-    let (mut points, mut rays) = both(&X_WO, &far);
+    let (mut points, mut rays) = both(&X_WO, &far, false);
     let mut scales = Scales { points: typical(&points), outline: typical(&rays) };
     let mut converged = false;
     let mut in_sd = f64::INFINITY;
     let mut iterations = 0;
     while iterations < max_iterations && !converged {
         iterations += 1;
-        (points, rays) = both(&X_WO, &scales);
+        (points, rays) = both(&X_WO, &scales, iterations > 2);
         scales = Scales { points: typical(&points), outline: typical(&rays) };
         let (information, gradient) = joined(&points, &rays, &scales);
         let Some(mut step) = step(&information, &gradient, reference.radius_m) else { break };
@@ -130,7 +138,9 @@ pub(super) fn iterate(
         in_sd = step.dot(&(information * step)).max(0.0).sqrt();
         converged = length < config.step_tolerance_m || in_sd < config.step_tolerance_sd;
     }
-    (points, rays) = both(&X_WO, &scales);
+    if !converged {
+        (points, rays) = both(&X_WO, &scales, true);
+    }
     scales = Scales { points: typical(&points), outline: typical(&rays) };
     let information = with_floor(&joined(&points, &rays, &scales).0, config);
     let weight = points.weight.max(1e-12);
@@ -141,7 +151,7 @@ pub(super) fn iterate(
         residual_m: (points.squares_m2 / weight).sqrt(),
         noise_m: (points.variances_m2 / weight).sqrt(),
         outline_residual_m: (rays.weight > 0.0).then(|| (rays.squares_m2 / rays.weight).sqrt()),
-        misfit: misfit(&points, &rays, scene.points.len(), outline.len()),
+        misfit: misfit(&points, &rays, counts),
         iterations,
     };
     let finite = X_WO.to_homogeneous().iter().chain(information.iter()).all(|value| value.is_finite());
@@ -157,12 +167,12 @@ fn joined(points: &Sums, rays: &Sums, scales: &Scales) -> (Matrix6<f64>, Vector6
 
 /// −2 × the log-likelihood of all residuals, outliers included, if they are Laplace distributed with widths that only their
 /// mean tells, up to a constant: Σ 2·n·ln(mean |r|) over the two kinds.
-fn misfit(points: &Sums, rays: &Sums, point_count: usize, ray_count: usize) -> f64 {
+fn misfit(points: &Sums, rays: &Sums, counts: [usize; 2]) -> f64 {
     let of = |sums: &Sums, count: usize| {
         let mean_m = sums.distances_m / count.max(1) as f64;
         2.0 * count as f64 * mean_m.max(LEAST_MEAN_M).ln()
     };
-    of(points, point_count) + of(rays, ray_count)
+    of(points, counts[0]) + of(rays, counts[1])
 }
 
 /// Distance of a point from the reference in metres, its gradient with respect to the point in W, and its standard deviation.
@@ -192,8 +202,13 @@ impl Sums {
         let in_sd = distance / sd;
         let weight = (1.0 + (in_sd / (OUTLIER_SD * scale)).powi(2)).powi(-2);
         let J = J / sd;
-        self.information.syger(weight, &J, &J, 1.0);
-        self.gradient += J * (weight * in_sd);
+        for i in 0..6 {
+            let weighted = weight * J[i];
+            self.gradient[i] += weighted * in_sd;
+            for j in 0..=i {
+                self.information[(i, j)] += weighted * J[j];
+            }
+        }
         self.weight += weight;
         self.squares += weight * in_sd * in_sd;
         self.squares_m2 += weight * distance * distance;
@@ -213,11 +228,18 @@ fn sum_points(points: &[ScenePoint], reference: &ReferenceModel, X_WO: &Pose, sc
     sums
 }
 
-fn sum_outline(rays: &[OutlineRay], reference: &ReferenceModel, X_WO: &Pose, scale: f64, config: &Config) -> Sums {
+fn sum_outline(
+    rays: &mut [OutlineRay],
+    reference: &ReferenceModel,
+    X_WO: &Pose,
+    scale: f64,
+    refine: bool,
+    config: &Config,
+) -> Sums {
     let mut sums = Sums::ZERO;
     let observable_W = observable(reference, X_WO);
     for ray in rays {
-        let p_W = ray.touching(reference, X_WO);
+        let p_W = ray.touch(reference, X_WO, refine);
         let (distance, gradient_O) = reference.distance.at(&X_WO.inverse_transform_point(&p_W));
         let gradient_W = X_WO.rotation * gradient_O;
         // Where the outline runs along the line between the two pixels, it is known better across it.

@@ -18,34 +18,46 @@ pub struct OutlineRay {
     pub direction_W: Vector3<f64>,
     /// How its direction changes from one of the two pixels to the other, in W, per unit of its length.
     pub pixel_W: Vector3<f64>,
+    /// How far along it the object was touched last.
+    pub(super) along_m: f64,
 }
 
+/// Step of the search around a known touching point: two nodes of the distance field.
+const REFINE_STEP_M: f64 = 0.004;
 /// Samples along a ray among which the nearest to the surface is sought.
 const SAMPLES: usize = 7;
 
 impl OutlineRay {
     /// The point where the ray comes nearest to the surface (or goes deepest below it), in W: the distance there is what the
     /// ray is off by. Moving the object by a little changes it as if that point were fixed to the ray (envelope theorem).
-    pub(super) fn touching(&self, reference: &ReferenceModel, X_WO: &Pose) -> Point3<f64> {
+    ///
+    /// With `refine` the point is sought near the last one only.
+    pub(super) fn touch(&mut self, reference: &ReferenceModel, X_WO: &Pose, refine: bool) -> Point3<f64> {
         let p_OC = X_WO.inverse_transform_point(&self.p_WC);
         let direction_O = X_WO.inverse_transform_vector(&self.direction_W);
-        let at = |along: f64| p_OC + direction_O * along;
-        let distance = |along: f64| reference.distance.value_at(&at(along));
-
-        // The stretch of the ray within the sphere that holds the object, sampled; then parabolas through three points.
-        let middle = -p_OC.coords.dot(&direction_O);
-        let passes_m = at(middle).coords.norm();
-        let half = (reference.radius_m.powi(2) - passes_m.powi(2)).max(0.0).sqrt();
-        let mut step = (2.0 * half / (SAMPLES - 1) as f64).max(0.002);
-        let (mut best, mut least) = (middle, distance(middle));
-        for i in 0..SAMPLES {
-            let along = middle + step * (i as f64 - (SAMPLES / 2) as f64);
-            let value = distance(along);
-            if value < least {
-                (best, least) = (along, value);
+        let distance = |along: f64| reference.distance.value_at(&(p_OC + direction_O * along));
+        let (mut best, mut step, rounds);
+        let mut least;
+        if refine {
+            (best, step, rounds) = (self.along_m, REFINE_STEP_M, 1);
+            least = distance(best);
+        } else {
+            // The stretch of the ray within the sphere that holds the object, sampled.
+            let middle = -p_OC.coords.dot(&direction_O);
+            let passes_m2 = (p_OC + direction_O * middle).coords.norm_squared();
+            let half = (reference.radius_m.powi(2) - passes_m2).max(0.0).sqrt();
+            step = (2.0 * half / (SAMPLES - 1) as f64).max(REFINE_STEP_M);
+            (best, least, rounds) = (middle, distance(middle), 2);
+            for i in (0..SAMPLES).filter(|&i| i != SAMPLES / 2) {
+                let along = middle + step * (i as f64 - (SAMPLES / 2) as f64);
+                let value = distance(along);
+                if value < least {
+                    (best, least) = (along, value);
+                }
             }
         }
-        for _ in 0..2 {
+        // Parabolas through three points.
+        for _ in 0..rounds {
             let (before, after) = (distance(best - step), distance(best + step));
             let bend = before - 2.0 * least + after;
             let shift = if bend > 1e-12 { (0.5 * (before - after) / bend).clamp(-1.0, 1.0) * step } else { 0.0 };
@@ -55,6 +67,7 @@ impl OutlineRay {
             }
             step *= 0.3;
         }
+        self.along_m = best;
         self.p_WC + self.direction_W * best
     }
 }
@@ -89,7 +102,7 @@ pub(super) fn outline(
         let length = ray_C.norm();
         let direction_W = camera.X_WC.rotation * (ray_C / length);
         let pixel_W = camera.X_WC.rotation * (apart_C / (camera.focal_px * length));
-        rays.push(OutlineRay { p_WC, direction_W, pixel_W });
+        rays.push(OutlineRay { p_WC, direction_W, pixel_W, along_m: 0.0 });
     };
     for row in top..top + part.height as usize {
         for column in left..left + part.width as usize {

@@ -201,7 +201,7 @@ pub fn scan(shape: &Shape, width: u32) -> ReferenceScan {
 }
 
 #[cfg(test)]
-pub fn reference(shape: &Shape, width: u32) -> super::ReferenceModel {
+pub(crate) fn reference(shape: &Shape, width: u32) -> super::ReferenceModel {
     super::ReferenceModel::from_scan(&scan(shape, width), &super::Config::default())
 }
 

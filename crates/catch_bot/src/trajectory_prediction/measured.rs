@@ -2,6 +2,8 @@
 //!
 //! `cargo test --release -p catch_bot -- --ignored --nocapture measured`
 
+#![allow(clippy::print_stdout, reason = "tests tell what they measured")]
+
 use catch_body::Pose;
 use catch_cell::{CameraModel, DepthFrame};
 use nalgebra::{Translation3, Vector3};

@@ -69,7 +69,7 @@ fn enough(samples: usize, inliers: usize, poses: usize, config: &Config) -> bool
 /// expected, and the shortest turn between the attitudes.
 fn through(earlier: &ObjectPose, later: &ObjectPose, symmetry: &Symmetry, config: &Config) -> Option<FlightTrajectory> {
     let elapsed_s = later.capture_s - earlier.capture_s;
-    if !(elapsed_s > 1e-6) {
+    if elapsed_s.is_nan() || elapsed_s <= 1e-6 {
         return None;
     }
     let (p1, p2) = (earlier.X_WO.translation.vector, later.X_WO.translation.vector);

@@ -1,3 +1,5 @@
+#![allow(clippy::print_stdout, reason = "tests tell what they measured")]
+
 use catch_body::Pose;
 use nalgebra::{Matrix3, Matrix6, Translation3, UnitQuaternion, Vector3, Vector6};
 
