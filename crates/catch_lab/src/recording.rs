@@ -133,7 +133,7 @@ impl From<&Report> for RecordedReport {
 #[derive(Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Written<'a> {
-    Tick { observation: &'a Observation, command: &'a Command, report: RecordedReport },
+    Tick { observation: &'a Observation, command: &'a Command, report: &'a RecordedReport },
     Ending(&'a Ending),
 }
 
@@ -183,7 +183,7 @@ impl Recorder {
     /// If it cannot be written.
     pub fn ticked(&mut self, tick: &Tick) -> io::Result<()> {
         let Tick { observation, command, report } = *tick;
-        self.write(&Written::Tick { observation, command, report: report.into() })
+        self.write(&Written::Tick { observation, command, report: &report.into() })
     }
 
     /// Adds the ending and gives the file its name, which is returned.
