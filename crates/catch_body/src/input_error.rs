@@ -28,7 +28,12 @@ pub struct InputError {
 impl InputError {
     /// A fault at `field` of `file`: `found` stands there, `expected` would be right.
     pub fn new(file: impl Display, field: impl Display, found: impl Display, expected: impl Display) -> Self {
-        Self { file: file.to_string(), field: field.to_string(), found: found.to_string(), expected: expected.to_string() }
+        Self {
+            file: file.to_string(),
+            field: field.to_string(),
+            found: found.to_string(),
+            expected: expected.to_string(),
+        }
     }
 
     /// Parses TOML into `T`; a fault names the file, the place and what the parser expected.
@@ -37,13 +42,22 @@ impl InputError {
             let line = fault.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
             let found = text.lines().nth(line - 1).unwrap_or("").trim();
             let found = if found.is_empty() { "nothing".to_owned() } else { format!("`{found}`") };
-            Self::new(file, format!("line {line}"), found, format!("valid TOML for this kind of file: {}", fault.message()))
+            Self::new(
+                file,
+                format!("line {line}"),
+                found,
+                format!("valid TOML for this kind of file: {}", fault.message()),
+            )
         })
     }
 
     /// `value` if it is finite and above zero.
     pub fn positive(file: &str, field: impl Display, value: f64) -> Result<f64, Self> {
-        if value.is_finite() && value > 0.0 { Ok(value) } else { Err(Self::new(file, field, value, "a number above zero")) }
+        if value.is_finite() && value > 0.0 {
+            Ok(value)
+        } else {
+            Err(Self::new(file, field, value, "a number above zero"))
+        }
     }
 
     /// `values` if all of them are finite.

@@ -164,7 +164,8 @@ impl SrsArm {
     pub fn swivel(&self, robot: &Robot, q: &JointVector) -> f64 {
         let X_WL = robot.link_poses(q);
         let Some(circle) = self.elbow_circle(&robot.gripper_in(&X_WL)) else { return 0.0 };
-        let upper = X_WL[3].rotation * (robot.link_poses(&JointVector::zeros())[3].rotation.inverse() * self.along.into_inner());
+        let upper = X_WL[3].rotation
+            * (robot.link_poses(&JointVector::zeros())[3].rotation.inverse() * self.along.into_inner());
         upper.dot(&circle.across[1]).atan2(upper.dot(&circle.across[0]))
     }
 

@@ -52,7 +52,11 @@ impl Inertia {
     /// The same body in another frame: `X_AB` is the pose of the body's present frame B in the new frame A.
     pub fn transformed(&self, X_AB: &Pose) -> Self {
         let R_AB = X_AB.rotation.to_rotation_matrix();
-        Self { mass: self.mass, com: X_AB * self.com, about_com: R_AB.matrix() * self.about_com * R_AB.matrix().transpose() }
+        Self {
+            mass: self.mass,
+            com: X_AB * self.com,
+            about_com: R_AB.matrix() * self.about_com * R_AB.matrix().transpose(),
+        }
     }
 
     /// A solid box of uniform density, `size` along its axes, centred at `com`.

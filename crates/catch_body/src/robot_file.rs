@@ -79,12 +79,18 @@ impl Robot {
         let extra: RobotFile = InputError::parse_toml(files.toml_file, files.toml)?;
         let (base_link, joints) = serial_chain(files, &urdf, &extra.joints)?;
 
-        let link_names: Vec<&str> = std::iter::once(base_link.as_str()).chain(joints.iter().map(|it| it.link_name.as_str())).collect();
+        let link_names: Vec<&str> =
+            std::iter::once(base_link.as_str()).chain(joints.iter().map(|it| it.link_name.as_str())).collect();
         let mut capsules = Vec::new();
         for (i, capsule) in extra.collision.capsules.iter().enumerate() {
             let field = |name: &str| format!("collision.capsules[{i}].{name}");
             let link = link_names.iter().position(|name| *name == capsule.link).ok_or_else(|| {
-                InputError::new(files.toml_file, field("link"), &capsule.link, format!("one of {}", link_names.join(", ")))
+                InputError::new(
+                    files.toml_file,
+                    field("link"),
+                    &capsule.link,
+                    format!("one of {}", link_names.join(", ")),
+                )
             })?;
             capsules.push((
                 link,
@@ -106,7 +112,8 @@ impl Robot {
             capsules,
             ignored_neighbours: extra.collision.ignored_neighbours,
         };
-        robot.comfortable_q = robot.checked_pose(files.toml_file, "poses.comfortable_rad", &extra.poses.comfortable_rad)?;
+        robot.comfortable_q =
+            robot.checked_pose(files.toml_file, "poses.comfortable_rad", &extra.poses.comfortable_rad)?;
         robot.ready_q = robot.checked_pose(files.toml_file, "poses.ready_rad", &extra.poses.ready_rad)?;
         Ok(robot)
     }
@@ -116,9 +123,9 @@ impl Robot {
     /// # Errors
     /// Names the joint that is out of range, or the number of values that would be right.
     pub fn checked_pose(&self, file: &str, field: &str, values: &[f64]) -> Result<crate::JointVector, InputError> {
-        let q = self
-            .joint_vector(values)
-            .ok_or_else(|| InputError::new(file, field, format!("{values:?}"), format!("{} finite numbers", self.dof())))?;
+        let q = self.joint_vector(values).ok_or_else(|| {
+            InputError::new(file, field, format!("{values:?}"), format!("{} finite numbers", self.dof()))
+        })?;
         for (i, joint) in self.joints.iter().enumerate() {
             let JointLimits { lower, upper, .. } = joint.limits;
             if !(lower..=upper).contains(&q[i]) {
@@ -150,7 +157,13 @@ fn serial_chain(
         let joint = match next[..] {
             [] => break,
             [joint] => joint,
-            _ => return Err(fault(format!("link {parent}"), format!("{} joints", next.len()), "one joint: a serial arm")),
+            _ => {
+                return Err(fault(
+                    format!("link {parent}"),
+                    format!("{} joints", next.len()),
+                    "one joint: a serial arm",
+                ));
+            }
         };
         if joint.joint_type != urdf_rs::JointType::Revolute {
             let found = format!("{:?}", joint.joint_type).to_lowercase();
@@ -168,7 +181,12 @@ fn serial_chain(
     for name in extra.keys() {
         if !joints.iter().any(|joint| &joint.name == name) {
             let names: Vec<&str> = joints.iter().map(|joint| joint.name.as_str()).collect();
-            return Err(InputError::new(files.toml_file, "joints", name, format!("joints of the URDF: {}", names.join(", "))));
+            return Err(InputError::new(
+                files.toml_file,
+                "joints",
+                name,
+                format!("joints of the URDF: {}", names.join(", ")),
+            ));
         }
     }
     Ok((base.to_owned(), joints))
@@ -210,8 +228,9 @@ fn revolute_joint(
     if !(rotor_inertia.is_finite() && rotor_inertia >= 0.0) {
         return Err(InputError::new(files.toml_file, toml_field("rotor_inertia_kgm2"), rotor_inertia, "zero or more"));
     }
-    let axis = Unit::try_new(Vector3::from(joint.axis.xyz.0), 1e-9)
-        .ok_or_else(|| InputError::new(files.urdf_file, field("axis"), format!("{:?}", joint.axis.xyz.0), "a direction"))?;
+    let axis = Unit::try_new(Vector3::from(joint.axis.xyz.0), 1e-9).ok_or_else(|| {
+        InputError::new(files.urdf_file, field("axis"), format!("{:?}", joint.axis.xyz.0), "a direction")
+    })?;
     Ok(Joint {
         name: joint.name.clone(),
         X_PL: urdf_pose(files, field("origin"), &joint.origin)?,
@@ -267,7 +286,8 @@ pub(crate) mod tests {
 
     #[test]
     fn every_fault_names_its_file_and_field() {
-        let without_limit = URDF.replacen("<limit lower=\"-2.96706\" upper=\"2.96706\" velocity=\"1.48353\" effort=\"320\"/>", "", 1);
+        let without_limit =
+            URDF.replacen("<limit lower=\"-2.96706\" upper=\"2.96706\" velocity=\"1.48353\" effort=\"320\"/>", "", 1);
         let fault = read(&without_limit, TOML).unwrap_err().to_string();
         assert!(fault.contains("robot.urdf: joint iiwa_joint_1: limit"), "{fault}");
 
@@ -288,7 +308,10 @@ pub(crate) mod tests {
     fn limits_are_those_of_the_files() {
         let robot = iiwa();
         assert_eq!(robot.dof(), 7);
-        assert_eq!(robot.per_joint(|joint| joint.limits.torque).as_slice(), [320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0, 0.0]);
+        assert_eq!(
+            robot.per_joint(|joint| joint.limits.torque).as_slice(),
+            [320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0, 0.0]
+        );
         assert_eq!(robot.joints[3].limits.acceleration, 11.36);
         assert_eq!(robot.joints[6].rotor_inertia, 1.162);
     }

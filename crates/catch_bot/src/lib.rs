@@ -215,9 +215,10 @@ impl CatchingBot {
 
     /// The ladder of replans: the same catch adjusted, else another one, else the old motion.
     fn decide(&self, start: &Start, flight: &FlightTrajectory) -> (Status, Option<CatchPlan>) {
-        let search = || self.planner.search(start, flight, &self.grasps, &self.config.grasp_selection);
+        let (grasps, grasp_config) = (&self.grasps, &self.config.grasp_selection);
+        let search = || self.planner.search(start, flight, grasps, grasp_config);
         match &self.plan {
-            Some(plan) => match self.planner.retarget(start, flight, plan) {
+            Some(plan) => match self.planner.retarget(start, flight, plan, grasps, grasp_config) {
                 Some(plan) => (Status::Planned, Some(plan)),
                 None if control::is_still_good(plan, flight, self.planner.gripper(), &self.config.control) => {
                     (Status::PlanKept, None)
@@ -242,7 +243,8 @@ impl CatchingBot {
         let gripper = self.plan.as_ref().map(|plan| {
             let gripper = self.planner.gripper();
             let speed_mps = self.config.grasp_selection.closing_speed_mps;
-            let closing = control::closing(plan, flight, self.planner.robot(), gripper, speed_mps, &self.config.control);
+            let closing =
+                control::closing(plan, flight, self.planner.robot(), gripper, speed_mps, &self.config.control);
             self.closing = Some(closing);
             control::gripper_moves(now_s, plan, &closing, gripper, &self.config.control)
         });

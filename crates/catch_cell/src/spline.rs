@@ -32,9 +32,7 @@ impl BSpline {
     /// Position, velocity and acceleration at `time_s`, which is clamped to the spline's domain.
     pub fn evaluate(&self, time_s: f64) -> [JointVector; 3] {
         let (first, weights) = basis(&self.knots_s, time_s);
-        weights.map(|row| {
-            row.iter().zip(&self.control_points[first..]).map(|(&weight, point)| point * weight).sum()
-        })
+        weights.map(|row| row.iter().zip(&self.control_points[first..]).map(|(&weight, point)| point * weight).sum())
     }
 
     /// Whether knots and control points fit together and every number is finite.
@@ -103,15 +101,17 @@ mod tests {
     use proptest::prelude::*;
 
     fn spline() -> impl Strategy<Value = BSpline> {
-        (prop::collection::vec(0.01f64..0.2, 1..12), prop::collection::vec(-3.0f64..3.0, 15)).prop_map(|(spans, values)| {
-            let mut knots_s = vec![1.0; 4];
-            for span in &spans {
-                knots_s.push(knots_s[knots_s.len() - 1] + span);
-            }
-            knots_s.extend([knots_s[knots_s.len() - 1]; 3]);
-            let control_points = (0..spans.len() + 3).map(|i| JointVector::from_element(values[i])).collect();
-            BSpline { knots_s, control_points }
-        })
+        (prop::collection::vec(0.01f64..0.2, 1..12), prop::collection::vec(-3.0f64..3.0, 15)).prop_map(
+            |(spans, values)| {
+                let mut knots_s = vec![1.0; 4];
+                for span in &spans {
+                    knots_s.push(knots_s[knots_s.len() - 1] + span);
+                }
+                knots_s.extend([knots_s[knots_s.len() - 1]; 3]);
+                let control_points = (0..spans.len() + 3).map(|i| JointVector::from_element(values[i])).collect();
+                BSpline { knots_s, control_points }
+            },
+        )
     }
 
     proptest! {

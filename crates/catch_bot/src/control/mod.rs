@@ -68,7 +68,8 @@ pub fn closing(
     let held = plan.grasp.X_OG * gripper.grasp_centre();
     let passage = Passage::of(flight, plan.catch_s);
     let distance = |time_s: f64| {
-        let grasp_centre: Point3<f64> = robot.gripper_pose(&plan.trajectory.setpoint(time_s).q) * gripper.grasp_centre();
+        let grasp_centre: Point3<f64> =
+            robot.gripper_pose(&plan.trajectory.setpoint(time_s).q) * gripper.grasp_centre();
         (passage.pose_at(time_s) * held - grasp_centre).norm()
     };
     let contact_s = closest(plan.catch_s, distance) + config.closing_delay_s;
@@ -96,7 +97,13 @@ fn closest(guess_s: f64, distance: impl Fn(f64) -> f64) -> f64 {
 }
 
 /// The moves of the fingers: open as wide as the plan says, then squeeze.
-pub fn gripper_moves(now_s: f64, plan: &CatchPlan, closing: &GripperPlan, gripper: &Gripper, config: &Config) -> Vec<GripperMove> {
+pub fn gripper_moves(
+    now_s: f64,
+    plan: &CatchPlan,
+    closing: &GripperPlan,
+    gripper: &Gripper,
+    config: &Config,
+) -> Vec<GripperMove> {
     let force_n = config.closing_force_n.min(gripper.max_force_n);
     vec![
         GripperMove { start_s: now_s, width_m: plan.open_width_m, speed_mps: gripper.max_speed_mps, force_n },

@@ -31,12 +31,15 @@ pub fn fit_gripper(
     let half_housing = [gripper.body_size_m[0] / 2.0, gripper.body_size_m[2] / 2.0];
     let X_GO = place(Vector3::zeros()).inverse();
     let over_palm = |p: &Point3<f64>| p.x.abs() < half_housing[0] && p.z.abs() < half_housing[1] + config.palm_margin_m;
-    let lowest = reference.points.iter().map(|point| X_GO * point).filter(over_palm).map(|p| p.y).fold(f64::INFINITY, f64::min);
+    let lowest =
+        reference.points.iter().map(|point| X_GO * point).filter(over_palm).map(|p| p.y).fold(f64::INFINITY, f64::min);
     let backed_off = (gripper.palm_y_m() + config.palm_margin_m - lowest).max(0.0);
 
     // What lies between the fingers, and its middle along the closing direction.
     let X_GO = place(Vector3::new(0.0, -backed_off, 0.0)).inverse();
-    let between = || reference.points.iter().map(|point| X_GO * point).filter(|p| p.z.abs() < half_gap && p.y > 0.0 && p.y < reach);
+    let between = || {
+        reference.points.iter().map(|point| X_GO * point).filter(|p| p.z.abs() < half_gap && p.y > 0.0 && p.y < reach)
+    };
     let low = between().map(|p| p.x).fold(f64::INFINITY, f64::min);
     let high = between().map(|p| p.x).fold(f64::NEG_INFINITY, f64::max);
     if low >= high {
@@ -66,7 +69,9 @@ pub fn fit_gripper(
             .iter()
             .zip(&reference.normals)
             .map(|(point, normal)| (X_GO * point, X_GO * normal))
-            .filter(|(p, _)| p.z.abs() < half_gap && p.y > 0.0 && p.y < reach && side * p.x > half_width - CONTACT_DEPTH_M)
+            .filter(|(p, _)| {
+                p.z.abs() < half_gap && p.y > 0.0 && p.y < reach && side * p.x > half_width - CONTACT_DEPTH_M
+            })
             .fold((Vector3::zeros(), 0), |(sum, count), (_, normal)| (sum + normal, count + 1));
         if count == 0 { 0.0 } else { sum.normalize().x * side }
     };

@@ -85,7 +85,9 @@ pub fn rank(
     let approach = if -v_G.y >= v_G.z.abs() { Approach::TowardPalm } else { Approach::ThroughGap };
     // "Comfort": the gripper points away from the axis of the base (paper, III-C), here as a cosine.
     let outward = X_WG.translation.vector - base.coords;
-    let comfort = Vector3::new(outward.x, outward.y, 0.0).try_normalize(1e-6).map_or(0.0, |outward| (R_WG * Vector3::y()).dot(&outward));
+    let comfort = Vector3::new(outward.x, outward.y, 0.0)
+        .try_normalize(1e-6)
+        .map_or(0.0, |outward| (R_WG * Vector3::y()).dot(&outward));
     let cost = weights.catchability * sideways
         + weights.strength * grasp.strength_m / 0.03
         + weights.comfort * (1.0 - comfort)

@@ -83,7 +83,7 @@ pub struct Grasp {
 pub struct GraspSet {
     /// The grasps.
     pub grasps: Vec<Grasp>,
-    /// A thinned cloud of the object in O, for clearance checks on the way in.
+    /// Few points of the object in O that outline it, for clearance checks on the way in.
     pub outline: Vec<Point3<f64>>,
 }
 
@@ -106,7 +106,7 @@ impl GraspSet {
                 }
             }
         }
-        Self { grasps, outline: thinned(&reference.points, 200) }
+        Self { grasps, outline: outline(&reference.points) }
     }
 
     /// The best grasps for an object in pose `X_WO` that flies at `v_WO`, best first.
@@ -139,13 +139,32 @@ impl Entry {
 
     /// Whether the object in pose `X_GO` is clear of it.
     pub fn is_clear_of(&self, outline: &[Point3<f64>], X_GO: &Pose) -> bool {
-        outline.iter().map(|point| X_GO * point).all(|p| {
-            self.boxes.iter().all(|it| ((p - it.centre).abs() - it.size / 2.0).max() > self.margin_m)
-        })
+        outline
+            .iter()
+            .map(|point| X_GO * point)
+            .all(|p| self.boxes.iter().all(|it| ((p - it.centre).abs() - it.size / 2.0).max() > self.margin_m))
     }
 }
 
-/// Every n-th point, so that about `most` are left.
-fn thinned(points: &[Point3<f64>], most: usize) -> Vec<Point3<f64>> {
-    points.iter().step_by(points.len().div_ceil(most).max(1)).copied().collect()
+/// Directions in which the outermost point is kept, and points that are kept of the rest.
+const OUTERMOST: usize = 300;
+const OTHERS: usize = 150;
+
+/// A cloud with few points that still has the corners: the outermost point in each of many directions, and some others.
+fn outline(points: &[Point3<f64>]) -> Vec<Point3<f64>> {
+    let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+    let directions = (0..OUTERMOST).map(|i| {
+        let z = 1.0 - 2.0 * (i as f64 + 0.5) / OUTERMOST as f64;
+        let (sin, cos) = (golden * i as f64).sin_cos();
+        Vector3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + Vector3::z() * z
+    });
+    let outermost = directions.filter_map(|direction| {
+        let along = |i: &usize| direction.dot(&points[*i].coords);
+        (0..points.len()).max_by(|a, b| along(a).total_cmp(&along(b)))
+    });
+    let others = (0..points.len()).step_by(points.len().div_ceil(OTHERS).max(1));
+    let mut indices: Vec<usize> = outermost.chain(others).collect();
+    indices.sort_unstable();
+    indices.dedup();
+    indices.into_iter().map(|i| points[i]).collect()
 }

@@ -87,7 +87,10 @@ mod tests {
 
     #[test]
     fn the_grasp_centre_moves_along_with_the_object() {
-        let jacobian = Jacobian::from_fn(|row, column| if column < 7 { ((row * 7 + column * 3) % 11) as f64 / 11.0 - 0.4 } else { 0.0 });
+        let jacobian =
+            Jacobian::from_fn(
+                |row, column| if column < 7 { ((row * 7 + column * 3) % 11) as f64 / 11.0 - 0.4 } else { 0.0 },
+            );
         let v_WO = Vector3::new(-2.0, -3.0, -1.0);
         for width in [0.1, 0.5, 2.0] {
             let found = arrival(&jacobian, &v_WO, &[Interval { low: -width, high: width }; MAX_JOINTS], 0.3).unwrap();

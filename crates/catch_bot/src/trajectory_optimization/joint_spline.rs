@@ -85,7 +85,8 @@ impl JointSpline {
         let free = points - 5;
         assert!(points <= MAX_POINTS && free <= MAX_VARIABLES, "too many spans");
 
-        let identity: Vec<Combination> = (0..points).map(|i| std::array::from_fn(|j| f64::from(u8::from(i == j)))).collect();
+        let identity: Vec<Combination> =
+            (0..points).map(|i| std::array::from_fn(|j| f64::from(u8::from(i == j)))).collect();
         let velocity = differentiated(&identity, &knots, DEGREE);
         let acceleration = differentiated(&velocity, &knots[1..knots.len() - 1], DEGREE - 1);
 
@@ -186,7 +187,9 @@ impl JointSpline {
         let last = &self.acceleration[self.acceleration.len() - 1];
         let fits = fits
             && match end {
-                End::At { ddq: [low, high], .. } => bound(last, low * duration_s * duration_s, high * duration_s * duration_s),
+                End::At { ddq: [low, high], .. } => {
+                    bound(last, low * duration_s * duration_s, high * duration_s * duration_s)
+                }
                 End::Rest => true,
             };
         if !fits {
@@ -274,7 +277,8 @@ mod tests {
     use catch_cell::BSpline;
     use proptest::prelude::*;
 
-    const LIMITS: JointLimits = JointLimits { lower: -2.0, upper: 2.0, velocity: 1.5, acceleration: 9.0, torque: 100.0 };
+    const LIMITS: JointLimits =
+        JointLimits { lower: -2.0, upper: 2.0, velocity: 1.5, acceleration: 9.0, torque: 100.0 };
 
     fn as_spline(spline: &JointSpline, points: &[f64], duration_s: f64) -> BSpline {
         BSpline {

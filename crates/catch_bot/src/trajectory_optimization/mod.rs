@@ -33,6 +33,10 @@ pub struct Config {
     pub comfort_weight: f64,
     /// Weight of a steady velocity just before the catch, μ in [`joint_spline`], for the paper's pre-grasp constraints.
     pub steady_end_weight: f64,
+    /// Plans stay this far from the ends of the joints' ranges, in radians, so that an impact cannot push a joint out.
+    pub position_margin_rad: f64,
+    /// Share of the velocity limits that plans may use; the impact of the object adds about 1 %.
+    pub velocity_share: f64,
     /// Share of the velocity limits that a plan from rest may use, so that replans keep some room.
     pub cold_velocity_share: f64,
     /// Share of the acceleration limits that a plan from rest may use.
@@ -59,7 +63,9 @@ impl Default for Config {
             max_speed_fraction: 0.3,
             comfort_weight: 0.02,
             steady_end_weight: 0.002,
-            cold_velocity_share: 0.97,
+            position_margin_rad: 0.02,
+            velocity_share: 0.98,
+            cold_velocity_share: 0.95,
             cold_acceleration_share: 0.9,
             torque_share: 0.95,
             clearance_m: 0.02,

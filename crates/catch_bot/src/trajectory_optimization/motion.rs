@@ -14,7 +14,7 @@ pub(super) const BRAKE_SHARE: f64 = 0.5;
 const MIN_BRAKE_S: f64 = 0.2;
 /// Instants at which torque and clearance are checked along a motion.
 const CHECKS: usize = 40;
-/// Distance from position, velocity and acceleration limits that rounding needs, relative.
+/// Distance from the acceleration limits that rounding needs, relative.
 const ROUNDING: f64 = 1e-7;
 
 /// Shares of the velocity and acceleration limits that a motion may use.
@@ -26,12 +26,17 @@ pub struct Shares {
     pub acceleration: f64,
 }
 
-impl Shares {
-    /// All that the arm may do.
-    pub const FULL: Self = Self { velocity: 1.0 - ROUNDING, acceleration: 1.0 - ROUNDING };
-}
-
 impl Planner {
+    /// From rest, a plan leaves room for replans.
+    pub(super) fn cold_shares(&self) -> Shares {
+        Shares { velocity: self.config.cold_velocity_share, acceleration: self.config.cold_acceleration_share }
+    }
+
+    /// On the move it may use all there is.
+    pub(super) fn moving_shares(&self) -> Shares {
+        Shares { velocity: self.config.velocity_share, acceleration: 1.0 - ROUNDING }
+    }
+
     /// The motion from `start` that is at `q` with velocity `dq` at `catch_s` and then brakes; `None` if none of its kind keeps
     /// the joint limits, the torque limits and the clearances. The gripper is `width_m` open.
     pub fn motion(
@@ -49,7 +54,7 @@ impl Planner {
         // q̇ + q̈·h/2, must keep the velocity limit too.
         let onset_s = self.brake_spline.knots[DEGREE + 1] * self.braking_s(dq) / 2.0;
         let to_catch = self.spline(&self.catch_spline, &start.state, start.time_s, duration_s, shares, |i| {
-            let most = self.robot.joints[i].limits.velocity * (1.0 - ROUNDING);
+            let most = self.robot.joints[i].limits.velocity * self.moving_shares().velocity;
             let ddq = [(-most - dq[i]) / onset_s, (most - dq[i]) / onset_s];
             (End::At { q: q[i], dq: dq[i], ddq }, comfortable[i])
         })?;
@@ -63,7 +68,8 @@ impl Planner {
     pub fn braking(&self, state: &Setpoint, start_s: f64) -> Option<BSpline> {
         let mut duration_s = self.braking_s(&state.dq);
         for _ in 0..4 {
-            let spline = self.spline(&self.brake_spline, state, start_s, duration_s, Shares::FULL, |_| (End::Rest, 0.0));
+            let spline =
+                self.spline(&self.brake_spline, state, start_s, duration_s, self.moving_shares(), |_| (End::Rest, 0.0));
             if spline.is_some() {
                 return spline;
             }
@@ -91,6 +97,8 @@ impl Planner {
         let mut control_points = vec![JointVector::zeros(); kind.len()];
         for (i, joint) in self.robot.joints.iter().enumerate() {
             let limits = JointLimits {
+                lower: (joint.limits.lower + self.config.position_margin_rad).min(state.q[i]),
+                upper: (joint.limits.upper - self.config.position_margin_rad).max(state.q[i]),
                 velocity: joint.limits.velocity * shares.velocity,
                 acceleration: joint.limits.acceleration * shares.acceleration,
                 ..joint.limits

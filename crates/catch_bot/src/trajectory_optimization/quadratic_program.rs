@@ -44,7 +44,8 @@ impl Hessian {
 
     /// The minimum, `None` if no x fulfils all constraints. The first `equalities` constraints hold with equality.
     pub fn minimize(&self, gradient: &Variables, constraints: &[Constraint], equalities: usize) -> Option<Variables> {
-        let mut active = ActiveSet { J: self.factor, R: Square::zeros(), multipliers: Variables::zeros(), ..ActiveSet::default() };
+        let mut active =
+            ActiveSet { J: self.factor, R: Square::zeros(), multipliers: Variables::zeros(), ..ActiveSet::default() };
         let mut x = -(self.factor * (self.factor.transpose() * gradient));
         // Each constraint that enters and leaves again costs a pass; a cycle means numerical trouble.
         for _ in 0..20 * (constraints.len() + 1) {
@@ -63,7 +64,12 @@ impl Hessian {
 const TOLERANCE: f64 = 1e-12;
 
 /// The next constraint to enter: equalities first, then the most violated; with the sign that makes it a lower bound.
-fn most_violated(x: &Variables, constraints: &[Constraint], equalities: usize, active: &ActiveSet) -> Option<(usize, f64)> {
+fn most_violated(
+    x: &Variables,
+    constraints: &[Constraint],
+    equalities: usize,
+    active: &ActiveSet,
+) -> Option<(usize, f64)> {
     let mut worst = None;
     let mut most = 0.0;
     for (index, constraint) in constraints.iter().enumerate() {
@@ -99,7 +105,14 @@ impl ActiveSet {
     }
 
     /// Moves `x` until constraint `index` holds, dropping what stands in the way. False: the constraints contradict.
-    fn enter(&mut self, x: &mut Variables, constraints: &[Constraint], index: usize, sign: f64, equalities: usize) -> bool {
+    fn enter(
+        &mut self,
+        x: &mut Variables,
+        constraints: &[Constraint],
+        index: usize,
+        sign: f64,
+        equalities: usize,
+    ) -> bool {
         let normal = constraints[index].a * sign;
         let bound = constraints[index].b * sign;
         let mut multiplier = 0.0;

@@ -46,10 +46,7 @@ impl JointReach {
 
     /// Velocities with which it can arrive after a displacement that it can reach.
     pub fn arrival_velocities(&self, displacement: f64) -> Interval {
-        Interval {
-            low: -self.mirrored().highest_velocity(-displacement),
-            high: self.highest_velocity(displacement),
-        }
+        Interval { low: -self.mirrored().highest_velocity(-displacement), high: self.highest_velocity(displacement) }
     }
 
     fn mirrored(&self) -> Self {

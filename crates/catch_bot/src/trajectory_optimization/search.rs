@@ -16,7 +16,7 @@ use super::{
     reachability::{Interval, JointReach},
 };
 use crate::{
-    grasp_selection::{self, Approach, Grasp, GraspSet, Entry},
+    grasp_selection::{self, Approach, Entry, Grasp, GraspSet},
     trajectory_prediction::{FlightTrajectory, Passage},
 };
 
@@ -81,8 +81,14 @@ impl Planner {
                 let key = (candidate.grasp, candidate.catch_s.to_bits());
                 let known = entries.iter().find(|(other, _)| *other == key).map(|(_, free)| *free);
                 known.unwrap_or_else(|| {
-                    let v_GO = candidate.X_WG.rotation.inverse_transform_vector(&flight.twist_at(candidate.catch_s).linear);
-                    let free = self.enters_straight(&grasps.grasps[candidate.grasp], &v_GO, grasps, grasp_config.way_in_margin_m);
+                    let v_GO =
+                        candidate.X_WG.rotation.inverse_transform_vector(&flight.twist_at(candidate.catch_s).linear);
+                    let free = self.enters_straight(
+                        &grasps.grasps[candidate.grasp],
+                        &v_GO,
+                        grasps,
+                        grasp_config.way_in_margin_m,
+                    );
                     entries.push((key, free));
                     free
                 })
@@ -151,7 +157,14 @@ impl Planner {
     }
 
     /// The same catch for a flight that is known better: same time and grasp, the elbow where it was or close by.
-    pub fn retarget(&self, start: &Start, flight: &FlightTrajectory, plan: &CatchPlan) -> Option<CatchPlan> {
+    pub fn retarget(
+        &self,
+        start: &Start,
+        flight: &FlightTrajectory,
+        plan: &CatchPlan,
+        grasps: &GraspSet,
+        grasp_config: &grasp_selection::Config,
+    ) -> Option<CatchPlan> {
         let X_WG = flight.pose_at(plan.catch_s) * plan.grasp.X_OG;
         let srs = self.srs.as_ref()?;
         let circle = srs.elbow_circle(&X_WG)?;
@@ -160,21 +173,19 @@ impl Planner {
             let swivel = plan.swivel + offset * step;
             let solutions = srs.solve(&circle, swivel);
             let q = *solutions.iter().min_by(|a, b| (*a - plan.q).norm().total_cmp(&(*b - plan.q).norm()))?;
-            let arrival = self.arrive(start, plan.catch_s, &X_WG, &q, flight, Shares::FULL)?;
+            let arrival = self.arrive(start, plan.catch_s, &X_WG, &q, flight, self.moving_shares())?;
             let CatchPlan { catch_s, approach, cost, .. } = *plan;
             let candidate = Candidate { catch_s, grasp: 0, approach, X_WG, q, swivel, cost };
-            let found = self.finish(start, &candidate, &plan.grasp, arrival, Shares::FULL)?;
-            Some(CatchPlan { open_width_m: plan.open_width_m, ..found })
+            let mut found = self.finish(start, &candidate, &plan.grasp, arrival, self.moving_shares())?;
+            // Where no opening is free any more, the widest hits least.
+            let opening = self.opening(&found, flight, grasps, grasp_config);
+            found.open_width_m = opening.unwrap_or(self.gripper.max_width_m);
+            Some(found)
         })
     }
 
-    /// From rest, a plan leaves room for replans; on the move it may use all there is.
     fn shares(&self, start: &Start) -> Shares {
-        if start.state.dq == JointVector::zeros() {
-            Shares { velocity: self.config.cold_velocity_share, acceleration: self.config.cold_acceleration_share }
-        } else {
-            Shares::FULL
-        }
+        if start.state.dq == JointVector::zeros() { self.cold_shares() } else { self.moving_shares() }
     }
 
     /// All catches that every joint can reach in time.
@@ -268,7 +279,13 @@ impl Planner {
             // v² = 2·a·s leaves room to brake before the end of the joint's range.
             let braking = BRAKE_SHARE * joint.limits.acceleration;
             let room = |distance: f64| (2.0 * braking * distance.max(0.0)).sqrt();
-            let stoppable = Interval { low: -room(q[i] - joint.limits.lower), high: room(joint.limits.upper - q[i]) };
+            let margin = self.config.position_margin_rad;
+            let below = q[i] - joint.limits.lower - margin;
+            let above = joint.limits.upper - margin - q[i];
+            if below < 0.0 || above < 0.0 {
+                return None;
+            }
+            let stoppable = Interval { low: -room(below), high: room(above) };
             bounds[i] = joints[i].arrival_velocities(displacement).intersection(&stoppable);
         }
         let X_WL = self.robot.link_poses(q);
@@ -277,7 +294,14 @@ impl Planner {
     }
 
     /// Turns a candidate into a plan: a motion at the arrival's speed, or slower, or standing still.
-    fn finish(&self, start: &Start, candidate: &Candidate, grasp: &Grasp, arrival: Arrival, shares: Shares) -> Option<CatchPlan> {
+    fn finish(
+        &self,
+        start: &Start,
+        candidate: &Candidate,
+        grasp: &Grasp,
+        arrival: Arrival,
+        shares: Shares,
+    ) -> Option<CatchPlan> {
         [1.0, 0.75, 0.4, 0.0].iter().find_map(|share| {
             let dq = arrival.dq * *share;
             let trajectory = self.motion(start, candidate.catch_s, &candidate.q, &dq, grasp.open_width_m, shares)?;
