@@ -233,7 +233,7 @@ fn revolute_joint(
     })?;
     Ok(Joint {
         name: joint.name.clone(),
-        X_PL: urdf_pose(files, field("origin"), &joint.origin)?,
+        X_PL: urdf_pose(files, &field("origin"), &joint.origin)?,
         axis,
         limits,
         rotor_inertia,
@@ -251,7 +251,7 @@ fn link_inertia(files: &RobotFiles, urdf: &urdf_rs::Robot, name: &str) -> Result
         .find(|link| link.name == name)
         .ok_or_else(|| InputError::new(files.urdf_file, field("link"), "nothing", "the link that a joint moves"))?;
     let mass = InputError::positive(files.urdf_file, field("mass"), link.inertial.mass.value)?;
-    let X_LC = urdf_pose(files, field("inertial origin"), &link.inertial.origin)?;
+    let X_LC = urdf_pose(files, &field("inertial origin"), &link.inertial.origin)?;
     let it = &link.inertial.inertia;
     let about_com = Matrix3::new(it.ixx, it.ixy, it.ixz, it.ixy, it.iyy, it.iyz, it.ixz, it.iyz, it.izz);
     let moments = about_com.symmetric_eigenvalues();
@@ -263,9 +263,9 @@ fn link_inertia(files: &RobotFiles, urdf: &urdf_rs::Robot, name: &str) -> Result
     Ok(Inertia { mass, com: Point3::origin(), about_com }.transformed(&X_LC))
 }
 
-fn urdf_pose(files: &RobotFiles, field: String, pose: &urdf_rs::Pose) -> Result<Pose, InputError> {
-    let xyz = InputError::finite(files.urdf_file, &field, pose.xyz.0)?;
-    let [roll, pitch, yaw] = InputError::finite(files.urdf_file, &field, pose.rpy.0)?;
+fn urdf_pose(files: &RobotFiles, field: &str, pose: &urdf_rs::Pose) -> Result<Pose, InputError> {
+    let xyz = InputError::finite(files.urdf_file, field, pose.xyz.0)?;
+    let [roll, pitch, yaw] = InputError::finite(files.urdf_file, field, pose.rpy.0)?;
     Ok(Pose::from_parts(Translation3::from(xyz), UnitQuaternion::from_euler_angles(roll, pitch, yaw)))
 }
 

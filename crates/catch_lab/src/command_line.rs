@@ -4,6 +4,7 @@ pub mod catch;
 pub mod check;
 pub mod eval;
 pub mod list;
+pub mod ready;
 pub mod replay;
 
 use std::path::PathBuf;
@@ -44,6 +45,8 @@ enum Command {
     Eval(Box<eval::EvalArguments>),
     /// The scenarios, objects, throws, robots, grippers and camera rigs that are built in
     List(list::ListArguments),
+    /// The best waiting pose for a distribution of throws
+    Ready(ready::ReadyArguments),
     /// The brain once more on the observations of a recording: does it want the same, bit for bit?
     Replay(replay::ReplayArguments),
     /// Is this robot, gripper, object, throw, rig or scenario file right?
@@ -89,6 +92,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<()> {
         Some(Command::Catch(catch)) => catch::run(&catch),
         Some(Command::Eval(eval)) => eval::run(&eval),
         Some(Command::List(list)) => list::run(&list),
+        Some(Command::Ready(ready)) => ready::run(&ready),
         Some(Command::Replay(replay)) => replay::run(&replay),
         Some(Command::Check(check)) => check::run(&check),
     }

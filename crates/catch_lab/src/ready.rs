@@ -123,13 +123,14 @@ impl Corridor {
         })
     }
 
-    /// Tries `tries` poses, starting from `start`; `onlooker` sees every improvement.
+    /// Tries `tries` poses, starting from `start`; `onlooker` is told after each how many were tried, and of
+    /// the best so far.
     pub fn search(
         &self,
         start: &JointVector,
         tries: usize,
         seed: u64,
-        onlooker: &mut dyn FnMut(&Ready),
+        onlooker: &mut dyn FnMut(usize, &Ready),
     ) -> Option<Ready> {
         let mut rng = Pcg64::seed_from_u64(seed);
         let mut best = self.value(start);
@@ -146,8 +147,10 @@ impl Corridor {
             if let Some(ready) = self.value(&q)
                 && best.is_none_or(|best| ready.cost < best.cost)
             {
-                onlooker(&ready);
                 best = Some(ready);
+            }
+            if let Some(best) = &best {
+                onlooker(attempt + 1, best);
             }
         }
         best

@@ -4,6 +4,7 @@
 use std::io::{self, Write};
 
 use anstyle::{AnsiColor, Style};
+use indicatif::{ProgressBar, ProgressStyle};
 
 /// For what went well.
 pub const GOOD: Style = AnsiColor::Green.on_default().bold();
@@ -48,6 +49,13 @@ pub fn fact(label: &str, value: &str) -> io::Result<()> {
 pub fn json(document: &impl serde::Serialize) -> anyhow::Result<()> {
     let text = serde_json::to_string_pretty(document)?;
     Ok(line(&text)?)
+}
+
+/// A bar on standard error for `total` of `things`; it shows itself on a terminal only.
+pub fn progress_bar(total: usize, things: &str) -> ProgressBar {
+    let template = format!("{{bar:30}} {{pos}}/{{len}} {things}, {{per_sec}}, {{eta}} left, {{msg}}");
+    let style = ProgressStyle::with_template(&template).unwrap_or_else(|_| ProgressStyle::default_bar());
+    ProgressBar::new(total as u64).with_style(style)
 }
 
 /// Says what went wrong, on standard error.

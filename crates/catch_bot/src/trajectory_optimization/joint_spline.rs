@@ -206,7 +206,7 @@ impl JointSpline {
     }
 
     /// Number of control points.
-    pub fn len(&self) -> usize {
+    pub fn control_points(&self) -> usize {
         self.points
     }
 
@@ -283,7 +283,10 @@ mod tests {
     fn as_spline(spline: &JointSpline, points: &[f64], duration_s: f64) -> BSpline {
         BSpline {
             knots_s: spline.knots.iter().map(|knot| knot * duration_s).collect(),
-            control_points: points[..spline.len()].iter().map(|&value| JointVector::from_element(value)).collect(),
+            control_points: points[..spline.control_points()]
+                .iter()
+                .map(|&value| JointVector::from_element(value))
+                .collect(),
         }
     }
 

@@ -94,7 +94,7 @@ impl Planner {
         shares: Shares,
         end: impl Fn(usize) -> (End, f64),
     ) -> Option<BSpline> {
-        let mut control_points = vec![JointVector::zeros(); kind.len()];
+        let mut control_points = vec![JointVector::zeros(); kind.control_points()];
         for (i, joint) in self.robot.joints.iter().enumerate() {
             let limits = JointLimits {
                 lower: (joint.limits.lower + self.config.position_margin_rad).min(state.q[i]),

@@ -1,6 +1,6 @@
 //! Trajectory prediction (paper, III-B): the flight that the poses agree on.
 //!
-//! Sampling ([`ransac`]) finds a flight that most poses lie on, and which they are; a robust fit to all of them ([`fit`])
+//! Sampling ([`ransac`]) finds a flight that most poses lie on, and which they are; a robust fit to all of them (`fit.rs`)
 //! makes it as good as the poses' information allows and says how good that is.
 
 mod fit;

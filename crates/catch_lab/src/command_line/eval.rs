@@ -1,20 +1,12 @@
 //! `catchingbot eval`: many throws.
 
-use std::{
-    collections::BTreeMap,
-    fs,
-    io::{self, IsTerminal, Write},
-    num::NonZero,
-    path::Path,
-    thread,
-    time::Instant,
-};
+use std::{collections::BTreeMap, fs, io, num::NonZero, path::Path, thread, time::Instant};
 
 use anyhow::Context;
 use catch_body::InputError;
 use catch_lab::{
     VERSION,
-    evaluation::{Cell, Evaluation, Row},
+    evaluation::{Cell, Evaluation},
     results::{Results, TRIALS_FILE},
     setup::{COMMAND_LINE, Setup},
     statistics::CellSummary,
@@ -97,17 +89,22 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
     let done_before = rows.len();
     let threads = arguments.threads.or_else(|| thread::available_parallelism().ok()).map_or(1, NonZero::get);
     let mut stopwatch = Stopwatch::default();
-    let mut progress = Progress::new(evaluation.len(), &rows);
+    let mut caught = rows.iter().filter(|row| row.verdict.caught).count();
+    let bar = screen::progress_bar(evaluation.len(), "trials");
+    bar.set_position(done_before as u64);
+    bar.reset_eta();
     evaluation
         .run(done_before, threads, &mut |row, times| {
             results.add(&row)?;
             stopwatch.merge(times);
-            progress.row_done(&row);
+            caught += usize::from(row.verdict.caught);
+            bar.inc(1);
+            bar.set_message(format!("{caught} caught"));
             rows.push(row);
             Ok(())
         })
         .with_context(|| format!("{}", arguments.out.join(TRIALS_FILE).display()))?;
-    progress.finish();
+    bar.finish_and_clear();
 
     let wall_s = started.elapsed().as_secs_f64();
     let cells = evaluation.summarize(&rows);
@@ -202,42 +199,4 @@ fn table(cells: &[CellSummary]) -> Table {
         ]);
     }
     table
-}
-
-/// How far it is, on a terminal only.
-struct Progress {
-    started: Instant,
-    total: usize,
-    before: usize,
-    done: usize,
-    caught: usize,
-    shown: bool,
-}
-
-impl Progress {
-    fn new(total: usize, rows: &[Row]) -> Self {
-        let caught = rows.iter().filter(|row| row.verdict.caught).count();
-        let shown = io::stderr().is_terminal();
-        Self { started: Instant::now(), total, before: rows.len(), done: rows.len(), caught, shown }
-    }
-
-    fn row_done(&mut self, row: &Row) {
-        self.done += 1;
-        self.caught += usize::from(row.verdict.caught);
-        let rate = (self.done - self.before) as f64 / self.started.elapsed().as_secs_f64();
-        let left_s = (self.total - self.done) as f64 / rate;
-        let Self { done, total, caught, .. } = &*self;
-        self.show(&format!("{done}/{total} trials, {caught} caught, {rate:.1} per second, {left_s:.0} s left"));
-    }
-
-    fn finish(&self) {
-        self.show("");
-    }
-
-    fn show(&self, text: &str) {
-        if self.shown {
-            // Nobody minds if this cannot be shown.
-            let _ = write!(io::stderr().lock(), "\r\x1b[2K{text}");
-        }
-    }
 }
