@@ -155,7 +155,10 @@ impl Brain for CatchingBot {
                 &self.config.perception,
                 &mut self.workspace,
             );
-            if let Ok(pose) = found {
+            if let Ok(mut pose) = found {
+                if let Some(X_WO) = &expected {
+                    pose.X_WO.rotation = self.reference.symmetry.nearest_alike(&X_WO.rotation, &pose.X_WO.rotation);
+                }
                 self.poses.push(pose);
                 self.report.pose = Some(pose);
             }
@@ -174,16 +177,20 @@ impl Brain for CatchingBot {
             self.config.seed,
         );
         probe.stage_ended("trajectory_prediction");
-        let Ok(flight) = flight else {
+        let Ok(mut flight) = flight else {
             return self.close_report(Status::NoTrajectory, Command::default());
         };
+        if let Some(previous) = &self.flight {
+            let R_WO = previous.pose_at(flight.time_s).rotation;
+            flight.R_WO = self.reference.symmetry.nearest_alike(&R_WO, &flight.R_WO);
+        }
 
         // III-C and III-D: the running plan for the new flight, or a new grasp and plan.
         let start = self.start(observation);
         let (status, plan) = self.decide(&start, &flight);
         probe.stage_ended("trajectory_optimization");
 
-        let command = self.command(now_s, plan, &flight);
+        let command = self.command(now_s, status, plan, &flight);
         self.flight = Some(flight);
         probe.stage_ended("control");
         self.close_report(status, command)
@@ -213,42 +220,42 @@ impl CatchingBot {
         Start { time_s, state }
     }
 
-    /// The ladder of replans: the same catch adjusted, else another one, else the old motion.
+    /// The ladder of replans: the same catch adjusted, else the old motion, else another catch.
     fn decide(&self, start: &Start, flight: &FlightTrajectory) -> (Status, Option<CatchPlan>) {
-        let (grasps, grasp_config) = (&self.grasps, &self.config.grasp_selection);
-        let search = || self.planner.search(start, flight, grasps, grasp_config);
-        match &self.plan {
-            Some(plan) => match self.planner.retarget(start, flight, plan, grasps, grasp_config) {
-                Some(plan) => (Status::Planned, Some(plan)),
-                None if control::is_still_good(plan, flight, self.planner.gripper(), &self.config.control) => {
-                    (Status::PlanKept, None)
-                }
-                None => search().map_or((Status::PlanKept, None), |plan| (Status::Planned, Some(plan))),
-            },
-            None => match search() {
+        let (grasps, config) = (&self.grasps, &self.config.grasp_selection);
+        let search = || self.planner.search(start, flight, grasps, config);
+        let Some(plan) = &self.plan else {
+            return match search() {
                 Ok(plan) => (Status::Planned, Some(plan)),
                 Err(Refusal::NoGrasp) => (Status::NoGrasp, None),
                 Err(Refusal::OutOfReach) => (Status::OutOfReach, None),
                 Err(Refusal::NoMotion) => (Status::NoPlan, None),
-            },
+            };
+        };
+        if let Some(plan) = self.planner.retarget(start, flight, plan, grasps, config) {
+            return (Status::Planned, Some(plan));
+        }
+        let is_still_good = control::is_still_good(plan, flight, self.planner.gripper(), &self.config.control);
+        match if is_still_good { None } else { search().ok() } {
+            Some(plan) => (Status::Planned, Some(plan)),
+            None => {
+                let open_width_m = self.planner.opening_or_widest(plan, flight, grasps, config);
+                (Status::PlanKept, Some(CatchPlan { open_width_m, ..plan.clone() }))
+            }
         }
     }
 
-    /// Takes over a new plan, and times the gripper by the newest flight.
-    fn command(&mut self, now_s: f64, new_plan: Option<CatchPlan>, flight: &FlightTrajectory) -> Command {
-        let arm = new_plan.as_ref().map(|plan| plan.trajectory.clone());
-        if new_plan.is_some() {
-            self.plan = new_plan;
-        }
-        let gripper = self.plan.as_ref().map(|plan| {
-            let gripper = self.planner.gripper();
-            let speed_mps = self.config.grasp_selection.closing_speed_mps;
-            let closing =
-                control::closing(plan, flight, self.planner.robot(), gripper, speed_mps, &self.config.control);
-            self.closing = Some(closing);
-            control::gripper_moves(now_s, plan, &closing, gripper, &self.config.control)
-        });
-        Command { arm, gripper, windows: None }
+    /// Takes over the plan, and times the gripper by the newest flight.
+    fn command(&mut self, now_s: f64, status: Status, plan: Option<CatchPlan>, flight: &FlightTrajectory) -> Command {
+        let Some(plan) = plan else { return Command::default() };
+        let gripper = self.planner.gripper();
+        let speed_mps = self.config.grasp_selection.closing_speed_mps;
+        let closing = control::closing(&plan, flight, self.planner.robot(), gripper, speed_mps, &self.config.control);
+        let moves = control::gripper_moves(now_s, &plan, &closing, gripper, &self.config.control);
+        let arm = (status == Status::Planned).then(|| plan.trajectory.clone());
+        self.closing = Some(closing);
+        self.plan = Some(plan);
+        Command { arm, gripper: Some(moves), windows: None }
     }
 
     fn close_report(&mut self, status: Status, command: Command) -> Command {

@@ -40,7 +40,7 @@ impl Default for Config {
             closing_delay_s: 0.0,
             commit_s: 0.05,
             tolerated_miss_m: 0.006,
-            tolerated_miss_rad: 0.05,
+            tolerated_miss_rad: 0.03,
         }
     }
 }

@@ -18,6 +18,8 @@ pub struct Weights {
     pub catchability: f64,
     /// On the distance of the centre of mass from the gripper's axis, per 30 mm.
     pub strength: f64,
+    /// On the object's width between the fingers, per 100 mm: narrow parts are usually its long sides, which hold it better.
+    pub width: f64,
     /// On 1 − comfort.
     pub comfort: f64,
     /// On passing through the gap instead of flying toward the palm, which gives four times the time to close.
@@ -33,6 +35,7 @@ impl Default for Weights {
         Self {
             catchability: 3.0,
             strength: 0.5,
+            width: 1.0,
             comfort: 0.2,
             pass_through: 0.3,
             max_sideways: 0.17,
@@ -90,6 +93,7 @@ pub fn rank(
         .map_or(0.0, |outward| (R_WG * Vector3::y()).dot(&outward));
     let cost = weights.catchability * sideways
         + weights.strength * grasp.strength_m / 0.03
+        + weights.width * grasp.object_width_m / 0.1
         + weights.comfort * (1.0 - comfort)
         + weights.pass_through * (1.0 + v_G.y);
     Some(RankedGrasp { index, X_WG, approach, cost })

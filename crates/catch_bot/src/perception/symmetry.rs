@@ -75,6 +75,14 @@ impl Symmetry {
         }
     }
 
+    /// The attitude nearest to `R_WA` in which the object looks as it does at `R_WB`.
+    ///
+    /// What cannot be seen of an attitude drifts from image to image; whoever follows it must hold on to one of all that look
+    /// alike.
+    pub fn nearest_alike(&self, R_WA: &UnitQuaternion<f64>, R_WB: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
+        UnitQuaternion::from_scaled_axis(self.turn_between(R_WA, R_WB)) * R_WA
+    }
+
     /// The turn in W, as a rotation vector, that takes the looks of an object at `R_WA` to those at `R_WB`, and is smallest.
     pub fn turn_between(&self, R_WA: &UnitQuaternion<f64>, R_WB: &UnitQuaternion<f64>) -> Vector3<f64> {
         match self {

@@ -35,8 +35,10 @@ pub struct Config {
     pub steady_end_weight: f64,
     /// Plans stay this far from the ends of the joints' ranges, in radians, so that an impact cannot push a joint out.
     pub position_margin_rad: f64,
-    /// Share of the velocity limits that plans may use; the impact of the object adds about 1 %.
+    /// Share of the velocity limits that plans may use.
     pub velocity_share: f64,
+    /// Share of the velocity limits that a joint may have at the catch: the impact of a banana adds up to 5 %.
+    pub arrival_velocity_share: f64,
     /// Share of the velocity limits that a plan from rest may use, so that replans keep some room.
     pub cold_velocity_share: f64,
     /// Share of the acceleration limits that a plan from rest may use.
@@ -65,6 +67,7 @@ impl Default for Config {
             steady_end_weight: 0.002,
             position_margin_rad: 0.02,
             velocity_share: 0.98,
+            arrival_velocity_share: 0.93,
             cold_velocity_share: 0.95,
             cold_acceleration_share: 0.9,
             torque_share: 0.95,

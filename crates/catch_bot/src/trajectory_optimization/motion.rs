@@ -26,6 +26,17 @@ pub struct Shares {
     pub acceleration: f64,
 }
 
+impl Shares {
+    /// Between these (0) and `other` (1).
+    pub(super) fn toward(self, other: Self, by: f64) -> Self {
+        let between = |from: f64, to: f64| from + by * (to - from);
+        Self {
+            velocity: between(self.velocity, other.velocity),
+            acceleration: between(self.acceleration, other.acceleration),
+        }
+    }
+}
+
 impl Planner {
     /// From rest, a plan leaves room for replans.
     pub(super) fn cold_shares(&self) -> Shares {

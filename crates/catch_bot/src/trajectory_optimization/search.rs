@@ -169,19 +169,31 @@ impl Planner {
         let srs = self.srs.as_ref()?;
         let circle = srs.elbow_circle(&X_WG)?;
         let step = std::f64::consts::TAU / self.config.swivels as f64;
-        [0.0, 0.5, -0.5, 1.0, -1.0].iter().find_map(|offset| {
+        // What a motion leaves of the limits, the next replan can use: more is taken only where less does not do.
+        let shares = [0.0, 0.5, 1.0].map(|more| self.cold_shares().toward(self.moving_shares(), more));
+        let attempts = shares.iter().flat_map(|shares| [0.0, 0.5, -0.5, 1.0, -1.0].map(|offset| (shares, offset)));
+        let mut found = attempts.into_iter().find_map(|(shares, offset)| {
             let swivel = plan.swivel + offset * step;
             let solutions = srs.solve(&circle, swivel);
             let q = *solutions.iter().min_by(|a, b| (*a - plan.q).norm().total_cmp(&(*b - plan.q).norm()))?;
-            let arrival = self.arrive(start, plan.catch_s, &X_WG, &q, flight, self.moving_shares())?;
+            let arrival = self.arrive(start, plan.catch_s, &X_WG, &q, flight, *shares)?;
             let CatchPlan { catch_s, approach, cost, .. } = *plan;
             let candidate = Candidate { catch_s, grasp: 0, approach, X_WG, q, swivel, cost };
-            let mut found = self.finish(start, &candidate, &plan.grasp, arrival, self.moving_shares())?;
-            // Where no opening is free any more, the widest hits least.
-            let opening = self.opening(&found, flight, grasps, grasp_config);
-            found.open_width_m = opening.unwrap_or(self.gripper.max_width_m);
-            Some(found)
-        })
+            self.finish(start, &candidate, &plan.grasp, arrival, *shares)
+        })?;
+        found.open_width_m = self.opening_or_widest(&found, flight, grasps, grasp_config);
+        Some(found)
+    }
+
+    /// The narrowest opening that lets the object in, or, where none does any more, the widest: it hits least.
+    pub fn opening_or_widest(
+        &self,
+        plan: &CatchPlan,
+        flight: &FlightTrajectory,
+        grasps: &GraspSet,
+        config: &grasp_selection::Config,
+    ) -> f64 {
+        self.opening(plan, flight, grasps, config).unwrap_or(self.gripper.max_width_m)
     }
 
     fn shares(&self, start: &Start) -> Shares {
@@ -286,7 +298,9 @@ impl Planner {
                 return None;
             }
             let stoppable = Interval { low: -room(below), high: room(above) };
-            bounds[i] = joints[i].arrival_velocities(displacement).intersection(&stoppable);
+            let most = self.config.arrival_velocity_share * joint.limits.velocity;
+            let gentle = Interval { low: -most, high: most };
+            bounds[i] = joints[i].arrival_velocities(displacement).intersection(&stoppable).intersection(&gentle);
         }
         let X_WL = self.robot.link_poses(q);
         let jacobian = self.robot.jacobian(&X_WL, &(X_WG * self.gripper.grasp_centre()));
