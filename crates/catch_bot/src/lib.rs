@@ -251,11 +251,15 @@ impl CatchingBot {
         let gripper = self.planner.gripper();
         let speed_mps = self.config.grasp_selection.closing_speed_mps;
         let closing = control::closing(&plan, flight, self.planner.robot(), gripper, speed_mps, &self.config.control);
+        // Fingers that have started to close go on: a new list of moves would open them again.
+        let is_closing = self.closing.is_some_and(|closing| closing.start_s <= now_s);
         let moves = control::gripper_moves(now_s, &plan, &closing, gripper, &self.config.control);
         let arm = (status == Status::Planned).then(|| plan.trajectory.clone());
-        self.closing = Some(closing);
+        if !is_closing {
+            self.closing = Some(closing);
+        }
         self.plan = Some(plan);
-        Command { arm, gripper: Some(moves), windows: None }
+        Command { arm, gripper: (!is_closing).then_some(moves), windows: None }
     }
 
     fn close_report(&mut self, status: Status, command: Command) -> Command {
