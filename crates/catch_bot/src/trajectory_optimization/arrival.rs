@@ -17,13 +17,24 @@ use super::{
     reachability::Interval,
 };
 
-/// Weight on the speed fraction's distance from its best.
-const SPEED_WEIGHT: f64 = 20.0;
-/// Weight on the square of the gripper's angular velocity; a gripper that turns at 3 rad/s is 33 mm off the flight line 60 ms
-/// before the catch.
-const SPIN_WEIGHT: f64 = 0.1;
-/// Keeps the program strictly convex along the redundancy.
-const DAMPING: f64 = 1e-3;
+/// What counts among the joint velocities that keep the direction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Weights {
+    /// On the speed fraction's distance from its best, a.
+    pub speed: f64,
+    /// On the square of the gripper's angular velocity, b; a gripper that turns at 3 rad/s is 33 mm off the flight line 60 ms
+    /// before the catch.
+    pub spin: f64,
+    /// Keeps the program strictly convex along the redundancy, ε.
+    pub damping: f64,
+}
+
+impl Weights {
+    /// Speed and spin in balance.
+    pub const BALANCED: Self = Self { speed: 20.0, spin: 0.1, damping: 1e-3 };
+    /// Speed before all.
+    pub const FASTEST: Self = Self { speed: 1e5, spin: 0.01, damping: 1e-3 };
+}
 
 /// Joint velocities at the catch and what they do to the gripper.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,18 +55,19 @@ pub fn arrival(
     v_WO: &Vector3<f64>,
     bounds: &[Interval; MAX_JOINTS],
     max_speed_fraction: f64,
+    weights: &Weights,
 ) -> Option<Arrival> {
     const S: usize = MAX_JOINTS;
     let angular = jacobian.fixed_rows::<3>(0);
     let linear = jacobian.fixed_rows::<3>(3);
     let mut H = Square::identity();
-    H.fixed_view_mut::<MAX_JOINTS, MAX_JOINTS>(0, 0).copy_from(&(angular.transpose() * angular * SPIN_WEIGHT));
+    H.fixed_view_mut::<MAX_JOINTS, MAX_JOINTS>(0, 0).copy_from(&(angular.transpose() * angular * weights.spin));
     for i in 0..MAX_JOINTS {
-        H[(i, i)] += DAMPING;
+        H[(i, i)] += weights.damping;
     }
-    H[(S, S)] = SPEED_WEIGHT;
+    H[(S, S)] = weights.speed;
     let mut gradient = Variables::zeros();
-    gradient[S] = -SPEED_WEIGHT * max_speed_fraction;
+    gradient[S] = -weights.speed * max_speed_fraction;
 
     let mut constraints = [Constraint { a: Variables::zeros(), b: 0.0 }; 3 + 2 * MAX_VARIABLES];
     for (axis, constraint) in constraints[..3].iter_mut().enumerate() {
@@ -93,7 +105,14 @@ mod tests {
             );
         let v_WO = Vector3::new(-2.0, -3.0, -1.0);
         for width in [0.1, 0.5, 2.0] {
-            let found = arrival(&jacobian, &v_WO, &[Interval { low: -width, high: width }; MAX_JOINTS], 0.3).unwrap();
+            let found = arrival(
+                &jacobian,
+                &v_WO,
+                &[Interval { low: -width, high: width }; MAX_JOINTS],
+                0.3,
+                &Weights::BALANCED,
+            )
+            .unwrap();
             let moved = jacobian.fixed_rows::<3>(3) * found.dq;
             assert!((moved - v_WO * found.speed_fraction).norm() < 1e-10);
             assert!(found.dq.amax() <= width + 1e-12 && found.speed_fraction <= 0.3 + 1e-12);

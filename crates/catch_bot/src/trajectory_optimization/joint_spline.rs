@@ -20,6 +20,29 @@ use super::quadratic_program::{Constraint, Hessian, MAX_VARIABLES, Square, Varia
 /// Most control points of one spline.
 const MAX_POINTS: usize = 16;
 
+/// Weight on the velocity at the end where nothing but it matters: above it the limits alone decide.
+const EXTREME: f64 = 1e4;
+
+/// Which ends of a spline are given, and so which of its control points are free.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Ends {
+    /// Whether the acceleration at the start is given, not only position and velocity.
+    pub start_acceleration: bool,
+    /// What is given at the end.
+    pub end: EndKind,
+}
+
+/// What is given at the end of a spline.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EndKind {
+    /// Position and velocity.
+    At,
+    /// Position; the velocity is free.
+    Position,
+    /// Velocity and acceleration zero, anywhere.
+    Rest,
+}
+
 /// What the end of the spline must fulfil.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum End {
@@ -31,6 +54,13 @@ pub enum End {
         dq: f64,
         /// Lowest and highest acceleration in rad/s², for what comes after.
         ddq: [f64; 2],
+    },
+    /// At this position, as fast as the limits allow in one direction.
+    Extreme {
+        /// Radians.
+        q: f64,
+        /// 1 for the highest velocity, −1 for the lowest.
+        sign: f64,
     },
     /// At rest anywhere, with acceleration zero.
     Rest,
@@ -50,15 +80,22 @@ pub struct JointState {
 /// A derivative's control point as a combination of the spline's own.
 type Combination = [f64; MAX_POINTS];
 
+/// A bounded quantity: over all control points, and over the free variables alone.
+#[derive(Debug, Clone, Copy)]
+struct Row {
+    combination: Combination,
+    free: Variables,
+}
+
 /// The quadratic program with everything that does not depend on the joint, factorized.
 #[derive(Debug, Clone)]
 pub struct JointSpline {
     /// Knots in normalized time.
     pub knots: Vec<f64>,
     points: usize,
-    rests_at_end: bool,
-    velocity: Vec<Combination>,
-    acceleration: Vec<Combination>,
+    ends: Ends,
+    velocity: Vec<Row>,
+    acceleration: Vec<Row>,
     /// Full cost over the control points, for the gradient that the fixed ones cause.
     cost: [[f64; MAX_POINTS]; MAX_POINTS],
     comfort: Combination,
@@ -70,7 +107,7 @@ impl JointSpline {
     ///
     /// # Panics
     /// With more spans than there is room for: the layouts are constants of this crate.
-    pub fn new(spans: &[f64], rests_at_end: bool, comfort_weight: f64, steady_end_weight: f64) -> Self {
+    pub fn new(spans: &[f64], ends: Ends, comfort_weight: f64, steady_end_weight: f64) -> Self {
         let total: f64 = spans.iter().sum();
         let mut knots = vec![0.0; DEGREE + 1];
         let mut at = 0.0;
@@ -82,8 +119,7 @@ impl JointSpline {
         knots[last] = 1.0;
         knots.extend([1.0; DEGREE]);
         let points = spans.len() + DEGREE;
-        let free = points - 5;
-        assert!(points <= MAX_POINTS && free <= MAX_VARIABLES, "too many spans");
+        assert!(points <= MAX_POINTS, "too many spans");
 
         let identity: Vec<Combination> =
             (0..points).map(|i| std::array::from_fn(|j| f64::from(u8::from(i == j)))).collect();
@@ -112,7 +148,7 @@ impl JointSpline {
                 }
             }
         }
-        if !rests_at_end {
+        if ends.end == EndKind::At {
             for combination in &acceleration[acceleration.len() - 2..] {
                 for i in 0..points {
                     for j in 0..points {
@@ -125,17 +161,21 @@ impl JointSpline {
         let mut spline = Self {
             knots,
             points,
-            rests_at_end,
-            velocity,
-            acceleration,
+            ends,
+            velocity: Vec::new(),
+            acceleration: Vec::new(),
             cost,
             comfort,
             hessian: Hessian::new(&Square::identity()).expect("the identity is positive definite"),
         };
+        assert!(spline.free() <= MAX_VARIABLES, "too many spans");
+        let row = |combination: &Combination| Row { combination: *combination, free: reduced(combination, &spline) };
+        (spline.velocity, spline.acceleration) =
+            (velocity.iter().map(row).collect(), acceleration.iter().map(row).collect());
         let mut H = Square::identity();
-        for variable in 0..free {
+        for variable in 0..spline.free() {
             let row = reduced(&spline.cost_row(variable), &spline);
-            for other in 0..free {
+            for other in 0..spline.free() {
                 H[(variable, other)] = row[other];
             }
         }
@@ -160,37 +200,43 @@ impl JointSpline {
             gradient[variable] = dot(&row, &fixed) - comfortable * pull;
         }
 
+        if let End::Extreme { sign, .. } = end {
+            // Of a clamped spline q′ = 3·(cₙ₋₁ − cₙ₋₂)/h: the higher the last free point, the lower the velocity.
+            gradient[self.free() - 1] += sign * EXTREME;
+        }
+
         let mut constraints = [Constraint { a: Variables::zeros(), b: 0.0 }; 6 * MAX_POINTS];
         let mut count = 0;
-        let mut bound = |combination: &Combination, lower: f64, upper: f64| {
-            let a = reduced(combination, self);
-            let offset = dot(combination, &fixed);
+        let mut bound = |a: &Variables, offset: f64, lower: f64, upper: f64| {
             if a.amax() == 0.0 {
                 // Nothing free enters: it holds, or no motion does.
                 let rounding = 1e-9 * (1.0 + upper.abs() + lower.abs());
                 return offset >= lower - rounding && offset <= upper + rounding;
             }
-            constraints[count] = Constraint { a, b: lower - offset };
+            constraints[count] = Constraint { a: *a, b: lower - offset };
             constraints[count + 1] = Constraint { a: -a, b: offset - upper };
             count += 2;
             true
         };
-        let fits = (0..self.points).all(|i| {
-            let mut point = [0.0; MAX_POINTS];
-            point[i] = 1.0;
-            bound(&point, limits.lower, limits.upper)
-        });
+        let mut fits = (0..self.points)
+            .filter(|i| !self.is_free(*i))
+            .all(|i| bound(&Variables::zeros(), fixed[i], limits.lower, limits.upper));
+        for variable in 0..self.free() {
+            fits = fits && bound(&Variables::ith(variable, 1.0), 0.0, limits.lower, limits.upper);
+        }
+        let mut bound_row =
+            |row: &Row, lower: f64, upper: f64| bound(&row.free, dot(&row.combination, &fixed), lower, upper);
         let most = limits.velocity * duration_s;
-        let fits = fits && self.velocity.iter().all(|it| bound(it, -most, most));
+        let fits = fits && self.velocity.iter().all(|it| bound_row(it, -most, most));
         let most = limits.acceleration * duration_s * duration_s;
-        let fits = fits && self.acceleration.iter().all(|it| bound(it, -most, most));
+        let fits = fits && self.acceleration.iter().all(|it| bound_row(it, -most, most));
         let last = &self.acceleration[self.acceleration.len() - 1];
         let fits = fits
             && match end {
                 End::At { ddq: [low, high], .. } => {
-                    bound(last, low * duration_s * duration_s, high * duration_s * duration_s)
+                    bound_row(last, low * duration_s * duration_s, high * duration_s * duration_s)
                 }
-                End::Rest => true,
+                End::Extreme { .. } | End::Rest => true,
             };
         if !fits {
             return None;
@@ -205,20 +251,37 @@ impl JointSpline {
         Some(points)
     }
 
+    /// Velocity at the end of the best motion.
+    pub fn end_velocity(&self, start: &JointState, end: &End, duration_s: f64, limits: &JointLimits) -> Option<f64> {
+        let points = self.solve(start, end, duration_s, limits, start.q)?;
+        let h = (1.0 - self.knots[self.points - 1]) * duration_s;
+        Some((points[self.points - 1] - points[self.points - 2]) * DEGREE as f64 / h)
+    }
+
     /// Number of control points.
     pub fn control_points(&self) -> usize {
         self.points
     }
 
+    /// Control points that the start dictates.
+    fn given_at_start(&self) -> usize {
+        if self.ends.start_acceleration { 3 } else { 2 }
+    }
+
     fn free(&self) -> usize {
-        self.points - 5
+        let given_at_end = if self.ends.end == EndKind::Position { 1 } else { 2 };
+        self.points - self.given_at_start() - given_at_end
+    }
+
+    fn is_free(&self, point: usize) -> bool {
+        (0..self.free()).any(|variable| self.lifted(variable).contains(&point))
     }
 
     /// The control points that a variable moves: one, or, at an end at rest, the last three together.
     fn lifted(&self, variable: usize) -> std::ops::Range<usize> {
-        let first = variable + 3;
-        let last = if self.rests_at_end && variable + 1 == self.free() { self.points } else { first + 1 };
-        first..last
+        let first = variable + self.given_at_start();
+        let rests = self.ends.end == EndKind::Rest && variable + 1 == self.free();
+        first..if rests { self.points } else { first + 1 }
     }
 
     fn cost_row(&self, variable: usize) -> Combination {
@@ -235,11 +298,17 @@ impl JointSpline {
         let (dq, ddq) = (start.dq * duration_s, start.ddq * duration_s * duration_s);
         points[0] = start.q;
         points[1] = start.q + dq * h1 / 3.0;
-        points[2] = points[1] + (dq + ddq * h1 / 2.0) * h2 / 3.0;
-        if let End::At { q, dq, .. } = end {
-            let h = 1.0 - knots[self.points - 1];
-            points[self.points - 1] = *q;
-            points[self.points - 2] = q - dq * duration_s * h / 3.0;
+        if self.ends.start_acceleration {
+            points[2] = points[1] + (dq + ddq * h1 / 2.0) * h2 / 3.0;
+        }
+        match end {
+            End::At { q, dq, .. } => {
+                let h = 1.0 - knots[self.points - 1];
+                points[self.points - 1] = *q;
+                points[self.points - 2] = q - dq * duration_s * h / 3.0;
+            }
+            End::Extreme { q, .. } => points[self.points - 1] = *q,
+            End::Rest => {}
         }
         points
     }
@@ -280,6 +349,8 @@ mod tests {
     const LIMITS: JointLimits =
         JointLimits { lower: -2.0, upper: 2.0, velocity: 1.5, acceleration: 9.0, torque: 100.0 };
 
+    const MOVING: Ends = Ends { start_acceleration: true, end: EndKind::At };
+
     fn as_spline(spline: &JointSpline, points: &[f64], duration_s: f64) -> BSpline {
         BSpline {
             knots_s: spline.knots.iter().map(|knot| knot * duration_s).collect(),
@@ -298,8 +369,8 @@ mod tests {
         ) {
             let start = JointState { q, dq, ddq };
             for (spline, end) in [
-                (JointSpline::new(&[0.4, 0.6, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5], false, 0.1, 0.01), End::At { q: to, dq: at, ddq: [-20.0, 3.0] }),
-                (JointSpline::new(&[1.0; 6], true, 0.0, 0.0), End::Rest),
+                (JointSpline::new(&[0.4, 0.6, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5], MOVING, 0.1, 0.01), End::At { q: to, dq: at, ddq: [-20.0, 3.0] }),
+                (JointSpline::new(&[1.0; 6], Ends { end: EndKind::Rest, ..MOVING }, 0.0, 0.0), End::Rest),
             ] {
                 let Some(points) = spline.solve(&start, &end, duration, &LIMITS, 0.0) else { continue };
                 let curve = as_spline(&spline, &points, duration);
@@ -309,6 +380,7 @@ mod tests {
                 let [a, b, c] = curve.evaluate(duration).map(|it| it[0]);
                 match end {
                     End::At { q, dq, ddq } => prop_assert!(near(a, q) && near(b, dq) && c <= ddq[1] + 1e-8),
+                    End::Extreme { .. } => unreachable!(),
                     End::Rest => prop_assert!(b.abs() < 1e-8 && c.abs() < 1e-6),
                 }
                 for i in 0..=400 {
@@ -321,9 +393,34 @@ mod tests {
         }
     }
 
+    proptest! {
+        /// The extreme velocity is one that a motion has, and no motion has a higher one.
+        #[test]
+        fn no_motion_is_faster_than_the_extreme(
+            q in -1.0f64..1.0, dq in -1.0f64..1.0, by in -0.5f64..0.5, duration in 0.2f64..0.8, sign in 0..2,
+        ) {
+            let sign = f64::from(2 * sign - 1);
+            let start = JointState { q, dq, ddq: 0.0 };
+            let spans = [1.0; 8];
+            let free = JointSpline::new(&spans, Ends { start_acceleration: false, end: EndKind::Position }, 0.1, 0.0);
+            let given = JointSpline::new(&spans, Ends { start_acceleration: false, end: EndKind::At }, 0.1, 0.0);
+            let to = q + by;
+            let Some(points) = free.solve(&start, &End::Extreme { q: to, sign }, duration, &LIMITS, 0.0) else {
+                for step in -15..=15 {
+                    let end = End::At { q: to, dq: f64::from(step) * 0.1, ddq: [-99.0, 99.0] };
+                    prop_assert!(given.solve(&start, &end, duration, &LIMITS, 0.0).is_none());
+                }
+                return Ok(());
+            };
+            let extreme = as_spline(&free, &points, duration).evaluate(duration)[1][0];
+            let at = |dq: f64| given.solve(&start, &End::At { q: to, dq, ddq: [-99.0, 99.0] }, duration, &LIMITS, 0.0);
+            prop_assert!(at(extreme - sign * 1e-6).is_some() && at(extreme + sign * 1e-4).is_none(), "{extreme}");
+        }
+    }
+
     #[test]
     fn a_gentle_motion_has_a_solution_and_an_impossible_one_has_none() {
-        let spline = JointSpline::new(&[1.0; 9], false, 0.1, 0.0);
+        let spline = JointSpline::new(&[1.0; 9], MOVING, 0.1, 0.0);
         let start = JointState { q: 0.0, dq: 0.0, ddq: 0.0 };
         assert!(spline.solve(&start, &End::At { q: 0.3, dq: 0.2, ddq: [-9.0, 9.0] }, 0.6, &LIMITS, 0.0).is_some());
         assert!(spline.solve(&start, &End::At { q: 1.5, dq: 0.2, ddq: [-9.0, 9.0] }, 0.6, &LIMITS, 0.0).is_none());

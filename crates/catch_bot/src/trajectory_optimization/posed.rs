@@ -1,0 +1,286 @@
+//! A catch whose time and pose are given: the redundancy, the joint velocities and the motion are still to be found.
+//!
+//! The arm is redundant, so a pose leaves arcs of swivel angles ([`SrsArm::swivels`]), cut to what each joint can reach in the
+//! time: where none is left, the catch is out of reach whatever the redundancy. On the arcs the highest speed fraction is
+//! sought, first with the exact bounds of [`super::reachability`], which are optimistic for a spline, then with the
+//! spline's own range of end velocities. Within that range the spline's program is feasible, so nothing fails afterwards.
+
+use catch_body::{
+    JointVector, MAX_JOINTS, Pose,
+    inverse_kinematics::{Branch, ElbowCircle, SrsArm},
+    robot::Jacobian,
+};
+use catch_cell::BSpline;
+use nalgebra::{Point3, Vector3};
+
+use super::{
+    CatchSplines, Planner, Refusal, Start,
+    arrival::{Arrival, Weights, arrival},
+    joint_spline::{End, JointState},
+    motion::{ROUNDING, Shares},
+    reachability::{Interval, JointReach},
+    search::effort,
+};
+
+/// Where the gripper is to be, and where the object goes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Target {
+    /// When.
+    pub catch_s: f64,
+    /// Pose of the gripper then.
+    pub X_WG: Pose,
+    /// Velocity of the object then.
+    pub v_WO: Vector3<f64>,
+}
+
+/// A motion to a given pose.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PosedCatch {
+    /// Joint positions at the catch.
+    pub q: JointVector,
+    /// Which of the arm's solutions that is.
+    pub branch: Branch,
+    /// Swivel angle of the elbow.
+    pub swivel: f64,
+    /// Share of the object's velocity at which the grasp centre moves along.
+    pub speed_fraction: f64,
+    /// The motion, ending at the catch.
+    pub spline: BSpline,
+}
+
+/// Swivel angles that are looked at in each arc, as shares of it.
+const SHARES_OF_ARC: [f64; 5] = [0.5, 0.25, 0.75, 0.05, 0.95];
+/// A speed fraction this close to the best possible, relative, needs no further search.
+const GOOD_ENOUGH: f64 = 1e-3;
+/// Steps of the search along the swivel for a higher speed fraction.
+const REFINEMENTS: usize = 8;
+/// Share of the acceleration limits at which the exact bounds are usually within a spline's reach.
+const EASY_SHARE: f64 = 0.9;
+
+/// A solution of the inverse kinematics.
+#[derive(Clone, Copy)]
+struct Posture {
+    branch: Branch,
+    swivel: f64,
+    arc: [f64; 2],
+    q: JointVector,
+    effort: f64,
+}
+
+/// One call's circumstances.
+struct Task<'a> {
+    planner: &'a Planner,
+    srs: &'a SrsArm,
+    splines: &'a CatchSplines,
+    start: &'a Start,
+    target: &'a Target,
+    circle: ElbowCircle,
+    reaches: [JointReach; MAX_JOINTS],
+}
+
+impl Planner {
+    /// The motion to `target` with the highest speed fraction over all redundancy. The acceleration at the start is free.
+    ///
+    /// # Errors
+    /// [`Refusal::OutOfReach`] where no motion within the velocity and acceleration limits exists, whatever the redundancy;
+    /// [`Refusal::NoMotion`] where none was found.
+    pub fn catch_at(&self, start: &Start, target: &Target) -> Result<PosedCatch, Refusal> {
+        let task = self.task(start, target)?;
+        let mut postures = task.postures();
+        if postures.is_empty() {
+            return Err(Refusal::OutOfReach);
+        }
+        postures.sort_by(|a, b| a.effort.total_cmp(&b.effort));
+        let mut best: Option<PosedCatch> = None;
+        let mut any_arrival = false;
+        let enough = self.config.max_speed_fraction * (1.0 - GOOD_ENOUGH);
+        let mut best_posture = postures[0];
+        for posture in &postures {
+            let fraction = best.as_ref().map_or(-1.0, |it| it.speed_fraction);
+            if fraction >= enough {
+                break;
+            }
+            let Some(optimistic) = task.optimistic(&posture.q, 1.0) else { continue };
+            any_arrival = true;
+            if optimistic.speed_fraction <= fraction {
+                continue;
+            }
+            if let Some(found) = task.solve(posture).filter(|found| found.speed_fraction > fraction) {
+                best = Some(found);
+                best_posture = *posture;
+            }
+        }
+        if let Some(found) = &mut best
+            && found.speed_fraction < enough
+        {
+            task.refine(found, &best_posture);
+        }
+        best.ok_or(if any_arrival || !task.is_proven_unreachable(&postures) {
+            Refusal::NoMotion
+        } else {
+            Refusal::OutOfReach
+        })
+    }
+
+    /// The same catch for a target that has moved a little: the elbow stays where it is.
+    pub fn retarget_at(&self, start: &Start, target: &Target, known: &PosedCatch) -> Result<PosedCatch, Refusal> {
+        let task = self.task(start, target)?;
+        let q = task.srs.solve_branch(&task.circle, known.swivel, known.branch);
+        let posture =
+            Posture { branch: known.branch, swivel: known.swivel, arc: [known.swivel; 2], q, effort: task.effort(&q) };
+        let found = (posture.effort <= 1.0).then(|| task.solve(&posture)).flatten();
+        let close = |it: &PosedCatch| it.speed_fraction >= known.speed_fraction * 0.98;
+        match found.filter(close) {
+            Some(found) => Ok(found),
+            None => self.catch_at(start, target),
+        }
+    }
+
+    fn task<'a>(&'a self, start: &'a Start, target: &'a Target) -> Result<Task<'a>, Refusal> {
+        let srs = self.srs.as_ref().ok_or(Refusal::NoMotion)?;
+        let circle = srs.elbow_circle(&target.X_WG).ok_or(Refusal::OutOfReach)?;
+        let shares = Shares { velocity: self.config.velocity_share, acceleration: 1.0 - ROUNDING };
+        let reaches = self.reaches(start, target.catch_s - start.time_s, shares);
+        Ok(Task { planner: self, srs, splines: &self.standing_splines, start, target, circle, reaches })
+    }
+}
+
+impl Task<'_> {
+    /// What each joint can reach, within its range.
+    fn ranges(&self) -> [[f64; 2]; 7] {
+        let margin = self.planner.config.position_margin_rad;
+        std::array::from_fn(|i| {
+            let far = self.reaches[i].displacements();
+            let limits = &self.planner.robot.joints[i].limits;
+            let q = self.start.state.q[i];
+            [(limits.lower + margin).max(q + far.low), (limits.upper - margin).min(q + far.high)]
+        })
+    }
+
+    /// Some solutions of every arc that the arm can reach.
+    fn postures(&self) -> Vec<Posture> {
+        let mut postures = Vec::with_capacity(64);
+        for (branch, arcs) in self.srs.swivels(&self.circle, &self.ranges()) {
+            for &arc in arcs.iter() {
+                for share in SHARES_OF_ARC {
+                    let swivel = arc[0] + share * (arc[1] - arc[0]);
+                    postures.push(self.posture(branch, arc, swivel));
+                }
+            }
+        }
+        postures
+    }
+
+    fn posture(&self, branch: Branch, arc: [f64; 2], swivel: f64) -> Posture {
+        let q = self.srs.solve_branch(&self.circle, swivel, branch);
+        Posture { branch, swivel, arc, q, effort: self.effort(&q) }
+    }
+
+    fn effort(&self, q: &JointVector) -> f64 {
+        effort(&self.reaches, &self.start.state.q, q, self.planner.robot.dof()).unwrap_or(2.0)
+    }
+
+    fn jacobian(&self, q: &JointVector) -> Jacobian {
+        let grasp_centre: Point3<f64> = self.target.X_WG * self.planner.gripper.grasp_centre();
+        self.planner.robot.jacobian(&self.planner.robot.link_poses(q), &grasp_centre)
+    }
+
+    fn arrival(&self, jacobian: &Jacobian, bounds: &[Interval; MAX_JOINTS]) -> Option<Arrival> {
+        let most = self.planner.config.max_speed_fraction;
+        arrival(jacobian, &self.target.v_WO, bounds, most, &Weights::FASTEST)
+    }
+
+    /// The arrival within the exact bounds, of which no spline can do better.
+    fn optimistic(&self, q: &JointVector, acceleration_share: f64) -> Option<Arrival> {
+        let mut bounds = [Interval { low: 0.0, high: 0.0 }; MAX_JOINTS];
+        for i in 0..self.planner.robot.dof() {
+            let mut reach = self.reaches[i];
+            reach.acceleration *= acceleration_share;
+            let displacement = q[i] - self.start.state.q[i];
+            let far = reach.displacements();
+            if displacement < far.low - 1e-9 || displacement > far.high + 1e-9 {
+                return None;
+            }
+            bounds[i] = reach.arrival_velocities(displacement.clamp(far.low, far.high));
+        }
+        self.arrival(&self.jacobian(q), &bounds)
+    }
+
+    /// The motion to a posture with the highest speed fraction.
+    fn solve(&self, posture: &Posture) -> Option<PosedCatch> {
+        let most = self.planner.config.max_speed_fraction * (1.0 - 1e-6);
+        let easy = self.optimistic(&posture.q, EASY_SHARE).filter(|arrival| arrival.speed_fraction >= most);
+        easy.and_then(|arrival| self.spline(posture, &arrival)).or_else(|| {
+            let bounds = self.spline_bounds(&posture.q)?;
+            self.spline(posture, &self.arrival(&self.jacobian(&posture.q), &bounds)?)
+        })
+    }
+
+    /// The end velocities that a spline can have at `q`.
+    fn spline_bounds(&self, q: &JointVector) -> Option<[Interval; MAX_JOINTS]> {
+        let mut bounds = [Interval { low: 0.0, high: 0.0 }; MAX_JOINTS];
+        let state = &self.start.state;
+        let duration_s = self.target.catch_s - self.start.time_s;
+        for (i, bound) in bounds.iter_mut().enumerate().take(self.planner.robot.dof()) {
+            let limits = self.planner.limits(i, state, self.shares());
+            let start = JointState { q: state.q[i], dq: state.dq[i], ddq: state.ddq[i] };
+            let extreme = |sign| {
+                let end = End::Extreme { q: q[i], sign };
+                self.splines.range.end_velocity(&start, &end, duration_s, &limits)
+            };
+            // A hair inside, so that rounding cannot make the program for these ends infeasible.
+            *bound = Interval { low: extreme(-1.0)? + 1e-7, high: extreme(1.0)? - 1e-7 };
+            if bound.is_empty() {
+                let middle = f64::midpoint(bound.low, bound.high);
+                *bound = Interval { low: middle, high: middle };
+            }
+        }
+        Some(bounds)
+    }
+
+    fn shares(&self) -> Shares {
+        Shares { velocity: self.planner.config.velocity_share, acceleration: 1.0 - ROUNDING }
+    }
+
+    fn spline(&self, posture: &Posture, arrival: &Arrival) -> Option<PosedCatch> {
+        let (start, target) = (self.start, self.target);
+        let duration_s = target.catch_s - start.time_s;
+        let comfortable = &self.planner.robot.comfortable_q;
+        let spline =
+            self.planner.spline(&self.splines.at, &start.state, start.time_s, duration_s, self.shares(), |i| {
+                let ddq = [f64::NEG_INFINITY, f64::INFINITY];
+                (End::At { q: posture.q[i], dq: arrival.dq[i], ddq }, comfortable[i])
+            })?;
+        self.planner.keeps_torque(&spline).then(|| PosedCatch {
+            q: posture.q,
+            branch: posture.branch,
+            swivel: posture.swivel,
+            speed_fraction: arrival.speed_fraction,
+            spline,
+        })
+    }
+
+    /// Moves the elbow within its arc toward higher speed fractions, by steps that shrink where they do not help.
+    fn refine(&self, best: &mut PosedCatch, posture: &Posture) {
+        let mut step = (posture.arc[1] - posture.arc[0]) / 8.0;
+        for _ in 0..REFINEMENTS {
+            let better = [step, -step].iter().find_map(|by| {
+                let swivel = (best.swivel + by).clamp(posture.arc[0], posture.arc[1]);
+                let next = self.posture(posture.branch, posture.arc, swivel);
+                let promising =
+                    self.optimistic(&next.q, 1.0).is_some_and(|it| it.speed_fraction > best.speed_fraction + 1e-6);
+                let found = promising.then(|| self.solve(&next)).flatten();
+                found.filter(|it| it.speed_fraction > best.speed_fraction + 1e-6)
+            });
+            match better {
+                Some(found) => *best = found,
+                None => step /= 2.0,
+            }
+        }
+    }
+
+    /// Whether no swivel within the arcs of `postures` leaves joint velocities that keep the direction.
+    fn is_proven_unreachable(&self, _postures: &[Posture]) -> bool {
+        false
+    }
+}
