@@ -13,7 +13,7 @@ use catch_body::{JointVector, MAX_JOINTS, robot::Jacobian};
 use nalgebra::Vector3;
 
 use super::{
-    quadratic_program::{Constraint, Hessian, MAX_VARIABLES, Square, Variables},
+    quadratic_program::{Hessian, Row, Square, Variables},
     reachability::Interval,
 };
 
@@ -33,7 +33,7 @@ impl Weights {
     /// Speed and spin in balance.
     pub const BALANCED: Self = Self { speed: 20.0, spin: 0.1, damping: 1e-3 };
     /// Speed before all.
-    pub const FASTEST: Self = Self { speed: 1e5, spin: 0.01, damping: 1e-3 };
+    pub const FASTEST: Self = Self { speed: 1e6, spin: 0.01, damping: 1e-3 };
 }
 
 /// Joint velocities at the catch and what they do to the gripper.
@@ -69,26 +69,24 @@ pub fn arrival(
     let mut gradient = Variables::zeros();
     gradient[S] = -weights.speed * max_speed_fraction;
 
-    let mut constraints = [Constraint { a: Variables::zeros(), b: 0.0 }; 3 + 2 * MAX_VARIABLES];
-    for (axis, constraint) in constraints[..3].iter_mut().enumerate() {
-        constraint.a.fixed_rows_mut::<MAX_JOINTS>(0).copy_from(&linear.row(axis).transpose());
-        constraint.a[S] = -v_WO[axis];
+    let mut rows = [Row::new(Variables::zeros()); 3 + MAX_JOINTS + 1];
+    let mut limits = [[0.0; 2]; 3 + MAX_JOINTS + 1];
+    for (axis, row) in rows[..3].iter_mut().enumerate() {
+        let mut a = Variables::zeros();
+        a.fixed_rows_mut::<MAX_JOINTS>(0).copy_from(&linear.row(axis).transpose());
+        a[S] = -v_WO[axis];
+        *row = Row::new(a);
     }
-    let mut count = 3;
-    let mut bound = |variable: usize, low: f64, high: f64| {
-        let a = Variables::ith(variable, 1.0);
-        constraints[count] = Constraint { a, b: low };
-        constraints[count + 1] = Constraint { a: -a, b: -high };
-        count += 2;
-    };
     for (joint, interval) in bounds.iter().enumerate() {
         if interval.is_empty() {
             return None;
         }
-        bound(joint, interval.low, interval.high);
+        rows[3 + joint] = Row::new(Variables::ith(joint, 1.0));
+        limits[3 + joint] = [interval.low, interval.high];
     }
-    bound(S, 0.0, max_speed_fraction);
-    let x = Hessian::new(&H)?.minimize(&gradient, &constraints[..count], 3)?;
+    rows[3 + S] = Row::new(Variables::ith(S, 1.0));
+    limits[3 + S] = [0.0, max_speed_fraction];
+    let x = Hessian::new(&H)?.minimize(&gradient, &rows, &limits, 3)?;
     let dq: JointVector = x.fixed_rows::<MAX_JOINTS>(0).into_owned();
     Some(Arrival { dq, speed_fraction: x[S].max(0.0), spin_radps: (angular * dq).norm() })
 }

@@ -15,10 +15,13 @@
 use catch_body::robot::JointLimits;
 use catch_cell::spline::{DEGREE, basis};
 
-use super::quadratic_program::{Constraint, Hessian, MAX_VARIABLES, Square, Variables};
+use super::quadratic_program::{Hessian, MAX_VARIABLES, Row, Square, Variables};
 
 /// Most control points of one spline.
 const MAX_POINTS: usize = 16;
+
+/// Control points of one joint; those beyond the spline's number are zero.
+pub type JointPoints = [f64; MAX_POINTS];
 
 /// Weight on the velocity at the end where nothing but it matters: above it the limits alone decide.
 const EXTREME: f64 = 1e4;
@@ -80,11 +83,34 @@ pub struct JointState {
 /// A derivative's control point as a combination of the spline's own.
 type Combination = [f64; MAX_POINTS];
 
-/// A bounded quantity: over all control points, and over the free variables alone.
+/// A bounded quantity as a combination of all control points.
 #[derive(Debug, Clone, Copy)]
-struct Row {
+struct Bounded {
     combination: Combination,
-    free: Variables,
+    /// Beyond this range the combination vanishes.
+    first: usize,
+    last: usize,
+    of: Quantity,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Quantity {
+    Position,
+    Velocity,
+    Acceleration,
+    LastAcceleration,
+}
+
+impl Bounded {
+    fn new(combination: Combination, of: Quantity) -> Self {
+        let first = combination.iter().position(|it| *it != 0.0).unwrap_or(0);
+        let last = combination.iter().rposition(|it| *it != 0.0).map_or(0, |it| it + 1);
+        Self { combination, first, last, of }
+    }
+
+    fn dot(&self, points: &[f64; MAX_POINTS]) -> f64 {
+        (self.first..self.last).map(|i| self.combination[i] * points[i]).sum()
+    }
 }
 
 /// The quadratic program with everything that does not depend on the joint, factorized.
@@ -94,11 +120,15 @@ pub struct JointSpline {
     pub knots: Vec<f64>,
     points: usize,
     ends: Ends,
-    velocity: Vec<Row>,
-    acceleration: Vec<Row>,
+    /// What has bounds and does not depend on the free variables, and what does, with its rows over them.
+    given: Vec<Bounded>,
+    bounded: Vec<Bounded>,
+    rows: Vec<Row>,
+    /// Cost over control points, variable by variable, for the gradient.
+    cost_rows: Vec<Combination>,
+    pulls: Vec<f64>,
     /// Full cost over the control points, for the gradient that the fixed ones cause.
     cost: [[f64; MAX_POINTS]; MAX_POINTS],
-    comfort: Combination,
     hessian: Hessian,
 }
 
@@ -162,16 +192,34 @@ impl JointSpline {
             knots,
             points,
             ends,
-            velocity: Vec::new(),
-            acceleration: Vec::new(),
+            given: Vec::new(),
+            bounded: Vec::new(),
+            rows: Vec::new(),
+            cost_rows: Vec::new(),
+            pulls: Vec::new(),
             cost,
-            comfort,
             hessian: Hessian::new(&Square::identity()).expect("the identity is positive definite"),
         };
         assert!(spline.free() <= MAX_VARIABLES, "too many spans");
-        let row = |combination: &Combination| Row { combination: *combination, free: reduced(combination, &spline) };
-        (spline.velocity, spline.acceleration) =
-            (velocity.iter().map(row).collect(), acceleration.iter().map(row).collect());
+        let last = acceleration[acceleration.len() - 1];
+        let quantities = identity
+            .iter()
+            .map(|it| Bounded::new(*it, Quantity::Position))
+            .chain(velocity.iter().map(|it| Bounded::new(*it, Quantity::Velocity)))
+            .chain(acceleration.iter().map(|it| Bounded::new(*it, Quantity::Acceleration)))
+            .chain((ends.end == EndKind::At).then(|| Bounded::new(last, Quantity::LastAcceleration)));
+        for quantity in quantities {
+            let row = Row::new(reduced(&quantity.combination, &spline));
+            // The lifted end of a spline at rest is one and the same point, bounded once.
+            if row.is_zero() {
+                spline.given.push(quantity);
+            } else {
+                spline.bounded.push(quantity);
+                spline.rows.push(row);
+            }
+        }
+        spline.cost_rows = (0..spline.free()).map(|variable| spline.cost_row(variable)).collect();
+        spline.pulls = (0..spline.free()).map(|variable| spline.lifted(variable).map(|i| comfort[i]).sum()).collect();
         let mut H = Square::identity();
         for variable in 0..spline.free() {
             let row = reduced(&spline.cost_row(variable), &spline);
@@ -191,57 +239,43 @@ impl JointSpline {
         duration_s: f64,
         limits: &JointLimits,
         comfortable: f64,
-    ) -> Option<[f64; MAX_POINTS]> {
+    ) -> Option<JointPoints> {
         let fixed = self.fixed_points(start, end, duration_s);
         let mut gradient = Variables::zeros();
         for variable in 0..self.free() {
-            let row = self.cost_row(variable);
-            let pull: f64 = self.lifted(variable).map(|i| self.comfort[i]).sum();
-            gradient[variable] = dot(&row, &fixed) - comfortable * pull;
+            gradient[variable] = dot(&self.cost_rows[variable], &fixed) - comfortable * self.pulls[variable];
         }
-
         if let End::Extreme { sign, .. } = end {
             // Of a clamped spline q′ = 3·(cₙ₋₁ − cₙ₋₂)/h: the higher the last free point, the lower the velocity.
             gradient[self.free() - 1] += sign * EXTREME;
         }
 
-        let mut constraints = [Constraint { a: Variables::zeros(), b: 0.0 }; 6 * MAX_POINTS];
-        let mut count = 0;
-        let mut bound = |a: &Variables, offset: f64, lower: f64, upper: f64| {
-            if a.amax() == 0.0 {
-                // Nothing free enters: it holds, or no motion does.
-                let rounding = 1e-9 * (1.0 + upper.abs() + lower.abs());
-                return offset >= lower - rounding && offset <= upper + rounding;
-            }
-            constraints[count] = Constraint { a: *a, b: lower - offset };
-            constraints[count + 1] = Constraint { a: -a, b: offset - upper };
-            count += 2;
-            true
+        let (velocity, acceleration) = (limits.velocity * duration_s, limits.acceleration * duration_s * duration_s);
+        let last = match end {
+            End::At { ddq, .. } => ddq.map(|it| it * duration_s * duration_s),
+            End::Extreme { .. } | End::Rest => [f64::NEG_INFINITY, f64::INFINITY],
         };
-        let mut fits = (0..self.points)
-            .filter(|i| !self.is_free(*i))
-            .all(|i| bound(&Variables::zeros(), fixed[i], limits.lower, limits.upper));
-        for variable in 0..self.free() {
-            fits = fits && bound(&Variables::ith(variable, 1.0), 0.0, limits.lower, limits.upper);
-        }
-        let mut bound_row =
-            |row: &Row, lower: f64, upper: f64| bound(&row.free, dot(&row.combination, &fixed), lower, upper);
-        let most = limits.velocity * duration_s;
-        let fits = fits && self.velocity.iter().all(|it| bound_row(it, -most, most));
-        let most = limits.acceleration * duration_s * duration_s;
-        let fits = fits && self.acceleration.iter().all(|it| bound_row(it, -most, most));
-        let last = &self.acceleration[self.acceleration.len() - 1];
-        let fits = fits
-            && match end {
-                End::At { ddq: [low, high], .. } => {
-                    bound_row(last, low * duration_s * duration_s, high * duration_s * duration_s)
-                }
-                End::Extreme { .. } | End::Rest => true,
-            };
-        if !fits {
+        let range = |of: Quantity| match of {
+            Quantity::Position => [limits.lower, limits.upper],
+            Quantity::Velocity => [-velocity, velocity],
+            Quantity::Acceleration => [-acceleration, acceleration],
+            Quantity::LastAcceleration => last,
+        };
+        // Where nothing free enters, it holds, or no motion does.
+        let holds = self.given.iter().all(|quantity| {
+            let ([low, high], value) = (range(quantity.of), quantity.dot(&fixed));
+            let rounding = 1e-9 * (1.0 + value.abs());
+            value >= low - rounding && value <= high + rounding
+        });
+        if !holds {
             return None;
         }
-        let x = self.hessian.minimize(&gradient, &constraints[..count], 0)?;
+        let mut bounds = [[0.0; 2]; 4 * MAX_POINTS];
+        for (bound, quantity) in bounds.iter_mut().zip(&self.bounded) {
+            let offset = quantity.dot(&fixed);
+            *bound = range(quantity.of).map(|it| it - offset);
+        }
+        let x = self.hessian.minimize(&gradient, &self.rows, &bounds[..self.rows.len()], 0)?;
         let mut points = fixed;
         for variable in 0..self.free() {
             for index in self.lifted(variable) {
@@ -271,10 +305,6 @@ impl JointSpline {
     fn free(&self) -> usize {
         let given_at_end = if self.ends.end == EndKind::Position { 1 } else { 2 };
         self.points - self.given_at_start() - given_at_end
-    }
-
-    fn is_free(&self, point: usize) -> bool {
-        (0..self.free()).any(|variable| self.lifted(variable).contains(&point))
     }
 
     /// The control points that a variable moves: one, or, at an end at rest, the last three together.

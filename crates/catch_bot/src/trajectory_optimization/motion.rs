@@ -14,6 +14,8 @@ pub(super) const BRAKE_SHARE: f64 = 0.5;
 const MIN_BRAKE_S: f64 = 0.2;
 /// Instants at which torque and clearance are checked along a motion.
 const CHECKS: usize = 40;
+/// Instants at which torque is checked on the way to the catch: at each of its spans' ends and in the middle.
+const TORQUE_CHECKS: usize = 20;
 /// Distance from the acceleration limits that rounding needs, relative.
 pub(super) const ROUNDING: f64 = 1e-7;
 
@@ -96,7 +98,7 @@ impl Planner {
     }
 
     /// One spline per joint, put together.
-    pub(super) fn spline(
+    fn spline(
         &self,
         kind: &JointSpline,
         state: &Setpoint,
@@ -134,8 +136,8 @@ impl Planner {
     /// Whether torque limits hold along a motion.
     pub(super) fn keeps_torque(&self, spline: &BSpline) -> bool {
         let (start_s, length_s) = (spline.start_s(), spline.end_s() - spline.start_s());
-        (0..=CHECKS).all(|i| {
-            let [q, dq, ddq] = spline.evaluate(start_s + length_s * i as f64 / CHECKS as f64);
+        (0..=TORQUE_CHECKS).all(|i| {
+            let [q, dq, ddq] = spline.evaluate(start_s + length_s * i as f64 / TORQUE_CHECKS as f64);
             let torque = self.robot.inverse_dynamics(&q, &dq, &ddq);
             (0..self.robot.dof())
                 .all(|i| torque[i].abs() <= self.robot.joints[i].limits.torque * self.config.torque_share)
@@ -143,7 +145,7 @@ impl Planner {
     }
 
     /// Whether torque limits and clearances hold along a trajectory.
-    pub(super) fn is_safe(&self, trajectory: &ArmTrajectory, width_m: f64) -> bool {
+    fn is_safe(&self, trajectory: &ArmTrajectory, width_m: f64) -> bool {
         let (start_s, length_s) = (trajectory.start_s(), trajectory.end_s() - trajectory.start_s());
         (0..=CHECKS).all(|i| {
             let at = trajectory.setpoint(start_s + length_s * i as f64 / CHECKS as f64);

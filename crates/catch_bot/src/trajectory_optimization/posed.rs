@@ -16,7 +16,7 @@ use nalgebra::{Point3, Vector3};
 use super::{
     CatchSplines, Planner, Refusal, Start,
     arrival::{Arrival, Weights, arrival},
-    joint_spline::{End, JointState},
+    joint_spline::{End, JointPoints, JointState},
     motion::{ROUNDING, Shares},
     reachability::{Interval, JointReach},
     search::effort,
@@ -51,9 +51,13 @@ pub struct PosedCatch {
 /// Swivel angles that are looked at in each arc, as shares of it.
 const SHARES_OF_ARC: [f64; 5] = [0.5, 0.25, 0.75, 0.05, 0.95];
 /// A speed fraction this close to the best possible, relative, needs no further search.
-const GOOD_ENOUGH: f64 = 1e-3;
+const GOOD_ENOUGH: f64 = 5e-3;
+/// Share of the acceleration limits at which the exact bounds are about those of a spline.
+const SPLINE_SHARE: f64 = 0.97;
 /// Steps of the search along the swivel for a higher speed fraction.
 const REFINEMENTS: usize = 8;
+/// Distance from the extreme velocity of a spline at which another one surely has it, in rad/s.
+const INSIDE: f64 = 1e-7;
 /// Share of the acceleration limits at which the exact bounds are usually within a spline's reach.
 const EASY_SHARE: f64 = 0.9;
 
@@ -90,36 +94,37 @@ impl Planner {
         if postures.is_empty() {
             return Err(Refusal::OutOfReach);
         }
+        // Where the arm need not hurry, the first posture will do.
         postures.sort_by(|a, b| a.effort.total_cmp(&b.effort));
+        if let Some(found) = postures.iter().find_map(|posture| task.easily(posture)) {
+            return Ok(found);
+        }
+        // Else the most promising first, until none that is left can be better.
+        let mut promising: Vec<(f64, Posture)> = postures
+            .iter()
+            .filter_map(|posture| Some((task.optimistic(&posture.q, 1.0)?, *posture)))
+            .map(|(arrival, posture)| (arrival.speed_fraction, posture))
+            .collect();
+        promising.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut best: Option<PosedCatch> = None;
-        let mut any_arrival = false;
-        let enough = self.config.max_speed_fraction * (1.0 - GOOD_ENOUGH);
-        let mut best_posture = postures[0];
-        for posture in &postures {
+        let mut tried: Vec<[f64; 2]> = Vec::new();
+        for (optimistic, posture) in &promising {
             let fraction = best.as_ref().map_or(-1.0, |it| it.speed_fraction);
-            if fraction >= enough {
+            if *optimistic <= fraction * (1.0 + GOOD_ENOUGH) {
                 break;
             }
-            let Some(optimistic) = task.optimistic(&posture.q, 1.0) else { continue };
-            any_arrival = true;
-            if optimistic.speed_fraction <= fraction {
-                continue;
-            }
-            if let Some(found) = task.solve(posture).filter(|found| found.speed_fraction > fraction) {
+            // The first posture of an arc is moved along it; the others are for arcs with no motion at the best place.
+            let posture = if tried.contains(&posture.arc) { *posture } else { task.moved(posture, *optimistic) };
+            tried.push(posture.arc);
+            if let Some(found) = task.solve(&posture, fraction) {
                 best = Some(found);
-                best_posture = *posture;
             }
         }
-        if let Some(found) = &mut best
-            && found.speed_fraction < enough
-        {
-            task.refine(found, &best_posture);
+        match best {
+            Some(found) => Ok(found),
+            None if promising.is_empty() && task.is_proven_unreachable() => Err(Refusal::OutOfReach),
+            None => Err(Refusal::NoMotion),
         }
-        best.ok_or(if any_arrival || !task.is_proven_unreachable(&postures) {
-            Refusal::NoMotion
-        } else {
-            Refusal::OutOfReach
-        })
     }
 
     /// The same catch for a target that has moved a little: the elbow stays where it is.
@@ -128,7 +133,8 @@ impl Planner {
         let q = task.srs.solve_branch(&task.circle, known.swivel, known.branch);
         let posture =
             Posture { branch: known.branch, swivel: known.swivel, arc: [known.swivel; 2], q, effort: task.effort(&q) };
-        let found = (posture.effort <= 1.0).then(|| task.solve(&posture)).flatten();
+        let found =
+            (posture.effort <= 1.0).then(|| task.easily(&posture).or_else(|| task.solve(&posture, -1.0))).flatten();
         let close = |it: &PosedCatch| it.speed_fraction >= known.speed_fraction * 0.98;
         match found.filter(close) {
             Some(found) => Ok(found),
@@ -192,6 +198,10 @@ impl Task<'_> {
 
     /// The arrival within the exact bounds, of which no spline can do better.
     fn optimistic(&self, q: &JointVector, acceleration_share: f64) -> Option<Arrival> {
+        self.arrival(&self.jacobian(q), &self.exact_bounds(q, acceleration_share)?)
+    }
+
+    fn exact_bounds(&self, q: &JointVector, acceleration_share: f64) -> Option<[Interval; MAX_JOINTS]> {
         let mut bounds = [Interval { low: 0.0, high: 0.0 }; MAX_JOINTS];
         for i in 0..self.planner.robot.dof() {
             let mut reach = self.reaches[i];
@@ -203,84 +213,124 @@ impl Task<'_> {
             }
             bounds[i] = reach.arrival_velocities(displacement.clamp(far.low, far.high));
         }
-        self.arrival(&self.jacobian(q), &bounds)
+        Some(bounds)
     }
 
-    /// The motion to a posture with the highest speed fraction.
-    fn solve(&self, posture: &Posture) -> Option<PosedCatch> {
-        let most = self.planner.config.max_speed_fraction * (1.0 - 1e-6);
-        let easy = self.optimistic(&posture.q, EASY_SHARE).filter(|arrival| arrival.speed_fraction >= most);
-        easy.and_then(|arrival| self.spline(posture, &arrival)).or_else(|| {
-            let bounds = self.spline_bounds(&posture.q)?;
-            self.spline(posture, &self.arrival(&self.jacobian(&posture.q), &bounds)?)
-        })
-    }
-
-    /// The end velocities that a spline can have at `q`.
-    fn spline_bounds(&self, q: &JointVector) -> Option<[Interval; MAX_JOINTS]> {
-        let mut bounds = [Interval { low: 0.0, high: 0.0 }; MAX_JOINTS];
-        let state = &self.start.state;
+    /// The motion to a posture at the highest speed fraction, if the arm need not exhaust its limits for it.
+    fn easily(&self, posture: &Posture) -> Option<PosedCatch> {
+        let enough = self.planner.config.max_speed_fraction * (1.0 - GOOD_ENOUGH);
+        let arrival = self.optimistic(&posture.q, EASY_SHARE).filter(|arrival| arrival.speed_fraction >= enough)?;
         let duration_s = self.target.catch_s - self.start.time_s;
-        for (i, bound) in bounds.iter_mut().enumerate().take(self.planner.robot.dof()) {
-            let limits = self.planner.limits(i, state, self.shares());
-            let start = JointState { q: state.q[i], dq: state.dq[i], ddq: state.ddq[i] };
-            let extreme = |sign| {
-                let end = End::Extreme { q: q[i], sign };
-                self.splines.range.end_velocity(&start, &end, duration_s, &limits)
-            };
-            // A hair inside, so that rounding cannot make the program for these ends infeasible.
-            *bound = Interval { low: extreme(-1.0)? + 1e-7, high: extreme(1.0)? - 1e-7 };
-            if bound.is_empty() {
-                let middle = f64::midpoint(bound.low, bound.high);
-                *bound = Interval { low: middle, high: middle };
+        let mut points = vec![JointVector::zeros(); self.splines.at.control_points()];
+        for i in 0..self.planner.robot.dof() {
+            self.set_points(&mut points, i, &self.joint_spline(i, posture.q[i], arrival.dq[i], duration_s)?);
+        }
+        self.finished(posture, &arrival, points)
+    }
+
+    /// The motion to a posture with the highest speed fraction that a spline can have, if that is above `least`.
+    ///
+    /// It starts from the exact bounds; a joint whose spline does not exist there gets the spline's own bound on that side.
+    fn solve(&self, posture: &Posture, least: f64) -> Option<PosedCatch> {
+        let dof = self.planner.robot.dof();
+        let duration_s = self.target.catch_s - self.start.time_s;
+        let mut bounds = self.exact_bounds(&posture.q, 1.0)?;
+        let jacobian = self.jacobian(&posture.q);
+        let mut points = vec![JointVector::zeros(); self.splines.at.control_points()];
+        for _ in 0..=2 * dof {
+            let arrival = self.arrival(&jacobian, &bounds).filter(|it| it.speed_fraction > least)?;
+            let mut all = true;
+            for (i, bound) in bounds.iter_mut().enumerate().take(dof) {
+                match self.joint_spline(i, posture.q[i], arrival.dq[i], duration_s) {
+                    Some(joint) => self.set_points(&mut points, i, &joint),
+                    None => {
+                        all = false;
+                        *bound = self.cut(i, posture.q[i], arrival.dq[i], bound)?;
+                    }
+                }
+            }
+            if all {
+                return self.finished(posture, &arrival, points);
             }
         }
-        Some(bounds)
+        None
+    }
+
+    /// The bounds of joint `i` cut to what a spline can do, on the side on which it cannot have the end velocity `dq`.
+    fn cut(&self, i: usize, q: f64, dq: f64, bound: &Interval) -> Option<Interval> {
+        let state = &self.start.state;
+        let duration_s = self.target.catch_s - self.start.time_s;
+        let limits = self.planner.limits(i, state, self.shares());
+        let start = JointState { q: state.q[i], dq: state.dq[i], ddq: state.ddq[i] };
+        let extreme = |sign: f64| {
+            let found = self.splines.range.end_velocity(&start, &End::Extreme { q, sign }, duration_s, &limits)?;
+            // A hair inside, so that rounding cannot make the program for this end infeasible.
+            Some(found - sign * INSIDE)
+        };
+        let upper_first = bound.high - dq < dq - bound.low;
+        for side in [upper_first, !upper_first] {
+            let at = extreme(if side { 1.0 } else { -1.0 })?;
+            if side && at < dq {
+                return Some(Interval { low: bound.low.min(at), high: at });
+            }
+            if !side && at > dq {
+                return Some(Interval { low: at, high: bound.high.max(at) });
+            }
+        }
+        None
+    }
+
+    fn joint_spline(&self, i: usize, q: f64, dq: f64, duration_s: f64) -> Option<JointPoints> {
+        let state = &self.start.state;
+        let limits = self.planner.limits(i, state, self.shares());
+        let start = JointState { q: state.q[i], dq: state.dq[i], ddq: state.ddq[i] };
+        let end = End::At { q, dq, ddq: [f64::NEG_INFINITY, f64::INFINITY] };
+        self.splines.at.solve(&start, &end, duration_s, &limits, self.planner.robot.comfortable_q[i])
+    }
+
+    fn set_points(&self, points: &mut [JointVector], i: usize, joint: &JointPoints) {
+        for (point, value) in points.iter_mut().zip(joint) {
+            point[i] = *value;
+        }
+    }
+
+    fn finished(&self, posture: &Posture, arrival: &Arrival, control_points: Vec<JointVector>) -> Option<PosedCatch> {
+        let (start_s, duration_s) = (self.start.time_s, self.target.catch_s - self.start.time_s);
+        let knots_s = self.splines.at.knots.iter().map(|knot| start_s + knot * duration_s).collect();
+        let spline = BSpline { knots_s, control_points };
+        let Posture { q, branch, swivel, .. } = *posture;
+        let speed_fraction = arrival.speed_fraction;
+        self.planner.keeps_torque(&spline).then_some(PosedCatch { q, branch, swivel, speed_fraction, spline })
     }
 
     fn shares(&self) -> Shares {
         Shares { velocity: self.planner.config.velocity_share, acceleration: 1.0 - ROUNDING }
     }
 
-    fn spline(&self, posture: &Posture, arrival: &Arrival) -> Option<PosedCatch> {
-        let (start, target) = (self.start, self.target);
-        let duration_s = target.catch_s - start.time_s;
-        let comfortable = &self.planner.robot.comfortable_q;
-        let spline =
-            self.planner.spline(&self.splines.at, &start.state, start.time_s, duration_s, self.shares(), |i| {
-                let ddq = [f64::NEG_INFINITY, f64::INFINITY];
-                (End::At { q: posture.q[i], dq: arrival.dq[i], ddq }, comfortable[i])
-            })?;
-        self.planner.keeps_torque(&spline).then(|| PosedCatch {
-            q: posture.q,
-            branch: posture.branch,
-            swivel: posture.swivel,
-            speed_fraction: arrival.speed_fraction,
-            spline,
-        })
-    }
-
-    /// Moves the elbow within its arc toward higher speed fractions, by steps that shrink where they do not help.
-    fn refine(&self, best: &mut PosedCatch, posture: &Posture) {
+    /// Moves the elbow within its arc toward higher speed fractions, by steps that shrink where they do not help. What counts
+    /// are exact bounds a little inside the limits, which are about those of a spline.
+    fn moved(&self, posture: &Posture, optimistic: f64) -> Posture {
+        let value = |q: &JointVector| self.optimistic(q, SPLINE_SHARE).map_or(-1.0, |it| it.speed_fraction);
+        let mut best = *posture;
+        let mut most = value(&posture.q).min(optimistic);
         let mut step = (posture.arc[1] - posture.arc[0]) / 8.0;
         for _ in 0..REFINEMENTS {
             let better = [step, -step].iter().find_map(|by| {
                 let swivel = (best.swivel + by).clamp(posture.arc[0], posture.arc[1]);
                 let next = self.posture(posture.branch, posture.arc, swivel);
-                let promising =
-                    self.optimistic(&next.q, 1.0).is_some_and(|it| it.speed_fraction > best.speed_fraction + 1e-6);
-                let found = promising.then(|| self.solve(&next)).flatten();
-                found.filter(|it| it.speed_fraction > best.speed_fraction + 1e-6)
+                let fraction = value(&next.q);
+                (fraction > most).then_some((fraction, next))
             });
             match better {
-                Some(found) => *best = found,
+                Some(found) => (most, best) = found,
                 None => step /= 2.0,
             }
         }
+        best
     }
 
-    /// Whether no swivel within the arcs of `postures` leaves joint velocities that keep the direction.
-    fn is_proven_unreachable(&self, _postures: &[Posture]) -> bool {
+    /// Whether no swivel that the arm can reach leaves joint velocities that keep the direction.
+    fn is_proven_unreachable(&self) -> bool {
         false
     }
 }
