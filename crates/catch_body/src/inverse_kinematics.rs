@@ -257,6 +257,28 @@ mod tests {
             }
         }
 
+        /// No joint turns more than its bound while the elbow moves.
+        #[test]
+        fn joints_turn_no_more_than_claimed(
+            unit in prop::array::uniform7(-0.99f64..0.99), swivel in -3.1f64..3.1, by in 0.001f64..0.3, share in -1.0f64..1.0,
+        ) {
+            let robot = iiwa();
+            let arm = SrsArm::of(&robot).unwrap();
+            let q = robot.per_joint(|joint| joint.limits.upper).component_mul(&robot.joint_vector(&unit).unwrap());
+            prop_assume!(q[3].abs() > 0.01);
+            let circle = arm.elbow_circle(&robot.gripper_pose(&q)).unwrap();
+            for branch in Branch::ALL {
+                let most = arm.turned_by(&circle, swivel, branch, by);
+                let before = arm.solve_branch(&circle, swivel, branch);
+                let after = arm.solve_branch(&circle, swivel + share * by, branch);
+                for i in 0..7 {
+                    let turn = (after[i] - before[i]).abs();
+                    let turn = turn.min(std::f64::consts::TAU - turn);
+                    prop_assert!(turn <= most[i] + 1e-9, "joint {i} turns by {turn}, not {}", most[i]);
+                }
+            }
+        }
+
         /// FK ∘ IK is the identity for every solution, and the pose's own joint angles are among them.
         #[test]
         fn solutions_reach_the_pose(unit in prop::array::uniform7(-0.99f64..0.99), swivel in -3.1f64..3.1) {

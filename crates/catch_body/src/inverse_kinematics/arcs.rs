@@ -184,6 +184,27 @@ impl SrsArm {
         found
     }
 
+    /// By how much at most each joint turns, in radians, while the elbow moves by up to `by` radians from `swivel`.
+    ///
+    /// A form changes by r·by at most; so does the direction (x, y) whose angle a joint is.
+    pub fn turned_by(&self, circle: &ElbowCircle, swivel: f64, branch: Branch, by: f64) -> [f64; 7] {
+        let (shoulder, wrist) = self.forms(circle, if branch.elbow { -1.0 } else { 1.0 });
+        let at = Harmonic::new(1.0, swivel.cos(), swivel.sin());
+        let change = |h: &Harmonic| h.y.hypot(h.z) * by;
+        let angle = |[x, y]: &[Harmonic; 2]| {
+            let share = change(x).hypot(change(y)) / x.dot(&at).hypot(y.dot(&at));
+            if share < 1.0 { share.asin() } else { std::f64::consts::TAU }
+        };
+        let arc_cosine = |h: &Harmonic| {
+            let arc = |value: f64| value.clamp(-1.0, 1.0).acos();
+            let (value, change) = (h.dot(&at), change(h));
+            (arc(value - change) - arc(value)).max(arc(value) - arc(value + change))
+        };
+        let turned = |forms: &EulerForms| [angle(&forms.first), arc_cosine(&forms.along), angle(&forms.last)];
+        let ([a, b, c], [e, f, g]) = (turned(&shoulder), turned(&wrist));
+        [a, b, c, 0.0, e, f, g]
+    }
+
     /// Where three joints that turn about u, b, u from `first` on keep their ranges; `sign` is that of the middle one.
     fn within(&self, forms: &EulerForms, first: usize, sign: f64, ranges: &[[f64; 2]; 7]) -> Arcs {
         let u = self.along.into_inner();

@@ -15,7 +15,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::{
     CatchSplines, Planner, Refusal, Start,
-    arrival::{Arrival, Weights, arrival},
+    arrival::{Arrival, Weights, arrival, shortfall},
     joint_spline::{End, JointPoints, JointState},
     motion::{ROUNDING, Shares},
     reachability::{Interval, JointReach},
@@ -56,6 +56,10 @@ const GOOD_ENOUGH: f64 = 5e-3;
 const SPLINE_SHARE: f64 = 0.97;
 /// Steps of the search along the swivel for a higher speed fraction.
 const REFINEMENTS: usize = 8;
+/// Pieces of arcs that a proof may look at.
+const PROOF_PIECES: usize = 4000;
+/// No point of an arm that throws are caught with is farther from another, in metres.
+const LONGEST_M: f64 = 2.0;
 /// Distance from the extreme velocity of a spline at which another one surely has it, in rad/s.
 const INSIDE: f64 = 1e-7;
 /// Share of the acceleration limits at which the exact bounds are usually within a spline's reach.
@@ -331,6 +335,66 @@ impl Task<'_> {
 
     /// Whether no swivel that the arm can reach leaves joint velocities that keep the direction.
     fn is_proven_unreachable(&self) -> bool {
-        false
+        let mut pieces = PROOF_PIECES;
+        self.srs
+            .swivels(&self.circle, &self.ranges())
+            .iter()
+            .all(|(branch, arcs)| arcs.iter().all(|arc| self.is_barred(*branch, *arc, &mut pieces)))
+    }
+
+    /// Whether an arc is proven to leave no velocities, by halves: a direction λ separates all that the grasp centre can do,
+    /// wherever on the arc the elbow is, from the object's direction if
+    ///
+    /// ```text
+    ///     max λᵀ·J_v·q̇  =  Σ max(λᵀJᵢ·q̇ᵢ) + Σ |ΔJᵢ|·max|q̇ᵢ|   <   min λᵀ·s·v_O  =  min(0, s_max·λᵀv_O)
+    /// ```
+    /// where q̇ᵢ has all values that it has anywhere on the arc and |ΔJᵢ| bounds how J's columns vary along it: a column
+    /// z × (p − o) with p at rest turns with the joints before it, |ΔJᵢ| ≤ Σₖ |Δqₖ|·(|p − oᵢ| + |oᵢ − oₖ|) for k < i, and
+    /// the far ends of the arm's parts bound both distances.
+    fn is_barred(&self, branch: Branch, arc: [f64; 2], pieces: &mut usize) -> bool {
+        if *pieces == 0 {
+            return false;
+        }
+        *pieces -= 1;
+        let (middle, half) = (f64::midpoint(arc[0], arc[1]), (arc[1] - arc[0]) / 2.0);
+        self.is_barred_as_one(branch, middle, half)
+            || (self.is_barred(branch, [arc[0], middle], pieces) && self.is_barred(branch, [middle, arc[1]], pieces))
+    }
+
+    fn is_barred_as_one(&self, branch: Branch, swivel: f64, half: f64) -> bool {
+        let robot = &self.planner.robot;
+        let q = self.srs.solve_branch(&self.circle, swivel, branch);
+        let turns = self.srs.turned_by(&self.circle, swivel, branch, half + 1e-9);
+        let mut bounds = [Interval { low: 0.0, high: 0.0 }; MAX_JOINTS];
+        for (i, turn) in turns.iter().enumerate() {
+            let far = self.reaches[i].displacements();
+            let at = |by: f64| {
+                let displacement = (q[i] + by - self.start.state.q[i]).clamp(far.low, far.high);
+                self.reaches[i].arrival_velocities(displacement)
+            };
+            // Both ends rise with the displacement.
+            bounds[i] = Interval { low: at(-turn).low - 1e-9, high: at(*turn).high + 1e-9 };
+        }
+        let jacobian = self.jacobian(&q);
+        let most = self.planner.config.max_speed_fraction;
+        let Some(lambda) = shortfall(&jacobian, &self.target.v_WO, &bounds, most) else { return false };
+        let X_WL = robot.link_poses(&q);
+        let grasp_centre: Point3<f64> = self.target.X_WG * self.planner.gripper.grasp_centre();
+        let mut reached = 0.0;
+        for i in 0..turns.len() {
+            let (_, origin) = robot.joint_axis(&X_WL, i);
+            let along = lambda.dot(&jacobian.fixed_view::<3, 1>(3, i));
+            let varied: f64 = (0..i)
+                .map(|k| {
+                    let (_, before) = robot.joint_axis(&X_WL, k);
+                    // The distances vary along the arc, too: each by less than the turns before it move its ends.
+                    let distance = (grasp_centre - origin).norm() + (origin - before).norm();
+                    turns[k] * (distance + turns[..i].iter().sum::<f64>() * 2.0 * LONGEST_M)
+                })
+                .sum();
+            let Interval { low, high } = bounds[i];
+            reached += (along * low).max(along * high) + varied * lambda.norm() * low.abs().max(high.abs());
+        }
+        reached < (most * lambda.dot(&self.target.v_WO)).min(0.0)
     }
 }
