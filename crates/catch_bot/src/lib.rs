@@ -133,6 +133,11 @@ impl CatchingBot {
     pub fn reference(&self) -> &ReferenceModel {
         &self.reference
     }
+
+    /// All ways of holding it that its shape allows.
+    pub fn grasps(&self) -> &GraspSet {
+        &self.grasps
+    }
 }
 
 impl Brain for CatchingBot {

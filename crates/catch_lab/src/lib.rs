@@ -6,8 +6,11 @@
 //! rows and [`statistics`] sums them up.
 
 pub mod assets;
+pub mod catch_page;
 pub mod check;
 pub mod evaluation;
+pub mod packed;
+pub mod playback;
 pub mod ready;
 pub mod recording;
 pub mod referee;
@@ -17,6 +20,7 @@ pub mod scenario;
 pub mod setup;
 pub mod statistics;
 pub mod stopwatch;
+pub mod throw_times;
 pub mod timeline;
 pub mod trial;
 
