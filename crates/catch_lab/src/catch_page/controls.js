@@ -1,5 +1,5 @@
 // Slider, keys, mouse and touch.
-let now = 0, playing = false, whole = false, waiting = false, lastFrame = 0, pace = 16;
+let now = 0, playing = false, whole = false, waiting = false, lastFrame = 0, pace = 16, still = 0, later = 0;
 const shownUntil = () => (whole ? data.end_s : Math.min(data.flight_end_s + 0.3, data.end_s)) || 1;
 
 function refresh() {
@@ -14,18 +14,24 @@ function refresh() {
       if (now >= shownUntil()) { now = shownUntil(); setPlaying(false); }
       // A slow machine gets a coarser picture instead of a jerky one.
       pace += (since - pace) * 0.1;
-      if (pace > 36 && sharpness > 0.5) { sharpness -= 0.1; pace = 16; }
+      if (pace > 34 && sharpness > 0.65) { sharpness -= 0.1; pace = 16; }
     }
-    $("time").value = now; $("clock").textContent = `${now.toFixed(3)} s`;
-    draw(now);
-    for (const { surface, cursor, value, read, left, right } of plots) {
-      cursor.style.left = `${left + now / shownUntil() * (surface.clientWidth - left - right)}px`; value.textContent = read(now);
-    }
-    const current = latest(data.events.map((event) => event.time_s), now);
-    [...$("events").children].forEach((mark, i) => mark.classList.toggle("now", i === current));
-    if (!document.body.dataset.firstPictureMs) document.body.dataset.firstPictureMs = Math.round(performance.now());
+    show();
     if (playing) refresh();
+    // What stands still is drawn once more, finer.
+    clearTimeout(still);
+    if (!playing) still = setTimeout(() => draw(now, Math.max(2 / (devicePixelRatio || 1), 1)), 300);
   });
+}
+function show() {
+  $("time").value = now; $("clock").textContent = `${now.toFixed(3)} s`;
+  draw(now);
+  for (const { surface, cursor, value, read, left, right } of plots) {
+    cursor.style.left = `${left + now / shownUntil() * (surface.clientWidth - left - right)}px`; value.textContent = read(now);
+  }
+  const current = latest(data.events.map((event) => event.time_s), now);
+  [...$("events").children].forEach((mark, i) => mark.classList.toggle("now", i === current));
+  if (!document.body.dataset.firstPictureMs) document.body.dataset.firstPictureMs = Math.round(performance.now());
 }
 function seek(time) { now = Math.min(Math.max(time, 0), shownUntil()); refresh(); }
 function setPlaying(wanted) {
@@ -47,7 +53,8 @@ function placeEvents() {
     if (!mark.hidden && !mark.classList.contains("bare")) free = at + label.length * 6 + 12;
   });
 }
-function layout() { plots.forEach(drawPlot); placeEvents(); refresh(); }
+// The scene first: it is what one waits for.
+function layout() { placeEvents(); refresh(); clearTimeout(later); later = setTimeout(() => plots.forEach(drawPlot), 20); }
 function setTheme(name) { document.documentElement.dataset.theme = name; layout(); }
 
 $("outcome").textContent = data.caught ? "caught" : "not caught"; $("outcome").classList.add(data.caught ? "good" : "bad");

@@ -50,7 +50,7 @@ const unit = (a) => { const length = Math.hypot(...a) || 1; return a.map((value)
 
 // ---- WebGL.
 const canvas = $("view");
-const gl = canvas.getContext("webgl2", { alpha: false, antialias: true, stencil: true });
+const gl = canvas.getContext("webgl2", { alpha: false, antialias: false, stencil: true });
 if (!gl) { $("failure").hidden = false; $("failure").textContent = "This browser offers no WebGL 2, so there are only the plots."; }
 
 const SURFACE = [`#version 300 es
@@ -71,13 +71,14 @@ const FLOOR = [`#version 300 es
     vec3 c = mix(ground, grid, max(lines(1.0) * 0.9, lines(0.25) * 0.35)); o = vec4(mix(sky, c, fade), 1.0); }`];
 // Lines are as wide as they should be on every screen: each piece is a rectangle.
 const LINE = [`#version 300 es
-  uniform mat4 view, model; uniform vec2 size; uniform float wide, nearer; in vec2 corner; in vec3 a, b;
-  void main() {
+  precision highp float; uniform mat4 view, model; uniform vec2 size; uniform float wide, nearer; in vec2 corner; in vec3 a, b; out float across;
+  void main() { across = corner.y * (wide + 1.5) * 0.5;
     vec4 A = view * model * vec4(a, 1.0), B = view * model * vec4(b, 1.0);
     vec2 d = (B.xy / B.w - A.xy / A.w) * size; d = length(d) > 0.0 ? normalize(d) : vec2(1.0, 0.0);
-    vec4 C = mix(A, B, corner.x); C.xy += vec2(-d.y, d.x) * corner.y * wide / size * C.w;
+    vec4 C = mix(A, B, corner.x); C.xy += vec2(-d.y, d.x) * corner.y * (wide + 1.5) / size * C.w;
     C.z -= nearer * C.w; gl_Position = C; }`, `#version 300 es
-  precision highp float; uniform vec4 colour; out vec4 o; void main() { o = colour; }`];
+  precision highp float; uniform vec4 colour; uniform float wide; in float across; out vec4 o;
+  void main() { o = vec4(colour.rgb, colour.a * clamp(wide * 0.5 + 0.5 - abs(across), 0.0, 1.0)); }`];
 const POINT = [`#version 300 es
   uniform mat4 view; uniform float wide; in vec3 a; void main() { gl_Position = view * vec4(a, 1.0); gl_Position.z -= 0.0006 * gl_Position.w; gl_PointSize = clamp(wide * 3.0 / gl_Position.w, 1.2, 2.0 * wide); }`, `#version 300 es
   precision highp float; uniform vec4 colour; out vec4 o;
@@ -213,14 +214,15 @@ function viewMatrix() {
 
 // ---- Drawing.
 const layers = { truth: true, predicted: true, plan: true, points: true, grasps: false, cameras: false };
+// Pixels drawn per pixel shown, in each direction.
 let sharpness = 1;
 const rgb = (name) => {
   const text = getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   return [1, 3, 5].map((at) => parseInt(text.slice(at, at + 2), 16) / 255);
 };
-function draw(time) {
+function draw(time, sharp = sharpness) {
   if (!gl) return;
-  const scale = Math.min(devicePixelRatio || 1, 2) * sharpness;
+  const scale = Math.min((devicePixelRatio || 1) * sharp, 3);
   const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((size) => Math.max(Math.round(size * scale), 1));
   if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
   const view = viewMatrix(), now = frames(time), dark = document.documentElement.dataset.theme === "dark";
@@ -262,7 +264,8 @@ function draw(time) {
   const { truth, predicted, fork, cameras } = scene.lines, blue = rgb("--blue"), accent = rgb("--accent"), K = data.predictions.points;
   if (layers.predicted) {
     const last = latest(data.predictions.time_s, time);
-    for (let i = 0; i <= last; i++) stroke(predicted, i * K, K - 1, still, [...blue, i === last ? 1 : 0.14], i === last ? 2.4 : 1.2);
+    // The older ones thinned out: many draw no clearer picture.
+    for (let i = (last + 4) % 4; i <= last; i += 4) stroke(predicted, i * K, K - 1, still, [...blue, i === last ? 1 : 0.14], i === last ? 2.4 : 1.2);
   }
   if (layers.truth) {
     const piece = motion.step_s * PATH_STRIDE, last = Math.ceil(motion.p_WO.length / 3 / PATH_STRIDE) - 1;
