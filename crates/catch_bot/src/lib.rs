@@ -177,7 +177,7 @@ impl CatchingBot {
 
     /// All ways of holding it that its shape allows.
     pub fn grasps(&self) -> &GraspSet {
-        &self.grasps
+        self.known.grasps()
     }
 }
 

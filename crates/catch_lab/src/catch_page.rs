@@ -15,11 +15,8 @@ pub use data::PageData;
 const PAGE: &str = include_str!("catch_page/page.html");
 /// Looks that all pages share.
 pub(crate) const STYLE: &str = include_str!("catch_page/page.css");
-const SCRIPTS: [&str; 3] = [
-    include_str!("catch_page/scene.js"),
-    include_str!("catch_page/plots.js"),
-    include_str!("catch_page/controls.js"),
-];
+const SCRIPTS: [&str; 3] =
+    [include_str!("catch_page/scene.js"), include_str!("catch_page/plots.js"), include_str!("catch_page/controls.js")];
 
 /// The page of a throw.
 pub fn page(playback: &Playback) -> String {

@@ -17,8 +17,8 @@ use catch_bot::{
 };
 use catch_cell::{CameraModel, Command, Observation, ReferenceScan};
 use catch_sim::Truth;
-use nalgebra::Point3;
 use flate2::{Compression, GzBuilder, read::GzDecoder, write::GzEncoder};
+use nalgebra::Point3;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use crate::{

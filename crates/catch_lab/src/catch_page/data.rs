@@ -7,12 +7,7 @@ use nalgebra::Point3;
 use serde::Serialize;
 
 use crate::{
-    VERSION,
-    packed::Packed,
-    playback::Playback,
-    recording::RecordedTick,
-    referee::reason::Reason,
-    setup::Scene,
+    VERSION, packed::Packed, playback::Playback, recording::RecordedTick, referee::reason::Reason, setup::Scene,
     throw_times::TickTimes,
 };
 
