@@ -174,6 +174,11 @@ impl CatchingBot {
     pub fn reference(&self) -> &ReferenceModel {
         self.known.reference()
     }
+
+    /// All ways of holding it that its shape allows.
+    pub fn grasps(&self) -> &GraspSet {
+        self.known.grasps()
+    }
 }
 
 impl Brain for CatchingBot {
