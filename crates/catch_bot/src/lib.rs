@@ -93,6 +93,7 @@ pub struct CatchingBot {
     flight: Option<FlightTrajectory>,
     plan: Option<CatchPlan>,
     workspace: perception::Workspace,
+    prediction_workspace: trajectory_prediction::Workspace,
     closing: Option<GripperPlan>,
     report: Report,
 }
@@ -119,6 +120,7 @@ impl CatchingBot {
             flight: None,
             plan: None,
             workspace: perception::Workspace::default(),
+            prediction_workspace: trajectory_prediction::Workspace::default(),
             closing: None,
             report: Report::default(),
         }
@@ -175,6 +177,7 @@ impl Brain for CatchingBot {
             self.reference.symmetry,
             &self.config.trajectory_prediction,
             self.config.seed,
+            &mut self.prediction_workspace,
         );
         probe.stage_ended("trajectory_prediction");
         let Ok(mut flight) = flight else {
