@@ -52,6 +52,11 @@ impl DistanceField {
         self.coarse.lowest += offset;
     }
 
+    /// How deep the deepest node inside lies below the surface, in metres.
+    pub(super) fn deepest_m(&self) -> f64 {
+        self.fine.values.iter().map(|node| -f64::from(node[0])).fold(0.0, f64::max)
+    }
+
     /// Nodes of the fine grid with the share of their cell that is inside, and the volume of a cell in m³.
     pub(super) fn inside(&self) -> (impl Iterator<Item = (Point3<f64>, f64)>, f64) {
         let grid = &self.fine;

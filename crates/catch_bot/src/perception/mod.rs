@@ -99,11 +99,11 @@ impl Default for Config {
             distance_grid_m: 0.002,
             symmetry_tolerance_m: 0.0008,
             depth_noise: DepthNoise::default(),
-            outline_sd_px: 0.05,
+            outline_sd_px: 0.01,
             outline_above_m: 0.001,
             model_sd_m: 0.0002,
             min_points: 6,
-            max_iterations: 15,
+            max_iterations: 12,
             step_tolerance_m: 2e-6,
             step_tolerance_sd: 0.1,
             max_residual_m: 0.008,
@@ -186,13 +186,13 @@ pub fn find_object(
     }
     let mut from = |X_WO: &Pose| match config.method {
         Method::Sdf => {
-            let fit = registration::register(scene, reference, X_WO, config);
+            let fit = registration::register(scene, reference, X_WO, config, !from_points_alone);
             let good = fit.as_ref().is_ok_and(|fit| fit.residual_m <= config.outline_above_m);
             if good || !from_points_alone {
                 return fit;
             }
             scene.collect_outline(frames, cameras, reference, config);
-            if scene.outline.is_empty() { fit } else { registration::register(scene, reference, X_WO, config) }
+            if scene.outline.is_empty() { fit } else { registration::register(scene, reference, X_WO, config, true) }
         }
         Method::IcpPointToPoint => icp::register(scene, reference, X_WO, config),
     };

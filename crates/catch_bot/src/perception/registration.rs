@@ -36,12 +36,16 @@ pub struct Fit {
     pub iterations: usize,
 }
 
-/// Steps that are taken in full before they are halved.
-const FULL_STEPS: usize = 4;
+/// Depth noise in radii of the object from which on depths are left aside where there is an outline.
+const HOPELESS_RADII: f64 = 0.5;
+/// Later steps that do not get shorter jump to and fro across a kink of the field: they are halved.
+const FREE_STEPS: usize = 4;
+/// Unless they are longer than this many standard deviations, and so still on their way.
+const JUMPING_SD: f64 = 10.0;
 /// Mean distances of points below this are all perfect, in metres.
 const LEAST_MEAN_M: f64 = 1e-5;
 /// And mean violations of the outline below this share of a pixel.
-const LEAST_MEAN_PX: f64 = 0.02;
+const LEAST_MEAN_PX: f64 = 5e-4;
 /// The outline's scale falls to this share from one step to the next at most: bounds close in on the pose gradually.
 const LEAST_SHRINKING: f64 = 0.25;
 
@@ -53,14 +57,15 @@ struct Scales {
     outline: f64,
 }
 
-/// Brings the reference from `X_WO` onto the scene's points, and its outline onto theirs if it has been collected.
+/// Brings the reference from `X_WO` onto the scene's points, and if wanted its outline onto theirs.
 pub fn register(
     scene: &mut SceneCloud,
     reference: &ReferenceModel,
     X_WO: &Pose,
     config: &Config,
+    with_outline: bool,
 ) -> Result<Fit, PerceptionStatus> {
-    let (fit, converged) = iterate(scene, reference, X_WO, config, config.max_iterations, true);
+    let (fit, converged) = iterate(scene, reference, X_WO, config, config.max_iterations, with_outline);
     let limit_m = config.max_residual_m + 3.0 * fit.noise_m;
     let outlined = fit.outline_residual_m.is_some_and(|residual_m| residual_m <= config.max_residual_m);
     let believable = (fit.residual_m <= limit_m || outlined) && fit.points >= config.min_points;
@@ -76,8 +81,13 @@ pub(super) fn iterate(
     max_iterations: usize,
     with_outline: bool,
 ) -> (Fit, bool) {
+    let noise_m = scene.mean_noise_m();
     let SceneCloud { points, outline, .. } = scene;
     let rays = if with_outline { outline.as_mut_slice() } else { &mut [] };
+    let measured = points.len();
+    // Depths that are known worse than to the object's size say nothing that its outline does not say better, and the field
+    // is no measure of how they err.
+    let points = if noise_m > HOPELESS_RADII * reference.radius_m && !rays.is_empty() { &[] } else { points.as_slice() };
     let mut X_WO = *start;
     let observable = reference.symmetry.observable();
     silhouette::find_all(rays, reference, &X_WO, config);
@@ -88,22 +98,23 @@ pub(super) fn iterate(
         Scales { points: typical(&on_points), outline: silhouette::typical_violation(rays, f64::INFINITY).max(1.0) };
     let mut on_rays = Sums::ZERO;
     let mut equations = NormalEquations::ZERO;
-    let (mut converged, mut in_sd, mut moved_m) = (false, f64::INFINITY, 0.0);
+    let (mut converged, mut in_sd, mut moved_m, mut damping) = (false, f64::INFINITY, 0.0, 1.0);
     let mut iterations = 0;
     while iterations < max_iterations && !converged {
         iterations += 1;
         (on_points, on_rays, equations) = sum_all(points, rays, reference, &X_WO, &mut scales, config);
         let (information, gradient) = equations.projected(&observable);
         let Some(mut step) = step(&information, &gradient, reference.radius_m) else { break };
-        if iterations > FULL_STEPS {
-            // Full steps may jump to and fro across a kink of the field.
-            step *= 0.5;
+        let step_sd = step.dot(&(information * step)).max(0.0).sqrt();
+        if iterations > FREE_STEPS && step_sd < JUMPING_SD && step_sd > 0.7 * in_sd {
+            damping *= 0.5;
         }
+        in_sd = step_sd;
+        step *= damping;
         let length_m;
         (X_WO, length_m) = moved(&X_WO, &step, reference.radius_m);
         moved_m += length_m;
-        in_sd = step.dot(&(information * step)).max(0.0).sqrt();
-        converged = length_m < config.step_tolerance_m || in_sd < config.step_tolerance_sd;
+        converged = length_m < config.step_tolerance_m || damping * in_sd < config.step_tolerance_sd;
         if !rays.is_empty() {
             silhouette::follow_all(rays, reference, &X_WO, moved_m, scales.outline, config);
             let outline = silhouette::typical_violation(rays, scales.outline).max(1.0);
@@ -118,9 +129,9 @@ pub(super) fn iterate(
     let fit = Fit {
         X_WO,
         information: in_world(&equations.projected(&observable).0, &X_WO, config),
-        points: on_points.weight.round() as usize,
-        residual_m: (on_points.squares_m2 / weight).sqrt(),
-        noise_m: (on_points.variances_m2 / weight).sqrt(),
+        points: if points.is_empty() { measured } else { on_points.weight.round() as usize },
+        residual_m: if points.is_empty() { noise_m } else { (on_points.squares_m2 / weight).sqrt() },
+        noise_m: if points.is_empty() { noise_m } else { (on_points.variances_m2 / weight).sqrt() },
         outline_residual_m: (!rays.is_empty()).then(|| (on_rays.squares_m2 / on_rays.weight.max(1.0)).sqrt()),
         misfit: misfit(&on_points, points.len(), LEAST_MEAN_M)
             + misfit(&on_rays, rays.len(), LEAST_MEAN_PX * silhouette::pixel_m(rays)),
@@ -128,7 +139,7 @@ pub(super) fn iterate(
     };
     let finite = X_WO.to_homogeneous().iter().chain(fit.information.iter()).all(|value| value.is_finite());
     // Kinks of the field can keep the last steps from vanishing; within the noise they do no harm.
-    (fit, (converged || in_sd < 0.5) && finite && fit.residual_m.is_finite())
+    (fit, (converged || damping * in_sd < 1.0) && finite && fit.residual_m.is_finite())
 }
 
 /// The normal equations of both kinds at a pose that the rays have been brought to, each by what its residuals turn out to be
@@ -157,6 +168,9 @@ fn typical(sums: &Sums) -> f64 {
 /// −2 × the log-likelihood of residuals, outliers included, if they are Laplace distributed with a width that only their mean
 /// tells, up to a constant: 2·n·ln(mean |r|).
 fn misfit(sums: &Sums, count: usize, least_m: f64) -> f64 {
+    if count == 0 {
+        return 0.0;
+    }
     2.0 * count as f64 * (sums.distances_m / count.max(1) as f64).max(least_m).ln()
 }
 
@@ -181,7 +195,8 @@ fn sum_points(points: &[ScenePoint], reference: &ReferenceModel, X_WO: &Pose, sc
 /// Calls `visit` with each point in O, its distance's gradient there, its distance from the reference in metres, and the
 /// standard deviation of that.
 ///
-/// σ² = (σ_z · ∂r/∂z)² + σ_model²: noise moves the point along its ray.
+/// σ² = (σ_z·c)² + (σ_z²·(1 − c²)/2r)² + σ_model² with c = ∂r/∂z: noise moves the point along its ray, where the ray grazes
+/// the surface to second order only, by what a surface of the object's thickness r bends.
 #[inline]
 fn each_residual(
     points: &[ScenePoint],
@@ -196,8 +211,10 @@ fn each_residual(
         let (distance, n_O) = reference.distance.at(&p_O);
         let mut variance = config.model_sd_m * config.model_sd_m;
         if point.depth_sd_m > 0.0 {
-            let from_depth = point.depth_sd_m * n_O.dot(&(R_OW * point.per_depth_W));
-            variance += from_depth * from_depth;
+            let along = n_O.dot(&(R_OW * point.per_depth_W));
+            let depth_variance = point.depth_sd_m * point.depth_sd_m;
+            let bent = depth_variance * (1.0 - along * along).max(0.0) * 0.5 / reference.inner_radius_m;
+            variance += depth_variance * along * along + bent * bent;
         }
         visit(&p_O, &n_O, distance, variance.sqrt());
     }

@@ -27,7 +27,7 @@ const OUTLIER_SD: f64 = 4.0;
 /// Degrees of freedom that "the errors are as the poses say" counts for when their scale is estimated.
 const SCALE_PRIOR_DOF: f64 = 12.0;
 /// A fit has come to rest when a step is shorter than this share of its standard deviation.
-const STEP_SD: f64 = 0.03;
+const STEP_SD: f64 = 0.05;
 
 /// State that is being fitted.
 #[derive(Debug, Clone, Copy)]
