@@ -123,6 +123,14 @@ impl SrsArm {
         })
     }
 
+    /// By how much the elbow is bent for a pose of the gripper, `None` if the wrist is too far or too near.
+    pub fn elbow_bend(&self, X_WG: &Pose) -> Option<f64> {
+        let distance = (X_WG * self.p_GW - self.shoulder).norm();
+        let (a, b) = (self.upper_arm, self.forearm);
+        let cos_elbow = (a * a + b * b - distance * distance) / (2.0 * a * b);
+        (cos_elbow.abs() < 1.0).then(|| std::f64::consts::PI - cos_elbow.acos())
+    }
+
     /// The elbow's circle for a pose of the gripper, `None` if the wrist is too far or too near.
     pub fn elbow_circle(&self, X_WG: &Pose) -> Option<ElbowCircle> {
         let to_wrist = X_WG * self.p_GW - self.shoulder;

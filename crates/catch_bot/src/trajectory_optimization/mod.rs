@@ -15,7 +15,9 @@ pub mod motion;
 pub mod posed;
 pub mod quadratic_program;
 pub mod reachability;
+mod retarget;
 pub mod search;
+mod way_in;
 
 use catch_body::{Gripper, JointVector, Pose, Robot, clearance::ArmClearance, inverse_kinematics::SrsArm};
 use catch_cell::{ArmTrajectory, arm::Setpoint};
@@ -52,8 +54,6 @@ pub struct Config {
     pub time_step_s: f64,
     /// A new search must leave at least this much time until the catch, in seconds.
     pub min_lead_s: f64,
-    /// Swivel angles of the elbow that are tried.
-    pub swivels: usize,
     /// Weights of the choice among reachable catches.
     pub weights: search::Weights,
     /// Reachable catches, best first, that are tried until one has a motion.
@@ -75,7 +75,6 @@ impl Default for Config {
             clearance_m: 0.02,
             time_step_s: 0.02,
             min_lead_s: 0.12,
-            swivels: 16,
             weights: search::Weights::default(),
             attempts: 24,
         }
@@ -109,13 +108,15 @@ pub struct CatchPlan {
     pub trajectory: ArmTrajectory,
 }
 
-/// Why there is no plan.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// Why there is no plan, from the least to the most that was possible.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Refusal {
     /// No grasp suits the flight's direction.
     NoGrasp,
     /// The arm cannot be anywhere on the flight in time.
     OutOfReach,
+    /// Catches are within reach, but the object would hit the open gripper on its way in.
+    Blocked,
     /// Catches are within reach, but no motion to one keeps all limits.
     NoMotion,
 }
@@ -129,6 +130,9 @@ pub struct Start {
     pub state: Setpoint,
 }
 
+/// No object is held farther from its centre of mass than this, in metres.
+const HELD_BEYOND_M: f64 = 0.1;
+
 /// Plans motions of one arm with one gripper.
 #[derive(Debug)]
 pub struct Planner {
@@ -137,6 +141,8 @@ pub struct Planner {
     robot: Robot,
     gripper: Gripper,
     srs: Option<SrsArm>,
+    /// The base's distance from the farthest object that the gripper could hold, and a little more.
+    longest_reach_m: f64,
     clearance: ArmClearance,
     catch_splines: CatchSplines,
     /// The same where the acceleration at the start is free.
@@ -169,7 +175,10 @@ impl Planner {
         let standing_splines = CatchSplines::new(&[1.0; 10], false, &config);
         let at_rest = Ends { start_acceleration: true, end: EndKind::Rest };
         let brake_spline = JointSpline::new(&[0.5, 0.5, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5], at_rest, 0.0, 0.0);
+        let parts = robot.joints.iter().map(|joint| joint.X_PL.translation.vector.norm());
+        let hand = robot.X_LG.translation.vector.norm() + gripper.fingertip_y_m();
         Self {
+            longest_reach_m: parts.sum::<f64>() + hand + HELD_BEYOND_M,
             srs: SrsArm::of(&robot),
             clearance: ArmClearance::new(&robot, &gripper),
             robot: robot.carrying(&gripper),

@@ -158,13 +158,8 @@ impl Planner {
 impl Task<'_> {
     /// What each joint can reach, within its range.
     fn ranges(&self) -> [[f64; 2]; 7] {
-        let margin = self.planner.config.position_margin_rad;
-        std::array::from_fn(|i| {
-            let far = self.reaches[i].displacements();
-            let limits = &self.planner.robot.joints[i].limits;
-            let q = self.start.state.q[i];
-            [(limits.lower + margin).max(q + far.low), (limits.upper - margin).min(q + far.high)]
-        })
+        let ranges = self.planner.ranges(&self.reaches, &self.start.state.q);
+        std::array::from_fn(|i| ranges[i])
     }
 
     /// Some solutions of every arc that the arm can reach.

@@ -5,6 +5,7 @@ mod blanked;
 mod determinism;
 mod evaluation;
 mod frames;
+mod planning;
 mod source;
 mod tidy;
 mod wrong_input;
