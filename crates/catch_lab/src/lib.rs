@@ -6,9 +6,12 @@
 //! rows and [`statistics`] sums them up.
 
 pub mod assets;
+pub mod catch_page;
 pub mod check;
 pub mod evaluation;
 pub mod planner_cases;
+pub mod packed;
+pub mod playback;
 pub mod ready;
 pub mod recording;
 pub mod referee;
@@ -18,6 +21,7 @@ pub mod scenario;
 pub mod setup;
 pub mod statistics;
 pub mod stopwatch;
+pub mod throw_times;
 pub mod timeline;
 pub mod trial;
 

@@ -292,7 +292,7 @@ fn sample_before(truth: &Truth, time_s: f64) -> Option<&TruthSample> {
 }
 
 /// Where the object would have been at `time_s` if nothing had touched it: from its last free state on along a parabola.
-fn undisturbed_position(truth: &Truth, time_s: f64) -> Option<Point3<f64>> {
+pub(crate) fn undisturbed_position(truth: &Truth, time_s: f64) -> Option<Point3<f64>> {
     let free_until = truth.samples.iter().position(|sample| sample.contact.any()).unwrap_or(truth.samples.len());
     let free = &truth.samples[..free_until];
     let next = free.partition_point(|sample| sample.time_s < time_s - 0.5e-3);

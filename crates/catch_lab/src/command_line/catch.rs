@@ -2,7 +2,7 @@
 
 use std::{
     collections::BTreeMap,
-    fs, io,
+    io,
     path::{Path, PathBuf},
 };
 
@@ -10,11 +10,13 @@ use anyhow::Context;
 use catch_body::InputError;
 use catch_lab::{
     VERSION,
-    recording::{Ending, Recorder, file_stem},
+    playback::Playback,
+    recording::{Ending, RecordedSurface, Recorder},
     referee::{self, Measures, Verdict},
     scenario::Scenario,
     setup::{COMMAND_LINE, Scene, Setup},
     stopwatch::{StageTimes, Stopwatch},
+    throw_times::ThrowTimes,
     timeline::{Entry, Event, Timeline},
     trial,
 };
@@ -22,7 +24,7 @@ use catch_sim::truth::LimitViolation;
 use clap::Args;
 use serde::Serialize;
 
-use super::{ChoiceArguments, OutputArguments};
+use super::{ChoiceArguments, OutputArguments, view};
 use crate::screen::{self, BAD, FAINT, GOOD, STRONG};
 
 /// Arguments of `catch`.
@@ -44,6 +46,16 @@ pub struct CatchArguments {
     index: u64,
     #[command(flatten)]
     output: OutputArguments,
+    #[command(flatten)]
+    pictures: PictureArguments,
+}
+
+/// What is written beside the recording.
+#[derive(Debug, Args)]
+pub struct PictureArguments {
+    /// Write the page that `view` shows: one file, no network
+    #[arg(long)]
+    html: bool,
 }
 
 /// The JSON document.
@@ -61,6 +73,7 @@ struct Document<'a> {
     timeline: &'a [Entry],
     stages: BTreeMap<&'static str, StageTimes>,
     recording: &'a Path,
+    pictures: &'a BTreeMap<&'static str, PathBuf>,
     scenario: &'a Scenario,
 }
 
@@ -69,7 +82,7 @@ struct Document<'a> {
 /// # Errors
 /// Faults in the arguments and files; a folder that cannot be written.
 pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
-    let CatchArguments { choice, object, throw, seed, index, output } = arguments;
+    let CatchArguments { choice, object, throw, seed, index, output, pictures } = arguments;
     let setup = Setup::load(&choice.with(object.as_deref(), throw.as_deref()))?;
     let scene = setup.scene(*seed, *index);
     let mut recorder = Recorder::create(&output.out, &setup, &scene).map_err(|fault| {
@@ -100,13 +113,28 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
     for entry in timeline.ended(&verdict, end_s).iter().filter(|_| aloud) {
         tell(entry)?;
     }
-    let ending = Ending { truth: trial.truth, timeline: timeline.entries().to_vec(), verdict };
+    let times = ThrowTimes::of(&trial);
+    let ending = Ending {
+        truth: trial.truth,
+        timeline: timeline.entries().to_vec(),
+        verdict,
+        surface: RecordedSurface::from(&setup.object.mesh),
+    };
     let recording = recorder.finish(&ending).with_context(|| format!("the recording in {}", output.out.display()))?;
-    write_times(&output.out, &scene, &trial.stopwatch)?;
+    times.write(&recording).with_context(|| format!("{}", ThrowTimes::path(&recording).display()))?;
+
+    let written = pictures.write(&recording)?;
 
     let verdict = &ending.verdict;
     if aloud {
-        return Ok(summary(&scene, verdict, &trial.stopwatch, &recording)?);
+        summary(&scene, verdict, &trial.stopwatch, &recording)?;
+        for (kind, path) in &written {
+            screen::fact(kind, &path.display().to_string())?;
+        }
+        if written.is_empty() {
+            screen::fact("look at it", &format!("catchingbot view {}", recording.display()))?;
+        }
+        return Ok(screen::line("")?);
     }
     screen::json(&Document {
         version: VERSION,
@@ -121,16 +149,21 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
         timeline: &ending.timeline,
         stages: trial.stopwatch.summary().into_iter().collect(),
         recording: &recording,
+        pictures: &written,
         scenario: &setup.scenario,
     })
 }
 
-/// Wall times stand beside the recording, which is the same bytes every time.
-fn write_times(folder: &Path, scene: &Scene, stopwatch: &Stopwatch) -> anyhow::Result<PathBuf> {
-    let path = folder.join(format!("{}.times.json", file_stem(scene)));
-    let text = serde_json::to_string_pretty(&stopwatch.summary().into_iter().collect::<BTreeMap<_, _>>())?;
-    fs::write(&path, text + "\n").with_context(|| format!("{}", path.display()))?;
-    Ok(path)
+impl PictureArguments {
+    /// Writes what was asked for beside the recording; returns the files by their kinds.
+    fn write(&self, recording: &Path) -> anyhow::Result<BTreeMap<&'static str, PathBuf>> {
+        let mut written = BTreeMap::new();
+        if self.html {
+            let playback = Playback::read(recording)?;
+            written.insert("page", view::write_page(recording, &playback)?);
+        }
+        Ok(written)
+    }
 }
 
 fn title(scene: &Scene) -> io::Result<()> {
@@ -190,6 +223,5 @@ fn summary(scene: &Scene, verdict: &Verdict, stopwatch: &Stopwatch, recording: &
     for (stage, times) in stopwatch.summary() {
         screen::fact(stage, &format!("{:.2} ms as a rule, {:.1} ms at most", times.p50_ms, times.max_ms))?;
     }
-    screen::fact("recording", &format!("{}", recording.display()))?;
-    screen::line("")
+    screen::fact("recording", &recording.display().to_string())
 }

@@ -2,9 +2,11 @@
 
 mod all_cells;
 mod blanked;
+mod browser;
 mod determinism;
 mod evaluation;
 mod frames;
+mod pages;
 mod planning;
 mod source;
 mod tidy;
