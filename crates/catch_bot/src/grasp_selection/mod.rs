@@ -126,8 +126,12 @@ impl GraspSet {
             .filter(|(_, (_, axes))| heuristics::can_catch(axes, &v_O, &config.weights))
             .map(|(index, (grasp, axes))| heuristics::rank(index, grasp, axes, X_WO, &v_O, base, &config.weights))
             .collect();
-        ranked.sort_by(|a, b| a.cost.total_cmp(&b.cost).then(a.index.cmp(&b.index)));
-        ranked.truncate(config.kept);
+        let better = |a: &RankedGrasp, b: &RankedGrasp| a.cost.total_cmp(&b.cost).then(a.index.cmp(&b.index));
+        if ranked.len() > config.kept {
+            ranked.select_nth_unstable_by(config.kept, better);
+            ranked.truncate(config.kept);
+        }
+        ranked.sort_unstable_by(better);
         ranked
     }
 }

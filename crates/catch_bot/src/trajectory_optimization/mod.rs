@@ -15,6 +15,7 @@ pub mod motion;
 pub mod posed;
 pub mod quadratic_program;
 pub mod reachability;
+mod reaching;
 mod retarget;
 pub mod search;
 mod way_in;
@@ -143,6 +144,8 @@ pub struct Planner {
     srs: Option<SrsArm>,
     /// The base's distance from the farthest object that the gripper could hold, and a little more.
     longest_reach_m: f64,
+    /// How far the arm with the gripper can extend beyond each joint, in metres.
+    extents_m: JointVector,
     clearance: ArmClearance,
     catch_splines: CatchSplines,
     /// The same where the acceleration at the start is free.
@@ -175,10 +178,13 @@ impl Planner {
         let standing_splines = CatchSplines::new(&[1.0; 10], false, &config);
         let at_rest = Ends { start_acceleration: true, end: EndKind::Rest };
         let brake_spline = JointSpline::new(&[0.5, 0.5, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5], at_rest, 0.0, 0.0);
-        let parts = robot.joints.iter().map(|joint| joint.X_PL.translation.vector.norm());
-        let hand = robot.X_LG.translation.vector.norm() + gripper.fingertip_y_m();
+        let hand_m = robot.X_LG.translation.vector.norm() + gripper.fingertip_y_m();
+        let lengths_m = robot.per_joint(|joint| joint.X_PL.translation.vector.norm());
+        // The gripper's corners and the links' own width stick out a little farther.
+        let extents_m = JointVector::from_fn(|i, _| lengths_m.iter().skip(i + 1).sum::<f64>() + hand_m + HELD_BEYOND_M);
         Self {
-            longest_reach_m: parts.sum::<f64>() + hand + HELD_BEYOND_M,
+            longest_reach_m: lengths_m.sum() + hand_m + HELD_BEYOND_M,
+            extents_m,
             srs: SrsArm::of(&robot),
             clearance: ArmClearance::new(&robot, &gripper),
             robot: robot.carrying(&gripper),

@@ -14,12 +14,11 @@ use catch_cell::BSpline;
 use nalgebra::{Point3, Vector3};
 
 use super::{
-    CatchSplines, Planner, Refusal, Start,
-    arrival::{Arrival, Weights, arrival, shortfall},
-    joint_spline::{End, JointPoints, JointState},
+    Planner, Refusal, Start,
+    arrival::{Arrival, Weights, shortfall},
     motion::{ROUNDING, Shares},
     reachability::{Interval, JointReach},
-    search::effort,
+    reaching::{Reaching, effort},
 };
 
 /// Where the gripper is to be, and where the object goes.
@@ -60,8 +59,6 @@ const REFINEMENTS: usize = 8;
 const PROOF_PIECES: usize = 4000;
 /// No point of an arm that throws are caught with is farther from another, in metres.
 const LONGEST_M: f64 = 2.0;
-/// Distance from the extreme velocity of a spline at which another one surely has it, in rad/s.
-const INSIDE: f64 = 1e-7;
 /// Share of the acceleration limits at which the exact bounds are usually within a spline's reach.
 const EASY_SHARE: f64 = 0.9;
 
@@ -79,7 +76,6 @@ struct Posture {
 struct Task<'a> {
     planner: &'a Planner,
     srs: &'a SrsArm,
-    splines: &'a CatchSplines,
     start: &'a Start,
     target: &'a Target,
     circle: ElbowCircle,
@@ -146,12 +142,17 @@ impl Planner {
         }
     }
 
+    /// Where nothing is held back for replans.
+    fn posed_shares(&self) -> Shares {
+        Shares { velocity: self.config.velocity_share, acceleration: 1.0 - ROUNDING }
+    }
+
     fn task<'a>(&'a self, start: &'a Start, target: &'a Target) -> Result<Task<'a>, Refusal> {
         let srs = self.srs.as_ref().ok_or(Refusal::NoMotion)?;
         let circle = srs.elbow_circle(&target.X_WG).ok_or(Refusal::OutOfReach)?;
-        let shares = Shares { velocity: self.config.velocity_share, acceleration: 1.0 - ROUNDING };
+        let shares = self.posed_shares();
         let reaches = self.reaches(start, target.catch_s - start.time_s, shares);
-        Ok(Task { planner: self, srs, splines: &self.standing_splines, start, target, circle, reaches })
+        Ok(Task { planner: self, srs, start, target, circle, reaches })
     }
 }
 
@@ -190,14 +191,24 @@ impl Task<'_> {
         self.planner.robot.jacobian(&self.planner.robot.link_poses(q), &grasp_centre)
     }
 
-    fn arrival(&self, jacobian: &Jacobian, bounds: &[Interval; MAX_JOINTS]) -> Option<Arrival> {
-        let most = self.planner.config.max_speed_fraction;
-        arrival(jacobian, &self.target.v_WO, bounds, most, &Weights::FASTEST)
+    fn reaching(&self, q: &JointVector) -> Reaching<'_> {
+        Reaching {
+            planner: self.planner,
+            splines: &self.planner.standing_splines,
+            start: self.start,
+            catch_s: self.target.catch_s,
+            q: *q,
+            v_WO: self.target.v_WO,
+            jacobian: self.jacobian(q),
+            shares: self.planner.posed_shares(),
+            weights: Weights::FASTEST,
+            brakes: false,
+        }
     }
 
     /// The arrival within the exact bounds, of which no spline can do better.
     fn optimistic(&self, q: &JointVector, acceleration_share: f64) -> Option<Arrival> {
-        self.arrival(&self.jacobian(q), &self.exact_bounds(q, acceleration_share)?)
+        self.reaching(q).arrival(&self.exact_bounds(q, acceleration_share)?)
     }
 
     fn exact_bounds(&self, q: &JointVector, acceleration_share: f64) -> Option<[Interval; MAX_JOINTS]> {
@@ -219,83 +230,18 @@ impl Task<'_> {
     fn easily(&self, posture: &Posture) -> Option<PosedCatch> {
         let enough = self.planner.config.max_speed_fraction * (1.0 - GOOD_ENOUGH);
         let arrival = self.optimistic(&posture.q, EASY_SHARE).filter(|arrival| arrival.speed_fraction >= enough)?;
-        let duration_s = self.target.catch_s - self.start.time_s;
-        let mut points = vec![JointVector::zeros(); self.splines.at.control_points()];
-        for i in 0..self.planner.robot.dof() {
-            self.set_points(&mut points, i, &self.joint_spline(i, posture.q[i], arrival.dq[i], duration_s)?);
-        }
-        self.finished(posture, &arrival, points)
+        self.finished(posture, &arrival, self.reaching(&posture.q).splines_for(&arrival)?)
     }
 
     /// The motion to a posture with the highest speed fraction that a spline can have, if that is above `least`.
-    ///
-    /// It starts from the exact bounds; a joint whose spline does not exist there gets the spline's own bound on that side.
     fn solve(&self, posture: &Posture, least: f64) -> Option<PosedCatch> {
-        let dof = self.planner.robot.dof();
-        let duration_s = self.target.catch_s - self.start.time_s;
-        let mut bounds = self.exact_bounds(&posture.q, 1.0)?;
-        let jacobian = self.jacobian(&posture.q);
-        let mut points = vec![JointVector::zeros(); self.splines.at.control_points()];
-        for _ in 0..=2 * dof {
-            let arrival = self.arrival(&jacobian, &bounds).filter(|it| it.speed_fraction > least)?;
-            let mut all = true;
-            for (i, bound) in bounds.iter_mut().enumerate().take(dof) {
-                match self.joint_spline(i, posture.q[i], arrival.dq[i], duration_s) {
-                    Some(joint) => self.set_points(&mut points, i, &joint),
-                    None => {
-                        all = false;
-                        *bound = self.cut(i, posture.q[i], arrival.dq[i], bound)?;
-                    }
-                }
-            }
-            if all {
-                return self.finished(posture, &arrival, points);
-            }
-        }
-        None
-    }
-
-    /// The bounds of joint `i` cut to what a spline can do, on the side on which it cannot have the end velocity `dq`.
-    fn cut(&self, i: usize, q: f64, dq: f64, bound: &Interval) -> Option<Interval> {
-        let state = &self.start.state;
-        let duration_s = self.target.catch_s - self.start.time_s;
-        let limits = self.planner.limits(i, state, self.shares());
-        let start = JointState { q: state.q[i], dq: state.dq[i], ddq: state.ddq[i] };
-        let extreme = |sign: f64| {
-            let found = self.splines.range.end_velocity(&start, &End::Extreme { q, sign }, duration_s, &limits)?;
-            // A hair inside, so that rounding cannot make the program for this end infeasible.
-            Some(found - sign * INSIDE)
-        };
-        let upper_first = bound.high - dq < dq - bound.low;
-        for side in [upper_first, !upper_first] {
-            let at = extreme(if side { 1.0 } else { -1.0 })?;
-            if side && at < dq {
-                return Some(Interval { low: bound.low.min(at), high: at });
-            }
-            if !side && at > dq {
-                return Some(Interval { low: at, high: bound.high.max(at) });
-            }
-        }
-        None
-    }
-
-    fn joint_spline(&self, i: usize, q: f64, dq: f64, duration_s: f64) -> Option<JointPoints> {
-        let state = &self.start.state;
-        let limits = self.planner.limits(i, state, self.shares());
-        let start = JointState { q: state.q[i], dq: state.dq[i], ddq: state.ddq[i] };
-        let end = End::At { q, dq, ddq: [f64::NEG_INFINITY, f64::INFINITY] };
-        self.splines.at.solve(&start, &end, duration_s, &limits, self.planner.robot.comfortable_q[i])
-    }
-
-    fn set_points(&self, points: &mut [JointVector], i: usize, joint: &JointPoints) {
-        for (point, value) in points.iter_mut().zip(joint) {
-            point[i] = *value;
-        }
+        let (arrival, points) = self.reaching(&posture.q).best(self.exact_bounds(&posture.q, 1.0)?, least)?;
+        self.finished(posture, &arrival, points)
     }
 
     fn finished(&self, posture: &Posture, arrival: &Arrival, control_points: Vec<JointVector>) -> Option<PosedCatch> {
         let (start_s, duration_s) = (self.start.time_s, self.target.catch_s - self.start.time_s);
-        let knots_s = self.splines.at.knots.iter().map(|knot| start_s + knot * duration_s).collect();
+        let knots_s = self.planner.standing_splines.at.knots.iter().map(|knot| start_s + knot * duration_s).collect();
         let spline = BSpline { knots_s, control_points };
         let Posture { q, branch, swivel, .. } = *posture;
         let speed_fraction = arrival.speed_fraction;

@@ -27,10 +27,12 @@ impl Planner {
             let swivel = plan.swivel + offset;
             let solutions = srs.solve(&circle, swivel);
             let q = *solutions.iter().min_by(|a, b| (*a - plan.q).norm().total_cmp(&(*b - plan.q).norm()))?;
-            let arrival = self.arrive(start, plan.catch_s, &X_WG, &q, &v_WO, *shares)?;
+            let reaching = self.reaching(start, plan.catch_s, &X_WG, &q, &v_WO, *shares);
+            let joints = self.reaches(start, plan.catch_s - start.time_s, *shares);
+            let bounds = self.arrival_bounds(&joints, &start.state.q, &q)?;
             let CatchPlan { catch_s, approach, cost, .. } = *plan;
             let candidate = Candidate { catch_s, approach, X_WG, q, swivel, cost };
-            self.finish(start, &candidate, &plan.grasp, arrival, *shares)
+            self.finish(&candidate, &plan.grasp, bounds, &reaching)
         })?;
         found.open_width_m = self.opening_or_widest(&found, flight, grasps, grasp_config);
         Some(found)

@@ -15,9 +15,9 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     CatchPlan, Planner, Refusal, Start,
-    arrival::{self, Arrival, arrival},
-    motion::{BRAKE_SHARE, Shares},
+    motion::Shares,
     reachability::{Interval, JointReach},
+    reaching::{Reaching, effort},
 };
 use crate::{
     grasp_selection::{self, Approach, Grasp, GraspSet, RankedGrasp},
@@ -72,41 +72,65 @@ struct Instant {
     ranges: [[f64; 2]; MAX_JOINTS],
 }
 
-/// A catch on its way to being a plan: `cost` is the least that it can cost.
+/// A catch on its way to being a plan.
+#[derive(Clone, Copy)]
 struct Node {
-    cost: f64,
     instant: usize,
     ranked: RankedGrasp,
     stage: Stage,
 }
 
+#[derive(Clone, Copy)]
 enum Stage {
     Pose,
     Posture { q: JointVector, swivel: f64 },
-    Arrival { q: JointVector, swivel: f64, arrival: Arrival },
+    Arrival { q: JointVector, swivel: f64 },
 }
 
-impl Ord for Node {
-    /// The cheapest is the greatest, and among equals the one whose grasp comes first, so that the order is always the same.
-    fn cmp(&self, other: &Self) -> Ordering {
-        let key = |it: &Self| (it.instant, it.ranked.index);
-        other.cost.total_cmp(&self.cost).then_with(|| key(other).cmp(&key(self)))
+/// Nodes, the one that can become cheapest on top.
+#[derive(Default)]
+struct Frontier {
+    nodes: Vec<Node>,
+    heap: BinaryHeap<Ticket>,
+}
+
+/// The least that a node can cost, and which node.
+struct Ticket {
+    cost: f64,
+    node: usize,
+}
+
+impl Frontier {
+    fn push(&mut self, cost: f64, node: Node) {
+        self.heap.push(Ticket { cost, node: self.nodes.len() });
+        self.nodes.push(node);
+    }
+
+    fn pop(&mut self) -> Option<(f64, Node)> {
+        self.heap.pop().map(|ticket| (ticket.cost, self.nodes[ticket.node]))
     }
 }
 
-impl PartialOrd for Node {
+impl Ord for Ticket {
+    /// The cheapest is the greatest, and among equals the one that came first, so that the order is always the same.
+    fn cmp(&self, other: &Self) -> Ordering {
+        other.cost.total_cmp(&self.cost).then(other.node.cmp(&self.node))
+    }
+}
+
+impl PartialOrd for Ticket {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl PartialEq for Node {
+impl PartialEq for Ticket {
     fn eq(&self, other: &Self) -> bool {
         self.cmp(other) == Ordering::Equal
     }
 }
 
-impl Eq for Node {}
+impl Eq for Ticket {}
 
 /// What a search is about.
 struct Task<'a> {
@@ -138,61 +162,54 @@ impl Planner {
     }
 
     fn best_first(&self, srs: &SrsArm, task: &Task, time_step_s: f64) -> Result<CatchPlan, Refusal> {
-        let (instants, poses, any_grasp) = self.poses(srs, task, time_step_s);
+        let mut frontier = Frontier::default();
+        let (instants, any_grasp) = self.poses(srs, task, time_step_s, &mut frontier);
         let mut refusal = if any_grasp { Refusal::OutOfReach } else { Refusal::NoGrasp };
-        let mut heap = BinaryHeap::from(poses);
+        // A gripper that an object cannot enter is not tried again in another posture.
+        let mut blocked: Vec<(usize, usize)> = Vec::new();
         let mut attempts = 0;
         let weights = &self.config.weights;
-        while let Some(Node { cost, instant, ranked, stage }) = heap.pop() {
+        while let Some((cost, Node { instant, ranked, stage })) = frontier.pop() {
             let at = &instants[instant];
+            let from = &task.start.state.q;
+            let reaching =
+                |q: &JointVector| self.reaching(task.start, at.catch_s, &ranked.X_WG, q, &at.v_WO, task.shares);
             match stage {
                 Stage::Pose => {
-                    let Some(circle) = srs.elbow_circle(&ranked.X_WG) else { continue };
-                    let ranges = at.ranges[..7].try_into().expect("an S-R-S arm has seven joints");
-                    let swivels = srs.swivels(&circle, ranges);
-                    if swivels.iter().all(|(_, arcs)| arcs.is_empty()) {
-                        continue;
+                    let postures = self.postures(srs, task, at, &ranked);
+                    if let Err(why) = postures {
+                        refusal = refusal.max(why);
                     }
-                    refusal = refusal.max(Refusal::Blocked);
-                    let grasp = &task.grasps.grasps[ranked.index];
-                    let v_GO = ranked.X_WG.rotation.inverse_transform_vector(&at.v_WO);
-                    if !self.enters_straight(grasp, &v_GO, task.grasps, task.grasp_config.way_in_margin_m) {
-                        continue;
-                    }
-                    for (branch, arcs) in swivels {
-                        for arc in arcs.iter() {
-                            for share in SHARES_OF_ARC {
-                                let swivel = arc[0] + share * (arc[1] - arc[0]);
-                                let q = srs.solve_branch(&circle, swivel, branch);
-                                let effort = effort(&at.joints, &task.start.state.q, &q, self.robot.dof());
-                                let Some(effort) = effort else { continue };
-                                let cost = cost
-                                    + weights.effort * effort.powi(4)
-                                    + weights.comfort * (q - self.robot.comfortable_q).norm();
-                                heap.push(Node { cost, instant, ranked, stage: Stage::Posture { q, swivel } });
-                            }
-                        }
+                    for (effort, q, swivel) in postures.into_iter().flatten() {
+                        let cost = cost
+                            + weights.effort * effort.powi(4)
+                            + weights.comfort * (q - self.robot.comfortable_q).norm();
+                        frontier.push(cost, Node { instant, ranked, stage: Stage::Posture { q, swivel } });
                     }
                 }
                 Stage::Posture { q, swivel } => {
                     refusal = refusal.max(Refusal::NoMotion);
-                    let found = self.arrive(task.start, at.catch_s, &ranked.X_WG, &q, &at.v_WO, task.shares);
-                    let Some(arrival) = found else { continue };
+                    let bounds = self.arrival_bounds(&at.joints, from, &q);
+                    let Some(arrival) = bounds.and_then(|bounds| reaching(&q).arrival(&bounds)) else { continue };
                     let missing = 1.0 - arrival.speed_fraction / self.config.max_speed_fraction.max(1e-9);
                     let cost = cost + weights.speed * missing + weights.spin * arrival.spin_radps;
-                    heap.push(Node { cost, instant, ranked, stage: Stage::Arrival { q, swivel, arrival } });
+                    frontier.push(cost, Node { instant, ranked, stage: Stage::Arrival { q, swivel } });
                 }
-                Stage::Arrival { q, swivel, arrival } => {
+                Stage::Arrival { q, swivel } => {
                     let RankedGrasp { approach, X_WG, index, .. } = ranked;
+                    if blocked.contains(&(instant, index)) {
+                        continue;
+                    }
                     let candidate = Candidate { catch_s: at.catch_s, approach, X_WG, q, swivel, cost };
-                    let plan = self.finish(task.start, &candidate, &task.grasps.grasps[index], arrival, task.shares);
-                    let opened = plan.and_then(|plan| {
-                        let open_width_m = self.opening(&plan, task.flight, task.grasps, task.grasp_config)?;
-                        Some(CatchPlan { open_width_m, ..plan })
-                    });
+                    let Some(bounds) = self.arrival_bounds(&at.joints, from, &q) else { continue };
                     attempts += 1;
-                    if let Some(plan) = opened {
-                        return Ok(plan);
+                    let plan = self.finish(&candidate, &task.grasps.grasps[index], bounds, &reaching(&q));
+                    if let Some(plan) = plan {
+                        let opening = self.opening(&plan, task.flight, task.grasps, task.grasp_config);
+                        if let Some(open_width_m) = opening {
+                            return Ok(CatchPlan { open_width_m, ..plan });
+                        }
+                        blocked.push((instant, index));
                     }
                     if attempts == self.config.attempts {
                         return Err(Refusal::NoMotion);
@@ -203,10 +220,44 @@ impl Planner {
         Err(refusal)
     }
 
+    /// Postures in which the gripper is where `ranked` wants it: the share of its reach that a joint uses, the joint positions and
+    /// the swivel angle of each.
+    fn postures(
+        &self,
+        srs: &SrsArm,
+        task: &Task,
+        at: &Instant,
+        ranked: &RankedGrasp,
+    ) -> Result<Vec<(f64, JointVector, f64)>, Refusal> {
+        let circle = srs.elbow_circle(&ranked.X_WG).ok_or(Refusal::OutOfReach)?;
+        let ranges = at.ranges[..7].try_into().expect("an S-R-S arm has seven joints");
+        let swivels = srs.swivels(&circle, ranges);
+        if swivels.iter().all(|(_, arcs)| arcs.is_empty()) {
+            return Err(Refusal::OutOfReach);
+        }
+        let v_GO = ranked.X_WG.rotation.inverse_transform_vector(&at.v_WO);
+        let grasp = &task.grasps.grasps[ranked.index];
+        if !self.enters_straight(grasp, &v_GO, task.grasps, task.grasp_config.way_in_margin_m) {
+            return Err(Refusal::Blocked);
+        }
+        let mut found = Vec::new();
+        for (branch, arcs) in swivels {
+            for arc in arcs.iter() {
+                for share in SHARES_OF_ARC {
+                    let swivel = arc[0] + share * (arc[1] - arc[0]);
+                    let q = srs.solve_branch(&circle, swivel, branch);
+                    let effort = effort(&at.joints, &task.start.state.q, &q, self.robot.dof());
+                    found.extend(effort.map(|effort| (effort, q, swivel)));
+                }
+            }
+        }
+        Ok(found)
+    }
+
     /// Every catch time with every grasp that suits the flight there and that the elbow can reach; and whether any suits it.
-    fn poses(&self, srs: &SrsArm, task: &Task, time_step_s: f64) -> (Vec<Instant>, Vec<Node>, bool) {
+    fn poses(&self, srs: &SrsArm, task: &Task, time_step_s: f64, frontier: &mut Frontier) -> (Vec<Instant>, bool) {
         let base = Point3::from(self.robot.X_WB.translation.vector);
-        let (mut instants, mut poses, mut any_grasp) = (Vec::new(), Vec::new(), false);
+        let (mut instants, mut any_grasp) = (Vec::new(), false);
         let steps = (LATEST_S / time_step_s) as usize;
         for step in 0..steps {
             let lead_s = self.config.min_lead_s + step as f64 * time_step_s;
@@ -229,123 +280,40 @@ impl Planner {
                     continue;
                 }
                 let cost = ranked.cost + self.config.weights.delay * lead_s;
-                poses.push(Node { cost, instant: instants.len(), ranked, stage: Stage::Pose });
+                frontier.push(cost, Node { instant: instants.len(), ranked, stage: Stage::Pose });
             }
             instants.push(Instant { catch_s, v_WO, joints, ranges });
         }
-        (instants, poses, any_grasp)
+        (instants, any_grasp)
     }
 
-    /// Positions that the joints can have within their ranges, reaching what they can.
-    pub(super) fn ranges(&self, joints: &[JointReach; MAX_JOINTS], q: &JointVector) -> [[f64; 2]; MAX_JOINTS] {
-        let margin = self.config.position_margin_rad;
-        std::array::from_fn(|i| {
-            let Some(joint) = self.robot.joints.get(i) else { return [0.0; 2] };
-            let far = joints[i].displacements();
-            [(joint.limits.lower + margin).max(q[i] + far.low), (joint.limits.upper - margin).min(q[i] + far.high)]
-        })
-    }
-
-    fn shares(&self, start: &Start) -> Shares {
+    pub(super) fn shares(&self, start: &Start) -> Shares {
         if start.state.dq == JointVector::zeros() { self.cold_shares() } else { self.moving_shares() }
     }
 
-    /// What each joint can reach in `time_s` from the start.
-    pub(super) fn reaches(&self, start: &Start, time_s: f64, shares: Shares) -> [JointReach; MAX_JOINTS] {
-        std::array::from_fn(|i| {
-            let limits = self.robot.joints.get(i).map(|joint| joint.limits);
-            let velocity = limits.map_or(0.0, |it| it.velocity * shares.velocity);
-            JointReach {
-                start_velocity: start.state.dq[i].clamp(-velocity, velocity),
-                velocity,
-                acceleration: limits.map_or(1.0, |it| it.acceleration * shares.acceleration),
-                time_s,
-            }
-        })
-    }
-
-    /// The arrival at `q`, within what the joints can reach and what leaves them room to brake.
-    pub(super) fn arrive(
-        &self,
-        start: &Start,
-        catch_s: f64,
-        X_WG: &Pose,
-        q: &JointVector,
-        v_WO: &Vector3<f64>,
-        shares: Shares,
-    ) -> Option<Arrival> {
-        let joints = self.reaches(start, catch_s - start.time_s, shares);
-        let mut bounds = [Interval { low: 0.0, high: 0.0 }; MAX_JOINTS];
-        for (i, joint) in self.robot.joints.iter().enumerate() {
-            let displacement = q[i] - start.state.q[i];
-            let far = joints[i].displacements();
-            if displacement < far.low || displacement > far.high {
-                return None;
-            }
-            // v² = 2·a·s leaves room to brake before the end of the joint's range.
-            let braking = BRAKE_SHARE * joint.limits.acceleration;
-            let room = |distance: f64| (2.0 * braking * distance.max(0.0)).sqrt();
-            let margin = self.config.position_margin_rad;
-            let below = q[i] - joint.limits.lower - margin;
-            let above = joint.limits.upper - margin - q[i];
-            if below < 0.0 || above < 0.0 {
-                return None;
-            }
-            let stoppable = Interval { low: -room(below), high: room(above) };
-            let most = self.config.arrival_velocity_share * joint.limits.velocity;
-            let gentle = Interval { low: -most, high: most };
-            bounds[i] = joints[i].arrival_velocities(displacement).intersection(&stoppable).intersection(&gentle);
-        }
-        let X_WL = self.robot.link_poses(q);
-        let jacobian = self.robot.jacobian(&X_WL, &(X_WG * self.gripper.grasp_centre()));
-        arrival(&jacobian, v_WO, &bounds, self.config.max_speed_fraction, &arrival::Weights::BALANCED)
-    }
-
-    /// Turns a candidate into a plan: a motion at the arrival's speed, or slower, or standing still.
+    /// Turns a candidate into a plan, `None` if no motion to it keeps all limits and clearances.
     pub(super) fn finish(
         &self,
-        start: &Start,
         candidate: &Candidate,
         grasp: &Grasp,
-        arrival: Arrival,
-        shares: Shares,
+        bounds: [Interval; MAX_JOINTS],
+        reaching: &Reaching,
     ) -> Option<CatchPlan> {
-        [1.0, 0.75, 0.4, 0.0].iter().find_map(|share| {
-            let dq = arrival.dq * *share;
-            let trajectory = self.motion(start, candidate.catch_s, &candidate.q, &dq, grasp.open_width_m, shares)?;
-            Some(CatchPlan {
-                catch_s: candidate.catch_s,
-                grasp: grasp.clone(),
-                approach: candidate.approach,
-                X_WG: candidate.X_WG,
-                q: candidate.q,
-                open_width_m: grasp.open_width_m,
-                swivel: candidate.swivel,
-                speed_fraction: arrival.speed_fraction * share,
-                spin_radps: arrival.spin_radps * share,
-                cost: candidate.cost,
-                trajectory,
-            })
+        let (arrival, control_points) = reaching.best(bounds, -1.0)?;
+        let trajectory = self.motion(reaching.start.time_s, candidate.catch_s, control_points, grasp.open_width_m)?;
+        let Candidate { catch_s, approach, X_WG, q, swivel, cost } = *candidate;
+        Some(CatchPlan {
+            catch_s,
+            grasp: grasp.clone(),
+            approach,
+            X_WG,
+            q,
+            open_width_m: grasp.open_width_m,
+            swivel,
+            speed_fraction: arrival.speed_fraction,
+            spin_radps: arrival.spin_radps,
+            cost,
+            trajectory,
         })
     }
-}
-
-/// The largest share of its reach that a joint must use to get from `start` to `q`, `None` if one cannot.
-pub(super) fn effort(
-    joints: &[JointReach; MAX_JOINTS],
-    start: &JointVector,
-    q: &JointVector,
-    dof: usize,
-) -> Option<f64> {
-    let mut most: f64 = 0.0;
-    for i in 0..dof {
-        let far = joints[i].displacements();
-        let (middle, half) = ((far.low + far.high) / 2.0, (far.high - far.low) / 2.0);
-        let share = ((q[i] - start[i] - middle) / half).abs();
-        if share > 1.0 {
-            return None;
-        }
-        most = most.max(share);
-    }
-    Some(most)
 }

@@ -20,10 +20,11 @@ impl Planner {
         let Some(direction) = v_GO.try_normalize(1e-6) else { return true };
         let [left, right] = self.gripper.fingers(self.gripper.max_width_m);
         let X_GO = grasp.X_OG.inverse();
-        let way = direction * -WAY_IN_M;
+        let way = Way::new(direction * -WAY_IN_M);
+        let boxes = [left, right, self.gripper.body()];
         grasps.outline.iter().all(|point| {
-            let from = X_GO * point;
-            ![left, right, self.gripper.body()].iter().any(|it| meets(it, margin_m, &from.coords, &way))
+            let from = (X_GO * point).coords;
+            !boxes.iter().any(|it| way.meets(it, margin_m, &from))
         })
     }
 
@@ -55,24 +56,30 @@ impl Planner {
     }
 }
 
-/// Whether the way from `from` along `way` comes within `margin_m` of a box: the parts of it between each pair of faces
-/// (Kay & Kajiya, Ray tracing complex scenes, 1986).
-fn meets(cuboid: &Cuboid, margin_m: f64, from: &Vector3<f64>, way: &Vector3<f64>) -> bool {
-    let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
-    for axis in 0..3 {
-        let half = cuboid.size[axis] / 2.0 + margin_m;
-        let at = from[axis] - cuboid.centre[axis];
-        if way[axis].abs() < 1e-12 {
-            if at.abs() > half {
-                return false;
-            }
-        } else {
-            let (one, two) = ((-half - at) / way[axis], (half - at) / way[axis]);
+/// A straight way, the same for many points.
+struct Way {
+    /// One over its components, huge where they vanish.
+    inverse: Vector3<f64>,
+}
+
+impl Way {
+    fn new(along: Vector3<f64>) -> Self {
+        Self { inverse: along.map(|it| if it.abs() < 1e-12 { 1e12 } else { 1.0 / it }) }
+    }
+
+    /// Whether a point that starts at `from` comes within `margin_m` of a box: the parts of its way between each pair of faces
+    /// (Kay & Kajiya, Ray tracing complex scenes, 1986).
+    fn meets(&self, cuboid: &Cuboid, margin_m: f64, from: &Vector3<f64>) -> bool {
+        let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
+        for axis in 0..3 {
+            let half = cuboid.size[axis] / 2.0 + margin_m;
+            let at = cuboid.centre[axis] - from[axis];
+            let (one, two) = ((at - half) * self.inverse[axis], (at + half) * self.inverse[axis]);
             enter = enter.max(one.min(two));
             leave = leave.min(one.max(two));
         }
+        enter <= leave
     }
-    enter <= leave
 }
 
 #[cfg(test)]
@@ -93,8 +100,9 @@ mod tests {
                 let at = from + way * (f64::from(i) / 2000.0);
                 ((at - cuboid.centre.coords).abs() - cuboid.size / 2.0).max()
             }).fold(f64::INFINITY, f64::min);
-            prop_assert!(meets(&cuboid, 0.01, &from, &way) || nearest > 0.01);
-            prop_assert!(!meets(&cuboid, 0.01, &from, &way) || nearest < 0.011);
+            let meets = Way::new(way).meets(&cuboid, 0.01, &from);
+            prop_assert!(meets || nearest > 0.01);
+            prop_assert!(!meets || nearest < 0.011);
         }
     }
 }

@@ -32,7 +32,7 @@ impl Desk {
         let mut config = setup.brain_config(1, 0);
         change(&mut config.trajectory_optimization);
         let reference = ReferenceModel::from_scan(&setup.reference_scan, &config.perception);
-        let grasps = GraspSet::sample(&reference, &setup.gripper, &config.grasp_selection, config.seed);
+        let grasps = GraspSet::sample(&reference, &setup.gripper, &config.grasp_selection);
         let planner = Planner::new(setup.robot.clone(), setup.gripper.clone(), config.trajectory_optimization.clone());
         Self { setup, config, grasps, planner }
     }
