@@ -1,4 +1,4 @@
-//! Closed-form inverse kinematics of S-R-S arms: seven joints, three axes that meet in a shoulder, one elbow, three that
+//! Inverse kinematics: numerical for any arm, in closed form for S-R-S arms: seven joints, three axes that meet in a shoulder, one elbow, three that
 //! meet in a wrist, and no offsets.
 //!
 //! The position of the wrist fixes the elbow but for a swivel about the line from shoulder to wrist; each swivel angle leaves
@@ -7,8 +7,10 @@
 //! axes: everything is expressed by the axes in W while all joints are at zero.
 
 mod arcs;
+mod numerical;
 
 pub use arcs::{Arcs, Branch};
+pub use numerical::Ranges;
 
 use arcs::Harmonic;
 use nalgebra::{Matrix3, Point3, Rotation3, Unit, Vector3};

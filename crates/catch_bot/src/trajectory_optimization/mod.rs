@@ -13,19 +13,22 @@ pub mod arrival;
 pub mod joint_spline;
 pub mod motion;
 pub mod posed;
+pub mod posture;
 pub mod quadratic_program;
 pub mod reachability;
 mod reaching;
 mod retarget;
 pub mod search;
+mod unreachable;
 mod way_in;
 
-use catch_body::{Gripper, JointVector, Pose, Robot, clearance::ArmClearance, inverse_kinematics::SrsArm};
+use catch_body::{Gripper, JointVector, Pose, Robot, clearance::ArmClearance};
 use catch_cell::{ArmTrajectory, arm::Setpoint};
 use serde::{Deserialize, Serialize};
 
 use crate::grasp_selection::{Approach, Grasp};
 use joint_spline::{EndKind, Ends, JointSpline};
+use posture::{Elbow, PostureFinder};
 
 /// Settings of trajectory optimization.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -97,8 +100,8 @@ pub struct CatchPlan {
     pub q: JointVector,
     /// Opening before the catch, in metres.
     pub open_width_m: f64,
-    /// Swivel angle of the elbow, where the arm has one.
-    pub swivel: f64,
+    /// Where the elbow stands, for S-R-S arms.
+    pub elbow: Option<Elbow>,
     /// Share of the object's velocity at which the gripper moves along with it.
     pub speed_fraction: f64,
     /// Angular speed of the gripper at the catch, in rad/s.
@@ -141,7 +144,7 @@ pub struct Planner {
     /// The arm with the gripper's mass on it.
     robot: Robot,
     gripper: Gripper,
-    srs: Option<SrsArm>,
+    finder: PostureFinder,
     /// The base's distance from the farthest object that the gripper could hold, and a little more.
     longest_reach_m: f64,
     /// How far the arm with the gripper can extend beyond each joint, in metres.
@@ -185,7 +188,7 @@ impl Planner {
         Self {
             longest_reach_m: lengths_m.sum() + hand_m + HELD_BEYOND_M,
             extents_m,
-            srs: SrsArm::of(&robot),
+            finder: PostureFinder::new(&robot),
             clearance: ArmClearance::new(&robot, &gripper),
             robot: robot.carrying(&gripper),
             gripper,

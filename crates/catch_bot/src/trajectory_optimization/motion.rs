@@ -143,6 +143,16 @@ impl Planner {
         keeps_torque && self.keeps_clear(trajectory, width_m)
     }
 
+    /// Whether the arm at `q` is clear of itself and of the floor, the gripper `width_m` open.
+    pub(super) fn stands_clear(&self, q: &JointVector, width_m: f64) -> bool {
+        self.clearance_m(q, width_m) >= self.config.clearance_m
+    }
+
+    fn clearance_m(&self, q: &JointVector, width_m: f64) -> f64 {
+        let X_WL = self.robot.link_poses(q);
+        self.clearance.self_clearance(&X_WL, width_m).min(self.clearance.floor_clearance(&X_WL, width_m))
+    }
+
     /// Whether the arm keeps clear of itself and of the floor, the gripper `width_m` open.
     ///
     /// No two of its parts approach each other faster than Σ |q̇ᵢ|·rᵢ, rᵢ being how far the arm can extend beyond joint i: from
@@ -151,9 +161,7 @@ impl Planner {
         let fastest_mps = self.fastest_mps(&trajectory.spline);
         let mut time_s = trajectory.start_s();
         loop {
-            let X_WL = self.robot.link_poses(&trajectory.setpoint(time_s).q);
-            let clearance_m =
-                self.clearance.self_clearance(&X_WL, width_m).min(self.clearance.floor_clearance(&X_WL, width_m));
+            let clearance_m = self.clearance_m(&trajectory.setpoint(time_s).q, width_m);
             if clearance_m < self.config.clearance_m {
                 return false;
             }

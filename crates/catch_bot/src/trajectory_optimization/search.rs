@@ -9,13 +9,14 @@
 
 use std::{cmp::Ordering, collections::BinaryHeap};
 
-use catch_body::{JointVector, MAX_JOINTS, Pose, inverse_kinematics::SrsArm};
+use catch_body::{JointVector, MAX_JOINTS, Pose};
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::{
     CatchPlan, Planner, Refusal, Start,
     motion::Shares,
+    posture::{Posture, PostureFinder},
     reachability::{Interval, JointReach},
     reaching::{Reaching, effort},
 };
@@ -46,12 +47,16 @@ impl Default for Weights {
     }
 }
 
-/// Swivel angles that are tried in each arc, as shares of it.
-const SHARES_OF_ARC: [f64; 5] = [0.5, 0.25, 0.75, 0.05, 0.95];
 /// Latest catch, in seconds from the start.
 const LATEST_S: f64 = 2.0;
 /// How much finer the second search is.
-const FINER: f64 = 5.0;
+const FINER: f64 = 4.0;
+/// Pairs of catch time and grasp that one search looks at, the best first.
+const MOST_PAIRS: usize = 500;
+/// The same where each takes an iteration.
+const MOST_NUMERICAL_PAIRS: usize = 16;
+/// Motions that are tried for one of them.
+const ATTEMPTS_PER_PAIR: usize = 2;
 
 /// A catch that every joint can reach.
 #[derive(Debug, Clone, Copy)]
@@ -59,8 +64,7 @@ pub(super) struct Candidate {
     pub catch_s: f64,
     pub approach: Approach,
     pub X_WG: Pose,
-    pub q: JointVector,
-    pub swivel: f64,
+    pub posture: Posture,
     pub cost: f64,
 }
 
@@ -83,8 +87,8 @@ struct Node {
 #[derive(Clone, Copy)]
 enum Stage {
     Pose,
-    Posture { q: JointVector, swivel: f64 },
-    Arrival { q: JointVector, swivel: f64 },
+    Posture(Posture),
+    Arrival(Posture),
 }
 
 /// Nodes, the one that can become cheapest on top.
@@ -153,21 +157,23 @@ impl Planner {
         grasps: &GraspSet,
         grasp_config: &grasp_selection::Config,
     ) -> Result<CatchPlan, Refusal> {
-        let srs = self.srs.as_ref().ok_or(Refusal::NoMotion)?;
         let task = Task { start, flight, grasps, grasp_config, shares: self.shares(start) };
-        self.best_first(srs, &task, self.config.time_step_s).or_else(|_| {
+        self.best_first(&task, self.config.time_step_s).or_else(|_| {
             let task = Task { shares: self.moving_shares(), ..task };
-            self.best_first(srs, &task, self.config.time_step_s / FINER)
+            self.best_first(&task, self.config.time_step_s / FINER)
         })
     }
 
-    fn best_first(&self, srs: &SrsArm, task: &Task, time_step_s: f64) -> Result<CatchPlan, Refusal> {
+    fn best_first(&self, task: &Task, time_step_s: f64) -> Result<CatchPlan, Refusal> {
         let mut frontier = Frontier::default();
-        let (instants, any_grasp) = self.poses(srs, task, time_step_s, &mut frontier);
+        let (instants, any_grasp) = self.poses(task, time_step_s, &mut frontier);
         let mut refusal = if any_grasp { Refusal::OutOfReach } else { Refusal::NoGrasp };
-        // A gripper that an object cannot enter is not tried again in another posture.
-        let mut blocked: Vec<(usize, usize)> = Vec::new();
-        let mut attempts = 0;
+        // What a few postures could not do, similar ones usually cannot either.
+        let mut failed: Vec<(usize, usize)> = Vec::new();
+        let mut pairs = match self.finder {
+            PostureFinder::Srs(_) => MOST_PAIRS,
+            PostureFinder::Numerical => MOST_NUMERICAL_PAIRS,
+        };
         let weights = &self.config.weights;
         while let Some((cost, Node { instant, ranked, stage })) = frontier.pop() {
             let at = &instants[instant];
@@ -175,43 +181,51 @@ impl Planner {
             let reaching =
                 |q: &JointVector| self.reaching(task.start, at.catch_s, &ranked.X_WG, q, &at.v_WO, task.shares);
             match stage {
+                Stage::Pose if pairs == 0 => {}
                 Stage::Pose => {
-                    let postures = self.postures(srs, task, at, &ranked);
+                    pairs -= 1;
+                    let postures = self.postures(task, at, &ranked);
                     if let Err(why) = postures {
                         refusal = refusal.max(why);
                     }
-                    for (effort, q, swivel) in postures.into_iter().flatten() {
+                    for (effort, posture) in postures.into_iter().flatten() {
                         let cost = cost
                             + weights.effort * effort.powi(4)
-                            + weights.comfort * (q - self.robot.comfortable_q).norm();
-                        frontier.push(cost, Node { instant, ranked, stage: Stage::Posture { q, swivel } });
+                            + weights.comfort * (posture.q - self.robot.comfortable_q).norm();
+                        frontier.push(cost, Node { instant, ranked, stage: Stage::Posture(posture) });
                     }
                 }
-                Stage::Posture { q, swivel } => {
+                Stage::Posture(posture) => {
+                    let q = posture.q;
                     refusal = refusal.max(Refusal::NoMotion);
+                    if !self.stands_clear(&q, task.grasps.grasps[ranked.index].open_width_m) {
+                        continue;
+                    }
                     let bounds = self.arrival_bounds(&at.joints, from, &q);
                     let Some(arrival) = bounds.and_then(|bounds| reaching(&q).arrival(&bounds)) else { continue };
                     let missing = 1.0 - arrival.speed_fraction / self.config.max_speed_fraction.max(1e-9);
                     let cost = cost + weights.speed * missing + weights.spin * arrival.spin_radps;
-                    frontier.push(cost, Node { instant, ranked, stage: Stage::Arrival { q, swivel } });
+                    frontier.push(cost, Node { instant, ranked, stage: Stage::Arrival(posture) });
                 }
-                Stage::Arrival { q, swivel } => {
+                Stage::Arrival(posture) => {
+                    let q = posture.q;
                     let RankedGrasp { approach, X_WG, index, .. } = ranked;
-                    if blocked.contains(&(instant, index)) {
+                    let pair = (instant, index);
+                    if failed.iter().filter(|it| **it == pair).count() >= ATTEMPTS_PER_PAIR {
                         continue;
                     }
-                    let candidate = Candidate { catch_s: at.catch_s, approach, X_WG, q, swivel, cost };
+                    let candidate = Candidate { catch_s: at.catch_s, approach, X_WG, posture, cost };
                     let Some(bounds) = self.arrival_bounds(&at.joints, from, &q) else { continue };
-                    attempts += 1;
                     let plan = self.finish(&candidate, &task.grasps.grasps[index], bounds, &reaching(&q));
-                    if let Some(plan) = plan {
-                        let opening = self.opening(&plan, task.flight, task.grasps, task.grasp_config);
-                        if let Some(open_width_m) = opening {
-                            return Ok(CatchPlan { open_width_m, ..plan });
-                        }
-                        blocked.push((instant, index));
+                    let opened = plan.and_then(|plan| {
+                        let open_width_m = self.opening(&plan, task.flight, task.grasps, task.grasp_config)?;
+                        Some(CatchPlan { open_width_m, ..plan })
+                    });
+                    if let Some(plan) = opened {
+                        return Ok(plan);
                     }
-                    if attempts == self.config.attempts {
+                    failed.push(pair);
+                    if failed.len() == self.config.attempts {
                         return Err(Refusal::NoMotion);
                     }
                 }
@@ -220,19 +234,11 @@ impl Planner {
         Err(refusal)
     }
 
-    /// Postures in which the gripper is where `ranked` wants it: the share of its reach that a joint uses, the joint positions and
-    /// the swivel angle of each.
-    fn postures(
-        &self,
-        srs: &SrsArm,
-        task: &Task,
-        at: &Instant,
-        ranked: &RankedGrasp,
-    ) -> Result<Vec<(f64, JointVector, f64)>, Refusal> {
-        let circle = srs.elbow_circle(&ranked.X_WG).ok_or(Refusal::OutOfReach)?;
-        let ranges = at.ranges[..7].try_into().expect("an S-R-S arm has seven joints");
-        let swivels = srs.swivels(&circle, ranges);
-        if swivels.iter().all(|(_, arcs)| arcs.is_empty()) {
+    /// Postures in which the gripper is where `ranked` wants it, each with the share of its reach that a joint must use.
+    fn postures(&self, task: &Task, at: &Instant, ranked: &RankedGrasp) -> Result<Vec<(f64, Posture)>, Refusal> {
+        let from = &task.start.state.q;
+        let postures = self.finder.postures(&self.robot, &ranked.X_WG, from, &at.ranges);
+        if postures.is_empty() {
             return Err(Refusal::OutOfReach);
         }
         let v_GO = ranked.X_WG.rotation.inverse_transform_vector(&at.v_WO);
@@ -240,22 +246,12 @@ impl Planner {
         if !self.enters_straight(grasp, &v_GO, task.grasps, task.grasp_config.way_in_margin_m) {
             return Err(Refusal::Blocked);
         }
-        let mut found = Vec::new();
-        for (branch, arcs) in swivels {
-            for arc in arcs.iter() {
-                for share in SHARES_OF_ARC {
-                    let swivel = arc[0] + share * (arc[1] - arc[0]);
-                    let q = srs.solve_branch(&circle, swivel, branch);
-                    let effort = effort(&at.joints, &task.start.state.q, &q, self.robot.dof());
-                    found.extend(effort.map(|effort| (effort, q, swivel)));
-                }
-            }
-        }
-        Ok(found)
+        let effort = |it: &Posture| effort(&at.joints, from, &it.q, self.robot.dof());
+        Ok(postures.into_iter().filter_map(|it| Some((effort(&it)?, it))).collect())
     }
 
     /// Every catch time with every grasp that suits the flight there and that the elbow can reach; and whether any suits it.
-    fn poses(&self, srs: &SrsArm, task: &Task, time_step_s: f64, frontier: &mut Frontier) -> (Vec<Instant>, bool) {
+    fn poses(&self, task: &Task, time_step_s: f64, frontier: &mut Frontier) -> (Vec<Instant>, bool) {
         let base = Point3::from(self.robot.X_WB.translation.vector);
         let (mut instants, mut any_grasp) = (Vec::new(), false);
         let steps = (LATEST_S / time_step_s) as usize;
@@ -274,9 +270,7 @@ impl Planner {
             let v_WO = task.flight.twist_at(catch_s).linear;
             for ranked in task.grasps.rank(&X_WO, &v_WO, &base, task.grasp_config) {
                 any_grasp = true;
-                let bend = srs.elbow_bend(&ranked.X_WG);
-                let within = |q4: f64| ranges[3][0] <= q4 && q4 <= ranges[3][1];
-                if bend.is_none_or(|bend| !within(bend) && !within(-bend)) {
+                if !self.finder.may_reach(&ranked.X_WG, &ranges) {
                     continue;
                 }
                 let cost = ranked.cost + self.config.weights.delay * lead_s;
@@ -301,7 +295,7 @@ impl Planner {
     ) -> Option<CatchPlan> {
         let (arrival, control_points) = reaching.best(bounds, -1.0)?;
         let trajectory = self.motion(reaching.start.time_s, candidate.catch_s, control_points, grasp.open_width_m)?;
-        let Candidate { catch_s, approach, X_WG, q, swivel, cost } = *candidate;
+        let Candidate { catch_s, approach, X_WG, posture: Posture { q, elbow }, cost } = *candidate;
         Some(CatchPlan {
             catch_s,
             grasp: grasp.clone(),
@@ -309,7 +303,7 @@ impl Planner {
             X_WG,
             q,
             open_width_m: grasp.open_width_m,
-            swivel,
+            elbow,
             speed_fraction: arrival.speed_fraction,
             spin_radps: arrival.spin_radps,
             cost,
