@@ -136,6 +136,7 @@ pub struct CatchingBot {
     flight: Option<FlightTrajectory>,
     plan: Option<CatchPlan>,
     workspace: perception::Workspace,
+    prediction_workspace: trajectory_prediction::Workspace,
     closing: Option<GripperPlan>,
     report: Report,
 }
@@ -162,6 +163,7 @@ impl CatchingBot {
             flight: None,
             plan: None,
             workspace: perception::Workspace::default(),
+            prediction_workspace: trajectory_prediction::Workspace::default(),
             closing: None,
             report: Report::default(),
         }
@@ -226,6 +228,7 @@ impl Brain for CatchingBot {
             self.known.reference.symmetry,
             &self.known.config.trajectory_prediction,
             self.seed,
+            &mut self.prediction_workspace,
         );
         probe.stage_ended("trajectory_prediction");
         let Ok(mut flight) = flight else {
