@@ -7,6 +7,7 @@ mod determinism;
 mod evaluation;
 mod frames;
 mod pages;
+mod planning;
 mod source;
 mod tidy;
 mod wrong_input;
