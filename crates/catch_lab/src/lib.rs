@@ -9,6 +9,7 @@ pub mod assets;
 pub mod catch_page;
 pub mod check;
 pub mod evaluation;
+pub mod gif_picture;
 pub mod packed;
 pub mod playback;
 pub mod ready;

@@ -2,14 +2,14 @@
 
 use std::{
     collections::BTreeMap,
-    io,
+    fs, io,
     path::{Path, PathBuf},
 };
 
 use anyhow::Context;
 use catch_body::InputError;
 use catch_lab::{
-    VERSION,
+    VERSION, gif_picture,
     playback::Playback,
     recording::{Ending, RecordedSurface, Recorder},
     referee::{self, Measures, Verdict},
@@ -56,6 +56,9 @@ pub struct PictureArguments {
     /// Write the page that `view` shows: one file, no network
     #[arg(long)]
     html: bool,
+    /// Write a small moving picture
+    #[arg(long)]
+    gif: bool,
 }
 
 /// The JSON document.
@@ -158,9 +161,17 @@ impl PictureArguments {
     /// Writes what was asked for beside the recording; returns the files by their kinds.
     fn write(&self, recording: &Path) -> anyhow::Result<BTreeMap<&'static str, PathBuf>> {
         let mut written = BTreeMap::new();
+        if !(self.html || self.gif) {
+            return Ok(written);
+        }
+        let playback = Playback::read(recording)?;
         if self.html {
-            let playback = Playback::read(recording)?;
             written.insert("page", view::write_page(recording, &playback)?);
+        }
+        if self.gif {
+            let path = recording.with_extension("gif");
+            fs::write(&path, gif_picture::gif(&playback)?).with_context(|| format!("{}", path.display()))?;
+            written.insert("picture", path);
         }
         Ok(written)
     }
