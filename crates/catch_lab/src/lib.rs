@@ -10,6 +10,7 @@ pub mod catch_page;
 pub mod check;
 pub mod evaluation;
 pub mod gif_picture;
+pub mod mcap_file;
 pub mod packed;
 pub mod playback;
 pub mod ready;

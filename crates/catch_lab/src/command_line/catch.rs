@@ -9,7 +9,7 @@ use std::{
 use anyhow::Context;
 use catch_body::InputError;
 use catch_lab::{
-    VERSION, gif_picture,
+    VERSION, gif_picture, mcap_file,
     playback::Playback,
     recording::{Ending, RecordedSurface, Recorder},
     referee::{self, Measures, Verdict},
@@ -59,6 +59,9 @@ pub struct PictureArguments {
     /// Write a small moving picture
     #[arg(long)]
     gif: bool,
+    /// Write an MCAP file for Foxglove or Rerun, and the robot's URDF beside it
+    #[arg(long)]
+    mcap: bool,
 }
 
 /// The JSON document.
@@ -161,17 +164,25 @@ impl PictureArguments {
     /// Writes what was asked for beside the recording; returns the files by their kinds.
     fn write(&self, recording: &Path) -> anyhow::Result<BTreeMap<&'static str, PathBuf>> {
         let mut written = BTreeMap::new();
-        if !(self.html || self.gif) {
+        if !(self.html || self.gif || self.mcap) {
             return Ok(written);
         }
         let playback = Playback::read(recording)?;
         if self.html {
             written.insert("page", view::write_page(recording, &playback)?);
         }
+        let mut write = |kind: &'static str, extension: &str, content: &[u8]| {
+            let path = recording.with_extension(extension);
+            fs::write(&path, content).with_context(|| format!("{}", path.display()))?;
+            written.insert(kind, path);
+            anyhow::Ok(())
+        };
         if self.gif {
-            let path = recording.with_extension("gif");
-            fs::write(&path, gif_picture::gif(&playback)?).with_context(|| format!("{}", path.display()))?;
-            written.insert("picture", path);
+            write("picture", "gif", &gif_picture::gif(&playback)?)?;
+        }
+        if self.mcap {
+            write("mcap", "mcap", &mcap_file::mcap(&playback)?)?;
+            write("urdf", "urdf", playback.header.sources.robot_urdf.as_bytes())?;
         }
         Ok(written)
     }
