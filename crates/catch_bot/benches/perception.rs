@@ -56,6 +56,7 @@ fn prediction(criterion: &mut Criterion) {
     let mut normal = Normal::new(1);
     let mut workspace = Workspace::default();
     let mut poses = Vec::new();
+    let mut space = trajectory_prediction::Workspace::default();
     for i in 0..30 {
         let time_s = 0.01 * f64::from(i);
         let p_WO = Vector3::new(2.6 - 2.9 * time_s, 2.6 - 4.0 * time_s, 0.5 + 3.6 * time_s - 4.905 * time_s * time_s);
@@ -65,12 +66,12 @@ fn prediction(criterion: &mut Criterion) {
         frames.iter_mut().for_each(|frame| frame.capture_s = time_s);
         poses.extend(find_object(&frames, &cameras, &reference, Some(&X_WO), &Config::default(), &mut workspace));
     }
-    let flight = predict(&poses, None, reference.symmetry, &config, 1).expect("thirty good poses");
+    let flight = predict(&poses, None, reference.symmetry, &config, 1, &mut space).expect("thirty good poses");
     criterion.bench_function("prediction/tracking", |bencher| {
-        bencher.iter(|| predict(&poses, Some(&flight), reference.symmetry, &config, 1));
+        bencher.iter(|| predict(&poses, Some(&flight), reference.symmetry, &config, 1, &mut space));
     });
     criterion.bench_function("prediction/start", |bencher| {
-        bencher.iter(|| predict(&poses, None, reference.symmetry, &config, 1));
+        bencher.iter(|| predict(&poses, None, reference.symmetry, &config, 1, &mut space));
     });
 }
 

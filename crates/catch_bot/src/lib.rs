@@ -134,6 +134,7 @@ pub struct CatchingBot {
     flight: Option<FlightTrajectory>,
     plan: Option<CatchPlan>,
     workspace: perception::Workspace,
+    prediction_workspace: trajectory_prediction::Workspace,
     closing: Option<GripperPlan>,
     report: Report,
 }
@@ -160,6 +161,7 @@ impl CatchingBot {
             flight: None,
             plan: None,
             workspace: perception::Workspace::default(),
+            prediction_workspace: trajectory_prediction::Workspace::default(),
             closing: None,
             report: Report::default(),
         }
@@ -224,6 +226,7 @@ impl Brain for CatchingBot {
             self.known.reference.symmetry,
             &self.known.config.trajectory_prediction,
             self.seed,
+            &mut self.prediction_workspace,
         );
         probe.stage_ended("trajectory_prediction");
         let Ok(mut flight) = flight else {

@@ -12,6 +12,7 @@ pub mod evaluation;
 pub mod gif_picture;
 pub mod mcap_file;
 pub mod packed;
+pub mod planner_cases;
 pub mod playback;
 pub mod ready;
 pub mod recording;

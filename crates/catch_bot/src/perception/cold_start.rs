@@ -10,11 +10,11 @@ use super::{
 };
 
 /// Points that the attitudes are compared on: enough to tell them apart.
-const TRIAL_POINTS: usize = 150;
+const TRIAL_POINTS: usize = 100;
 /// Steps from each attitude before they are compared.
-const TRIAL_ITERATIONS: usize = 8;
+const TRIAL_ITERATIONS: usize = 7;
 /// Attitudes that are then compared on all points.
-const FINALISTS: usize = 4;
+const FINALISTS: usize = 3;
 /// Attitudes closer than this are one.
 const SAME_ATTITUDE_RAD: f64 = 0.3;
 
@@ -33,11 +33,12 @@ pub(super) fn register(
     let R_WO = prior.map_or_else(UnitQuaternion::identity, |X_WO| X_WO.rotation);
     let starts = if matches!(reference.symmetry, Symmetry::Sphere) { 1 } else { 24 };
 
-    // With points alone first; again with the outline if the depths turn out to be noisy.
-    let mut best = None;
+    // With points alone first, unless they are told to be noisy; again with the outline if they turn out to be.
+    let mut best: Option<(Fit, bool)> = None;
     for outlined in [false, true] {
-        if outlined && scene.outline.is_empty() {
-            break;
+        let is_hopeless = !outlined && scene.mean_noise_m() > config.outline_above_m && !scene.outline.is_empty();
+        if is_hopeless || outlined && scene.outline.is_empty() {
+            continue;
         }
         // The best few on a part of the scene, then the best of these on all of it.
         let mut finalists: [Option<Fit>; FINALISTS] = [None; FINALISTS];
@@ -47,15 +48,16 @@ pub(super) fn register(
             keep(&mut finalists, fit, &reference.symmetry);
         }
         let results = finalists.iter().flatten();
-        let results =
-            results.map(|fit| registration::iterate(scene, reference, &fit.X_WO, config, TRIAL_ITERATIONS, outlined).0);
-        best = results.min_by(|a, b| a.misfit.total_cmp(&b.misfit)).or(best);
-        if best.is_some_and(|fit| fit.residual_m <= config.outline_above_m) {
+        let results = results
+            .map(|fit| registration::iterate(scene, reference, &fit.X_WO, config, config.max_iterations, outlined).0);
+        let least = results.min_by(|a, b| a.misfit.total_cmp(&b.misfit));
+        best = least.map(|fit| (fit, outlined)).or(best);
+        if best.is_some_and(|(fit, _)| fit.residual_m <= config.outline_above_m) {
             break;
         }
     }
-    let best = best.ok_or(PerceptionStatus::NotConverged)?;
-    registration::register(scene, reference, &best.X_WO, config)
+    let (best, outlined) = best.ok_or(PerceptionStatus::NotConverged)?;
+    registration::register(scene, reference, &best.X_WO, config, outlined)
 }
 
 /// Keeps the best fits in order, each attitude once.

@@ -1,7 +1,7 @@
 //! The signed distance from a cloud of oriented points, on a grid.
 //!
 //! Registering a cloud to a surface needs, for each point and iteration, its distance from the surface and the direction of
-//! that distance. A grid answers in eight look-ups, without searching for neighbours.
+//! that distance. A grid answers with its eight nearest nodes, without searching for neighbours.
 
 use nalgebra::{Point3, Vector3};
 
@@ -46,29 +46,29 @@ impl DistanceField {
         self.fine.at(point).or_else(|| self.coarse.at(point)).unwrap_or_else(|| self.coarse.beyond(point))
     }
 
-    /// Signed distance in metres alone.
-    pub fn value_at(&self, point: &Point3<f64>) -> f64 {
-        self.fine.value_at(point).unwrap_or_else(|| self.at(point).0)
-    }
-
     /// Moves the field: what was at `point` is at `point + offset` afterwards.
     pub(super) fn translate(&mut self, offset: &Vector3<f64>) {
         self.fine.lowest += offset;
         self.coarse.lowest += offset;
     }
 
+    /// How deep the deepest node inside lies below the surface, in metres.
+    pub(super) fn deepest_m(&self) -> f64 {
+        self.fine.values.iter().map(|node| -f64::from(node[0])).fold(0.0, f64::max)
+    }
+
     /// Nodes of the fine grid with the share of their cell that is inside, and the volume of a cell in m³.
     pub(super) fn inside(&self) -> (impl Iterator<Item = (Point3<f64>, f64)>, f64) {
         let grid = &self.fine;
-        let cells = grid.values.iter().enumerate().filter_map(|(i, &value)| {
-            let share = (0.5 - f64::from(value) / grid.spacing_m).clamp(0.0, 1.0);
+        let cells = grid.values.iter().enumerate().filter_map(|(i, value)| {
+            let share = (0.5 - f64::from(value[0]) / grid.spacing_m).clamp(0.0, 1.0);
             (share > 0.0).then(|| (grid.node(i), share))
         });
         (cells, grid.spacing_m.powi(3))
     }
 }
 
-/// Values on the nodes of a regular grid, x running fastest.
+/// Values and gradients on the nodes of a regular grid, x running fastest.
 #[derive(Debug, Clone, PartialEq, Default)]
 struct Grid {
     lowest: Point3<f64>,
@@ -76,7 +76,8 @@ struct Grid {
     /// Its inverse.
     per_m: f64,
     nodes: [usize; 3],
-    values: Vec<f32>,
+    /// Value and its change from node to node along each axis, in metres: all four are wanted together, and lie together.
+    values: Vec<[f32; 4]>,
 }
 
 impl Grid {
@@ -86,16 +87,23 @@ impl Grid {
         let nodes = std::array::from_fn(|axis| ((high[axis] + margin_m - lowest[axis]) / spacing_m) as usize + 2);
         let mut grid = Self { lowest, spacing_m, per_m: 1.0 / spacing_m, nodes, values: Vec::new() };
         let nearest = grid.nearest_points(cloud.points);
-        grid.values = nearest
-            .iter()
-            .enumerate()
-            .map(|(i, &nearest)| {
-                cloud
-                    .points
-                    .get(nearest as usize)
-                    .map_or(1.0, |_| cloud.distance(near, &grid.node(i), nearest as usize) as f32)
-            })
-            .collect();
+        let distance = |(i, &nearest): (usize, &u32)| {
+            let known = cloud.points.get(nearest as usize);
+            known.map_or(1.0, |_| cloud.distance(near, &grid.node(i), nearest as usize) as f32)
+        };
+        let values: Vec<f32> = nearest.iter().enumerate().map(distance).collect();
+        let strides = [1, nodes[0], nodes[0] * nodes[1]];
+        let with_changes = (0..values.len()).map(|i| {
+            let change = |axis: usize| {
+                // Between the two neighbours; at the ends of a row between the node and its only one.
+                let along = i / strides[axis] % nodes[axis];
+                let before = if along > 0 { i - strides[axis] } else { i };
+                let after = if along + 1 < nodes[axis] { i + strides[axis] } else { i };
+                (values[after] - values[before]) / ((after - before) / strides[axis]) as f32
+            };
+            [values[i], change(0), change(1), change(2)]
+        });
+        grid.values = with_changes.collect();
         grid
     }
 
@@ -149,6 +157,7 @@ impl Grid {
     }
 
     /// Index of the lowest corner of the cell around a point, and where in the cell it lies; `None` outside.
+    #[inline(always)]
     fn cell(&self, point: &Point3<f64>) -> Option<(usize, [f64; 3])> {
         let cell = (point - self.lowest) * self.per_m;
         let [nx, ny, nz] = self.nodes;
@@ -160,38 +169,25 @@ impl Grid {
         Some(((z * ny + y) * nx + x, [cell.x - x as f64, cell.y - y as f64, cell.z - z as f64]))
     }
 
-    /// Values at the corners of a cell, x running fastest.
-    fn corners(&self, first: usize) -> [f64; 8] {
-        let (row, layer) = (self.nodes[0], self.nodes[0] * self.nodes[1]);
-        let at = |start: usize| {
-            let pair = &self.values[start..start + 2];
-            [f64::from(pair[0]), f64::from(pair[1])]
-        };
-        let [[a, b], [c, d]] = [at(first), at(first + row)];
-        let [[e, f], [g, h]] = [at(first + layer), at(first + layer + row)];
-        [a, b, c, d, e, f, g, h]
-    }
-
-    /// Value between the nodes, linear along each axis; `None` outside.
-    fn value_at(&self, point: &Point3<f64>) -> Option<f64> {
-        let (first, [u, v, w]) = self.cell(point)?;
-        let [a, b, c, d, e, f, g, h] = self.corners(first);
-        let [ab, cd, ef, gh] = [a + u * (b - a), c + u * (d - c), e + u * (f - e), g + u * (h - g)];
-        let [abcd, efgh] = [ab + v * (cd - ab), ef + v * (gh - ef)];
-        Some(abcd + w * (efgh - abcd))
-    }
-
     /// Value and gradient between the nodes; `None` outside.
+    ///
+    /// Axis by axis, values and gradients are blended linearly. Half of what the gradients at both ends disagree by is added to
+    /// the value, ½·t·(1 − t)·(g₀ − g₁), which makes it exact for every quadratic function.
+    #[inline]
     fn at(&self, point: &Point3<f64>) -> Option<(f64, Vector3<f64>)> {
-        let (first, [u, v, w]) = self.cell(point)?;
-        let [a, b, c, d, e, f, g, h] = self.corners(first);
-        // Along x, then y, then z; the derivative along an axis is the difference where the value is the mean.
-        let [ab, cd, ef, gh] = [a + u * (b - a), c + u * (d - c), e + u * (f - e), g + u * (h - g)];
-        let [abcd, efgh] = [ab + v * (cd - ab), ef + v * (gh - ef)];
-        let mean = |low: f64, high: f64, at: f64| low + at * (high - low);
-        let along_x = mean(mean(b - a, d - c, v), mean(f - e, h - g, v), w);
-        let along_y = mean(cd - ab, gh - ef, w);
-        Some((mean(abcd, efgh, w), Vector3::new(along_x, along_y, efgh - abcd) * self.per_m))
+        let (first, share) = self.cell(point)?;
+        let [u, v, w] = share.map(|share| share as f32);
+        let (row, layer) = (self.nodes[0], self.nodes[0] * self.nodes[1]);
+        let [a, b, c, d] = [first, first + row, first + layer, first + layer + row].map(|start| self.between(start, u));
+        let [value, x, y, z] = blend::<3>(&blend::<2>(&a, &b, v), &blend::<2>(&c, &d, v), w).map(f64::from);
+        Some((value, Vector3::new(x, y, z) * self.per_m))
+    }
+
+    /// What lies between a node and the next one along x.
+    #[inline(always)]
+    fn between(&self, node: usize, share: f32) -> [f32; 4] {
+        let pair = &self.values[node..node + 2];
+        blend::<1>(&pair[0], &pair[1], share)
     }
 
     /// Value and gradient outside: the distance from the box of the grid added to the value where the box is nearest.
@@ -203,6 +199,14 @@ impl Grid {
         let distance = away.norm();
         (value + distance, if distance > 0.0 { away / distance } else { Vector3::zeros() })
     }
+}
+
+/// What lies between two nodes that are neighbours along the axis whose change is number `AXIS`.
+#[inline(always)]
+fn blend<const AXIS: usize>(a: &[f32; 4], b: &[f32; 4], t: f32) -> [f32; 4] {
+    let mut between: [f32; 4] = std::array::from_fn(|i| a[i] + t * (b[i] - a[i]));
+    between[0] += 0.5 * t * (1.0 - t) * (a[AXIS] - b[AXIS]);
+    between
 }
 
 impl OrientedPoints<'_> {

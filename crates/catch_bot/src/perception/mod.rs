@@ -7,6 +7,7 @@ mod cold_start;
 mod distance_field;
 mod icp;
 mod neighbours;
+mod normal_equations;
 pub mod point_cloud;
 pub mod reference;
 pub mod registration;
@@ -60,8 +61,8 @@ pub struct Config {
     pub symmetry_tolerance_m: f64,
     /// Depth noise of the cameras, as their data sheet has it.
     pub depth_noise: DepthNoise,
-    /// Standard deviation of an outline between two pixels' centres, in pixels. Evenly distributed it would be 1/√12 = 0.29; the
-    /// third more makes up for neighbouring crossings that err alike, measured on poses from outlines alone.
+    /// Standard deviation in pixels by which the object's outline in an image may be off: not by the pixels' size, which is
+    /// allowed for, but by the mask's and the cameras' own errors.
     pub outline_sd_px: f64,
     /// Outlines are used once the points lie further than this from the reference, root mean square in metres: below it they
     /// would add nothing but time.
@@ -98,13 +99,13 @@ impl Default for Config {
             distance_grid_m: 0.002,
             symmetry_tolerance_m: 0.0008,
             depth_noise: DepthNoise::default(),
-            outline_sd_px: 0.38,
+            outline_sd_px: 0.01,
             outline_above_m: 0.001,
             model_sd_m: 0.0002,
             min_points: 6,
-            max_iterations: 20,
+            max_iterations: 12,
             step_tolerance_m: 2e-6,
-            step_tolerance_sd: 0.05,
+            step_tolerance_sd: 0.1,
             max_residual_m: 0.008,
             position_floor_m: 5e-5,
             rotation_floor_rad: 1e-3,
@@ -178,15 +179,33 @@ pub fn find_object(
         _ => {}
     }
 
+    // Where depths are told to be noisy outlines are needed; else a registration without them tells.
+    let from_points_alone = scene.mean_noise_m() <= config.outline_above_m;
+    if !from_points_alone {
+        scene.collect_outline(frames, cameras, reference, config);
+    }
     let mut from = |X_WO: &Pose| match config.method {
-        Method::Sdf => registration::register(scene, reference, X_WO, config),
+        Method::Sdf => {
+            let fit = registration::register(scene, reference, X_WO, config, !from_points_alone);
+            let good = fit.as_ref().is_ok_and(|fit| fit.residual_m <= config.outline_above_m);
+            if good || !from_points_alone {
+                return fit;
+            }
+            scene.collect_outline(frames, cameras, reference, config);
+            if scene.outline.is_empty() { fit } else { registration::register(scene, reference, X_WO, config, true) }
+        }
         Method::IcpPointToPoint => icp::register(scene, reference, X_WO, config),
     };
     let tracked = prior.and_then(|X_WO| from(X_WO).ok());
     let cold_started = tracked.is_none();
     let fit = match tracked {
         Some(fit) => fit,
-        None => cold_start::register(scene, thinned, reference, prior, config)?,
+        None => {
+            if scene.outline.is_empty() {
+                scene.collect_outline(frames, cameras, reference, config);
+            }
+            cold_start::register(scene, thinned, reference, prior, config)?
+        }
     };
     let capture_s = frames.iter().map(|frame| frame.capture_s).find(|time| time.is_finite()).unwrap_or(0.0);
     Ok(ObjectPose {

@@ -2,7 +2,7 @@
 
 use catch_body::Pose;
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point2, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -45,8 +45,10 @@ pub struct ScenePoint {
 pub struct SceneCloud {
     /// Points on its surface.
     pub points: Vec<ScenePoint>,
-    /// Rays along its outline; only where masks tell it.
+    /// Rays along its outline, if they have been collected; only where masks tell it.
     pub outline: Vec<OutlineRay>,
+    /// The frames that show it: index, and the box around its pixels.
+    shown: Vec<(usize, PixelWindow)>,
 }
 
 impl SceneCloud {
@@ -64,24 +66,24 @@ impl SceneCloud {
     ) {
         self.points.clear();
         self.outline.clear();
-        for frame in frames {
+        self.shown.clear();
+        for (index, frame) in frames.iter().enumerate() {
             let Some(camera) = cameras.get(frame.camera) else { continue };
             if frame.depth_m.len() < frame.window.area() || !frame.capture_s.is_finite() {
                 continue;
             }
             let near = prior.map(|X_WO| Near::new(X_WO, camera, reference.radius_m + config.gate_m));
+            let part = near.map_or(frame.window, |near| intersection(&frame.window, &near.window));
             match (&frame.mask, near) {
-                (Some(mask), near) if mask.len() >= frame.window.area() => {
-                    let part = near.map_or(frame.window, |near| intersection(&frame.window, &near.window));
-                    let before = self.points.len();
-                    self.collect_where(frame, camera, part, config, |i, _| mask[i]);
-                    let depth_m = self.mean_depth(before, camera);
-                    let nearest_m = depth_m - reference.radius_m - 3.0 * config.depth_noise.sd_m(depth_m);
-                    outline(&mut self.outline, frame, mask, camera, &part, nearest_m);
+                (Some(mask), _) if mask.len() >= frame.window.area() => {
+                    let pixels = self.collect_where(frame, camera, part, config, |i| mask[i]);
+                    if pixels.area() > 0 {
+                        self.shown.push((index, pixels));
+                    }
                 }
                 (None, Some(near)) => {
-                    let part = intersection(&frame.window, &near.window);
-                    self.collect_where(frame, camera, part, config, |_, depth_m| {
+                    self.collect_where(frame, camera, part, config, |i| {
+                        let depth_m = f64::from(frame.depth_m[i]);
                         (depth_m - near.depth_m).abs() < near.reach_m + 3.0 * config.depth_noise.sd_m(depth_m)
                     });
                 }
@@ -90,38 +92,78 @@ impl SceneCloud {
         }
     }
 
-    /// Mean depth in a camera of the points from number `first` on.
-    fn mean_depth(&self, first: usize, camera: &CameraModel) -> f64 {
-        let points = &self.points[first..];
-        let sum: f64 = points.iter().map(|point| camera.X_WC.inverse_transform_point(&point.p_W).z).sum();
-        if points.is_empty() { 0.0 } else { sum / points.len() as f64 }
+    /// Collects the outlines of what [`collect`](Self::collect) found in the same frames.
+    pub fn collect_outline(
+        &mut self,
+        frames: &[DepthFrame],
+        cameras: &[CameraModel],
+        reference: &ReferenceModel,
+        config: &Config,
+    ) {
+        self.outline.clear();
+        let centroid_W = self.centroid();
+        for &(index, pixels) in &self.shown {
+            let frame = &frames[index];
+            let (Some(mask), Some(camera)) = (&frame.mask, cameras.get(frame.camera)) else { continue };
+            let depth_m = camera.X_WC.inverse_transform_point(&centroid_W).z;
+            let nearest_m = depth_m - reference.radius_m - 3.0 * config.depth_noise.sd_m(depth_m);
+            outline(&mut self.outline, frame, mask, camera, &pixels, nearest_m);
+        }
     }
 
-    /// Collects the pixels of a part of a frame for which `wanted(index, depth)` holds.
+    /// Mean standard deviation of the points' depths, as told, in metres.
+    pub fn mean_noise_m(&self) -> f64 {
+        self.points.iter().map(|point| point.depth_sd_m).sum::<f64>() / self.points.len().max(1) as f64
+    }
+
+    /// Collects the measured pixels of a part of a frame for which `wanted` holds, and returns the box around all for which it
+    /// holds, measured or not.
     fn collect_where(
         &mut self,
         frame: &DepthFrame,
         camera: &CameraModel,
         part: PixelWindow,
         config: &Config,
-        wanted: impl Fn(usize, f64) -> bool,
-    ) {
+        wanted: impl Fn(usize) -> bool,
+    ) -> PixelWindow {
         let columns = frame.window.width as usize;
         let left = (part.left - frame.window.left.min(part.left)) as usize;
         let top = (part.top - frame.window.top.min(part.top)) as usize;
+        let R_WC = camera.X_WC.rotation.to_rotation_matrix();
+        let p_WC = camera.X_WC.translation.vector;
+        let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
         for row in top..top + part.height as usize {
-            for i in row * columns + left..row * columns + left + part.width as usize {
-                let depth_m = f64::from(frame.depth_m[i]);
-                if !(depth_m > 0.0 && depth_m.is_finite() && wanted(i, depth_m)) {
+            for column in left..left + part.width as usize {
+                let i = row * columns + column;
+                if !wanted(i) {
                     continue;
                 }
-                let ray_C = camera.back_project(&frame.window.pixel_centre(i), 1.0).coords;
+                low = [low[0].min(column), low[1].min(row)];
+                high = [high[0].max(column + 1), high[1].max(row + 1)];
+                let depth_m = f64::from(frame.depth_m[i]);
+                if !(depth_m > 0.0 && depth_m.is_finite()) {
+                    continue;
+                }
+                let uv = Point2::new(
+                    f64::from(frame.window.left) + column as f64 + 0.5,
+                    f64::from(frame.window.top) + row as f64 + 0.5,
+                );
+                let per_depth_W = R_WC * camera.back_project(&uv, 1.0).coords;
                 self.points.push(ScenePoint {
-                    p_W: camera.X_WC * Point3::from(ray_C * depth_m),
-                    per_depth_W: camera.X_WC.rotation * ray_C,
+                    p_W: Point3::from(p_WC + per_depth_W * depth_m),
+                    per_depth_W,
                     depth_sd_m: config.depth_noise.sd_m(depth_m),
                 });
             }
+        }
+        if low[0] >= high[0] {
+            return PixelWindow::default();
+        }
+        PixelWindow {
+            left: frame.window.left + low[0] as u32,
+            top: frame.window.top + low[1] as u32,
+            width: (high[0] - low[0]) as u32,
+            height: (high[1] - low[1]) as u32,
         }
     }
 

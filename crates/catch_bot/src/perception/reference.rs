@@ -25,6 +25,8 @@ pub struct ReferenceModel {
     pub X_RO: Pose,
     /// Radius of a sphere around the origin of O that holds the object.
     pub radius_m: f64,
+    /// Radius of the largest ball that fits into the object.
+    pub inner_radius_m: f64,
     /// Volume in m³.
     pub volume_m3: f64,
     /// Turns under which the object looks the same, and how it tumbles.
@@ -62,7 +64,8 @@ impl ReferenceModel {
         let symmetry = Symmetry::find(&points, &distance, &second_moment, config.symmetry_tolerance_m);
         let X_RO = Pose::from_parts(Translation3::from(centre.coords), UnitQuaternion::identity());
         let nearest = NearestPoints::new(&points);
-        Self { points, normals, X_RO, radius_m, volume_m3, symmetry, distance, nearest }
+        let inner_radius_m = distance.deepest_m().max(1e-4);
+        Self { points, normals, X_RO, radius_m, inner_radius_m, volume_m3, symmetry, distance, nearest }
     }
 }
 

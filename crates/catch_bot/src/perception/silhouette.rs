@@ -1,80 +1,299 @@
-//! Silhouettes: the rays that must touch the object.
+//! Silhouettes: what pixels at the object's outline say.
 //!
-//! Where a pixel shows the object and its neighbour does not, the ray between the two grazes the object's surface. That holds
-//! however bad the depths are: with stereo noise at seven metres the outline carries the information.
+//! The ray through a pixel that shows the object meets it, the ray through a neighbour that does not passes it by. That holds
+//! however bad the depths are: with stereo noise at seven metres the outline carries the information. Each such ray is a
+//! one-sided bound on the pose, and hundreds of them leave little room: far less than if each told the outline's place to
+//! within a pixel by itself.
 
 use catch_body::Pose;
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};
-use nalgebra::{Point2, Point3, Vector3};
+use nalgebra::{Point3, Rotation3, Vector3};
 
-use super::ReferenceModel;
+use super::{
+    Config, ReferenceModel, Symmetry,
+    normal_equations::{OUTLIER_SD, Sums},
+};
 
-/// A ray along the object's outline.
+/// The ray through a pixel at the object's outline.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OutlineRay {
     /// Where it starts: the camera.
     pub p_WC: Point3<f64>,
     /// Its direction, a unit vector.
     pub direction_W: Vector3<f64>,
-    /// How its direction changes from one of the two pixels to the other, in W, per unit of its length.
-    pub pixel_W: Vector3<f64>,
-    /// How far along it the object was touched last.
-    pub(super) along_m: f64,
+    /// Whether the pixel shows the object.
+    pub inside: bool,
+    /// The angle that a pixel covers.
+    pub pixel_rad: f64,
+    /// Where it comes nearest to the surface (or goes deepest below it): how far along it, and how the distance bends there,
+    /// in 1/m.
+    along_m: f64,
+    bend_per_m: f64,
+    /// Signed distance of that place from the surface, in metres; the place and the gradient there, both in O.
+    distance_m: f64,
+    p_O: Point3<f64>,
+    n_O: Vector3<f64>,
+    /// Standard deviation of the outline there, in metres.
+    sd_m: f64,
+    /// How far the object had moved when the ray was looked at.
+    seen_after_m: f64,
 }
 
-/// Step of the search around a known touching point: two nodes of the distance field.
-const REFINE_STEP_M: f64 = 0.004;
-/// Samples along a ray among which the nearest to the surface is sought.
-const SAMPLES: usize = 7;
+/// Standard deviations by which a bound must be kept before it no longer matters.
+const IDLE_SD: f64 = 4.0;
+/// Bends of the distance along a ray that are believed, in 1/m: radii from 2 mm to 0.5 m.
+const BENDS_PER_M: [f64; 2] = [2.0, 500.0];
+
+/// Standard deviations by which a bound must be kept for its search to end.
+const CLEAR_SD: f64 = 6.0;
+/// How far ahead a parabola along the ray is believed: two nodes of the distance field.
+const BELIEVED_M: f64 = 0.004;
+/// Steps of the search for the nearest place, and the shortest that is worth a look.
+const SECANTS: usize = 3;
+const LEAST_STEP_M: f64 = 5e-4;
 
 impl OutlineRay {
-    /// The point where the ray comes nearest to the surface (or goes deepest below it), in W: the distance there is what the
-    /// ray is off by. Moving the object by a little changes it as if that point were fixed to the ray (envelope theorem).
-    ///
-    /// With `refine` the point is sought near the last one only.
-    pub(super) fn touch(&mut self, reference: &ReferenceModel, X_WO: &Pose, refine: bool) -> Point3<f64> {
-        let p_OC = X_WO.inverse_transform_point(&self.p_WC);
-        let direction_O = X_WO.inverse_transform_vector(&self.direction_W);
-        let distance = |along: f64| reference.distance.value_at(&(p_OC + direction_O * along));
-        let (mut best, mut step, rounds);
-        let mut least;
-        if refine {
-            (best, step, rounds) = (self.along_m, REFINE_STEP_M, 1);
-            least = distance(best);
-        } else {
-            // The stretch of the ray within the sphere that holds the object, sampled.
-            let middle = -p_OC.coords.dot(&direction_O);
-            let passes_m2 = (p_OC + direction_O * middle).coords.norm_squared();
-            let half = (reference.radius_m.powi(2) - passes_m2).max(0.0).sqrt();
-            step = (2.0 * half / (SAMPLES - 1) as f64).max(REFINE_STEP_M);
-            (best, least, rounds) = (middle, distance(middle), 2);
-            for i in (0..SAMPLES).filter(|&i| i != SAMPLES / 2) {
-                let along = middle + step * (i as f64 - (SAMPLES / 2) as f64);
-                let value = distance(along);
-                if value < least {
-                    (best, least) = (along, value);
+    /// A ray that has not been near an object.
+    pub fn new(p_WC: Point3<f64>, direction_W: Vector3<f64>, inside: bool, pixel_rad: f64) -> Self {
+        Self {
+            p_WC,
+            direction_W,
+            inside,
+            pixel_rad,
+            along_m: 0.0,
+            bend_per_m: 20.0,
+            distance_m: 0.0,
+            p_O: Point3::origin(),
+            n_O: Vector3::zeros(),
+            sd_m: 1.0,
+            seen_after_m: 0.0,
+        }
+    }
+
+    /// How far the bound is broken in metres; negative if it is kept.
+    fn violation_m(&self) -> f64 {
+        if self.inside { self.distance_m } else { -self.distance_m }
+    }
+
+    fn note(&mut self, moved_m: f64, config: &Config) {
+        self.seen_after_m = moved_m;
+        let in_image_m = config.outline_sd_px * self.pixel_rad * self.along_m;
+        self.sd_m = (in_image_m * in_image_m + config.model_sd_m * config.model_sd_m).sqrt();
+    }
+
+    /// Whether the bound is kept by so much that it does not matter after the object has moved by `moved_m`.
+    fn is_idle(&self, moved_m: f64, scale: f64) -> bool {
+        self.violation_m() + (moved_m - self.seen_after_m) < -IDLE_SD * scale * self.sd_m
+    }
+
+    /// Finds the nearest place to the surface anew, from the best of some places along the ray: where it passes the object's
+    /// centre, and where its `neighbour` of the same camera came nearest, or else halfway to either side.
+    fn find(&mut self, reference: &ReferenceModel, view: &View, neighbour: Option<&Self>, config: &Config) {
+        let p_OC = view.p_OC;
+        let direction_O = view.R_OW * self.direction_W;
+        let middle_m = -p_OC.coords.dot(&direction_O);
+        let passes_m = (p_OC + direction_O * middle_m).coords.norm();
+        self.along_m = middle_m;
+        self.note(0.0, config);
+        let clear_m = CLEAR_SD * self.sd_m;
+        if passes_m > reference.radius_m + clear_m {
+            // It misses the ball that holds the object.
+            (self.distance_m, self.p_O) = (passes_m - reference.radius_m, p_OC + direction_O * middle_m);
+            self.n_O = self.p_O.coords / passes_m;
+            self.bend_per_m = 1.0 / passes_m;
+            return;
+        }
+        let half_m = (reference.radius_m.powi(2) - passes_m * passes_m).max(0.0).sqrt();
+        let look = |along_m: f64| reference.distance.at(&(p_OC + direction_O * along_m));
+        let (mut least_m, mut gradient) = look(middle_m);
+        self.bend_per_m = neighbour.map_or(1.0 / reference.radius_m.max(0.005), |neighbour| neighbour.bend_per_m);
+        if reference.symmetry != Symmetry::Sphere {
+            let hint_m = neighbour.map_or(f64::NAN, |neighbour| neighbour.along_m);
+            let elsewhere = [hint_m, middle_m - 0.5 * half_m, middle_m + 0.5 * half_m];
+            for along_m in elsewhere.into_iter().filter(|along_m| (along_m - middle_m).abs() <= half_m) {
+                // A neighbour is hint enough, unless it leads to where the ray does not do what its pixel says.
+                if along_m != hint_m && neighbour.is_some() && (least_m < 0.0) == self.inside {
+                    break;
+                }
+                let (distance_m, gradient_there) = look(along_m);
+                if distance_m < least_m {
+                    (least_m, gradient, self.along_m) = (distance_m, gradient_there, along_m);
                 }
             }
         }
-        // Parabolas through three points.
-        for _ in 0..rounds {
-            let (before, after) = (distance(best - step), distance(best + step));
-            let bend = before - 2.0 * least + after;
-            let shift = if bend > 1e-12 { (0.5 * (before - after) / bend).clamp(-1.0, 1.0) * step } else { 0.0 };
-            let value = distance(best + shift);
-            if value < least {
-                (best, least) = (best + shift, value);
+        // Secants towards where the distance along the ray has no slope, cut in half where they lead up.
+        let mut reach_m = 0.5 * reference.radius_m;
+        for _ in 0..SECANTS {
+            let slope = gradient.dot(&direction_O);
+            let step = (-slope / self.bend_per_m).clamp(-reach_m, reach_m);
+            let kept = if self.inside { least_m < -clear_m } else { least_m + 0.5 * slope * step > clear_m };
+            if kept || step.abs() < LEAST_STEP_M {
+                break;
             }
-            step *= 0.3;
+            let (distance_m, gradient_there) = look(self.along_m + step);
+            let [low, high] = BENDS_PER_M;
+            self.bend_per_m = ((gradient_there.dot(&direction_O) - slope) / step).clamp(low, high);
+            if distance_m < least_m {
+                (least_m, gradient, self.along_m) = (distance_m, gradient_there, self.along_m + step);
+            } else {
+                reach_m = 0.5 * step.abs();
+            }
         }
-        self.along_m = best;
-        self.p_WC + self.direction_W * best
+        self.settle(least_m, &gradient, &p_OC, &direction_O);
+    }
+
+    /// Looks where the nearest place was last.
+    fn follow(&mut self, reference: &ReferenceModel, view: &View) {
+        let direction_O = view.R_OW * self.direction_W;
+        let (distance_m, gradient) = reference.distance.at(&(view.p_OC + direction_O * self.along_m));
+        self.settle(distance_m, &gradient, &view.p_OC, &direction_O);
+    }
+
+    /// Takes the distance and its gradient where the ray was looked at, and corrects for what the nearest place is beside it.
+    fn settle(&mut self, distance_m: f64, gradient: &Vector3<f64>, p_OC: &Point3<f64>, direction_O: &Vector3<f64>) {
+        // The parabola f + g·s + ½b·s² is lowest at s = −g/b, by g²/2b, and there its gradient is across the ray.
+        let slope = gradient.dot(direction_O);
+        let ahead_m = (-slope / self.bend_per_m).clamp(-BELIEVED_M, BELIEVED_M);
+        self.distance_m = distance_m + (slope + 0.5 * self.bend_per_m * ahead_m) * ahead_m;
+        self.along_m += ahead_m;
+        self.p_O = p_OC + direction_O * self.along_m;
+        self.n_O = gradient - direction_O * slope;
+        self.n_O /= self.n_O.norm().max(0.3);
+    }
+}
+
+/// Brings all rays to the object at `X_WO`, from scratch.
+pub(super) fn find_all(rays: &mut [OutlineRay], reference: &ReferenceModel, X_WO: &Pose, config: &Config) {
+    let mut view = View::new(X_WO);
+    let mut neighbour: Option<OutlineRay> = None;
+    for ray in rays {
+        if view.is_from_elsewhere(ray) {
+            neighbour = None;
+        }
+        view.look_from(ray);
+        ray.find(reference, &view, neighbour.as_ref(), config);
+        ray.note(0.0, config);
+        neighbour = Some(*ray);
+    }
+}
+
+/// Brings those rays to the object at `X_WO` that may matter after it has moved by `moved_m` in all since [`find_all`].
+pub(super) fn follow_all(
+    rays: &mut [OutlineRay],
+    reference: &ReferenceModel,
+    X_WO: &Pose,
+    moved_m: f64,
+    scale: f64,
+    config: &Config,
+) {
+    let mut view = View::new(X_WO);
+    for ray in rays.iter_mut().filter(|ray| !ray.is_idle(moved_m, scale)) {
+        view.look_from(ray);
+        ray.follow(reference, &view);
+        ray.note(moved_m, config);
+    }
+}
+
+/// A camera's place as the object sees it.
+struct View {
+    R_OW: Rotation3<f64>,
+    p_WO: Vector3<f64>,
+    p_WC: Point3<f64>,
+    p_OC: Point3<f64>,
+}
+
+impl View {
+    fn new(X_WO: &Pose) -> Self {
+        let R_OW = X_WO.rotation.to_rotation_matrix().transpose();
+        let p_WC = Point3::new(f64::NAN, f64::NAN, f64::NAN);
+        Self { R_OW, p_WO: X_WO.translation.vector, p_WC, p_OC: p_WC }
+    }
+
+    fn is_from_elsewhere(&self, ray: &OutlineRay) -> bool {
+        self.p_WC != ray.p_WC
+    }
+
+    /// Takes the place of a ray's camera.
+    fn look_from(&mut self, ray: &OutlineRay) {
+        if self.is_from_elsewhere(ray) {
+            self.p_WC = ray.p_WC;
+            self.p_OC = Point3::from(self.R_OW * (ray.p_WC.coords - self.p_WO));
+        }
+    }
+}
+
+/// Root mean square by which broken bounds are broken, in multiples of what it should be: √⅔ standard deviations, since
+/// E\[u²; u > 0\] = ∫u²·Φ(−u)du / ∫Φ(−u)du = ⅔ for rays at any distance from the outline.
+pub(super) fn typical_violation(rays: &[OutlineRay], scale: f64) -> f64 {
+    let (mut weights, mut squares) = (0.0, 0.0);
+    for ray in rays.iter().filter(|ray| ray.violation_m() > 0.0) {
+        let in_sd = ray.violation_m() / ray.sd_m;
+        let weight = (1.0 + (in_sd / (OUTLIER_SD * scale)).powi(2)).powi(-2);
+        weights += weight;
+        squares += weight * in_sd * in_sd;
+    }
+    // A violation of half a standard deviation on top, so that a single ray does not decide.
+    ((squares + 2.0 / 3.0) / (weights + 1.0) * 1.5).sqrt()
+}
+
+/// What a pixel covers at the object, in metres.
+pub(super) fn pixel_m(rays: &[OutlineRay]) -> f64 {
+    let sum: f64 = rays.iter().map(|ray| ray.pixel_rad * ray.along_m).sum();
+    sum / rays.len().max(1) as f64
+}
+
+/// Sums over the rays where they are: each costs −ln Φ(−u), u being by how many standard deviations its bound is broken.
+pub(super) fn sum(rays: &[OutlineRay], scale: f64) -> Sums {
+    let mut sums = Sums::ZERO;
+    for ray in rays {
+        let violation_m = ray.violation_m();
+        let sd_m = ray.sd_m * scale;
+        let u = violation_m / sd_m;
+        if u < -IDLE_SD {
+            continue;
+        }
+        let weight = if u > 0.0 { sums.weigh(violation_m, sd_m, 1.0) } else { 1.0 };
+        // λ = φ(u)/Φ(−u), and the cost's curvature λ·(λ − u).
+        let mills = inverse_mills(u);
+        let sign = if ray.inside { 1.0 } else { -1.0 };
+        let slope = sign * weight * mills / sd_m;
+        sums.equations.add(&ray.p_O, &ray.n_O, weight * mills * (mills - u) / (sd_m * sd_m), slope);
+    }
+    sums
+}
+
+/// φ(u)/Φ(−u) for the normal distribution.
+///
+/// With Chebyshev's fit of Press et al. (Numerical Recipes, 6.2) to the complementary error function, good to 10⁻⁷.
+fn inverse_mills(u: f64) -> f64 {
+    const C: [f64; 10] = [
+        -1.265_512_23,
+        1.000_023_68,
+        0.374_091_96,
+        0.096_784_18,
+        -0.186_288_06,
+        0.278_868_07,
+        -1.135_203_98,
+        1.488_515_87,
+        -0.822_152_23,
+        0.170_872_77,
+    ];
+    let t = 1.0 / (1.0 + 0.5 * u.abs() * std::f64::consts::FRAC_1_SQRT_2);
+    // erfc(x) = t·exp(−x² + P(t)) for x ≥ 0, and Φ(−u) = ½·erfc(u/√2): the squares cancel.
+    let polynomial = C.iter().rev().fold(0.0, |sum, c| sum * t + c);
+    let tail = 0.5 * t * polynomial.exp();
+    let density = 1.0 / std::f64::consts::TAU.sqrt();
+    if u >= 0.0 {
+        density / tail
+    } else {
+        let square = (-0.5 * u * u).exp();
+        density * square / (1.0 - tail * square)
     }
 }
 
 /// Appends the outline of a mask within a part of a frame.
 ///
-/// `nearest_m` is a depth nearer than which a neighbouring pixel shows something in front of the object, whose edge says
+/// `nearest_m` is a depth nearer than which a pixel that does not show the object shows something in front of it, which says
 /// nothing.
 pub(super) fn outline(
     rays: &mut Vec<OutlineRay>,
@@ -84,36 +303,48 @@ pub(super) fn outline(
     part: &PixelWindow,
     nearest_m: f64,
 ) {
-    let columns = frame.window.width as usize;
-    let rows = frame.window.height as usize;
-    let left = (part.left - frame.window.left) as usize;
-    let top = (part.top - frame.window.top) as usize;
+    let (columns, rows) = (frame.window.width as usize, frame.window.height as usize);
+    // One pixel more all around, where the image has it.
+    let left = ((part.left - frame.window.left) as usize).saturating_sub(1);
+    let top = ((part.top - frame.window.top) as usize).saturating_sub(1);
+    let right = ((part.left - frame.window.left + part.width) as usize + 1).min(columns);
+    let bottom = ((part.top - frame.window.top + part.height) as usize + 1).min(rows);
     let p_WC = Point3::from(camera.X_WC.translation.vector);
-    let mut pair = |i: usize, j: usize, between: [f64; 2], apart_C: Vector3<f64>| {
-        if mask[i] == mask[j] {
-            return;
-        }
-        let outside = if mask[i] { j } else { i };
-        if f64::from(frame.depth_m[outside]) < nearest_m {
-            return;
-        }
-        let uv = Point2::new(f64::from(frame.window.left) + between[0], f64::from(frame.window.top) + between[1]);
-        let ray_C = camera.back_project(&uv, 1.0).coords;
-        let length = ray_C.norm();
-        let direction_W = camera.X_WC.rotation * (ray_C / length);
-        let pixel_W = camera.X_WC.rotation * (apart_C / (camera.focal_px * length));
-        rays.push(OutlineRay { p_WC, direction_W, pixel_W, along_m: 0.0 });
-    };
-    for row in top..top + part.height as usize {
-        for column in left..left + part.width as usize {
+    let R_WC = camera.X_WC.rotation.to_rotation_matrix();
+    for row in top..bottom {
+        for column in left..right {
             let i = row * columns + column;
-            let (x, y) = (column as f64, row as f64);
-            if column + 1 < columns {
-                pair(i, i + 1, [x + 1.0, y + 0.5], Vector3::x());
+            let inside = mask[i];
+            let at_outline = column > 0 && mask[i - 1] != inside
+                || column + 1 < columns && mask[i + 1] != inside
+                || row > 0 && mask[i - columns] != inside
+                || row + 1 < rows && mask[i + columns] != inside;
+            if !at_outline || !inside && f64::from(frame.depth_m[i]) < nearest_m {
+                continue;
             }
-            if row + 1 < rows {
-                pair(i, i + columns, [x + 0.5, y + 1.0], Vector3::y());
-            }
+            let ray_C = camera.back_project(&frame.window.pixel_centre(i), 1.0).coords;
+            let length = ray_C.norm();
+            let pixel_rad = 1.0 / (camera.focal_px * length);
+            rays.push(OutlineRay::new(p_WC, R_WC * (ray_C / length), inside, pixel_rad));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_inverse_mills_ratio_is_the_slope_of_the_cost() {
+        // Φ(−u) by summing the density.
+        let upper_tail = |u: f64| -> f64 {
+            let h = 1e-4;
+            let density = |x: f64| (-0.5 * x * x).exp() / std::f64::consts::TAU.sqrt();
+            (0..100_000).map(|i| density(u + (f64::from(i) + 0.5) * h) * h).sum()
+        };
+        for u in [-4.0, -1.5, -0.2, 0.0, 0.7, 2.0, 5.0] {
+            let slope = -(upper_tail(u + 1e-3).ln() - upper_tail(u - 1e-3).ln()) / 2e-3;
+            assert!((inverse_mills(u) - slope).abs() < 1e-4 * slope.max(0.01), "{u}: {} {slope}", inverse_mills(u));
         }
     }
 }

@@ -121,6 +121,15 @@ impl Noise {
     }
 }
 
+/// What a data sheet says of a noise: (constant part in m, quadratic part in 1/m).
+pub fn data_sheet(noise: Noise) -> (f64, f64) {
+    match noise {
+        Noise::Clean => (0.0, 0.0),
+        Noise::Constant(sd) => (sd, 0.0),
+        Noise::Stereo7 => (0.0, 0.08 / (362.0 * 0.095)),
+    }
+}
+
 pub fn uv_sphere(around: &[f64], elevations: &[f64], radius: f64, size: [u32; 2]) -> Vec<CameraModel> {
     let mut cameras = Vec::new();
     for elevation in elevations.iter().map(|degrees| degrees.to_radians()) {

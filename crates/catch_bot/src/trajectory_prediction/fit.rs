@@ -5,10 +5,14 @@
 //! (ρ of Geman and McClure); the scale s, by which the poses err more or less than they say, is estimated along.
 
 use catch_body::Pose;
-use nalgebra::{Point3, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Matrix3, Matrix3x4, Matrix3x6, Point3, SMatrix, SVector, UnitQuaternion, Vector3};
 
 use super::{
-    Config, FlightTrajectory, PredictionStatus, flight::Motion, ransac::is_finite, tumbling, tumbling::Tumbling,
+    Config, FlightTrajectory, PredictionStatus,
+    flight::Motion,
+    ransac::{is_finite, reach_m},
+    tumbling,
+    tumbling::Tumbling,
 };
 use crate::perception::{ObjectPose, Symmetry};
 
@@ -23,7 +27,7 @@ const OUTLIER_SD: f64 = 4.0;
 /// Degrees of freedom that "the errors are as the poses say" counts for when their scale is estimated.
 const SCALE_PRIOR_DOF: f64 = 12.0;
 /// A fit has come to rest when a step is shorter than this share of its standard deviation.
-const STEP_SD: f64 = 0.01;
+const STEP_SD: f64 = 0.05;
 
 /// State that is being fitted.
 #[derive(Debug, Clone, Copy)]
@@ -33,6 +37,23 @@ struct State {
     drag_per_m: f64,
     R_WO: UnitQuaternion<f64>,
     w: Vector3<f64>,
+}
+
+/// How the flight stands to one pose: the error, and how the flight's pose there depends on its parameters.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Row {
+    /// Turn and shift from the flight to the pose.
+    turn: Vector3<f64>,
+    shift: Vector3<f64>,
+    /// ∂turn/∂(θ, ω), and ∂shift/∂(v, k); ∂shift/∂p is the identity.
+    by_rotation: Matrix3x6<f64>,
+    by_motion: Matrix3x4<f64>,
+    /// The pose's information by turns, turns and shifts, and shifts.
+    turns: Matrix3<f64>,
+    mixed: Matrix3<f64>,
+    shifts: Matrix3<f64>,
+    /// eᵀ·W·e
+    square: f64,
 }
 
 /// Sums over all poses.
@@ -45,13 +66,23 @@ struct Sums {
     inliers: usize,
 }
 
+/// Buffers of the fit.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Scratch {
+    rows: Vec<Row>,
+    squares: Vec<f64>,
+}
+
 /// Fits a flight to `poses`, oldest first, from `start`.
+///
+/// Also returns how many of the newest `window` poses agree with the fitted flight.
 pub(super) fn fit(
     poses: &[ObjectPose],
     start: &FlightTrajectory,
     symmetry: &Symmetry,
     config: &Config,
-) -> Result<FlightTrajectory, PredictionStatus> {
+    scratch: &mut Scratch,
+) -> Result<(FlightTrajectory, usize), PredictionStatus> {
     let newest_s =
         poses.iter().filter(|pose| is_finite(pose)).map(|pose| pose.capture_s).fold(f64::NEG_INFINITY, f64::max);
     if !newest_s.is_finite() {
@@ -74,11 +105,13 @@ pub(super) fn fit(
     let problem = Problem { poses, newest_s, symmetry, inertia: tumbling::inertia(symmetry), freedom, config };
 
     // The poses near the start are taken for the good ones; how far the nearer half of as many is off sets the scale.
-    let good = super::ransac::count_agreeing(poses, start, config).max(2);
-    let mut scale = problem.typical_error(&state, good).max(1.0);
+    let near_start = problem.linearize(&state, poses.len(), scratch);
+    let good = near_start.max(2);
+    let mut scale = problem.typical_error(good, scratch).max(1.0);
+    let mut agreeing = near_start;
     let mut converged = false;
     for _ in 0..config.max_iterations {
-        let sums = problem.sums(&state, scale);
+        let sums = problem.sums(scale, scratch);
         let (information, gradient) = problem.with_priors(&sums, &state, scale);
         let factor = information.cholesky().ok_or(PredictionStatus::NotConverged)?;
         let step = -factor.solve(&gradient);
@@ -86,21 +119,22 @@ pub(super) fn fit(
             return Err(PredictionStatus::NotConverged);
         }
         state = state.moved(&step, config);
-        let shrunk = problem.typical_error(&state, good).clamp(0.3, scale.max(1.0));
+        agreeing = problem.linearize(&state, config.window, scratch);
+        let shrunk = problem.typical_error(good, scratch).clamp(0.3, scale.max(1.0));
         converged = step.dot(&(information * step)).sqrt() < STEP_SD && shrunk > 0.7 * scale;
         scale = shrunk;
         if converged {
             break;
         }
     }
-    let sums = problem.sums(&state, scale);
+    let sums = problem.sums(scale, scratch);
     if !converged && scale > 10.0 {
         return Err(PredictionStatus::NotConverged);
     }
     let error_scale = ((sums.squares + SCALE_PRIOR_DOF) / (sums.freedom + SCALE_PRIOR_DOF)).sqrt();
     let (information, _) = problem.with_priors(&sums, &state, error_scale);
     let covariance = information.cholesky().ok_or(PredictionStatus::NotConverged)?.inverse();
-    Ok(FlightTrajectory {
+    let flight = FlightTrajectory {
         time_s: newest_s,
         p_WO: Point3::from(state.p),
         v_WO: state.v,
@@ -114,14 +148,15 @@ pub(super) fn fit(
         inliers: sums.inliers,
         considered: poses.len(),
         error_scale,
-    })
+    };
+    Ok((flight, agreeing))
 }
 
 struct Problem<'a> {
     poses: &'a [ObjectPose],
     newest_s: f64,
     symmetry: &'a Symmetry,
-    inertia: Option<nalgebra::Matrix3<f64>>,
+    inertia: Option<Matrix3<f64>>,
     freedom: f64,
     config: &'a Config,
 }
@@ -129,12 +164,13 @@ struct Problem<'a> {
 impl State {
     fn moved(&self, step: &SVector<f64, N>, config: &Config) -> Self {
         let turn = step.fixed_rows::<3>(TURN).into_owned();
-        // Drag never accelerates; half the prior's width below zero is left to noise.
+        // Drag never accelerates; half the prior's width below zero is left to noise. One that is known stays as it is.
         let least = -0.5 * config.drag_prior_sd_per_m;
+        let drag_step = if config.drag_prior_sd_per_m > 0.0 { step[DRAG] } else { 0.0 };
         Self {
             p: self.p + step.fixed_rows::<3>(0),
             v: self.v + step.fixed_rows::<3>(3),
-            drag_per_m: (self.drag_per_m + step[DRAG]).clamp(least.min(config.drag_prior_per_m), 1.0),
+            drag_per_m: (self.drag_per_m + drag_step).clamp(least.min(config.drag_prior_per_m), 1.0),
             R_WO: UnitQuaternion::from_scaled_axis(turn * (0.5 / turn.norm()).min(1.0)) * self.R_WO,
             w: self.w + step.fixed_rows::<3>(SPIN),
         }
@@ -142,65 +178,106 @@ impl State {
 }
 
 impl Problem<'_> {
-    /// Calls `visit` with each pose and the flight's motion and attitude at its time, from the newest to the oldest.
-    fn fly(&self, state: &State, with_derivatives: bool, mut visit: impl FnMut(&ObjectPose, &Motion, &Tumbling)) {
-        let mut motion = Motion::new(state.p, state.v);
-        let mut tumbling = Tumbling::new(state.R_WO, &state.w, self.inertia.as_ref());
+    /// Flies from the newest pose to the oldest and notes how the flight stands to each. Returns how many of the newest
+    /// `window` poses agree with it.
+    fn linearize(&self, state: &State, window: usize, scratch: &mut Scratch) -> usize {
+        scratch.rows.clear();
+        let start = Tumbling::new(state.R_WO, &state.w, self.inertia.as_ref());
+        let (mut motion, mut tumbling) = (Motion::new(state.p, state.v), start);
         let mut time_s = self.newest_s;
-        for pose in self.poses.iter().rev().filter(|pose| is_finite(pose)) {
+        let turns = !matches!(self.symmetry, Symmetry::Sphere);
+        let mut agreeing = 0;
+        for (age, pose) in self.poses.iter().rev().enumerate().filter(|(_, pose)| is_finite(pose)) {
             let elapsed_s = pose.capture_s - time_s;
             if elapsed_s != 0.0 {
-                motion = motion.after(elapsed_s, state.drag_per_m, with_derivatives);
-                tumbling = tumbling.after(elapsed_s, with_derivatives);
+                motion = motion.after(elapsed_s, state.drag_per_m, true);
+                if turns {
+                    tumbling = tumbling.after(elapsed_s, true);
+                }
             }
             time_s = pose.capture_s;
-            visit(pose, &motion, &tumbling);
+            let X_WO: &Pose = &pose.X_WO;
+            let mut row = Row {
+                turn: Vector3::zeros(),
+                shift: X_WO.translation.vector - motion.p,
+                by_rotation: Matrix3x6::zeros(),
+                by_motion: motion.dp,
+                turns: Matrix3::zeros(),
+                mixed: Matrix3::zeros(),
+                shifts: pose.information.fixed_view::<3, 3>(3, 3).into_owned(),
+                square: 0.0,
+            };
+            row.square = row.shift.dot(&(row.shifts * row.shift));
+            if turns {
+                row.turn = self.symmetry.turn_between(&tumbling.R_WO, &X_WO.rotation);
+                row.by_rotation = tumbling.by_attitude_and_rate(&start);
+                row.turns = pose.information.fixed_view::<3, 3>(0, 0).into_owned();
+                row.mixed = pose.information.fixed_view::<3, 3>(0, 3).into_owned();
+                row.square += row.turn.dot(&(row.turns * row.turn + row.mixed * (row.shift * 2.0)));
+            }
+            row.square = row.square.max(0.0);
+            agreeing += usize::from(age < window && row.shift.norm() < reach_m(pose, self.config));
+            scratch.rows.push(row);
         }
-    }
-
-    /// Turn and shift from the flight to a pose.
-    fn error(&self, pose: &ObjectPose, motion: &Motion, tumbling: &Tumbling) -> Vector6<f64> {
-        let X_WO: &Pose = &pose.X_WO;
-        let turn = self.symmetry.turn_between(&tumbling.R_WO, &X_WO.rotation);
-        let shift = X_WO.translation.vector - motion.p;
-        Vector6::new(turn.x, turn.y, turn.z, shift.x, shift.y, shift.z)
+        agreeing
     }
 
     /// Median of √(eᵀWe / degrees of freedom) over the `good` poses where it is smallest.
-    fn typical_error(&self, state: &State, good: usize) -> f64 {
-        let mut squares: Vec<f64> = Vec::with_capacity(self.poses.len());
-        self.fly(state, false, |pose, motion, tumbling| {
-            let e = self.error(pose, motion, tumbling);
-            squares.push(e.dot(&(pose.information * e)) / self.freedom);
-        });
+    fn typical_error(&self, good: usize, scratch: &mut Scratch) -> f64 {
+        let Scratch { rows, squares } = scratch;
+        squares.clear();
+        squares.extend(rows.iter().map(|row| row.square / self.freedom));
         let middle = good.min(squares.len()) / 2;
         if squares.is_empty() {
             return 1.0;
         }
-        squares.select_nth_unstable_by(middle, f64::total_cmp).1.max(0.0).sqrt()
+        squares.select_nth_unstable_by(middle, f64::total_cmp).1.sqrt()
     }
 
-    fn sums(&self, state: &State, scale: f64) -> Sums {
+    /// Σ w·JᵀWJ and Σ w·JᵀWe, block by block: J is [1, ∂shift] on position, velocity and drag, and ∂turn on the rest.
+    fn sums(&self, scale: f64, scratch: &Scratch) -> Sums {
         let mut sums =
             Sums { information: SMatrix::zeros(), gradient: SVector::zeros(), squares: 0.0, freedom: 0.0, inliers: 0 };
-        let start = Tumbling::new(state.R_WO, &state.w, self.inertia.as_ref());
-        self.fly(state, true, |pose, motion, tumbling| {
-            let e = self.error(pose, motion, tumbling);
-            let square = e.dot(&(pose.information * e)).max(0.0);
-            let in_sd = (square / self.freedom).sqrt() / scale;
+        let turns = !matches!(self.symmetry, Symmetry::Sphere);
+        let H = &mut sums.information;
+        let add = |H: &mut SMatrix<f64, N, N>, at: (usize, usize), block: &Matrix3<f64>| {
+            let mut view = H.fixed_view_mut::<3, 3>(at.0, at.1);
+            view += block;
+        };
+        for row in &scratch.rows {
+            let in_sd = (row.square / self.freedom).sqrt() / scale;
             let weight = (1.0 + (in_sd / OUTLIER_SD).powi(2)).powi(-2);
-            // ∂(flight's turn and shift)/∂(p, v, k, θ, ω); the error falls as these rise.
-            let mut J = SMatrix::<f64, 6, N>::zeros();
-            J.fixed_view_mut::<3, 3>(3, 0).fill_with_identity();
-            J.fixed_view_mut::<3, 4>(3, 3).copy_from(&motion.dp);
-            J.fixed_view_mut::<3, 6>(0, TURN).copy_from(&tumbling.by_attitude_and_rate(&start));
-            let weighted = J.transpose() * pose.information * weight;
-            sums.information += weighted * J;
-            sums.gradient -= weighted * e;
-            sums.squares += weight * square;
+            let shifts = row.shifts * weight;
+            let by_motion = shifts * row.by_motion;
+            add(H, (0, 0), &shifts);
+            let mut view = H.fixed_view_mut::<3, 4>(0, 3);
+            view += by_motion;
+            let mut view = H.fixed_view_mut::<4, 4>(3, 3);
+            view += row.by_motion.transpose() * by_motion;
+            let mut push = shifts * row.shift;
+            if turns {
+                let mixed = row.mixed * weight;
+                push += mixed.transpose() * row.turn;
+                let by_rotation = row.by_rotation.transpose();
+                let crossed = mixed.transpose() * row.by_rotation;
+                let mut view = H.fixed_view_mut::<3, 6>(0, TURN);
+                view += crossed;
+                let mut view = H.fixed_view_mut::<4, 6>(3, TURN);
+                view += row.by_motion.transpose() * crossed;
+                let mut view = H.fixed_view_mut::<6, 6>(TURN, TURN);
+                view += by_rotation * (row.turns * weight * row.by_rotation);
+                let mut view = sums.gradient.fixed_rows_mut::<6>(TURN);
+                view -= by_rotation * (row.turns * row.turn * weight + mixed * row.shift);
+            }
+            let mut view = sums.gradient.fixed_rows_mut::<3>(0);
+            view -= push;
+            let mut view = sums.gradient.fixed_rows_mut::<4>(3);
+            view -= row.by_motion.transpose() * push;
+            sums.squares += weight * row.square;
             sums.freedom += weight * self.freedom;
             sums.inliers += usize::from(in_sd < OUTLIER_SD);
-        });
+        }
+        sums.information.fill_lower_triangle_with_upper_triangle();
         sums
     }
 

@@ -99,6 +99,13 @@ pub enum PredictionStatus {
     NotConverged,
 }
 
+/// Buffers of [`predict`], kept so that predicting need not allocate. They carry nothing from one call to the next.
+#[derive(Debug, Clone, Default)]
+pub struct Workspace {
+    fit: fit::Scratch,
+    ransac: ransac::Scratch,
+}
+
 /// Predicts the flight from the poses seen so far, oldest first.
 ///
 /// `previous` is where the fit starts as long as the newest poses agree with it; nothing else of it enters the result.
@@ -108,25 +115,27 @@ pub fn predict(
     symmetry: Symmetry,
     config: &Config,
     seed: u64,
+    workspace: &mut Workspace,
 ) -> Result<FlightTrajectory, PredictionStatus> {
     let newest = |count: usize| &poses[poses.len() - count.min(poses.len())..];
     let window = newest(config.window.max(2));
     if window.len() < config.first_after.max(2) {
         return Err(PredictionStatus::TooFewPoses);
     }
+    let Workspace { fit: fitting, ransac: sampling } = workspace;
     if config.method == Method::Ransac {
-        return ransac::best_flight(window, &symmetry, config, seed);
+        return ransac::best_flight(window, &symmetry, config, seed, sampling);
     }
     let enough = |inliers: usize| inliers >= 3 && inliers as f64 >= config.min_inlier_share * window.len() as f64;
     if let Some(previous) = previous
-        && let Ok(flight) = fit::fit(newest(config.fit_window), previous, &symmetry, config)
-        && enough(ransac::count_agreeing(window, &flight, config))
+        && let Ok((flight, agreeing)) = fit::fit(newest(config.fit_window), previous, &symmetry, config, fitting)
+        && enough(agreeing)
     {
         return Ok(flight);
     }
-    let start = ransac::best_flight(window, &symmetry, config, seed)?;
+    let start = ransac::best_flight(window, &symmetry, config, seed, sampling)?;
     if !enough(start.inliers) {
         return Err(PredictionStatus::NoAgreement);
     }
-    fit::fit(newest(config.fit_window), &start, &symmetry, config)
+    fit::fit(newest(config.fit_window), &start, &symmetry, config, fitting).map(|(flight, _)| flight)
 }

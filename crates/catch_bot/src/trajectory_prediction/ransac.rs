@@ -8,12 +8,19 @@ use rand_pcg::Pcg64Mcg;
 use super::{Config, FlightTrajectory, Method, PredictionStatus, flight::Motion, tumbling};
 use crate::perception::{ObjectPose, Symmetry};
 
+/// Buffers of the search.
+#[derive(Debug, Clone, Default)]
+pub struct Scratch {
+    turn_rates: [Vec<f64>; 3],
+}
+
 /// The sampled flight that most poses agree with and, of several, the one they lie closest to in the mean square.
 pub fn best_flight(
     poses: &[ObjectPose],
     symmetry: &Symmetry,
     config: &Config,
     seed: u64,
+    scratch: &mut Scratch,
 ) -> Result<FlightTrajectory, PredictionStatus> {
     if poses.len() < 2 {
         return Err(PredictionStatus::TooFewPoses);
@@ -42,7 +49,7 @@ pub fn best_flight(
         return Err(PredictionStatus::NoAgreement);
     }
     if config.method != Method::Ransac {
-        flight.w_WO = typical_spin(poses, &flight, symmetry, config);
+        flight.w_WO = typical_spin(poses, &flight, symmetry, config, &mut scratch.turn_rates);
     }
     // What can be said of its uncertainty without a fit: two points, each as far off as the inliers on average.
     let variance = mean_square_m2 / 3.0;
@@ -102,21 +109,50 @@ fn through(earlier: &ObjectPose, later: &ObjectPose, symmetry: &Symmetry, config
 
 /// Median, component by component, of the turns from one agreeing pose to the next per time. Over the short time between
 /// two frames the shortest turn is the true one, which it need not be between the two poses that were sampled.
-fn typical_spin(poses: &[ObjectPose], flight: &FlightTrajectory, symmetry: &Symmetry, config: &Config) -> Vector3<f64> {
-    let mut components: [Vec<f64>; 3] = Default::default();
+fn typical_spin(
+    poses: &[ObjectPose],
+    flight: &FlightTrajectory,
+    symmetry: &Symmetry,
+    config: &Config,
+    components: &mut [Vec<f64>; 3],
+) -> Vector3<f64> {
+    components.iter_mut().for_each(Vec::clear);
     let mut earlier: Option<&ObjectPose> = None;
-    for pose in poses.iter().filter(|pose| is_finite(pose) && agrees(pose, flight, config)) {
+    each_position(poses, flight, |pose, p_WO| {
+        let distance = (pose.X_WO.translation.vector - p_WO).norm();
+        if !is_finite(pose) || distance >= reach_m(pose, config) {
+            return;
+        }
         if let Some(earlier) = earlier.filter(|earlier| pose.capture_s - earlier.capture_s > 1e-6) {
             let turn = symmetry.turn_between(&earlier.X_WO.rotation, &pose.X_WO.rotation);
             let elapsed_s = pose.capture_s - earlier.capture_s;
             components.iter_mut().zip(turn.iter()).for_each(|(values, angle)| values.push(angle / elapsed_s));
         }
         earlier = Some(pose);
-    }
-    Vector3::from(components.map(|mut values| {
+    });
+    Vector3::from_fn(|axis, _| {
+        let values = &mut components[axis];
         let middle = values.len() / 2;
         if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
-    }))
+    })
+}
+
+/// Calls `visit` with each pose and where the flight is then, pose after pose.
+fn each_position<'a>(
+    poses: &'a [ObjectPose],
+    flight: &FlightTrajectory,
+    mut visit: impl FnMut(&'a ObjectPose, &Vector3<f64>),
+) {
+    let mut motion = Motion::new(flight.p_WO.coords, flight.v_WO);
+    let mut time_s = flight.time_s;
+    for pose in poses {
+        let elapsed_s = pose.capture_s - time_s;
+        if elapsed_s.is_finite() {
+            motion = motion.after(elapsed_s, flight.drag_per_m, false);
+            time_s = pose.capture_s;
+        }
+        visit(pose, &motion.p);
+    }
 }
 
 /// Number of poses that agree with a flight, and their mean squared distance from it.
@@ -125,28 +161,23 @@ fn typical_spin(poses: &[ObjectPose], flight: &FlightTrajectory, symmetry: &Symm
 /// the way it turned.
 fn agreement(poses: &[ObjectPose], flight: &FlightTrajectory, symmetry: &Symmetry, config: &Config) -> (usize, f64) {
     let (mut inliers, mut squares) = (0, 0.0);
-    for pose in poses {
-        let X_WO = flight.pose_at(pose.capture_s);
-        let distance = (pose.X_WO.translation.vector - X_WO.translation.vector).norm();
-        let turned_alike = config.method != Method::Ransac
-            || symmetry.turn_between(&X_WO.rotation, &pose.X_WO.rotation).norm() < config.inlier_rad;
-        if distance < config.inlier_m.max(3.0 * position_sd(pose)) && turned_alike {
+    each_position(poses, flight, |pose, p_WO| {
+        let distance = (pose.X_WO.translation.vector - p_WO).norm();
+        let turned_alike = || {
+            let R_WO = flight.pose_at(pose.capture_s).rotation;
+            symmetry.turn_between(&R_WO, &pose.X_WO.rotation).norm() < config.inlier_rad
+        };
+        if distance < reach_m(pose, config) && (config.method != Method::Ransac || turned_alike()) {
             inliers += 1;
             squares += distance * distance;
         }
-    }
+    });
     (inliers, squares / inliers.max(1) as f64)
 }
 
-/// Number of poses whose position agrees with a flight.
-pub(super) fn count_agreeing(poses: &[ObjectPose], flight: &FlightTrajectory, config: &Config) -> usize {
-    poses.iter().filter(|pose| agrees(pose, flight, config)).count()
-}
-
-/// Whether a pose's position agrees with a flight.
-fn agrees(pose: &ObjectPose, flight: &FlightTrajectory, config: &Config) -> bool {
-    let distance = (pose.X_WO.translation.vector - flight.pose_at(pose.capture_s).translation.vector).norm();
-    distance < config.inlier_m.max(3.0 * position_sd(pose))
+/// How far a pose that agrees with a flight may lie from it, in metres.
+pub(super) fn reach_m(pose: &ObjectPose, config: &Config) -> f64 {
+    config.inlier_m.max(3.0 * position_sd(pose))
 }
 
 /// A pose's standard deviation of position over all directions, for judging whether it is an outlier.
@@ -157,7 +188,6 @@ fn position_sd(pose: &ObjectPose) -> f64 {
 
 /// Whether all numbers of a pose are finite.
 pub(super) fn is_finite(pose: &ObjectPose) -> bool {
-    let numbers: [Vector3<f64>; 2] = [pose.X_WO.translation.vector, pose.X_WO.rotation.scaled_axis()];
-    pose.capture_s.is_finite()
-        && numbers.iter().flat_map(|vector| vector.iter()).chain(pose.information.iter()).all(|value| value.is_finite())
+    let numbers = pose.X_WO.translation.vector.sum() + pose.X_WO.rotation.coords.sum() + pose.information.sum();
+    pose.capture_s.is_finite() && numbers.is_finite()
 }

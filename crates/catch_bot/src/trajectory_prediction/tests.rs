@@ -67,7 +67,7 @@ fn clean_poses_give_the_flight() {
         let mut normal = Normal::new(seed);
         let throw = throw(&mut normal, 6.0, 0.05, &banana());
         let poses = seen(&throw, 20, 1e-6, 1e-6, 0.0, &mut normal);
-        let flight = predict(&poses, None, banana(), &config, seed).unwrap();
+        let flight = predict(&poses, None, banana(), &config, seed, &mut Default::default()).unwrap();
         let (found, truth) = (flight.pose_at(0.7), throw.pose_at(0.7));
         let off_m = (found.translation.vector - truth.translation.vector).norm();
         assert!(off_m < 1e-4 && found.rotation.angle_to(&truth.rotation) < 1e-2, "{seed}: {off_m} m, {flight:?}");
@@ -82,7 +82,7 @@ fn prediction_survives_outliers_of_four_frames_in_ten() {
         let mut normal = Normal::new(seed);
         let throw = throw(&mut normal, 0.0, 0.0, &Symmetry::Sphere);
         let poses = seen(&throw, 20, 0.001, 0.02, 0.4, &mut normal);
-        let flight = predict(&poses, None, Symmetry::Sphere, &config, seed)
+        let flight = predict(&poses, None, Symmetry::Sphere, &config, seed, &mut Default::default())
             .unwrap_or_else(|status| panic!("{seed}: {status:?}"));
         let off_m = (flight.pose_at(0.7).translation.vector - throw.pose_at(0.7).translation.vector).norm();
         worst = worst.max(off_m);
@@ -104,7 +104,7 @@ fn claimed_uncertainty_holds() {
             let drag = 0.05 + drag_sd * normal.draw();
             let throw = throw(&mut normal, 6.0, drag, &symmetry);
             let poses = seen(&throw, 20, sd_m, 0.02, 0.1, &mut normal);
-            let flight = predict(&poses, None, symmetry, &config, seed).unwrap();
+            let flight = predict(&poses, None, symmetry, &config, seed, &mut Default::default()).unwrap();
             let error = throw.pose_at(0.7).translation.vector - flight.pose_at(0.7).translation.vector;
             let covariance = flight.covariance_at(0.7).fixed_view::<3, 3>(0, 0).into_owned();
             let square = error.dot(&covariance.cholesky().unwrap().solve(&error));
@@ -124,18 +124,21 @@ fn too_little_or_nonsense_gives_a_status() {
     let mut normal = Normal::new(0);
     let throw = throw(&mut normal, 0.0, 0.0, &banana());
     let mut poses = seen(&throw, 20, 0.001, 0.02, 0.0, &mut normal);
-    assert_eq!(predict(&[], None, banana(), &config, 0), Err(PredictionStatus::TooFewPoses));
-    assert_eq!(predict(&poses[..5], None, banana(), &config, 0), Err(PredictionStatus::TooFewPoses));
+    assert_eq!(predict(&[], None, banana(), &config, 0, &mut Default::default()), Err(PredictionStatus::TooFewPoses));
+    assert_eq!(
+        predict(&poses[..5], None, banana(), &config, 0, &mut Default::default()),
+        Err(PredictionStatus::TooFewPoses)
+    );
     let same = vec![poses[0]; 10];
-    assert!(predict(&same, None, banana(), &config, 0).is_err());
+    assert!(predict(&same, None, banana(), &config, 0, &mut Default::default()).is_err());
     for pose in &mut poses[3..10] {
         pose.X_WO.translation.vector.x = f64::NAN;
     }
-    let flight = predict(&poses, None, banana(), &config, 0).unwrap();
+    let flight = predict(&poses, None, banana(), &config, 0, &mut Default::default()).unwrap();
     assert!(flight.pose_at(0.7).translation.vector.iter().all(|value| value.is_finite()));
     assert!((flight.pose_at(0.7).translation.vector - throw.pose_at(0.7).translation.vector).norm() < 0.03);
     for pose in &mut poses {
         pose.information.fill(f64::NAN);
     }
-    assert!(predict(&poses, None, banana(), &config, 0).is_err());
+    assert!(predict(&poses, None, banana(), &config, 0, &mut Default::default()).is_err());
 }

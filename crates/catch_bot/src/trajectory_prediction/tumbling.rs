@@ -16,6 +16,8 @@ pub(super) struct Tumbling {
     inertia: Matrix3<f64>,
     inverse: Matrix3<f64>,
     least_inertia_inverse: f64,
+    /// Whether ω stays as it is.
+    steady: bool,
     /// ∂θ/∂(θ₀, L), rotation vectors in W.
     by_start: SMatrix<f64, 3, 6>,
 }
@@ -44,7 +46,7 @@ impl Tumbling {
         let mut by_start = SMatrix::<f64, 3, 6>::zeros();
         by_start.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
         let least_inertia_inverse = if inertia_per_kg.is_some() { inverse.norm() } else { 1.0 };
-        Self { R_WO, momentum, inertia, inverse, least_inertia_inverse, by_start }
+        Self { R_WO, momentum, inertia, inverse, least_inertia_inverse, steady: inertia_per_kg.is_none(), by_start }
     }
 
     /// Angular velocity in W.
@@ -67,6 +69,9 @@ impl Tumbling {
     /// A small turn δθ of the start and a change δL of the momentum obey δθ̇ = ω×δθ + δω with
     /// δω = δθ×ω − J_W⁻¹(δθ×L) + J_W⁻¹δL, that is δθ̇ = J_W⁻¹·([L]ₓ·δθ + δL).
     pub fn after(&self, duration_s: f64, with_derivatives: bool) -> Self {
+        if self.steady {
+            return self.after_turning(duration_s, with_derivatives);
+        }
         // The energy ½ω·L bounds the rate: J_min·|ω|² ≤ ω·L.
         let fastest = (self.w_WO().dot(&self.momentum).max(0.0) * self.least_inertia_inverse).sqrt();
         let steps = (duration_s.abs() * fastest / STEP_RAD).ceil().clamp(1.0, MAX_STEPS);
@@ -95,6 +100,27 @@ impl Tumbling {
         state
     }
 
+    /// The state after turning at a steady rate: R → exp(ωt)·R, so δθ → exp(ωt)·δθ + t·J(ωt)·δω with
+    /// J(φ) = ∫₀¹ exp(sφ) ds = 1 + (1 − cos φ)/φ²·[φ]ₓ + (φ − sin φ)/φ³·[φ]ₓ².
+    fn after_turning(&self, duration_s: f64, with_derivatives: bool) -> Self {
+        let turn = UnitQuaternion::from_scaled_axis(self.momentum * duration_s);
+        let mut state = *self;
+        state.R_WO = turn * self.R_WO;
+        if with_derivatives {
+            let vector = self.momentum * duration_s;
+            let (angle, cross) = (vector.norm(), vector.cross_matrix());
+            let (first, second) = if angle > 1e-3 {
+                ((1.0 - angle.cos()) / (angle * angle), (angle - angle.sin()) / angle.powi(3))
+            } else {
+                (0.5, 1.0 / 6.0)
+            };
+            state.by_start = turn.to_rotation_matrix().matrix() * self.by_start;
+            let mut by_rate = state.by_start.fixed_view_mut::<3, 3>(0, 3);
+            by_rate += (Matrix3::identity() + cross * first + cross * cross * second) * duration_s;
+        }
+        state
+    }
+
     /// One step of the derivatives, given the attitudes at its start, middle and end.
     fn carry_derivatives(&mut self, R_WO: &[UnitQuaternion<f64>; 3], h: f64) {
         let mobility = R_WO.map(|R_WO| self.mobility(&R_WO));
@@ -116,6 +142,9 @@ impl Tumbling {
     ///
     /// L = J_W·ω gives δL = δθ₀×L − J_W(δθ₀×ω) + J_W·δω₀.
     pub fn by_attitude_and_rate(&self, start: &Self) -> SMatrix<f64, 3, 6> {
+        if self.steady {
+            return self.by_start;
+        }
         let R = start.R_WO.to_rotation_matrix();
         let inertia_W = R.matrix() * start.inertia * R.matrix().transpose();
         let by_momentum = self.by_start.fixed_view::<3, 3>(0, 3);

@@ -1,0 +1,102 @@
+//! Sums over residuals from which Gauss–Newton steps are taken.
+
+use nalgebra::{Matrix3, Matrix6, Point3, Vector3, Vector6};
+
+/// Standard deviations at which a residual's weight has fallen to a quarter (Geman–McClure): 98 % efficient on normal noise.
+pub(super) const OUTLIER_SD: f64 = 5.0;
+/// What the weighted mean square of normal residuals then is, in variances: E\[w·u²\]/E\[w\].
+pub(super) const MEAN_SQUARE: f64 = 0.873;
+
+/// Σ w·J·Jᵀ and Σ w·J·r over residuals r in standard deviations, J being the gradient of r with respect to a small turn and
+/// shift of the object in O.
+///
+/// With R → R·exp(δθ) and t → t + R·δt, a distance f whose gradient is n at the point p, all in O, changes by
+/// −(p × n)·δθ − n·δt.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct NormalEquations {
+    /// Lower triangle, row by row.
+    products: [f64; 21],
+    gradient: [f64; 6],
+}
+
+impl NormalEquations {
+    pub const ZERO: Self = Self { products: [0.0; 21], gradient: [0.0; 6] };
+
+    /// Adds a residual: the gradient of the distance at a point, the curvature by which it counts, and the slope of its cost.
+    #[inline]
+    pub fn add(&mut self, p_O: &Point3<f64>, n_O: &Vector3<f64>, curvature: f64, slope: f64) {
+        let turn = n_O.cross(&p_O.coords);
+        let J = [turn.x, turn.y, turn.z, -n_O.x, -n_O.y, -n_O.z];
+        let mut at = 0;
+        for i in 0..6 {
+            self.gradient[i] += slope * J[i];
+            let weighted = curvature * J[i];
+            for j in 0..=i {
+                self.products[at] += weighted * J[j];
+                at += 1;
+            }
+        }
+    }
+
+    /// Adds others, scaled.
+    pub fn add_scaled(&mut self, other: &Self, scale: f64) {
+        self.products.iter_mut().zip(&other.products).for_each(|(sum, value)| *sum += scale * value);
+        self.gradient.iter_mut().zip(&other.gradient).for_each(|(sum, value)| *sum += scale * value);
+    }
+
+    /// Information and gradient, of turns only what `observable` leaves of them.
+    pub fn projected(&self, observable: &Matrix3<f64>) -> (Matrix6<f64>, Vector6<f64>) {
+        let mut information = Matrix6::zeros();
+        let mut at = 0;
+        for i in 0..6 {
+            for j in 0..=i {
+                information[(i, j)] = self.products[at];
+                information[(j, i)] = self.products[at];
+                at += 1;
+            }
+        }
+        let mut projection = Matrix6::identity();
+        projection.fixed_view_mut::<3, 3>(0, 0).copy_from(observable);
+        (projection * information * projection, projection * Vector6::from(self.gradient))
+    }
+}
+
+/// Sums over one kind of residuals.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sums {
+    pub equations: NormalEquations,
+    /// Σ w and Σ w·r², in standard deviations, and Σ w·r² in m².
+    pub weight: f64,
+    pub squares: f64,
+    pub squares_m2: f64,
+    /// Σ w·σ² in m².
+    pub variances_m2: f64,
+    /// Σ |r| in metres, without weights.
+    pub distances_m: f64,
+}
+
+impl Sums {
+    pub const ZERO: Self = Self {
+        equations: NormalEquations::ZERO,
+        weight: 0.0,
+        squares: 0.0,
+        squares_m2: 0.0,
+        variances_m2: 0.0,
+        distances_m: 0.0,
+    };
+
+    /// Counts a residual and returns its weight after Geman and McClure, w = 1/(1 + (r/c)²)².
+    #[inline]
+    pub fn weigh(&mut self, distance_m: f64, sd_m: f64, scale: f64) -> f64 {
+        let in_sd = distance_m / sd_m;
+        let beyond = in_sd / (OUTLIER_SD * scale);
+        let root = 1.0 / (1.0 + beyond * beyond);
+        let weight = root * root;
+        self.weight += weight;
+        self.squares += weight * in_sd * in_sd;
+        self.squares_m2 += weight * distance_m * distance_m;
+        self.variances_m2 += weight * sd_m * sd_m;
+        self.distances_m += distance_m.abs();
+        weight
+    }
+}
