@@ -102,6 +102,15 @@ impl ArmClearance {
         })
     }
 
+    /// At least this far in metres a ball is from every part of arm and gripper; less where it is inside of the balls around
+    /// them.
+    pub fn least_distance_to_ball(&self, X_WL: &LinkPoses, centre_W: &Point3<f64>, radius: f64) -> f64 {
+        let (middle, reach) = self.gripper_ball;
+        let from = |X_WP: &Pose, centre: &Point3<f64>, reach: f64| (X_WP * centre - centre_W).norm() - reach - radius;
+        let gripper = from(&(X_WL[MAX_JOINTS] * self.X_LG), &middle, reach);
+        self.parts.iter().map(|part| from(&X_WL[part.link], &part.centre, part.radius)).fold(gripper, f64::min)
+    }
+
     /// Housing and fingers in G.
     fn boxes(&self, width_m: f64) -> [Cuboid; 3] {
         let [left, right] = self.gripper.fingers(width_m);
@@ -114,6 +123,26 @@ mod tests {
     use super::*;
     use crate::{TriangleMesh, robot_file::tests::iiwa};
     use proptest::prelude::*;
+
+    proptest! {
+        /// Against the capsules themselves, which a small ball cannot be nearer to.
+        #[test]
+        fn the_least_distance_to_a_ball_is_never_too_large(
+            q in prop::array::uniform7(-2.0f64..2.0),
+            place in prop::array::uniform3(-1.2f64..1.2),
+        ) {
+            let robot = iiwa();
+            let clearance = ArmClearance::new(&robot, &wsg50());
+            let X_WL = robot.link_poses(&robot.joint_vector(&q).unwrap());
+            let centre_W = Point3::from(place);
+            let ball = Capsule { from: centre_W, to: centre_W, radius: 0.03 };
+            let exact = robot.capsules.iter().map(|(link, it)| it.transformed(&X_WL[*link]).distance(&ball));
+            let exact = exact.fold(f64::INFINITY, f64::min);
+            let least = clearance.least_distance_to_ball(&X_WL, &centre_W, 0.03);
+            prop_assert!(least <= exact + 1e-12);
+            prop_assert!(least >= exact - 0.5, "a bound of no use: {least} for {exact}");
+        }
+    }
 
     fn wsg50() -> Gripper {
         Gripper::from_toml("wsg50.toml", include_str!("../../../assets/grippers/wsg50.toml")).unwrap()

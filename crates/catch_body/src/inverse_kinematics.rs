@@ -6,6 +6,11 @@
 //! 7-DOF Redundant Manipulators with Joint Limits, IEEE T-RO 24(5), 2008, but written for arbitrary directions of the
 //! axes: everything is expressed by the axes in W while all joints are at zero.
 
+mod arcs;
+
+pub use arcs::{Arcs, Branch};
+
+use arcs::Harmonic;
 use nalgebra::{Matrix3, Point3, Rotation3, Unit, Vector3};
 
 use crate::{
@@ -64,6 +69,15 @@ pub struct ElbowCircle {
     shoulder_angle: f64,
     /// By how much the elbow is bent; zero is stretched.
     elbow_bend: f64,
+}
+
+/// Three joints that turn about u, b and u, as forms of the swivel angle: (x, y) of the first and the last one's angles, for a
+/// positive middle one, and the cosine of the middle one's.
+#[derive(Debug, Clone, Copy)]
+struct EulerForms {
+    along: Harmonic,
+    first: [Harmonic; 2],
+    last: [Harmonic; 2],
 }
 
 impl SrsArm {
@@ -135,29 +149,35 @@ impl SrsArm {
     /// All joint positions within limits that put the gripper in the circle's pose with the elbow at `swivel` radians.
     pub fn solve(&self, circle: &ElbowCircle, swivel: f64) -> Solutions {
         let mut solutions = Solutions::default();
-        let aside = circle.across[0] * swivel.cos() + circle.across[1] * swivel.sin();
-        let upper = circle.to_wrist * circle.shoulder_angle.cos() + aside * circle.shoulder_angle.sin();
-        // The elbow's axis is perpendicular to the arm's plane: upper × forearm = axis · sin(bend).
-        let normal = aside.cross(&circle.to_wrist);
-        let along = self.along.into_inner();
-        for elbow_sign in [1.0, -1.0] {
-            let q4 = elbow_sign * circle.elbow_bend;
-            // R_03 takes (along, a4, along × a4) to (upper arm, elbow axis, their product).
-            let elbow_axis = normal * elbow_sign;
-            let before = basis(along, self.axes[3].into_inner());
-            let R_03 = Rotation3::from_matrix_unchecked(basis(upper, elbow_axis) * before.transpose());
-            let R_04 = R_03 * Rotation3::from_axis_angle(&self.axes[3], q4);
-            let R_47 = R_04.inverse() * circle.R_WG * self.R_WG.inverse();
-            for [q1, q2, q3] in self.euler_angles(&R_03, 0) {
-                for [q5, q6, q7] in self.euler_angles(&R_47, 4) {
-                    let q = JointVector::from_column_slice(&[q1, q2, q3, q4, q5, q6, q7, 0.0]);
-                    if (0..7).all(|i| q[i] >= self.lower[i] && q[i] <= self.upper[i]) {
-                        solutions.push(q);
-                    }
-                }
+        for q in self.branches(circle, swivel) {
+            if (0..7).all(|i| q[i] >= self.lower[i] && q[i] <= self.upper[i]) {
+                solutions.push(q);
             }
         }
         solutions
+    }
+
+    /// The joint positions of one branch, whether within limits or not.
+    pub fn solve_branch(&self, circle: &ElbowCircle, swivel: f64, branch: Branch) -> JointVector {
+        let aside = circle.across[0] * swivel.cos() + circle.across[1] * swivel.sin();
+        let upper = circle.to_wrist * circle.shoulder_angle.cos() + aside * circle.shoulder_angle.sin();
+        // The elbow's axis is perpendicular to the arm's plane: upper × forearm = axis · sin(bend).
+        let elbow_sign = if branch.elbow { -1.0 } else { 1.0 };
+        let elbow_axis = aside.cross(&circle.to_wrist) * elbow_sign;
+        let q4 = elbow_sign * circle.elbow_bend;
+        // R_03 takes (along, a4, along × a4) to (upper arm, elbow axis, their product).
+        let before = basis(self.along.into_inner(), self.axes[3].into_inner());
+        let R_03 = Rotation3::from_matrix_unchecked(basis(upper, elbow_axis) * before.transpose());
+        let R_04 = R_03 * Rotation3::from_axis_angle(&self.axes[3], q4);
+        let R_47 = R_04.inverse() * circle.R_WG * self.R_WG.inverse();
+        let [q1, q2, q3] = self.euler_angles(&R_03, 0, branch.shoulder);
+        let [q5, q6, q7] = self.euler_angles(&R_47, 4, branch.wrist);
+        JointVector::from_column_slice(&[q1, q2, q3, q4, q5, q6, q7, 0.0])
+    }
+
+    /// All eight branches.
+    fn branches(&self, circle: &ElbowCircle, swivel: f64) -> [JointVector; 8] {
+        Branch::ALL.map(|branch| self.solve_branch(circle, swivel, branch))
     }
 
     /// The swivel at which the elbow stands for `q`, in the circle of the gripper's pose there.
@@ -169,23 +189,23 @@ impl SrsArm {
         upper.dot(&circle.across[1]).atan2(upper.dot(&circle.across[0]))
     }
 
-    /// Both triples of angles of joints `first`, `first + 1`, `first + 2`, whose product of rotations is `R`.
+    /// Angles of joints `first`, `first + 1`, `first + 2`, whose product of rotations is `R`; the middle one is negative if
+    /// `turned_over`.
     ///
     /// With u the first and third axis, b the second and c = b × u: R·u = u·cos β + (c·cos α + b·sin α)·sin β.
-    fn euler_angles(&self, R: &Rotation3<f64>, first: usize) -> [[f64; 3]; 2] {
+    fn euler_angles(&self, R: &Rotation3<f64>, first: usize, turned_over: bool) -> [f64; 3] {
         let u = self.along.into_inner();
         let b = self.axes[first + 1].into_inner();
         let c = b.cross(&u);
         let signs = [self.axes[first].dot(&u).signum(), self.axes[first + 2].dot(&u).signum()];
         let turned = R * u;
         let (along_b, along_c) = (turned.dot(&b), turned.dot(&c));
-        let beta = along_b.hypot(along_c).atan2(turned.dot(&u));
-        [1.0, -1.0].map(|sign| {
-            let alpha = (sign * along_b).atan2(sign * along_c);
-            let rest = (Rotation3::new(u * alpha) * Rotation3::new(b * (sign * beta))).inverse() * (R * c);
-            let gamma = rest.dot(&b).atan2(rest.dot(&c));
-            [alpha * signs[0], sign * beta, gamma * signs[1]]
-        })
+        let sign = if turned_over { -1.0 } else { 1.0 };
+        let beta = sign * along_b.hypot(along_c).atan2(turned.dot(&u));
+        let alpha = (sign * along_b).atan2(sign * along_c);
+        let rest = (Rotation3::new(u * alpha) * Rotation3::new(b * beta)).inverse() * (R * c);
+        let gamma = rest.dot(&b).atan2(rest.dot(&c));
+        [alpha * signs[0], beta, gamma * signs[1]]
     }
 }
 
@@ -214,6 +234,51 @@ mod tests {
     }
 
     proptest! {
+        /// A swivel angle is in a branch's arcs exactly if that branch keeps the ranges there.
+        #[test]
+        fn arcs_are_where_the_ranges_hold(
+            unit in prop::array::uniform7(-0.99f64..0.99), low in prop::array::uniform7(-3.1f64..2.0),
+            width in prop::array::uniform7(0.5f64..7.0),
+        ) {
+            let robot = iiwa();
+            let arm = SrsArm::of(&robot).unwrap();
+            let q = robot.per_joint(|joint| joint.limits.upper).component_mul(&robot.joint_vector(&unit).unwrap());
+            prop_assume!(q[1].abs() > 0.01 && q[3].abs() > 0.01 && q[5].abs() > 0.01);
+            let circle = arm.elbow_circle(&robot.gripper_pose(&q)).unwrap();
+            let ranges = std::array::from_fn(|i| [low[i], (low[i] + width[i]).min(3.1)]);
+            for (branch, arcs) in arm.swivels(&circle, &ranges) {
+                for step in -300..300 {
+                    let swivel = f64::from(step) * 0.01 + 0.003;
+                    let q = arm.solve_branch(&circle, swivel, branch);
+                    // How far the worst joint is inside its range.
+                    let inside = (0..7).map(|i| (q[i] - ranges[i][0]).min(ranges[i][1] - q[i])).fold(9.0, f64::min);
+                    prop_assert!(inside.abs() < 1e-9 || arcs.contains(swivel) == (inside > 0.0), "{branch:?} {swivel} {q}");
+                }
+            }
+        }
+
+        /// No joint turns more than its bound while the elbow moves.
+        #[test]
+        fn joints_turn_no_more_than_claimed(
+            unit in prop::array::uniform7(-0.99f64..0.99), swivel in -3.1f64..3.1, by in 0.001f64..0.3, share in -1.0f64..1.0,
+        ) {
+            let robot = iiwa();
+            let arm = SrsArm::of(&robot).unwrap();
+            let q = robot.per_joint(|joint| joint.limits.upper).component_mul(&robot.joint_vector(&unit).unwrap());
+            prop_assume!(q[3].abs() > 0.01);
+            let circle = arm.elbow_circle(&robot.gripper_pose(&q)).unwrap();
+            for branch in Branch::ALL {
+                let most = arm.turned_by(&circle, swivel, branch, by);
+                let before = arm.solve_branch(&circle, swivel, branch);
+                let after = arm.solve_branch(&circle, swivel + share * by, branch);
+                for i in 0..7 {
+                    let turn = (after[i] - before[i]).abs();
+                    let turn = turn.min(std::f64::consts::TAU - turn);
+                    prop_assert!(turn <= most[i] + 1e-9, "joint {i} turns by {turn}, not {}", most[i]);
+                }
+            }
+        }
+
         /// FK ∘ IK is the identity for every solution, and the pose's own joint angles are among them.
         #[test]
         fn solutions_reach_the_pose(unit in prop::array::uniform7(-0.99f64..0.99), swivel in -3.1f64..3.1) {

@@ -14,8 +14,10 @@ pub mod perception;
 pub mod trajectory_optimization;
 pub mod trajectory_prediction;
 
+use std::sync::Arc;
+
 use catch_body::{Gripper, Pose, Robot};
-use catch_cell::{Brain, CameraModel, Command, Observation, Probe, ReferenceScan, arm::Setpoint};
+use catch_cell::{Brain, CameraModel, Command, Observation, PixelWindow, Probe, ReferenceScan, arm::Setpoint};
 use serde::{Deserialize, Serialize};
 
 use control::GripperPlan;
@@ -80,14 +82,53 @@ pub struct Report {
     pub closing: Option<GripperPlan>,
 }
 
-/// The catching robot's brain.
+/// What is worked out before anything flies, once for any number of throws: the object's model from its scan, the ways of
+/// holding it, and the planner for the arm.
 #[derive(Debug)]
-pub struct CatchingBot {
+pub struct Preparation {
     config: Config,
     cameras: Vec<CameraModel>,
     reference: ReferenceModel,
     grasps: GraspSet,
     planner: Planner,
+}
+
+impl Preparation {
+    /// For an arm with a gripper, cameras at known places, and an object known from a scan.
+    pub fn new(
+        config: Config,
+        robot: Robot,
+        gripper: Gripper,
+        cameras: Vec<CameraModel>,
+        reference_scan: &ReferenceScan,
+    ) -> Self {
+        let reference = ReferenceModel::from_scan(reference_scan, &config.perception);
+        let grasps = GraspSet::sample(&reference, &gripper, &config.grasp_selection);
+        let planner = Planner::new(robot, gripper, config.trajectory_optimization.clone());
+        Self { config, cameras, reference, grasps, planner }
+    }
+
+    /// The object as the brain knows it.
+    pub fn reference(&self) -> &ReferenceModel {
+        &self.reference
+    }
+
+    /// The ways of holding it.
+    pub fn grasps(&self) -> &GraspSet {
+        &self.grasps
+    }
+
+    /// What moves the arm.
+    pub fn planner(&self) -> &Planner {
+        &self.planner
+    }
+}
+
+/// The catching robot's brain.
+#[derive(Debug)]
+pub struct CatchingBot {
+    known: Arc<Preparation>,
+    seed: u64,
 
     poses: Vec<ObjectPose>,
     flight: Option<FlightTrajectory>,
@@ -107,15 +148,15 @@ impl CatchingBot {
         cameras: Vec<CameraModel>,
         reference_scan: &ReferenceScan,
     ) -> Self {
-        let reference = ReferenceModel::from_scan(reference_scan, &config.perception);
-        let grasps = GraspSet::sample(&reference, &gripper, &config.grasp_selection, config.seed);
-        let planner = Planner::new(robot, gripper, config.trajectory_optimization.clone());
+        let seed = config.seed;
+        Self::prepared(Arc::new(Preparation::new(config, robot, gripper, cameras, reference_scan)), seed)
+    }
+
+    /// A brain that shares what was worked out beforehand; it draws at random from `seed` instead of [`Config::seed`].
+    pub fn prepared(known: Arc<Preparation>, seed: u64) -> Self {
         Self {
-            config,
-            cameras,
-            reference,
-            grasps,
-            planner,
+            known,
+            seed,
             poses: Vec::new(),
             flight: None,
             plan: None,
@@ -133,7 +174,7 @@ impl CatchingBot {
 
     /// The object as the brain knows it.
     pub fn reference(&self) -> &ReferenceModel {
-        &self.reference
+        self.known.reference()
     }
 }
 
@@ -143,7 +184,9 @@ impl Brain for CatchingBot {
         self.report = Report::default();
         let now_s = observation.time_s;
         if self.is_committed(now_s) {
-            return self.close_report(Status::Committed, Command::default());
+            // Nothing that may still be seen changes anything: no camera needs to read out a pixel.
+            let windows = Some(vec![PixelWindow::default(); self.known.cameras.len()]);
+            return self.close_report(Status::Committed, Command { windows, ..Command::default() });
         }
 
         // III-B: pose of the object in the newest images, started from where the last flight says it is.
@@ -151,15 +194,16 @@ impl Brain for CatchingBot {
             let expected = self.expected_pose(frames[0].capture_s);
             let found = perception::find_object(
                 frames,
-                &self.cameras,
-                &self.reference,
+                &self.known.cameras,
+                &self.known.reference,
                 expected.as_ref(),
-                &self.config.perception,
+                &self.known.config.perception,
                 &mut self.workspace,
             );
             if let Ok(mut pose) = found {
                 if let Some(X_WO) = &expected {
-                    pose.X_WO.rotation = self.reference.symmetry.nearest_alike(&X_WO.rotation, &pose.X_WO.rotation);
+                    pose.X_WO.rotation =
+                        self.known.reference.symmetry.nearest_alike(&X_WO.rotation, &pose.X_WO.rotation);
                 }
                 self.poses.push(pose);
                 self.report.pose = Some(pose);
@@ -174,9 +218,9 @@ impl Brain for CatchingBot {
         let flight = trajectory_prediction::predict(
             &self.poses,
             self.flight.as_ref(),
-            self.reference.symmetry,
-            &self.config.trajectory_prediction,
-            self.config.seed,
+            self.known.reference.symmetry,
+            &self.known.config.trajectory_prediction,
+            self.seed,
             &mut self.prediction_workspace,
         );
         probe.stage_ended("trajectory_prediction");
@@ -185,7 +229,7 @@ impl Brain for CatchingBot {
         };
         if let Some(previous) = &self.flight {
             let R_WO = previous.pose_at(flight.time_s).rotation;
-            flight.R_WO = self.reference.symmetry.nearest_alike(&R_WO, &flight.R_WO);
+            flight.R_WO = self.known.reference.symmetry.nearest_alike(&R_WO, &flight.R_WO);
         }
 
         // III-C and III-D: the running plan for the new flight, or a new grasp and plan.
@@ -203,7 +247,7 @@ impl Brain for CatchingBot {
 impl CatchingBot {
     /// Too late to change anything.
     fn is_committed(&self, now_s: f64) -> bool {
-        self.plan.as_ref().is_some_and(|plan| now_s > plan.catch_s - self.config.control.commit_s)
+        self.plan.as_ref().is_some_and(|plan| now_s > plan.catch_s - self.known.config.control.commit_s)
     }
 
     /// Where the object should be: on the last flight, or, before there is one, where it was seen last. The latter keeps an
@@ -215,7 +259,7 @@ impl CatchingBot {
 
     /// Where the arm will be when a motion that is planned now takes over.
     fn start(&self, observation: &Observation) -> Start {
-        let time_s = observation.time_s + self.config.control.expected_latency_s;
+        let time_s = observation.time_s + self.known.config.control.expected_latency_s;
         let state = match &self.plan {
             Some(plan) => plan.trajectory.setpoint(time_s),
             None => Setpoint::at_rest(observation.arm.q),
@@ -225,8 +269,8 @@ impl CatchingBot {
 
     /// The ladder of replans: the same catch adjusted, else the old motion, else another catch.
     fn decide(&self, start: &Start, flight: &FlightTrajectory) -> (Status, Option<CatchPlan>) {
-        let (grasps, config) = (&self.grasps, &self.config.grasp_selection);
-        let search = || self.planner.search(start, flight, grasps, config);
+        let (grasps, config) = (&self.known.grasps, &self.known.config.grasp_selection);
+        let search = || self.known.planner.search(start, flight, grasps, config);
         let Some(plan) = &self.plan else {
             return match search() {
                 Ok(plan) => (Status::Planned, Some(plan)),
@@ -235,14 +279,15 @@ impl CatchingBot {
                 Err(Refusal::NoMotion) => (Status::NoPlan, None),
             };
         };
-        if let Some(plan) = self.planner.retarget(start, flight, plan, grasps, config) {
+        if let Some(plan) = self.known.planner.retarget(start, flight, plan, grasps, config) {
             return (Status::Planned, Some(plan));
         }
-        let is_still_good = control::is_still_good(plan, flight, self.planner.gripper(), &self.config.control);
+        let is_still_good =
+            control::is_still_good(plan, flight, self.known.planner.gripper(), &self.known.config.control);
         match if is_still_good { None } else { search().ok() } {
             Some(plan) => (Status::Planned, Some(plan)),
             None => {
-                let open_width_m = self.planner.opening_or_widest(plan, flight, grasps, config);
+                let open_width_m = self.known.planner.opening_or_widest(plan, flight, grasps, config);
                 (Status::PlanKept, Some(CatchPlan { open_width_m, ..plan.clone() }))
             }
         }
@@ -251,12 +296,13 @@ impl CatchingBot {
     /// Takes over the plan, and times the gripper by the newest flight.
     fn command(&mut self, now_s: f64, status: Status, plan: Option<CatchPlan>, flight: &FlightTrajectory) -> Command {
         let Some(plan) = plan else { return Command::default() };
-        let gripper = self.planner.gripper();
-        let speed_mps = self.config.grasp_selection.closing_speed_mps;
-        let closing = control::closing(&plan, flight, self.planner.robot(), gripper, speed_mps, &self.config.control);
+        let gripper = self.known.planner.gripper();
+        let speed_mps = self.known.config.grasp_selection.closing_speed_mps;
+        let closing =
+            control::closing(&plan, flight, self.known.planner.robot(), gripper, speed_mps, &self.known.config.control);
         // Fingers that have started to close go on: a new list of moves would open them again.
         let is_closing = self.closing.is_some_and(|closing| closing.start_s <= now_s);
-        let moves = control::gripper_moves(now_s, &plan, &closing, gripper, &self.config.control);
+        let moves = control::gripper_moves(now_s, &plan, &closing, gripper, &self.known.config.control);
         let arm = (status == Status::Planned).then(|| plan.trajectory.clone());
         if !is_closing {
             self.closing = Some(closing);

@@ -4,6 +4,7 @@ pub mod catch;
 pub mod check;
 pub mod eval;
 pub mod list;
+pub mod plan;
 pub mod ready;
 pub mod replay;
 
@@ -45,6 +46,8 @@ enum Command {
     Eval(Box<eval::EvalArguments>),
     /// The scenarios, objects, throws, robots, grippers and camera rigs that are built in
     List(list::ListArguments),
+    /// Plans for catches that are described in a file, with residuals and times
+    Plan(plan::PlanArguments),
     /// The best waiting pose for a distribution of throws
     Ready(ready::ReadyArguments),
     /// The brain once more on the observations of a recording: does it want the same, bit for bit?
@@ -92,6 +95,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<()> {
         Some(Command::Catch(catch)) => catch::run(&catch),
         Some(Command::Eval(eval)) => eval::run(&eval),
         Some(Command::List(list)) => list::run(&list),
+        Some(Command::Plan(plan)) => plan::run(&plan),
         Some(Command::Ready(ready)) => ready::run(&ready),
         Some(Command::Replay(replay)) => replay::run(&replay),
         Some(Command::Check(check)) => check::run(&check),

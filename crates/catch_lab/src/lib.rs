@@ -8,6 +8,7 @@
 pub mod assets;
 pub mod check;
 pub mod evaluation;
+pub mod planner_cases;
 pub mod ready;
 pub mod recording;
 pub mod referee;

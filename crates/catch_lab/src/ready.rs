@@ -4,12 +4,12 @@
 //! were known when the first estimate usually is, and the costs of its choices are summed; a throw that it cannot catch
 //! costs most. Poses near the best one so far are tried at random, in ever smaller steps.
 
+use std::sync::Arc;
+
 use catch_body::{JointVector, clearance::ArmClearance};
 use catch_bot::{
-    Config,
-    grasp_selection::GraspSet,
-    perception::ReferenceModel,
-    trajectory_optimization::{CatchPlan, Planner, Start},
+    Config, Preparation,
+    trajectory_optimization::{CatchPlan, Start},
     trajectory_prediction::FlightTrajectory,
 };
 use catch_cell::arm::Setpoint;
@@ -50,8 +50,7 @@ pub struct Corridor {
 }
 
 struct Part {
-    planner: Planner,
-    grasps: GraspSet,
+    known: Arc<Preparation>,
     config: Config,
     flights: Vec<FlightTrajectory>,
 }
@@ -62,21 +61,10 @@ impl Corridor {
     /// # Panics
     /// Without any setup.
     pub fn new(setups: &[Setup], throws: u64, seed: u64) -> Self {
-        let parts = setups.iter().map(|setup| {
-            let config = setup.brain_config(seed, 0);
-            let reference = ReferenceModel::from_scan(&setup.reference_scan, &config.perception);
-            Part {
-                planner: Planner::new(
-                    setup.robot.clone(),
-                    setup.gripper.clone(),
-                    config.trajectory_optimization.clone(),
-                ),
-                grasps: GraspSet::sample(&reference, &setup.gripper, &config.grasp_selection, config.seed),
-                flights: (0..throws)
-                    .map(|index| flight(&setup.throw.release(&setup.object.name, seed, index)))
-                    .collect(),
-                config,
-            }
+        let parts = setups.iter().map(|setup| Part {
+            known: setup.known().clone(),
+            config: setup.brain_config(seed, 0),
+            flights: (0..throws).map(|index| flight(&setup.throw.release(&setup.object.name, seed, index))).collect(),
         });
         let Setup { robot, gripper, .. } = &setups[0];
         Self {
@@ -90,8 +78,9 @@ impl Corridor {
     /// The catches that the planner would choose from `q`, `None` for each throw that it cannot catch.
     pub fn catches(&self, q: &JointVector) -> Vec<Option<CatchPlan>> {
         let start = Start { time_s: FIRST_ESTIMATE_S, state: Setpoint::at_rest(*q) };
-        let ask =
-            |part: &Part, flight| part.planner.search(&start, flight, &part.grasps, &part.config.grasp_selection).ok();
+        let ask = |part: &Part, flight| {
+            part.known.planner().search(&start, flight, part.known.grasps(), &part.config.grasp_selection).ok()
+        };
         self.parts.iter().flat_map(|part| part.flights.iter().map(move |flight| ask(part, flight))).collect()
     }
 

@@ -1,12 +1,15 @@
 //! What a trial needs, read and checked: the scenario and every file that it names.
 
-use std::path::PathBuf;
+use std::{
+    path::PathBuf,
+    sync::{Arc, OnceLock},
+};
 
 use catch_body::{Gripper, InputError, JointVector, Robot, inverse_kinematics::SrsArm, robot_file::RobotFiles};
-use catch_bot::CatchingBot;
+use catch_bot::{CatchingBot, Preparation};
 use catch_cell::{CameraModel, ReferenceScan};
 use catch_sim::{
-    Arena, Throw, ThrownObject, cameras,
+    Arena, Equipment, Throw, ThrownObject, cameras,
     random_streams::{Stream, seed_for},
 };
 use serde::{Deserialize, Serialize};
@@ -71,6 +74,10 @@ pub struct Setup {
     pub reference_scan: ReferenceScan,
     /// Texts of the files that the brain depends on.
     pub sources: Sources,
+    /// Made when it is first needed.
+    equipment: OnceLock<Equipment>,
+    /// Made when it is first needed.
+    known: OnceLock<Arc<Preparation>>,
 }
 
 /// Texts of the files from which a brain's arm and gripper are made, so that a recording can make them again.
@@ -178,6 +185,8 @@ impl Setup {
             object: thrown,
             reference_scan,
             sources,
+            equipment: OnceLock::new(),
+            known: OnceLock::new(),
         })
     }
 
@@ -187,11 +196,37 @@ impl Setup {
         Scene { scenario: name.clone(), object: object.clone(), throw: throw.clone(), seed, index }
     }
 
+    /// The same with another throw, by name or file; what has been prepared is shared.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn thrown(&self, throw: &str) -> Result<Self, InputError> {
+        let asset = Asset::find(Kind::Throw, throw, &Origin::BuiltIn(PathBuf::new()), (COMMAND_LINE, "--throw"))?;
+        self.prepare();
+        let mut other = self.clone();
+        other.throw = Throw::from_toml(&asset.file, &asset.text)?;
+        other.scenario.throw = asset.name;
+        Ok(other)
+    }
+
+    /// Works out what all trials share, so that none of them has to wait for it.
+    pub fn prepare(&self) {
+        self.equipment();
+        self.known();
+    }
+
+    /// Everything in the arena but the throw.
+    pub fn equipment(&self) -> &Equipment {
+        self.equipment.get_or_init(|| {
+            let Self { scenario, robot, gripper, object, cameras, .. } = self.clone();
+            Equipment::new(scenario.arena, robot, gripper, object, cameras)
+        })
+    }
+
     /// The arena with everything in place, the object about to fly.
     pub fn arena(&self, seed: u64, index: u64) -> Arena {
         let release = self.throw.release(&self.object.name, seed, index);
-        let Self { scenario, robot, gripper, object, ready_q, cameras, .. } = self;
-        Arena::new(&scenario.arena, robot, gripper, object, &release, ready_q, cameras, seed, index)
+        Arena::new(self.equipment(), &release, &self.ready_q, seed, index)
     }
 
     /// The brain's settings in one scene: those of the scenario, what is known of the object beforehand, and a seed.
@@ -206,9 +241,17 @@ impl Setup {
         config
     }
 
+    /// What the brain works out before anything flies.
+    pub fn known(&self) -> &Arc<Preparation> {
+        self.known.get_or_init(|| {
+            let Self { robot, gripper, cameras, .. } = self.clone();
+            let config = self.brain_config(0, 0);
+            Arc::new(Preparation::new(config, robot, gripper, cameras, &self.reference_scan))
+        })
+    }
+
     /// A brain that has seen nothing yet.
     pub fn brain(&self, seed: u64, index: u64) -> CatchingBot {
-        let config = self.brain_config(seed, index);
-        CatchingBot::new(config, self.robot.clone(), self.gripper.clone(), self.cameras.clone(), &self.reference_scan)
+        CatchingBot::prepared(self.known().clone(), self.brain_config(seed, index).seed)
     }
 }

@@ -1,14 +1,14 @@
 //! The simulated cell.
 
-use catch_body::{Gripper, JointVector, Robot, clearance::ArmClearance, dynamics};
-use catch_cell::{ArmState, CameraModel, Cell, Command, Observation};
+use catch_body::{JointVector, dynamics};
+use catch_cell::{ArmState, Cell, Command, Observation};
 use nalgebra::Vector3;
 
 use crate::{
-    cameras::{Renderer, Scene},
+    cameras::Scene,
     config::{ArenaConfig, GripperDriveKind},
+    equipment::{Equipment, Shared},
     gripper_drive::GripperDrive,
-    object::ThrownObject,
     physics::{ContactForces, Loads, Mount, World, WorldSettings, WorldState},
     sensors::Sensors,
     servo::Servo,
@@ -19,43 +19,34 @@ use crate::{
 /// Amplitude and frequency with which the referee shakes the world, in m/s² and Hz.
 const SHAKE_MPS2: f64 = 5.0;
 const SHAKE_HZ: f64 = 2.0;
+/// While the object is farther than this from arm, gripper and floor the physics takes fewer substeps, in metres: what the
+/// fastest object and the fastest gripper do not cover in ten steps.
+const ALONE_M: f64 = 0.15;
 
 /// An arm, a gripper, cameras and an object in flight.
 ///
 /// Time passes in [`Cell::sense`] only, from one image to the next. The first call senses t = 0.
 pub struct Arena {
-    config: ArenaConfig,
-    robot: Robot,
+    equipment: Equipment,
     drag_n_per_mps2: f64,
     world: World,
     servo: Servo,
     drive: GripperDrive,
     sensors: Sensors,
-    clearance: ArmClearance,
     /// Commands under way, with their times of arrival.
     under_way: Vec<(f64, Command)>,
     steps: u64,
     has_sensed: bool,
+    /// Whether the object is far from everything.
+    is_alone: bool,
     state: WorldState,
     truth: Truth,
 }
 
 impl Arena {
     /// A scene: the object is released at t = 0, the arm waits at `ready_q` with the gripper open.
-    ///
-    /// `robot` comes without the gripper's mass. `config` has been checked.
-    #[expect(clippy::too_many_arguments, reason = "a scene has that many parts, each from a file of its own")]
-    pub fn new(
-        config: &ArenaConfig,
-        robot: &Robot,
-        gripper: &Gripper,
-        object: &ThrownObject,
-        release: &Release,
-        ready_q: &JointVector,
-        cameras: &[CameraModel],
-        _seed: u64,
-        _index: u64,
-    ) -> Self {
+    pub fn new(equipment: &Equipment, release: &Release, ready_q: &JointVector, _seed: u64, _index: u64) -> Self {
+        let Shared { config, robot, robot_with_gripper, gripper, object, .. } = &*equipment.shared;
         let settings = WorldSettings {
             step_s: config.step_s,
             substeps: config.substeps,
@@ -67,24 +58,26 @@ impl Arena {
         let drive = match config.gripper {
             GripperDriveKind::Ideal => GripperDrive::new(gripper, gripper.max_width_m),
         };
-        let renderer = Renderer::new(robot, gripper, &object.mesh, cameras.to_vec(), config.floor_visible);
         let mut arena = Self {
-            config: config.clone(),
-            robot: robot.clone(),
             drag_n_per_mps2: if config.drag { object.mass_kg * object.drag_per_m } else { 0.0 },
             state: world.state(),
             world,
-            servo: Servo::new(robot.clone().carrying(gripper), *ready_q),
+            servo: Servo::new(robot_with_gripper.clone(), *ready_q),
             drive,
-            sensors: Sensors::new(renderer, config),
-            clearance: ArmClearance::new(robot, gripper),
+            sensors: Sensors::new(config),
+            equipment: equipment.clone(),
             under_way: Vec::new(),
             steps: 0,
             has_sensed: false,
+            is_alone: false,
             truth: Truth::default(),
         };
         arena.record(JointVector::zeros(), &ContactForces::default());
         arena
+    }
+
+    fn config(&self) -> &ArenaConfig {
+        &self.equipment.shared.config
     }
 
     /// What really happened so far. No brain may see it.
@@ -94,7 +87,7 @@ impl Arena {
 
     /// The cell's clock.
     pub fn time_s(&self) -> f64 {
-        self.steps as f64 * self.config.step_s
+        self.steps as f64 * self.config().step_s
     }
 
     /// From now on the world shakes along (1, 1, 1).
@@ -144,7 +137,7 @@ impl Arena {
     /// One step of servo, gripper and physics.
     fn step(&mut self) {
         self.deliver();
-        let (now_s, step_s) = (self.time_s(), self.config.step_s);
+        let (now_s, step_s) = (self.time_s(), self.config().step_s);
         let before = self.state;
         let torque = self.servo.torque(now_s, step_s, &before.q, &before.dq);
         let v_WO = before.V_WO.linear;
@@ -157,6 +150,9 @@ impl Arena {
         self.steps += 1;
         let mut forces = ContactForces::default();
         if self.truth.diverged_s.is_none() {
+            let config = &self.equipment.shared.config;
+            let substeps = if self.is_alone { config.substeps_alone } else { config.substeps };
+            self.world.set_substeps(substeps);
             let went_well = self.world.step(&loads);
             let state = self.world.state();
             if went_well && state.is_finite() {
@@ -172,18 +168,20 @@ impl Arena {
 
     fn record(&mut self, torque: JointVector, forces: &ContactForces) {
         let state = &self.state;
-        let (X_WL, width_m) = (self.robot.link_poses(&state.q), state.finger_m[0] + state.finger_m[1]);
-        self.servo.note_clearances(
-            self.clearance.self_clearance(&X_WL, width_m),
-            self.clearance.floor_clearance(&X_WL, width_m),
-        );
+        let Shared { robot, clearance, object, .. } = &*self.equipment.shared;
+        let (X_WL, width_m) = (robot.link_poses(&state.q), state.finger_m[0] + state.finger_m[1]);
+        let p_WO = state.X_WO.translation.vector.into();
+        let radius = object.bounding_radius_m;
+        let alone_m = clearance.least_distance_to_ball(&X_WL, &p_WO, radius).min(p_WO.z - radius);
+        self.is_alone = alone_m > ALONE_M;
+        self.servo.note_clearances(clearance.self_clearance(&X_WL, width_m), clearance.floor_clearance(&X_WL, width_m));
         self.truth.samples.push(TruthSample {
             time_s: self.time_s(),
             q: state.q,
             dq: state.dq,
             torque,
-            X_WG: self.robot.gripper_in(&X_WL),
-            V_WG: self.robot.gripper_twist(&state.q, &state.dq),
+            X_WG: robot.gripper_in(&X_WL),
+            V_WG: robot.gripper_twist(&state.q, &state.dq),
             width_m,
             finger_force_n: forces.finger_n,
             X_WO: state.X_WO,
@@ -196,14 +194,16 @@ impl Arena {
 impl Cell for Arena {
     fn sense(&mut self) -> Observation {
         if std::mem::replace(&mut self.has_sensed, true) {
-            for _ in 0..self.config.steps_per_frame() {
+            for _ in 0..self.config().steps_per_frame() {
                 self.step();
             }
         }
         let (now_s, state) = (self.time_s(), self.state);
         let gripper = self.drive.state(state.finger_m, state.finger_mps);
-        let X_WL = self.robot.link_poses(&state.q);
-        self.sensors.expose(&Scene { capture_s: now_s, X_WL: &X_WL, width_m: gripper.width_m, X_WO: &state.X_WO });
+        let Shared { robot, renderer, .. } = &*self.equipment.shared;
+        let X_WL = robot.link_poses(&state.q);
+        let scene = Scene { capture_s: now_s, X_WL: &X_WL, width_m: gripper.width_m, X_WO: &state.X_WO };
+        self.sensors.expose(renderer, &scene);
         self.update_report();
         Observation {
             time_s: now_s,

@@ -11,6 +11,7 @@ pub mod arena;
 pub mod cameras;
 pub mod command_check;
 pub mod config;
+pub mod equipment;
 pub mod gripper_drive;
 pub mod object;
 pub mod object_shape;
@@ -23,6 +24,7 @@ pub mod truth;
 
 pub use arena::Arena;
 pub use config::{ArenaConfig, GripperDriveKind};
+pub use equipment::Equipment;
 pub use object::{ObjectPrior, ThrownObject};
 pub use throw::{Release, Throw};
 pub use truth::{Contact, ServoReport, Truth, TruthSample};

@@ -12,7 +12,7 @@
 mod assembly;
 mod convert;
 
-use catch_body::{Gripper, JointVector, Pose, Robot, Twist};
+use catch_body::{Gripper, JointVector, Pose, Robot, Twist, dynamics};
 use nalgebra::Vector3;
 use rapier3d_f64::prelude as engine;
 
@@ -148,6 +148,19 @@ impl World {
         release: &Release,
     ) -> Self {
         assembly::assemble(settings, mount, gripper, width_m, object, release)
+    }
+
+    /// Takes another number of substeps from now on.
+    ///
+    /// The object's velocity is kept half a substep behind (see where it is added), which is half of another substep then. For
+    /// an object that touches nothing; it goes on along the same parabola.
+    pub fn set_substeps(&mut self, substeps: usize) {
+        let before_s = self.settings.step_s / self.parameters.num_solver_iterations as f64;
+        let after_s = self.settings.step_s / substeps as f64;
+        self.parameters.num_solver_iterations = substeps;
+        let object = &mut self.bodies[self.object];
+        let velocity = object.linvel() + to_vector(&dynamics::gravity()) * ((before_s - after_s) / 2.0);
+        object.set_linvel(velocity, true);
     }
 
     /// Lets one step pass and tells whether all went well. If not, a body's state was no longer finite; the engine has taken that

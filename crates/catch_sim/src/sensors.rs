@@ -10,7 +10,6 @@ use crate::{
 /// Cameras that look at every tick and whose images arrive after a while.
 #[derive(Debug, Clone)]
 pub(crate) struct Sensors {
-    renderer: Renderer,
     labels: bool,
     latency_s: f64,
     windows: Option<Vec<PixelWindow>>,
@@ -19,8 +18,8 @@ pub(crate) struct Sensors {
 }
 
 impl Sensors {
-    pub fn new(renderer: Renderer, config: &ArenaConfig) -> Self {
-        Self { renderer, labels: config.labels, latency_s: config.latency_s, windows: None, under_way: Vec::new() }
+    pub fn new(config: &ArenaConfig) -> Self {
+        Self { labels: config.labels, latency_s: config.latency_s, windows: None, under_way: Vec::new() }
     }
 
     /// The windows that the brain wants from now on; `None` means all that the cameras give by themselves.
@@ -29,8 +28,8 @@ impl Sensors {
     }
 
     /// All cameras look at `scene`.
-    pub fn expose(&mut self, scene: &Scene) {
-        if self.renderer.cameras().is_empty() {
+    pub fn expose(&mut self, renderer: &Renderer, scene: &Scene) {
+        if renderer.cameras().is_empty() {
             return;
         }
         let readout = match &self.windows {
@@ -38,7 +37,7 @@ impl Sensors {
             None if self.labels => Readout::Object,
             None => Readout::Full,
         };
-        let frames = self.renderer.render(scene, readout, self.labels);
+        let frames = renderer.render(scene, readout, self.labels);
         self.under_way.push((scene.capture_s + self.latency_s, frames));
     }
 

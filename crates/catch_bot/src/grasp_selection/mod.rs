@@ -26,6 +26,8 @@ pub struct Config {
     /// Points of the cloud at which Darboux frames are tried. The paper draws 2,000 in every call; here they are drawn once,
     /// and each frame is used in four orientations.
     pub samples: usize,
+    /// Seed of the draw.
+    pub seed: u64,
     /// Neighbourhood of a Darboux frame in metres. The paper's code has 2 mm on a cloud of 2.5 mm spacing; a wider one
     /// keeps the noise of the scan out of the directions.
     pub darboux_radius_m: f64,
@@ -52,6 +54,7 @@ impl Default for Config {
     fn default() -> Self {
         Self {
             samples: 250,
+            seed: 1,
             darboux_radius_m: 0.008,
             max_strength_m: 0.03,
             max_contact_angle_rad: 0.38,
@@ -89,8 +92,8 @@ pub struct GraspSet {
 
 impl GraspSet {
     /// Samples Darboux frames on the reference cloud and keeps the grasps that fit.
-    pub fn sample(reference: &ReferenceModel, gripper: &Gripper, config: &Config, seed: u64) -> Self {
-        let mut rng = Pcg64::seed_from_u64(seed);
+    pub fn sample(reference: &ReferenceModel, gripper: &Gripper, config: &Config) -> Self {
+        let mut rng = Pcg64::seed_from_u64(config.seed);
         let mut grasps = Vec::new();
         if !reference.points.is_empty() {
             for _ in 0..config.samples {

@@ -10,20 +10,31 @@
 //! The bounds on q̇ are what each joint can have on arrival ([`super::reachability`]). s = 0 is always consistent with J_v q̇ = 0.
 
 use catch_body::{JointVector, MAX_JOINTS, robot::Jacobian};
-use nalgebra::Vector3;
+use nalgebra::{SMatrix, Vector3};
 
 use super::{
-    quadratic_program::{Constraint, Hessian, MAX_VARIABLES, Square, Variables},
+    quadratic_program::{Hessian, MAX_VARIABLES, Row, Square, Variables},
     reachability::Interval,
 };
 
-/// Weight on the speed fraction's distance from its best.
-const SPEED_WEIGHT: f64 = 20.0;
-/// Weight on the square of the gripper's angular velocity; a gripper that turns at 3 rad/s is 33 mm off the flight line 60 ms
-/// before the catch.
-const SPIN_WEIGHT: f64 = 0.1;
-/// Keeps the program strictly convex along the redundancy.
-const DAMPING: f64 = 1e-3;
+/// What counts among the joint velocities that keep the direction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Weights {
+    /// On the speed fraction's distance from its best, a.
+    pub speed: f64,
+    /// On the square of the gripper's angular velocity, b; a gripper that turns at 3 rad/s is 33 mm off the flight line 60 ms
+    /// before the catch.
+    pub spin: f64,
+    /// Keeps the program strictly convex along the redundancy, ε.
+    pub damping: f64,
+}
+
+impl Weights {
+    /// Speed and spin in balance.
+    pub const BALANCED: Self = Self { speed: 20.0, spin: 0.1, damping: 1e-3 };
+    /// Speed before all.
+    pub const FASTEST: Self = Self { speed: 1e6, spin: 0.01, damping: 1e-3 };
+}
 
 /// Joint velocities at the catch and what they do to the gripper.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,41 +55,61 @@ pub fn arrival(
     v_WO: &Vector3<f64>,
     bounds: &[Interval; MAX_JOINTS],
     max_speed_fraction: f64,
+    weights: &Weights,
 ) -> Option<Arrival> {
     const S: usize = MAX_JOINTS;
     let angular = jacobian.fixed_rows::<3>(0);
     let linear = jacobian.fixed_rows::<3>(3);
     let mut H = Square::identity();
-    H.fixed_view_mut::<MAX_JOINTS, MAX_JOINTS>(0, 0).copy_from(&(angular.transpose() * angular * SPIN_WEIGHT));
+    H.fixed_view_mut::<MAX_JOINTS, MAX_JOINTS>(0, 0).copy_from(&(angular.transpose() * angular * weights.spin));
     for i in 0..MAX_JOINTS {
-        H[(i, i)] += DAMPING;
+        H[(i, i)] += weights.damping;
     }
-    H[(S, S)] = SPEED_WEIGHT;
+    H[(S, S)] = weights.speed;
     let mut gradient = Variables::zeros();
-    gradient[S] = -SPEED_WEIGHT * max_speed_fraction;
+    gradient[S] = -weights.speed * max_speed_fraction;
 
-    let mut constraints = [Constraint { a: Variables::zeros(), b: 0.0 }; 3 + 2 * MAX_VARIABLES];
-    for (axis, constraint) in constraints[..3].iter_mut().enumerate() {
-        constraint.a.fixed_rows_mut::<MAX_JOINTS>(0).copy_from(&linear.row(axis).transpose());
-        constraint.a[S] = -v_WO[axis];
+    let mut rows = [Row::new(Variables::zeros()); 3 + MAX_JOINTS + 1];
+    let mut limits = [[0.0; 2]; 3 + MAX_JOINTS + 1];
+    for (axis, row) in rows[..3].iter_mut().enumerate() {
+        let mut a = Variables::zeros();
+        a.fixed_rows_mut::<MAX_JOINTS>(0).copy_from(&linear.row(axis).transpose());
+        a[S] = -v_WO[axis];
+        *row = Row::new(a);
     }
-    let mut count = 3;
-    let mut bound = |variable: usize, low: f64, high: f64| {
-        let a = Variables::ith(variable, 1.0);
-        constraints[count] = Constraint { a, b: low };
-        constraints[count + 1] = Constraint { a: -a, b: -high };
-        count += 2;
-    };
     for (joint, interval) in bounds.iter().enumerate() {
         if interval.is_empty() {
             return None;
         }
-        bound(joint, interval.low, interval.high);
+        rows[3 + joint] = Row::new(Variables::ith(joint, 1.0));
+        limits[3 + joint] = [interval.low, interval.high];
     }
-    bound(S, 0.0, max_speed_fraction);
-    let x = Hessian::new(&H)?.minimize(&gradient, &constraints[..count], 3)?;
+    rows[3 + S] = Row::new(Variables::ith(S, 1.0));
+    limits[3 + S] = [0.0, max_speed_fraction];
+    let x = Hessian::new(&H)?.minimize(&gradient, &rows, &limits, 3)?;
     let dq: JointVector = x.fixed_rows::<MAX_JOINTS>(0).into_owned();
     Some(Arrival { dq, speed_fraction: x[S].max(0.0), spin_radps: (angular * dq).norm() })
+}
+
+/// What is missing between the velocities that the grasp centre can have within `bounds` and those along the object's: the
+/// shortest difference s·v − J_v·q̇.
+pub fn shortfall(
+    jacobian: &Jacobian,
+    v_WO: &Vector3<f64>,
+    bounds: &[Interval; MAX_JOINTS],
+    max_speed_fraction: f64,
+) -> Option<Vector3<f64>> {
+    const S: usize = MAX_JOINTS;
+    let linear = jacobian.fixed_rows::<3>(3);
+    let mut A = SMatrix::<f64, 3, MAX_VARIABLES>::zeros();
+    A.fixed_view_mut::<3, MAX_JOINTS>(0, 0).copy_from(&linear);
+    A.set_column(S, &-v_WO);
+    let H = A.transpose() * A + Square::identity() * 1e-6;
+    let rows: [Row; S + 1] = std::array::from_fn(|i| Row::new(Variables::ith(i, 1.0)));
+    let limits: [_; S + 1] =
+        std::array::from_fn(|i| bounds.get(i).map_or([0.0, max_speed_fraction], |it| [it.low, it.high]));
+    let x = Hessian::new(&H)?.minimize(&Variables::zeros(), &rows, &limits, 0)?;
+    Some(-A * x)
 }
 
 #[cfg(test)]
@@ -93,7 +124,14 @@ mod tests {
             );
         let v_WO = Vector3::new(-2.0, -3.0, -1.0);
         for width in [0.1, 0.5, 2.0] {
-            let found = arrival(&jacobian, &v_WO, &[Interval { low: -width, high: width }; MAX_JOINTS], 0.3).unwrap();
+            let found = arrival(
+                &jacobian,
+                &v_WO,
+                &[Interval { low: -width, high: width }; MAX_JOINTS],
+                0.3,
+                &Weights::BALANCED,
+            )
+            .unwrap();
             let moved = jacobian.fixed_rows::<3>(3) * found.dq;
             assert!((moved - v_WO * found.speed_fraction).norm() < 1e-10);
             assert!(found.dq.amax() <= width + 1e-12 && found.speed_fraction <= 0.3 + 1e-12);

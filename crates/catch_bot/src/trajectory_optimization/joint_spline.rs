@@ -15,10 +15,36 @@
 use catch_body::robot::JointLimits;
 use catch_cell::spline::{DEGREE, basis};
 
-use super::quadratic_program::{Constraint, Hessian, MAX_VARIABLES, Square, Variables};
+use super::quadratic_program::{Hessian, MAX_VARIABLES, Row, Square, Variables};
 
 /// Most control points of one spline.
 const MAX_POINTS: usize = 16;
+
+/// Control points of one joint; those beyond the spline's number are zero.
+pub type JointPoints = [f64; MAX_POINTS];
+
+/// Weight on the velocity at the end where nothing but it matters: above it the limits alone decide.
+const EXTREME: f64 = 1e4;
+
+/// Which ends of a spline are given, and so which of its control points are free.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Ends {
+    /// Whether the acceleration at the start is given, not only position and velocity.
+    pub start_acceleration: bool,
+    /// What is given at the end.
+    pub end: EndKind,
+}
+
+/// What is given at the end of a spline.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EndKind {
+    /// Position and velocity.
+    At,
+    /// Position; the velocity is free.
+    Position,
+    /// Velocity and acceleration zero, anywhere.
+    Rest,
+}
 
 /// What the end of the spline must fulfil.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,6 +57,13 @@ pub enum End {
         dq: f64,
         /// Lowest and highest acceleration in rad/s², for what comes after.
         ddq: [f64; 2],
+    },
+    /// At this position, as fast as the limits allow in one direction.
+    Extreme {
+        /// Radians.
+        q: f64,
+        /// 1 for the highest velocity, −1 for the lowest.
+        sign: f64,
     },
     /// At rest anywhere, with acceleration zero.
     Rest,
@@ -50,18 +83,52 @@ pub struct JointState {
 /// A derivative's control point as a combination of the spline's own.
 type Combination = [f64; MAX_POINTS];
 
+/// A bounded quantity as a combination of all control points.
+#[derive(Debug, Clone, Copy)]
+struct Bounded {
+    combination: Combination,
+    /// Beyond this range the combination vanishes.
+    first: usize,
+    last: usize,
+    of: Quantity,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Quantity {
+    Position,
+    Velocity,
+    Acceleration,
+    LastAcceleration,
+}
+
+impl Bounded {
+    fn new(combination: Combination, of: Quantity) -> Self {
+        let first = combination.iter().position(|it| *it != 0.0).unwrap_or(0);
+        let last = combination.iter().rposition(|it| *it != 0.0).map_or(0, |it| it + 1);
+        Self { combination, first, last, of }
+    }
+
+    fn dot(&self, points: &[f64; MAX_POINTS]) -> f64 {
+        (self.first..self.last).map(|i| self.combination[i] * points[i]).sum()
+    }
+}
+
 /// The quadratic program with everything that does not depend on the joint, factorized.
 #[derive(Debug, Clone)]
 pub struct JointSpline {
     /// Knots in normalized time.
     pub knots: Vec<f64>,
     points: usize,
-    rests_at_end: bool,
-    velocity: Vec<Combination>,
-    acceleration: Vec<Combination>,
+    ends: Ends,
+    /// What has bounds and does not depend on the free variables, and what does, with its rows over them.
+    given: Vec<Bounded>,
+    bounded: Vec<Bounded>,
+    rows: Vec<Row>,
+    /// Cost over control points, variable by variable, for the gradient.
+    cost_rows: Vec<Combination>,
+    pulls: Vec<f64>,
     /// Full cost over the control points, for the gradient that the fixed ones cause.
     cost: [[f64; MAX_POINTS]; MAX_POINTS],
-    comfort: Combination,
     hessian: Hessian,
 }
 
@@ -70,7 +137,7 @@ impl JointSpline {
     ///
     /// # Panics
     /// With more spans than there is room for: the layouts are constants of this crate.
-    pub fn new(spans: &[f64], rests_at_end: bool, comfort_weight: f64, steady_end_weight: f64) -> Self {
+    pub fn new(spans: &[f64], ends: Ends, comfort_weight: f64, steady_end_weight: f64) -> Self {
         let total: f64 = spans.iter().sum();
         let mut knots = vec![0.0; DEGREE + 1];
         let mut at = 0.0;
@@ -82,8 +149,7 @@ impl JointSpline {
         knots[last] = 1.0;
         knots.extend([1.0; DEGREE]);
         let points = spans.len() + DEGREE;
-        let free = points - 5;
-        assert!(points <= MAX_POINTS && free <= MAX_VARIABLES, "too many spans");
+        assert!(points <= MAX_POINTS, "too many spans");
 
         let identity: Vec<Combination> =
             (0..points).map(|i| std::array::from_fn(|j| f64::from(u8::from(i == j)))).collect();
@@ -112,7 +178,7 @@ impl JointSpline {
                 }
             }
         }
-        if !rests_at_end {
+        if ends.end == EndKind::At {
             for combination in &acceleration[acceleration.len() - 2..] {
                 for i in 0..points {
                     for j in 0..points {
@@ -125,17 +191,39 @@ impl JointSpline {
         let mut spline = Self {
             knots,
             points,
-            rests_at_end,
-            velocity,
-            acceleration,
+            ends,
+            given: Vec::new(),
+            bounded: Vec::new(),
+            rows: Vec::new(),
+            cost_rows: Vec::new(),
+            pulls: Vec::new(),
             cost,
-            comfort,
             hessian: Hessian::new(&Square::identity()).expect("the identity is positive definite"),
         };
+        assert!(spline.free() <= MAX_VARIABLES, "too many spans");
+        let last = acceleration[acceleration.len() - 1];
+        let quantities = identity
+            .iter()
+            .map(|it| Bounded::new(*it, Quantity::Position))
+            .chain(velocity.iter().map(|it| Bounded::new(*it, Quantity::Velocity)))
+            .chain(acceleration.iter().map(|it| Bounded::new(*it, Quantity::Acceleration)))
+            .chain((ends.end == EndKind::At).then(|| Bounded::new(last, Quantity::LastAcceleration)));
+        for quantity in quantities {
+            let row = Row::new(reduced(&quantity.combination, &spline));
+            // The lifted end of a spline at rest is one and the same point, bounded once.
+            if row.is_zero() {
+                spline.given.push(quantity);
+            } else {
+                spline.bounded.push(quantity);
+                spline.rows.push(row);
+            }
+        }
+        spline.cost_rows = (0..spline.free()).map(|variable| spline.cost_row(variable)).collect();
+        spline.pulls = (0..spline.free()).map(|variable| spline.lifted(variable).map(|i| comfort[i]).sum()).collect();
         let mut H = Square::identity();
-        for variable in 0..free {
+        for variable in 0..spline.free() {
             let row = reduced(&spline.cost_row(variable), &spline);
-            for other in 0..free {
+            for other in 0..spline.free() {
                 H[(variable, other)] = row[other];
             }
         }
@@ -151,51 +239,43 @@ impl JointSpline {
         duration_s: f64,
         limits: &JointLimits,
         comfortable: f64,
-    ) -> Option<[f64; MAX_POINTS]> {
+    ) -> Option<JointPoints> {
         let fixed = self.fixed_points(start, end, duration_s);
         let mut gradient = Variables::zeros();
         for variable in 0..self.free() {
-            let row = self.cost_row(variable);
-            let pull: f64 = self.lifted(variable).map(|i| self.comfort[i]).sum();
-            gradient[variable] = dot(&row, &fixed) - comfortable * pull;
+            gradient[variable] = dot(&self.cost_rows[variable], &fixed) - comfortable * self.pulls[variable];
+        }
+        if let End::Extreme { sign, .. } = end {
+            // Of a clamped spline q′ = 3·(cₙ₋₁ − cₙ₋₂)/h: the higher the last free point, the lower the velocity.
+            gradient[self.free() - 1] += sign * EXTREME;
         }
 
-        let mut constraints = [Constraint { a: Variables::zeros(), b: 0.0 }; 6 * MAX_POINTS];
-        let mut count = 0;
-        let mut bound = |combination: &Combination, lower: f64, upper: f64| {
-            let a = reduced(combination, self);
-            let offset = dot(combination, &fixed);
-            if a.amax() == 0.0 {
-                // Nothing free enters: it holds, or no motion does.
-                let rounding = 1e-9 * (1.0 + upper.abs() + lower.abs());
-                return offset >= lower - rounding && offset <= upper + rounding;
-            }
-            constraints[count] = Constraint { a, b: lower - offset };
-            constraints[count + 1] = Constraint { a: -a, b: offset - upper };
-            count += 2;
-            true
+        let (velocity, acceleration) = (limits.velocity * duration_s, limits.acceleration * duration_s * duration_s);
+        let last = match end {
+            End::At { ddq, .. } => ddq.map(|it| it * duration_s * duration_s),
+            End::Extreme { .. } | End::Rest => [f64::NEG_INFINITY, f64::INFINITY],
         };
-        let fits = (0..self.points).all(|i| {
-            let mut point = [0.0; MAX_POINTS];
-            point[i] = 1.0;
-            bound(&point, limits.lower, limits.upper)
+        let range = |of: Quantity| match of {
+            Quantity::Position => [limits.lower, limits.upper],
+            Quantity::Velocity => [-velocity, velocity],
+            Quantity::Acceleration => [-acceleration, acceleration],
+            Quantity::LastAcceleration => last,
+        };
+        // Where nothing free enters, it holds, or no motion does.
+        let holds = self.given.iter().all(|quantity| {
+            let ([low, high], value) = (range(quantity.of), quantity.dot(&fixed));
+            let rounding = 1e-9 * (1.0 + value.abs());
+            value >= low - rounding && value <= high + rounding
         });
-        let most = limits.velocity * duration_s;
-        let fits = fits && self.velocity.iter().all(|it| bound(it, -most, most));
-        let most = limits.acceleration * duration_s * duration_s;
-        let fits = fits && self.acceleration.iter().all(|it| bound(it, -most, most));
-        let last = &self.acceleration[self.acceleration.len() - 1];
-        let fits = fits
-            && match end {
-                End::At { ddq: [low, high], .. } => {
-                    bound(last, low * duration_s * duration_s, high * duration_s * duration_s)
-                }
-                End::Rest => true,
-            };
-        if !fits {
+        if !holds {
             return None;
         }
-        let x = self.hessian.minimize(&gradient, &constraints[..count], 0)?;
+        let mut bounds = [[0.0; 2]; 4 * MAX_POINTS];
+        for (bound, quantity) in bounds.iter_mut().zip(&self.bounded) {
+            let offset = quantity.dot(&fixed);
+            *bound = range(quantity.of).map(|it| it - offset);
+        }
+        let x = self.hessian.minimize(&gradient, &self.rows, &bounds[..self.rows.len()], 0)?;
         let mut points = fixed;
         for variable in 0..self.free() {
             for index in self.lifted(variable) {
@@ -205,20 +285,33 @@ impl JointSpline {
         Some(points)
     }
 
+    /// Velocity at the end of the best motion.
+    pub fn end_velocity(&self, start: &JointState, end: &End, duration_s: f64, limits: &JointLimits) -> Option<f64> {
+        let points = self.solve(start, end, duration_s, limits, start.q)?;
+        let h = (1.0 - self.knots[self.points - 1]) * duration_s;
+        Some((points[self.points - 1] - points[self.points - 2]) * DEGREE as f64 / h)
+    }
+
     /// Number of control points.
     pub fn control_points(&self) -> usize {
         self.points
     }
 
+    /// Control points that the start dictates.
+    fn given_at_start(&self) -> usize {
+        if self.ends.start_acceleration { 3 } else { 2 }
+    }
+
     fn free(&self) -> usize {
-        self.points - 5
+        let given_at_end = if self.ends.end == EndKind::Position { 1 } else { 2 };
+        self.points - self.given_at_start() - given_at_end
     }
 
     /// The control points that a variable moves: one, or, at an end at rest, the last three together.
     fn lifted(&self, variable: usize) -> std::ops::Range<usize> {
-        let first = variable + 3;
-        let last = if self.rests_at_end && variable + 1 == self.free() { self.points } else { first + 1 };
-        first..last
+        let first = variable + self.given_at_start();
+        let rests = self.ends.end == EndKind::Rest && variable + 1 == self.free();
+        first..if rests { self.points } else { first + 1 }
     }
 
     fn cost_row(&self, variable: usize) -> Combination {
@@ -235,11 +328,17 @@ impl JointSpline {
         let (dq, ddq) = (start.dq * duration_s, start.ddq * duration_s * duration_s);
         points[0] = start.q;
         points[1] = start.q + dq * h1 / 3.0;
-        points[2] = points[1] + (dq + ddq * h1 / 2.0) * h2 / 3.0;
-        if let End::At { q, dq, .. } = end {
-            let h = 1.0 - knots[self.points - 1];
-            points[self.points - 1] = *q;
-            points[self.points - 2] = q - dq * duration_s * h / 3.0;
+        if self.ends.start_acceleration {
+            points[2] = points[1] + (dq + ddq * h1 / 2.0) * h2 / 3.0;
+        }
+        match end {
+            End::At { q, dq, .. } => {
+                let h = 1.0 - knots[self.points - 1];
+                points[self.points - 1] = *q;
+                points[self.points - 2] = q - dq * duration_s * h / 3.0;
+            }
+            End::Extreme { q, .. } => points[self.points - 1] = *q,
+            End::Rest => {}
         }
         points
     }
@@ -280,6 +379,8 @@ mod tests {
     const LIMITS: JointLimits =
         JointLimits { lower: -2.0, upper: 2.0, velocity: 1.5, acceleration: 9.0, torque: 100.0 };
 
+    const MOVING: Ends = Ends { start_acceleration: true, end: EndKind::At };
+
     fn as_spline(spline: &JointSpline, points: &[f64], duration_s: f64) -> BSpline {
         BSpline {
             knots_s: spline.knots.iter().map(|knot| knot * duration_s).collect(),
@@ -298,8 +399,8 @@ mod tests {
         ) {
             let start = JointState { q, dq, ddq };
             for (spline, end) in [
-                (JointSpline::new(&[0.4, 0.6, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5], false, 0.1, 0.01), End::At { q: to, dq: at, ddq: [-20.0, 3.0] }),
-                (JointSpline::new(&[1.0; 6], true, 0.0, 0.0), End::Rest),
+                (JointSpline::new(&[0.4, 0.6, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5], MOVING, 0.1, 0.01), End::At { q: to, dq: at, ddq: [-20.0, 3.0] }),
+                (JointSpline::new(&[1.0; 6], Ends { end: EndKind::Rest, ..MOVING }, 0.0, 0.0), End::Rest),
             ] {
                 let Some(points) = spline.solve(&start, &end, duration, &LIMITS, 0.0) else { continue };
                 let curve = as_spline(&spline, &points, duration);
@@ -309,6 +410,7 @@ mod tests {
                 let [a, b, c] = curve.evaluate(duration).map(|it| it[0]);
                 match end {
                     End::At { q, dq, ddq } => prop_assert!(near(a, q) && near(b, dq) && c <= ddq[1] + 1e-8),
+                    End::Extreme { .. } => unreachable!(),
                     End::Rest => prop_assert!(b.abs() < 1e-8 && c.abs() < 1e-6),
                 }
                 for i in 0..=400 {
@@ -321,9 +423,34 @@ mod tests {
         }
     }
 
+    proptest! {
+        /// The extreme velocity is one that a motion has, and no motion has a higher one.
+        #[test]
+        fn no_motion_is_faster_than_the_extreme(
+            q in -1.0f64..1.0, dq in -1.0f64..1.0, by in -0.5f64..0.5, duration in 0.2f64..0.8, sign in 0..2,
+        ) {
+            let sign = f64::from(2 * sign - 1);
+            let start = JointState { q, dq, ddq: 0.0 };
+            let spans = [1.0; 8];
+            let free = JointSpline::new(&spans, Ends { start_acceleration: false, end: EndKind::Position }, 0.1, 0.0);
+            let given = JointSpline::new(&spans, Ends { start_acceleration: false, end: EndKind::At }, 0.1, 0.0);
+            let to = q + by;
+            let Some(points) = free.solve(&start, &End::Extreme { q: to, sign }, duration, &LIMITS, 0.0) else {
+                for step in -15..=15 {
+                    let end = End::At { q: to, dq: f64::from(step) * 0.1, ddq: [-99.0, 99.0] };
+                    prop_assert!(given.solve(&start, &end, duration, &LIMITS, 0.0).is_none());
+                }
+                return Ok(());
+            };
+            let extreme = as_spline(&free, &points, duration).evaluate(duration)[1][0];
+            let at = |dq: f64| given.solve(&start, &End::At { q: to, dq, ddq: [-99.0, 99.0] }, duration, &LIMITS, 0.0);
+            prop_assert!(at(extreme - sign * 1e-6).is_some() && at(extreme + sign * 1e-4).is_none(), "{extreme}");
+        }
+    }
+
     #[test]
     fn a_gentle_motion_has_a_solution_and_an_impossible_one_has_none() {
-        let spline = JointSpline::new(&[1.0; 9], false, 0.1, 0.0);
+        let spline = JointSpline::new(&[1.0; 9], MOVING, 0.1, 0.0);
         let start = JointState { q: 0.0, dq: 0.0, ddq: 0.0 };
         assert!(spline.solve(&start, &End::At { q: 0.3, dq: 0.2, ddq: [-9.0, 9.0] }, 0.6, &LIMITS, 0.0).is_some());
         assert!(spline.solve(&start, &End::At { q: 1.5, dq: 0.2, ddq: [-9.0, 9.0] }, 0.6, &LIMITS, 0.0).is_none());

@@ -12,6 +12,7 @@
 pub mod arrival;
 pub mod joint_spline;
 pub mod motion;
+pub mod posed;
 pub mod quadratic_program;
 pub mod reachability;
 pub mod search;
@@ -21,7 +22,7 @@ use catch_cell::{ArmTrajectory, arm::Setpoint};
 use serde::{Deserialize, Serialize};
 
 use crate::grasp_selection::{Approach, Grasp};
-use joint_spline::JointSpline;
+use joint_spline::{EndKind, Ends, JointSpline};
 
 /// Settings of trajectory optimization.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -137,28 +138,45 @@ pub struct Planner {
     gripper: Gripper,
     srs: Option<SrsArm>,
     clearance: ArmClearance,
-    catch_spline: JointSpline,
+    catch_splines: CatchSplines,
+    /// The same where the acceleration at the start is free.
+    standing_splines: CatchSplines,
     brake_spline: JointSpline,
+}
+
+/// Splines of one kind: to a given velocity at the catch, and for the range of such velocities.
+#[derive(Debug)]
+struct CatchSplines {
+    at: JointSpline,
+    range: JointSpline,
+}
+
+impl CatchSplines {
+    fn new(spans: &[f64], start_acceleration: bool, config: &Config) -> Self {
+        let ends = |end| Ends { start_acceleration, end };
+        Self {
+            at: JointSpline::new(spans, ends(EndKind::At), config.comfort_weight, config.steady_end_weight),
+            range: JointSpline::new(spans, ends(EndKind::Position), config.comfort_weight, 0.0),
+        }
+    }
 }
 
 impl Planner {
     /// Prepares what does not depend on any catch.
     pub fn new(robot: Robot, gripper: Gripper, config: Config) -> Self {
         // Short first spans take up the acceleration at a replan, short last ones steady the velocity before the catch.
-        let catch_spline = JointSpline::new(
-            &[0.35, 0.65, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5],
-            false,
-            config.comfort_weight,
-            config.steady_end_weight,
-        );
-        let brake_spline = JointSpline::new(&[0.5, 0.5, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5], true, 0.0, 0.0);
+        let catch_splines = CatchSplines::new(&[0.35, 0.65, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5], true, &config);
+        let standing_splines = CatchSplines::new(&[1.0; 10], false, &config);
+        let at_rest = Ends { start_acceleration: true, end: EndKind::Rest };
+        let brake_spline = JointSpline::new(&[0.5, 0.5, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5], at_rest, 0.0, 0.0);
         Self {
             srs: SrsArm::of(&robot),
             clearance: ArmClearance::new(&robot, &gripper),
             robot: robot.carrying(&gripper),
             gripper,
             config,
-            catch_spline,
+            catch_splines,
+            standing_splines,
             brake_spline,
         }
     }

@@ -14,8 +14,10 @@ pub(super) const BRAKE_SHARE: f64 = 0.5;
 const MIN_BRAKE_S: f64 = 0.2;
 /// Instants at which torque and clearance are checked along a motion.
 const CHECKS: usize = 40;
+/// Instants at which torque is checked on the way to the catch: at each of its spans' ends and in the middle.
+const TORQUE_CHECKS: usize = 20;
 /// Distance from the acceleration limits that rounding needs, relative.
-const ROUNDING: f64 = 1e-7;
+pub(super) const ROUNDING: f64 = 1e-7;
 
 /// Shares of the velocity and acceleration limits that a motion may use.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -64,7 +66,7 @@ impl Planner {
         // The braking spline's first span takes up the acceleration at the catch: its first velocity control point,
         // q̇ + q̈·h/2, must keep the velocity limit too.
         let onset_s = self.brake_spline.knots[DEGREE + 1] * self.braking_s(dq) / 2.0;
-        let to_catch = self.spline(&self.catch_spline, &start.state, start.time_s, duration_s, shares, |i| {
+        let to_catch = self.spline(&self.catch_splines.at, &start.state, start.time_s, duration_s, shares, |i| {
             let most = self.robot.joints[i].limits.velocity * self.moving_shares().velocity;
             let ddq = [(-most - dq[i]) / onset_s, (most - dq[i]) / onset_s];
             (End::At { q: q[i], dq: dq[i], ddq }, comfortable[i])
@@ -106,14 +108,8 @@ impl Planner {
         end: impl Fn(usize) -> (End, f64),
     ) -> Option<BSpline> {
         let mut control_points = vec![JointVector::zeros(); kind.control_points()];
-        for (i, joint) in self.robot.joints.iter().enumerate() {
-            let limits = JointLimits {
-                lower: (joint.limits.lower + self.config.position_margin_rad).min(state.q[i]),
-                upper: (joint.limits.upper - self.config.position_margin_rad).max(state.q[i]),
-                velocity: joint.limits.velocity * shares.velocity,
-                acceleration: joint.limits.acceleration * shares.acceleration,
-                ..joint.limits
-            };
+        for i in 0..self.robot.dof() {
+            let limits = self.limits(i, state, shares);
             let start = JointState { q: state.q[i], dq: state.dq[i], ddq: state.ddq[i] };
             let (end, comfortable) = end(i);
             let points = kind.solve(&start, &end, duration_s, &limits, comfortable)?;
@@ -123,6 +119,29 @@ impl Planner {
         }
         let knots_s = kind.knots.iter().map(|knot| start_s + knot * duration_s).collect();
         Some(BSpline { knots_s, control_points })
+    }
+
+    /// What a motion of joint `i` may use. A joint that starts closer to the end of its range than the margin may stay there.
+    pub(super) fn limits(&self, i: usize, state: &Setpoint, shares: Shares) -> JointLimits {
+        let limits = &self.robot.joints[i].limits;
+        JointLimits {
+            lower: (limits.lower + self.config.position_margin_rad).min(state.q[i]),
+            upper: (limits.upper - self.config.position_margin_rad).max(state.q[i]),
+            velocity: limits.velocity * shares.velocity,
+            acceleration: limits.acceleration * shares.acceleration,
+            ..*limits
+        }
+    }
+
+    /// Whether torque limits hold along a motion.
+    pub(super) fn keeps_torque(&self, spline: &BSpline) -> bool {
+        let (start_s, length_s) = (spline.start_s(), spline.end_s() - spline.start_s());
+        (0..=TORQUE_CHECKS).all(|i| {
+            let [q, dq, ddq] = spline.evaluate(start_s + length_s * i as f64 / TORQUE_CHECKS as f64);
+            let torque = self.robot.inverse_dynamics(&q, &dq, &ddq);
+            (0..self.robot.dof())
+                .all(|i| torque[i].abs() <= self.robot.joints[i].limits.torque * self.config.torque_share)
+        })
     }
 
     /// Whether torque limits and clearances hold along a trajectory.

@@ -1,12 +1,13 @@
 //! Small, dense, strictly convex quadratic programs by the dual active-set method.
 //!
 //! ```text
-//!     min  ½ xᵀH x + gᵀx      subject to   aᵢᵀx = bᵢ  (i < equalities),   aᵢᵀx ≥ bᵢ  (the others)
+//!     min  ½ xᵀH x + gᵀx      subject to   lᵢ ≤ aᵢᵀx ≤ uᵢ
 //!      x
 //! ```
 //! Goldfarb & Idnani, A numerically stable dual method for solving strictly convex quadratic programs, Mathematical
 //! Programming 27 (1983). It starts at the unconstrained minimum and adds violated constraints one by one, so that it is
 //! quickest where few constraints bind, and it proves infeasibility. No allocation: at most [`MAX_VARIABLES`] variables.
+//! Rows whose entries beyond a short range vanish, as those of splines do, cost only that range.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -18,14 +19,37 @@ pub type Variables = SVector<f64, MAX_VARIABLES>;
 /// A square matrix over the variables.
 pub type Square = SMatrix<f64, MAX_VARIABLES, MAX_VARIABLES>;
 
-/// aᵀx ≥ b, or = b.
+/// The normal a of a constraint.
 #[derive(Debug, Clone, Copy)]
-pub struct Constraint {
-    /// Normal.
-    pub a: Variables,
-    /// Bound.
-    pub b: f64,
+pub struct Row {
+    a: Variables,
+    /// Beyond this range a vanishes.
+    first: usize,
+    last: usize,
+    /// 1/|a|.
+    scale: f64,
 }
+
+impl Row {
+    /// A row with these entries.
+    pub fn new(a: Variables) -> Self {
+        let first = a.iter().position(|it| *it != 0.0).unwrap_or(0);
+        let last = a.iter().rposition(|it| *it != 0.0).map_or(0, |it| it + 1);
+        Self { a, first, last, scale: 1.0 / a.norm() }
+    }
+
+    /// Whether nothing enters it.
+    pub fn is_zero(&self) -> bool {
+        self.last == 0
+    }
+
+    fn dot(&self, x: &Variables) -> f64 {
+        (self.first..self.last).map(|i| self.a[i] * x[i]).sum()
+    }
+}
+
+/// Lowest and highest value of aᵀx; an equality where they are the same.
+pub type Bounds = [f64; 2];
 
 /// The quadratic cost, factorized once for any number of programs.
 #[derive(Debug, Clone)]
@@ -42,17 +66,29 @@ impl Hessian {
         Some(Self { factor })
     }
 
-    /// The minimum, `None` if no x fulfils all constraints. The first `equalities` constraints hold with equality.
-    pub fn minimize(&self, gradient: &Variables, constraints: &[Constraint], equalities: usize) -> Option<Variables> {
-        let mut active =
-            ActiveSet { J: self.factor, R: Square::zeros(), multipliers: Variables::zeros(), ..ActiveSet::default() };
+    /// The minimum, `None` if no x keeps all bounds. Rows that are equalities come first: `equalities` of them.
+    pub fn minimize(
+        &self,
+        gradient: &Variables,
+        rows: &[Row],
+        bounds: &[Bounds],
+        equalities: usize,
+    ) -> Option<Variables> {
+        let mut active = ActiveSet {
+            J: self.factor,
+            R: Square::zeros(),
+            multipliers: Variables::zeros(),
+            size: self.factor.norm_squared(),
+            ..ActiveSet::default()
+        };
         let mut x = -(self.factor * (self.factor.transpose() * gradient));
         // Each constraint that enters and leaves again costs a pass; a cycle means numerical trouble.
-        for _ in 0..20 * (constraints.len() + 1) {
-            let Some((index, sign)) = most_violated(&x, constraints, equalities, &active) else {
+        for _ in 0..20 * (rows.len() + 1) {
+            let Some((index, sign)) = most_violated(&x, rows, bounds, equalities, &active) else {
                 return x.iter().all(|value| value.is_finite()).then_some(x);
             };
-            if !active.enter(&mut x, constraints, index, sign, equalities) {
+            let bound = if sign > 0.0 { bounds[index][0] } else { -bounds[index][1] };
+            if !active.enter(&mut x, &rows[index], bound, index, sign, equalities) {
                 return None;
             }
         }
@@ -60,29 +96,33 @@ impl Hessian {
     }
 }
 
-/// Violations below this, relative to the size of the constraint, count as rounding.
+/// Violations below this, relative to the size of the bound, count as rounding.
 const TOLERANCE: f64 = 1e-12;
 
-/// The next constraint to enter: equalities first, then the most violated; with the sign that makes it a lower bound.
+/// The next constraint to enter: equalities first, then the most violated by distance; with the sign that makes it a lower
+/// bound.
 fn most_violated(
     x: &Variables,
-    constraints: &[Constraint],
+    rows: &[Row],
+    bounds: &[Bounds],
     equalities: usize,
     active: &ActiveSet,
 ) -> Option<(usize, f64)> {
     let mut worst = None;
     let mut most = 0.0;
-    for (index, constraint) in constraints.iter().enumerate() {
-        if active.contains(index) {
-            continue;
-        }
-        let slack = constraint.a.dot(x) - constraint.b;
+    for (index, (row, [low, high])) in rows.iter().zip(bounds).enumerate() {
+        let value = row.dot(x);
         if index < equalities {
-            return Some((index, if slack > 0.0 { -1.0 } else { 1.0 }));
+            if active.contains(index) {
+                continue;
+            }
+            return Some((index, if value > *low { -1.0 } else { 1.0 }));
         }
-        if slack < most - TOLERANCE * (1.0 + constraint.b.abs()) {
-            most = slack;
-            worst = Some((index, 1.0));
+        let (below, above) = (low - value, value - high);
+        let (violation, bound, sign) = if below > above { (below, low, 1.0) } else { (above, high, -1.0) };
+        if violation > TOLERANCE * (1.0 + bound.abs()) && violation * row.scale > most && !active.contains(index) {
+            most = violation * row.scale;
+            worst = Some((index, sign));
         }
     }
     worst
@@ -95,6 +135,8 @@ struct ActiveSet {
     /// Upper triangular, `count` × `count`.
     R: Square,
     multipliers: Variables,
+    /// |J|², which the transforms leave as it is.
+    size: f64,
     indices: [usize; MAX_VARIABLES],
     count: usize,
 }
@@ -104,24 +146,21 @@ impl ActiveSet {
         self.indices[..self.count].contains(&index)
     }
 
-    /// Moves `x` until constraint `index` holds, dropping what stands in the way. False: the constraints contradict.
-    fn enter(
-        &mut self,
-        x: &mut Variables,
-        constraints: &[Constraint],
-        index: usize,
-        sign: f64,
-        equalities: usize,
-    ) -> bool {
-        let normal = constraints[index].a * sign;
-        let bound = constraints[index].b * sign;
+    /// Moves `x` until sign·aᵀx ≥ `bound` holds, dropping what stands in the way. False: the constraints contradict.
+    fn enter(&mut self, x: &mut Variables, row: &Row, bound: f64, index: usize, sign: f64, equalities: usize) -> bool {
         let mut multiplier = 0.0;
         loop {
-            let d = self.J.transpose() * normal;
+            let mut d = Variables::zeros();
+            for column in 0..MAX_VARIABLES {
+                let column_J = self.J.column(column);
+                d[column] = sign * (row.first..row.last).map(|i| row.a[i] * column_J[i]).sum::<f64>();
+            }
             // z: direction in x that keeps the active constraints; r: how their multipliers change along it.
             let mut z = Variables::zeros();
+            let mut curvature = 0.0;
             for column in self.count..MAX_VARIABLES {
-                z += self.J.column(column) * d[column];
+                z.axpy(d[column], &self.J.column(column), 1.0);
+                curvature += d[column] * d[column];
             }
             let mut r = Variables::zeros();
             for row in (0..self.count).rev() {
@@ -142,13 +181,9 @@ impl ActiveSet {
                 }
             }
             // The step that fulfils the constraint.
-            let curvature = z.dot(&normal);
-            let slack = normal.dot(x) - bound;
-            let full = if curvature > 1e-13 * normal.norm_squared() * self.J.norm_squared() {
-                -slack / curvature
-            } else {
-                f64::INFINITY
-            };
+            let slack = sign * row.dot(x) - bound;
+            let full =
+                if curvature * row.scale * row.scale > 1e-13 * self.size { -slack / curvature } else { f64::INFINITY };
 
             let step = partial.min(full);
             if !step.is_finite() {
@@ -160,7 +195,7 @@ impl ActiveSet {
                 self.multipliers[slot] -= step * r[slot];
             }
             if full.is_finite() {
-                *x += z * step;
+                x.axpy(step, &z, 1.0);
             }
             if full <= partial {
                 return self.add(index, &d, multiplier);
@@ -214,7 +249,7 @@ impl ActiveSet {
 
 /// Cosine, sine and length of the rotation that takes (a, b) to (length, 0).
 fn givens(a: f64, b: f64) -> (f64, f64, f64) {
-    let length = a.hypot(b);
+    let length = (a * a + b * b).sqrt();
     if length == 0.0 { (1.0, 0.0, 0.0) } else { (a / length, b / length, length) }
 }
 
@@ -250,24 +285,21 @@ mod tests {
             let root = Square::from_column_slice(&root);
             let H = root * root.transpose() + Square::identity() * 0.1;
             // `inside` fulfils every constraint, so the program is feasible.
-            let constraints: Vec<_> = normals.iter().enumerate().map(|(index, (a, slack))| {
-                let slack = if index < equalities { 0.0 } else { *slack };
-                Constraint { a: *a, b: a.dot(&inside) - slack }
+            let equalities = equalities.min(normals.len());
+            let rows: Vec<Row> = normals.iter().map(|(a, _)| Row::new(*a)).collect();
+            let bounds: Vec<Bounds> = normals.iter().enumerate().map(|(index, (a, slack))| {
+                let value = a.dot(&inside);
+                if index < equalities { [value; 2] } else { [value - slack, value + 3.0 * slack] }
             }).collect();
-            let equalities = equalities.min(constraints.len());
-            let x = Hessian::new(&H).unwrap().minimize(&gradient, &constraints, equalities).unwrap();
+            let x = Hessian::new(&H).unwrap().minimize(&gradient, &rows, &bounds, equalities).unwrap();
             let cost = |x: &Variables| 0.5 * x.dot(&(H * x)) + gradient.dot(x);
-            for (index, constraint) in constraints.iter().enumerate() {
-                let slack = constraint.a.dot(&x) - constraint.b;
-                prop_assert!(slack > -1e-9 && (index >= equalities || slack < 1e-9), "constraint {index}: {slack}");
-            }
-            // The segment from the solution to any feasible point must rise.
-            let fulfils = |y: &Variables| constraints.iter().enumerate().all(|(index, constraint)| {
-                let slack = constraint.a.dot(y) - constraint.b;
-                slack >= 0.0 && (index >= equalities || slack.abs() < 1e-9)
+            let fulfils = |y: &Variables, by: f64| normals.iter().zip(&bounds).all(|((a, _), [low, high])| {
+                (low - by..=high + by).contains(&a.dot(y))
             });
+            prop_assert!(fulfils(&x, 1e-9));
+            // The segment from the solution to any feasible point must rise.
             let slope = H * x + gradient;
-            for y in others.iter().map(|other| inside + other * 0.1).chain([inside]).filter(fulfils) {
+            for y in others.iter().map(|other| inside + other * 0.1).chain([inside]).filter(|y| fulfils(y, 1e-9)) {
                 prop_assert!(slope.dot(&(y - x)) > -1e-7, "descends toward a feasible point");
                 prop_assert!(cost(&y) >= cost(&x) - 1e-9);
             }
@@ -276,8 +308,10 @@ mod tests {
 
     #[test]
     fn contradictions_are_reported() {
-        let a = Variables::ith(0, 1.0);
-        let constraints = [Constraint { a, b: 1.0 }, Constraint { a: -a, b: 0.0 }];
-        assert!(Hessian::new(&Square::identity()).unwrap().minimize(&Variables::zeros(), &constraints, 0).is_none());
+        let row = Row::new(Variables::ith(0, 1.0));
+        let bounds = [[1.0, 2.0], [0.0, 0.5]];
+        assert!(
+            Hessian::new(&Square::identity()).unwrap().minimize(&Variables::zeros(), &[row; 2], &bounds, 0).is_none()
+        );
     }
 }

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     CatchPlan, Planner, Refusal, Start,
-    arrival::{Arrival, arrival},
+    arrival::{self, Arrival, arrival},
     motion::{BRAKE_SHARE, Shares},
     reachability::{Interval, JointReach},
 };
@@ -257,7 +257,7 @@ impl Planner {
     }
 
     /// What each joint can reach in `time_s` from the start.
-    fn reaches(&self, start: &Start, time_s: f64, shares: Shares) -> [JointReach; MAX_JOINTS] {
+    pub(super) fn reaches(&self, start: &Start, time_s: f64, shares: Shares) -> [JointReach; MAX_JOINTS] {
         std::array::from_fn(|i| {
             let limits = self.robot.joints.get(i).map(|joint| joint.limits);
             let velocity = limits.map_or(0.0, |it| it.velocity * shares.velocity);
@@ -304,7 +304,13 @@ impl Planner {
         }
         let X_WL = self.robot.link_poses(q);
         let jacobian = self.robot.jacobian(&X_WL, &(X_WG * self.gripper.grasp_centre()));
-        arrival(&jacobian, &flight.twist_at(catch_s).linear, &bounds, self.config.max_speed_fraction)
+        arrival(
+            &jacobian,
+            &flight.twist_at(catch_s).linear,
+            &bounds,
+            self.config.max_speed_fraction,
+            &arrival::Weights::BALANCED,
+        )
     }
 
     /// Turns a candidate into a plan: a motion at the arrival's speed, or slower, or standing still.
@@ -337,7 +343,12 @@ impl Planner {
 }
 
 /// The largest share of its reach that a joint must use to get from `start` to `q`, `None` if one cannot.
-fn effort(joints: &[JointReach; MAX_JOINTS], start: &JointVector, q: &JointVector, dof: usize) -> Option<f64> {
+pub(super) fn effort(
+    joints: &[JointReach; MAX_JOINTS],
+    start: &JointVector,
+    q: &JointVector,
+    dof: usize,
+) -> Option<f64> {
     let mut most: f64 = 0.0;
     for i in 0..dof {
         let far = joints[i].displacements();

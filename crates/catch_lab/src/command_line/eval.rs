@@ -136,8 +136,13 @@ fn evaluation(arguments: &EvalArguments) -> Result<Evaluation, InputError> {
     };
     let mut cells: Vec<Cell> = Vec::new();
     for object in or_default(&arguments.object) {
+        let mut of_object: Option<Setup> = None;
         for throw in or_default(&arguments.throw) {
-            let setup = Setup::load(&arguments.choice.with(object.as_deref(), throw.as_deref()))?;
+            let setup = match (&of_object, &throw) {
+                (Some(setup), Some(throw)) => setup.thrown(throw)?,
+                _ => Setup::load(&arguments.choice.with(object.as_deref(), throw.as_deref()))?,
+            };
+            let setup = of_object.insert(setup).clone();
             let names = (&setup.scenario.object, &setup.scenario.throw);
             if cells.iter().any(|it| (&it.setup.scenario.object, &it.setup.scenario.throw) == names) {
                 let found = format!("{} with the {} throw twice", names.0, names.1);

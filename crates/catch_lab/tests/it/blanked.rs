@@ -57,8 +57,7 @@ fn commands(setup: &Setup, offset: Vector3<f64>, cameras: Cameras) -> Vec<Comman
     let elsewhere = || {
         let mut release = setup.throw.release(&setup.object.name, seed, index);
         release.p_WO += offset;
-        let Setup { scenario, robot, gripper, object, ready_q, cameras, .. } = setup;
-        Arena::new(&scenario.arena, robot, gripper, object, &release, ready_q, cameras, seed, index)
+        Arena::new(setup.equipment(), &release, &setup.ready_q, seed, index)
     };
     let mut cell = MovedObject { before: setup.arena(seed, index), after: elsewhere(), moved: false, cameras };
     let mut brain: CatchingBot = setup.brain(seed, index);

@@ -8,8 +8,7 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 use crate::setting;
 
 fn arena(config: &ArenaConfig, object: &str, release: &Release) -> Arena {
-    let (robot, gripper, object) = (setting::robot(), setting::gripper(), setting::object(object));
-    Arena::new(config, &robot, &gripper, &object, release, &robot.ready_q, &[], 0, 0)
+    setting::arena(config, object, release, &setting::robot().ready_q)
 }
 
 fn near() -> Throw {

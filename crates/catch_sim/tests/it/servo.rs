@@ -8,8 +8,7 @@ use crate::setting;
 
 fn arena(ready_q: &JointVector) -> Arena {
     let release = setting::release([9.0, 9.0, 9.0], [0.0; 3]);
-    let (robot, gripper, object) = (setting::robot(), setting::gripper(), setting::object("tennis_ball"));
-    Arena::new(&ArenaConfig::default(), &robot, &gripper, &object, &release, ready_q, &[], 0, 0)
+    setting::arena(&ArenaConfig::default(), "tennis_ball", &release, ready_q)
 }
 
 /// From rest to rest, close to a quintic polynomial: its values as control points, the ends three times.

@@ -2,7 +2,7 @@
 
 use catch_body::{Gripper, InputError, JointVector, Pose, Robot, robot_file::RobotFiles};
 use catch_sim::{
-    Release, ThrownObject,
+    Arena, ArenaConfig, Equipment, Release, ThrownObject,
     physics::{Loads, Mount, World, WorldSettings},
 };
 use nalgebra::{Point3, UnitQuaternion, Vector3};
@@ -66,4 +66,10 @@ pub fn fixed_hand(
     release: &Release,
 ) -> World {
     World::new(settings, Mount::Fixed(Pose::translation(p_WG.x, p_WG.y, p_WG.z)), gripper, width_m, object, release)
+}
+
+/// An arena without cameras.
+pub fn arena(config: &ArenaConfig, object: &str, release: &Release, ready_q: &JointVector) -> Arena {
+    let equipment = Equipment::new(config.clone(), robot(), gripper(), self::object(object), Vec::new());
+    Arena::new(&equipment, release, ready_q, 0, 0)
 }

@@ -1,0 +1,50 @@
+//! What stands in a cell before anything is thrown.
+
+use std::sync::Arc;
+
+use catch_body::{Gripper, Robot, clearance::ArmClearance};
+use catch_cell::CameraModel;
+
+use crate::{cameras::Renderer, config::ArenaConfig, object::ThrownObject};
+
+/// Arm, gripper, cameras and the object to be thrown, prepared once for any number of throws. Clones share it.
+#[derive(Debug, Clone)]
+pub struct Equipment {
+    pub(crate) shared: Arc<Shared>,
+}
+
+/// What [`Equipment`] holds.
+#[derive(Debug)]
+pub(crate) struct Shared {
+    pub config: ArenaConfig,
+    /// Without the gripper's mass.
+    pub robot: Robot,
+    /// With it.
+    pub robot_with_gripper: Robot,
+    pub gripper: Gripper,
+    pub object: ThrownObject,
+    pub renderer: Renderer,
+    pub clearance: ArmClearance,
+}
+
+impl Equipment {
+    /// Prepares a cell. `robot` comes without the gripper's mass; `config` has been checked; `cameras` stand where they truly are.
+    pub fn new(
+        config: ArenaConfig,
+        robot: Robot,
+        gripper: Gripper,
+        object: ThrownObject,
+        cameras: Vec<CameraModel>,
+    ) -> Self {
+        let shared = Shared {
+            renderer: Renderer::new(&robot, &gripper, &object.mesh, cameras, config.floor_visible),
+            clearance: ArmClearance::new(&robot, &gripper),
+            robot_with_gripper: robot.clone().carrying(&gripper),
+            config,
+            robot,
+            gripper,
+            object,
+        };
+        Self { shared: Arc::new(shared) }
+    }
+}
