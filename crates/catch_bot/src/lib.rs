@@ -197,6 +197,7 @@ impl Brain for CatchingBot {
                 &self.known.cameras,
                 &self.known.reference,
                 expected.as_ref(),
+                None,
                 &self.known.config.perception,
                 &mut self.workspace,
             );

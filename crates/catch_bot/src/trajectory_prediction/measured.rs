@@ -132,7 +132,7 @@ fn look(
     seed: u64,
 ) {
     let expected = seen.flight.as_ref().map(|flight| flight.pose_at(frames[0].capture_s));
-    let found = find_object(frames, cameras, reference, expected.as_ref(), perception, &mut seen.workspace);
+    let found = find_object(frames, cameras, reference, expected.as_ref(), None, perception, &mut seen.workspace);
     let Ok(pose) = found else { return };
     seen.poses.push(pose);
     let flight = predict(&seen.poses, seen.flight.as_ref(), reference.symmetry, prediction, seed, &mut Default::default());
@@ -257,7 +257,7 @@ fn measured_times() {
                     let last = seen.poses.last().map(|pose| pose.X_WO);
                     let expected = seen.flight.as_ref().map(|flight| flight.pose_at(capture_s)).or(last);
                     let start = cpu_ms();
-                    let found = find_object(&frames, &cameras, &reference, expected.as_ref(), &config, &mut seen.workspace);
+                    let found = find_object(&frames, &cameras, &reference, expected.as_ref(), None, &config, &mut seen.workspace);
                     let between = cpu_ms();
                     let Ok(pose) = found else { lost += 1; continue };
                     seen.poses.push(pose);
