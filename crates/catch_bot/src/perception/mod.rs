@@ -19,6 +19,8 @@ pub mod symmetry;
 pub(crate) mod synthetic;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod unlabelled;
 
 use catch_body::Pose;
 use catch_cell::{CameraModel, DepthFrame};
