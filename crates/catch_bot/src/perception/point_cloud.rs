@@ -41,6 +41,11 @@ pub struct ScenePoint {
     pub depth_sd_m: f64,
 }
 
+/// Points, outline rays and labels for which there is room from the start, so that larger images of the object than those
+/// before do not allocate.
+const ROOM_POINTS: usize = 4096;
+const ROOM_LABELS: usize = 1 << 17;
+
 /// What the images show of the object.
 #[derive(Debug, Clone, Default)]
 pub struct SceneCloud {
@@ -82,6 +87,10 @@ impl SceneCloud {
         self.outline.clear();
         self.shown.clear();
         self.labels.clear();
+        self.points.reserve(ROOM_POINTS);
+        self.outline.reserve(ROOM_POINTS);
+        self.shown.reserve(cameras.len());
+        self.labels.reserve(ROOM_LABELS);
         for (index, frame) in frames.iter().enumerate() {
             let Some(camera) = cameras.get(frame.camera) else { continue };
             if frame.depth_m.len() < frame.window.area() || !frame.capture_s.is_finite() {
