@@ -6,7 +6,7 @@
 
 use catch_body::Pose;
 use catch_cell::{CameraModel, DepthFrame};
-use nalgebra::{Translation3, Vector3};
+use nalgebra::{Matrix3, Translation3, Vector3};
 
 use super::{flight::Motion, tumbling::Tumbling, *};
 use crate::perception::{
@@ -176,8 +176,8 @@ impl Errors {
         self.pose_deg.push(symmetry.turn_between(&pose.X_WO.rotation, &truth.rotation).norm().to_degrees());
         let mut information = pose.information;
         (0..3).for_each(|i| information[(i, i)] += 1e-3);
-        let covariance = information.try_inverse().unwrap().fixed_view::<3, 3>(3, 3).into_owned();
-        self.pose_squares.push(error.dot(&(covariance.try_inverse().unwrap() * error)));
+        let covariance = information.try_inverse().map_or(Matrix3::zeros(), |all| all.fixed_view::<3, 3>(3, 3).into_owned());
+        self.pose_squares.push(square(&covariance, &error));
     }
 
     fn add_flight(&mut self, flight: Option<&FlightTrajectory>, truth: &Pose, symmetry: &Symmetry) {
@@ -192,8 +192,13 @@ impl Errors {
         let along = flight.twist_at(CATCH_S).linear;
         self.arrival_ms.push((error.dot(&along) / along.norm_squared()).abs() * 1e3);
         let covariance = flight.covariance_at(CATCH_S).fixed_view::<3, 3>(0, 0).into_owned();
-        self.catch_squares.push(error.dot(&(covariance.try_inverse().unwrap() * error)));
+        self.catch_squares.push(square(&covariance, &error));
     }
+}
+
+/// eᵀΣ⁻¹e; infinite where the covariance claims to know some direction exactly.
+fn square(covariance: &Matrix3<f64>, error: &Vector3<f64>) -> f64 {
+    covariance.cholesky().map_or(f64::INFINITY, |factor| error.dot(&factor.solve(error)))
 }
 
 fn median(values: &[f64]) -> f64 {

@@ -100,9 +100,9 @@ fn an_object_that_leaves_the_view_is_seen_as_long_as_it_is_in_it() {
     let bench = Bench::new();
     let mut last = Some(bench.X_WO);
     let mut lost = false;
-    for i in 0..100 {
+    for i in 0..200 {
         let X_WO = Pose::from_parts(
-            (bench.X_WO.translation.vector + Vector3::new(0.1, 0.1, 0.0) * f64::from(i)).into(),
+            (bench.X_WO.translation.vector + Vector3::new(0.035, 0.035, 0.0) * f64::from(i)).into(),
             bench.X_WO.rotation,
         );
         match bench.find(&bench.frames_at(&X_WO), last.as_ref()) {
