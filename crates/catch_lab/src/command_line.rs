@@ -5,7 +5,9 @@ pub mod check;
 pub mod eval;
 pub mod list;
 pub mod plan;
+pub mod predict;
 pub mod ready;
+pub mod register;
 pub mod replay;
 pub mod view;
 
@@ -51,8 +53,12 @@ enum Command {
     List(list::ListArguments),
     /// Plans for catches that are described in a file, with residuals and times
     Plan(plan::PlanArguments),
+    /// A flight through a recorded track, and where it goes on to
+    Predict(predict::PredictArguments),
     /// The best waiting pose for a distribution of throws
     Ready(ready::ReadyArguments),
+    /// The pose of one point cloud against another, or against a mesh
+    Register(register::RegisterArguments),
     /// The brain once more on the observations of a recording: does it want the same, bit for bit?
     Replay(replay::ReplayArguments),
     /// A recording in the browser: three dimensions, a time slider, plots
@@ -101,6 +107,8 @@ pub fn run(arguments: Arguments) -> anyhow::Result<()> {
         Some(Command::Eval(eval)) => eval::run(&eval),
         Some(Command::List(list)) => list::run(&list),
         Some(Command::Plan(plan)) => plan::run(&plan),
+        Some(Command::Predict(predict)) => predict::run(&predict),
+        Some(Command::Register(register)) => register::run(&register),
         Some(Command::Ready(ready)) => ready::run(&ready),
         Some(Command::Replay(replay)) => replay::run(&replay),
         Some(Command::View(view)) => view::run(&view),

@@ -8,6 +8,7 @@
 pub mod assets;
 pub mod catch_page;
 pub mod check;
+pub mod cloud_file;
 pub mod evaluation;
 pub mod gif_picture;
 pub mod mcap_file;
@@ -28,6 +29,7 @@ pub mod statistics;
 pub mod stopwatch;
 pub mod throw_times;
 pub mod timeline;
+pub mod track_file;
 pub mod trial;
 
 /// Version of this program, as every result carries it.

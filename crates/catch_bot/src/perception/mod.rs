@@ -4,6 +4,7 @@
 //! is registered to them ([`registration`]), starting from where the last trajectory says the object should be.
 
 mod acquisition;
+mod bare_cloud;
 mod cold_start;
 mod distance_field;
 mod icp;
@@ -27,6 +28,7 @@ use catch_cell::{CameraModel, DepthFrame};
 use nalgebra::{Matrix6, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 
+pub use bare_cloud::register_cloud;
 pub use distance_field::DistanceField;
 pub use point_cloud::{DepthNoise, SceneCloud};
 pub use reference::ReferenceModel;

@@ -1,0 +1,257 @@
+//! `catchingbot predict`: fits a flight to a recorded track and predicts it.
+
+use std::path::PathBuf;
+
+use catch_body::{InputError, Pose};
+use catch_bot::{
+    perception::{ObjectPose, Symmetry},
+    trajectory_prediction::{Config, FlightTrajectory, Workspace, predict},
+};
+use catch_lab::{
+    VERSION,
+    setup::COMMAND_LINE,
+    track_file::{self, Sighting},
+};
+use clap::{Args, ValueEnum};
+use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3};
+use serde::Serialize;
+
+use super::register::rows;
+use crate::screen;
+
+/// Arguments of `predict`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+The track is a CSV file of t,x,y,z or t,x,y,z,qx,qy,qz,qw in seconds and metres; a header may stand
+above it, rows with gaps or NaN are left out. Gravity is 9.81 m/s² against the axis named by --up.
+What is printed is in the track's own axes and clock; covariances are of (position, velocity).
+
+Examples:
+  catchingbot predict --track ball.csv --up y --until 0.4     what was known after 0.4 s?
+  catchingbot predict --track ball.csv --at 0.6 --at 0.7 --json")]
+pub struct PredictArguments {
+    /// CSV file of the track
+    #[arg(long, value_name = "FILE")]
+    track: PathBuf,
+    /// Axis of the track that points up
+    #[arg(long, value_enum, default_value_t = Up::Z)]
+    up: Up,
+    /// Use only what was seen until then, in the track's time
+    #[arg(long, value_name = "S")]
+    until: Option<f64>,
+    /// Also predict for this time; may be given more than once
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    at: Vec<f64>,
+    /// Drag constant k of a = -k·|v|·v that is expected, in 1/m
+    #[arg(long, value_name = "K", default_value_t = 0.05)]
+    drag: f64,
+    /// How well that is known, as a standard deviation; 0: exactly
+    #[arg(long, value_name = "SD", default_value_t = 0.1)]
+    drag_sd: f64,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Up {
+    Y,
+    Z,
+}
+
+impl Up {
+    /// From the track's axes T to the world's, whose z axis points up.
+    fn R_WT(self) -> UnitQuaternion<f64> {
+        match self {
+            Self::Y => UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2),
+            Self::Z => UnitQuaternion::identity(),
+        }
+    }
+}
+
+#[derive(Debug, Serialize)]
+struct Prediction {
+    time_s: f64,
+    position: [f64; 3],
+    velocity: [f64; 3],
+    covariance: [[f64; 6]; 6],
+}
+
+#[derive(Debug, Serialize)]
+struct Document {
+    version: &'static str,
+    /// `predicted`, or what was missing.
+    status: serde_json::Value,
+    sightings: usize,
+    inliers: Option<usize>,
+    noise_m: f64,
+    drag_per_m: Option<f64>,
+    drag_sd_per_m: Option<f64>,
+    end: Option<Prediction>,
+    at: Vec<Prediction>,
+}
+
+/// Sightings that a flight needs.
+const LEAST_SIGHTINGS: usize = 6;
+
+/// Predicts a track.
+///
+/// # Errors
+/// Faults of the arguments and of the track's file.
+pub fn run(arguments: &PredictArguments) -> anyhow::Result<()> {
+    let finite = |field: &str, value: f64| InputError::finite(COMMAND_LINE, field, [value]).map(|_| value);
+    let not_negative = |field: &str, value: f64| match value {
+        value if value.is_finite() && value >= 0.0 => Ok(value),
+        _ => Err(InputError::new(COMMAND_LINE, field, value, "zero or more")),
+    };
+    for &time_s in arguments.at.iter().chain(&arguments.until) {
+        finite("--at and --until", time_s)?;
+    }
+    let (drag, drag_sd) = (not_negative("--drag", arguments.drag)?, not_negative("--drag-sd", arguments.drag_sd)?);
+    let track = track_file::read(&arguments.track)?;
+    let end_s = track[track.len() - 1].time_s;
+    let until_s = arguments.until.unwrap_or(end_s);
+    let seen = &track[..track.partition_point(|it| it.time_s <= until_s)];
+    if seen.len() < LEAST_SIGHTINGS {
+        let file = arguments.track.display().to_string();
+        let expected = format!("{LEAST_SIGHTINGS} rows or more");
+        return Err(InputError::new(file, "rows", format!("{} until {until_s} s", seen.len()), expected).into());
+    }
+
+    let noise_m = noise(seen);
+    let R_WT = arguments.up.R_WT();
+    let poses: Vec<ObjectPose> = seen.iter().map(|it| pose(it, &R_WT, noise_m)).collect();
+    let config = Config {
+        drag_prior_per_m: drag,
+        drag_prior_sd_per_m: drag_sd,
+        first_after: LEAST_SIGHTINGS,
+        window: poses.len(),
+        fit_window: poses.len(),
+        inlier_m: Config::default().inlier_m.max(4.0 * noise_m),
+        ..Config::default()
+    };
+    let symmetry = if seen[0].rotation.is_some() { Symmetry::default() } else { Symmetry::Sphere };
+    let flight = predict(&poses, None, symmetry, &config, 1, &mut Workspace::default());
+    let at = |time_s: f64, flight: &FlightTrajectory| in_track(time_s, flight, &R_WT);
+    let found = flight.as_ref().ok();
+    let document = Document {
+        version: VERSION,
+        status: flight.as_ref().map_or_else(|status| serde_json::to_value(status), |_| Ok("predicted".into()))?,
+        sightings: seen.len(),
+        inliers: found.map(|flight| flight.inliers),
+        noise_m,
+        drag_per_m: found.map(|flight| flight.drag_per_m),
+        drag_sd_per_m: found.map(|flight| flight.covariance[(6, 6)].max(0.0).sqrt()),
+        end: found.map(|flight| at(end_s, flight)),
+        at: found.map_or_else(Vec::new, |flight| arguments.at.iter().map(|&time_s| at(time_s, flight)).collect()),
+    };
+    if arguments.json { screen::json(&document) } else { Ok(print(&document)?) }
+}
+
+fn print(document: &Document) -> std::io::Result<()> {
+    screen::fact("status", document.status.as_str().unwrap_or_default())?;
+    let inliers = document.inliers.map_or(String::new(), |count| format!(", {count} agree"));
+    screen::fact("sightings", &format!("{}{inliers}", document.sightings))?;
+    screen::fact("their noise", &format!("{:.2} mm", document.noise_m * 1e3))?;
+    if let (Some(drag), Some(sd)) = (document.drag_per_m, document.drag_sd_per_m) {
+        screen::fact("drag", &format!("{drag:.4} ± {sd:.4} 1/m"))?;
+    }
+    for (label, it) in document.end.iter().map(|it| ("end", it)).chain(document.at.iter().map(|it| ("at", it))) {
+        let [x, y, z] = it.position;
+        let sd = |i: usize| it.covariance[i][i].max(0.0).sqrt() * 1e3;
+        let [dx, dy, dz] = [sd(0), sd(1), sd(2)];
+        let place = format!("({x:.4}, {y:.4}, {z:.4}) m ± ({dx:.1}, {dy:.1}, {dz:.1}) mm");
+        let [x, y, z] = it.velocity;
+        screen::fact(&format!("{label} {:.4} s", it.time_s), &format!("{place}, ({x:.3}, {y:.3}, {z:.3}) m/s"))?;
+    }
+    Ok(())
+}
+
+/// A sighting as a pose in the world: its position as good as the track's noise, its attitude, if there is one, as good as a
+/// point 0.1 m off the centre would tell.
+fn pose(sighting: &Sighting, R_WT: &UnitQuaternion<f64>, noise_m: f64) -> ObjectPose {
+    const LEVER_M: f64 = 0.1;
+    let mut information = Matrix6::zeros();
+    let of_position = noise_m.powi(-2);
+    information.fixed_view_mut::<3, 3>(3, 3).copy_from(&(Matrix3::identity() * of_position));
+    if sighting.rotation.is_some() {
+        let of_turn = Matrix3::identity() * (of_position * LEVER_M * LEVER_M);
+        information.fixed_view_mut::<3, 3>(0, 0).copy_from(&of_turn);
+    }
+    let rotation = sighting.rotation.map_or_else(UnitQuaternion::identity, |R_TO| R_WT * R_TO);
+    ObjectPose {
+        capture_s: sighting.time_s,
+        X_WO: Pose::from_parts((R_WT * sighting.p.coords).into(), rotation),
+        information,
+        points: 1,
+        residual_m: noise_m,
+        iterations: 0,
+        cold_started: false,
+    }
+}
+
+/// Noise below this is not believed, in metres.
+const LEAST_NOISE_M: f64 = 1e-4;
+/// Sightings over which a flight is all but a parabola.
+const PIECE: usize = 5;
+/// This share of the pieces is smoother than that many standard deviations of normal noise: √(χ²/2) with the 30 % quantile of
+/// χ² with the 2 degrees of freedom that a parabola leaves to five sightings.
+const SMOOTH: (f64, f64) = (0.3, 0.597);
+
+/// How noisy a track is, from how far its pieces are from parabolas. The smoother pieces tell, so that outliers do not count.
+fn noise(track: &[Sighting]) -> f64 {
+    let length = PIECE.min(track.len());
+    let mut deviations: Vec<f64> = Vec::new();
+    for piece in track.windows(length) {
+        let middle_s = piece[length / 2].time_s;
+        let span_s = (piece[length - 1].time_s - piece[0].time_s) / 2.0;
+        let basis = |it: &Sighting| {
+            let t = (it.time_s - middle_s) / span_s;
+            Vector3::new(1.0, t, t * t)
+        };
+        let normal: Matrix3<f64> = piece.iter().map(|it| basis(it) * basis(it).transpose()).sum();
+        let Some(inverse) = normal.try_inverse() else { continue };
+        for axis in 0..3 {
+            let moment: Vector3<f64> = piece.iter().map(|it| basis(it) * it.p[axis]).sum();
+            let parabola = inverse * moment;
+            let squares: f64 = piece.iter().map(|it| (it.p[axis] - parabola.dot(&basis(it))).powi(2)).sum();
+            deviations.push((squares / (length - 3) as f64).sqrt());
+        }
+    }
+    deviations.sort_by(f64::total_cmp);
+    let smooth = deviations.get((deviations.len() as f64 * SMOOTH.0) as usize);
+    smooth.map_or(LEAST_NOISE_M, |deviation| (deviation / SMOOTH.1).max(LEAST_NOISE_M))
+}
+
+/// The flight at a time, in the track's axes.
+fn in_track(time_s: f64, flight: &FlightTrajectory, R_WT: &UnitQuaternion<f64>) -> Prediction {
+    let R_TW = R_WT.inverse().to_rotation_matrix();
+    let mut turn = Matrix6::zeros();
+    turn.fixed_view_mut::<3, 3>(0, 0).copy_from(R_TW.matrix());
+    turn.fixed_view_mut::<3, 3>(3, 3).copy_from(R_TW.matrix());
+    Prediction {
+        time_s,
+        position: (R_TW * flight.pose_at(time_s).translation.vector).into(),
+        velocity: (R_TW * flight.twist_at(time_s).linear).into(),
+        covariance: rows(&(turn * flight.covariance_at(time_s) * turn.transpose())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use catch_lab::track_file::parse;
+
+    #[test]
+    fn noise_is_that_of_the_track() {
+        // ±2 mm in turn, and every tenth sighting half a metre off.
+        let rows = (0..60).map(|i| {
+            let (t, sign) = (f64::from(i) * 0.01, if i % 2 == 0 { 0.002 } else { -0.002 });
+            let jump = if i % 10 == 9 { 0.5 } else { 0.0 };
+            format!("{t},{},{sign},{}\n", t + sign, t - 4.9 * t * t + sign + jump)
+        });
+        let track = parse("t.csv", &rows.collect::<String>()).unwrap();
+        let noise_m = noise(&track);
+        assert!(noise_m > 1e-3 && noise_m < 6e-3, "{noise_m}");
+    }
+}

@@ -1,0 +1,115 @@
+//! Recorded tracks of flying things: CSV files of `t,x,y,z` or `t,x,y,z,qx,qy,qz,qw`, in seconds and metres.
+
+use std::{fs, path::Path};
+
+use catch_body::InputError;
+use nalgebra::{Point3, Quaternion, UnitQuaternion};
+
+/// What was seen at one time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sighting {
+    /// When.
+    pub time_s: f64,
+    /// Where, in the track's axes.
+    pub p: Point3<f64>,
+    /// How it was turned, if the track says so.
+    pub rotation: Option<UnitQuaternion<f64>>,
+}
+
+/// Reads a track, oldest sighting first. A header may stand above it; rows in which a number is missing or not a number are
+/// gaps.
+///
+/// # Errors
+/// A file that cannot be read, rows with another number of columns or with words, times that do not rise, or no sighting.
+pub fn read(path: &Path) -> Result<Vec<Sighting>, InputError> {
+    let file = path.display().to_string();
+    let text = fs::read_to_string(path)
+        .map_err(|fault| InputError::new(&file, "the file", fault, "a readable CSV file of t,x,y,z"))?;
+    parse(&file, &text)
+}
+
+/// Reads the text of a track; `file` names it in errors.
+///
+/// # Errors
+/// As [`read`].
+pub fn parse(file: &str, text: &str) -> Result<Vec<Sighting>, InputError> {
+    let mut sightings: Vec<Sighting> = Vec::new();
+    let mut columns = None;
+    for (number, line) in text.lines().enumerate() {
+        let line = line.trim().trim_start_matches('\u{feff}');
+        if line.is_empty() || line.starts_with('#') {
+            continue;
+        }
+        let field = format!("line {}", number + 1);
+        let cells: Vec<&str> = line.split(',').map(str::trim).collect();
+        let numbers: Vec<Option<f64>> = cells.iter().map(|cell| number_of(cell)).collect();
+        if columns.is_none() && numbers.iter().all(Option::is_none) {
+            continue;
+        }
+        let expected = "t,x,y,z or t,x,y,z,qx,qy,qz,qw";
+        if !matches!(cells.len(), 4 | 8) || *columns.get_or_insert(cells.len()) != cells.len() {
+            return Err(InputError::new(file, field, format!("{} columns", cells.len()), expected));
+        }
+        if let Some(word) = cells.iter().zip(&numbers).find(|(_, number)| number.is_none()) {
+            return Err(InputError::new(file, field, format!("`{}`", word.0), "a number"));
+        }
+        let values: Vec<f64> = numbers.into_iter().flatten().collect();
+        if !values.iter().all(|value| value.is_finite()) {
+            continue;
+        }
+        let time_s = values[0];
+        if let Some(last) = sightings.last().filter(|last| last.time_s >= time_s) {
+            return Err(InputError::new(file, field, format!("t = {time_s}"), format!("a time after {}", last.time_s)));
+        }
+        let rotation = match &values[4..] {
+            [x, y, z, w] => {
+                let quaternion = Quaternion::new(*w, *x, *y, *z);
+                if (quaternion.norm() - 1.0).abs() > 0.05 {
+                    let found = format!("a quaternion of length {:.3}", quaternion.norm());
+                    return Err(InputError::new(file, field, found, "length 1, in the order qx,qy,qz,qw"));
+                }
+                Some(UnitQuaternion::from_quaternion(quaternion))
+            }
+            _ => None,
+        };
+        sightings.push(Sighting { time_s, p: Point3::new(values[1], values[2], values[3]), rotation });
+    }
+    if sightings.is_empty() {
+        return Err(InputError::new(file, "rows", "none with numbers in all columns", "rows of t,x,y,z"));
+    }
+    Ok(sightings)
+}
+
+/// A number; an empty cell is a gap, a word is none.
+fn number_of(cell: &str) -> Option<f64> {
+    if cell.is_empty() { Some(f64::NAN) } else { cell.parse().ok() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gaps_are_left_out_and_a_header_may_stand_above() {
+        let track = parse("t.csv", "t, x, y, z\n0.0,1,2,3\n0.1,NaN,2,3\n0.2,,2,3\n\n0.3,4,5,6\n").unwrap();
+        assert_eq!(track.iter().map(|it| it.time_s).collect::<Vec<_>>(), [0.0, 0.3]);
+        assert_eq!(track[1].p, Point3::new(4.0, 5.0, 6.0));
+        let posed = parse("t.csv", "0.0,1,2,3,0,0,0,1\n").unwrap();
+        assert_eq!(posed[0].rotation, Some(UnitQuaternion::identity()));
+    }
+
+    #[test]
+    fn faults_name_the_line() {
+        for (text, line) in [
+            ("0,1,2\n", "line 1"),
+            ("0,1,2,3\n1,1,2,3,0,0,0,1\n", "line 2"),
+            ("0,1,2,3\n1,a,2,3\n", "line 2"),
+            ("1,1,2,3\n0.5,1,2,3\n", "line 2"),
+            ("0,1,2,3,9,0,0,1\n", "line 1"),
+            ("t,x,y,z\n", "rows"),
+        ] {
+            let fault = parse("t.csv", text).unwrap_err().to_string();
+            assert!(fault.contains(&format!("t.csv: {line}")), "{text:?}: {fault}");
+        }
+    }
+}
