@@ -1,0 +1,198 @@
+//! Other people's data: recorded tracks and point clouds from files.
+
+use std::{f64::consts::TAU, fmt::Write, fs, path::Path};
+
+use catch_body::{TriangleMesh, mesh::TubeRing};
+use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use serde_json::Value;
+
+use crate::{catchingbot, stderr, stdout};
+
+fn json(arguments: &[&str]) -> Value {
+    let output = catchingbot(arguments);
+    assert!(output.status.success(), "{}", stderr(&output));
+    serde_json::from_str(&stdout(&output)).unwrap()
+}
+
+fn vector(value: &Value) -> Vector3<f64> {
+    Vector3::from_iterator(value.as_array().unwrap().iter().map(|it| it.as_f64().unwrap()))
+}
+
+/// Normal noise as the sum of twelve uniform draws.
+fn normal(random: &mut Pcg64) -> f64 {
+    (0..12).map(|_| random.random_range(-0.5..0.5)).sum()
+}
+
+/// Position and velocity after each hundredth of a second under gravity along −z and quadratic drag, by fine steps of
+/// Heun's method.
+fn flight(drag_per_m: f64, count: usize) -> Vec<(Vector3<f64>, Vector3<f64>)> {
+    let acceleration = |v: &Vector3<f64>| Vector3::new(0.0, 0.0, -9.81) - v * (drag_per_m * v.norm());
+    let (mut p, mut v, h) = (Vector3::new(1.6, 1.6, 0.5), Vector3::new(-2.0, -3.0, 4.0), 1e-4);
+    let mut states = vec![(p, v)];
+    for _ in 1..count {
+        for _ in 0..100 {
+            let (a, v_end) = (acceleration(&v), v + acceleration(&v) * h);
+            p += (v + v_end) * (h / 2.0);
+            v += (a + acceleration(&v_end)) * (h / 2.0);
+        }
+        states.push((p, v));
+    }
+    states
+}
+
+/// A track with noise of 2 mm, every tenth sighting far off and every seventh missing.
+fn write_track(path: &Path, states: &[(Vector3<f64>, Vector3<f64>)], up_is_y: bool) {
+    let mut random = Pcg64::seed_from_u64(3);
+    let mut text = "t,x,y,z\n".to_owned();
+    for (i, (p, _)) in states.iter().enumerate() {
+        let mut seen = p + Vector3::from_fn(|_, _| 0.002 * normal(&mut random));
+        if i % 10 == 4 {
+            seen += Vector3::new(0.1, -0.15, 0.05);
+        }
+        let seen = if up_is_y { Vector3::new(seen.x, seen.z, -seen.y) } else { seen };
+        let t = i as f64 / 100.0;
+        match i % 7 {
+            3 => writeln!(text, "{t},NaN,,nan").unwrap(),
+            _ => writeln!(text, "{t},{},{},{}", seen.x, seen.y, seen.z).unwrap(),
+        }
+    }
+    fs::write(path, text).unwrap();
+}
+
+#[test]
+fn a_track_is_predicted_within_what_is_claimed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("track.csv");
+    let states = flight(0.12, 91);
+    for up_is_y in [false, true] {
+        write_track(&path, &states, up_is_y);
+        let up = if up_is_y { "y" } else { "z" };
+        let track = path.to_str().unwrap();
+        let document = json(&["predict", "--track", track, "--up", up, "--until", "0.45", "--at", "0.7", "--json"]);
+        assert_eq!(document["status"], "predicted");
+        assert!((document["drag_per_m"].as_f64().unwrap() - 0.12).abs() < 0.03, "{document}");
+        for (prediction, index) in [(&document["end"], 90), (&document["at"][0], 70)] {
+            let (p, v) = states[index];
+            let turned = |w: Vector3<f64>| if up_is_y { Vector3::new(w.x, w.z, -w.y) } else { w };
+            let error = vector(&prediction["position"]) - turned(p);
+            assert!(error.norm() < 0.02, "{error}");
+            assert!((vector(&prediction["velocity"]) - turned(v)).norm() < 0.1);
+            for axis in 0..3 {
+                let variance = prediction["covariance"][axis][axis].as_f64().unwrap();
+                assert!(error[axis].abs() < 4.0 * variance.sqrt(), "{error} but {variance}");
+                assert!(variance.sqrt() < 0.03);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_track_of_rows_that_are_no_flight_has_a_status() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("noise.csv");
+    let mut random = Pcg64::seed_from_u64(5);
+    let rows = (0..40).map(|i| {
+        let [x, y, z] = [0; 3].map(|_| random.random_range(-3.0..3.0));
+        format!("{},{x},{y},{z}\n", f64::from(i) * 0.01)
+    });
+    fs::write(&path, rows.collect::<String>()).unwrap();
+    let document = json(&["predict", "--track", path.to_str().unwrap(), "--json"]);
+    let text = document.to_string();
+    assert!(!text.contains("NaN"), "{text}");
+    if document["status"] != "predicted" {
+        assert!(document["end"].is_null());
+    }
+}
+
+/// A bent tube of two thicknesses: no symmetry.
+fn horn() -> TriangleMesh {
+    let rings: Vec<TubeRing> = (0..24)
+        .map(|i| {
+            let share = f64::from(i) / 23.0;
+            let (sin, cos) = (1.8 * share).sin_cos();
+            let outwards = Vector3::new(0.0, cos, sin);
+            TubeRing {
+                centre: (outwards * 0.08).into(),
+                axes: [Vector3::x(), outwards],
+                semi_axes_m: [0.012 + 0.014 * share, 0.012 + 0.008 * share],
+            }
+        })
+        .collect();
+    TriangleMesh::tube(&rings, 48)
+}
+
+fn write_obj(path: &Path, mesh: &TriangleMesh) {
+    let mut text = String::new();
+    for vertex in &mesh.vertices {
+        writeln!(text, "v {} {} {}", vertex.x, vertex.y, vertex.z).unwrap();
+    }
+    for [a, b, c] in &mesh.triangles {
+        writeln!(text, "f {} {} {}", a + 1, b + 1, c + 1).unwrap();
+    }
+    fs::write(path, text).unwrap();
+}
+
+#[test]
+fn a_cloud_is_registered_against_a_mesh() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mesh_file, cloud_file) = (folder.path().join("horn.obj"), folder.path().join("seen.ply"));
+    let mesh = horn();
+    write_obj(&mesh_file, &mesh);
+    let X_CR = nalgebra::Isometry3::from_parts(
+        Vector3::new(0.7, -1.2, 2.1).into(),
+        UnitQuaternion::from_axis_angle(&Vector3::z_axis(), TAU * 0.3)
+            * UnitQuaternion::from_axis_angle(&Vector3::x_axis(), 1.1),
+    );
+    // What two cameras far away along x and y see, with noise of half a millimetre.
+    let mut random = Pcg64::seed_from_u64(7);
+    let mut points: Vec<Point3<f64>> = Vec::new();
+    for [a, b, c] in mesh.all_corners() {
+        let turned = X_CR.rotation * (b - a).cross(&(c - a));
+        if turned.x > 0.0 || turned.y > 0.0 {
+            let noise = Vector3::from_fn(|_, _| 0.0005 * normal(&mut random));
+            points.push(X_CR * Point3::from((a.coords + b.coords + c.coords) / 3.0) + noise);
+        }
+    }
+    let mut text = format!(
+        "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\nend_header\n",
+        points.len()
+    );
+    for point in &points {
+        writeln!(text, "{} {} {}", point.x, point.y, point.z).unwrap();
+    }
+    fs::write(&cloud_file, text).unwrap();
+    let files = ["--cloud", cloud_file.to_str().unwrap(), "--reference", mesh_file.to_str().unwrap()];
+    let document = json(&[&["register"], &files[..], &["--json"]].concat());
+    assert_eq!(document["status"], "registered", "{document}");
+    let rotation = document["X_CR"]["rotation_xyzw"].as_array().unwrap();
+    let [x, y, z, w] = [0, 1, 2, 3].map(|i| rotation[i].as_f64().unwrap());
+    let turn = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).angle_to(&X_CR.rotation);
+    let shift = (vector(&document["X_CR"]["translation_m"]) - X_CR.translation.vector).norm();
+    assert!(turn < 0.02 && shift < 0.002, "{turn} rad, {shift} m");
+}
+
+#[test]
+fn data_that_is_none_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        fs::write(&path, text).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let (short, words) = (file("short.csv", "0,1,2,3\n"), file("words.csv", "0,1,2,3\n1,a,b,c\n"));
+    let (cloud, empty) = (file("one.xyz", "1 2 3\n"), file("broken.ply", "solid\n"));
+    for (arguments, hint) in [
+        (vec!["predict", "--track", &short], "6 rows or more"),
+        (vec!["predict", "--track", &words], "line 2"),
+        (vec!["predict", "--track", "missing.csv"], "missing.csv"),
+        (vec!["register", "--cloud", &empty, "--reference", &cloud], "header"),
+        (vec!["register", "--cloud", &cloud, "--reference", &cloud], "a surface"),
+        (vec!["register", "--cloud", &cloud, "--reference", &short, "--noise=-1"], "--noise"),
+    ] {
+        let output = catchingbot(&arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", stderr(&output));
+        assert!(stderr(&output).contains(hint), "{arguments:?}: {}", stderr(&output));
+    }
+}
