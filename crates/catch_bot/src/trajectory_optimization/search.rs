@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     CatchPlan, Planner, Refusal, Start,
+    arrival::Weights as ArrivalWeights,
     motion::Shares,
     posture::{Posture, PostureFinder},
     reachability::{Interval, JointReach},
@@ -170,6 +171,7 @@ impl Planner {
         let mut refusal = if any_grasp { Refusal::OutOfReach } else { Refusal::NoGrasp };
         // What a few postures could not do, similar ones usually cannot either.
         let mut failed: Vec<(usize, usize)> = Vec::new();
+        let mut attempts = 0;
         let mut pairs = match self.finder {
             PostureFinder::Srs(_) => MOST_PAIRS,
             PostureFinder::Numerical => MOST_NUMERICAL_PAIRS,
@@ -204,7 +206,7 @@ impl Planner {
                     let bounds = self.arrival_bounds(&at.joints, from, &q);
                     let Some(arrival) = bounds.and_then(|bounds| reaching(&q).arrival(&bounds)) else { continue };
                     let missing = 1.0 - arrival.speed_fraction / self.config.max_speed_fraction.max(1e-9);
-                    let cost = cost + weights.speed * missing + weights.spin * arrival.spin_radps;
+                    let cost = cost + weights.speed * missing + weights.spin * arrival.w_WG.norm();
                     frontier.push(cost, Node { instant, ranked, stage: Stage::Arrival(posture) });
                 }
                 Stage::Arrival(posture) => {
@@ -216,16 +218,32 @@ impl Planner {
                     }
                     let candidate = Candidate { catch_s: at.catch_s, approach, X_WG, posture, cost };
                     let Some(bounds) = self.arrival_bounds(&at.joints, from, &q) else { continue };
-                    let plan = self.finish(&candidate, &task.grasps.grasps[index], bounds, &reaching(&q));
-                    let opened = plan.and_then(|plan| {
-                        let open_width_m = self.opening(&plan, task.flight, task.grasps, task.grasp_config)?;
-                        Some(CatchPlan { open_width_m, ..plan })
-                    });
-                    if let Some(plan) = opened {
-                        return Ok(plan);
+                    let mut moved = false;
+                    for weights in [ArrivalWeights::BALANCED, ArrivalWeights::STEADY] {
+                        let reaching = Reaching { weights, ..reaching(&q) };
+                        let grasp = &task.grasps.grasps[index];
+                        let Some(arrival) = reaching.arrival(&bounds) else { continue };
+                        if !self.lets_in(
+                            &X_WG,
+                            &arrival,
+                            at.catch_s,
+                            task.flight,
+                            grasp,
+                            task.grasps,
+                            task.grasp_config,
+                        ) {
+                            continue;
+                        }
+                        moved = true;
+                        let Some(plan) = self.finish(&candidate, grasp, bounds, &reaching) else { continue };
+                        let opening = self.opening(&plan, task.flight, task.grasps, task.grasp_config);
+                        if let Some(open_width_m) = opening {
+                            return Ok(CatchPlan { open_width_m, ..plan });
+                        }
                     }
+                    attempts += usize::from(moved);
                     failed.push(pair);
-                    if failed.len() == self.config.attempts {
+                    if attempts == self.config.attempts {
                         return Err(Refusal::NoMotion);
                     }
                 }
@@ -305,7 +323,8 @@ impl Planner {
             open_width_m: grasp.open_width_m,
             elbow,
             speed_fraction: arrival.speed_fraction,
-            spin_radps: arrival.spin_radps,
+            spin_radps: arrival.w_WG.norm(),
+            weights: reaching.weights,
             cost,
             trajectory,
         })
