@@ -2,23 +2,21 @@
 
 use std::{
     collections::BTreeMap,
-    io,
+    fs, io,
     path::{Path, PathBuf},
 };
 
 use anyhow::Context;
 use catch_body::InputError;
 use catch_lab::{
-    VERSION,
+    VERSION, gif_picture, mcap_file,
     playback::Playback,
-    recording::{Ending, RecordedSurface, Recorder},
-    referee::{self, Measures, Verdict},
+    recorded_throw::{RecordedThrow, record},
+    referee::{Measures, Verdict, reason::Reason},
     scenario::Scenario,
     setup::{COMMAND_LINE, Scene, Setup},
     stopwatch::{StageTimes, Stopwatch},
-    throw_times::ThrowTimes,
-    timeline::{Entry, Event, Timeline},
-    trial,
+    timeline::{Entry, Event},
 };
 use catch_sim::truth::LimitViolation;
 use clap::Args;
@@ -56,6 +54,12 @@ pub struct PictureArguments {
     /// Write the page that `view` shows: one file, no network
     #[arg(long)]
     html: bool,
+    /// Write a small moving picture
+    #[arg(long)]
+    gif: bool,
+    /// Write an MCAP file for Foxglove or Rerun, and the robot's URDF beside it
+    #[arg(long)]
+    mcap: bool,
 }
 
 /// The JSON document.
@@ -64,7 +68,7 @@ struct Document<'a> {
     version: &'static str,
     caught: bool,
     caught_paper: bool,
-    reason: Option<referee::reason::Reason>,
+    reason: Option<Reason>,
     limit_violations: usize,
     scene: &'a Scene,
     catch_time_s: Option<f64>,
@@ -85,49 +89,24 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
     let CatchArguments { choice, object, throw, seed, index, output, pictures } = arguments;
     let setup = Setup::load(&choice.with(object.as_deref(), throw.as_deref()))?;
     let scene = setup.scene(*seed, *index);
-    let mut recorder = Recorder::create(&output.out, &setup, &scene).map_err(|fault| {
-        InputError::new(
-            COMMAND_LINE,
-            "--out",
-            format!("`{}`: {fault}", output.out.display()),
-            "a folder that can be written",
-        )
+    // What cannot be written should be said before anything is thrown.
+    fs::create_dir_all(&output.out).map_err(|fault| {
+        let found = format!("`{}`: {fault}", output.out.display());
+        InputError::new(COMMAND_LINE, "--out", found, "a folder that can be written")
     })?;
 
     let aloud = !output.json;
     if aloud {
         title(&scene)?;
     }
-    let mut timeline = Timeline::default();
-    let trial = trial::run(&setup, *seed, *index, &mut |tick, truth| {
-        recorder.ticked(tick)?;
-        for entry in timeline.ticked(tick, truth).iter().filter(|_| aloud) {
-            tell(entry)?;
-        }
-        Ok(())
-    })
-    .with_context(|| format!("the recording in {}", output.out.display()))?;
-
-    let verdict = referee::judge(&setup, &trial);
-    let end_s = trial.truth.samples.last().map_or(0.0, |sample| sample.time_s);
-    for entry in timeline.ended(&verdict, end_s).iter().filter(|_| aloud) {
-        tell(entry)?;
-    }
-    let times = ThrowTimes::of(&trial);
-    let ending = Ending {
-        truth: trial.truth,
-        timeline: timeline.entries().to_vec(),
-        verdict,
-        surface: RecordedSurface::from(&setup.object.mesh),
-    };
-    let recording = recorder.finish(&ending).with_context(|| format!("the recording in {}", output.out.display()))?;
-    times.write(&recording).with_context(|| format!("{}", ThrowTimes::path(&recording).display()))?;
-
+    let RecordedThrow { recording, ending, stopwatch } =
+        record(&setup, *seed, *index, &output.out, &mut |entry| if aloud { tell(entry) } else { Ok(()) })
+            .with_context(|| format!("the recording in {}", output.out.display()))?;
     let written = pictures.write(&recording)?;
 
     let verdict = &ending.verdict;
     if aloud {
-        summary(&scene, verdict, &trial.stopwatch, &recording)?;
+        summary(&scene, verdict, &stopwatch, &recording)?;
         for (kind, path) in &written {
             screen::fact(kind, &path.display().to_string())?;
         }
@@ -147,7 +126,7 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
         contact_s: verdict.contact_s,
         measures: &verdict.measures,
         timeline: &ending.timeline,
-        stages: trial.stopwatch.summary().into_iter().collect(),
+        stages: stopwatch.summary().into_iter().collect(),
         recording: &recording,
         pictures: &written,
         scenario: &setup.scenario,
@@ -158,9 +137,25 @@ impl PictureArguments {
     /// Writes what was asked for beside the recording; returns the files by their kinds.
     fn write(&self, recording: &Path) -> anyhow::Result<BTreeMap<&'static str, PathBuf>> {
         let mut written = BTreeMap::new();
+        if !(self.html || self.gif || self.mcap) {
+            return Ok(written);
+        }
+        let playback = Playback::read(recording)?;
         if self.html {
-            let playback = Playback::read(recording)?;
             written.insert("page", view::write_page(recording, &playback)?);
+        }
+        let mut write = |kind: &'static str, extension: &str, content: &[u8]| {
+            let path = recording.with_extension(extension);
+            fs::write(&path, content).with_context(|| format!("{}", path.display()))?;
+            written.insert(kind, path);
+            anyhow::Ok(())
+        };
+        if self.gif {
+            write("picture", "gif", &gif_picture::gif(&playback)?)?;
+        }
+        if self.mcap {
+            write("mcap", "mcap", &mcap_file::mcap(&playback)?)?;
+            write("urdf", "urdf", playback.header.sources.robot_urdf.as_bytes())?;
         }
         Ok(written)
     }

@@ -14,7 +14,7 @@ use clap::Args;
 use crate::screen;
 
 /// Name of the report in a folder of results.
-const REPORT: &str = "report.html";
+pub const REPORT: &str = "report.html";
 
 /// Arguments of `view`.
 #[derive(Debug, Args)]

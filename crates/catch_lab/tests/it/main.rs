@@ -6,6 +6,7 @@ mod browser;
 mod determinism;
 mod evaluation;
 mod frames;
+mod mcap_file;
 mod pages;
 mod planning;
 mod source;

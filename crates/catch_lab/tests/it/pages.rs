@@ -90,3 +90,22 @@ fn what_cannot_be_viewed_is_said_in_one_line() {
         assert!(complaint.contains("recording"), "{complaint}");
     }
 }
+
+#[test]
+fn the_moving_picture_is_small_and_moves() {
+    let folder = tempfile::tempdir().unwrap();
+    let document = record(folder.path(), &["--gif"]);
+    let file = fs::read(document["pictures"]["picture"].as_str().unwrap()).unwrap();
+    assert!(file.len() <= 400_000, "{} bytes", file.len());
+    let mut decoder = gif::DecodeOptions::new().read_info(&file[..]).unwrap();
+    let (width, height) = (usize::from(decoder.width()), usize::from(decoder.height()));
+    assert!(decoder.global_palette().is_some());
+    let (mut images, mut area) = (0, 0);
+    while let Some(frame) = decoder.read_next_frame().unwrap() {
+        assert!(frame.palette.is_none(), "one palette for all");
+        images += 1;
+        area += usize::from(frame.width) * usize::from(frame.height);
+    }
+    assert!(images > 30, "{images} images");
+    assert!(area < images * width * height / 2, "only what changed is in the file");
+}
