@@ -154,12 +154,18 @@ impl Entry {
         Self { boxes: [left, right, gripper.body()], margin_m }
     }
 
-    /// Whether the object in pose `X_GO` is clear of it.
-    pub fn is_clear_of(&self, outline: &[Point3<f64>], X_GO: &Pose) -> bool {
-        outline
-            .iter()
-            .map(|point| X_GO * point)
-            .all(|p| self.boxes.iter().all(|it| ((p - it.centre).abs() - it.size / 2.0).max() > self.margin_m))
+    /// Whether the object in pose `X_GO`, whose outline is within `radius_m` of its centre of mass, is clear of it.
+    pub fn is_clear_of(&self, outline: &[Point3<f64>], radius_m: f64, X_GO: &Pose) -> bool {
+        let centre = Point3::from(X_GO.translation.vector);
+        let outside = |it: &Cuboid, p: &Point3<f64>| (p - it.centre).abs() - it.size / 2.0;
+        // Boxes that are farther away than the object is large need no closer look.
+        let near = self.boxes.iter().filter(|it| outside(it, &centre).max() <= radius_m + self.margin_m);
+        let near: Vec<&Cuboid> = near.collect();
+        near.is_empty()
+            || outline
+                .iter()
+                .map(|point| X_GO * point)
+                .all(|p| near.iter().all(|it| outside(it, &p).max() > self.margin_m))
     }
 }
 

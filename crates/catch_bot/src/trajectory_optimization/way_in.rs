@@ -89,7 +89,7 @@ impl Planner {
                 // How far the fingers have closed by then; toward the end less and less space is left on purpose.
                 let width_m = (grasp.object_width_m + before_s * config.closing_speed_mps).min(open_m);
                 let margin_m = config.way_in_margin_m.min((width_m - grasp.object_width_m) / 4.0);
-                Entry::new(&self.gripper, width_m, margin_m - 1e-4).is_clear_of(&grasps.outline, X_GO)
+                Entry::new(&self.gripper, width_m, margin_m - 1e-4).is_clear_of(&grasps.outline, grasps.radius_m, X_GO)
             })
         })
     }
