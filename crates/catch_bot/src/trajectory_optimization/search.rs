@@ -70,7 +70,7 @@ pub(super) struct Candidate {
 }
 
 /// What is known at one catch time.
-struct Instant {
+struct Moment {
     catch_s: f64,
     v_WO: Vector3<f64>,
     joints: [JointReach; MAX_JOINTS],
@@ -253,7 +253,7 @@ impl Planner {
     }
 
     /// Postures in which the gripper is where `ranked` wants it, each with the share of its reach that a joint must use.
-    fn postures(&self, task: &Task, at: &Instant, ranked: &RankedGrasp) -> Result<Vec<(f64, Posture)>, Refusal> {
+    fn postures(&self, task: &Task, at: &Moment, ranked: &RankedGrasp) -> Result<Vec<(f64, Posture)>, Refusal> {
         let from = &task.start.state.q;
         let postures = self.finder.postures(&self.robot, &ranked.X_WG, from, &at.ranges);
         if postures.is_empty() {
@@ -269,7 +269,7 @@ impl Planner {
     }
 
     /// Every catch time with every grasp that suits the flight there and that the elbow can reach; and whether any suits it.
-    fn poses(&self, task: &Task, time_step_s: f64, frontier: &mut Frontier) -> (Vec<Instant>, bool) {
+    fn poses(&self, task: &Task, time_step_s: f64, frontier: &mut Frontier) -> (Vec<Moment>, bool) {
         let base = Point3::from(self.robot.X_WB.translation.vector);
         let (mut instants, mut any_grasp) = (Vec::new(), false);
         let steps = (LATEST_S / time_step_s) as usize;
@@ -294,7 +294,7 @@ impl Planner {
                 let cost = ranked.cost + self.config.weights.delay * lead_s;
                 frontier.push(cost, Node { instant: instants.len(), ranked, stage: Stage::Pose });
             }
-            instants.push(Instant { catch_s, v_WO, joints, ranges });
+            instants.push(Moment { catch_s, v_WO, joints, ranges });
         }
         (instants, any_grasp)
     }
