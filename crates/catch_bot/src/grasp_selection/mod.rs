@@ -63,7 +63,7 @@ impl Default for Config {
             palm_margin_m: 0.006,
             closing_speed_mps: 0.42,
             weights: heuristics::Weights::default(),
-            kept: 24,
+            kept: 60,
         }
     }
 }
@@ -88,6 +88,8 @@ pub struct GraspSet {
     pub grasps: Vec<Grasp>,
     /// Few points of the object in O that outline it, for clearance checks on the way in.
     pub outline: Vec<Point3<f64>>,
+    /// Distance of the farthest of them from the centre of mass, in metres.
+    pub radius_m: f64,
     /// Closing and approaching direction of every grasp, in O.
     axes: Vec<[Vector3<f64>; 2]>,
 }
@@ -112,7 +114,9 @@ impl GraspSet {
             }
         }
         let axes = grasps.iter().map(|it| [it.X_OG * Vector3::x(), it.X_OG * Vector3::y()]).collect();
-        Self { grasps, outline: outline(&reference.points), axes }
+        let outline = outline(&reference.points);
+        let radius_m = outline.iter().map(|point| point.coords.norm()).fold(0.0, f64::max);
+        Self { grasps, outline, radius_m, axes }
     }
 
     /// The best grasps for an object in pose `X_WO` that flies at `v_WO`, best first.
@@ -150,12 +154,18 @@ impl Entry {
         Self { boxes: [left, right, gripper.body()], margin_m }
     }
 
-    /// Whether the object in pose `X_GO` is clear of it.
-    pub fn is_clear_of(&self, outline: &[Point3<f64>], X_GO: &Pose) -> bool {
-        outline
-            .iter()
-            .map(|point| X_GO * point)
-            .all(|p| self.boxes.iter().all(|it| ((p - it.centre).abs() - it.size / 2.0).max() > self.margin_m))
+    /// Whether the object in pose `X_GO`, whose outline is within `radius_m` of its centre of mass, is clear of it.
+    pub fn is_clear_of(&self, outline: &[Point3<f64>], radius_m: f64, X_GO: &Pose) -> bool {
+        let centre = Point3::from(X_GO.translation.vector);
+        let outside = |it: &Cuboid, p: &Point3<f64>| (p - it.centre).abs() - it.size / 2.0;
+        // Boxes that are farther away than the object is large need no closer look.
+        let near = self.boxes.iter().filter(|it| outside(it, &centre).max() <= radius_m + self.margin_m);
+        let near: Vec<&Cuboid> = near.collect();
+        near.is_empty()
+            || outline
+                .iter()
+                .map(|point| X_GO * point)
+                .all(|p| near.iter().all(|it| outside(it, &p).max() > self.margin_m))
     }
 }
 

@@ -32,6 +32,8 @@ pub struct Weights {
 impl Weights {
     /// Speed and spin in balance.
     pub const BALANCED: Self = Self { speed: 20.0, spin: 0.1, damping: 1e-3 };
+    /// A gripper that does not turn before all: what flies in straight then finds it open.
+    pub const STEADY: Self = Self { speed: 20.0, spin: 20.0, damping: 1e-3 };
     /// Speed before all.
     pub const FASTEST: Self = Self { speed: 1e6, spin: 0.01, damping: 1e-3 };
 }
@@ -43,8 +45,8 @@ pub struct Arrival {
     pub dq: JointVector,
     /// Share of the object's velocity.
     pub speed_fraction: f64,
-    /// Angular speed of the gripper in rad/s.
-    pub spin_radps: f64,
+    /// Angular velocity of the gripper in rad/s.
+    pub w_WG: Vector3<f64>,
 }
 
 /// The best joint velocities within `bounds`, `None` if not even the direction can be kept.
@@ -88,7 +90,7 @@ pub fn arrival(
     limits[3 + S] = [0.0, max_speed_fraction];
     let x = Hessian::new(&H)?.minimize(&gradient, &rows, &limits, 3)?;
     let dq: JointVector = x.fixed_rows::<MAX_JOINTS>(0).into_owned();
-    Some(Arrival { dq, speed_fraction: x[S].max(0.0), spin_radps: (angular * dq).norm() })
+    Some(Arrival { dq, speed_fraction: x[S].max(0.0), w_WG: angular * dq })
 }
 
 /// What is missing between the velocities that the grasp centre can have within `bounds` and those along the object's: the

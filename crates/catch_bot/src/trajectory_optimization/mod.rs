@@ -106,6 +106,8 @@ pub struct CatchPlan {
     pub speed_fraction: f64,
     /// Angular speed of the gripper at the catch, in rad/s.
     pub spin_radps: f64,
+    /// What counted in the choice of the velocities at the catch; replans keep to it.
+    pub weights: arrival::Weights,
     /// What the choice among catches weighed; less is better.
     pub cost: f64,
     /// The motion: to the catch and on to rest.

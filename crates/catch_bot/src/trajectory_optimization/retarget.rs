@@ -1,6 +1,6 @@
 //! The ladder of replans: a running catch adjusted to a flight that is known better.
 
-use super::{CatchPlan, Planner, Start, posture::Posture, search::Candidate};
+use super::{CatchPlan, Planner, Start, posture::Posture, reaching::Reaching, search::Candidate};
 use crate::{
     grasp_selection::{self, GraspSet},
     trajectory_prediction::FlightTrajectory,
@@ -26,6 +26,7 @@ impl Planner {
             let posture = self.finder.adjusted(&self.robot, &X_WG, &known, offset)?;
             let q = posture.q;
             let reaching = self.reaching(start, plan.catch_s, &X_WG, &q, &v_WO, *shares);
+            let reaching = Reaching { weights: plan.weights, ..reaching };
             let joints = self.reaches(start, plan.catch_s - start.time_s, *shares);
             let bounds = self.arrival_bounds(&joints, &start.state.q, &q)?;
             let CatchPlan { catch_s, approach, cost, .. } = *plan;

@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     CatchPlan, Planner, Refusal, Start,
+    arrival::Weights as ArrivalWeights,
     motion::Shares,
     posture::{Posture, PostureFinder},
     reachability::{Interval, JointReach},
@@ -69,7 +70,7 @@ pub(super) struct Candidate {
 }
 
 /// What is known at one catch time.
-struct Instant {
+struct Moment {
     catch_s: f64,
     v_WO: Vector3<f64>,
     joints: [JointReach; MAX_JOINTS],
@@ -170,6 +171,7 @@ impl Planner {
         let mut refusal = if any_grasp { Refusal::OutOfReach } else { Refusal::NoGrasp };
         // What a few postures could not do, similar ones usually cannot either.
         let mut failed: Vec<(usize, usize)> = Vec::new();
+        let mut attempts = 0;
         let mut pairs = match self.finder {
             PostureFinder::Srs(_) => MOST_PAIRS,
             PostureFinder::Numerical => MOST_NUMERICAL_PAIRS,
@@ -204,7 +206,7 @@ impl Planner {
                     let bounds = self.arrival_bounds(&at.joints, from, &q);
                     let Some(arrival) = bounds.and_then(|bounds| reaching(&q).arrival(&bounds)) else { continue };
                     let missing = 1.0 - arrival.speed_fraction / self.config.max_speed_fraction.max(1e-9);
-                    let cost = cost + weights.speed * missing + weights.spin * arrival.spin_radps;
+                    let cost = cost + weights.speed * missing + weights.spin * arrival.w_WG.norm();
                     frontier.push(cost, Node { instant, ranked, stage: Stage::Arrival(posture) });
                 }
                 Stage::Arrival(posture) => {
@@ -216,16 +218,32 @@ impl Planner {
                     }
                     let candidate = Candidate { catch_s: at.catch_s, approach, X_WG, posture, cost };
                     let Some(bounds) = self.arrival_bounds(&at.joints, from, &q) else { continue };
-                    let plan = self.finish(&candidate, &task.grasps.grasps[index], bounds, &reaching(&q));
-                    let opened = plan.and_then(|plan| {
-                        let open_width_m = self.opening(&plan, task.flight, task.grasps, task.grasp_config)?;
-                        Some(CatchPlan { open_width_m, ..plan })
-                    });
-                    if let Some(plan) = opened {
-                        return Ok(plan);
+                    let mut moved = false;
+                    for weights in [ArrivalWeights::BALANCED, ArrivalWeights::STEADY] {
+                        let reaching = Reaching { weights, ..reaching(&q) };
+                        let grasp = &task.grasps.grasps[index];
+                        let Some(arrival) = reaching.arrival(&bounds) else { continue };
+                        if !self.lets_in(
+                            &X_WG,
+                            &arrival,
+                            at.catch_s,
+                            task.flight,
+                            grasp,
+                            task.grasps,
+                            task.grasp_config,
+                        ) {
+                            continue;
+                        }
+                        moved = true;
+                        let Some(plan) = self.finish(&candidate, grasp, bounds, &reaching) else { continue };
+                        let opening = self.opening(&plan, task.flight, task.grasps, task.grasp_config);
+                        if let Some(open_width_m) = opening {
+                            return Ok(CatchPlan { open_width_m, ..plan });
+                        }
                     }
+                    attempts += usize::from(moved);
                     failed.push(pair);
-                    if failed.len() == self.config.attempts {
+                    if attempts == self.config.attempts {
                         return Err(Refusal::NoMotion);
                     }
                 }
@@ -235,7 +253,7 @@ impl Planner {
     }
 
     /// Postures in which the gripper is where `ranked` wants it, each with the share of its reach that a joint must use.
-    fn postures(&self, task: &Task, at: &Instant, ranked: &RankedGrasp) -> Result<Vec<(f64, Posture)>, Refusal> {
+    fn postures(&self, task: &Task, at: &Moment, ranked: &RankedGrasp) -> Result<Vec<(f64, Posture)>, Refusal> {
         let from = &task.start.state.q;
         let postures = self.finder.postures(&self.robot, &ranked.X_WG, from, &at.ranges);
         if postures.is_empty() {
@@ -251,7 +269,7 @@ impl Planner {
     }
 
     /// Every catch time with every grasp that suits the flight there and that the elbow can reach; and whether any suits it.
-    fn poses(&self, task: &Task, time_step_s: f64, frontier: &mut Frontier) -> (Vec<Instant>, bool) {
+    fn poses(&self, task: &Task, time_step_s: f64, frontier: &mut Frontier) -> (Vec<Moment>, bool) {
         let base = Point3::from(self.robot.X_WB.translation.vector);
         let (mut instants, mut any_grasp) = (Vec::new(), false);
         let steps = (LATEST_S / time_step_s) as usize;
@@ -276,7 +294,7 @@ impl Planner {
                 let cost = ranked.cost + self.config.weights.delay * lead_s;
                 frontier.push(cost, Node { instant: instants.len(), ranked, stage: Stage::Pose });
             }
-            instants.push(Instant { catch_s, v_WO, joints, ranges });
+            instants.push(Moment { catch_s, v_WO, joints, ranges });
         }
         (instants, any_grasp)
     }
@@ -305,7 +323,8 @@ impl Planner {
             open_width_m: grasp.open_width_m,
             elbow,
             speed_fraction: arrival.speed_fraction,
-            spin_radps: arrival.spin_radps,
+            spin_radps: arrival.w_WG.norm(),
+            weights: reaching.weights,
             cost,
             trajectory,
         })

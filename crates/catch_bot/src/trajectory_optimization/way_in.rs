@@ -1,9 +1,9 @@
 //! The object's way into the gripper: it must touch neither fingers nor housing before the fingers have closed.
 
-use catch_body::shape::Cuboid;
-use nalgebra::Vector3;
+use catch_body::{Pose, shape::Cuboid};
+use nalgebra::{UnitQuaternion, Vector3};
 
-use super::{CatchPlan, Planner};
+use super::{CatchPlan, Planner, arrival::Arrival};
 use crate::{
     grasp_selection::{self, Entry, Grasp, GraspSet},
     trajectory_prediction::{FlightTrajectory, Passage},
@@ -37,20 +37,59 @@ impl Planner {
         grasps: &GraspSet,
         config: &grasp_selection::Config,
     ) -> Option<f64> {
-        let passage = Passage::of(flight, plan.catch_s);
-        let way: [_; WAY_IN_STEPS + 1] = std::array::from_fn(|step| {
-            let before_s = WAY_IN_S * step as f64 / WAY_IN_STEPS as f64;
-            let time_s = plan.catch_s - before_s;
-            let X_WG = self.robot.gripper_pose(&plan.trajectory.setpoint(time_s).q);
-            (before_s, X_WG.inverse() * passage.pose_at(time_s))
-        });
-        let (narrow, wide) = (plan.grasp.open_width_m, self.gripper.max_width_m);
+        let X_WG = |before_s: f64| self.robot.gripper_pose(&plan.trajectory.setpoint(plan.catch_s - before_s).q);
+        self.narrowest(X_WG, plan.catch_s, flight, &plan.grasp, grasps, config)
+    }
+
+    /// Whether there is such an opening if the gripper passes through `X_WG` at `catch_s` as `arrival` wants it to, at an even
+    /// velocity: most motions that would fail in the end are told from that alone.
+    #[expect(clippy::too_many_arguments, reason = "they are what a passage is made of")]
+    pub(super) fn lets_in(
+        &self,
+        X_WG: &Pose,
+        arrival: &Arrival,
+        catch_s: f64,
+        flight: &FlightTrajectory,
+        grasp: &Grasp,
+        grasps: &GraspSet,
+        config: &grasp_selection::Config,
+    ) -> bool {
+        let centre = X_WG * self.gripper.grasp_centre();
+        let v_WG = flight.twist_at(catch_s).linear * arrival.speed_fraction;
+        let passing = |before_s: f64| {
+            let turn = UnitQuaternion::from_scaled_axis(arrival.w_WG * -before_s);
+            let origin = centre - v_WG * before_s + turn * (X_WG.translation.vector - centre.coords);
+            Pose::from_parts(origin.coords.into(), turn * X_WG.rotation)
+        };
+        self.narrowest(passing, catch_s, flight, grasp, grasps, config).is_some()
+    }
+
+    fn narrowest(
+        &self,
+        X_WG: impl Fn(f64) -> Pose,
+        catch_s: f64,
+        flight: &FlightTrajectory,
+        grasp: &Grasp,
+        grasps: &GraspSet,
+        config: &grasp_selection::Config,
+    ) -> Option<f64> {
+        let passage = Passage::of(flight, catch_s);
+        // Where the object is too far away to touch anything, nothing need be looked at.
+        let near_m = grasps.radius_m + self.gripper.fingertip_y_m().hypot(self.gripper.max_width_m);
+        let way: Vec<(f64, Pose)> = (0..=WAY_IN_STEPS)
+            .map(|step| {
+                let before_s = WAY_IN_S * step as f64 / WAY_IN_STEPS as f64;
+                (before_s, X_WG(before_s).inverse() * passage.pose_at(catch_s - before_s))
+            })
+            .filter(|(_, X_GO)| X_GO.translation.vector.norm() < near_m)
+            .collect();
+        let (narrow, wide) = (grasp.open_width_m, self.gripper.max_width_m);
         [0.0, 0.25, 0.5, 1.0].iter().map(|share| narrow + share * (wide - narrow)).find(|&open_m| {
             way.iter().all(|(before_s, X_GO)| {
                 // How far the fingers have closed by then; toward the end less and less space is left on purpose.
-                let width_m = (plan.grasp.object_width_m + before_s * config.closing_speed_mps).min(open_m);
-                let margin_m = config.way_in_margin_m.min((width_m - plan.grasp.object_width_m) / 4.0);
-                Entry::new(&self.gripper, width_m, margin_m - 1e-4).is_clear_of(&grasps.outline, X_GO)
+                let width_m = (grasp.object_width_m + before_s * config.closing_speed_mps).min(open_m);
+                let margin_m = config.way_in_margin_m.min((width_m - grasp.object_width_m) / 4.0);
+                Entry::new(&self.gripper, width_m, margin_m - 1e-4).is_clear_of(&grasps.outline, grasps.radius_m, X_GO)
             })
         })
     }

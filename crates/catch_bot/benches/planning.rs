@@ -1,0 +1,96 @@
+//! Planning: a catch whose time and pose are given, cold and after a small change; a search over everything.
+//!
+//! `cargo bench -p catch_bot --bench planning`. `catchingbot plan` measures the files in `cases/` the same way.
+
+#![allow(missing_docs, reason = "criterion's macro makes a public function")]
+
+#[path = "../src/perception/synthetic.rs"]
+mod synthetic;
+
+use catch_body::{Gripper, Pose, Robot, robot_file::RobotFiles};
+use catch_bot::{
+    grasp_selection::{self, GraspSet},
+    perception::{self, ReferenceModel},
+    trajectory_optimization::{Config, Planner, Start, posed::Target},
+    trajectory_prediction::FlightTrajectory,
+};
+use catch_cell::arm::Setpoint;
+use criterion::{Criterion, criterion_group, criterion_main};
+use nalgebra::{Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use synthetic::Shape;
+
+const URDF: &str = include_str!("../../../assets/robots/iiwa14/robot.urdf");
+const TOML: &str = include_str!("../../../assets/robots/iiwa14/robot.toml");
+const GRIPPER: &str = include_str!("../../../assets/grippers/wsg50.toml");
+/// Where the arm waits in the scenario of the paper.
+const READY: [f64; 7] = [-1.308, 1.236, 1.116, -1.523, 1.648, 1.472, 0.272];
+
+fn planner(change: impl Fn(&mut Config)) -> Planner {
+    let files = RobotFiles { urdf_file: "robot.urdf", urdf: URDF, toml_file: "robot.toml", toml: TOML };
+    let mut config = Config::default();
+    change(&mut config);
+    Planner::new(Robot::from_files(&files).unwrap(), Gripper::from_toml("gripper.toml", GRIPPER).unwrap(), config)
+}
+
+fn at_rest(planner: &Planner, q: &[f64], time_s: f64) -> Start {
+    Start { time_s, state: Setpoint::at_rest(planner.robot().joint_vector(q).unwrap()) }
+}
+
+/// Case 0 of `cases/planner_cases.json`, and the same 5 mm aside.
+fn given_pose(criterion: &mut Criterion) {
+    let planner = planner(|config| {
+        (config.position_margin_rad, config.velocity_share, config.torque_share) = (0.0, 1.0, 1.0);
+    });
+    let start = at_rest(&planner, &[1.57, 0.5, 0.0, -1.2, 0.0, 0.8, 1.57], 0.0);
+    let R_WG = Matrix3::new(
+        0.414658374,
+        -0.064322357,
+        -0.907700979,
+        0.442240783,
+        0.886022268,
+        0.13923947,
+        0.795287069,
+        -0.459159204,
+        0.395842523,
+    );
+    let R_WG = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&R_WG));
+    let target = Target {
+        catch_s: 0.46387173,
+        X_WG: Pose::from_parts(Translation3::new(-0.167683398, 0.467489732, 0.914942251), R_WG),
+        v_WO: Vector3::new(3.577366542, -0.548760695, -1.560066398),
+    };
+    let plan = planner.catch_at(&start, &target).unwrap();
+    let mut aside = target;
+    aside.X_WG.translation.vector.x += 5e-3;
+    criterion.bench_function("given_pose/cold", |bencher| bencher.iter(|| planner.catch_at(&start, &target)));
+    criterion
+        .bench_function("given_pose/5 mm aside", |bencher| bencher.iter(|| planner.retarget_at(&start, &aside, &plan)));
+}
+
+/// The paper's near throw from the waiting pose: time, grasp and redundancy are sought, then the flight changes by 5 mm.
+fn everything(criterion: &mut Criterion) {
+    let planner = planner(|_| {});
+    let start = at_rest(&planner, &READY, 0.07);
+    let config = grasp_selection::Config::default();
+    for (name, shape) in Shape::all() {
+        let reference = ReferenceModel::from_scan(&synthetic::scan(&shape, 200), &perception::Config::default());
+        let grasps = GraspSet::sample(&reference, planner.gripper(), &config);
+        let mut flight = FlightTrajectory {
+            p_WO: Point3::new(1.66613, 1.63277, 0.3),
+            v_WO: Vector3::new(-1.58705, -2.68301, 3.75643),
+            ..FlightTrajectory::default()
+        };
+        criterion.bench_function(&format!("search/{name}"), |bencher| {
+            bencher.iter(|| planner.search(&start, &flight, &grasps, &config));
+        });
+        let Ok(plan) = planner.search(&start, &flight, &grasps, &config) else { continue };
+        let later = Start { time_s: 0.2, state: plan.trajectory.setpoint(0.2) };
+        flight.p_WO.x += 5e-3;
+        criterion.bench_function(&format!("replan/{name}"), |bencher| {
+            bencher.iter(|| planner.retarget(&later, &flight, &plan, &grasps, &config));
+        });
+    }
+}
+
+criterion_group!(benches, given_pose, everything);
+criterion_main!(benches);
