@@ -58,5 +58,5 @@ pub fn run(arguments: &NewArguments) -> anyhow::Result<()> {
     }
     let first = files[0].0.display();
     screen::fact("is it right?", &format!("catchingbot check {first}"))?;
-    screen::fact("try it", &format!("catchingbot --{option} {first}"))
+    Ok(screen::fact("try it", &format!("catchingbot --{option} {first}"))?)
 }
