@@ -35,7 +35,7 @@ fn tracking(criterion: &mut Criterion) {
             let mut workspace = Workspace::default();
             let mut update = |label: &str, prior: Option<&Pose>, config: &Config| {
                 criterion.bench_function(&format!("{label}/{name}/{noise:?}"), |bencher| {
-                    bencher.iter(|| find_object(&frames, &cameras, &reference, prior, config, &mut workspace));
+                    bencher.iter(|| find_object(&frames, &cameras, &reference, prior, None, config, &mut workspace));
                 });
             };
             update("tracking", Some(&prior), &config);
@@ -64,7 +64,7 @@ fn prediction(criterion: &mut Criterion) {
         let X_WR = X_WO * reference.X_RO.inverse();
         let mut frames = synthetic::depth_frames(&cameras, &shape, &X_WR, Noise::Constant(0.002), &mut normal);
         frames.iter_mut().for_each(|frame| frame.capture_s = time_s);
-        poses.extend(find_object(&frames, &cameras, &reference, Some(&X_WO), &Config::default(), &mut workspace));
+        poses.extend(find_object(&frames, &cameras, &reference, Some(&X_WO), None, &Config::default(), &mut workspace));
     }
     let flight = predict(&poses, None, reference.symmetry, &config, 1, &mut space).expect("thirty good poses");
     criterion.bench_function("prediction/tracking", |bencher| {

@@ -14,15 +14,15 @@ pub mod perception;
 pub mod trajectory_optimization;
 pub mod trajectory_prediction;
 
-use std::sync::Arc;
+use std::{collections::VecDeque, sync::Arc};
 
-use catch_body::{Gripper, Pose, Robot};
+use catch_body::{Gripper, JointVector, Pose, Robot, ray_cast::ArmSurface};
 use catch_cell::{Brain, CameraModel, Command, Observation, PixelWindow, Probe, ReferenceScan, arm::Setpoint};
 use serde::{Deserialize, Serialize};
 
 use control::GripperPlan;
 use grasp_selection::GraspSet;
-use perception::{ObjectPose, ReferenceModel};
+use perception::{ObjectPose, ReferenceModel, Surroundings};
 use trajectory_optimization::{CatchPlan, Planner, Refusal, Start};
 use trajectory_prediction::FlightTrajectory;
 
@@ -57,6 +57,8 @@ pub enum Status {
     OutOfReach,
     /// The object passes within reach, but no way of holding it was found.
     NoGrasp,
+    /// It passes within reach, but would hit the open gripper on its way in, whatever the grasp.
+    Blocked,
     /// A catch was chosen, but no motion to it that keeps all limits.
     NoPlan,
     /// A plan is being executed; the newest flight gave no better one.
@@ -91,6 +93,7 @@ pub struct Preparation {
     reference: ReferenceModel,
     grasps: GraspSet,
     planner: Planner,
+    arm_surface: ArmSurface,
 }
 
 impl Preparation {
@@ -104,8 +107,9 @@ impl Preparation {
     ) -> Self {
         let reference = ReferenceModel::from_scan(reference_scan, &config.perception);
         let grasps = GraspSet::sample(&reference, &gripper, &config.grasp_selection);
+        let arm_surface = ArmSurface::new(&robot, &gripper);
         let planner = Planner::new(robot, gripper, config.trajectory_optimization.clone());
-        Self { config, cameras, reference, grasps, planner }
+        Self { config, cameras, reference, grasps, planner, arm_surface }
     }
 
     /// The object as the brain knows it.
@@ -124,12 +128,21 @@ impl Preparation {
     }
 }
 
+/// An object that has not been seen for this long is looked for everywhere.
+const LOST_S: f64 = 0.05;
+/// Observations whose joint angles are remembered: longer than images can take to arrive.
+const SENSED: usize = 64;
+/// Poses that are remembered, more than any prediction looks back at.
+const POSES: usize = 1024;
+
 /// The catching robot's brain.
 #[derive(Debug)]
 pub struct CatchingBot {
     known: Arc<Preparation>,
     seed: u64,
 
+    /// What the encoders said lately: (time, arm, opening of the gripper), oldest first.
+    sensed: VecDeque<(f64, JointVector, f64)>,
     poses: Vec<ObjectPose>,
     flight: Option<FlightTrajectory>,
     plan: Option<CatchPlan>,
@@ -157,7 +170,8 @@ impl CatchingBot {
         Self {
             known,
             seed,
-            poses: Vec::new(),
+            sensed: VecDeque::with_capacity(SENSED),
+            poses: Vec::with_capacity(POSES),
             flight: None,
             plan: None,
             workspace: perception::Workspace::default(),
@@ -183,6 +197,21 @@ impl CatchingBot {
     }
 }
 
+/// The arm as it was at a time, between what was sensed before and after.
+fn surroundings<'a>(
+    known: &'a Preparation,
+    sensed: &VecDeque<(f64, JointVector, f64)>,
+    time_s: f64,
+) -> Option<Surroundings<'a>> {
+    let after = sensed.iter().position(|sensed| sensed.0 >= time_s).unwrap_or(sensed.len().saturating_sub(1));
+    let (before, after) = (sensed.get(after.saturating_sub(1))?, sensed.get(after)?);
+    let span_s = after.0 - before.0;
+    let share = if span_s > 0.0 { ((time_s - before.0) / span_s).clamp(0.0, 1.0) } else { 1.0 };
+    let q = before.1 + (after.1 - before.1) * share;
+    let X_WL = known.planner.robot().link_poses(&q);
+    Some(Surroundings { arm: &known.arm_surface, X_WL, width_m: before.2 + (after.2 - before.2) * share })
+}
+
 impl Brain for CatchingBot {
     /// The paper's figure 2: images → pose → flight → grasp and plan → command.
     fn tick(&mut self, observation: &Observation, probe: &mut dyn Probe) -> Command {
@@ -194,14 +223,21 @@ impl Brain for CatchingBot {
             return self.close_report(Status::Committed, Command { windows, ..Command::default() });
         }
 
+        if self.sensed.len() == SENSED {
+            self.sensed.pop_front();
+        }
+        self.sensed.push_back((now_s, observation.arm.q, observation.gripper.width_m));
+
         // III-B: pose of the object in the newest images, started from where the last flight says it is.
         for frames in observation.frames.chunk_by(|a, b| a.capture_s == b.capture_s) {
             let expected = self.expected_pose(frames[0].capture_s);
+            let surroundings = surroundings(&self.known, &self.sensed, frames[0].capture_s);
             let found = perception::find_object(
                 frames,
                 &self.known.cameras,
                 &self.known.reference,
                 expected.as_ref(),
+                surroundings.as_ref(),
                 &self.known.config.perception,
                 &mut self.workspace,
             );
@@ -209,6 +245,9 @@ impl Brain for CatchingBot {
                 if let Some(X_WO) = &expected {
                     pose.X_WO.rotation =
                         self.known.reference.symmetry.nearest_alike(&X_WO.rotation, &pose.X_WO.rotation);
+                }
+                if self.poses.len() == POSES {
+                    self.poses.drain(..POSES / 2);
                 }
                 self.poses.push(pose);
                 self.report.pose = Some(pose);
@@ -242,7 +281,8 @@ impl Brain for CatchingBot {
         let (status, plan) = self.decide(&start, &flight);
         probe.stage_ended("trajectory_optimization");
 
-        let command = self.command(now_s, status, plan, &flight);
+        let mut command = self.command(now_s, status, plan, &flight);
+        command.windows = self.windows(observation, &flight);
         self.flight = Some(flight);
         probe.stage_ended("control");
         self.close_report(status, command)
@@ -253,6 +293,25 @@ impl CatchingBot {
     /// Too late to change anything.
     fn is_committed(&self, now_s: f64) -> bool {
         self.plan.as_ref().is_some_and(|plan| now_s > plan.catch_s - self.known.config.control.commit_s)
+    }
+
+    /// The part of each camera's next images that may show the object, once it is tracked in images without masks (sensors that
+    /// tell objects apart read out the right pixels by themselves). Full images if it has been lost.
+    fn windows(&self, observation: &Observation, flight: &FlightTrajectory) -> Option<Vec<PixelWindow>> {
+        let unlabelled = observation.frames.iter().any(|frame| frame.mask.is_none());
+        let newest_s = observation.frames.iter().map(|frame| frame.capture_s).fold(f64::NEG_INFINITY, f64::max);
+        if !unlabelled || newest_s > flight.time_s + LOST_S {
+            return None;
+        }
+        let count = self.sensed.len();
+        let period_s = if count > 1 { self.sensed[count - 1].0 - self.sensed[count - 2].0 } else { 0.0 };
+        let next_s = observation.time_s + period_s;
+        let (p_WO, v_WO) = (flight.pose_at(next_s).translation.vector, flight.twist_at(next_s).linear);
+        let doubt_m = 3.0 * flight.position_sd_at(next_s) + v_WO.norm() * period_s;
+        let radius_m = self.known.reference.radius_m + self.known.config.perception.gate_m + doubt_m;
+        let window =
+            |camera: &CameraModel| camera.window_around(&camera.X_WC.inverse_transform_point(&p_WO.into()), radius_m);
+        Some(self.known.cameras.iter().map(window).collect())
     }
 
     /// Where the object should be: on the last flight, or, before there is one, where it was seen last. The latter keeps an
@@ -281,6 +340,7 @@ impl CatchingBot {
                 Ok(plan) => (Status::Planned, Some(plan)),
                 Err(Refusal::NoGrasp) => (Status::NoGrasp, None),
                 Err(Refusal::OutOfReach) => (Status::OutOfReach, None),
+                Err(Refusal::Blocked) => (Status::Blocked, None),
                 Err(Refusal::NoMotion) => (Status::NoPlan, None),
             };
         };

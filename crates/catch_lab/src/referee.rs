@@ -248,8 +248,9 @@ impl<'a> Evidence<'a> {
             Status::NoTrajectory => 1,
             Status::OutOfReach => 2,
             Status::NoGrasp => 3,
-            Status::NoPlan => 4,
-            Status::PlanKept | Status::Planned | Status::Committed => 5,
+            Status::Blocked => 4,
+            Status::NoPlan => 5,
+            Status::PlanKept | Status::Planned | Status::Committed => 6,
         };
         self.thoughts.iter().map(|thought| thought.report.status).max_by_key(|&status| rank(status)).unwrap_or_default()
     }

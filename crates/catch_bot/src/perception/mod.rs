@@ -3,6 +3,7 @@
 //! Pixels become points, points that belong to the object are kept ([`point_cloud`]), and the reference ([`ReferenceModel`])
 //! is registered to them ([`registration`]), starting from where the last trajectory says the object should be.
 
+mod acquisition;
 mod cold_start;
 mod distance_field;
 mod icp;
@@ -11,21 +12,25 @@ mod normal_equations;
 pub mod point_cloud;
 pub mod reference;
 pub mod registration;
+pub mod segmentation;
 pub mod silhouette;
 pub mod symmetry;
 #[cfg(test)]
 pub(crate) mod synthetic;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod unlabelled;
 
 use catch_body::Pose;
 use catch_cell::{CameraModel, DepthFrame};
-use nalgebra::Matrix6;
+use nalgebra::{Matrix6, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 
 pub use distance_field::DistanceField;
 pub use point_cloud::{DepthNoise, SceneCloud};
 pub use reference::ReferenceModel;
+pub use segmentation::Surroundings;
 pub use symmetry::Symmetry;
 
 /// How the reference is brought onto the points.
@@ -84,8 +89,17 @@ pub struct Config {
     pub position_floor_m: f64,
     /// The same for the attitude, in radians.
     pub rotation_floor_rad: f64,
-    /// How far from the predicted position unlabelled points may be the object's, in metres, beside its own size.
+    /// How far from the predicted position the object's pixels are looked for, in metres, beside its own size.
     pub gate_m: f64,
+    /// Whether the cameras see the floor, the plane z = 0.
+    pub floor_visible: bool,
+    /// Whether depths may be missing where there is something.
+    pub depth_dropout: bool,
+    /// Standard deviations of depth noise by which a pixel must be nearer than what is known to be there. Of 2.4 million pixels
+    /// 76 exceed four by chance, which are too few to hang together.
+    pub background_sd: f64,
+    /// And metres beside that, for errors of the arm's model and of the cameras' calibration.
+    pub background_margin_m: f64,
 }
 
 impl Default for Config {
@@ -99,17 +113,21 @@ impl Default for Config {
             distance_grid_m: 0.002,
             symmetry_tolerance_m: 0.0008,
             depth_noise: DepthNoise::default(),
-            outline_sd_px: 0.01,
+            outline_sd_px: 0.015,
             outline_above_m: 0.001,
             model_sd_m: 0.0002,
             min_points: 6,
-            max_iterations: 12,
+            max_iterations: 20,
             step_tolerance_m: 2e-6,
             step_tolerance_sd: 0.1,
             max_residual_m: 0.008,
             position_floor_m: 5e-5,
             rotation_floor_rad: 1e-3,
             gate_m: 0.05,
+            floor_visible: false,
+            depth_dropout: false,
+            background_sd: 4.0,
+            background_margin_m: 0.01,
         }
     }
 }
@@ -148,22 +166,34 @@ pub enum PerceptionStatus {
 }
 
 /// Buffers of [`find_object`], kept so that finding an object need not allocate. They carry nothing from one call to the
-/// next.
+/// next but what an arm that stands still looks like.
 #[derive(Debug, Clone, Default)]
 pub struct Workspace {
     scene: SceneCloud,
     thinned: SceneCloud,
+    acquisition: acquisition::Scratch,
+    /// Whether the pose that is being looked at is only a place.
+    is_place_only: bool,
+}
+
+impl Workspace {
+    /// What the last search found in the images.
+    pub fn scene(&self) -> &SceneCloud {
+        &self.scene
+    }
 }
 
 /// Finds the object in all depth images of one capture time.
 ///
-/// `prior` is the predicted X_WO, from which registration starts; without one, or when it leads nowhere, all attitudes are
-/// tried. Frames of unknown cameras are passed over.
+/// `prior` is the predicted X_WO, from which registration starts; without one, or when it leads nowhere, the object is looked
+/// for everywhere and all attitudes are tried. `surroundings` matter where images come without masks. Frames of unknown cameras
+/// are passed over.
 pub fn find_object(
     frames: &[DepthFrame],
     cameras: &[CameraModel],
     reference: &ReferenceModel,
     prior: Option<&Pose>,
+    surroundings: Option<&Surroundings<'_>>,
     config: &Config,
     workspace: &mut Workspace,
 ) -> Result<ObjectPose, PerceptionStatus> {
@@ -171,8 +201,37 @@ pub fn find_object(
         return Err(PerceptionStatus::NoReference);
     }
     let prior = prior.filter(|X_WO| X_WO.to_homogeneous().iter().all(|value| value.is_finite()));
-    let Workspace { scene, thinned } = workspace;
-    scene.collect(frames, cameras, reference, prior, config);
+    let tracked = prior.map(|_| find_at(frames, cameras, reference, prior, surroundings, config, workspace));
+    let unlabelled = frames.iter().any(|frame| frame.mask.is_none());
+    match tracked {
+        Some(Ok(pose)) => Ok(pose),
+        Some(Err(status)) if !unlabelled && status != PerceptionStatus::NoPoints => Err(status),
+        _ if !unlabelled => find_at(frames, cameras, reference, None, surroundings, config, workspace),
+        _ => {
+            let place = acquisition::find(frames, cameras, reference, surroundings, config, &mut workspace.acquisition);
+            let place = place.ok_or(PerceptionStatus::NoPoints)?;
+            let X_WO =
+                Pose::from_parts(place.coords.into(), prior.map_or(UnitQuaternion::identity(), |X_WO| X_WO.rotation));
+            workspace.is_place_only = true;
+            let found = find_at(frames, cameras, reference, Some(&X_WO), surroundings, config, workspace);
+            workspace.is_place_only = false;
+            found
+        }
+    }
+}
+
+/// Finds the object near `prior`, or anywhere in images with masks if there is none.
+fn find_at(
+    frames: &[DepthFrame],
+    cameras: &[CameraModel],
+    reference: &ReferenceModel,
+    prior: Option<&Pose>,
+    surroundings: Option<&Surroundings<'_>>,
+    config: &Config,
+    workspace: &mut Workspace,
+) -> Result<ObjectPose, PerceptionStatus> {
+    let Workspace { scene, thinned, is_place_only, .. } = workspace;
+    scene.collect(frames, cameras, reference, prior, surroundings, config);
     match scene.points.len() {
         0 => return Err(PerceptionStatus::NoPoints),
         few if few < config.min_points => return Err(PerceptionStatus::TooFewPoints),
@@ -196,7 +255,7 @@ pub fn find_object(
         }
         Method::IcpPointToPoint => icp::register(scene, reference, X_WO, config),
     };
-    let tracked = prior.and_then(|X_WO| from(X_WO).ok());
+    let tracked = prior.filter(|_| !*is_place_only).and_then(|X_WO| from(X_WO).ok());
     let cold_started = tracked.is_none();
     let fit = match tracked {
         Some(fit) => fit,

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Config, ReferenceModel,
+    segmentation::{Background, Label, Surroundings, label},
     silhouette::{OutlineRay, outline},
 };
 
@@ -40,6 +41,11 @@ pub struct ScenePoint {
     pub depth_sd_m: f64,
 }
 
+/// Points, outline rays and labels for which there is room from the start, so that larger images of the object than those
+/// before do not allocate.
+const ROOM_POINTS: usize = 4096;
+const ROOM_LABELS: usize = 1 << 17;
+
 /// What the images show of the object.
 #[derive(Debug, Clone, Default)]
 pub struct SceneCloud {
@@ -47,26 +53,44 @@ pub struct SceneCloud {
     pub points: Vec<ScenePoint>,
     /// Rays along its outline, if they have been collected; only where masks tell it.
     pub outline: Vec<OutlineRay>,
-    /// The frames that show it: index, and the box around its pixels.
-    shown: Vec<(usize, PixelWindow)>,
+    /// The frames that show it.
+    shown: Vec<Shown>,
+    /// Labels of the pixels of frames that have no mask.
+    labels: Vec<Label>,
+}
+
+/// A frame that shows the object.
+#[derive(Debug, Clone, Copy)]
+struct Shown {
+    frame: usize,
+    /// The box around the object's pixels.
+    pixels: PixelWindow,
+    /// The part of the frame whose labels stand from a place on, where there is no mask.
+    labelled: Option<(PixelWindow, usize)>,
 }
 
 impl SceneCloud {
     /// Collects the object's points from all images, in place of those collected before.
     ///
-    /// A pixel is the object's if the image's mask says so. Without a mask, if it lies near the predicted pose, which then
-    /// must be given.
+    /// A pixel is the object's if the image's mask says so; without a mask, if it lies in front of the surroundings and near
+    /// the predicted pose, which then must be given.
     pub fn collect(
         &mut self,
         frames: &[DepthFrame],
         cameras: &[CameraModel],
         reference: &ReferenceModel,
         prior: Option<&Pose>,
+        surroundings: Option<&Surroundings<'_>>,
         config: &Config,
     ) {
         self.points.clear();
         self.outline.clear();
         self.shown.clear();
+        self.labels.clear();
+        self.points.reserve(ROOM_POINTS);
+        self.outline.reserve(ROOM_POINTS);
+        self.shown.reserve(cameras.len());
+        self.labels.reserve(ROOM_LABELS);
         for (index, frame) in frames.iter().enumerate() {
             let Some(camera) = cameras.get(frame.camera) else { continue };
             if frame.depth_m.len() < frame.window.area() || !frame.capture_s.is_finite() {
@@ -74,20 +98,26 @@ impl SceneCloud {
             }
             let near = prior.map(|X_WO| Near::new(X_WO, camera, reference.radius_m + config.gate_m));
             let part = near.map_or(frame.window, |near| intersection(&frame.window, &near.window));
-            match (&frame.mask, near) {
+            let mut labelled = None;
+            let pixels = match (&frame.mask, near) {
                 (Some(mask), _) if mask.len() >= frame.window.area() => {
-                    let pixels = self.collect_where(frame, camera, part, config, |i| mask[i]);
-                    if pixels.area() > 0 {
-                        self.shown.push((index, pixels));
-                    }
+                    self.collect_where(frame, camera, part, config, |_, i| mask[i])
                 }
-                (None, Some(near)) => {
-                    self.collect_where(frame, camera, part, config, |i| {
-                        let depth_m = f64::from(frame.depth_m[i]);
-                        (depth_m - near.depth_m).abs() < near.reach_m + 3.0 * config.depth_noise.sd_m(depth_m)
-                    });
+                (None, Some(near)) if part.area() > 0 => {
+                    let from = self.labels.len();
+                    let background = Background::new(camera, surroundings, &part, config);
+                    label(&mut self.labels, frame, &part, &background, [near.depth_m, near.reach_m], config);
+                    labelled = Some((part, from));
+                    let labels = std::mem::take(&mut self.labels);
+                    let pixels =
+                        self.collect_where(frame, camera, part, config, |i, _| labels[from + i] == Label::Object);
+                    self.labels = labels;
+                    pixels
                 }
-                _ => {}
+                _ => continue,
+            };
+            if pixels.area() > 0 {
+                self.shown.push(Shown { frame: index, pixels, labelled });
             }
         }
     }
@@ -102,13 +132,38 @@ impl SceneCloud {
     ) {
         self.outline.clear();
         let centroid_W = self.centroid();
-        for &(index, pixels) in &self.shown {
-            let frame = &frames[index];
-            let (Some(mask), Some(camera)) = (&frame.mask, cameras.get(frame.camera)) else { continue };
+        for shown in &self.shown {
+            let frame = &frames[shown.frame];
+            let Some(camera) = cameras.get(frame.camera) else { continue };
             let depth_m = camera.X_WC.inverse_transform_point(&centroid_W).z;
             let nearest_m = depth_m - reference.radius_m - 3.0 * config.depth_noise.sd_m(depth_m);
-            outline(&mut self.outline, frame, mask, camera, &pixels, nearest_m);
+            let columns = frame.window.width as usize;
+            match (&frame.mask, shown.labelled) {
+                (Some(mask), _) => outline(&mut self.outline, frame.window, camera, &shown.pixels, |column, row| {
+                    let i = row * columns + column;
+                    // Something in front of the object.
+                    let is_hidden = !mask[i] && f64::from(frame.depth_m[i]) < nearest_m;
+                    [if mask[i] { Label::Object } else { Label::Elsewhere }, Label::Unknown][usize::from(is_hidden)]
+                }),
+                (None, Some((part, from))) => {
+                    let (left, top) =
+                        ((part.left - frame.window.left) as usize, (part.top - frame.window.top) as usize);
+                    let (wide, high) = (part.width as usize, part.height as usize);
+                    let labels = &self.labels[from..from + part.area()];
+                    outline(&mut self.outline, frame.window, camera, &shown.pixels, |column, row| {
+                        let (x, y) = (column.wrapping_sub(left), row.wrapping_sub(top));
+                        if x < wide && y < high { labels[y * wide + x] } else { Label::Unknown }
+                    });
+                }
+                (None, None) => {}
+            }
         }
+    }
+
+    /// The part of a frame without mask that was looked at, and the labels of its pixels.
+    pub fn labels_of(&self, frame: usize) -> Option<(PixelWindow, &[Label])> {
+        let shown = self.shown.iter().find(|shown| shown.frame == frame)?;
+        shown.labelled.map(|(part, from)| (part, &self.labels[from..from + part.area()]))
     }
 
     /// Mean standard deviation of the points' depths, as told, in metres.
@@ -116,7 +171,8 @@ impl SceneCloud {
         self.points.iter().map(|point| point.depth_sd_m).sum::<f64>() / self.points.len().max(1) as f64
     }
 
-    /// Collects the measured pixels of a part of a frame for which `wanted` holds, and returns the box around all for which it
+    /// Collects the measured pixels of a part of a frame for which `wanted` holds, given their indices in the part and in the
+    /// frame, and returns the box around all for which it
     /// holds, measured or not.
     fn collect_where(
         &mut self,
@@ -124,7 +180,7 @@ impl SceneCloud {
         camera: &CameraModel,
         part: PixelWindow,
         config: &Config,
-        wanted: impl Fn(usize) -> bool,
+        wanted: impl Fn(usize, usize) -> bool,
     ) -> PixelWindow {
         let columns = frame.window.width as usize;
         let left = (part.left - frame.window.left.min(part.left)) as usize;
@@ -135,7 +191,7 @@ impl SceneCloud {
         for row in top..top + part.height as usize {
             for column in left..left + part.width as usize {
                 let i = row * columns + column;
-                if !wanted(i) {
+                if !wanted((row - top) * part.width as usize + column - left, i) {
                     continue;
                 }
                 low = [low[0].min(column), low[1].min(row)];
@@ -199,7 +255,7 @@ impl Near {
 }
 
 /// The pixels that two windows share.
-fn intersection(a: &PixelWindow, b: &PixelWindow) -> PixelWindow {
+pub(super) fn intersection(a: &PixelWindow, b: &PixelWindow) -> PixelWindow {
     let (left, top) = (a.left.max(b.left), a.top.max(b.top));
     let right = (a.left + a.width).min(b.left + b.width);
     let bottom = (a.top + a.height).min(b.top + b.height);

@@ -39,7 +39,7 @@ pub struct Fit {
 /// Depth noise in radii of the object from which on depths are left aside where there is an outline.
 const HOPELESS_RADII: f64 = 0.5;
 /// Later steps that do not get shorter jump to and fro across a kink of the field: they are halved.
-const FREE_STEPS: usize = 4;
+const FREE_STEPS: usize = 8;
 /// Unless they are longer than this many standard deviations, and so still on their way.
 const JUMPING_SD: f64 = 10.0;
 /// Mean distances of points below this are all perfect, in metres.
@@ -47,7 +47,7 @@ const LEAST_MEAN_M: f64 = 1e-5;
 /// And mean violations of the outline below this share of a pixel.
 const LEAST_MEAN_PX: f64 = 5e-4;
 /// The outline's scale falls to this share from one step to the next at most: bounds close in on the pose gradually.
-const LEAST_SHRINKING: f64 = 0.25;
+const LEAST_SHRINKING: f64 = 0.6;
 
 /// How much larger than told the residuals of points and of outline rays are, never less than one. Estimated along, it
 /// weighs the two kinds against each other even if nobody told how noisy the depths are.

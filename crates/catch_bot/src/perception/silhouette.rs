@@ -6,12 +6,13 @@
 //! within a pixel by itself.
 
 use catch_body::Pose;
-use catch_cell::{CameraModel, DepthFrame, PixelWindow};
-use nalgebra::{Point3, Rotation3, Vector3};
+use catch_cell::{CameraModel, PixelWindow};
+use nalgebra::{Point2, Point3, Rotation3, Vector3};
 
 use super::{
     Config, ReferenceModel, Symmetry,
     normal_equations::{OUTLIER_SD, Sums},
+    segmentation::Label,
 };
 
 /// The ray through a pixel at the object's outline.
@@ -291,41 +292,43 @@ fn inverse_mills(u: f64) -> f64 {
     }
 }
 
-/// Appends the outline of a mask within a part of a frame.
-///
-/// `nearest_m` is a depth nearer than which a pixel that does not show the object shows something in front of it, which says
-/// nothing.
+/// Appends the rays at the outline of an object whose pixels lie within `part` of an image's window, given what the pixel at a
+/// column and row of the window says.
 pub(super) fn outline(
     rays: &mut Vec<OutlineRay>,
-    frame: &DepthFrame,
-    mask: &[bool],
+    window: PixelWindow,
     camera: &CameraModel,
     part: &PixelWindow,
-    nearest_m: f64,
+    label: impl Fn(usize, usize) -> Label,
 ) {
-    let (columns, rows) = (frame.window.width as usize, frame.window.height as usize);
+    let (columns, rows) = (window.width as usize, window.height as usize);
     // One pixel more all around, where the image has it.
-    let left = ((part.left - frame.window.left) as usize).saturating_sub(1);
-    let top = ((part.top - frame.window.top) as usize).saturating_sub(1);
-    let right = ((part.left - frame.window.left + part.width) as usize + 1).min(columns);
-    let bottom = ((part.top - frame.window.top + part.height) as usize + 1).min(rows);
+    let left = ((part.left - window.left) as usize).saturating_sub(1);
+    let top = ((part.top - window.top) as usize).saturating_sub(1);
+    let right = ((part.left - window.left + part.width) as usize + 1).min(columns);
+    let bottom = ((part.top - window.top + part.height) as usize + 1).min(rows);
     let p_WC = Point3::from(camera.X_WC.translation.vector);
     let R_WC = camera.X_WC.rotation.to_rotation_matrix();
     for row in top..bottom {
         for column in left..right {
-            let i = row * columns + column;
-            let inside = mask[i];
-            let at_outline = column > 0 && mask[i - 1] != inside
-                || column + 1 < columns && mask[i + 1] != inside
-                || row > 0 && mask[i - columns] != inside
-                || row + 1 < rows && mask[i + columns] != inside;
-            if !at_outline || !inside && f64::from(frame.depth_m[i]) < nearest_m {
+            let other = match label(column, row) {
+                Label::Object => Label::Elsewhere,
+                Label::Elsewhere => Label::Object,
+                Label::Unknown => continue,
+            };
+            let at_outline = column > 0 && label(column - 1, row) == other
+                || column + 1 < columns && label(column + 1, row) == other
+                || row > 0 && label(column, row - 1) == other
+                || row + 1 < rows && label(column, row + 1) == other;
+            if !at_outline {
                 continue;
             }
-            let ray_C = camera.back_project(&frame.window.pixel_centre(i), 1.0).coords;
+            let uv =
+                Point2::new(f64::from(window.left) + column as f64 + 0.5, f64::from(window.top) + row as f64 + 0.5);
+            let ray_C = camera.back_project(&uv, 1.0).coords;
             let length = ray_C.norm();
             let pixel_rad = 1.0 / (camera.focal_px * length);
-            rays.push(OutlineRay::new(p_WC, R_WC * (ray_C / length), inside, pixel_rad));
+            rays.push(OutlineRay::new(p_WC, R_WC * (ray_C / length), other == Label::Elsewhere, pixel_rad));
         }
     }
 }

@@ -23,7 +23,7 @@ fn tracking_errors(shape: &Shape, noise: Noise, config: &Config, trials: u64) ->
         let frames = synthetic::depth_frames(&cameras, shape, &(X_WO * reference.X_RO.inverse()), noise, &mut normal);
         let turn = UnitQuaternion::from_scaled_axis(normal.vector() * 0.1);
         let prior = Pose::from_parts((X_WO.translation.vector + normal.vector() * 0.012).into(), turn * X_WO.rotation);
-        match find_object(&frames, &cameras, &reference, Some(&prior), config, &mut workspace) {
+        match find_object(&frames, &cameras, &reference, Some(&prior), None, config, &mut workspace) {
             Ok(found) => {
                 position.push((found.X_WO.translation.vector - X_WO.translation.vector).norm() * 1e3);
                 let turn = reference.symmetry.turn_between(&found.X_WO.rotation, &X_WO.rotation);
@@ -111,7 +111,8 @@ fn finds_the_object_without_prior() {
             let noise = if seed % 2 == 0 { Noise::Clean } else { Noise::Constant(0.005) };
             let X_WR = X_WO * reference.X_RO.inverse();
             let frames = synthetic::depth_frames(&cameras, &shape, &X_WR, noise, &mut normal);
-            let found = find_object(&frames, &cameras, &reference, None, &Config::default(), &mut Workspace::default());
+            let found =
+                find_object(&frames, &cameras, &reference, None, None, &Config::default(), &mut Workspace::default());
             let found = found.unwrap_or_else(|status| panic!("{name} {seed}: {status:?}"));
             let off_m = (found.X_WO.translation.vector - X_WO.translation.vector).norm();
             let turn = reference.symmetry.turn_between(&found.X_WO.rotation, &X_WO.rotation).norm();
@@ -126,7 +127,7 @@ fn what_shows_nothing_gives_a_status() {
     let cameras = synthetic::flight_rig();
     let config = Config::default();
     let find = |frames: &[DepthFrame], prior: Option<&Pose>| {
-        find_object(frames, &cameras, &reference, prior, &config, &mut Workspace::default())
+        find_object(frames, &cameras, &reference, prior, None, &config, &mut Workspace::default())
     };
     assert_eq!(find(&[], None), Err(PerceptionStatus::NoPoints));
     let mut frames =

@@ -182,6 +182,9 @@ impl Problem<'_> {
     /// `window` poses agree with it.
     fn linearize(&self, state: &State, window: usize, scratch: &mut Scratch) -> usize {
         scratch.rows.clear();
+        // Room for as many poses as there will ever be, so that it is made once.
+        scratch.rows.reserve(self.config.fit_window);
+        scratch.squares.reserve(self.config.fit_window);
         let start = Tumbling::new(state.R_WO, &state.w, self.inertia.as_ref());
         let (mut motion, mut tumbling) = (Motion::new(state.p, state.v), start);
         let mut time_s = self.newest_s;

@@ -8,6 +8,7 @@ mod evaluation;
 mod frames;
 mod mcap_file;
 mod pages;
+mod planning;
 mod source;
 mod tidy;
 mod wrong_input;

@@ -1,0 +1,233 @@
+//! Where the object is when nobody knows: blobs of pixels in front of what is known to be there, in several cameras that agree
+//! on one place.
+
+use catch_cell::{CameraModel, DepthFrame};
+use nalgebra::{Matrix3, Point3, Vector3};
+
+use super::{
+    Config, ReferenceModel,
+    segmentation::{Background, Surroundings, threshold_m},
+};
+
+/// Buffers of the search, and what the cameras see while the arm stands still.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Scratch {
+    /// For each camera the depth of what is known to be there in its whole image, and for which arm.
+    still: Vec<Vec<f32>>,
+    still_for: Option<(catch_body::kinematics::LinkPoses, f64)>,
+    blobs: Vec<Blob>,
+    /// Blob of each pixel of an image, zero for none.
+    numbers: Vec<u32>,
+    stack: Vec<u32>,
+}
+
+/// Pixels of one image that hang together.
+#[derive(Debug, Clone, Copy)]
+struct Blob {
+    camera: usize,
+    pixels: usize,
+    p_WC: Point3<f64>,
+    /// Unit vector to its middle.
+    direction_W: Vector3<f64>,
+    /// Mean distance along it, and its standard deviation.
+    along_m: f64,
+    along_sd_m: f64,
+}
+
+/// Pixels that a blob has at least: single ones are noise.
+const MIN_PIXELS: usize = 3;
+/// Blobs that are looked at, the largest of all.
+const MAX_BLOBS: usize = 96;
+/// A blob's box may be larger than the object's by this factor.
+const SLACK: f64 = 1.5;
+/// Arms whose links have moved less than this, in metres and radians, stand still.
+const STILL: f64 = 2e-4;
+
+/// The place that most cameras agree on, if any.
+pub(super) fn find(
+    frames: &[DepthFrame],
+    cameras: &[CameraModel],
+    reference: &ReferenceModel,
+    surroundings: Option<&Surroundings<'_>>,
+    config: &Config,
+    scratch: &mut Scratch,
+) -> Option<Point3<f64>> {
+    scratch.keep_background(cameras, surroundings, config);
+    scratch.blobs.clear();
+    for frame in frames.iter().filter(|frame| frame.mask.is_none() && frame.depth_m.len() >= frame.window.area()) {
+        if let Some(camera) = cameras.get(frame.camera) {
+            scratch.add_blobs(frame, camera, reference, config);
+        }
+    }
+    let blobs = &mut scratch.blobs;
+    blobs.sort_by(|a, b| b.pixels.cmp(&a.pixels).then(a.camera.cmp(&b.camera)));
+    blobs.truncate(MAX_BLOBS);
+
+    // Each pair of rays that meet is tried; with one blob alone its own place.
+    let reach_m = reference.radius_m + config.background_margin_m;
+    let mut best: Option<(usize, usize, Point3<f64>)> = None;
+    let mut offer = |place: Point3<f64>| {
+        let (mut agreeing, mut pixels, mut last) = (0, 0, usize::MAX);
+        for blob in blobs.iter().filter(|blob| blob.passes(&place, reach_m)) {
+            agreeing += usize::from(blob.camera != last);
+            pixels += blob.pixels;
+            last = blob.camera;
+        }
+        if best.is_none_or(|(most, many, _)| (agreeing, pixels) > (most, many)) {
+            best = Some((agreeing, pixels, place));
+        }
+    };
+    for (i, one) in blobs.iter().enumerate() {
+        offer(one.p_WC + one.direction_W * one.along_m);
+        for two in blobs[..i].iter().filter(|two| two.camera != one.camera) {
+            if let Some(place) = meeting(one, two, reach_m) {
+                offer(place);
+            }
+        }
+    }
+    let (agreeing, _, place) = best?;
+    // Where others could have confirmed it, one camera alone is not enough.
+    let alone_is_enough = frames.len() < 3;
+    (agreeing >= 2 || alone_is_enough).then(|| refined(blobs, &place, reach_m))
+}
+
+impl Scratch {
+    /// Casts the arm into all images, unless it still stands where it stood.
+    fn keep_background(&mut self, cameras: &[CameraModel], known: Option<&Surroundings<'_>>, config: &Config) {
+        let now = known.map(|known| (known.X_WL, known.width_m));
+        let stands_still = match (&self.still_for, &now) {
+            (Some((X_WA, a)), Some((X_WB, b))) => {
+                (a - b).abs() < STILL
+                    && X_WA.iter().zip(X_WB).all(|(A, B)| {
+                        (A.translation.vector - B.translation.vector).norm() < STILL
+                            && A.rotation.angle_to(&B.rotation) < STILL
+                    })
+            }
+            (None, None) => true,
+            _ => false,
+        };
+        if self.still.len() == cameras.len() && stands_still {
+            return;
+        }
+        self.still_for = now;
+        self.still.resize(cameras.len(), Vec::new());
+        for (camera, still) in cameras.iter().zip(&mut self.still) {
+            let window = camera.full_window();
+            let background = Background::new(camera, known, &window, config);
+            still.clear();
+            still.extend((0..window.area()).map(|i| background.depth_m(&window.pixel_centre(i)) as f32));
+        }
+    }
+
+    /// The blobs of one image that could be the object.
+    fn add_blobs(&mut self, frame: &DepthFrame, camera: &CameraModel, reference: &ReferenceModel, config: &Config) {
+        let (columns, rows) = (frame.window.width as usize, frame.window.height as usize);
+        let still = &self.still[frame.camera];
+        let (left, top, wide) = (frame.window.left as usize, frame.window.top as usize, camera.width_px as usize);
+        self.numbers.clear();
+        self.numbers.resize(frame.window.area(), 0);
+        for row in 0..rows {
+            for column in 0..columns {
+                let i = row * columns + column;
+                let found_m = frame.depth_m[i];
+                if !(found_m > 0.0) || !found_m.is_finite() {
+                    continue;
+                }
+                let behind_m = still.get((row + top) * wide + column + left).copied().unwrap_or(f32::INFINITY);
+                let is_near = behind_m.is_infinite()
+                    || f64::from(found_m) < f64::from(behind_m) - threshold_m(f64::from(behind_m), config);
+                self.numbers[i] = u32::from(is_near);
+            }
+        }
+        // Neighbours are gathered from each pixel that has not been counted: 1 waits, 2 has been counted.
+        for first in 0..self.numbers.len() {
+            if self.numbers[first] != 1 {
+                continue;
+            }
+            self.numbers[first] = 2;
+            self.stack.clear();
+            self.stack.push(first as u32);
+            let (mut pixels, mut sum_m, mut squares_m2) = (0_usize, 0.0, 0.0);
+            let (mut sum_u, mut sum_v) = (0.0, 0.0);
+            let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
+            while let Some(i) = self.stack.pop() {
+                let i = i as usize;
+                let (column, row) = (i % columns, i / columns);
+                let depth_m = f64::from(frame.depth_m[i]);
+                pixels += 1;
+                sum_m += depth_m;
+                squares_m2 += depth_m * depth_m;
+                sum_u += column as f64;
+                sum_v += row as f64;
+                low = [low[0].min(column), low[1].min(row)];
+                high = [high[0].max(column), high[1].max(row)];
+                let across = column.saturating_sub(1)..=(column + 1).min(columns - 1);
+                for neighbour_row in row.saturating_sub(1)..=(row + 1).min(rows - 1) {
+                    for neighbour in across.clone().map(|column| neighbour_row * columns + column) {
+                        if self.numbers[neighbour] == 1 {
+                            self.numbers[neighbour] = 2;
+                            self.stack.push(neighbour as u32);
+                        }
+                    }
+                }
+            }
+            let count = pixels as f64;
+            let depth_m = sum_m / count;
+            let widest_px = SLACK * 2.0 * reference.radius_m * camera.focal_px / depth_m + 3.0;
+            let extent_px = (high[0] - low[0]).max(high[1] - low[1]) as f64;
+            if pixels < MIN_PIXELS || extent_px > widest_px {
+                continue;
+            }
+            let uv = nalgebra::Point2::new(left as f64 + sum_u / count + 0.5, top as f64 + sum_v / count + 0.5);
+            let ray_C = camera.back_project(&uv, 1.0).coords;
+            let length = ray_C.norm();
+            let spread_m2 = (squares_m2 / count - depth_m * depth_m).max(0.0);
+            self.blobs.push(Blob {
+                camera: frame.camera,
+                pixels,
+                p_WC: Point3::from(camera.X_WC.translation.vector),
+                direction_W: camera.X_WC.rotation * (ray_C / length),
+                along_m: depth_m * length,
+                along_sd_m: (spread_m2.max(config.depth_noise.sd_m(depth_m).powi(2)) / count).sqrt() * length,
+            });
+        }
+    }
+}
+
+impl Blob {
+    /// Whether its ray passes a place, and its depth does not contradict.
+    fn passes(&self, place: &Point3<f64>, reach_m: f64) -> bool {
+        let from_camera = place - self.p_WC;
+        let along_m = from_camera.dot(&self.direction_W);
+        (from_camera - self.direction_W * along_m).norm() < reach_m
+            && (along_m - self.along_m).abs() < reach_m + 4.0 * self.along_sd_m
+    }
+}
+
+/// Where two rays come closest, if that is within reach and both see it there.
+fn meeting(one: &Blob, two: &Blob, reach_m: f64) -> Option<Point3<f64>> {
+    let apart = two.p_WC - one.p_WC;
+    let cosine = one.direction_W.dot(&two.direction_W);
+    let sine_squared = 1.0 - cosine * cosine;
+    if sine_squared < 0.01 {
+        return None;
+    }
+    let along_one = (apart.dot(&one.direction_W) - apart.dot(&two.direction_W) * cosine) / sine_squared;
+    let along_two = along_one * cosine - apart.dot(&two.direction_W);
+    let (a, b) = (one.p_WC + one.direction_W * along_one, two.p_WC + two.direction_W * along_two);
+    let place = nalgebra::center(&a, &b);
+    ((a - b).norm() < reach_m && one.passes(&place, reach_m) && two.passes(&place, reach_m)).then_some(place)
+}
+
+/// The place nearest to all rays that pass `place`: Σ n·(1 − d·dᵀ)·(x − c) = 0, and along each by what its depths tell.
+fn refined(blobs: &[Blob], place: &Point3<f64>, reach_m: f64) -> Point3<f64> {
+    let (mut information, mut pull) = (Matrix3::zeros(), Vector3::zeros());
+    for blob in blobs.iter().filter(|blob| blob.passes(place, reach_m)) {
+        let outer = blob.direction_W * blob.direction_W.transpose();
+        let (across, along) = ((0.25 * reach_m).powi(-2), (blob.along_sd_m.powi(2) + (0.25 * reach_m).powi(2)).recip());
+        let weights = (Matrix3::identity() - outer) * across + outer * along;
+        information += weights;
+        pull += weights * (blob.p_WC + blob.direction_W * blob.along_m - place);
+    }
+    information.cholesky().map_or(*place, |factor| place + factor.solve(&pull))
+}

@@ -1,0 +1,152 @@
+//! Which pixels show the object where the images do not say: what lies in front of all that is known to be there.
+//!
+//! Known are the floor, if the cameras see it, and the arm, whose surface the brain casts its own rays at. A pixel is in front
+//! of them if it is nearer by some standard deviations of the depth noise at that depth. While the object is tracked only
+//! pixels where it is expected are looked at. Where the object and what is behind it are too close to be told apart, the pixel
+//! says nothing, to the outline neither.
+
+use catch_body::{
+    Pose,
+    kinematics::LinkPoses,
+    ray_cast::{ArmSurface, RayCaster},
+};
+use catch_cell::{CameraModel, DepthFrame, PixelWindow};
+use nalgebra::{Point2, Point3, Vector3};
+
+use super::Config;
+
+/// What the cameras see beside the object.
+#[derive(Debug, Clone, Copy)]
+pub struct Surroundings<'a> {
+    /// The arm and its gripper.
+    pub arm: &'a ArmSurface,
+    /// Poses of the arm's links when the images were taken.
+    pub X_WL: LinkPoses,
+    /// Opening of the gripper then, in metres.
+    pub width_m: f64,
+}
+
+/// What a pixel says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Label {
+    /// It does not show the object.
+    #[default]
+    Elsewhere,
+    /// It shows the object.
+    Object,
+    /// It cannot tell.
+    Unknown,
+}
+
+/// Most bodies that an arm consists of.
+const MAX_BODIES: usize = 16;
+
+/// What one camera would see without the object.
+pub(super) struct Background<'a> {
+    camera: &'a CameraModel,
+    /// Centre in C, radius, pose of C in the body's frame, and surface of each body in sight.
+    bodies: [Option<(Point3<f64>, f64, Pose, &'a RayCaster)>; MAX_BODIES],
+    /// Height of the camera over the floor and the vertical in C.
+    floor: Option<(f64, Vector3<f64>)>,
+}
+
+impl<'a> Background<'a> {
+    /// Of a part of an image.
+    pub fn new(
+        camera: &'a CameraModel,
+        surroundings: Option<&Surroundings<'a>>,
+        part: &PixelWindow,
+        config: &Config,
+    ) -> Self {
+        let mut bodies = [None; MAX_BODIES];
+        let mut count = 0;
+        let all = surroundings.map(|known| known.arm.parts(&known.X_WL, known.width_m));
+        for (X_WB, caster) in all.into_iter().flatten() {
+            let centre_C = camera.X_WC.inverse_transform_point(&(X_WB * caster.centre()));
+            let covered = camera.window_around(&centre_C, caster.radius());
+            let too_near = centre_C.z.abs() <= caster.radius();
+            if count < MAX_BODIES && (too_near || super::point_cloud::intersection(part, &covered).area() > 0) {
+                bodies[count] = Some((centre_C, caster.radius(), X_WB.inv_mul(&camera.X_WC), caster));
+                count += 1;
+            }
+        }
+        let up_C = camera.X_WC.rotation.inverse() * Vector3::z();
+        let floor = config.floor_visible.then_some((camera.X_WC.translation.z, up_C));
+        Self { camera, bodies, floor }
+    }
+
+    /// Depth at image coordinates; infinite where there is nothing.
+    pub fn depth_m(&self, uv: &Point2<f64>) -> f64 {
+        let ray_C = self.camera.back_project(uv, 1.0).coords;
+        let mut nearest_m = f64::INFINITY;
+        if let Some((height_m, up_C)) = self.floor {
+            let depth_m = -height_m / up_C.dot(&ray_C);
+            if depth_m > 0.0 {
+                nearest_m = depth_m;
+            }
+        }
+        let squared = ray_C.norm_squared();
+        for (centre_C, radius_m, X_BC, caster) in self.bodies.iter().flatten() {
+            let along = centre_C.coords.dot(&ray_C) / squared;
+            if (centre_C.coords - ray_C * along).norm_squared() > radius_m * radius_m {
+                continue;
+            }
+            // The ray's third component is one: its parameter is the depth.
+            let origin = Point3::from(X_BC.translation.vector);
+            if let Some(depth_m) = caster.cast_within(&origin, &(X_BC.rotation * ray_C), nearest_m) {
+                nearest_m = depth_m;
+            }
+        }
+        nearest_m
+    }
+}
+
+/// By how much a pixel must be nearer than what is known to be there: the depth noise there, and errors of the model.
+pub(super) fn threshold_m(depth_m: f64, config: &Config) -> f64 {
+    config.background_margin_m + config.background_sd * config.depth_noise.sd_m(depth_m)
+}
+
+/// Labels the pixels of a part of a frame, row by row, for an object expected at a depth, give or take its reach.
+pub(super) fn label(
+    labels: &mut Vec<Label>,
+    frame: &DepthFrame,
+    part: &PixelWindow,
+    background: &Background<'_>,
+    expected_m: [f64; 2],
+    config: &Config,
+) {
+    let [depth_m, reach_m] = expected_m;
+    let columns = frame.window.width as usize;
+    for row in part.top..part.top + part.height {
+        for column in part.left..part.left + part.width {
+            let i = (row - frame.window.top) as usize * columns + (column - frame.window.left) as usize;
+            let found_m = f64::from(frame.depth_m[i]);
+            let measured = found_m > 0.0 && found_m.is_finite();
+            if !measured && config.depth_dropout {
+                labels.push(Label::Unknown);
+                continue;
+            }
+            let behind_m = background.depth_m(&Point2::new(f64::from(column) + 0.5, f64::from(row) + 0.5));
+            // Too close to tell apart, or in front of where the object is.
+            let is_hidden = behind_m.is_finite() && behind_m - reach_m - threshold_m(behind_m, config) < depth_m;
+            labels.push(match measured {
+                _ if behind_m.is_infinite() && !measured => Label::Elsewhere,
+                false if is_hidden => Label::Unknown,
+                false => Label::Elsewhere,
+                true if behind_m.is_finite() && found_m > behind_m - threshold_m(behind_m, config) => {
+                    if is_hidden {
+                        Label::Unknown
+                    } else {
+                        Label::Elsewhere
+                    }
+                }
+                true if (found_m - depth_m).abs()
+                    < reach_m + config.background_sd * config.depth_noise.sd_m(found_m) =>
+                {
+                    Label::Object
+                }
+                true => Label::Unknown,
+            });
+        }
+    }
+}

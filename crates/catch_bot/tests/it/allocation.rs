@@ -1,0 +1,50 @@
+//! While an object is tracked neither perception nor prediction allocates.
+
+use catch_bot::{
+    perception::{Config, DepthNoise, ReferenceModel, Workspace, find_object},
+    trajectory_prediction::{self, predict},
+};
+use nalgebra::Vector3;
+
+use crate::synthetic::{self, Noise, Normal, Shape};
+
+#[test]
+fn tracking_and_predicting_allocate_nothing() {
+    let cameras = synthetic::flight_rig();
+    let prediction = trajectory_prediction::Config { drag_prior_sd_per_m: 0.02, ..Default::default() };
+    for ((name, shape), noise) in Shape::all().into_iter().zip([Noise::Clean, Noise::Constant(0.002), Noise::Stereo7]) {
+        let (constant_m, quadratic_per_m) = synthetic::data_sheet(noise);
+        let config = Config { depth_noise: DepthNoise { constant_m, quadratic_per_m }, ..Config::default() };
+        let reference = ReferenceModel::from_scan(&synthetic::scan(&shape, 100), &config);
+        for labelled in [true, false] {
+            let (mut workspace, mut space) = (Workspace::default(), trajectory_prediction::Workspace::default());
+            let (mut poses, mut flight) = (Vec::with_capacity(100), None);
+            let mut normal = Normal::new(1);
+            let attitude = normal.rotation();
+            for i in 0..30 {
+                let t = 0.01 * f64::from(i);
+                let p_WO = Vector3::new(2.6 - 2.9 * t, 2.6 - 4.0 * t, 0.5 + 3.6 * t - 4.905 * t * t);
+                let X_WO = catch_body::Pose::from_parts(p_WO.into(), attitude);
+                let X_WS = X_WO * reference.X_RO.inverse();
+                let mut frames = synthetic::depth_frames(&cameras, &shape, &X_WS, noise, &mut normal);
+                for frame in &mut frames {
+                    frame.capture_s = t;
+                    frame.mask = frame.mask.take().filter(|_| labelled);
+                }
+                let expected =
+                    flight.as_ref().map(|flight: &trajectory_prediction::FlightTrajectory| flight.pose_at(t));
+                let mut found = None;
+                let allocated = allocation_counter::measure(|| {
+                    let pose =
+                        find_object(&frames, &cameras, &reference, expected.as_ref(), None, &config, &mut workspace);
+                    poses.push(pose.unwrap());
+                    let symmetry = reference.symmetry;
+                    found = predict(&poses, flight.as_ref(), symmetry, &prediction, 1, &mut space).ok();
+                });
+                flight = found;
+                // The first images make the buffers as large as they need to be.
+                assert!(i < 15 || allocated.count_total == 0, "{name} {labelled} frame {i}: {allocated:?}");
+            }
+        }
+    }
+}

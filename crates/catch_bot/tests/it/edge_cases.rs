@@ -1,0 +1,176 @@
+//! Whatever the images show: no panic, no number that is none, and a status that says what happened.
+
+use catch_body::Pose;
+use catch_bot::{
+    perception::{Config, ObjectPose, PerceptionStatus, ReferenceModel, Workspace, find_object},
+    trajectory_prediction::{self, PredictionStatus, predict},
+};
+use catch_cell::{CameraModel, DepthFrame};
+use nalgebra::{Point3, Vector3};
+
+use crate::synthetic::{self, Noise, Normal, Shape};
+
+struct Bench {
+    cameras: Vec<CameraModel>,
+    shape: Shape,
+    reference: ReferenceModel,
+    config: Config,
+    X_WO: Pose,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let (shape, config) = (Shape::banana(), Config::default());
+        let reference = ReferenceModel::from_scan(&synthetic::scan(&shape, 100), &config);
+        let X_WO = synthetic::pose_in_flight(&mut Normal::new(2));
+        Self { cameras: synthetic::flight_rig(), shape, reference, config, X_WO }
+    }
+
+    fn frames_at(&self, X_WO: &Pose) -> Vec<DepthFrame> {
+        let X_WS = X_WO * self.reference.X_RO.inverse();
+        synthetic::depth_frames(&self.cameras, &self.shape, &X_WS, Noise::Constant(0.001), &mut Normal::new(3))
+    }
+
+    fn find(&self, frames: &[DepthFrame], prior: Option<&Pose>) -> Result<ObjectPose, PerceptionStatus> {
+        let found =
+            find_object(frames, &self.cameras, &self.reference, prior, None, &self.config, &mut Workspace::default());
+        if let Ok(pose) = &found {
+            let numbers = pose.X_WO.to_homogeneous();
+            assert!(numbers.iter().chain(pose.information.iter()).all(|value| value.is_finite()));
+            assert!(pose.residual_m.is_finite());
+        }
+        found
+    }
+
+    fn off_m(&self, pose: &ObjectPose) -> f64 {
+        (pose.X_WO.translation.vector - self.X_WO.translation.vector).norm()
+    }
+
+    /// The same images without masks, in full size.
+    fn full(&self, frames: &[DepthFrame]) -> Vec<DepthFrame> {
+        let full = frames.iter().map(|frame| {
+            let window = self.cameras[frame.camera].full_window();
+            let mut depth_m = vec![f32::NAN; window.area()];
+            for (i, depth) in frame.depth_m.iter().enumerate() {
+                let uv = frame.window.pixel_centre(i);
+                depth_m[uv.y as usize * window.width as usize + uv.x as usize] = *depth;
+            }
+            DepthFrame { window, depth_m, mask: None, ..frame.clone() }
+        });
+        full.collect()
+    }
+}
+
+#[test]
+fn empty_frames_and_frames_of_nothing_show_nothing() {
+    let bench = Bench::new();
+    let mut frames = bench.frames_at(&bench.X_WO);
+    assert_eq!(bench.find(&[], None), Err(PerceptionStatus::NoPoints));
+    for masks in [true, false] {
+        for frame in &mut frames {
+            frame.depth_m.fill(f32::NAN);
+            frame.mask = frame.mask.take().filter(|_| masks);
+        }
+        assert_eq!(bench.find(&frames, None), Err(PerceptionStatus::NoPoints));
+        assert_eq!(bench.find(&frames, Some(&bench.X_WO)), Err(PerceptionStatus::NoPoints));
+    }
+    for frame in &mut frames {
+        frame.window = Default::default();
+        frame.depth_m.clear();
+    }
+    assert_eq!(bench.find(&frames, Some(&bench.X_WO)), Err(PerceptionStatus::NoPoints));
+}
+
+#[test]
+fn one_camera_alone_gives_a_pose_that_knows_what_it_cannot_tell() {
+    let bench = Bench::new();
+    let frames = bench.frames_at(&bench.X_WO);
+    let many = bench.find(&frames, Some(&bench.X_WO)).unwrap();
+    let frame = frames.iter().find(|frame| frame.mask.iter().flatten().filter(|mask| **mask).count() > 12).unwrap();
+    let one = bench.find(std::slice::from_ref(frame), Some(&bench.X_WO)).unwrap();
+    assert!(bench.off_m(&one) < 0.02, "{}", bench.off_m(&one));
+    let least = |pose: &ObjectPose| pose.information.symmetric_eigenvalues().min();
+    assert!(least(&one) < 0.3 * least(&many));
+    // Without a prior it may fail, but says so.
+    let _ = bench.find(std::slice::from_ref(frame), None);
+}
+
+#[test]
+fn an_object_that_leaves_the_view_is_seen_as_long_as_it_is_in_it() {
+    let bench = Bench::new();
+    let mut last = Some(bench.X_WO);
+    let mut lost = false;
+    for i in 0..200 {
+        let X_WO = Pose::from_parts(
+            (bench.X_WO.translation.vector + Vector3::new(0.035, 0.035, 0.0) * f64::from(i)).into(),
+            bench.X_WO.rotation,
+        );
+        match bench.find(&bench.frames_at(&X_WO), last.as_ref()) {
+            Ok(pose) => {
+                // A dozen pixels of an object that the image's edge cuts off tell little more than where it is.
+                let off_m = (pose.X_WO.translation.vector - X_WO.translation.vector).norm();
+                let limit_m = if pose.points < 20 { bench.reference.radius_m } else { 0.01 };
+                assert!(off_m < limit_m, "{i}: {off_m} m off, {pose:?}");
+                last = Some(pose.X_WO);
+            }
+            Err(status) => {
+                lost = true;
+                assert!(matches!(
+                    status,
+                    PerceptionStatus::NoPoints | PerceptionStatus::TooFewPoints | PerceptionStatus::NotConverged
+                ));
+            }
+        }
+    }
+    assert!(lost, "between the cameras' axes none sees far");
+}
+
+#[test]
+fn of_two_objects_the_expected_one_is_followed_and_without_expectation_one_is_found() {
+    let bench = Bench::new();
+    let mut other = bench.X_WO;
+    other.translation.vector += Vector3::new(0.4, -0.3, 0.2);
+    let (one, two) = (bench.full(&bench.frames_at(&bench.X_WO)), bench.full(&bench.frames_at(&other)));
+    let mut both = one;
+    for (frame, two) in both.iter_mut().zip(&two) {
+        for (depth, other) in frame.depth_m.iter_mut().zip(&two.depth_m) {
+            *depth = depth.min(*other);
+        }
+    }
+    let followed = bench.find(&both, Some(&bench.X_WO)).unwrap();
+    assert!(bench.off_m(&followed) < 0.002, "{}", bench.off_m(&followed));
+    let found = bench.find(&both, None).unwrap();
+    let off_m = bench.off_m(&found).min((found.X_WO.translation.vector - other.translation.vector).norm());
+    assert!(off_m < 0.005, "{off_m}");
+}
+
+#[test]
+fn a_cloud_of_one_point_is_too_few() {
+    let bench = Bench::new();
+    let mut frames = bench.frames_at(&bench.X_WO);
+    frames.truncate(1);
+    let first = frames[0].mask.as_ref().unwrap().iter().position(|mask| *mask).unwrap();
+    frames[0].mask.iter_mut().flatten().enumerate().for_each(|(i, mask)| *mask = i == first);
+    assert_eq!(bench.find(&frames, Some(&bench.X_WO)), Err(PerceptionStatus::TooFewPoints));
+    assert_eq!(bench.find(&frames, None), Err(PerceptionStatus::TooFewPoints));
+    assert_eq!(
+        ReferenceModel::from_points(&[Point3::origin()], &[Vector3::z()], &bench.config),
+        ReferenceModel::default()
+    );
+    let nothing = ReferenceModel::default();
+    let found = find_object(&frames, &bench.cameras, &nothing, None, None, &bench.config, &mut Workspace::default());
+    assert_eq!(found, Err(PerceptionStatus::NoReference));
+}
+
+#[test]
+fn poses_that_make_no_flight_give_a_status() {
+    let bench = Bench::new();
+    let mut pose = bench.find(&bench.frames_at(&bench.X_WO), None).unwrap();
+    let config = trajectory_prediction::Config::default();
+    let mut space = trajectory_prediction::Workspace::default();
+    let mut flight_of = |poses: &[ObjectPose]| predict(poses, None, bench.reference.symmetry, &config, 0, &mut space);
+    assert_eq!(flight_of(&[]), Err(PredictionStatus::TooFewPoses));
+    assert!(flight_of(&vec![pose; 20]).is_err());
+    pose.capture_s = f64::NAN;
+    assert!(flight_of(&vec![pose; 20]).is_err());
+}
