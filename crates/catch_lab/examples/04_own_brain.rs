@@ -1,6 +1,6 @@
 //! A brain of one's own in the arena: `cargo run --release --example 04_own_brain`.
 //!
-//! This one only holds the arm where it is and closes the gripper when it sees the object within 0.4 m of the arm's base axis. A
+//! This one only holds the arm where it is and closes the gripper when it sees the object within 0.75 m of the arm's base axis. A
 //! real cell is brought in the other way round: implement `catch_cell::Cell` for its drivers and give it to `CatchingBot`.
 
 #![expect(clippy::print_stdout, reason = "examples speak to whoever runs them")]
@@ -25,7 +25,7 @@ impl Brain for Watcher {
                 nearest_m = nearest_m.min(p_W.x.hypot(p_W.y));
             }
         }
-        let closes = nearest_m < 0.4 && !self.has_closed;
+        let closes = nearest_m < 0.75 && !self.has_closed;
         self.has_closed |= closes;
         let closing = GripperMove { start_s: observation.time_s, width_m: 0.0, speed_mps: 0.4, force_n: 40.0 };
         Command { gripper: closes.then(|| vec![closing]), ..Command::default() }
@@ -43,7 +43,7 @@ fn main() -> anyhow::Result<()> {
     }
     let last = arena.truth().samples.last().copied();
     let Some(sample) = last else { return Ok(()) };
-    println!("after {:.2} s the object is at {:.3}", sample.time_s, sample.X_WO.translation.vector.transpose());
+    println!("after {:.2} s the object is at {:.3?} m", sample.time_s, sample.X_WO.translation.vector.as_slice());
     println!("the gripper is {:.0} mm open", sample.width_m * 1e3);
     Ok(())
 }

@@ -38,7 +38,7 @@ fn main() -> anyhow::Result<()> {
     for time_s in [0.2, 0.4, 0.6] {
         let p_WO = flight.pose_at(time_s).translation.vector;
         let (off_mm, claimed_mm) = ((p_WO - truth(time_s)).norm() * 1e3, flight.position_sd_at(time_s) * 1e3);
-        println!("{time_s:.1} s: {:.3} m, off by {off_mm:.1} mm, claimed ± {claimed_mm:.1} mm", p_WO.transpose());
+        println!("{time_s:.1} s: {:.3?} m, off by {off_mm:.1} mm, claimed ± {claimed_mm:.1} mm", p_WO.as_slice());
     }
     Ok(())
 }
