@@ -4,6 +4,7 @@ pub mod catch;
 pub mod check;
 pub mod eval;
 pub mod list;
+pub mod new;
 pub mod plan;
 pub mod predict;
 pub mod ready;
@@ -63,6 +64,8 @@ enum Command {
     Replay(replay::ReplayArguments),
     /// A recording in the browser: three dimensions, a time slider, plots
     View(view::ViewArguments),
+    /// A commented file to start from: an own robot, object or scenario
+    New(new::NewArguments),
     /// Is this robot, gripper, object, throw, rig or scenario file right?
     Check(check::CheckArguments),
 }
@@ -112,6 +115,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<()> {
         Some(Command::Ready(ready)) => ready::run(&ready),
         Some(Command::Replay(replay)) => replay::run(&replay),
         Some(Command::View(view)) => view::run(&view),
+        Some(Command::New(new)) => new::run(&new),
         Some(Command::Check(check)) => check::run(&check),
     }
 }

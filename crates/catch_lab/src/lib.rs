@@ -1,9 +1,29 @@
-//! The lab: trials, their referee, their recordings, and the program `catchingbot`.
+//! CatchingBot's lab: trials, their referee, their recordings, what they look like, and the program `catchingbot`.
+//!
+//! # Where to begin
+//!
+//! The tutorial `docs/your-first-throw.md` starts with the
+//! program; the numbered examples in `crates/catch_lab/examples` do the same as a library:
+//!
+//! | example | shows | uses |
+//! |---|---|---|
+//! | `01_first_throw` | a throw, its story, its page | [`setup`], [`recorded_throw`], [`catch_page`] |
+//! | `02_own_object` | an object from an OBJ file | [`setup::Choice`] |
+//! | `03_own_scenario` | a changed scenario, and how often it still catches | [`scenario`], [`evaluation`] |
+//! | `04_own_brain` | another brain in the same arena | [`catch_cell::Brain`], [`catch_cell::Cell`] |
+//! | `05_predict_a_track` | a flight fitted to measured poses | [`catch_bot::trajectory_prediction`] |
+//!
+//! Each is run with `cargo run --release --example 01_first_throw`.
+//!
+//! # What is where
 //!
 //! Here, and only here, the brain and the arena meet: [`setup`] reads what a scenario names ([`assets`], [`scenario`]),
 //! [`trial`] lets the brain play one throw, [`referee`] judges it by the truth, [`timeline`] tells its story, [`recording`]
 //! keeps it and [`replay`] checks that the brain would do it again. An [`evaluation`] is many trials, [`results`] keeps their
 //! rows and [`statistics`] sums them up.
+//!
+//! A recording is looked at through a [`playback`]: as a page ([`catch_page`]), a small moving picture ([`gif_picture`]) or in
+//! other tools ([`mcap_file`]); an evaluation as a page ([`report_page`]) and as [`plots`].
 
 pub mod assets;
 pub mod catch_page;
@@ -27,6 +47,7 @@ pub mod scenario;
 pub mod setup;
 pub mod statistics;
 pub mod stopwatch;
+pub mod templates;
 pub mod throw_times;
 pub mod timeline;
 pub mod track_file;

@@ -32,9 +32,10 @@ fn name_of(cell: &CellSummary) -> String {
 
 /// Bars with their intervals, the published rates beside them.
 fn caught(report: &Report, path: &Path) -> Result<(), Failure> {
-    let root = SVGBackend::new(path, SIZE).into_drawing_area();
-    root.fill(&WHITE)?;
     let cells = report.cells;
+    let width = SIZE.0.max(70 + 130 * cells.len() as u32);
+    let root = SVGBackend::new(path, (width, SIZE.1)).into_drawing_area();
+    root.fill(&WHITE)?;
     let mut chart = ChartBuilder::on(&root)
         .margin(12)
         .x_label_area_size(34)
@@ -89,7 +90,9 @@ fn prediction(report: &Report, path: &Path) -> Result<(), Failure> {
         })
         .collect();
     let all = || curves.iter().flat_map(|(_, errors)| errors.iter().copied());
-    let (low, high) = (all().fold(1.0, f64::min), all().fold(1.0, f64::max));
+    let (low, high) = (all().fold(f64::INFINITY, f64::min), all().fold(0.0, f64::max));
+    // Without any error there is still a plot, an empty one.
+    let (low, high) = if low <= high { (low, high) } else { (0.1, 1.0) };
     let mut chart = ChartBuilder::on(&root)
         .margin(12)
         .x_label_area_size(40)
@@ -112,7 +115,7 @@ fn prediction(report: &Report, path: &Path) -> Result<(), Failure> {
     }
     chart
         .configure_series_labels()
-        .position(SeriesLabelPosition::UpperLeft)
+        .position(SeriesLabelPosition::LowerRight)
         .background_style(WHITE.mix(0.85))
         .border_style(BLACK.mix(0.2))
         .draw()?;

@@ -34,8 +34,8 @@ pub struct Report<'a> {
     pub cells: &'a [CellSummary],
     /// All trials.
     pub rows: &'a [Row],
-    /// Wall times of the stages, where they are known.
-    pub stages: &'a BTreeMap<&'static str, StageTimes>,
+    /// Wall times of the stages in the order of the pipeline, where they are known.
+    pub stages: &'a [(&'a str, StageTimes)],
     /// Pages of missed throws, relative to the report, by the index of their row.
     pub pages: &'a BTreeMap<usize, String>,
 }
@@ -187,7 +187,7 @@ fn computing(report: &Report) -> String {
     if report.stages.is_empty() {
         return String::new();
     }
-    let all: Vec<f64> = report.stages.values().flat_map(|it| [it.p50_ms, it.max_ms]).collect();
+    let all: Vec<f64> = report.stages.iter().flat_map(|(_, it)| [it.p50_ms, it.max_ms]).collect();
     let scale = Scale::decades(&all, "ms");
     let mut html =
         "<h2>Computing</h2><p class=\"faint\">Wall time of each stage: the dot is the median, the line reaches to the \
@@ -196,7 +196,7 @@ fn computing(report: &Report) -> String {
     for (stage, StageTimes { p50_ms, p99_ms, max_ms, .. }) in report.stages {
         let [p50, p99, most] = [p50_ms, p99_ms, max_ms].map(|ms| scale.place(*ms));
         let marks = [Mark::Range(p50, p99), Mark::Most(most), Mark::Dot(p50)];
-        html += &row(&stage.replace('_', " "), &marks, &format!("{p50_ms:.2} / {p99_ms:.1} ms"), true);
+        html += &row(&stage.replace('_', " "), &marks, &format!("{p50_ms:.2} / {p99_ms:.2} ms"), true);
     }
     html + &scale.axis()
 }

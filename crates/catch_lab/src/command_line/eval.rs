@@ -117,7 +117,7 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
         Times { wall_s, threads, trials: rows.len() - done_before, stages: stopwatch.summary().into_iter().collect() };
     let path = arguments.out.join("times.json");
     fs::write(&path, serde_json::to_string_pretty(&times)? + "\n").with_context(|| format!("{}", path.display()))?;
-    write_report(arguments, &evaluation, &cells, &rows, &times.stages)?;
+    write_report(arguments, &evaluation, &cells, &rows, &stopwatch.summary())?;
     if !arguments.json {
         return Ok(print(&cells, &times, &arguments.out)?);
     }
@@ -141,7 +141,7 @@ fn write_report(
     evaluation: &Evaluation,
     cells: &[CellSummary],
     rows: &[Row],
-    stages: &BTreeMap<&'static str, StageTimes>,
+    stages: &[(&str, StageTimes)],
 ) -> anyhow::Result<()> {
     let folder = &arguments.out;
     let written = || format!("the report in {}", folder.display());

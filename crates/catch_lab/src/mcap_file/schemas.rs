@@ -42,14 +42,14 @@ impl Message {
     /// The schema.
     pub fn schema(self) -> Value {
         let fields = match self {
-            Self::FrameTransforms => vec![("transforms", list(frame_transform()))],
-            Self::JointStates => vec![("timestamp", time()), ("joints", list(joint_state()))],
+            Self::FrameTransforms => vec![("transforms", list(&frame_transform()))],
+            Self::JointStates => vec![("timestamp", time()), ("joints", list(&joint_state()))],
             Self::PointCloud => vec![
                 ("timestamp", time()),
                 ("frame_id", string()),
                 ("pose", pose()),
                 ("point_stride", count()),
-                ("fields", list(packed_element_field())),
+                ("fields", list(&packed_element_field())),
                 ("data", bytes()),
             ],
             Self::RawImage => vec![
@@ -80,7 +80,7 @@ fn object(title: &str, fields: Vec<(&str, Value)>) -> Value {
     json!({ "title": title, "type": "object", "properties": properties })
 }
 
-fn list(items: Value) -> Value {
+fn list(items: &Value) -> Value {
     json!({ "type": "array", "items": items })
 }
 

@@ -137,3 +137,18 @@ fn the_page_of_a_throw_opens_from_a_disk_and_its_slider_moves_the_arm() {
     assert_eq!(found(&dom, "requests"), "0");
     assert_eq!(found(&dom, "error"), "0");
 }
+
+#[test]
+fn the_report_opens_from_a_disk() {
+    let Some(browser) = Browser::find() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().to_str().unwrap();
+    let evaluated = catchingbot(&["eval", "--trials", "2", "--throw", "near", "--throw", "far", "--out", out]);
+    assert!(evaluated.status.success(), "{}", stderr(&evaluated));
+    let report = folder.path().join("report.html");
+    assert_refers_to_nothing(&fs::read_to_string(&report).unwrap());
+    let light = browser.screenshot(&report, "", [1000, 1200], "report");
+    let dark = browser.screenshot(&report, "theme=dark", [1000, 1200], "report-dark");
+    assert!(light != dark);
+    browser.screenshot(&report, "", [412, 915], "report-phone");
+}

@@ -41,7 +41,8 @@ fn check(value: &Value, schema: &Value, path: &str) {
                 assert_eq!(wanted, "base64");
                 let text = value.as_str().unwrap();
                 assert!(
-                    text.len() % 4 == 0 && text.bytes().all(|it| it.is_ascii_alphanumeric() || b"+/=".contains(&it))
+                    text.len().is_multiple_of(4)
+                        && text.bytes().all(|it| it.is_ascii_alphanumeric() || b"+/=".contains(&it))
                 );
             }
             other => panic!("{path}: unknown keyword {other}"),

@@ -109,3 +109,69 @@ fn the_moving_picture_is_small_and_moves() {
     assert!(images > 30, "{images} images");
     assert!(area < images * width * height / 2, "only what changed is in the file");
 }
+
+/// A small evaluation with a missed throw: the arm's waiting pose is one from which nothing is within reach.
+fn evaluate(folder: &Path) -> String {
+    let scenario = folder.join("far_away.toml");
+    let text = stdout(&catchingbot(&["list", "--show", "paper"]));
+    let ready = text.lines().find(|line| line.starts_with("ready_rad")).unwrap();
+    let away = "ready_rad = [2.8, 1.2, 1.1, -1.5, 1.6, 1.4, 0.2]";
+    fs::write(&scenario, text.replace(ready, away).replace("name = \"paper\"", "name = \"away\"")).unwrap();
+    let out = folder.join("results");
+    let output = catchingbot(&[
+        "eval",
+        "--plots",
+        "--trials",
+        "2",
+        "--scenario",
+        scenario.to_str().unwrap(),
+        "--throw",
+        "near_sampled",
+        "--out",
+        out.to_str().unwrap(),
+    ]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    out.to_str().unwrap().to_owned()
+}
+
+#[test]
+fn an_evaluation_writes_a_report_with_a_page_for_each_miss() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = evaluate(folder.path());
+    let page = stdout(&catchingbot(&["view", "--no-open", &out])).trim().to_owned();
+    assert!(page.ends_with("report.html"), "{page}");
+    let report = fs::read_to_string(&page).unwrap();
+    assert!(report.contains("0 of 2") && report.contains("98.3 %"), "ours beside the published rate");
+    let links: Vec<&str> = report.split("<a href=\"").skip(1).filter_map(|it| it.split('"').next()).collect();
+    assert_eq!(links.len(), 2);
+    for link in links {
+        let throw = fs::read_to_string(Path::new(&out).join(link)).unwrap();
+        assert_eq!(data_of(&throw)["caught"], false);
+    }
+    for plot in ["caught.svg", "prediction.svg"] {
+        let text = fs::read_to_string(Path::new(&out).join(plot)).unwrap();
+        assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"), "{plot}");
+    }
+}
+
+#[test]
+fn new_files_are_right_as_they_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().to_str().unwrap();
+    for (kind, file) in [("object", "mine.toml"), ("robot", "mine/robot.toml"), ("scenario", "my_scenario.toml")] {
+        let name = if kind == "scenario" { "my_scenario" } else { "mine" };
+        let output = catchingbot(&["new", kind, name, "--out", out]);
+        assert!(output.status.success(), "{}", stderr(&output));
+        let path = folder.path().join(file);
+        let checked = catchingbot(&["check", path.to_str().unwrap()]);
+        assert!(checked.status.success(), "{}{}", stdout(&checked), stderr(&checked));
+        // Nothing is overwritten.
+        let again = catchingbot(&["new", kind, name, "--out", out]);
+        assert_eq!(again.status.code(), Some(2));
+        assert!(stderr(&again).contains("already there"));
+    }
+    assert_eq!(catchingbot(&["new", "object", "../evil", "--out", out]).status.code(), Some(2));
+    let object = folder.path().join("mine.toml");
+    let document = record(folder.path(), &["--object", object.to_str().unwrap(), "--html"]);
+    assert_eq!(document["scene"]["object"], "mine");
+}
