@@ -302,9 +302,8 @@ impl CatchingBot {
         let (p_WO, v_WO) = (flight.pose_at(next_s).translation.vector, flight.twist_at(next_s).linear);
         let doubt_m = 3.0 * flight.position_sd_at(next_s) + v_WO.norm() * period_s;
         let radius_m = self.known.reference.radius_m + self.known.config.perception.gate_m + doubt_m;
-        let window = |camera: &CameraModel| {
-            camera.window_around(&camera.X_WC.inverse_transform_point(&p_WO.into()), radius_m)
-        };
+        let window =
+            |camera: &CameraModel| camera.window_around(&camera.X_WC.inverse_transform_point(&p_WO.into()), radius_m);
         Some(self.known.cameras.iter().map(window).collect())
     }
 

@@ -48,8 +48,8 @@ pub(super) fn register(
             keep(&mut finalists, fit, &reference.symmetry);
         }
         let results = finalists.iter().flatten();
-        let results =
-            results.map(|fit| registration::iterate(scene, reference, &fit.X_WO, config, config.max_iterations, outlined).0);
+        let results = results
+            .map(|fit| registration::iterate(scene, reference, &fit.X_WO, config, config.max_iterations, outlined).0);
         let least = results.min_by(|a, b| a.misfit.total_cmp(&b.misfit));
         best = least.map(|fit| (fit, outlined)).or(best);
         if best.is_some_and(|(fit, _)| fit.residual_m <= config.outline_above_m) {

@@ -4,6 +4,7 @@
 //! is registered to them ([`registration`]), starting from where the last trajectory says the object should be.
 
 mod acquisition;
+mod cloud;
 mod cold_start;
 mod distance_field;
 mod icp;
@@ -27,9 +28,11 @@ use catch_cell::{CameraModel, DepthFrame};
 use nalgebra::{Matrix6, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 
+pub use cloud::register_cloud;
 pub use distance_field::DistanceField;
 pub use point_cloud::{DepthNoise, SceneCloud};
 pub use reference::ReferenceModel;
+pub use registration::Fit;
 pub use segmentation::Surroundings;
 pub use symmetry::Symmetry;
 
@@ -83,7 +86,7 @@ pub struct Config {
     /// Or when a step is shorter than this share of the pose's standard deviation.
     pub step_tolerance_sd: f64,
     /// A registration whose points lie further than this from the reference (root mean square, in metres), beside three
-    /// standard deviations of the depth noise that was told, is not believed. A wrong attitude leaves 8 mm or more.
+    /// standard deviations of the depth noise that was told, is not believed: wrong attitudes left 6 mm and more.
     pub max_residual_m: f64,
     /// What every pose is taken to be off by at least, because points of one frame err together: metres.
     pub position_floor_m: f64,
@@ -120,7 +123,7 @@ impl Default for Config {
             max_iterations: 20,
             step_tolerance_m: 2e-6,
             step_tolerance_sd: 0.1,
-            max_residual_m: 0.008,
+            max_residual_m: 0.005,
             position_floor_m: 5e-5,
             rotation_floor_rad: 1e-3,
             gate_m: 0.05,
@@ -208,10 +211,10 @@ pub fn find_object(
         Some(Err(status)) if !unlabelled && status != PerceptionStatus::NoPoints => Err(status),
         _ if !unlabelled => find_at(frames, cameras, reference, None, surroundings, config, workspace),
         _ => {
-            let place =
-                acquisition::find(frames, cameras, reference, surroundings, config, &mut workspace.acquisition);
+            let place = acquisition::find(frames, cameras, reference, surroundings, config, &mut workspace.acquisition);
             let place = place.ok_or(PerceptionStatus::NoPoints)?;
-            let X_WO = Pose::from_parts(place.coords.into(), prior.map_or(UnitQuaternion::identity(), |X_WO| X_WO.rotation));
+            let X_WO =
+                Pose::from_parts(place.coords.into(), prior.map_or(UnitQuaternion::identity(), |X_WO| X_WO.rotation));
             workspace.is_place_only = true;
             let found = find_at(frames, cameras, reference, Some(&X_WO), surroundings, config, workspace);
             workspace.is_place_only = false;

@@ -109,7 +109,8 @@ impl SceneCloud {
                     label(&mut self.labels, frame, &part, &background, [near.depth_m, near.reach_m], config);
                     labelled = Some((part, from));
                     let labels = std::mem::take(&mut self.labels);
-                    let pixels = self.collect_where(frame, camera, part, config, |i, _| labels[from + i] == Label::Object);
+                    let pixels =
+                        self.collect_where(frame, camera, part, config, |i, _| labels[from + i] == Label::Object);
                     self.labels = labels;
                     pixels
                 }
@@ -145,7 +146,8 @@ impl SceneCloud {
                     [if mask[i] { Label::Object } else { Label::Elsewhere }, Label::Unknown][usize::from(is_hidden)]
                 }),
                 (None, Some((part, from))) => {
-                    let (left, top) = ((part.left - frame.window.left) as usize, (part.top - frame.window.top) as usize);
+                    let (left, top) =
+                        ((part.left - frame.window.left) as usize, (part.top - frame.window.top) as usize);
                     let (wide, high) = (part.width as usize, part.height as usize);
                     let labels = &self.labels[from..from + part.area()];
                     outline(&mut self.outline, frame.window, camera, &shown.pixels, |column, row| {

@@ -67,7 +67,9 @@ pub fn register(
 ) -> Result<Fit, PerceptionStatus> {
     let (fit, converged) = iterate(scene, reference, X_WO, config, config.max_iterations, with_outline);
     let limit_m = config.max_residual_m + 3.0 * fit.noise_m;
-    let outlined = fit.outline_residual_m.is_some_and(|residual_m| residual_m <= config.max_residual_m);
+    // Depths that are off by as much as the object is large are noise, whatever was told; then the outline vouches for itself.
+    let is_noise = fit.residual_m > HOPELESS_RADII * reference.radius_m;
+    let outlined = is_noise && fit.outline_residual_m.is_some_and(|residual_m| residual_m <= config.max_residual_m);
     let believable = (fit.residual_m <= limit_m || outlined) && fit.points >= config.min_points;
     if converged && believable { Ok(fit) } else { Err(PerceptionStatus::NotConverged) }
 }
@@ -87,7 +89,8 @@ pub(super) fn iterate(
     let measured = points.len();
     // Depths that are known worse than to the object's size say nothing that its outline does not say better, and the field
     // is no measure of how they err.
-    let points = if noise_m > HOPELESS_RADII * reference.radius_m && !rays.is_empty() { &[] } else { points.as_slice() };
+    let points =
+        if noise_m > HOPELESS_RADII * reference.radius_m && !rays.is_empty() { &[] } else { points.as_slice() };
     let mut X_WO = *start;
     let observable = reference.symmetry.observable();
     silhouette::find_all(rays, reference, &X_WO, config);
@@ -272,7 +275,8 @@ mod tests {
         let X_WO = Pose::new(Vector3::new(0.1, 0.2, 0.3), Vector3::new(0.4, -0.5, 0.6));
         let mut checked = 0;
         for (point, normal) in reference.points.iter().zip(&reference.normals).step_by(37) {
-            let scene = [ScenePoint { p_W: X_WO * (point + normal * 0.003), per_depth_W: Vector3::z(), depth_sd_m: 0.0 }];
+            let scene =
+                [ScenePoint { p_W: X_WO * (point + normal * 0.003), per_depth_W: Vector3::z(), depth_sd_m: 0.0 }];
             let distance = |X_WO: &Pose| {
                 let mut found = 0.0;
                 each_residual(&scene, &reference, X_WO, &config, |_, _, distance, _| found = distance);

@@ -134,9 +134,15 @@ pub(super) fn label(
                 false if is_hidden => Label::Unknown,
                 false => Label::Elsewhere,
                 true if behind_m.is_finite() && found_m > behind_m - threshold_m(behind_m, config) => {
-                    if is_hidden { Label::Unknown } else { Label::Elsewhere }
+                    if is_hidden {
+                        Label::Unknown
+                    } else {
+                        Label::Elsewhere
+                    }
                 }
-                true if (found_m - depth_m).abs() < reach_m + config.background_sd * config.depth_noise.sd_m(found_m) => {
+                true if (found_m - depth_m).abs()
+                    < reach_m + config.background_sd * config.depth_noise.sd_m(found_m) =>
+                {
                     Label::Object
                 }
                 true => Label::Unknown,

@@ -323,7 +323,8 @@ pub(super) fn outline(
             if !at_outline {
                 continue;
             }
-            let uv = Point2::new(f64::from(window.left) + column as f64 + 0.5, f64::from(window.top) + row as f64 + 0.5);
+            let uv =
+                Point2::new(f64::from(window.left) + column as f64 + 0.5, f64::from(window.top) + row as f64 + 0.5);
             let ray_C = camera.back_project(&uv, 1.0).coords;
             let length = ray_C.norm();
             let pixel_rad = 1.0 / (camera.focal_px * length);

@@ -74,7 +74,8 @@ fn clean_frames_give_the_pose() {
 #[test]
 fn frames_with_noise_give_the_pose() {
     for (name, shape) in Shape::all() {
-        let (position_mm, rotation_deg) = tracking_errors(&shape, Noise::Constant(0.002), &told(Noise::Constant(0.002)), 30);
+        let (position_mm, rotation_deg) =
+            tracking_errors(&shape, Noise::Constant(0.002), &told(Noise::Constant(0.002)), 30);
         println!("{name}: {position_mm:.4} mm {rotation_deg:.4}°");
         assert!(position_mm < 0.6 && rotation_deg < 1.0, "{name}: {position_mm} mm, {rotation_deg}°");
     }
@@ -110,7 +111,8 @@ fn finds_the_object_without_prior() {
             let noise = if seed % 2 == 0 { Noise::Clean } else { Noise::Constant(0.005) };
             let X_WR = X_WO * reference.X_RO.inverse();
             let frames = synthetic::depth_frames(&cameras, &shape, &X_WR, noise, &mut normal);
-            let found = find_object(&frames, &cameras, &reference, None, None, &Config::default(), &mut Workspace::default());
+            let found =
+                find_object(&frames, &cameras, &reference, None, None, &Config::default(), &mut Workspace::default());
             let found = found.unwrap_or_else(|status| panic!("{name} {seed}: {status:?}"));
             let off_m = (found.X_WO.translation.vector - X_WO.translation.vector).norm();
             let turn = reference.symmetry.turn_between(&found.X_WO.rotation, &X_WO.rotation).norm();

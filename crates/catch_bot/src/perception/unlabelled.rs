@@ -32,7 +32,13 @@ struct Scene<'a> {
 }
 
 impl Scene<'_> {
-    fn frames(&self, shape: &Shape, X_WS: &Pose, windows: &[PixelWindow], normal: &mut Normal) -> (Vec<DepthFrame>, Vec<Vec<bool>>) {
+    fn frames(
+        &self,
+        shape: &Shape,
+        X_WS: &Pose,
+        windows: &[PixelWindow],
+        normal: &mut Normal,
+    ) -> (Vec<DepthFrame>, Vec<Vec<bool>>) {
         let both = self.cameras.iter().zip(windows).enumerate().map(|(i, (camera, window))| {
             let object = synthetic::depth_frame(i, camera, shape, X_WS, 0.03);
             let background = Background::new(camera, Some(&self.surroundings), window, self.config);
@@ -56,7 +62,11 @@ impl Scene<'_> {
                 truth.push(shows);
                 let depth = if shows { seen } else { behind };
                 let z = f64::from(depth);
-                frame.depth_m.push(if z.is_finite() { (z + self.noise.sd(z) * normal.draw()) as f32 } else { f32::NAN });
+                frame.depth_m.push(if z.is_finite() {
+                    (z + self.noise.sd(z) * normal.draw()) as f32
+                } else {
+                    f32::NAN
+                });
             }
             (frame, truth)
         });
@@ -74,8 +84,7 @@ fn segment(noise: Noise, floor_visible: bool, at_gripper: bool, tracked: bool, t
     let surroundings = Surroundings { arm: &surface, X_WL, width_m: 0.1 };
     let shape = Shape::banana();
     let (constant_m, quadratic_per_m) = synthetic::data_sheet(noise);
-    let config =
-        Config { depth_noise: DepthNoise { constant_m, quadratic_per_m }, floor_visible, ..Config::default() };
+    let config = Config { depth_noise: DepthNoise { constant_m, quadratic_per_m }, floor_visible, ..Config::default() };
     let reference = synthetic::reference(&shape, 200);
     let cameras = synthetic::flight_rig();
     let scene = Scene { cameras: &cameras, surroundings, config: &config, noise };
@@ -95,7 +104,10 @@ fn segment(noise: Noise, floor_visible: bool, at_gripper: bool, tracked: bool, t
             .iter()
             .map(|camera| {
                 if tracked {
-                    camera.window_around(&camera.X_WC.inverse_transform_point(&centre), reference.radius_m + config.gate_m)
+                    camera.window_around(
+                        &camera.X_WC.inverse_transform_point(&centre),
+                        reference.radius_m + config.gate_m,
+                    )
                 } else {
                     camera.full_window()
                 }
@@ -134,7 +146,11 @@ fn segment(noise: Noise, floor_visible: bool, at_gripper: bool, tracked: bool, t
     println!(
         "{noise:?} floor {floor_visible} gripper {at_gripper} tracked {tracked}: recall {:.1} %, precision {:.1} %, found {:.0} %, \
          {:.2} mm {:.2}°",
-        result[0] * 100.0, result[1] * 100.0, result[2] * 100.0, result[3], result[4]
+        result[0] * 100.0,
+        result[1] * 100.0,
+        result[2] * 100.0,
+        result[3],
+        result[4]
     );
     result
 }

@@ -165,7 +165,8 @@ fn look(
     let found = find_object(frames, cameras, reference, expected.as_ref(), None, perception, &mut seen.workspace);
     let Ok(pose) = found else { return };
     seen.poses.push(pose);
-    let flight = predict(&seen.poses, seen.flight.as_ref(), reference.symmetry, prediction, seed, &mut Default::default());
+    let flight =
+        predict(&seen.poses, seen.flight.as_ref(), reference.symmetry, prediction, seed, &mut Default::default());
     seen.flight = flight.ok().or(seen.flight.take());
 }
 
@@ -176,7 +177,8 @@ impl Errors {
         self.pose_deg.push(symmetry.turn_between(&pose.X_WO.rotation, &truth.rotation).norm().to_degrees());
         let mut information = pose.information;
         (0..3).for_each(|i| information[(i, i)] += 1e-3);
-        let covariance = information.try_inverse().map_or(Matrix3::zeros(), |all| all.fixed_view::<3, 3>(3, 3).into_owned());
+        let covariance =
+            information.try_inverse().map_or(Matrix3::zeros(), |all| all.fixed_view::<3, 3>(3, 3).into_owned());
         self.pose_squares.push(square(&covariance, &error));
     }
 
@@ -222,7 +224,12 @@ fn report(throws: u64, variants: &[Variant], setting: &Setting) {
     for (name, shape) in Shape::all() {
         for (variant, both) in variants.iter().zip(measure(&shape, variants, setting, 0..throws)) {
             for (frames, errors) in setting.frames.iter().zip(&both) {
-                println!("{name:7} {:5} {:16} {frames:3} frames: {}", variant.name, format!("{:?}", variant.noise), errors.summary());
+                println!(
+                    "{name:7} {:5} {:16} {frames:3} frames: {}",
+                    variant.name,
+                    format!("{:?}", variant.noise),
+                    errors.summary()
+                );
             }
         }
     }
@@ -300,7 +307,9 @@ fn cover(name: &str, noises: &[Noise], setting: &Setting, throws: u64) {
     let mut squares: Vec<[Vec<f64>; 2]> = vec![Default::default(); noises.len()];
     for (i, (_, shape)) in Shape::all().iter().enumerate() {
         let from = i as u64 * 10_000;
-        for (squares, both) in squares.iter_mut().zip(measure(shape, &variants, setting, from..from + throws.div_ceil(3))) {
+        for (squares, both) in
+            squares.iter_mut().zip(measure(shape, &variants, setting, from..from + throws.div_ceil(3)))
+        {
             squares.iter_mut().zip(both).for_each(|(squares, errors)| squares.extend(errors.catch_squares));
         }
     }
@@ -366,11 +375,29 @@ fn measured_times() {
                     let last = seen.poses.last().map(|pose| pose.X_WO);
                     let expected = seen.flight.as_ref().map(|flight| flight.pose_at(capture_s)).or(last);
                     let start = cpu_ms();
-                    let found = find_object(&frames, &cameras, &reference, expected.as_ref(), None, &config, &mut seen.workspace);
+                    let found = find_object(
+                        &frames,
+                        &cameras,
+                        &reference,
+                        expected.as_ref(),
+                        None,
+                        &config,
+                        &mut seen.workspace,
+                    );
                     let between = cpu_ms();
-                    let Ok(pose) = found else { lost += 1; continue };
+                    let Ok(pose) = found else {
+                        lost += 1;
+                        continue;
+                    };
                     seen.poses.push(pose);
-                    let flight = predict(&seen.poses, seen.flight.as_ref(), reference.symmetry, &prediction, seed, &mut Default::default());
+                    let flight = predict(
+                        &seen.poses,
+                        seen.flight.as_ref(),
+                        reference.symmetry,
+                        &prediction,
+                        seed,
+                        &mut Default::default(),
+                    );
                     let end = cpu_ms();
                     seen.flight = flight.ok().or(seen.flight.take());
                     if pose.cold_started {
@@ -383,7 +410,12 @@ fn measured_times() {
                     }
                 }
             }
-            println!("{name:7} {:16} whole {}; iterations {:.1}, lost {lost}", format!("{noise:?}"), percentiles(whole_ms.clone()), iterations as f64 / whole_ms.len() as f64);
+            println!(
+                "{name:7} {:16} whole {}; iterations {:.1}, lost {lost}",
+                format!("{noise:?}"),
+                percentiles(whole_ms.clone()),
+                iterations as f64 / whole_ms.len() as f64
+            );
             println!("        perception {}", percentiles(find_ms));
             println!("        prediction {}", percentiles(predict_ms));
             println!("        cold start {} ({})", percentiles(cold_ms.clone()), cold_ms.len());

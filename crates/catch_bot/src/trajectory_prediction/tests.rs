@@ -125,7 +125,10 @@ fn too_little_or_nonsense_gives_a_status() {
     let throw = throw(&mut normal, 0.0, 0.0, &banana());
     let mut poses = seen(&throw, 20, 0.001, 0.02, 0.0, &mut normal);
     assert_eq!(predict(&[], None, banana(), &config, 0, &mut Default::default()), Err(PredictionStatus::TooFewPoses));
-    assert_eq!(predict(&poses[..5], None, banana(), &config, 0, &mut Default::default()), Err(PredictionStatus::TooFewPoses));
+    assert_eq!(
+        predict(&poses[..5], None, banana(), &config, 0, &mut Default::default()),
+        Err(PredictionStatus::TooFewPoses)
+    );
     let same = vec![poses[0]; 10];
     assert!(predict(&same, None, banana(), &config, 0, &mut Default::default()).is_err());
     for pose in &mut poses[3..10] {

@@ -31,7 +31,8 @@ fn tracking_and_predicting_allocate_nothing() {
                     frame.capture_s = t;
                     frame.mask = frame.mask.take().filter(|_| labelled);
                 }
-                let expected = flight.as_ref().map(|flight: &trajectory_prediction::FlightTrajectory| flight.pose_at(t));
+                let expected =
+                    flight.as_ref().map(|flight: &trajectory_prediction::FlightTrajectory| flight.pose_at(t));
                 let mut found = None;
                 let allocated = allocation_counter::measure(|| {
                     let pose =
