@@ -1,4 +1,4 @@
-//! Closed-form inverse kinematics of S-R-S arms: seven joints, three axes that meet in a shoulder, one elbow, three that
+//! Inverse kinematics: numerical for any arm, in closed form for S-R-S arms: seven joints, three axes that meet in a shoulder, one elbow, three that
 //! meet in a wrist, and no offsets.
 //!
 //! The position of the wrist fixes the elbow but for a swivel about the line from shoulder to wrist; each swivel angle leaves
@@ -7,8 +7,10 @@
 //! axes: everything is expressed by the axes in W while all joints are at zero.
 
 mod arcs;
+mod numerical;
 
 pub use arcs::{Arcs, Branch};
+pub use numerical::Ranges;
 
 use arcs::Harmonic;
 use nalgebra::{Matrix3, Point3, Rotation3, Unit, Vector3};
@@ -121,6 +123,14 @@ impl SrsArm {
             lower: robot.per_joint(|joint| joint.limits.lower),
             upper: robot.per_joint(|joint| joint.limits.upper),
         })
+    }
+
+    /// By how much the elbow is bent for a pose of the gripper, `None` if the wrist is too far or too near.
+    pub fn elbow_bend(&self, X_WG: &Pose) -> Option<f64> {
+        let distance = (X_WG * self.p_GW - self.shoulder).norm();
+        let (a, b) = (self.upper_arm, self.forearm);
+        let cos_elbow = (a * a + b * b - distance * distance) / (2.0 * a * b);
+        (cos_elbow.abs() < 1.0).then(|| std::f64::consts::PI - cos_elbow.acos())
     }
 
     /// The elbow's circle for a pose of the gripper, `None` if the wrist is too far or too near.

@@ -81,6 +81,24 @@ impl RayCaster {
 
     /// As [`Self::cast`], but only what lies before `limit` counts, which spares searching behind it.
     pub fn cast_within(&self, origin: &Point3<f64>, direction: &Vector3<f64>, limit: f64) -> Option<f64> {
+        self.nearest(origin, direction, limit).map(|(t, _)| t)
+    }
+
+    /// As [`Self::cast_within`], with the outward normal of the triangle that was met, of length one.
+    pub fn cast_to_face(
+        &self,
+        origin: &Point3<f64>,
+        direction: &Vector3<f64>,
+        limit: f64,
+    ) -> Option<(f64, Vector3<f64>)> {
+        self.nearest(origin, direction, limit).map(|(t, index)| {
+            let [e1, e2] = self.triangles[index].edges;
+            (t, e1.cross(&e2).normalize())
+        })
+    }
+
+    /// The nearest triangle that a ray meets before `limit`, and where.
+    fn nearest(&self, origin: &Point3<f64>, direction: &Vector3<f64>, limit: f64) -> Option<(f64, usize)> {
         let (start, squared) = (origin - self.centre, direction.norm_squared());
         let nearest = -start.dot(direction) / squared;
         let miss = (start + direction * nearest).norm_squared();
@@ -100,17 +118,17 @@ impl RayCaster {
         let along = single((direction / speed).add_scalar(0.0));
         let ray = Ray::new(single(start + direction * entry), along, 0.0, bound(limit));
 
-        let mut first = limit;
+        let (mut first, mut face) = (limit, 0);
         self.hierarchy.ray_traverse(ray, &mut RayHit::none(), |_, index| {
             match self.triangles[index].intersect(origin, direction) {
                 Some(t) if t < first => {
-                    first = t;
+                    (first, face) = (t, index);
                     bound(t)
                 }
                 _ => f32::INFINITY,
             }
         });
-        (first < limit).then_some(first)
+        (first < limit).then_some((first, face))
     }
 }
 

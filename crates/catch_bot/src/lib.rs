@@ -57,6 +57,8 @@ pub enum Status {
     OutOfReach,
     /// The object passes within reach, but no way of holding it was found.
     NoGrasp,
+    /// It passes within reach, but would hit the open gripper on its way in, whatever the grasp.
+    Blocked,
     /// A catch was chosen, but no motion to it that keeps all limits.
     NoPlan,
     /// A plan is being executed; the newest flight gave no better one.
@@ -187,6 +189,11 @@ impl CatchingBot {
     /// The object as the brain knows it.
     pub fn reference(&self) -> &ReferenceModel {
         self.known.reference()
+    }
+
+    /// All ways of holding it that its shape allows.
+    pub fn grasps(&self) -> &GraspSet {
+        self.known.grasps()
     }
 }
 
@@ -333,6 +340,7 @@ impl CatchingBot {
                 Ok(plan) => (Status::Planned, Some(plan)),
                 Err(Refusal::NoGrasp) => (Status::NoGrasp, None),
                 Err(Refusal::OutOfReach) => (Status::OutOfReach, None),
+                Err(Refusal::Blocked) => (Status::Blocked, None),
                 Err(Refusal::NoMotion) => (Status::NoPlan, None),
             };
         };

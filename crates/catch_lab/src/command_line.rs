@@ -7,6 +7,7 @@ pub mod list;
 pub mod plan;
 pub mod ready;
 pub mod replay;
+pub mod view;
 
 use std::path::PathBuf;
 
@@ -27,6 +28,8 @@ Examples:
   catchingbot eval --throw near --throw far       57 throws of each: a table
   catchingbot list                                what there is to throw, and how
   catchingbot catch --json --seed 7 | jq .caught  for scripts: one JSON document
+  catchingbot view out/paper-tennis_ball-near-1-0.catch
+                                                  the throw in the browser
   catchingbot replay out/paper-tennis_ball-near-1-0.catch
                                                   would the brain do the same again?
 
@@ -52,6 +55,8 @@ enum Command {
     Ready(ready::ReadyArguments),
     /// The brain once more on the observations of a recording: does it want the same, bit for bit?
     Replay(replay::ReplayArguments),
+    /// A recording in the browser: three dimensions, a time slider, plots
+    View(view::ViewArguments),
     /// Is this robot, gripper, object, throw, rig or scenario file right?
     Check(check::CheckArguments),
 }
@@ -98,6 +103,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<()> {
         Some(Command::Plan(plan)) => plan::run(&plan),
         Some(Command::Ready(ready)) => ready::run(&ready),
         Some(Command::Replay(replay)) => replay::run(&replay),
+        Some(Command::View(view)) => view::run(&view),
         Some(Command::Check(check)) => check::run(&check),
     }
 }

@@ -6,18 +6,27 @@
 //! rows and [`statistics`] sums them up.
 
 pub mod assets;
+pub mod catch_page;
 pub mod check;
 pub mod evaluation;
+pub mod gif_picture;
+pub mod mcap_file;
+pub mod packed;
 pub mod planner_cases;
+pub mod playback;
+pub mod plots;
 pub mod ready;
+pub mod recorded_throw;
 pub mod recording;
 pub mod referee;
 pub mod replay;
+pub mod report_page;
 pub mod results;
 pub mod scenario;
 pub mod setup;
 pub mod statistics;
 pub mod stopwatch;
+pub mod throw_times;
 pub mod timeline;
 pub mod trial;
 

@@ -10,7 +10,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use catch_body::{InputError, JointVector, Pose};
+use catch_body::{InputError, JointVector, Pose, TriangleMesh};
 use catch_bot::{
     Report, Status, control::GripperPlan, grasp_selection::Approach, perception::ObjectPose,
     trajectory_prediction::FlightTrajectory,
@@ -18,6 +18,7 @@ use catch_bot::{
 use catch_cell::{CameraModel, Command, Observation, ReferenceScan};
 use catch_sim::Truth;
 use flate2::{Compression, GzBuilder, read::GzDecoder, write::GzEncoder};
+use nalgebra::Point3;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use crate::{
@@ -32,7 +33,7 @@ use crate::{
 /// What every recording begins with.
 pub const FORMAT: &str = "catchingbot recording";
 /// Changes whenever older programs could not read the file.
-pub const FORMAT_VERSION: u32 = 1;
+pub const FORMAT_VERSION: u32 = 2;
 /// Ending of the files' names.
 pub const EXTENSION: &str = "catch";
 
@@ -113,6 +114,32 @@ pub struct Ending {
     pub timeline: Vec<Entry>,
     /// The outcome.
     pub verdict: Verdict,
+    /// The object's true surface in O, for pictures.
+    pub surface: RecordedSurface,
+}
+
+/// A surface of triangles in single precision.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct RecordedSurface {
+    /// Corner points in metres.
+    pub vertices_m: Vec<[f32; 3]>,
+    /// Three indices into them per triangle, counter-clockwise from outside.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl From<&TriangleMesh> for RecordedSurface {
+    fn from(mesh: &TriangleMesh) -> Self {
+        let single = |vertex: &Point3<f64>| vertex.coords.cast::<f32>().into();
+        Self { vertices_m: mesh.vertices.iter().map(single).collect(), triangles: mesh.triangles.clone() }
+    }
+}
+
+impl RecordedSurface {
+    /// The surface as a mesh.
+    pub fn mesh(&self) -> TriangleMesh {
+        let vertices = self.vertices_m.iter().map(|&vertex| Point3::from(vertex).cast()).collect();
+        TriangleMesh { vertices, triangles: self.triangles.clone() }
+    }
 }
 
 impl From<&Report> for RecordedReport {

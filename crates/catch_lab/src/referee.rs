@@ -248,8 +248,9 @@ impl<'a> Evidence<'a> {
             Status::NoTrajectory => 1,
             Status::OutOfReach => 2,
             Status::NoGrasp => 3,
-            Status::NoPlan => 4,
-            Status::PlanKept | Status::Planned | Status::Committed => 5,
+            Status::Blocked => 4,
+            Status::NoPlan => 5,
+            Status::PlanKept | Status::Planned | Status::Committed => 6,
         };
         self.thoughts.iter().map(|thought| thought.report.status).max_by_key(|&status| rank(status)).unwrap_or_default()
     }
@@ -291,7 +292,7 @@ fn sample_before(truth: &Truth, time_s: f64) -> Option<&TruthSample> {
 }
 
 /// Where the object would have been at `time_s` if nothing had touched it: from its last free state on along a parabola.
-fn undisturbed_position(truth: &Truth, time_s: f64) -> Option<Point3<f64>> {
+pub(crate) fn undisturbed_position(truth: &Truth, time_s: f64) -> Option<Point3<f64>> {
     let free_until = truth.samples.iter().position(|sample| sample.contact.any()).unwrap_or(truth.samples.len());
     let free = &truth.samples[..free_until];
     let next = free.partition_point(|sample| sample.time_s < time_s - 0.5e-3);

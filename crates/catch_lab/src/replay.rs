@@ -78,13 +78,16 @@ pub fn replay(path: &Path) -> Result<Replay, InputError> {
     })
 }
 
-fn brain_of(header: &Header) -> Result<CatchingBot, InputError> {
-    let names = SourceNames {
-        robot_urdf: "robot.urdf in the recording",
-        robot_toml: "robot.toml in the recording",
-        gripper_toml: "gripper.toml in the recording",
-    };
-    let (robot, gripper) = header.sources.parse(&names)?;
+/// What errors call the texts in a recording.
+pub(crate) const RECORDED: SourceNames = SourceNames {
+    robot_urdf: "robot.urdf in the recording",
+    robot_toml: "robot.toml in the recording",
+    gripper_toml: "gripper.toml in the recording",
+};
+
+/// The brain as it was before the recorded throw.
+pub(crate) fn brain_of(header: &Header) -> Result<CatchingBot, InputError> {
+    let (robot, gripper) = header.sources.parse(&RECORDED)?;
     Ok(CatchingBot::new(header.brain.clone(), robot, gripper, header.cameras.clone(), &header.reference_scan))
 }
 

@@ -5,7 +5,7 @@ use std::{
     sync::{Arc, OnceLock},
 };
 
-use catch_body::{Gripper, InputError, JointVector, Robot, inverse_kinematics::SrsArm, robot_file::RobotFiles};
+use catch_body::{Gripper, InputError, JointVector, Robot, robot_file::RobotFiles};
 use catch_bot::{CatchingBot, Preparation};
 use catch_cell::{CameraModel, ReferenceScan};
 use catch_sim::{
@@ -153,11 +153,6 @@ impl Setup {
         let sources = Sources { robot_urdf, robot_toml: robot.text, gripper_toml: gripper.text };
         let names = SourceNames { robot_urdf: &urdf_file, robot_toml: &robot.file, gripper_toml: &gripper.file };
         let (arm, hand) = sources.parse(&names)?;
-        if SrsArm::of(&arm).is_none() {
-            let expected = "seven joints whose axes meet in a shoulder, an elbow and a wrist without offsets (S-R-S): the only \
-                            kind that the planner knows so far";
-            return Err(InputError::new(&urdf_file, "joints", format!("the geometry of `{}`", arm.name), expected));
-        }
         let ready_q = match &scenario.ready_rad {
             Some(values) => arm.checked_pose(&asset.file, "ready_rad", values)?,
             None => arm.ready_q,

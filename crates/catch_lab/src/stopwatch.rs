@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use catch_cell::Probe;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Takes the time of every stage in every tick.
 #[derive(Debug, Clone)]
@@ -12,6 +12,8 @@ pub struct Stopwatch {
     started: Instant,
     /// Stage by stage in the order of the pipeline, in units of 0.1 µs, small because evaluations keep millions of them.
     laps: Vec<(&'static str, Vec<u32>)>,
+    /// Those of the last tick.
+    newest: Vec<(&'static str, u32)>,
 }
 
 /// Name under which the time of whole ticks is kept.
@@ -20,13 +22,14 @@ const WHOLE_TICK: &str = "tick";
 impl Default for Stopwatch {
     fn default() -> Self {
         let now = Instant::now();
-        Self { last: now, started: now, laps: Vec::new() }
+        Self { last: now, started: now, laps: Vec::new(), newest: Vec::new() }
     }
 }
 
 impl Stopwatch {
     /// A tick begins.
     pub fn start(&mut self) {
+        self.newest.clear();
         self.last = Instant::now();
         self.started = self.last;
     }
@@ -35,6 +38,11 @@ impl Stopwatch {
     pub fn stop(&mut self) {
         let lap = self.started.elapsed();
         self.laps_of(WHOLE_TICK).push(units(lap));
+    }
+
+    /// What each stage took in the last tick, in milliseconds, in the order of the pipeline.
+    pub fn last_tick_ms(&self) -> Vec<(&'static str, f64)> {
+        self.newest.iter().map(|&(stage, lap)| (stage, f64::from(lap) / 1e4)).collect()
     }
 
     /// Adds what another one has measured.
@@ -66,6 +74,7 @@ impl Probe for Stopwatch {
         let now = Instant::now();
         let lap = now - std::mem::replace(&mut self.last, now);
         self.laps_of(stage).push(units(lap));
+        self.newest.push((stage, units(lap)));
     }
 }
 
@@ -75,7 +84,7 @@ fn units(lap: Duration) -> u32 {
 }
 
 /// Wall time of one stage, over all ticks in which it ran.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct StageTimes {
     /// How often it ran.
     pub count: usize,

@@ -37,6 +37,8 @@ pub struct Thought {
     pub time_s: f64,
     /// What.
     pub report: Report,
+    /// Wall time of each stage that ran, in milliseconds.
+    pub stage_ms: Vec<(&'static str, f64)>,
 }
 
 /// All that happened in a trial.
@@ -72,7 +74,11 @@ pub fn run(
         stopwatch.stop();
         let report = brain.report();
         onlooker(&Tick { observation: &observation, command: &command, report }, arena.truth())?;
-        thoughts.push(Thought { time_s: observation.time_s, report: report.clone() });
+        thoughts.push(Thought {
+            time_s: observation.time_s,
+            report: report.clone(),
+            stage_ms: stopwatch.last_tick_ms(),
+        });
         arena.act(command);
         if watch.is_over(&mut arena) {
             return Ok(Trial { truth: arena.truth().clone(), thoughts, stopwatch });

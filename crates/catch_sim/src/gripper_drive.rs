@@ -3,16 +3,28 @@
 use catch_body::Gripper;
 use catch_cell::{GripperMove, GripperState};
 
-/// Stiffness and damping of the position controller of each finger, in N/m and N·s/m: a 50 g finger is brought to a standstill
-/// within 10 ms.
-const STIFFNESS_NPM: f64 = 2500.0;
-const DAMPING_NSPM: f64 = 20.0;
+/// Position controller of each finger.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gains {
+    /// Force per metre, in N/m.
+    pub stiffness_npm: f64,
+    /// Force per speed, in N·s/m.
+    pub damping_nspm: f64,
+}
+
+impl Gains {
+    /// As stiff as a controller at 1 kHz may be with fingers of 50 g: it follows within a millisecond, and a finger that is
+    /// stopped by an object presses with all its force 2 ms later.
+    pub const IDEAL: Self = Self { stiffness_npm: 10_000.0, damping_nspm: 40.0 };
+}
+
 /// Times closer than this are the same.
 const SAME_TIME_S: f64 = 1e-9;
 
 /// Executes gripper moves.
 #[derive(Debug, Clone)]
 pub struct GripperDrive {
+    gains: Gains,
     max_width_m: f64,
     max_force_n: f64,
     active: ActiveMove,
@@ -31,11 +43,17 @@ struct ActiveMove {
 }
 
 impl GripperDrive {
-    /// A drive that holds the fingers `width_m` apart.
+    /// The ideal drive; it holds the fingers `width_m` apart.
     pub fn new(gripper: &Gripper, width_m: f64) -> Self {
+        Self::with_gains(gripper, width_m, Gains::IDEAL)
+    }
+
+    /// A drive with a controller of its own.
+    pub fn with_gains(gripper: &Gripper, width_m: f64, gains: Gains) -> Self {
         let order =
             GripperMove { start_s: 0.0, width_m, speed_mps: gripper.max_speed_mps, force_n: gripper.max_force_n };
         Self {
+            gains,
             max_width_m: gripper.max_width_m,
             max_force_n: gripper.max_force_n,
             active: ActiveMove { order, from_m: width_m, since_s: 0.0 },
@@ -79,12 +97,13 @@ impl GripperDrive {
             };
         }
         let [wanted_m, wanted_mps] = self.setpoint(time_s).map(|of_width| of_width / 2.0);
+        let Gains { stiffness_npm, damping_nspm } = self.gains;
         let limit = self.active.order.force_n.min(self.max_force_n);
         let mean = [(finger_m[0] + finger_m[1]) / 2.0, (finger_mps[0] + finger_mps[1]) / 2.0];
         let skew = [(finger_m[0] - finger_m[1]) / 2.0, (finger_mps[0] - finger_mps[1]) / 2.0];
-        let opening = STIFFNESS_NPM * (wanted_m - mean[0]) + DAMPING_NSPM * (wanted_mps - mean[1]);
+        let opening = stiffness_npm * (wanted_m - mean[0]) + damping_nspm * (wanted_mps - mean[1]);
         let opening = opening.clamp(-limit, limit);
-        let levelling = (STIFFNESS_NPM * skew[0] + DAMPING_NSPM * skew[1]).clamp(-self.max_force_n, self.max_force_n);
+        let levelling = (stiffness_npm * skew[0] + damping_nspm * skew[1]).clamp(-self.max_force_n, self.max_force_n);
         self.squeeze_n = -opening;
         [opening - levelling, opening + levelling]
     }

@@ -55,7 +55,7 @@ impl Arcs {
 
     /// Where h ≥ 0: h₀ + r·cos(ψ − φ) is there within ±acos(−h₀/r) of φ.
     fn where_positive(h: &Harmonic) -> Self {
-        let r = h.y.hypot(h.z);
+        let r = (h.y * h.y + h.z * h.z).sqrt();
         if h.x >= r {
             return Self::full();
         }

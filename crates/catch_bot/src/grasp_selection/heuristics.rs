@@ -67,34 +67,38 @@ pub struct RankedGrasp {
     pub cost: f64,
 }
 
-/// Places a grasp on an object in pose `X_WO` that flies at `v_WO` and sums its heuristics, `None` if it cannot catch.
+/// Whether a grasp with these closing and approaching directions in O can catch an object that flies along `v_O`: it must
+/// neither move toward a finger nor come from behind.
+pub fn can_catch([closing_O, approach_O]: &[Vector3<f64>; 2], v_O: &Vector3<f64>, weights: &Weights) -> bool {
+    closing_O.dot(v_O).abs() <= weights.max_sideways && approach_O.dot(v_O) <= weights.max_from_behind
+}
+
+/// Places a grasp with these closing and approaching directions in O on an object in pose `X_WO` that flies along `v_O`, and
+/// sums its heuristics.
 ///
 /// `base` is where the arm stands.
 pub fn rank(
     index: usize,
     grasp: &Grasp,
+    [closing_O, approach_O]: &[Vector3<f64>; 2],
     X_WO: &Pose,
-    v_WO: &Vector3<f64>,
+    v_O: &Vector3<f64>,
     base: &Point3<f64>,
     weights: &Weights,
-) -> Option<RankedGrasp> {
-    let R_WG = X_WO.rotation * grasp.X_OG.rotation;
-    let v_G = R_WG.inverse_transform_vector(v_WO).try_normalize(1e-6)?;
-    let sideways = v_G.x.abs();
-    if sideways > weights.max_sideways || v_G.y > weights.max_from_behind {
-        return None;
-    }
+) -> RankedGrasp {
     let X_WG = X_WO * grasp.X_OG;
-    let approach = if -v_G.y >= v_G.z.abs() { Approach::TowardPalm } else { Approach::ThroughGap };
+    let (sideways, along) = (closing_O.dot(v_O).abs(), approach_O.dot(v_O));
+    let through_gap = (1.0 - sideways * sideways - along * along).max(0.0).sqrt();
+    let approach = if -along >= through_gap { Approach::TowardPalm } else { Approach::ThroughGap };
     // "Comfort": the gripper points away from the axis of the base (paper, III-C), here as a cosine.
     let outward = X_WG.translation.vector - base.coords;
     let comfort = Vector3::new(outward.x, outward.y, 0.0)
         .try_normalize(1e-6)
-        .map_or(0.0, |outward| (R_WG * Vector3::y()).dot(&outward));
+        .map_or(0.0, |outward| (X_WO.rotation * approach_O).dot(&outward));
     let cost = weights.catchability * sideways
         + weights.strength * grasp.strength_m / 0.03
         + weights.width * grasp.object_width_m / 0.1
         + weights.comfort * (1.0 - comfort)
-        + weights.pass_through * (1.0 + v_G.y);
-    Some(RankedGrasp { index, X_WG, approach, cost })
+        + weights.pass_through * (1.0 + along);
+    RankedGrasp { index, X_WG, approach, cost }
 }

@@ -88,6 +88,8 @@ pub struct GraspSet {
     pub grasps: Vec<Grasp>,
     /// Few points of the object in O that outline it, for clearance checks on the way in.
     pub outline: Vec<Point3<f64>>,
+    /// Closing and approaching direction of every grasp, in O.
+    axes: Vec<[Vector3<f64>; 2]>,
 }
 
 impl GraspSet {
@@ -109,19 +111,27 @@ impl GraspSet {
                 }
             }
         }
-        Self { grasps, outline: outline(&reference.points) }
+        let axes = grasps.iter().map(|it| [it.X_OG * Vector3::x(), it.X_OG * Vector3::y()]).collect();
+        Self { grasps, outline: outline(&reference.points), axes }
     }
 
     /// The best grasps for an object in pose `X_WO` that flies at `v_WO`, best first.
     pub fn rank(&self, X_WO: &Pose, v_WO: &Vector3<f64>, base: &Point3<f64>, config: &Config) -> Vec<RankedGrasp> {
+        let Some(v_O) = X_WO.rotation.inverse_transform_vector(v_WO).try_normalize(1e-6) else { return Vec::new() };
         let mut ranked: Vec<RankedGrasp> = self
             .grasps
             .iter()
+            .zip(&self.axes)
             .enumerate()
-            .filter_map(|(index, grasp)| heuristics::rank(index, grasp, X_WO, v_WO, base, &config.weights))
+            .filter(|(_, (_, axes))| heuristics::can_catch(axes, &v_O, &config.weights))
+            .map(|(index, (grasp, axes))| heuristics::rank(index, grasp, axes, X_WO, &v_O, base, &config.weights))
             .collect();
-        ranked.sort_by(|a, b| a.cost.total_cmp(&b.cost).then(a.index.cmp(&b.index)));
-        ranked.truncate(config.kept);
+        let better = |a: &RankedGrasp, b: &RankedGrasp| a.cost.total_cmp(&b.cost).then(a.index.cmp(&b.index));
+        if ranked.len() > config.kept {
+            ranked.select_nth_unstable_by(config.kept, better);
+            ranked.truncate(config.kept);
+        }
+        ranked.sort_unstable_by(better);
         ranked
     }
 }

@@ -64,9 +64,20 @@ pub enum End {
         q: f64,
         /// 1 for the highest velocity, −1 for the lowest.
         sign: f64,
+        /// What comes after.
+        onset: Option<Onset>,
     },
     /// At rest anywhere, with acceleration zero.
     Rest,
+}
+
+/// How a motion goes on: q̇ + q̈·`duration_s` must keep within ± `velocity`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Onset {
+    /// Seconds.
+    pub duration_s: f64,
+    /// Rad/s.
+    pub velocity: f64,
 }
 
 /// Position, velocity and acceleration of one joint.
@@ -124,6 +135,8 @@ pub struct JointSpline {
     given: Vec<Bounded>,
     bounded: Vec<Bounded>,
     rows: Vec<Row>,
+    /// Velocity and acceleration at the end.
+    last: [Combination; 2],
     /// Cost over control points, variable by variable, for the gradient.
     cost_rows: Vec<Combination>,
     pulls: Vec<f64>,
@@ -195,6 +208,7 @@ impl JointSpline {
             given: Vec::new(),
             bounded: Vec::new(),
             rows: Vec::new(),
+            last: [velocity[velocity.len() - 1], acceleration[acceleration.len() - 1]],
             cost_rows: Vec::new(),
             pulls: Vec::new(),
             cost,
@@ -275,7 +289,20 @@ impl JointSpline {
             let offset = quantity.dot(&fixed);
             *bound = range(quantity.of).map(|it| it - offset);
         }
-        let x = self.hessian.minimize(&gradient, &self.rows, &bounds[..self.rows.len()], 0)?;
+        let count = self.rows.len();
+        let x = if let End::Extreme { onset: Some(onset), .. } = end {
+            // q̈ + q̇/d in ± v/d, times T².
+            let share = duration_s / onset.duration_s;
+            let both: Combination = std::array::from_fn(|i| self.last[1][i] + self.last[0][i] * share);
+            let (most, offset) = (onset.velocity * duration_s * share, dot(&both, &fixed));
+            bounds[count] = [-most - offset, most - offset];
+            let mut rows = [Row::new(Variables::zeros()); 4 * MAX_POINTS];
+            rows[..count].copy_from_slice(&self.rows);
+            rows[count] = Row::new(reduced(&both, self));
+            self.hessian.minimize(&gradient, &rows[..=count], &bounds[..=count], 0)?
+        } else {
+            self.hessian.minimize(&gradient, &self.rows, &bounds[..count], 0)?
+        };
         let mut points = fixed;
         for variable in 0..self.free() {
             for index in self.lifted(variable) {
@@ -435,7 +462,7 @@ mod tests {
             let free = JointSpline::new(&spans, Ends { start_acceleration: false, end: EndKind::Position }, 0.1, 0.0);
             let given = JointSpline::new(&spans, Ends { start_acceleration: false, end: EndKind::At }, 0.1, 0.0);
             let to = q + by;
-            let Some(points) = free.solve(&start, &End::Extreme { q: to, sign }, duration, &LIMITS, 0.0) else {
+            let Some(points) = free.solve(&start, &End::Extreme { q: to, sign, onset: None }, duration, &LIMITS, 0.0) else {
                 for step in -15..=15 {
                     let end = End::At { q: to, dq: f64::from(step) * 0.1, ddq: [-99.0, 99.0] };
                     prop_assert!(given.solve(&start, &end, duration, &LIMITS, 0.0).is_none());

@@ -13,16 +13,22 @@ pub mod arrival;
 pub mod joint_spline;
 pub mod motion;
 pub mod posed;
+pub mod posture;
 pub mod quadratic_program;
 pub mod reachability;
+mod reaching;
+mod retarget;
 pub mod search;
+mod unreachable;
+mod way_in;
 
-use catch_body::{Gripper, JointVector, Pose, Robot, clearance::ArmClearance, inverse_kinematics::SrsArm};
+use catch_body::{Gripper, JointVector, Pose, Robot, clearance::ArmClearance};
 use catch_cell::{ArmTrajectory, arm::Setpoint};
 use serde::{Deserialize, Serialize};
 
 use crate::grasp_selection::{Approach, Grasp};
 use joint_spline::{EndKind, Ends, JointSpline};
+use posture::{Elbow, PostureFinder};
 
 /// Settings of trajectory optimization.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -52,8 +58,6 @@ pub struct Config {
     pub time_step_s: f64,
     /// A new search must leave at least this much time until the catch, in seconds.
     pub min_lead_s: f64,
-    /// Swivel angles of the elbow that are tried.
-    pub swivels: usize,
     /// Weights of the choice among reachable catches.
     pub weights: search::Weights,
     /// Reachable catches, best first, that are tried until one has a motion.
@@ -75,7 +79,6 @@ impl Default for Config {
             clearance_m: 0.02,
             time_step_s: 0.02,
             min_lead_s: 0.12,
-            swivels: 16,
             weights: search::Weights::default(),
             attempts: 24,
         }
@@ -97,8 +100,8 @@ pub struct CatchPlan {
     pub q: JointVector,
     /// Opening before the catch, in metres.
     pub open_width_m: f64,
-    /// Swivel angle of the elbow, where the arm has one.
-    pub swivel: f64,
+    /// Where the elbow stands, for S-R-S arms.
+    pub elbow: Option<Elbow>,
     /// Share of the object's velocity at which the gripper moves along with it.
     pub speed_fraction: f64,
     /// Angular speed of the gripper at the catch, in rad/s.
@@ -109,13 +112,15 @@ pub struct CatchPlan {
     pub trajectory: ArmTrajectory,
 }
 
-/// Why there is no plan.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// Why there is no plan, from the least to the most that was possible.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Refusal {
     /// No grasp suits the flight's direction.
     NoGrasp,
     /// The arm cannot be anywhere on the flight in time.
     OutOfReach,
+    /// Catches are within reach, but the object would hit the open gripper on its way in.
+    Blocked,
     /// Catches are within reach, but no motion to one keeps all limits.
     NoMotion,
 }
@@ -129,6 +134,9 @@ pub struct Start {
     pub state: Setpoint,
 }
 
+/// No object is held farther from its centre of mass than this, in metres.
+const HELD_BEYOND_M: f64 = 0.1;
+
 /// Plans motions of one arm with one gripper.
 #[derive(Debug)]
 pub struct Planner {
@@ -136,7 +144,11 @@ pub struct Planner {
     /// The arm with the gripper's mass on it.
     robot: Robot,
     gripper: Gripper,
-    srs: Option<SrsArm>,
+    finder: PostureFinder,
+    /// The base's distance from the farthest object that the gripper could hold, and a little more.
+    longest_reach_m: f64,
+    /// How far the arm with the gripper can extend beyond each joint, in metres.
+    extents_m: JointVector,
     clearance: ArmClearance,
     catch_splines: CatchSplines,
     /// The same where the acceleration at the start is free.
@@ -169,8 +181,14 @@ impl Planner {
         let standing_splines = CatchSplines::new(&[1.0; 10], false, &config);
         let at_rest = Ends { start_acceleration: true, end: EndKind::Rest };
         let brake_spline = JointSpline::new(&[0.5, 0.5, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5], at_rest, 0.0, 0.0);
+        let hand_m = robot.X_LG.translation.vector.norm() + gripper.fingertip_y_m();
+        let lengths_m = robot.per_joint(|joint| joint.X_PL.translation.vector.norm());
+        // The gripper's corners and the links' own width stick out a little farther.
+        let extents_m = JointVector::from_fn(|i, _| lengths_m.iter().skip(i + 1).sum::<f64>() + hand_m + HELD_BEYOND_M);
         Self {
-            srs: SrsArm::of(&robot),
+            longest_reach_m: lengths_m.sum() + hand_m + HELD_BEYOND_M,
+            extents_m,
+            finder: PostureFinder::new(&robot),
             clearance: ArmClearance::new(&robot, &gripper),
             robot: robot.carrying(&gripper),
             gripper,

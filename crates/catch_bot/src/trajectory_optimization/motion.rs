@@ -1,18 +1,18 @@
 //! A whole motion: to the catch, then braking to rest, within every limit.
 
-use catch_body::{JointVector, MAX_JOINTS, robot::JointLimits};
+use catch_body::{JointVector, robot::JointLimits};
 use catch_cell::{ArmTrajectory, BSpline, arm::Setpoint, spline::DEGREE};
 
 use super::{
-    Planner, Start,
-    joint_spline::{End, JointSpline, JointState},
+    Planner,
+    joint_spline::{End, JointState},
 };
 
 /// Braking uses this share of the acceleration limits when its duration is chosen; the spline needs room to ramp.
 pub(super) const BRAKE_SHARE: f64 = 0.5;
 /// Shortest braking in seconds.
 const MIN_BRAKE_S: f64 = 0.2;
-/// Instants at which torque and clearance are checked along a motion.
+/// Instants at which torque is checked along a motion.
 const CHECKS: usize = 40;
 /// Instants at which torque is checked on the way to the catch: at each of its spans' ends and in the middle.
 const TORQUE_CHECKS: usize = 20;
@@ -50,39 +50,34 @@ impl Planner {
         Shares { velocity: self.config.velocity_share, acceleration: 1.0 - ROUNDING }
     }
 
-    /// The motion from `start` that is at `q` with velocity `dq` at `catch_s` and then brakes; `None` if none of its kind keeps
-    /// the joint limits, the torque limits and the clearances. The gripper is `width_m` open.
-    pub fn motion(
+    /// The motion to the catch over these control points, and braking after it; `None` if it does not keep the torque limits and
+    /// the clearances. The gripper is `width_m` open.
+    pub(super) fn motion(
         &self,
-        start: &Start,
+        start_s: f64,
         catch_s: f64,
-        q: &JointVector,
-        dq: &JointVector,
+        control_points: Vec<JointVector>,
         width_m: f64,
-        shares: Shares,
     ) -> Option<ArmTrajectory> {
-        let duration_s = catch_s - start.time_s;
-        let comfortable = &self.robot.comfortable_q;
-        // The braking spline's first span takes up the acceleration at the catch: its first velocity control point,
-        // q̇ + q̈·h/2, must keep the velocity limit too.
-        let onset_s = self.brake_spline.knots[DEGREE + 1] * self.braking_s(dq) / 2.0;
-        let to_catch = self.spline(&self.catch_splines.at, &start.state, start.time_s, duration_s, shares, |i| {
-            let most = self.robot.joints[i].limits.velocity * self.moving_shares().velocity;
-            let ddq = [(-most - dq[i]) / onset_s, (most - dq[i]) / onset_s];
-            (End::At { q: q[i], dq: dq[i], ddq }, comfortable[i])
-        })?;
+        let knots_s = self.catch_splines.at.knots.iter().map(|knot| start_s + knot * (catch_s - start_s)).collect();
+        let to_catch = BSpline { knots_s, control_points };
         let [q, dq, ddq] = to_catch.evaluate(catch_s);
         let braking = self.braking(&Setpoint { q, dq, ddq }, catch_s)?;
         let trajectory = ArmTrajectory { spline: to_catch.followed_by(&braking) };
         self.is_safe(&trajectory, width_m).then_some(trajectory)
     }
 
+    /// How long the first control point of braking from `dq` reaches ahead: the braking spline's first span takes up the
+    /// acceleration at the catch, and its first velocity control point, q̇ + q̈·h/2, must keep the velocity limit too.
+    pub(super) fn braking_onset_s(&self, dq: &JointVector) -> f64 {
+        self.brake_spline.knots[DEGREE + 1] * self.braking_s(dq) / 2.0
+    }
+
     /// From `state` to rest within the joint limits, as quickly as is comfortable.
     pub fn braking(&self, state: &Setpoint, start_s: f64) -> Option<BSpline> {
         let mut duration_s = self.braking_s(&state.dq);
         for _ in 0..4 {
-            let spline =
-                self.spline(&self.brake_spline, state, start_s, duration_s, self.moving_shares(), |_| (End::Rest, 0.0));
+            let spline = self.braking_over(state, start_s, duration_s);
             if spline.is_some() {
                 return spline;
             }
@@ -98,21 +93,13 @@ impl Planner {
     }
 
     /// One spline per joint, put together.
-    fn spline(
-        &self,
-        kind: &JointSpline,
-        state: &Setpoint,
-        start_s: f64,
-        duration_s: f64,
-        shares: Shares,
-        end: impl Fn(usize) -> (End, f64),
-    ) -> Option<BSpline> {
+    fn braking_over(&self, state: &Setpoint, start_s: f64, duration_s: f64) -> Option<BSpline> {
+        let kind = &self.brake_spline;
         let mut control_points = vec![JointVector::zeros(); kind.control_points()];
         for i in 0..self.robot.dof() {
-            let limits = self.limits(i, state, shares);
+            let limits = self.limits(i, state, self.moving_shares());
             let start = JointState { q: state.q[i], dq: state.dq[i], ddq: state.ddq[i] };
-            let (end, comfortable) = end(i);
-            let points = kind.solve(&start, &end, duration_s, &limits, comfortable)?;
+            let points = kind.solve(&start, &End::Rest, duration_s, &limits, 0.0)?;
             for (row, point) in control_points.iter_mut().zip(points) {
                 row[i] = point;
             }
@@ -146,18 +133,54 @@ impl Planner {
 
     /// Whether torque limits and clearances hold along a trajectory.
     fn is_safe(&self, trajectory: &ArmTrajectory, width_m: f64) -> bool {
-        let (start_s, length_s) = (trajectory.start_s(), trajectory.end_s() - trajectory.start_s());
-        (0..=CHECKS).all(|i| {
-            let at = trajectory.setpoint(start_s + length_s * i as f64 / CHECKS as f64);
+        let (start_s, end_s) = (trajectory.start_s(), trajectory.end_s());
+        let keeps_torque = (0..=CHECKS).all(|i| {
+            let at = trajectory.setpoint(start_s + (end_s - start_s) * i as f64 / CHECKS as f64);
             let torque = self.robot.inverse_dynamics(&at.q, &at.dq, &at.ddq);
-            let within = (0..MAX_JOINTS.min(self.robot.dof()))
-                .all(|i| torque[i].abs() <= self.robot.joints[i].limits.torque * self.config.torque_share);
-            // The gripper's width matters little and only to the fingers; the floor and the arm itself are far from them.
-            within && {
-                let X_WL = self.robot.link_poses(&at.q);
-                self.clearance.self_clearance(&X_WL, width_m) >= self.config.clearance_m
-                    && self.clearance.floor_clearance(&X_WL, width_m) >= self.config.clearance_m
+            (0..self.robot.dof())
+                .all(|i| torque[i].abs() <= self.robot.joints[i].limits.torque * self.config.torque_share)
+        });
+        keeps_torque && self.keeps_clear(trajectory, width_m)
+    }
+
+    /// Whether the arm at `q` is clear of itself and of the floor, the gripper `width_m` open.
+    pub(super) fn stands_clear(&self, q: &JointVector, width_m: f64) -> bool {
+        self.clearance_m(q, width_m) >= self.config.clearance_m
+    }
+
+    fn clearance_m(&self, q: &JointVector, width_m: f64) -> f64 {
+        let X_WL = self.robot.link_poses(q);
+        self.clearance.self_clearance(&X_WL, width_m).min(self.clearance.floor_clearance(&X_WL, width_m))
+    }
+
+    /// Whether the arm keeps clear of itself and of the floor, the gripper `width_m` open.
+    ///
+    /// No two of its parts approach each other faster than Σ |q̇ᵢ|·rᵢ, rᵢ being how far the arm can extend beyond joint i: from
+    /// a clearance d there is none smaller than zero for a time of d over that speed.
+    fn keeps_clear(&self, trajectory: &ArmTrajectory, width_m: f64) -> bool {
+        let fastest_mps = self.fastest_mps(&trajectory.spline);
+        let mut time_s = trajectory.start_s();
+        loop {
+            let clearance_m = self.clearance_m(&trajectory.setpoint(time_s).q, width_m);
+            if clearance_m < self.config.clearance_m {
+                return false;
             }
-        })
+            if time_s >= trajectory.end_s() {
+                return true;
+            }
+            time_s = (time_s + clearance_m / fastest_mps).min(trajectory.end_s());
+        }
+    }
+
+    /// A bound on the speed at which parts of the arm approach each other or the floor, from the hulls of the velocities.
+    fn fastest_mps(&self, spline: &BSpline) -> f64 {
+        let mut fastest = JointVector::repeat(1e-6);
+        for (i, pair) in spline.control_points.windows(2).enumerate() {
+            let span = spline.knots_s[i + DEGREE + 1] - spline.knots_s[i + 1];
+            if span > 0.0 {
+                fastest = fastest.sup(&((pair[1] - pair[0]).abs() * (DEGREE as f64 / span)));
+            }
+        }
+        fastest.dot(&self.extents_m)
     }
 }

@@ -1,9 +1,13 @@
-//! The choice of catch time, grasp and redundancy, and the ladder of replans.
+//! The choice of catch time, grasp and redundancy.
 //!
-//! Every combination of catch time, ranked grasp, elbow swivel and inverse-kinematics branch is asked whether each joint can
-//! be there in time; what is left is scored, the best get their arrival velocities, and the first that also has a motion
-//! is taken. Reachability is thus the selector: nothing is planned that the arm cannot do, and when nothing is left the throw
-//! is out of reach.
+//! Best first: every pair of catch time and grasp that the elbow could reach enters a heap with the least that it can cost. What
+//! is on top is looked at more closely: a pair becomes postures ([`SrsArm::swivels`](catch_body::inverse_kinematics::SrsArm::swivels)
+//! cut to what each joint can reach), a posture gets its arrival velocities, an arrival its motion, and each step adds what it
+//! costs. The first motion that keeps all limits and clearances is therefore the best there is, and most of the rest is
+//! never looked at. What is found nowhere is sought once more, in finer steps of time and with all that the limits allow;
+//! only then is it refused.
+
+use std::{cmp::Ordering, collections::BinaryHeap};
 
 use catch_body::{JointVector, MAX_JOINTS, Pose};
 use nalgebra::{Point3, Vector3};
@@ -11,13 +15,14 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     CatchPlan, Planner, Refusal, Start,
-    arrival::{self, Arrival, arrival},
-    motion::{BRAKE_SHARE, Shares},
+    motion::Shares,
+    posture::{Posture, PostureFinder},
     reachability::{Interval, JointReach},
+    reaching::{Reaching, effort},
 };
 use crate::{
-    grasp_selection::{self, Approach, Entry, Grasp, GraspSet},
-    trajectory_prediction::{FlightTrajectory, Passage},
+    grasp_selection::{self, Approach, Grasp, GraspSet, RankedGrasp},
+    trajectory_prediction::FlightTrajectory,
 };
 
 /// Weights of the choice among catches that the arm can reach. All terms are costs.
@@ -42,25 +47,109 @@ impl Default for Weights {
     }
 }
 
-/// How long, how far and in how many steps before the catch the object's way into the gripper is checked.
-const WAY_IN_S: f64 = 0.08;
-const WAY_IN_M: f64 = 0.15;
-const WAY_IN_STEPS: usize = 16;
+/// Latest catch, in seconds from the start.
+const LATEST_S: f64 = 2.0;
+/// How much finer the second search is.
+const FINER: f64 = 4.0;
+/// Pairs of catch time and grasp that one search looks at, the best first.
+const MOST_PAIRS: usize = 500;
+/// The same where each takes an iteration.
+const MOST_NUMERICAL_PAIRS: usize = 16;
+/// Motions that are tried for one of them.
+const ATTEMPTS_PER_PAIR: usize = 2;
 
 /// A catch that every joint can reach.
 #[derive(Debug, Clone, Copy)]
-struct Candidate {
+pub(super) struct Candidate {
+    pub catch_s: f64,
+    pub approach: Approach,
+    pub X_WG: Pose,
+    pub posture: Posture,
+    pub cost: f64,
+}
+
+/// What is known at one catch time.
+struct Instant {
     catch_s: f64,
-    grasp: usize,
-    approach: Approach,
-    X_WG: Pose,
-    q: JointVector,
-    swivel: f64,
+    v_WO: Vector3<f64>,
+    joints: [JointReach; MAX_JOINTS],
+    ranges: [[f64; 2]; MAX_JOINTS],
+}
+
+/// A catch on its way to being a plan.
+#[derive(Clone, Copy)]
+struct Node {
+    instant: usize,
+    ranked: RankedGrasp,
+    stage: Stage,
+}
+
+#[derive(Clone, Copy)]
+enum Stage {
+    Pose,
+    Posture(Posture),
+    Arrival(Posture),
+}
+
+/// Nodes, the one that can become cheapest on top.
+#[derive(Default)]
+struct Frontier {
+    nodes: Vec<Node>,
+    heap: BinaryHeap<Ticket>,
+}
+
+/// The least that a node can cost, and which node.
+struct Ticket {
     cost: f64,
+    node: usize,
+}
+
+impl Frontier {
+    fn push(&mut self, cost: f64, node: Node) {
+        self.heap.push(Ticket { cost, node: self.nodes.len() });
+        self.nodes.push(node);
+    }
+
+    fn pop(&mut self) -> Option<(f64, Node)> {
+        self.heap.pop().map(|ticket| (ticket.cost, self.nodes[ticket.node]))
+    }
+}
+
+impl Ord for Ticket {
+    /// The cheapest is the greatest, and among equals the one that came first, so that the order is always the same.
+    fn cmp(&self, other: &Self) -> Ordering {
+        other.cost.total_cmp(&self.cost).then(other.node.cmp(&self.node))
+    }
+}
+
+impl PartialOrd for Ticket {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Ticket {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Ticket {}
+
+/// What a search is about.
+struct Task<'a> {
+    start: &'a Start,
+    flight: &'a FlightTrajectory,
+    grasps: &'a GraspSet,
+    grasp_config: &'a grasp_selection::Config,
+    shares: Shares,
 }
 
 impl Planner {
     /// The best catch of an object on `flight` that the arm can reach from `start`.
+    ///
+    /// # Errors
+    /// Why there is none.
     pub fn search(
         &self,
         start: &Start,
@@ -68,296 +157,157 @@ impl Planner {
         grasps: &GraspSet,
         grasp_config: &grasp_selection::Config,
     ) -> Result<CatchPlan, Refusal> {
-        let shares = self.shares(start);
-        let mut candidates = self.candidates(start, flight, grasps, grasp_config)?;
-        candidates.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-
-        // Arrival velocities cost more than reachability: they are found for the most promising only, whose grasps the object
-        // can enter on a straight line.
-        let mut entries = Vec::new();
-        let mut arrivals: Vec<(Candidate, Arrival)> = candidates
-            .iter()
-            .filter(|candidate| {
-                let key = (candidate.grasp, candidate.catch_s.to_bits());
-                let known = entries.iter().find(|(other, _)| *other == key).map(|(_, free)| *free);
-                known.unwrap_or_else(|| {
-                    let v_GO =
-                        candidate.X_WG.rotation.inverse_transform_vector(&flight.twist_at(candidate.catch_s).linear);
-                    let free = self.enters_straight(
-                        &grasps.grasps[candidate.grasp],
-                        &v_GO,
-                        grasps,
-                        grasp_config.way_in_margin_m,
-                    );
-                    entries.push((key, free));
-                    free
-                })
-            })
-            .filter_map(|candidate| {
-                let arrival = self.arrive(start, candidate.catch_s, &candidate.X_WG, &candidate.q, flight, shares)?;
-                let weights = &self.config.weights;
-                let missing = 1.0 - arrival.speed_fraction / self.config.max_speed_fraction.max(1e-9);
-                let cost = candidate.cost + weights.speed * missing + weights.spin * arrival.spin_radps;
-                Some((Candidate { cost, ..*candidate }, arrival))
-            })
-            .take(4 * self.config.attempts)
-            .collect();
-        if arrivals.is_empty() {
-            return Err(Refusal::OutOfReach);
-        }
-        arrivals.sort_by(|a, b| a.0.cost.total_cmp(&b.0.cost));
-        arrivals
-            .iter()
-            .take(self.config.attempts)
-            .find_map(|(candidate, arrival)| {
-                let grasp = &grasps.grasps[candidate.grasp];
-                let mut plan = self.finish(start, candidate, grasp, *arrival, shares)?;
-                plan.open_width_m = self.opening(&plan, flight, grasps, grasp_config)?;
-                Some(plan)
-            })
-            .ok_or(Refusal::NoMotion)
-    }
-
-    /// Whether the object can come into a gripper that is fully open and does not turn, at `v_GO` in G, without touching it.
-    fn enters_straight(&self, grasp: &Grasp, v_GO: &Vector3<f64>, grasps: &GraspSet, margin_m: f64) -> bool {
-        let entry = Entry::new(&self.gripper, self.gripper.max_width_m, margin_m);
-        let Some(direction) = v_GO.try_normalize(1e-6) else { return true };
-        (0..=WAY_IN_STEPS).all(|step| {
-            let mut X_GO = grasp.X_OG.inverse();
-            X_GO.translation.vector -= direction * (WAY_IN_M * step as f64 / WAY_IN_STEPS as f64);
-            entry.is_clear_of(&grasps.outline, &X_GO)
+        let task = Task { start, flight, grasps, grasp_config, shares: self.shares(start) };
+        self.best_first(&task, self.config.time_step_s).or_else(|_| {
+            let task = Task { shares: self.moving_shares(), ..task };
+            self.best_first(&task, self.config.time_step_s / FINER)
         })
     }
 
-    /// The narrowest opening with which the object touches neither fingers nor housing on its way into the moving gripper,
-    /// the fingers closing in time for the catch; `None` if there is none.
-    fn opening(
-        &self,
-        plan: &CatchPlan,
-        flight: &FlightTrajectory,
-        grasps: &GraspSet,
-        config: &grasp_selection::Config,
-    ) -> Option<f64> {
-        let passage = Passage::of(flight, plan.catch_s);
-        let way: [_; WAY_IN_STEPS + 1] = std::array::from_fn(|step| {
-            let before_s = WAY_IN_S * step as f64 / WAY_IN_STEPS as f64;
-            let time_s = plan.catch_s - before_s;
-            let X_WG = self.robot.gripper_pose(&plan.trajectory.setpoint(time_s).q);
-            (before_s, X_WG.inverse() * passage.pose_at(time_s))
-        });
-        let (narrow, wide) = (plan.grasp.open_width_m, self.gripper.max_width_m);
-        [0.0, 0.25, 0.5, 1.0].iter().map(|share| narrow + share * (wide - narrow)).find(|&open_m| {
-            way.iter().all(|(before_s, X_GO)| {
-                // How far the fingers have closed by then; toward the end less and less space is left on purpose.
-                let width_m = (plan.grasp.object_width_m + before_s * config.closing_speed_mps).min(open_m);
-                let margin_m = config.way_in_margin_m.min((width_m - plan.grasp.object_width_m) / 4.0);
-                Entry::new(&self.gripper, width_m, margin_m - 1e-4).is_clear_of(&grasps.outline, X_GO)
-            })
-        })
-    }
-
-    /// The same catch for a flight that is known better: same time and grasp, the elbow where it was or close by.
-    pub fn retarget(
-        &self,
-        start: &Start,
-        flight: &FlightTrajectory,
-        plan: &CatchPlan,
-        grasps: &GraspSet,
-        grasp_config: &grasp_selection::Config,
-    ) -> Option<CatchPlan> {
-        let X_WG = flight.pose_at(plan.catch_s) * plan.grasp.X_OG;
-        let srs = self.srs.as_ref()?;
-        let circle = srs.elbow_circle(&X_WG)?;
-        let step = std::f64::consts::TAU / self.config.swivels as f64;
-        // What a motion leaves of the limits, the next replan can use: more is taken only where less does not do.
-        let shares = [0.0, 0.5, 1.0].map(|more| self.cold_shares().toward(self.moving_shares(), more));
-        let attempts = shares.iter().flat_map(|shares| [0.0, 0.5, -0.5, 1.0, -1.0].map(|offset| (shares, offset)));
-        let mut found = attempts.into_iter().find_map(|(shares, offset)| {
-            let swivel = plan.swivel + offset * step;
-            let solutions = srs.solve(&circle, swivel);
-            let q = *solutions.iter().min_by(|a, b| (*a - plan.q).norm().total_cmp(&(*b - plan.q).norm()))?;
-            let arrival = self.arrive(start, plan.catch_s, &X_WG, &q, flight, *shares)?;
-            let CatchPlan { catch_s, approach, cost, .. } = *plan;
-            let candidate = Candidate { catch_s, grasp: 0, approach, X_WG, q, swivel, cost };
-            self.finish(start, &candidate, &plan.grasp, arrival, *shares)
-        })?;
-        found.open_width_m = self.opening_or_widest(&found, flight, grasps, grasp_config);
-        Some(found)
-    }
-
-    /// The narrowest opening that lets the object in, or, where none does any more, the widest: it hits least.
-    pub fn opening_or_widest(
-        &self,
-        plan: &CatchPlan,
-        flight: &FlightTrajectory,
-        grasps: &GraspSet,
-        config: &grasp_selection::Config,
-    ) -> f64 {
-        self.opening(plan, flight, grasps, config).unwrap_or(self.gripper.max_width_m)
-    }
-
-    fn shares(&self, start: &Start) -> Shares {
-        if start.state.dq == JointVector::zeros() { self.cold_shares() } else { self.moving_shares() }
-    }
-
-    /// All catches that every joint can reach in time.
-    fn candidates(
-        &self,
-        start: &Start,
-        flight: &FlightTrajectory,
-        grasps: &GraspSet,
-        grasp_config: &grasp_selection::Config,
-    ) -> Result<Vec<Candidate>, Refusal> {
-        let Some(srs) = &self.srs else { return Err(Refusal::NoMotion) };
-        let base = Point3::from(self.robot.X_WB.translation.vector);
-        let mut candidates = Vec::new();
-        let mut any_grasp = false;
-        let steps = (2.0 / self.config.time_step_s) as usize;
-        for step in 0..steps {
-            let lead_s = self.config.min_lead_s + step as f64 * self.config.time_step_s;
-            let catch_s = start.time_s + lead_s;
-            let X_WO = flight.pose_at(catch_s);
-            if X_WO.translation.vector.z < 0.0 {
-                break;
-            }
-            if srs.elbow_circle(&X_WO).is_none() && (X_WO.translation.vector - base.coords).norm() > 2.0 {
-                continue;
-            }
-            let joints = self.reaches(start, lead_s, self.shares(start));
-            for ranked in grasps.rank(&X_WO, &flight.twist_at(catch_s).linear, &base, grasp_config) {
-                any_grasp = true;
-                let Some(circle) = srs.elbow_circle(&ranked.X_WG) else { continue };
-                for step in 0..self.config.swivels {
-                    let swivel = std::f64::consts::TAU * step as f64 / self.config.swivels as f64;
-                    for q in srs.solve(&circle, swivel).iter() {
-                        let Some(effort) = effort(&joints, &start.state.q, q, self.robot.dof()) else { continue };
-                        let weights = &self.config.weights;
-                        let cost = ranked.cost
+    fn best_first(&self, task: &Task, time_step_s: f64) -> Result<CatchPlan, Refusal> {
+        let mut frontier = Frontier::default();
+        let (instants, any_grasp) = self.poses(task, time_step_s, &mut frontier);
+        let mut refusal = if any_grasp { Refusal::OutOfReach } else { Refusal::NoGrasp };
+        // What a few postures could not do, similar ones usually cannot either.
+        let mut failed: Vec<(usize, usize)> = Vec::new();
+        let mut pairs = match self.finder {
+            PostureFinder::Srs(_) => MOST_PAIRS,
+            PostureFinder::Numerical => MOST_NUMERICAL_PAIRS,
+        };
+        let weights = &self.config.weights;
+        while let Some((cost, Node { instant, ranked, stage })) = frontier.pop() {
+            let at = &instants[instant];
+            let from = &task.start.state.q;
+            let reaching =
+                |q: &JointVector| self.reaching(task.start, at.catch_s, &ranked.X_WG, q, &at.v_WO, task.shares);
+            match stage {
+                Stage::Pose if pairs == 0 => {}
+                Stage::Pose => {
+                    pairs -= 1;
+                    let postures = self.postures(task, at, &ranked);
+                    if let Err(why) = postures {
+                        refusal = refusal.max(why);
+                    }
+                    for (effort, posture) in postures.into_iter().flatten() {
+                        let cost = cost
                             + weights.effort * effort.powi(4)
-                            + weights.comfort * (q - self.robot.comfortable_q).norm()
-                            + weights.delay * lead_s;
-                        candidates.push(Candidate {
-                            catch_s,
-                            grasp: ranked.index,
-                            approach: ranked.approach,
-                            X_WG: ranked.X_WG,
-                            q: *q,
-                            swivel,
-                            cost,
-                        });
+                            + weights.comfort * (posture.q - self.robot.comfortable_q).norm();
+                        frontier.push(cost, Node { instant, ranked, stage: Stage::Posture(posture) });
+                    }
+                }
+                Stage::Posture(posture) => {
+                    let q = posture.q;
+                    refusal = refusal.max(Refusal::NoMotion);
+                    if !self.stands_clear(&q, task.grasps.grasps[ranked.index].open_width_m) {
+                        continue;
+                    }
+                    let bounds = self.arrival_bounds(&at.joints, from, &q);
+                    let Some(arrival) = bounds.and_then(|bounds| reaching(&q).arrival(&bounds)) else { continue };
+                    let missing = 1.0 - arrival.speed_fraction / self.config.max_speed_fraction.max(1e-9);
+                    let cost = cost + weights.speed * missing + weights.spin * arrival.spin_radps;
+                    frontier.push(cost, Node { instant, ranked, stage: Stage::Arrival(posture) });
+                }
+                Stage::Arrival(posture) => {
+                    let q = posture.q;
+                    let RankedGrasp { approach, X_WG, index, .. } = ranked;
+                    let pair = (instant, index);
+                    if failed.iter().filter(|it| **it == pair).count() >= ATTEMPTS_PER_PAIR {
+                        continue;
+                    }
+                    let candidate = Candidate { catch_s: at.catch_s, approach, X_WG, posture, cost };
+                    let Some(bounds) = self.arrival_bounds(&at.joints, from, &q) else { continue };
+                    let plan = self.finish(&candidate, &task.grasps.grasps[index], bounds, &reaching(&q));
+                    let opened = plan.and_then(|plan| {
+                        let open_width_m = self.opening(&plan, task.flight, task.grasps, task.grasp_config)?;
+                        Some(CatchPlan { open_width_m, ..plan })
+                    });
+                    if let Some(plan) = opened {
+                        return Ok(plan);
+                    }
+                    failed.push(pair);
+                    if failed.len() == self.config.attempts {
+                        return Err(Refusal::NoMotion);
                     }
                 }
             }
         }
-        match (any_grasp, candidates.is_empty()) {
-            (_, false) => Ok(candidates),
-            (true, true) => Err(Refusal::OutOfReach),
-            (false, true) => Err(Refusal::NoGrasp),
+        Err(refusal)
+    }
+
+    /// Postures in which the gripper is where `ranked` wants it, each with the share of its reach that a joint must use.
+    fn postures(&self, task: &Task, at: &Instant, ranked: &RankedGrasp) -> Result<Vec<(f64, Posture)>, Refusal> {
+        let from = &task.start.state.q;
+        let postures = self.finder.postures(&self.robot, &ranked.X_WG, from, &at.ranges);
+        if postures.is_empty() {
+            return Err(Refusal::OutOfReach);
         }
-    }
-
-    /// What each joint can reach in `time_s` from the start.
-    pub(super) fn reaches(&self, start: &Start, time_s: f64, shares: Shares) -> [JointReach; MAX_JOINTS] {
-        std::array::from_fn(|i| {
-            let limits = self.robot.joints.get(i).map(|joint| joint.limits);
-            let velocity = limits.map_or(0.0, |it| it.velocity * shares.velocity);
-            JointReach {
-                start_velocity: start.state.dq[i].clamp(-velocity, velocity),
-                velocity,
-                acceleration: limits.map_or(1.0, |it| it.acceleration * shares.acceleration),
-                time_s,
-            }
-        })
-    }
-
-    /// The arrival at `q`, within what the joints can reach and what leaves them room to brake.
-    fn arrive(
-        &self,
-        start: &Start,
-        catch_s: f64,
-        X_WG: &Pose,
-        q: &JointVector,
-        flight: &FlightTrajectory,
-        shares: Shares,
-    ) -> Option<Arrival> {
-        let joints = self.reaches(start, catch_s - start.time_s, shares);
-        let mut bounds = [Interval { low: 0.0, high: 0.0 }; MAX_JOINTS];
-        for (i, joint) in self.robot.joints.iter().enumerate() {
-            let displacement = q[i] - start.state.q[i];
-            let far = joints[i].displacements();
-            if displacement < far.low || displacement > far.high {
-                return None;
-            }
-            // v² = 2·a·s leaves room to brake before the end of the joint's range.
-            let braking = BRAKE_SHARE * joint.limits.acceleration;
-            let room = |distance: f64| (2.0 * braking * distance.max(0.0)).sqrt();
-            let margin = self.config.position_margin_rad;
-            let below = q[i] - joint.limits.lower - margin;
-            let above = joint.limits.upper - margin - q[i];
-            if below < 0.0 || above < 0.0 {
-                return None;
-            }
-            let stoppable = Interval { low: -room(below), high: room(above) };
-            let most = self.config.arrival_velocity_share * joint.limits.velocity;
-            let gentle = Interval { low: -most, high: most };
-            bounds[i] = joints[i].arrival_velocities(displacement).intersection(&stoppable).intersection(&gentle);
+        let v_GO = ranked.X_WG.rotation.inverse_transform_vector(&at.v_WO);
+        let grasp = &task.grasps.grasps[ranked.index];
+        if !self.enters_straight(grasp, &v_GO, task.grasps, task.grasp_config.way_in_margin_m) {
+            return Err(Refusal::Blocked);
         }
-        let X_WL = self.robot.link_poses(q);
-        let jacobian = self.robot.jacobian(&X_WL, &(X_WG * self.gripper.grasp_centre()));
-        arrival(
-            &jacobian,
-            &flight.twist_at(catch_s).linear,
-            &bounds,
-            self.config.max_speed_fraction,
-            &arrival::Weights::BALANCED,
-        )
+        let effort = |it: &Posture| effort(&at.joints, from, &it.q, self.robot.dof());
+        Ok(postures.into_iter().filter_map(|it| Some((effort(&it)?, it))).collect())
     }
 
-    /// Turns a candidate into a plan: a motion at the arrival's speed, or slower, or standing still.
-    fn finish(
+    /// Every catch time with every grasp that suits the flight there and that the elbow can reach; and whether any suits it.
+    fn poses(&self, task: &Task, time_step_s: f64, frontier: &mut Frontier) -> (Vec<Instant>, bool) {
+        let base = Point3::from(self.robot.X_WB.translation.vector);
+        let (mut instants, mut any_grasp) = (Vec::new(), false);
+        let steps = (LATEST_S / time_step_s) as usize;
+        for step in 0..steps {
+            let lead_s = self.config.min_lead_s + step as f64 * time_step_s;
+            let catch_s = task.start.time_s + lead_s;
+            let X_WO = task.flight.pose_at(catch_s);
+            if X_WO.translation.vector.z < 0.0 {
+                break;
+            }
+            if (X_WO.translation.vector - base.coords).norm() > self.longest_reach_m {
+                continue;
+            }
+            let joints = self.reaches(task.start, lead_s, task.shares);
+            let ranges = self.ranges(&joints, &task.start.state.q);
+            let v_WO = task.flight.twist_at(catch_s).linear;
+            for ranked in task.grasps.rank(&X_WO, &v_WO, &base, task.grasp_config) {
+                any_grasp = true;
+                if !self.finder.may_reach(&ranked.X_WG, &ranges) {
+                    continue;
+                }
+                let cost = ranked.cost + self.config.weights.delay * lead_s;
+                frontier.push(cost, Node { instant: instants.len(), ranked, stage: Stage::Pose });
+            }
+            instants.push(Instant { catch_s, v_WO, joints, ranges });
+        }
+        (instants, any_grasp)
+    }
+
+    pub(super) fn shares(&self, start: &Start) -> Shares {
+        if start.state.dq == JointVector::zeros() { self.cold_shares() } else { self.moving_shares() }
+    }
+
+    /// Turns a candidate into a plan, `None` if no motion to it keeps all limits and clearances.
+    pub(super) fn finish(
         &self,
-        start: &Start,
         candidate: &Candidate,
         grasp: &Grasp,
-        arrival: Arrival,
-        shares: Shares,
+        bounds: [Interval; MAX_JOINTS],
+        reaching: &Reaching,
     ) -> Option<CatchPlan> {
-        [1.0, 0.75, 0.4, 0.0].iter().find_map(|share| {
-            let dq = arrival.dq * *share;
-            let trajectory = self.motion(start, candidate.catch_s, &candidate.q, &dq, grasp.open_width_m, shares)?;
-            Some(CatchPlan {
-                catch_s: candidate.catch_s,
-                grasp: grasp.clone(),
-                approach: candidate.approach,
-                X_WG: candidate.X_WG,
-                q: candidate.q,
-                open_width_m: grasp.open_width_m,
-                swivel: candidate.swivel,
-                speed_fraction: arrival.speed_fraction * share,
-                spin_radps: arrival.spin_radps * share,
-                cost: candidate.cost,
-                trajectory,
-            })
+        let (arrival, control_points) = reaching.best(bounds, -1.0)?;
+        let trajectory = self.motion(reaching.start.time_s, candidate.catch_s, control_points, grasp.open_width_m)?;
+        let Candidate { catch_s, approach, X_WG, posture: Posture { q, elbow }, cost } = *candidate;
+        Some(CatchPlan {
+            catch_s,
+            grasp: grasp.clone(),
+            approach,
+            X_WG,
+            q,
+            open_width_m: grasp.open_width_m,
+            elbow,
+            speed_fraction: arrival.speed_fraction,
+            spin_radps: arrival.spin_radps,
+            cost,
+            trajectory,
         })
     }
-}
-
-/// The largest share of its reach that a joint must use to get from `start` to `q`, `None` if one cannot.
-pub(super) fn effort(
-    joints: &[JointReach; MAX_JOINTS],
-    start: &JointVector,
-    q: &JointVector,
-    dof: usize,
-) -> Option<f64> {
-    let mut most: f64 = 0.0;
-    for i in 0..dof {
-        let far = joints[i].displacements();
-        let (middle, half) = ((far.low + far.high) / 2.0, (far.high - far.low) / 2.0);
-        let share = ((q[i] - start[i] - middle) / half).abs();
-        if share > 1.0 {
-            return None;
-        }
-        most = most.max(share);
-    }
-    Some(most)
 }

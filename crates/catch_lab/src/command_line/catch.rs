@@ -9,20 +9,20 @@ use std::{
 use anyhow::Context;
 use catch_body::InputError;
 use catch_lab::{
-    VERSION,
-    recording::{Ending, Recorder, file_stem},
-    referee::{self, Measures, Verdict},
+    VERSION, gif_picture, mcap_file,
+    playback::Playback,
+    recorded_throw::{RecordedThrow, record},
+    referee::{Measures, Verdict, reason::Reason},
     scenario::Scenario,
     setup::{COMMAND_LINE, Scene, Setup},
     stopwatch::{StageTimes, Stopwatch},
-    timeline::{Entry, Event, Timeline},
-    trial,
+    timeline::{Entry, Event},
 };
 use catch_sim::truth::LimitViolation;
 use clap::Args;
 use serde::Serialize;
 
-use super::{ChoiceArguments, OutputArguments};
+use super::{ChoiceArguments, OutputArguments, view};
 use crate::screen::{self, BAD, FAINT, GOOD, STRONG};
 
 /// Arguments of `catch`.
@@ -44,6 +44,22 @@ pub struct CatchArguments {
     index: u64,
     #[command(flatten)]
     output: OutputArguments,
+    #[command(flatten)]
+    pictures: PictureArguments,
+}
+
+/// What is written beside the recording.
+#[derive(Debug, Args)]
+pub struct PictureArguments {
+    /// Write the page that `view` shows: one file, no network
+    #[arg(long)]
+    html: bool,
+    /// Write a small moving picture
+    #[arg(long)]
+    gif: bool,
+    /// Write an MCAP file for Foxglove or Rerun, and the robot's URDF beside it
+    #[arg(long)]
+    mcap: bool,
 }
 
 /// The JSON document.
@@ -52,7 +68,7 @@ struct Document<'a> {
     version: &'static str,
     caught: bool,
     caught_paper: bool,
-    reason: Option<referee::reason::Reason>,
+    reason: Option<Reason>,
     limit_violations: usize,
     scene: &'a Scene,
     catch_time_s: Option<f64>,
@@ -61,6 +77,7 @@ struct Document<'a> {
     timeline: &'a [Entry],
     stages: BTreeMap<&'static str, StageTimes>,
     recording: &'a Path,
+    pictures: &'a BTreeMap<&'static str, PathBuf>,
     scenario: &'a Scenario,
 }
 
@@ -69,44 +86,34 @@ struct Document<'a> {
 /// # Errors
 /// Faults in the arguments and files; a folder that cannot be written.
 pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
-    let CatchArguments { choice, object, throw, seed, index, output } = arguments;
+    let CatchArguments { choice, object, throw, seed, index, output, pictures } = arguments;
     let setup = Setup::load(&choice.with(object.as_deref(), throw.as_deref()))?;
     let scene = setup.scene(*seed, *index);
-    let mut recorder = Recorder::create(&output.out, &setup, &scene).map_err(|fault| {
-        InputError::new(
-            COMMAND_LINE,
-            "--out",
-            format!("`{}`: {fault}", output.out.display()),
-            "a folder that can be written",
-        )
+    // What cannot be written should be said before anything is thrown.
+    fs::create_dir_all(&output.out).map_err(|fault| {
+        let found = format!("`{}`: {fault}", output.out.display());
+        InputError::new(COMMAND_LINE, "--out", found, "a folder that can be written")
     })?;
 
     let aloud = !output.json;
     if aloud {
         title(&scene)?;
     }
-    let mut timeline = Timeline::default();
-    let trial = trial::run(&setup, *seed, *index, &mut |tick, truth| {
-        recorder.ticked(tick)?;
-        for entry in timeline.ticked(tick, truth).iter().filter(|_| aloud) {
-            tell(entry)?;
-        }
-        Ok(())
-    })
-    .with_context(|| format!("the recording in {}", output.out.display()))?;
-
-    let verdict = referee::judge(&setup, &trial);
-    let end_s = trial.truth.samples.last().map_or(0.0, |sample| sample.time_s);
-    for entry in timeline.ended(&verdict, end_s).iter().filter(|_| aloud) {
-        tell(entry)?;
-    }
-    let ending = Ending { truth: trial.truth, timeline: timeline.entries().to_vec(), verdict };
-    let recording = recorder.finish(&ending).with_context(|| format!("the recording in {}", output.out.display()))?;
-    write_times(&output.out, &scene, &trial.stopwatch)?;
+    let RecordedThrow { recording, ending, stopwatch } =
+        record(&setup, *seed, *index, &output.out, &mut |entry| if aloud { tell(entry) } else { Ok(()) })
+            .with_context(|| format!("the recording in {}", output.out.display()))?;
+    let written = pictures.write(&recording)?;
 
     let verdict = &ending.verdict;
     if aloud {
-        return Ok(summary(&scene, verdict, &trial.stopwatch, &recording)?);
+        summary(&scene, verdict, &stopwatch, &recording)?;
+        for (kind, path) in &written {
+            screen::fact(kind, &path.display().to_string())?;
+        }
+        if written.is_empty() {
+            screen::fact("look at it", &format!("catchingbot view {}", recording.display()))?;
+        }
+        return Ok(screen::line("")?);
     }
     screen::json(&Document {
         version: VERSION,
@@ -119,18 +126,39 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
         contact_s: verdict.contact_s,
         measures: &verdict.measures,
         timeline: &ending.timeline,
-        stages: trial.stopwatch.summary().into_iter().collect(),
+        stages: stopwatch.summary().into_iter().collect(),
         recording: &recording,
+        pictures: &written,
         scenario: &setup.scenario,
     })
 }
 
-/// Wall times stand beside the recording, which is the same bytes every time.
-fn write_times(folder: &Path, scene: &Scene, stopwatch: &Stopwatch) -> anyhow::Result<PathBuf> {
-    let path = folder.join(format!("{}.times.json", file_stem(scene)));
-    let text = serde_json::to_string_pretty(&stopwatch.summary().into_iter().collect::<BTreeMap<_, _>>())?;
-    fs::write(&path, text + "\n").with_context(|| format!("{}", path.display()))?;
-    Ok(path)
+impl PictureArguments {
+    /// Writes what was asked for beside the recording; returns the files by their kinds.
+    fn write(&self, recording: &Path) -> anyhow::Result<BTreeMap<&'static str, PathBuf>> {
+        let mut written = BTreeMap::new();
+        if !(self.html || self.gif || self.mcap) {
+            return Ok(written);
+        }
+        let playback = Playback::read(recording)?;
+        if self.html {
+            written.insert("page", view::write_page(recording, &playback)?);
+        }
+        let mut write = |kind: &'static str, extension: &str, content: &[u8]| {
+            let path = recording.with_extension(extension);
+            fs::write(&path, content).with_context(|| format!("{}", path.display()))?;
+            written.insert(kind, path);
+            anyhow::Ok(())
+        };
+        if self.gif {
+            write("picture", "gif", &gif_picture::gif(&playback)?)?;
+        }
+        if self.mcap {
+            write("mcap", "mcap", &mcap_file::mcap(&playback)?)?;
+            write("urdf", "urdf", playback.header.sources.robot_urdf.as_bytes())?;
+        }
+        Ok(written)
+    }
 }
 
 fn title(scene: &Scene) -> io::Result<()> {
@@ -190,6 +218,5 @@ fn summary(scene: &Scene, verdict: &Verdict, stopwatch: &Stopwatch, recording: &
     for (stage, times) in stopwatch.summary() {
         screen::fact(stage, &format!("{:.2} ms as a rule, {:.1} ms at most", times.p50_ms, times.max_ms))?;
     }
-    screen::fact("recording", &format!("{}", recording.display()))?;
-    screen::line("")
+    screen::fact("recording", &recording.display().to_string())
 }

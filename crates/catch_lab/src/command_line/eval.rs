@@ -6,7 +6,9 @@ use anyhow::Context;
 use catch_body::InputError;
 use catch_lab::{
     VERSION,
-    evaluation::{Cell, Evaluation},
+    evaluation::{Cell, Evaluation, Row},
+    plots,
+    report_page::{self, Report},
     results::{Results, TRIALS_FILE},
     setup::{COMMAND_LINE, Setup},
     statistics::CellSummary,
@@ -16,7 +18,7 @@ use clap::Args;
 use comfy_table::{CellAlignment, ContentArrangement, Table, TableComponent, presets};
 use serde::Serialize;
 
-use super::ChoiceArguments;
+use super::{ChoiceArguments, view::REPORT};
 use crate::screen::{self, FAINT, STRONG};
 
 /// Arguments of `eval`.
@@ -48,6 +50,9 @@ pub struct EvalArguments {
     /// Go on with the results that are in the folder
     #[arg(long)]
     resume: bool,
+    /// Write plots as SVG beside the report
+    #[arg(long)]
+    plots: bool,
     /// Print one JSON document instead of the table
     #[arg(long)]
     json: bool,
@@ -112,6 +117,7 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
         Times { wall_s, threads, trials: rows.len() - done_before, stages: stopwatch.summary().into_iter().collect() };
     let path = arguments.out.join("times.json");
     fs::write(&path, serde_json::to_string_pretty(&times)? + "\n").with_context(|| format!("{}", path.display()))?;
+    write_report(arguments, &evaluation, &cells, &rows, &times.stages)?;
     if !arguments.json {
         return Ok(print(&cells, &times, &arguments.out)?);
     }
@@ -127,6 +133,26 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
         stages: times.stages,
         results: &arguments.out,
     })
+}
+
+/// The report as a page, with pages of the first misses, and the plots if they are wanted.
+fn write_report(
+    arguments: &EvalArguments,
+    evaluation: &Evaluation,
+    cells: &[CellSummary],
+    rows: &[Row],
+    stages: &BTreeMap<&'static str, StageTimes>,
+) -> anyhow::Result<()> {
+    let folder = &arguments.out;
+    let written = || format!("the report in {}", folder.display());
+    let pages = report_page::record_misses(evaluation, rows, folder).with_context(written)?;
+    let scenario = &evaluation.cells[0].setup.scenario.name;
+    let report = Report { scenario, seed: evaluation.seed, cells, rows, stages, pages: &pages };
+    fs::write(folder.join(REPORT), report_page::page(&report)).with_context(written)?;
+    if arguments.plots {
+        plots::write(&report, folder).map_err(|fault| anyhow::anyhow!("{fault}")).with_context(written)?;
+    }
+    Ok(())
 }
 
 /// Every object with every throw.
@@ -163,6 +189,7 @@ fn print(cells: &[CellSummary], times: &Times, folder: &Path) -> io::Result<()> 
     for (stage, StageTimes { p50_ms, p99_ms, max_ms, .. }) in &times.stages {
         screen::fact(stage, &format!("p50 {p50_ms:.2} ms, p99 {p99_ms:.2} ms, max {max_ms:.1} ms"))?;
     }
+    screen::fact("report", &format!("catchingbot view {}", folder.display()))?;
     screen::fact("results", &folder.join(TRIALS_FILE).display().to_string())
 }
 

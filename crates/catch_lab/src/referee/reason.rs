@@ -34,6 +34,8 @@ pub enum Reason {
     OutOfReach,
     /// No way of holding the object was found.
     NoGrasp,
+    /// In every grasp it would have hit the open gripper on its way in.
+    Blocked,
     /// No motion within the limits was found.
     NoPlan,
     /// Motions were planned but came too late.
@@ -64,6 +66,7 @@ impl Display for Reason {
             Self::Prediction => "the flight was not predicted well enough",
             Self::OutOfReach => "out of reach in the time there was",
             Self::NoGrasp => "no way of holding it was found",
+            Self::Blocked => "it could not come into the open gripper",
             Self::NoPlan => "no motion within the limits was found",
             Self::Late => "the motion came too late",
             Self::HitArm => "it hit the arm",
@@ -115,6 +118,7 @@ fn without_a_plan(evidence: &Evidence) -> Reason {
         Status::NoTrajectory => Reason::Prediction,
         Status::OutOfReach => Reason::OutOfReach,
         Status::NoGrasp => Reason::NoGrasp,
+        Status::Blocked => Reason::Blocked,
         Status::NoPlan | Status::PlanKept | Status::Planned | Status::Committed => Reason::NoPlan,
     }
 }

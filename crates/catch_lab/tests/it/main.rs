@@ -2,9 +2,13 @@
 
 mod all_cells;
 mod blanked;
+mod browser;
 mod determinism;
 mod evaluation;
 mod frames;
+mod mcap_file;
+mod pages;
+mod planning;
 mod source;
 mod tidy;
 mod wrong_input;

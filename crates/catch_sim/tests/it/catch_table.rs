@@ -6,7 +6,7 @@
 
 use catch_body::Gripper;
 use catch_cell::GripperMove;
-use catch_sim::gripper_drive::GripperDrive;
+use catch_sim::gripper_drive::{Gains, GripperDrive};
 use nalgebra::Point3;
 
 use crate::setting;
@@ -30,7 +30,9 @@ fn is_caught(finger_mps: f64, delta_s: f64) -> bool {
     let p_WG = Point3::new(0.0, 0.0, FAR_FROM_THE_FLOOR_M);
     let ball = setting::ball(BALL_RADIUS_M);
     let mut world = setting::fixed_hand(setting::settings(0.6, 0.0), p_WG, &gripper, OPEN_M, &ball, &release);
-    let mut drive = GripperDrive::new(&gripper, OPEN_M);
+    // The table was made with this controller.
+    let gains = Gains { stiffness_npm: 2500.0, damping_nspm: 20.0 };
+    let mut drive = GripperDrive::with_gains(&gripper, OPEN_M, gains);
     drive.receive(vec![GripperMove { start_s: 0.0, width_m: 0.0, speed_mps: 2.0 * finger_mps, force_n: 80.0 }]);
     for step in 0..600 {
         let state = world.state();

@@ -1,0 +1,146 @@
+//! Numerical inverse kinematics for arms without a closed form: damped Gauss–Newton from several starts, and a walk along the
+//! redundancy from what it finds. Deterministic.
+
+use nalgebra::{Matrix6, Point3, Vector6};
+
+use crate::{JointVector, MAX_JOINTS, Pose, Robot};
+
+/// Length in metres that counts as much as a radian, about that of a hand.
+const LENGTH_M: f64 = 0.3;
+/// Steps from one start.
+const STEPS: usize = 14;
+/// An error of this size, in metres and radians, is none.
+const TOLERANCE: f64 = 1e-10;
+/// Starts besides the first.
+const STARTS: usize = 10;
+/// Length of a step along the redundancy in radians, and the most steps each way.
+const STRIDE_RAD: f64 = 0.12;
+const STRIDES: usize = 10;
+/// Solutions closer together than this are one.
+const SAME_RAD: f64 = 0.03;
+
+/// Lowest and highest position of every joint.
+pub type Ranges = [[f64; 2]; MAX_JOINTS];
+
+impl Robot {
+    /// Joint positions near `from` and within `ranges` that put the gripper at `X_WG`, `None` if the iteration finds none.
+    ///
+    /// Δq = Jᵀ(J·Jᵀ + λ·1)⁻¹·e with λ ∝ |e|² (Levenberg; Sugihara, Solvability-unconcerned inverse kinematics, 2011). A
+    /// joint that a step would push out of its range stays at its end and leaves the rest to the others.
+    pub fn nearby_solution(&self, X_WG: &Pose, from: &JointVector, ranges: &Ranges) -> Option<JointVector> {
+        let mut q = JointVector::from_fn(|i, _| from[i].clamp(ranges[i][0], ranges[i][1].max(ranges[i][0])));
+        let mut before = f64::INFINITY;
+        for step in 0..STEPS {
+            let X_WL = self.link_poses(&q);
+            let X_now = self.gripper_in(&X_WL);
+            let mut error = Vector6::zeros();
+            let turn = (X_WG.rotation * X_now.rotation.inverse()).scaled_axis();
+            error.fixed_rows_mut::<3>(0).copy_from(&(turn * LENGTH_M));
+            error.fixed_rows_mut::<3>(3).copy_from(&(X_WG.translation.vector - X_now.translation.vector));
+            let size = error.norm();
+            if size < TOLERANCE {
+                return Some(q);
+            }
+            // What has not halved in a few steps is stuck at the ends of the ranges.
+            if step % 4 == 3 {
+                if size > before / 2.0 {
+                    return None;
+                }
+                before = size;
+            }
+            let mut J = self.jacobian(&X_WL, &Point3::from(X_now.translation.vector));
+            J.fixed_rows_mut::<3>(0).scale_mut(LENGTH_M);
+            let mut delta = JointVector::zeros();
+            let mut free = [true; MAX_JOINTS];
+            // Joints at their ends are taken out once; a second round would seldom change anything.
+            for _ in 0..2 {
+                let damped = J * J.transpose() + Matrix6::identity() * (1e-12 + 1e-2 * size * size);
+                delta = J.transpose() * damped.cholesky()?.solve(&error);
+                for i in 0..self.dof() {
+                    let next = q[i] + delta[i];
+                    if free[i] && (next < ranges[i][0] || next > ranges[i][1]) {
+                        free[i] = false;
+                        J.column_mut(i).fill(0.0);
+                    }
+                }
+            }
+            for i in 0..self.dof() {
+                q[i] = (q[i] + delta[i]).clamp(ranges[i][0], ranges[i][1].max(ranges[i][0]));
+            }
+        }
+        None
+    }
+
+    /// Some joint positions within `ranges` that put the gripper at `X_WG`, those along the redundancy of an arm of more than
+    /// six joints among them. Starts at `from`, then all over the ranges.
+    pub fn solutions_within(&self, X_WG: &Pose, from: &JointVector, ranges: &Ranges) -> Vec<JointVector> {
+        let dof = self.dof();
+        if (0..dof).any(|i| ranges[i][0] > ranges[i][1]) {
+            return Vec::new();
+        }
+        let mut found: Vec<JointVector> = Vec::new();
+        for start in 0..=STARTS {
+            let seed = if start == 0 {
+                *from
+            } else {
+                // Additive recurrence with the roots of xᵈ⁺¹ = x + 1 (Roberts, The unreasonable effectiveness of quasirandom
+                // sequences, 2018).
+                let root = (0..30).fold(2.0_f64, |x, _| (1.0 + x).powf(1.0 / (dof as f64 + 1.0)));
+                JointVector::from_fn(|i, _| {
+                    let share = (0.5 + start as f64 / root.powi(i as i32 + 1)).fract();
+                    if i < dof { ranges[i][0] + share * (ranges[i][1] - ranges[i][0]) } else { 0.0 }
+                })
+            };
+            let Some(q) = self.nearby_solution(X_WG, &seed, ranges) else { continue };
+            if found.iter().any(|known| (known - q).amax() < SAME_RAD) {
+                continue;
+            }
+            found.push(q);
+            for direction in 0..dof.saturating_sub(6) {
+                for sign in [1.0, -1.0] {
+                    self.walk(X_WG, &q, direction, sign, ranges, &mut found);
+                }
+            }
+        }
+        found
+    }
+
+    /// Follows the redundancy from `q`, adding what it passes until it leaves the ranges or comes to what is known.
+    fn walk(
+        &self,
+        X_WG: &Pose,
+        q: &JointVector,
+        direction: usize,
+        sign: f64,
+        ranges: &Ranges,
+        found: &mut Vec<JointVector>,
+    ) {
+        let mut q = *q;
+        let mut heading: Option<JointVector> = None;
+        for _ in 0..STRIDES {
+            let X_WL = self.link_poses(&q);
+            let J = self.jacobian(&X_WL, &Point3::from(X_WG.translation.vector));
+            let damped = J * J.transpose() + Matrix6::identity() * 1e-9;
+            let Some(factor) = damped.cholesky() else { return };
+            // What a joint motion leaves when that part of it is taken away that moves the gripper.
+            let project = |v: &JointVector| v - J.transpose() * factor.solve(&(J * v));
+            let along = match heading {
+                Some(heading) => project(&heading),
+                None => {
+                    let mut all: Vec<JointVector> =
+                        (0..self.dof()).map(|i| project(&JointVector::ith(i, 1.0))).collect();
+                    all.sort_by(|a, b| b.norm().total_cmp(&a.norm()));
+                    all[direction] * sign
+                }
+            };
+            let Some(along) = along.try_normalize(1e-6) else { return };
+            heading = Some(along);
+            let Some(next) = self.nearby_solution(X_WG, &(q + along * STRIDE_RAD), ranges) else { return };
+            if (next - q).norm() < STRIDE_RAD / 4.0 || found.iter().any(|known| (known - next).amax() < SAME_RAD) {
+                return;
+            }
+            found.push(next);
+            q = next;
+        }
+    }
+}

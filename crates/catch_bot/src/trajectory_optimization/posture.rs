@@ -1,0 +1,110 @@
+//! Postures: the joint positions in which the gripper is at a given pose, over the arm's whole redundancy.
+//!
+//! S-R-S arms have them in closed form, as arcs of swivel angles on which every joint is within its range; nothing is lost
+//! between samples. Other arms have them by iteration from several starts.
+
+use catch_body::{
+    JointVector, MAX_JOINTS, Pose, Robot,
+    inverse_kinematics::{Branch, ElbowCircle, SrsArm},
+};
+
+/// Swivel angles that are looked at in each arc, as shares of it.
+const SHARES_OF_ARC: [f64; 5] = [0.5, 0.25, 0.75, 0.05, 0.95];
+
+/// Where the elbow of an S-R-S arm stands.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Elbow {
+    /// Which of the eight solutions.
+    pub branch: Branch,
+    /// Swivel angle.
+    pub swivel: f64,
+    /// The arc of swivel angles in which it was found.
+    pub arc: [f64; 2],
+}
+
+/// Joint positions, and how the redundancy is used.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Posture {
+    /// Joint positions.
+    pub q: JointVector,
+    /// For S-R-S arms.
+    pub elbow: Option<Elbow>,
+}
+
+/// The arm's way of finding postures.
+#[derive(Debug)]
+pub(super) enum PostureFinder {
+    Srs(SrsArm),
+    Numerical,
+}
+
+/// Lowest and highest position of every joint.
+type Ranges = [[f64; 2]; MAX_JOINTS];
+
+impl PostureFinder {
+    pub fn new(robot: &Robot) -> Self {
+        SrsArm::of(robot).map_or(Self::Numerical, Self::Srs)
+    }
+
+    /// Whether the gripper may be at `X_WG` at all, as far as that is quick to tell.
+    pub fn may_reach(&self, X_WG: &Pose, ranges: &Ranges) -> bool {
+        let Self::Srs(srs) = self else { return true };
+        let within = |q4: f64| ranges[3][0] <= q4 && q4 <= ranges[3][1];
+        srs.elbow_bend(X_WG).is_some_and(|bend| within(bend) || within(-bend))
+    }
+
+    /// Postures within `ranges`, from all over the redundancy.
+    pub fn postures(&self, robot: &Robot, X_WG: &Pose, from: &JointVector, ranges: &Ranges) -> Vec<Posture> {
+        let Self::Srs(srs) = self else {
+            let found = robot.solutions_within(X_WG, from, ranges);
+            return found.into_iter().map(|q| Posture { q, elbow: None }).collect();
+        };
+        let Some(circle) = srs.elbow_circle(X_WG) else { return Vec::new() };
+        let mut found = Vec::new();
+        for (branch, arcs) in srs.swivels(&circle, &first_seven(ranges)) {
+            for &arc in arcs.iter() {
+                found.extend(SHARES_OF_ARC.map(|share| {
+                    posture_at(srs, &circle, Elbow { branch, arc, swivel: arc[0] + share * (arc[1] - arc[0]) })
+                }));
+            }
+        }
+        found
+    }
+
+    /// `known` for a pose that has changed a little: the elbow moved by `by` radians.
+    pub fn adjusted(&self, robot: &Robot, X_WG: &Pose, known: &Posture, by: f64) -> Option<Posture> {
+        match (self, known.elbow) {
+            (Self::Srs(srs), Some(elbow)) => {
+                let circle = srs.elbow_circle(X_WG)?;
+                // Close to a singularity the nearest solution may be of another branch.
+                let each = Branch::ALL
+                    .map(|branch| posture_at(srs, &circle, Elbow { branch, swivel: elbow.swivel + by, ..elbow }));
+                let far = |it: &Posture| (it.q - known.q).norm();
+                each.into_iter().min_by(|a, b| far(a).total_cmp(&far(b)))
+            }
+            _ => {
+                let ranges = std::array::from_fn(|i| {
+                    robot.joints.get(i).map_or([0.0; 2], |joint| [joint.limits.lower, joint.limits.upper])
+                });
+                let q = robot.nearby_solution(X_WG, &known.q, &ranges)?;
+                Some(Posture { q, elbow: None })
+            }
+        }
+    }
+
+    /// The posture with the elbow elsewhere on its arc, `None` where there is no elbow to move.
+    pub fn moved(&self, X_WG: &Pose, posture: &Posture, swivel: f64) -> Option<Posture> {
+        let (Self::Srs(srs), Some(elbow)) = (self, posture.elbow) else { return None };
+        let swivel = swivel.clamp(elbow.arc[0], elbow.arc[1]);
+        Some(posture_at(srs, &srs.elbow_circle(X_WG)?, Elbow { swivel, ..elbow }))
+    }
+}
+
+/// The ranges of the seven joints of an S-R-S arm.
+pub(super) fn first_seven(ranges: &Ranges) -> [[f64; 2]; 7] {
+    std::array::from_fn(|i| ranges[i])
+}
+
+fn posture_at(srs: &SrsArm, circle: &ElbowCircle, elbow: Elbow) -> Posture {
+    Posture { q: srs.solve_branch(circle, elbow.swivel, elbow.branch), elbow: Some(elbow) }
+}

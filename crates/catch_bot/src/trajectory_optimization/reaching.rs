@@ -1,0 +1,238 @@
+//! From a start to given joint positions at a given time: the end velocities and the splines, found together.
+//!
+//! The velocities at the catch are chosen within what each joint can have on arrival, first by the exact bounds of
+//! [`super::reachability`], which are optimistic for a spline. A joint whose spline program is infeasible there gets the
+//! spline's own extreme as its bound on that side, and the velocities are chosen anew. What is left feasible shrinks to
+//! exactly what splines can do, and usually no cut or one is enough.
+
+use catch_body::{JointVector, MAX_JOINTS, Pose, robot::Jacobian};
+use nalgebra::Vector3;
+
+use super::{
+    CatchSplines, Planner, Start,
+    arrival::{Arrival, Weights, arrival},
+    joint_spline::{End, JointPoints, JointState, Onset},
+    motion::{BRAKE_SHARE, Shares},
+    reachability::{Interval, JointReach},
+};
+
+/// Distance from the extreme velocity of a spline at which another one surely has it, in rad/s.
+const INSIDE: f64 = 1e-7;
+
+/// Where to be and how, from where.
+pub(super) struct Reaching<'a> {
+    pub planner: &'a Planner,
+    pub splines: &'a CatchSplines,
+    pub start: &'a Start,
+    pub catch_s: f64,
+    pub q: JointVector,
+    pub v_WO: Vector3<f64>,
+    /// Of the grasp centre at `q`.
+    pub jacobian: Jacobian,
+    pub shares: Shares,
+    pub weights: Weights,
+    /// Whether a braking spline is to follow.
+    pub brakes: bool,
+}
+
+/// End velocities, and the control points of splines that have them.
+pub(super) type Reached = (Arrival, Vec<JointVector>);
+
+impl Reaching<'_> {
+    /// The best velocities within `bounds`.
+    pub fn arrival(&self, bounds: &[Interval; MAX_JOINTS]) -> Option<Arrival> {
+        let most = self.planner.config.max_speed_fraction;
+        arrival(&self.jacobian, &self.v_WO, bounds, most, &self.weights)
+    }
+
+    /// The best velocities within `bounds` that splines can have, `None` if there are none or their speed fraction is not
+    /// above `least`.
+    pub fn best(&self, mut bounds: [Interval; MAX_JOINTS], least: f64) -> Option<Reached> {
+        let dof = self.planner.robot.dof();
+        let mut points = vec![JointVector::zeros(); self.splines.at.control_points()];
+        for _ in 0..=2 * dof {
+            let arrival = self.arrival(&bounds).filter(|it| it.speed_fraction > least)?;
+            let onset_s = self.brakes.then(|| self.planner.braking_onset_s(&arrival.dq));
+            let mut all = true;
+            for (i, bound) in bounds.iter_mut().enumerate().take(dof) {
+                if let Some(joint) = self.joint(i, arrival.dq[i], onset_s) {
+                    set(&mut points, i, &joint);
+                } else {
+                    all = false;
+                    *bound = self.cut(i, arrival.dq[i], bound, onset_s)?;
+                }
+            }
+            if all {
+                return Some((arrival, points));
+            }
+        }
+        None
+    }
+
+    /// Splines for velocities that are known to be easy, `None` if they are not.
+    pub fn splines_for(&self, arrival: &Arrival) -> Option<Vec<JointVector>> {
+        let mut points = vec![JointVector::zeros(); self.splines.at.control_points()];
+        for i in 0..self.planner.robot.dof() {
+            set(&mut points, i, &self.joint(i, arrival.dq[i], None)?);
+        }
+        Some(points)
+    }
+
+    /// The bounds of joint `i` cut to what a spline can do, on the side on which it cannot have the end velocity `dq`.
+    fn cut(&self, i: usize, dq: f64, bound: &Interval, onset_s: Option<f64>) -> Option<Interval> {
+        let (start, limits, onset) = (self.state(i), self.limits(i), self.onset(i, onset_s));
+        let extreme = |sign: f64| {
+            let end = End::Extreme { q: self.q[i], sign, onset };
+            let found = self.splines.range.end_velocity(&start, &end, self.duration_s(), &limits)?;
+            // A hair inside, so that rounding cannot make the program for this end infeasible.
+            Some(found - sign * INSIDE)
+        };
+        let upper_first = bound.high - dq < dq - bound.low;
+        for side in [upper_first, !upper_first] {
+            let at = extreme(if side { 1.0 } else { -1.0 })?;
+            if side && at < dq {
+                return Some(Interval { low: bound.low.min(at), high: at });
+            }
+            if !side && at > dq {
+                return Some(Interval { low: at, high: bound.high.max(at) });
+            }
+        }
+        None
+    }
+
+    fn joint(&self, i: usize, dq: f64, onset_s: Option<f64>) -> Option<JointPoints> {
+        let ddq = self.onset(i, onset_s).map_or([f64::NEG_INFINITY, f64::INFINITY], |it| {
+            [(-it.velocity - dq) / it.duration_s, (it.velocity - dq) / it.duration_s]
+        });
+        let end = End::At { q: self.q[i], dq, ddq };
+        let comfortable = self.planner.robot.comfortable_q[i];
+        self.splines.at.solve(&self.state(i), &end, self.duration_s(), &self.limits(i), comfortable)
+    }
+
+    fn duration_s(&self) -> f64 {
+        self.catch_s - self.start.time_s
+    }
+
+    fn limits(&self, i: usize) -> catch_body::robot::JointLimits {
+        self.planner.limits(i, &self.start.state, self.shares)
+    }
+
+    fn state(&self, i: usize) -> JointState {
+        let state = &self.start.state;
+        JointState { q: state.q[i], dq: state.dq[i], ddq: state.ddq[i] }
+    }
+
+    fn onset(&self, i: usize, onset_s: Option<f64>) -> Option<Onset> {
+        let velocity = self.planner.robot.joints[i].limits.velocity * self.planner.moving_shares().velocity;
+        onset_s.map(|duration_s| Onset { duration_s, velocity })
+    }
+}
+
+fn set(points: &mut [JointVector], i: usize, joint: &JointPoints) {
+    for (point, value) in points.iter_mut().zip(joint) {
+        point[i] = *value;
+    }
+}
+
+impl Planner {
+    /// What each joint can reach in `time_s` from the start.
+    pub(super) fn reaches(&self, start: &Start, time_s: f64, shares: Shares) -> [JointReach; MAX_JOINTS] {
+        std::array::from_fn(|i| {
+            let limits = self.robot.joints.get(i).map(|joint| joint.limits);
+            let velocity = limits.map_or(0.0, |it| it.velocity * shares.velocity);
+            JointReach {
+                start_velocity: start.state.dq[i].clamp(-velocity, velocity),
+                velocity,
+                acceleration: limits.map_or(1.0, |it| it.acceleration * shares.acceleration),
+                time_s,
+            }
+        })
+    }
+
+    /// Positions that the joints can have within their ranges, reaching what they can.
+    pub(super) fn ranges(&self, joints: &[JointReach; MAX_JOINTS], q: &JointVector) -> [[f64; 2]; MAX_JOINTS] {
+        let margin = self.config.position_margin_rad;
+        std::array::from_fn(|i| {
+            let Some(joint) = self.robot.joints.get(i) else { return [0.0; 2] };
+            let far = joints[i].displacements();
+            [(joint.limits.lower + margin).max(q[i] + far.low), (joint.limits.upper - margin).min(q[i] + far.high)]
+        })
+    }
+
+    /// The task of catching at `q`, on the move, with braking to follow.
+    pub(super) fn reaching<'a>(
+        &'a self,
+        start: &'a Start,
+        catch_s: f64,
+        X_WG: &Pose,
+        q: &JointVector,
+        v_WO: &Vector3<f64>,
+        shares: Shares,
+    ) -> Reaching<'a> {
+        let X_WL = self.robot.link_poses(q);
+        Reaching {
+            planner: self,
+            splines: &self.catch_splines,
+            start,
+            catch_s,
+            q: *q,
+            v_WO: *v_WO,
+            jacobian: self.robot.jacobian(&X_WL, &(X_WG * self.gripper.grasp_centre())),
+            shares,
+            weights: Weights::BALANCED,
+            brakes: true,
+        }
+    }
+
+    /// The velocities that joints can have at `q`, within what they can reach and what leaves them room to brake; `None` if they
+    /// cannot be there.
+    pub(super) fn arrival_bounds(
+        &self,
+        joints: &[JointReach; MAX_JOINTS],
+        from: &JointVector,
+        q: &JointVector,
+    ) -> Option<[Interval; MAX_JOINTS]> {
+        let mut bounds = [Interval { low: 0.0, high: 0.0 }; MAX_JOINTS];
+        for (i, joint) in self.robot.joints.iter().enumerate() {
+            let displacement = q[i] - from[i];
+            let far = joints[i].displacements();
+            if displacement < far.low || displacement > far.high {
+                return None;
+            }
+            // v² = 2·a·s leaves room to brake before the end of the joint's range.
+            let braking = BRAKE_SHARE * joint.limits.acceleration;
+            let room = |distance: f64| (2.0 * braking * distance.max(0.0)).sqrt();
+            let margin = self.config.position_margin_rad;
+            let below = q[i] - joint.limits.lower - margin;
+            let above = joint.limits.upper - margin - q[i];
+            if below < 0.0 || above < 0.0 {
+                return None;
+            }
+            let stoppable = Interval { low: -room(below), high: room(above) };
+            let most = self.config.arrival_velocity_share * joint.limits.velocity;
+            let gentle = Interval { low: -most, high: most };
+            bounds[i] = joints[i].arrival_velocities(displacement).intersection(&stoppable).intersection(&gentle);
+        }
+        Some(bounds)
+    }
+}
+
+/// The largest share of its reach that a joint must use to get from `start` to `q`, `None` if one cannot.
+pub(super) fn effort(
+    joints: &[JointReach; MAX_JOINTS],
+    start: &JointVector,
+    q: &JointVector,
+    dof: usize,
+) -> Option<f64> {
+    let mut most: f64 = 0.0;
+    for i in 0..dof {
+        let far = joints[i].displacements();
+        let (middle, half) = ((far.low + far.high) / 2.0, (far.high - far.low) / 2.0);
+        let share = ((q[i] - start[i] - middle) / half).abs();
+        if share > 1.0 {
+            return None;
+        }
+        most = most.max(share);
+    }
+    Some(most)
+}

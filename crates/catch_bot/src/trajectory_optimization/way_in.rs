@@ -1,0 +1,108 @@
+//! The object's way into the gripper: it must touch neither fingers nor housing before the fingers have closed.
+
+use catch_body::shape::Cuboid;
+use nalgebra::Vector3;
+
+use super::{CatchPlan, Planner};
+use crate::{
+    grasp_selection::{self, Entry, Grasp, GraspSet},
+    trajectory_prediction::{FlightTrajectory, Passage},
+};
+
+/// How long, how far and in how many steps before the catch the object's way into the gripper is checked.
+const WAY_IN_S: f64 = 0.08;
+const WAY_IN_M: f64 = 0.15;
+const WAY_IN_STEPS: usize = 16;
+
+impl Planner {
+    /// Whether the object can come into a gripper that is fully open and does not turn, at `v_GO` in G, without touching it.
+    pub(super) fn enters_straight(&self, grasp: &Grasp, v_GO: &Vector3<f64>, grasps: &GraspSet, margin_m: f64) -> bool {
+        let Some(direction) = v_GO.try_normalize(1e-6) else { return true };
+        let [left, right] = self.gripper.fingers(self.gripper.max_width_m);
+        let X_GO = grasp.X_OG.inverse();
+        let way = Way::new(direction * -WAY_IN_M);
+        let boxes = [left, right, self.gripper.body()];
+        grasps.outline.iter().all(|point| {
+            let from = (X_GO * point).coords;
+            !boxes.iter().any(|it| way.meets(it, margin_m, &from))
+        })
+    }
+
+    /// The narrowest opening with which the object touches neither fingers nor housing on its way into the moving gripper,
+    /// the fingers closing in time for the catch; `None` if there is none.
+    pub(super) fn opening(
+        &self,
+        plan: &CatchPlan,
+        flight: &FlightTrajectory,
+        grasps: &GraspSet,
+        config: &grasp_selection::Config,
+    ) -> Option<f64> {
+        let passage = Passage::of(flight, plan.catch_s);
+        let way: [_; WAY_IN_STEPS + 1] = std::array::from_fn(|step| {
+            let before_s = WAY_IN_S * step as f64 / WAY_IN_STEPS as f64;
+            let time_s = plan.catch_s - before_s;
+            let X_WG = self.robot.gripper_pose(&plan.trajectory.setpoint(time_s).q);
+            (before_s, X_WG.inverse() * passage.pose_at(time_s))
+        });
+        let (narrow, wide) = (plan.grasp.open_width_m, self.gripper.max_width_m);
+        [0.0, 0.25, 0.5, 1.0].iter().map(|share| narrow + share * (wide - narrow)).find(|&open_m| {
+            way.iter().all(|(before_s, X_GO)| {
+                // How far the fingers have closed by then; toward the end less and less space is left on purpose.
+                let width_m = (plan.grasp.object_width_m + before_s * config.closing_speed_mps).min(open_m);
+                let margin_m = config.way_in_margin_m.min((width_m - plan.grasp.object_width_m) / 4.0);
+                Entry::new(&self.gripper, width_m, margin_m - 1e-4).is_clear_of(&grasps.outline, X_GO)
+            })
+        })
+    }
+}
+
+/// A straight way, the same for many points.
+struct Way {
+    /// One over its components, huge where they vanish.
+    inverse: Vector3<f64>,
+}
+
+impl Way {
+    fn new(along: Vector3<f64>) -> Self {
+        Self { inverse: along.map(|it| if it.abs() < 1e-12 { 1e12 } else { 1.0 / it }) }
+    }
+
+    /// Whether a point that starts at `from` comes within `margin_m` of a box: the parts of its way between each pair of faces
+    /// (Kay & Kajiya, Ray tracing complex scenes, 1986).
+    fn meets(&self, cuboid: &Cuboid, margin_m: f64, from: &Vector3<f64>) -> bool {
+        let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
+        for axis in 0..3 {
+            let half = cuboid.size[axis] / 2.0 + margin_m;
+            let at = cuboid.centre[axis] - from[axis];
+            let (one, two) = ((at - half) * self.inverse[axis], (at + half) * self.inverse[axis]);
+            enter = enter.max(one.min(two));
+            leave = leave.min(one.max(two));
+        }
+        enter <= leave
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Point3;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Against points along the way.
+        #[test]
+        fn a_way_meets_a_box_where_one_of_its_points_is_inside(
+            from in prop::array::uniform3(-0.3f64..0.3), way in prop::array::uniform3(-0.5f64..0.5),
+        ) {
+            let cuboid = Cuboid { centre: Point3::new(0.02, 0.0, -0.01), size: Vector3::new(0.1, 0.2, 0.05) };
+            let (from, way) = (Vector3::from(from), Vector3::from(way));
+            let nearest = (0..=2000).map(|i| {
+                let at = from + way * (f64::from(i) / 2000.0);
+                ((at - cuboid.centre.coords).abs() - cuboid.size / 2.0).max()
+            }).fold(f64::INFINITY, f64::min);
+            let meets = Way::new(way).meets(&cuboid, 0.01, &from);
+            prop_assert!(meets || nearest > 0.01);
+            prop_assert!(!meets || nearest < 0.011);
+        }
+    }
+}

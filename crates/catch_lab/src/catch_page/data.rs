@@ -1,0 +1,328 @@
+//! What a throw's page knows.
+
+use catch_body::{Pose, Robot};
+use catch_bot::grasp_selection::RankedGrasp;
+use catch_sim::TruthSample;
+use nalgebra::Point3;
+use serde::Serialize;
+
+use crate::{
+    VERSION, packed::Packed, playback::Playback, recording::RecordedTick, referee::reason::Reason, setup::Scene,
+    throw_times::TickTimes,
+};
+
+use super::{
+    points::PackedPoints,
+    surfaces::{PackedSurface, surfaces},
+};
+
+/// Samples of the motion at most.
+const MOST_SAMPLES: usize = 1500;
+/// Points along a predicted path.
+const PATH_POINTS: usize = 24;
+/// How long a predicted path goes on after the planned catch, in seconds.
+const BEYOND_CATCH_S: f64 = 0.12;
+/// How far ahead it reaches while there is no plan.
+const WITHOUT_PLAN_S: f64 = 0.8;
+/// Candidates for a grasp that are shown of each tick.
+const CANDIDATES: usize = 16;
+
+/// All that the page's scripts read. Poses are (x, y, z, qx, qy, qz, qw).
+#[derive(Debug, Serialize)]
+pub struct PageData {
+    version: &'static str,
+    scene: Scene,
+    caught: bool,
+    /// Why not.
+    reason: Option<String>,
+    facts: Vec<(&'static str, String)>,
+    events: Vec<Event>,
+    end_s: f64,
+    flight_end_s: f64,
+    robot: RobotData,
+    surfaces: Vec<PackedSurface>,
+    motion: Motion,
+    predictions: Predictions,
+    errors: Errors,
+    plans: Vec<Plan>,
+    candidates: Vec<Candidates>,
+    points: PackedPoints,
+    cameras: Vec<Camera>,
+    stages: Option<Stages>,
+}
+
+#[derive(Debug, Serialize)]
+struct Event {
+    time_s: f64,
+    label: &'static str,
+    detail: String,
+}
+
+#[derive(Debug, Serialize)]
+struct RobotData {
+    base: [f64; 7],
+    gripper: [f64; 7],
+    joints: Vec<JointData>,
+    finger_centre_y_m: f64,
+    finger_thickness_m: f64,
+    finger_tip_y_m: f64,
+    palm_y_m: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct JointData {
+    name: String,
+    parent: [f64; 7],
+    axis: [f64; 3],
+}
+
+/// The true motion at even times.
+#[derive(Debug, Serialize)]
+struct Motion {
+    step_s: f64,
+    q: Packed,
+    width_m: Packed,
+    p_WO: Packed,
+    /// Attitude of the object as a quaternion.
+    R_WO: Packed,
+    /// Shares of the joints' limits, 1 being the limit.
+    position_share: Packed,
+    velocity_share: Packed,
+    acceleration_share: Packed,
+    torque_share: Packed,
+    finger_force_n: Packed,
+}
+
+#[derive(Debug, Serialize)]
+struct Predictions {
+    time_s: Vec<f64>,
+    points: usize,
+    p_WO: Packed,
+}
+
+#[derive(Debug, Serialize)]
+struct Errors {
+    time_s: Vec<f64>,
+    error_mm: Vec<f64>,
+    claimed_mm: Vec<f64>,
+}
+
+/// A plan, from when it was made.
+#[derive(Debug, Serialize)]
+struct Plan {
+    time_s: f64,
+    catch_s: f64,
+    hand: [f64; 7],
+    width_m: f64,
+}
+
+/// The best grasps for the flight as it was predicted: poses of the gripper in the world at the catch.
+#[derive(Debug, Serialize)]
+struct Candidates {
+    time_s: f64,
+    hands: Vec<[f32; 7]>,
+}
+
+#[derive(Debug, Serialize)]
+struct Camera {
+    pose: [f64; 7],
+    /// Half the image's width and height at a depth of 1 m.
+    half: [f64; 2],
+}
+
+#[derive(Debug, Serialize)]
+struct Stages {
+    names: Vec<String>,
+    time_s: Vec<f64>,
+    /// Per tick one number per name; −1 where the stage did not run.
+    ms: Packed,
+}
+
+impl PageData {
+    /// Gathers what the page of a throw shows.
+    pub fn of(playback: &Playback) -> Self {
+        let Playback { header, ending, robot, gripper, .. } = playback;
+        let verdict = &ending.verdict;
+        let events = ending.timeline.iter().map(|entry| Event {
+            time_s: entry.time_s,
+            label: entry.event.label(),
+            detail: entry.detail.clone(),
+        });
+        let camera = |camera: &catch_cell::CameraModel| Camera {
+            pose: seven(&camera.X_WC),
+            half: [camera.width_px, camera.height_px].map(|size| f64::from(size) / 2.0 / camera.focal_px),
+        };
+        Self {
+            version: VERSION,
+            scene: header.scene.clone(),
+            caught: verdict.caught,
+            reason: verdict.reason.as_ref().map(Reason::to_string),
+            facts: facts(playback),
+            events: events.collect(),
+            end_s: playback.end_s(),
+            flight_end_s: playback.flight_end_s(),
+            robot: RobotData::of(robot, gripper),
+            surfaces: surfaces(robot, gripper, &ending.surface.mesh()),
+            motion: Motion::of(playback),
+            predictions: Predictions::of(playback),
+            errors: Errors::of(playback),
+            plans: playback.ticks.iter().filter_map(plan_of).collect(),
+            candidates: candidates(playback),
+            points: PackedPoints::of(playback),
+            cameras: header.cameras.iter().map(camera).collect(),
+            stages: Stages::of(playback),
+        }
+    }
+}
+
+/// What the referee measured, for people.
+fn facts(playback: &Playback) -> Vec<(&'static str, String)> {
+    let measures = &playback.ending.verdict.measures;
+    let percent = |ratio: f64| format!("{:.0} %", ratio * 100.0);
+    let mut facts = Vec::new();
+    if let Some(error_m) = measures.prediction_error_m {
+        facts.push(("Prediction off by", format!("{:.3} mm", error_m * 1e3)));
+    }
+    if let Some(error_m) = measures.tracking_error_m {
+        facts.push(("Hand off its plan by", format!("{:.3} mm", error_m * 1e3)));
+    }
+    if let Some(travel_rad) = measures.joint_travel_rad {
+        facts.push(("Joint travel", format!("{travel_rad:.2} rad")));
+    }
+    facts.push(("Peak joint velocity", percent(measures.peak_velocity_ratio)));
+    facts.push(("Peak torque", percent(measures.peak_torque_ratio)));
+    facts.push(("Limits broken", playback.ending.verdict.limit_violations.to_string()));
+    facts
+}
+
+/// A pose as seven numbers.
+pub(crate) fn seven(X_AB: &Pose) -> [f64; 7] {
+    let (p, q) = (&X_AB.translation.vector, X_AB.rotation.coords);
+    [p.x, p.y, p.z, q.x, q.y, q.z, q.w]
+}
+
+impl RobotData {
+    fn of(robot: &Robot, gripper: &catch_body::Gripper) -> Self {
+        let joints = robot.joints.iter().map(|joint| JointData {
+            name: joint.name.clone(),
+            parent: seven(&joint.X_PL),
+            axis: joint.axis.into_inner().into(),
+        });
+        Self {
+            base: seven(&robot.X_WB),
+            gripper: seven(&robot.X_LG),
+            joints: joints.collect(),
+            finger_centre_y_m: gripper.finger_centre_y_m,
+            finger_thickness_m: gripper.finger_size_m[0],
+            finger_tip_y_m: gripper.fingertip_y_m(),
+            palm_y_m: gripper.palm_y_m(),
+        }
+    }
+}
+
+impl Motion {
+    fn of(playback: &Playback) -> Self {
+        let all = &playback.ending.truth.samples;
+        let stride = all.len().div_ceil(MOST_SAMPLES).max(2);
+        let samples: Vec<&TruthSample> = all.iter().step_by(stride).collect();
+        let times_s: Vec<f64> = samples.iter().map(|sample| sample.time_s).collect();
+        let ddq = playback.commanded_accelerations(&times_s);
+        let joints = &playback.robot.joints;
+        let pack = |columns: usize, row: &dyn Fn(usize, &TruthSample) -> Vec<f64>| {
+            let values: Vec<f64> = samples.iter().enumerate().flat_map(|(i, sample)| row(i, sample)).collect();
+            Packed::numbers(&values, columns)
+        };
+        let per_joint = |value: &dyn Fn(usize, &TruthSample, usize) -> f64| {
+            pack(joints.len(), &|i, sample| (0..joints.len()).map(|joint| value(i, sample, joint)).collect())
+        };
+        Self {
+            step_s: times_s.get(1).map_or(0.001, |second| second - times_s[0]),
+            q: per_joint(&|_, sample, joint| sample.q[joint]),
+            width_m: pack(1, &|_, sample| vec![sample.width_m]),
+            p_WO: pack(3, &|_, sample| sample.X_WO.translation.vector.as_slice().to_vec()),
+            R_WO: pack(4, &|_, sample| sample.X_WO.rotation.coords.as_slice().to_vec()),
+            position_share: per_joint(&|_, sample, joint| {
+                let limits = &joints[joint].limits;
+                (sample.q[joint] - f64::midpoint(limits.lower, limits.upper)) / ((limits.upper - limits.lower) / 2.0)
+            }),
+            velocity_share: per_joint(&|_, sample, joint| sample.dq[joint] / joints[joint].limits.velocity),
+            acceleration_share: per_joint(&|i, _, joint| ddq[i][joint] / joints[joint].limits.acceleration),
+            torque_share: per_joint(&|_, sample, joint| sample.torque[joint] / joints[joint].limits.torque),
+            finger_force_n: pack(2, &|_, sample| sample.finger_force_n.to_vec()),
+        }
+    }
+}
+
+impl Predictions {
+    fn of(playback: &Playback) -> Self {
+        let (mut time_s, mut values) = (Vec::new(), Vec::new());
+        for tick in playback.ticks.iter().filter(|tick| is_news(tick)) {
+            let Some(flight) = &tick.report.flight else { continue };
+            let from_s = tick.observation.time_s;
+            let catch_s = tick.report.plan.as_ref().map(|plan| plan.catch_s + BEYOND_CATCH_S);
+            let until_s = catch_s.unwrap_or(from_s + WITHOUT_PLAN_S).max(from_s);
+            for i in 0..PATH_POINTS {
+                let at_s = from_s + (until_s - from_s) * i as f64 / (PATH_POINTS - 1) as f64;
+                values.extend_from_slice(flight.pose_at(at_s).translation.vector.as_slice());
+            }
+            time_s.push(from_s);
+        }
+        Self { time_s, points: PATH_POINTS, p_WO: Packed::numbers(&values, 3) }
+    }
+}
+
+/// Whether the flight of a tick was fitted in it: later ones only repeat it.
+fn is_news(tick: &RecordedTick) -> bool {
+    tick.report.pose.is_some()
+}
+
+impl Errors {
+    fn of(playback: &Playback) -> Self {
+        let errors = playback.prediction_errors();
+        Self {
+            time_s: errors.iter().map(|it| it.time_s).collect(),
+            error_mm: errors.iter().map(|it| it.error_m * 1e3).collect(),
+            claimed_mm: errors.iter().map(|it| it.claimed_sd_m * 1e3).collect(),
+        }
+    }
+}
+
+fn plan_of(tick: &RecordedTick) -> Option<Plan> {
+    let plan = tick.report.plan.as_ref().filter(|_| tick.report.status == catch_bot::Status::Planned)?;
+    let time_s = tick.observation.time_s;
+    Some(Plan { time_s, catch_s: plan.catch_s, hand: seven(&plan.X_WG), width_m: plan.open_width_m })
+}
+
+fn candidates(playback: &Playback) -> Vec<Candidates> {
+    let config = &playback.header.brain.grasp_selection;
+    let base = Point3::from(playback.robot.X_WB.translation.vector);
+    let of_tick = |tick: &RecordedTick| {
+        let (flight, plan) = tick.report.flight.as_ref().filter(|_| is_news(tick)).zip(tick.report.plan.as_ref())?;
+        let (X_WO, V_WO) = (flight.pose_at(plan.catch_s), flight.twist_at(plan.catch_s));
+        let ranked = playback.brain.grasps().rank(&X_WO, &V_WO.linear, &base, config);
+        // A tenth of a millimetre is plenty for a picture.
+        let rounded = |it: &RankedGrasp| seven(&it.X_WG).map(|value| (value * 1e4).round() as f32 / 1e4);
+        let hands = ranked.iter().take(CANDIDATES).map(rounded).collect();
+        Some(Candidates { time_s: tick.observation.time_s, hands })
+    };
+    playback.ticks.iter().filter_map(of_tick).collect()
+}
+
+impl Stages {
+    fn of(playback: &Playback) -> Option<Self> {
+        let times = playback.times.as_ref()?;
+        let mut names: Vec<String> = Vec::new();
+        for (name, _) in times.ticks.iter().flat_map(|tick| &tick.stage_ms) {
+            if !names.contains(name) {
+                names.push(name.clone());
+            }
+        }
+        let row = |tick: &TickTimes| -> Vec<f64> {
+            let of = |name: &String| tick.stage_ms.iter().find(|(it, _)| it == name).map_or(-1.0, |(_, ms)| *ms);
+            names.iter().map(of).collect()
+        };
+        let ms: Vec<f64> = times.ticks.iter().flat_map(row).collect();
+        let time_s = times.ticks.iter().map(|tick| tick.time_s).collect();
+        Some(Self { ms: Packed::numbers(&ms, names.len().max(1)), names, time_s })
+    }
+}

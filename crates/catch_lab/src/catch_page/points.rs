@@ -1,0 +1,72 @@
+//! What the depth cameras saw, as points in W.
+
+use catch_body::Pose;
+use catch_cell::{CameraModel, DepthFrame};
+use nalgebra::Point3;
+
+use crate::{packed::Packed, playback::Playback};
+use serde::Serialize;
+
+/// Points that a page carries in all, spread over its ticks: 6 bytes each.
+const MOST_POINTS: usize = 40_000;
+/// Points within this many radii of the object are kept before all others.
+const NEAR_RADII: f64 = 2.0;
+
+/// Points tick by tick.
+#[derive(Debug, Clone, Serialize)]
+pub struct PackedPoints {
+    /// When the images were taken, for each set of points.
+    time_s: Vec<f64>,
+    /// Number of the first point of each set, and the number of all points at the end.
+    first: Vec<usize>,
+    p_W: Packed,
+}
+
+impl PackedPoints {
+    /// The points of all frames.
+    pub fn of(playback: &Playback) -> Self {
+        let seen = playback.ticks.iter().filter(|tick| !tick.observation.frames.is_empty());
+        let most = (MOST_POINTS / seen.clone().count().max(1)).max(20);
+        let radius_m = playback.ending.surface.mesh().bounding_radius() * NEAR_RADII;
+        let (mut time_s, mut first, mut values) = (Vec::new(), vec![0], Vec::new());
+        for tick in seen {
+            let frames = &tick.observation.frames;
+            let points = points_of(frames, &playback.header.cameras);
+            let capture_s = frames.iter().map(|frame| frame.capture_s).fold(f64::NEG_INFINITY, f64::max);
+            let X_WO = playback.truth_at(capture_s).map_or_else(Pose::identity, |sample| sample.X_WO);
+            let centre_O = Point3::from(X_WO.translation.vector);
+            let (near, far): (Vec<Point3<f64>>, Vec<Point3<f64>>) =
+                points.into_iter().partition(|point| (point - centre_O).norm() < radius_m);
+            let near = thinned(&near, most);
+            let far = thinned(&far, most - near.len());
+            for point in near.iter().chain(&far) {
+                values.extend([point.x, point.y, point.z]);
+            }
+            time_s.push(capture_s);
+            first.push(values.len() / 3);
+        }
+        Self { time_s, first, p_W: Packed::numbers(&values, 3) }
+    }
+}
+
+/// The points that a set of images shows: those that a mask says are the object's, all where there is no mask.
+pub fn points_of(frames: &[DepthFrame], cameras: &[CameraModel]) -> Vec<Point3<f64>> {
+    let mut points = Vec::new();
+    for frame in frames {
+        let Some(camera) = cameras.get(frame.camera) else { continue };
+        for (pixel, depth_m) in frame.depth_m.iter().enumerate() {
+            let wanted = frame.mask.as_ref().is_none_or(|mask| mask.get(pixel).copied().unwrap_or(false));
+            if wanted && depth_m.is_finite() && *depth_m > 0.0 {
+                let p_C = camera.back_project(&frame.window.pixel_centre(pixel), f64::from(*depth_m));
+                points.push(camera.X_WC * p_C);
+            }
+        }
+    }
+    points
+}
+
+/// At most `most` of the points, evenly.
+fn thinned(points: &[Point3<f64>], most: usize) -> Vec<Point3<f64>> {
+    let kept = most.min(points.len());
+    (0..kept).map(|i| points[i * points.len() / kept]).collect()
+}

@@ -1,0 +1,105 @@
+//! The surfaces that the page draws, each in the frame that moves it.
+
+use std::collections::HashMap;
+
+use catch_body::{Gripper, Robot, TriangleMesh, shape::Cuboid};
+use nalgebra::Point3;
+use serde::Serialize;
+
+use crate::packed::Packed;
+
+/// Flat strips around the arm's capsules.
+const SEGMENTS: u32 = 24;
+/// A surface with more triangles is thinned: more would only make the page large.
+const MOST_TRIANGLES: usize = 4_000;
+
+/// A surface, packed.
+#[derive(Debug, Clone, Serialize)]
+pub struct PackedSurface {
+    /// What it belongs to.
+    pub of: Part,
+    /// The number of the arm's link whose frame it is in; the gripper's parts are in G, a finger around its own centre.
+    pub link: usize,
+    positions: Packed,
+    triangles: Packed,
+}
+
+/// What a surface belongs to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Part {
+    /// A link of the arm.
+    Link,
+    /// The gripper's housing.
+    Housing,
+    /// Either finger.
+    Finger,
+    /// The thrown object.
+    Object,
+}
+
+/// Arm, gripper and object.
+pub fn surfaces(robot: &Robot, gripper: &Gripper, object: &TriangleMesh) -> Vec<PackedSurface> {
+    let mut surfaces: Vec<PackedSurface> = robot
+        .capsules
+        .iter()
+        .map(|(link, capsule)| pack(Part::Link, *link, &TriangleMesh::capsule(capsule, SEGMENTS)))
+        .collect();
+    let finger = Cuboid { centre: Point3::origin(), size: gripper.finger_size_m.into() };
+    surfaces.push(pack(Part::Housing, 0, &TriangleMesh::cuboid(&gripper.body())));
+    surfaces.push(pack(Part::Finger, 0, &TriangleMesh::cuboid(&finger)));
+    surfaces.push(pack(Part::Object, 0, &thinned(object)));
+    surfaces
+}
+
+fn pack(of: Part, link: usize, mesh: &TriangleMesh) -> PackedSurface {
+    let positions: Vec<f64> = mesh.vertices.iter().flat_map(|vertex| [vertex.x, vertex.y, vertex.z]).collect();
+    // Thinned meshes have fewer corners than 65,536.
+    let triangles = mesh.triangles.iter().flatten().map(|&vertex| vertex as u16);
+    PackedSurface { of, link, positions: Packed::numbers(&positions, 3), triangles: Packed::indices(triangles, 3) }
+}
+
+/// The mesh with corners that share a box of a grid brought together, the grid as fine as the number of triangles allows.
+///
+/// (Rossignac & Borrel, Multi-resolution 3D approximations for rendering complex scenes, 1993.)
+fn thinned(mesh: &TriangleMesh) -> TriangleMesh {
+    let mut boxes = 256.0;
+    let mut thin = mesh.clone();
+    while thin.triangles.len() > MOST_TRIANGLES || thin.vertices.len() > usize::from(u16::MAX) {
+        thin = clustered(mesh, mesh.aabb().size.max() / boxes);
+        boxes /= 1.5;
+    }
+    thin
+}
+
+fn clustered(mesh: &TriangleMesh, size_m: f64) -> TriangleMesh {
+    let mut clusters: HashMap<[i64; 3], u32> = HashMap::new();
+    let mut vertices = Vec::new();
+    let index_of = |vertex: &Point3<f64>| {
+        let key: [i64; 3] = vertex.coords.map(|value| (value / size_m).round() as i64).into();
+        *clusters.entry(key).or_insert_with(|| {
+            vertices.push(*vertex);
+            (vertices.len() - 1) as u32
+        })
+    };
+    let indices: Vec<u32> = mesh.vertices.iter().map(index_of).collect();
+    let triangles = mesh.triangles.iter().map(|triangle| triangle.map(|vertex| indices[vertex as usize]));
+    let triangles = triangles.filter(|[a, b, c]| a != b && b != c && c != a).collect();
+    TriangleMesh { vertices, triangles }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fine_meshes_are_thinned_and_keep_their_shape() {
+        let fine = TriangleMesh::sphere(0.1, 6);
+        assert!(fine.triangles.len() > MOST_TRIANGLES);
+        let thin = thinned(&fine);
+        assert!(thin.triangles.len() <= MOST_TRIANGLES && thin.triangles.len() > 1_000, "{}", thin.triangles.len());
+        assert!((thin.volume() / fine.volume() - 1.0).abs() < 0.03, "{}", thin.volume() / fine.volume());
+        let coarse = TriangleMesh::sphere(0.1, 3);
+        assert_eq!(thinned(&coarse), coarse);
+    }
+}

@@ -1,0 +1,55 @@
+//! One throw, recorded: what `catchingbot catch` does, as a function.
+
+use std::{
+    io,
+    path::{Path, PathBuf},
+};
+
+use crate::{
+    recording::{Ending, RecordedSurface, Recorder},
+    referee,
+    setup::Setup,
+    stopwatch::Stopwatch,
+    throw_times::ThrowTimes,
+    timeline::{Entry, Timeline},
+    trial,
+};
+
+/// A throw and its recording.
+#[derive(Debug)]
+pub struct RecordedThrow {
+    /// The recording's file; the file of wall times lies beside it.
+    pub recording: PathBuf,
+    /// What really happened, its story, and the verdict.
+    pub ending: Ending,
+    /// Wall time of the brain's stages.
+    pub stopwatch: Stopwatch,
+}
+
+/// Throws once, lets the brain have its chance, judges, and keeps it all in `folder`. `tell` hears the story as it happens.
+///
+/// # Errors
+/// Files that cannot be written; those of `tell`.
+pub fn record(
+    setup: &Setup,
+    seed: u64,
+    index: u64,
+    folder: &Path,
+    tell: &mut dyn FnMut(&Entry) -> io::Result<()>,
+) -> io::Result<RecordedThrow> {
+    let mut recorder = Recorder::create(folder, setup, &setup.scene(seed, index))?;
+    let mut timeline = Timeline::default();
+    let trial = trial::run(setup, seed, index, &mut |tick, truth| {
+        recorder.ticked(tick)?;
+        timeline.ticked(tick, truth).iter().try_for_each(&mut *tell)
+    })?;
+    let verdict = referee::judge(setup, &trial);
+    let end_s = trial.truth.samples.last().map_or(0.0, |sample| sample.time_s);
+    timeline.ended(&verdict, end_s).iter().try_for_each(&mut *tell)?;
+    let times = ThrowTimes::of(&trial);
+    let surface = RecordedSurface::from(&setup.object.mesh);
+    let ending = Ending { truth: trial.truth, timeline: timeline.entries().to_vec(), verdict, surface };
+    let recording = recorder.finish(&ending)?;
+    times.write(&recording)?;
+    Ok(RecordedThrow { recording, ending, stopwatch: trial.stopwatch })
+}

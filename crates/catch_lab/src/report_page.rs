@@ -1,0 +1,233 @@
+//! An evaluation as one page: rates against the published ones, misses by reason, prediction, computing time.
+
+mod misses;
+mod rows;
+
+use std::{collections::BTreeMap, fmt::Write};
+
+use serde::Deserialize;
+
+use crate::{
+    VERSION,
+    catch_page::{STYLE, fill},
+    evaluation::Row,
+    packed::text_in_html,
+    statistics::CellSummary,
+    stopwatch::StageTimes,
+};
+use rows::{Mark, Scale, row};
+
+pub use misses::{MOST_MISSES, record_misses};
+
+const PAGE: &str = include_str!("report_page/report.html");
+const REPORT_STYLE: &str = include_str!("report_page/report.css");
+const PUBLISHED: &str = include_str!("report_page/published.toml");
+
+/// What a report is about.
+#[derive(Debug)]
+pub struct Report<'a> {
+    /// Name of the scenario.
+    pub scenario: &'a str,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Objects with their throws.
+    pub cells: &'a [CellSummary],
+    /// All trials.
+    pub rows: &'a [Row],
+    /// Wall times of the stages, where they are known.
+    pub stages: &'a BTreeMap<&'static str, StageTimes>,
+    /// Pages of missed throws, relative to the report, by the index of their row.
+    pub pages: &'a BTreeMap<usize, String>,
+}
+
+/// A published rate of catching.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PublishedRate {
+    /// What was thrown.
+    pub object: String,
+    /// How.
+    pub throw: String,
+    /// Share that was caught.
+    pub caught: f64,
+}
+
+#[derive(Deserialize)]
+struct Published {
+    rate: Vec<PublishedRate>,
+}
+
+/// The published rates that this project compares itself with.
+pub fn published_rates() -> Vec<PublishedRate> {
+    toml::from_str::<Published>(PUBLISHED).map(|it| it.rate).unwrap_or_default()
+}
+
+/// The published rate for a cell: that of the throw, or of the fixed throw that a sampler is made after.
+pub fn published_rate(rates: &[PublishedRate], cell: &CellSummary) -> Option<f64> {
+    let throw = cell.throw.trim_end_matches("_sampled");
+    rates.iter().find(|rate| rate.object == cell.object && rate.throw == throw).map(|rate| rate.caught)
+}
+
+/// The page of an evaluation.
+pub fn page(report: &Report) -> String {
+    let title = format!("{} · {} throws", report.scenario, report.rows.len());
+    let sections = [head(report), caught(report), misses(report), prediction(report), computing(report), table(report)];
+    let style = format!("{STYLE}{REPORT_STYLE}");
+    fill(PAGE, &[("title", &text_in_html(&title)), ("style", &style), ("body", &sections.concat())])
+}
+
+fn name_of(cell: &CellSummary) -> String {
+    format!("{}, {}", cell.object, cell.throw).replace('_', " ")
+}
+
+fn percent(share: f64) -> String {
+    format!("{:.1} %", share * 100.0)
+}
+
+fn head(report: &Report) -> String {
+    let caught = report.rows.iter().filter(|row| row.verdict.caught).count();
+    let as_paper = report.rows.iter().filter(|row| row.verdict.caught_paper).count();
+    let broken: usize = report.rows.iter().map(|row| row.verdict.limit_violations).sum();
+    let figures = [
+        (format!("{caught} of {}", report.rows.len()), "caught and held"),
+        (percent(caught as f64 / report.rows.len().max(1) as f64), "of all throws"),
+        (as_paper.to_string(), "caught, as the paper counts"),
+        (broken.to_string(), "limits of the arm broken"),
+    ];
+    let figures: String = figures.iter().map(|(value, label)| format!("<div><b>{value}</b>{label}</div>")).collect();
+    format!(
+        "<h1>Scenario {}</h1><p class=\"faint\">seed {}, CatchingBot {VERSION}</p><div class=\"big\">{figures}</div>\n",
+        text_in_html(report.scenario),
+        report.seed,
+    )
+}
+
+fn caught(report: &Report) -> String {
+    let rates = published_rates();
+    let mut html = "<h2>Caught</h2><p class=\"faint\">The bar is the share that was caught and held; the dark line its 95 % \
+                    interval (Wilson), where throws differ. The orange mark is the paper's Table I: its fixed throws, its \
+                    measure, and no limit on the arm's torque.</p>\n"
+        .to_owned();
+    for cell in report.cells {
+        let share = cell.caught as f64 / cell.trials.max(1) as f64;
+        let mut marks = vec![Mark::Bar(0.0, share)];
+        marks.extend(cell.wilson95.map(|[low, high]| Mark::Range(low, high)));
+        marks.extend(published_rate(&rates, cell).map(Mark::Paper));
+        html += &row(&name_of(cell), &marks, &format!("{} of {}", cell.caught, cell.trials), false);
+    }
+    html + &Scale::SHARE.axis()
+}
+
+fn misses(report: &Report) -> String {
+    let mut reasons: BTreeMap<String, usize> = BTreeMap::new();
+    for reason in report.rows.iter().filter_map(|row| row.verdict.reason) {
+        *reasons.entry(reason.to_string()).or_default() += 1;
+    }
+    let mut html = "<h2>Missed</h2>\n".to_owned();
+    if reasons.is_empty() {
+        return html + "<p>Nothing.</p>\n";
+    }
+    let mut sorted: Vec<_> = reasons.into_iter().collect();
+    sorted.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+    let most = sorted[0].1 as f64;
+    for (reason, count) in &sorted {
+        html += &row(reason, &[Mark::Bad(0.0, *count as f64 / most)], &count.to_string(), false);
+    }
+    html += "<ul>";
+    for (i, row) in report.rows.iter().enumerate().filter(|(_, row)| !row.verdict.caught) {
+        let scene = &row.scene;
+        let name = format!("{}, {}, throw {}", scene.object, scene.throw, scene.index).replace('_', " ");
+        let reason = row.verdict.reason.map(|it| it.to_string()).unwrap_or_default();
+        let name = match report.pages.get(&i) {
+            Some(page) => format!("<a href=\"{}\">{}</a>", text_in_html(page), text_in_html(&name)),
+            None => text_in_html(&name),
+        };
+        let _ = write!(html, "<li>{name} <span class=\"faint\">{}</span></li>", text_in_html(&reason));
+    }
+    html + "</ul>\n"
+}
+
+fn prediction(report: &Report) -> String {
+    let errors_mm = |cell: &CellSummary| -> Vec<f64> {
+        let of_cell = |row: &&Row| row.scene.object == cell.object && row.scene.throw == cell.throw;
+        let mut errors: Vec<f64> = report
+            .rows
+            .iter()
+            .filter(of_cell)
+            .filter_map(|row| row.verdict.measures.prediction_error_m)
+            .map(|metres| metres * 1e3)
+            .collect();
+        errors.sort_by(f64::total_cmp);
+        errors
+    };
+    let all: Vec<f64> = report.cells.iter().flat_map(errors_mm).collect();
+    let scale = Scale::decades(&all, "mm");
+    let mut html =
+        "<h2>Prediction</h2><p class=\"faint\">How far off the last prediction before the catch was: the dot is the \
+                    median, the line from the 10th to the 90th percentile, the tick the largest.</p>\n"
+            .to_owned();
+    for cell in report.cells {
+        let errors = errors_mm(cell);
+        if errors.is_empty() {
+            continue;
+        }
+        let [low, middle, high, most] =
+            [0.1, 0.5, 0.9, 1.0].map(|share| errors[(share * (errors.len() - 1) as f64).round() as usize]);
+        let marks = [
+            Mark::Range(scale.place(low), scale.place(high)),
+            Mark::Most(scale.place(most)),
+            Mark::Dot(scale.place(middle)),
+        ];
+        html += &row(&name_of(cell), &marks, &format!("{middle:.3} mm"), true);
+    }
+    html + &scale.axis()
+}
+
+fn computing(report: &Report) -> String {
+    if report.stages.is_empty() {
+        return String::new();
+    }
+    let all: Vec<f64> = report.stages.values().flat_map(|it| [it.p50_ms, it.max_ms]).collect();
+    let scale = Scale::decades(&all, "ms");
+    let mut html =
+        "<h2>Computing</h2><p class=\"faint\">Wall time of each stage: the dot is the median, the line reaches to the \
+                    99th percentile, the tick is the longest.</p>\n"
+            .to_owned();
+    for (stage, StageTimes { p50_ms, p99_ms, max_ms, .. }) in report.stages {
+        let [p50, p99, most] = [p50_ms, p99_ms, max_ms].map(|ms| scale.place(*ms));
+        let marks = [Mark::Range(p50, p99), Mark::Most(most), Mark::Dot(p50)];
+        html += &row(&stage.replace('_', " "), &marks, &format!("{p50_ms:.2} / {p99_ms:.1} ms"), true);
+    }
+    html + &scale.axis()
+}
+
+fn table(report: &Report) -> String {
+    let mut html = "<h2>In numbers</h2><div class=\"scroll\"><table><tr><th>object</th><th>throw</th><th class=\"n\">trials</th>\
+                    <th class=\"n\">caught</th><th class=\"n\">95 %</th><th class=\"n\">as the paper</th><th class=\"n\">paper</th>\
+                    <th class=\"n\">joint travel</th><th class=\"n\">limits broken</th></tr>\n"
+        .to_owned();
+    let rates = published_rates();
+    for cell in report.cells {
+        let share = |count: usize| percent(count as f64 / cell.trials.max(1) as f64);
+        let interval = cell
+            .wilson95
+            .map_or("same throw".to_owned(), |[low, high]| format!("{} – {}", percent(low), percent(high)));
+        let numbers = [
+            cell.trials.to_string(),
+            share(cell.caught),
+            interval,
+            share(cell.caught_paper),
+            published_rate(&rates, cell).map_or("–".to_owned(), percent),
+            cell.median_joint_travel_rad.map_or("–".to_owned(), |it| format!("{it:.2} rad")),
+            cell.limit_violations.to_string(),
+        ];
+        let numbers: String = numbers.iter().map(|it| format!("<td class=\"n\">{it}</td>")).collect();
+        let _ = writeln!(
+            html,
+            "<tr><td>{}</td><td>{}</td>{numbers}</tr>",
+            text_in_html(&cell.object),
+            text_in_html(&cell.throw)
+        );
+    }
+    html + "</table></div>\n"
+}

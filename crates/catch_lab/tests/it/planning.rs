@@ -1,0 +1,342 @@
+//! The planner on random throws: nothing lost, nothing broken.
+
+use std::f64::consts::PI;
+
+use catch_body::{JointVector, MAX_JOINTS, clearance::ArmClearance};
+use catch_bot::{
+    grasp_selection::GraspSet,
+    perception::ReferenceModel,
+    trajectory_optimization::{CatchPlan, Config, Planner, Refusal, Start, posed::Target, reachability::JointReach},
+    trajectory_prediction::FlightTrajectory,
+};
+use catch_cell::arm::Setpoint;
+use catch_lab::{
+    planner_cases,
+    setup::{Choice, Setup},
+};
+use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+const OBJECTS: [&str; 3] = ["tennis_ball", "banana", "pill_bottle"];
+/// When a flight is usually known first.
+const KNOWN_S: f64 = 0.07;
+
+/// Everything for planning catches of one object.
+pub struct Desk {
+    pub setup: Setup,
+    pub config: catch_bot::Config,
+    pub grasps: GraspSet,
+    pub planner: Planner,
+}
+
+impl Desk {
+    pub fn new(object: &str, change: impl Fn(&mut Config)) -> Self {
+        let setup = Setup::load(&Choice { object: Some(object), ..Choice::default() }).unwrap();
+        let mut config = setup.brain_config(1, 0);
+        change(&mut config.trajectory_optimization);
+        let reference = ReferenceModel::from_scan(&setup.reference_scan, &config.perception);
+        let grasps = GraspSet::sample(&reference, &setup.gripper, &config.grasp_selection);
+        let planner = Planner::new(setup.robot.clone(), setup.gripper.clone(), config.trajectory_optimization.clone());
+        Self { setup, config, grasps, planner }
+    }
+
+    pub fn search(&self, start: &Start, flight: &FlightTrajectory) -> Result<CatchPlan, Refusal> {
+        self.planner.search(start, flight, &self.grasps, &self.config.grasp_selection)
+    }
+
+    pub fn waiting(&self) -> Start {
+        Start { time_s: KNOWN_S, state: Setpoint::at_rest(self.setup.ready_q) }
+    }
+}
+
+/// A throw from 2 to 4 m away, ±30° about the waiting arm's throwers, that passes the base's axis at 0.3 to 0.8 m, in any
+/// attitude.
+pub fn random_flight(rng: &mut Pcg64) -> FlightTrajectory {
+    let mut between = |low: f64, high: f64| rng.random_range(low..high);
+    let from = PI / 4.0 + between(-0.52, 0.52);
+    let (distance, height) = (between(2.0, 4.0), between(0.2, 1.2));
+    let (aside, passes_at, duration) = (between(0.3, 0.8), between(0.2, 1.0), between(0.5, 0.8));
+    let p_WO = Point3::new(distance * from.cos(), distance * from.sin(), height);
+    // Past the axis on the side where the arm waits.
+    let passed = Vector3::new(from.sin(), -from.cos(), 0.0) * aside;
+    let mut v_WO = (passed - p_WO.coords) / duration;
+    v_WO.z = (passes_at - height) / duration + 4.905 * duration;
+    let mut normal = || between(-1.0, 1.0) + between(-1.0, 1.0) + between(-1.0, 1.0);
+    let R_WO = UnitQuaternion::from_quaternion(Quaternion::new(normal(), normal(), normal(), normal() + 1e-9));
+    FlightTrajectory { p_WO, v_WO, R_WO, ..FlightTrajectory::default() }
+}
+
+/// Throws that a search on a grid five times finer catches and the search does not.
+fn lost(throws: usize) -> (usize, usize, Vec<(usize, Refusal)>) {
+    let (mut caught, mut caught_finer, mut lost) = (0, 0, Vec::new());
+    let mut times = Vec::new();
+    for (o, object) in OBJECTS.iter().enumerate() {
+        let desk = Desk::new(object, |_| {});
+        let finer = Desk::new(object, |config| config.time_step_s /= 5.0);
+        let mut rng = Pcg64::seed_from_u64(o as u64);
+        for i in (o..throws).step_by(OBJECTS.len()) {
+            let flight = random_flight(&mut rng);
+            let before = std::time::Instant::now();
+            let found = desk.search(&desk.waiting(), &flight);
+            times.push((before.elapsed().as_secs_f64() * 1e3, found.as_ref().err().copied(), object));
+            let found_finer = finer.search(&finer.waiting(), &flight);
+            caught += usize::from(found.is_ok());
+            caught_finer += usize::from(found_finer.is_ok());
+            if let (Err(refusal), Ok(_)) = (found, found_finer) {
+                lost.push((i, refusal));
+            }
+        }
+    }
+    times.sort_by(|a, b| a.0.total_cmp(&b.0));
+    println!(
+        "search: median {:.2} ms, 90 % {:.2} ms, 99 % {:.2}, max {:.2?}",
+        times[throws / 2].0,
+        times[throws * 9 / 10].0,
+        times[throws * 99 / 100].0,
+        &times[throws - 5..]
+    );
+    (caught, caught_finer, lost)
+}
+
+#[test]
+fn a_finer_grid_finds_no_catch_that_was_missed() {
+    let (caught, _, lost) = lost(90);
+    assert!(caught > 30, "the throws are too hard to tell: {caught} caught");
+    assert!(lost.is_empty(), "{lost:?}");
+}
+
+/// The whole of it: `cargo test --release --test it a_thousand_throws -- --ignored --nocapture`.
+#[test]
+#[ignore = "takes a minute"]
+fn a_thousand_throws_lose_nothing() {
+    let (caught, caught_finer, lost) = lost(1000);
+    println!("{caught} of 1000 caught, {caught_finer} on the finer grid, lost: {lost:?}");
+    assert!(lost.is_empty());
+}
+
+/// What a plan does is recomputed from its spline alone.
+fn check(desk: &Desk, start: &Start, flight: &FlightTrajectory, plan: &CatchPlan) -> Result<(), String> {
+    let (robot, gripper) = (desk.planner.robot(), &desk.setup.gripper);
+    let must = |holds: bool, what: String| if holds { Ok(()) } else { Err(what) };
+    let trajectory = &plan.trajectory;
+    must(trajectory.spline.is_valid(), "the spline is not valid".into())?;
+    let first = trajectory.setpoint(start.time_s);
+    let jump =
+        (first.q - start.state.q).amax() + (first.dq - start.state.dq).amax() + (first.ddq - start.state.ddq).amax();
+    must(jump < 1e-8, format!("jumps by {jump} at the start"))?;
+    let last = trajectory.spline.evaluate(trajectory.end_s());
+    must(last[1].amax() < 1e-8 && last[2].amax() < 1e-6, "does not end at rest".into())?;
+
+    let X_WG = flight.pose_at(plan.catch_s) * plan.grasp.X_OG;
+    let at = trajectory.setpoint(plan.catch_s);
+    let X_WL = robot.link_poses(&at.q);
+    let reached = robot.gripper_in(&X_WL);
+    let off = (reached.translation.vector - X_WG.translation.vector).norm();
+    must(off < 1e-6 && reached.rotation.angle_to(&X_WG.rotation) < 1e-6, format!("misses the pose by {off} m"))?;
+    let moved = robot.jacobian(&X_WL, &(X_WG * gripper.grasp_centre())).fixed_rows::<3>(3) * at.dq;
+    let off = (moved - flight.twist_at(plan.catch_s).linear * plan.speed_fraction).norm();
+    must(off < 1e-6 && (0.0..=0.3 + 1e-9).contains(&plan.speed_fraction), format!("the velocity is off by {off}"))?;
+
+    let clearance = ArmClearance::new(&desk.setup.robot, gripper);
+    let closes_s =
+        plan.catch_s - (plan.open_width_m - plan.grasp.object_width_m) / desk.config.grasp_selection.closing_speed_mps;
+    let steps = ((trajectory.end_s() - start.time_s) / 0.002) as usize + 1;
+    for step in 0..=steps {
+        let time_s = start.time_s + (trajectory.end_s() - start.time_s) * step as f64 / steps as f64;
+        let at = trajectory.setpoint(time_s);
+        let torque = robot.inverse_dynamics(&at.q, &at.dq, &at.ddq);
+        for (i, joint) in robot.joints.iter().enumerate() {
+            let limits = &joint.limits;
+            let ratio = (at.dq[i] / limits.velocity).abs().max((at.ddq[i] / limits.acceleration).abs());
+            must(ratio <= 1.0 + 1e-9, format!("joint {i} uses {ratio} of a limit at {time_s}"))?;
+            must((limits.lower..=limits.upper).contains(&at.q[i]), format!("joint {i} is at {}", at.q[i]))?;
+            must(torque[i].abs() <= limits.torque, format!("joint {i} needs {} N·m", torque[i]))?;
+        }
+        let X_WL = robot.link_poses(&at.q);
+        let free =
+            clearance.self_clearance(&X_WL, plan.open_width_m).min(clearance.floor_clearance(&X_WL, plan.open_width_m));
+        must(free > 0.0, format!("the arm collides at {time_s}: {free} m"))?;
+        if (plan.catch_s - 0.08..=plan.catch_s).contains(&time_s) {
+            let X_GO = robot.gripper_in(&X_WL).inverse() * flight.pose_at(time_s);
+            let fingers = gripper.fingers(plan.open_width_m).into_iter().filter(|_| time_s < closes_s);
+            for cuboid in fingers.chain([gripper.body()]) {
+                let deepest = desk
+                    .grasps
+                    .outline
+                    .iter()
+                    .map(|point| ((X_GO * point - cuboid.centre).abs() - cuboid.size / 2.0).max());
+                let deepest = deepest.fold(f64::INFINITY, f64::min);
+                must(
+                    deepest > 0.0,
+                    format!("the object is {deepest} m from the gripper at {time_s}, catch {}", plan.catch_s),
+                )?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Random throws from rest and, where there is a plan, changed flights on the move; returns plans, refusals and faults.
+fn many(catches: usize, seed: u64) -> (usize, usize, Vec<String>) {
+    let desks = OBJECTS.map(|object| Desk::new(object, |_| {}));
+    let mut rng = Pcg64::seed_from_u64(seed);
+    let (mut solved, mut refused, mut faults) = (0, 0, Vec::new());
+    let mut asked = 0;
+    while asked < catches {
+        let desk = &desks[asked % desks.len()];
+        let flight = random_flight(&mut rng);
+        let mut start = desk.waiting();
+        let mut known: Option<CatchPlan> = None;
+        let mut seen = flight.clone();
+        for _ in 0..4 {
+            asked += 1;
+            let again = known.as_ref().and_then(|plan| {
+                desk.planner.retarget(&start, &seen, plan, &desk.grasps, &desk.config.grasp_selection)
+            });
+            // Replans keep an opening although a changed flight may scratch it; searches promise a free way in.
+            let (found, searched) = match again {
+                Some(plan) => (Ok(plan), false),
+                None => (desk.search(&start, &seen), true),
+            };
+            let Ok(plan) = found else {
+                refused += 1;
+                break;
+            };
+            solved += 1;
+            if let Err(fault) = check(desk, &start, &seen, &plan)
+                && (searched || !fault.contains("from the gripper"))
+            {
+                faults.push(format!("{asked}: {fault}"));
+            }
+            // A little later the flight is known better.
+            let time_s = start.time_s + rng.random_range(0.01..0.12);
+            if time_s > plan.catch_s - 0.1 {
+                break;
+            }
+            start = Start { time_s, state: plan.trajectory.setpoint(time_s) };
+            let mut between = |by: f64| rng.random_range(-by..by);
+            seen.p_WO += Vector3::new(between(0.01), between(0.01), between(0.01));
+            seen.v_WO += Vector3::new(between(0.02), between(0.02), between(0.02));
+            known = Some(plan);
+        }
+    }
+    (solved, refused, faults)
+}
+
+#[test]
+fn random_catches_hold_when_recomputed() {
+    let (solved, refused, faults) = many(600, 3);
+    assert!(solved > 200 && refused > 20, "{solved} solved, {refused} refused");
+    assert!(faults.is_empty(), "{faults:?}");
+}
+
+/// The whole of it: `cargo test --release --workspace --test it a_hundred_thousand -- --ignored --nocapture`.
+#[test]
+#[ignore = "takes several minutes"]
+fn a_hundred_thousand_random_catches_hold_when_recomputed() {
+    let (solved, refused, faults) = many(100_000, 4);
+    println!("{solved} solved, {refused} refused, {} faults", faults.len());
+    assert!(faults.is_empty(), "{:?}", &faults[..faults.len().min(20)]);
+}
+
+/// Catches that sampling shows feasible: joint positions and velocities within each joint's reach, and an object that flies
+/// along with them. Returns how many of how many are solved.
+fn solved_by(robot: &str, count: usize) -> (usize, usize) {
+    let (robot, gripper) = planner_cases::arm(Some(robot), ("test", "robot")).unwrap();
+    let planner = Planner::new(robot, gripper.clone(), Config::default());
+    let robot = planner.robot();
+    let mut rng = Pcg64::seed_from_u64(11);
+    let start = Start { time_s: 0.0, state: Setpoint::at_rest(robot.ready_q) };
+    let (mut solved, mut asked, mut times) = (0, 0, Vec::new());
+    while asked < count {
+        let catch_s = rng.random_range(0.3..0.7);
+        let (mut q, mut dq) = (robot.ready_q, JointVector::zeros());
+        for (i, joint) in robot.joints.iter().enumerate() {
+            let limits = &joint.limits;
+            let reach = JointReach {
+                start_velocity: 0.0,
+                velocity: 0.95 * limits.velocity,
+                acceleration: 0.9 * limits.acceleration,
+                time_s: catch_s,
+            };
+            let far = reach.displacements();
+            let by = rng.random_range(far.low..far.high) * 0.9;
+            q[i] = (q[i] + by).clamp(limits.lower + 0.03, limits.upper - 0.03);
+            let fast = reach.arrival_velocities(q[i] - robot.ready_q[i]);
+            let middle = f64::midpoint(fast.low, fast.high);
+            dq[i] = middle + 0.9 * (rng.random_range(fast.low..=fast.high) - middle);
+        }
+        let X_WL = robot.link_poses(&q);
+        let X_WG = robot.gripper_in(&X_WL);
+        let moved = robot.jacobian(&X_WL, &(X_WG * gripper.grasp_centre())).fixed_rows::<3>(3) * dq;
+        let v_WO = moved / rng.random_range(0.05..0.3);
+        if v_WO.norm() < 2.0 || v_WO.norm() > 8.0 {
+            continue;
+        }
+        asked += 1;
+        let target = Target { catch_s, X_WG, v_WO };
+        let before = std::time::Instant::now();
+        let found = planner.catch_at(&start, &target);
+        times.push(before.elapsed().as_secs_f64() * 1e3);
+        if let Ok(found) = found {
+            let [q, dq, _] = found.spline.evaluate(catch_s);
+            let X_WL = robot.link_poses(&q);
+            let reached = robot.gripper_in(&X_WL);
+            assert!((reached.translation.vector - X_WG.translation.vector).norm() < 1e-6);
+            assert!(reached.rotation.angle_to(&X_WG.rotation) < 1e-6);
+            let moved = robot.jacobian(&X_WL, &(X_WG * gripper.grasp_centre())).fixed_rows::<3>(3) * dq;
+            assert!((moved - v_WO * found.speed_fraction).norm() < 1e-6);
+            solved += 1;
+        }
+    }
+    times.sort_by(f64::total_cmp);
+    println!(
+        "{}: {solved} of {asked} solved, median {:.2} ms, max {:.1} ms",
+        robot.name,
+        times[count / 2],
+        times[count - 1]
+    );
+    (solved, asked)
+}
+
+#[test]
+fn arms_of_other_kinds_catch_what_sampling_shows_feasible() {
+    for robot in ["panda", "ur10e", "iiwa14"] {
+        let (solved, asked) = solved_by(robot, 300);
+        assert!(solved * 100 >= asked * 95, "{robot}: {solved} of {asked}");
+    }
+    assert!(MAX_JOINTS >= 7);
+}
+
+/// The files of cases that stand beside the benches.
+fn cases(text: &str) -> (Planner, Vec<planner_cases::PlannerCase>) {
+    let (robot, gripper) = planner_cases::arm(None, ("test", "robot")).unwrap();
+    let all = Config { position_margin_rad: 0.0, velocity_share: 1.0, torque_share: 1.0, ..Config::default() };
+    (Planner::new(robot, gripper, all), planner_cases::parse("test", text).unwrap())
+}
+
+#[test]
+fn feasible_cases_are_solved_and_unreachable_ones_proven_so() {
+    let text = include_str!("../../../catch_bot/benches/cases/planner_cases.json");
+    let best: serde_json::Value = serde_json::from_str(text).unwrap();
+    let (planner, feasible) = cases(text);
+    let mut shares = Vec::new();
+    for (case, value) in feasible.iter().zip(best["cases"].as_array().unwrap()) {
+        let (q, dq) = case.start("test", planner.robot()).unwrap();
+        let start = Start { time_s: 0.0, state: Setpoint { q, dq, ddq: JointVector::zeros() } };
+        let plan = planner.catch_at(&start, &case.target).unwrap();
+        shares.push(plan.speed_fraction / value["s_max"].as_f64().unwrap());
+    }
+    shares.sort_by(f64::total_cmp);
+    assert_eq!(shares.len(), 30);
+    assert!(shares[0] >= 0.85 && shares[15] >= 0.99, "{shares:?}");
+
+    let (planner, unreachable) = cases(include_str!("../../../catch_bot/benches/cases/planner_cases_unreachable.json"));
+    for case in &unreachable {
+        let (q, dq) = case.start("test", planner.robot()).unwrap();
+        let start = Start { time_s: 0.0, state: Setpoint { q, dq, ddq: JointVector::zeros() } };
+        assert_eq!(planner.catch_at(&start, &case.target), Err(Refusal::OutOfReach), "{}", case.id);
+    }
+    assert_eq!(unreachable.len(), 30);
+}
