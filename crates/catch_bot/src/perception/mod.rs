@@ -4,7 +4,7 @@
 //! is registered to them ([`registration`]), starting from where the last trajectory says the object should be.
 
 mod acquisition;
-mod bare_cloud;
+mod cloud;
 mod cold_start;
 mod distance_field;
 mod icp;
@@ -28,10 +28,11 @@ use catch_cell::{CameraModel, DepthFrame};
 use nalgebra::{Matrix6, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 
-pub use bare_cloud::register_cloud;
+pub use cloud::register_cloud;
 pub use distance_field::DistanceField;
 pub use point_cloud::{DepthNoise, SceneCloud};
 pub use reference::ReferenceModel;
+pub use registration::Fit;
 pub use segmentation::Surroundings;
 pub use symmetry::Symmetry;
 
@@ -85,7 +86,7 @@ pub struct Config {
     /// Or when a step is shorter than this share of the pose's standard deviation.
     pub step_tolerance_sd: f64,
     /// A registration whose points lie further than this from the reference (root mean square, in metres), beside three
-    /// standard deviations of the depth noise that was told, is not believed. A wrong attitude leaves 8 mm or more.
+    /// standard deviations of the depth noise that was told, is not believed: wrong attitudes left 6 mm and more.
     pub max_residual_m: f64,
     /// What every pose is taken to be off by at least, because points of one frame err together: metres.
     pub position_floor_m: f64,
@@ -122,7 +123,7 @@ impl Default for Config {
             max_iterations: 20,
             step_tolerance_m: 2e-6,
             step_tolerance_sd: 0.1,
-            max_residual_m: 0.008,
+            max_residual_m: 0.005,
             position_floor_m: 5e-5,
             rotation_floor_rad: 1e-3,
             gate_m: 0.05,

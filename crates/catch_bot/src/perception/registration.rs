@@ -67,7 +67,9 @@ pub fn register(
 ) -> Result<Fit, PerceptionStatus> {
     let (fit, converged) = iterate(scene, reference, X_WO, config, config.max_iterations, with_outline);
     let limit_m = config.max_residual_m + 3.0 * fit.noise_m;
-    let outlined = fit.outline_residual_m.is_some_and(|residual_m| residual_m <= config.max_residual_m);
+    // Depths that are off by as much as the object is large are noise, whatever was told; then the outline vouches for itself.
+    let is_noise = fit.residual_m > HOPELESS_RADII * reference.radius_m;
+    let outlined = is_noise && fit.outline_residual_m.is_some_and(|residual_m| residual_m <= config.max_residual_m);
     let believable = (fit.residual_m <= limit_m || outlined) && fit.points >= config.min_points;
     if converged && believable { Ok(fit) } else { Err(PerceptionStatus::NotConverged) }
 }

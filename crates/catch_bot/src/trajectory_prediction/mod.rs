@@ -11,12 +11,14 @@ mod passage;
 pub mod ransac;
 #[cfg(test)]
 mod tests;
+mod track;
 mod tumbling;
 
 use serde::{Deserialize, Serialize};
 
 pub use flight::FlightTrajectory;
 pub use passage::Passage;
+pub use track::{Track, TrackSample};
 
 use crate::perception::{ObjectPose, Symmetry};
 

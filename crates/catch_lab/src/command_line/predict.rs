@@ -2,18 +2,15 @@
 
 use std::path::PathBuf;
 
-use catch_body::{InputError, Pose};
-use catch_bot::{
-    perception::{ObjectPose, Symmetry},
-    trajectory_prediction::{Config, FlightTrajectory, Workspace, predict},
-};
+use catch_body::InputError;
+use catch_bot::trajectory_prediction::{Config, Track, TrackSample};
 use catch_lab::{
     VERSION,
     setup::COMMAND_LINE,
     track_file::{self, Sighting},
 };
 use clap::{Args, ValueEnum};
-use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Unit, Vector3};
 use serde::Serialize;
 
 use super::register::rows;
@@ -60,11 +57,10 @@ enum Up {
 }
 
 impl Up {
-    /// From the track's axes T to the world's, whose z axis points up.
-    fn R_WT(self) -> UnitQuaternion<f64> {
+    fn direction(self) -> Unit<Vector3<f64>> {
         match self {
-            Self::Y => UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2),
-            Self::Z => UnitQuaternion::identity(),
+            Self::Y => Vector3::y_axis(),
+            Self::Z => Vector3::z_axis(),
         }
     }
 }
@@ -119,31 +115,28 @@ pub fn run(arguments: &PredictArguments) -> anyhow::Result<()> {
     }
 
     let noise_m = noise(seen);
-    let R_WT = arguments.up.R_WT();
-    let poses: Vec<ObjectPose> = seen.iter().map(|it| pose(it, &R_WT, noise_m)).collect();
+    let samples: Vec<TrackSample> = seen.iter().map(|it| sample(it, noise_m)).collect();
     let config = Config {
         drag_prior_per_m: drag,
         drag_prior_sd_per_m: drag_sd,
         first_after: LEAST_SIGHTINGS,
-        window: poses.len(),
-        fit_window: poses.len(),
+        window: samples.len(),
+        fit_window: samples.len(),
         inlier_m: Config::default().inlier_m.max(4.0 * noise_m),
         ..Config::default()
     };
-    let symmetry = if seen[0].rotation.is_some() { Symmetry::default() } else { Symmetry::Sphere };
-    let flight = predict(&poses, None, symmetry, &config, 1, &mut Workspace::default());
-    let at = |time_s: f64, flight: &FlightTrajectory| in_track(time_s, flight, &R_WT);
-    let found = flight.as_ref().ok();
+    let fitted = Track::fit(&samples, &arguments.up.direction(), &config, SEED);
+    let found = fitted.as_ref().ok();
     let document = Document {
         version: VERSION,
-        status: flight.as_ref().map_or_else(|status| serde_json::to_value(status), |_| Ok("predicted".into()))?,
+        status: fitted.as_ref().map_or_else(|status| serde_json::to_value(status), |_| Ok("predicted".into()))?,
         sightings: seen.len(),
-        inliers: found.map(|flight| flight.inliers),
+        inliers: found.map(|track| track.flight.inliers),
         noise_m,
-        drag_per_m: found.map(|flight| flight.drag_per_m),
-        drag_sd_per_m: found.map(|flight| flight.covariance[(6, 6)].max(0.0).sqrt()),
-        end: found.map(|flight| at(end_s, flight)),
-        at: found.map_or_else(Vec::new, |flight| arguments.at.iter().map(|&time_s| at(time_s, flight)).collect()),
+        drag_per_m: found.map(Track::drag_per_m),
+        drag_sd_per_m: found.map(|track| track.flight.covariance[(6, 6)].max(0.0).sqrt()),
+        end: found.map(|track| prediction(end_s, track)),
+        at: found.map_or_else(Vec::new, |it| arguments.at.iter().map(|&time_s| prediction(time_s, it)).collect()),
     };
     if arguments.json { screen::json(&document) } else { Ok(print(&document)?) }
 }
@@ -167,26 +160,28 @@ fn print(document: &Document) -> std::io::Result<()> {
     Ok(())
 }
 
-/// A sighting as a pose in the world: its position as good as the track's noise, its attitude, if there is one, as good as a
-/// point 0.1 m off the centre would tell.
-fn pose(sighting: &Sighting, R_WT: &UnitQuaternion<f64>, noise_m: f64) -> ObjectPose {
+/// Seed of the sampling; any will do.
+const SEED: u64 = 1;
+
+/// A sighting with the track's noise; its attitude, if there is one, as good as a point 0.1 m off the centre would tell.
+fn sample(sighting: &Sighting, noise_m: f64) -> TrackSample {
     const LEVER_M: f64 = 0.1;
-    let mut information = Matrix6::zeros();
-    let of_position = noise_m.powi(-2);
-    information.fixed_view_mut::<3, 3>(3, 3).copy_from(&(Matrix3::identity() * of_position));
-    if sighting.rotation.is_some() {
-        let of_turn = Matrix3::identity() * (of_position * LEVER_M * LEVER_M);
-        information.fixed_view_mut::<3, 3>(0, 0).copy_from(&of_turn);
+    TrackSample {
+        time_s: sighting.time_s,
+        position: sighting.p,
+        attitude: sighting.rotation,
+        position_sd_m: noise_m,
+        attitude_sd_rad: noise_m / LEVER_M,
     }
-    let rotation = sighting.rotation.map_or_else(UnitQuaternion::identity, |R_TO| R_WT * R_TO);
-    ObjectPose {
-        capture_s: sighting.time_s,
-        X_WO: Pose::from_parts((R_WT * sighting.p.coords).into(), rotation),
-        information,
-        points: 1,
-        residual_m: noise_m,
-        iterations: 0,
-        cold_started: false,
+}
+
+/// The flight at a time.
+fn prediction(time_s: f64, track: &Track) -> Prediction {
+    Prediction {
+        time_s,
+        position: track.position_at(time_s).into(),
+        velocity: track.velocity_at(time_s).into(),
+        covariance: rows(&track.covariance_at(time_s)),
     }
 }
 
@@ -221,20 +216,6 @@ fn noise(track: &[Sighting]) -> f64 {
     deviations.sort_by(f64::total_cmp);
     let smooth = deviations.get((deviations.len() as f64 * SMOOTH.0) as usize);
     smooth.map_or(LEAST_NOISE_M, |deviation| (deviation / SMOOTH.1).max(LEAST_NOISE_M))
-}
-
-/// The flight at a time, in the track's axes.
-fn in_track(time_s: f64, flight: &FlightTrajectory, R_WT: &UnitQuaternion<f64>) -> Prediction {
-    let R_TW = R_WT.inverse().to_rotation_matrix();
-    let mut turn = Matrix6::zeros();
-    turn.fixed_view_mut::<3, 3>(0, 0).copy_from(R_TW.matrix());
-    turn.fixed_view_mut::<3, 3>(3, 3).copy_from(R_TW.matrix());
-    Prediction {
-        time_s,
-        position: (R_TW * flight.pose_at(time_s).translation.vector).into(),
-        velocity: (R_TW * flight.twist_at(time_s).linear).into(),
-        covariance: rows(&(turn * flight.covariance_at(time_s) * turn.transpose())),
-    }
 }
 
 #[cfg(test)]

@@ -65,7 +65,7 @@ pub fn run(arguments: &RegisterArguments) -> anyhow::Result<()> {
     let cloud = cloud_file::read(&arguments.cloud, false)?;
     let config = Config::default();
     let reference = reference_model(&arguments.reference, &config)?;
-    let found = register_cloud(&cloud.points, &reference, None, noise_m, &config);
+    let found = register_cloud(&cloud.points, noise_m, &reference, None, &config);
     let symmetry = match reference.symmetry {
         Symmetry::None { .. } => "none",
         Symmetry::Axis { .. } => "axis",

@@ -1,0 +1,154 @@
+//! Flights for other people's tracks: positions or poses with times, from whatever tracker, in whatever axes.
+
+use catch_body::Pose;
+use nalgebra::{Matrix3, Matrix6, Point3, Unit, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
+
+use super::{Config, FlightTrajectory, PredictionStatus, Workspace, predict};
+use crate::perception::{ObjectPose, Symmetry};
+
+/// One sample of a track, in the track's own axes.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct TrackSample {
+    /// When, in seconds.
+    pub time_s: f64,
+    /// Where, in metres.
+    pub position: Point3<f64>,
+    /// Attitude, where the track has one.
+    pub attitude: Option<UnitQuaternion<f64>>,
+    /// Standard deviation of each coordinate of the position, in metres.
+    pub position_sd_m: f64,
+    /// Standard deviation of the attitude about each axis, in radians.
+    pub attitude_sd_rad: f64,
+}
+
+/// The flight that fits a track, in the track's own axes.
+///
+/// ```
+/// use catch_bot::trajectory_prediction::{Config, Track, TrackSample};
+/// use nalgebra::{Point3, Vector3};
+///
+/// // A ball thrown at 3 m/s along x and 4 m/s upwards, where up is y.
+/// let samples = (0..20).map(|i| {
+///     let t = 0.01 * f64::from(i);
+///     let position = Point3::new(3.0 * t, 4.0 * t - 0.5 * 9.81 * t * t, 0.0);
+///     TrackSample { time_s: t, position, attitude: None, position_sd_m: 0.001, attitude_sd_rad: 1.0 }
+/// });
+/// let samples: Vec<_> = samples.collect();
+/// let track = Track::fit(&samples, &Vector3::y_axis(), &Config::default(), 0).unwrap();
+/// assert!((track.position_at(0.5) - Point3::new(1.5, 2.0 - 0.5 * 9.81 * 0.25, 0.0)).norm() < 1e-3);
+/// assert!(track.covariance_at(0.5).diagonal().min() > 0.0);
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct Track {
+    /// The flight in axes whose z points up.
+    pub flight: FlightTrajectory,
+    /// Attitude of the track's axes T in those.
+    R_WT: UnitQuaternion<f64>,
+}
+
+impl Track {
+    /// Fits a flight to samples in the order of time. Samples with numbers that are none are passed over.
+    ///
+    /// `up` is the direction in the track's axes against which gravity pulls.
+    ///
+    /// # Errors
+    /// Too few samples, or none that agree on a flight.
+    pub fn fit(
+        samples: &[TrackSample],
+        up: &Unit<Vector3<f64>>,
+        config: &Config,
+        seed: u64,
+    ) -> Result<Self, PredictionStatus> {
+        let across = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+        let R_WT = UnitQuaternion::rotation_between_axis(up, &Vector3::z_axis()).unwrap_or(across);
+        let poses: Vec<ObjectPose> = samples.iter().map(|sample| sample.pose(&R_WT)).filter(is_finite).collect();
+        let has_attitude = samples.iter().any(|sample| sample.attitude.is_some());
+        // Nothing is known of how the object's mass lies: it is taken to turn at a constant rate, like a ball's.
+        let symmetry =
+            if has_attitude { Symmetry::None { inertia_per_kg: Matrix3::identity() } } else { Symmetry::Sphere };
+        let flight = predict(&poses, None, symmetry, config, seed, &mut Workspace::default())?;
+        Ok(Self { flight, R_WT })
+    }
+
+    /// Position at a time, in metres.
+    pub fn position_at(&self, time_s: f64) -> Point3<f64> {
+        self.R_WT.inverse() * Point3::from(self.flight.pose_at(time_s).translation.vector)
+    }
+
+    /// Velocity at a time, in m/s.
+    pub fn velocity_at(&self, time_s: f64) -> Vector3<f64> {
+        self.R_WT.inverse() * self.flight.twist_at(time_s).linear
+    }
+
+    /// Attitude at a time; that of the first sample's axes where the track has none.
+    pub fn attitude_at(&self, time_s: f64) -> UnitQuaternion<f64> {
+        self.R_WT.inverse() * self.flight.pose_at(time_s).rotation
+    }
+
+    /// Covariance of (position, velocity) at a time, in m² and m²/s².
+    pub fn covariance_at(&self, time_s: f64) -> Matrix6<f64> {
+        let R_TW: Matrix3<f64> = *self.R_WT.inverse().to_rotation_matrix().matrix();
+        let mut both = Matrix6::zeros();
+        both.fixed_view_mut::<3, 3>(0, 0).copy_from(&R_TW);
+        both.fixed_view_mut::<3, 3>(3, 3).copy_from(&R_TW);
+        both * self.flight.covariance_at(time_s) * both.transpose()
+    }
+
+    /// Drag constant k in a = −k·|v|·v that was found, in 1/m.
+    pub fn drag_per_m(&self) -> f64 {
+        self.flight.drag_per_m
+    }
+}
+
+impl TrackSample {
+    fn pose(&self, R_WT: &UnitQuaternion<f64>) -> ObjectPose {
+        let shift = self.position_sd_m.max(1e-9).powi(-2);
+        let turn = if self.attitude.is_some() { self.attitude_sd_rad.max(1e-9).powi(-2) } else { 0.0 };
+        let rotation = R_WT * self.attitude.unwrap_or_default();
+        ObjectPose {
+            capture_s: self.time_s,
+            X_WO: Pose::from_parts((R_WT * self.position).coords.into(), rotation),
+            information: Matrix6::from_diagonal(&nalgebra::Vector6::new(turn, turn, turn, shift, shift, shift)),
+            points: 0,
+            residual_m: 0.0,
+            iterations: 0,
+            cold_started: false,
+        }
+    }
+}
+
+fn is_finite(pose: &ObjectPose) -> bool {
+    super::ransac::is_finite(pose)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tracks_in_any_axes_with_gaps_and_rows_of_nothing_are_fitted() {
+        let config = Config { drag_prior_per_m: 0.05, drag_prior_sd_per_m: 0.05, ..Config::default() };
+        for up in
+            [Vector3::y_axis(), Vector3::z_axis(), -Vector3::z_axis(), Unit::new_normalize(Vector3::new(1.0, 2.0, 3.0))]
+        {
+            let forward = up.cross(&Vector3::new(0.3, 0.1, -0.9)).normalize();
+            let at = |t: f64| Point3::from(forward * (5.0 * t) + up.into_inner() * (4.0 * t - 0.5 * 9.81 * t * t));
+            let mut samples: Vec<TrackSample> = (0..40)
+                .filter(|i| !(10..20).contains(i))
+                .map(|i| TrackSample {
+                    time_s: 0.01 * f64::from(i),
+                    position: at(0.01 * f64::from(i)),
+                    attitude: None,
+                    position_sd_m: 0.001,
+                    attitude_sd_rad: 1.0,
+                })
+                .collect();
+            samples[3].position.x = f64::NAN;
+            let track = Track::fit(&samples, &up, &config, 1).unwrap();
+            assert!((track.position_at(0.6) - at(0.6)).norm() < 0.01, "{up:?}");
+            assert!((track.velocity_at(0.6).dot(&up) - (4.0 - 9.81 * 0.6)).abs() < 0.05);
+            assert!(track.drag_per_m().abs() < 0.01);
+        }
+    }
+}
