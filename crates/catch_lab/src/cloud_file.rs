@@ -95,7 +95,7 @@ struct Table<'a> {
 }
 
 impl Table<'_> {
-    fn fault(&self, field: impl Into<String>, found: impl ToString, expected: &str) -> InputError {
+    fn fault(&self, field: impl Into<String>, found: impl std::fmt::Display, expected: &str) -> InputError {
         InputError::new(self.file, field.into(), found.to_string(), expected.to_owned())
     }
 
@@ -160,7 +160,7 @@ impl Table<'_> {
 }
 
 /// Splits the header, up to and with the first line for which `is_last` holds, from the rest.
-fn split_header<'a>(bytes: &'a [u8], is_last: impl Fn(&str) -> bool) -> Option<(Vec<String>, &'a [u8])> {
+fn split_header(bytes: &[u8], is_last: impl Fn(&str) -> bool) -> Option<(Vec<String>, &[u8])> {
     let (mut lines, mut at) = (Vec::new(), 0);
     while let Some(length) = bytes[at..].iter().take(10_000).position(|&byte| byte == b'\n') {
         let line = String::from_utf8_lossy(&bytes[at..at + length]).trim().to_owned();

@@ -130,7 +130,7 @@ impl Scratch {
             for column in 0..columns {
                 let i = row * columns + column;
                 let found_m = frame.depth_m[i];
-                if !(found_m > 0.0) || !found_m.is_finite() {
+                if !found_m.is_finite() || found_m <= 0.0 {
                     continue;
                 }
                 let behind_m = still.get((row + top) * wide + column + left).copied().unwrap_or(f32::INFINITY);

@@ -31,8 +31,8 @@ impl NormalEquations {
         for i in 0..6 {
             self.gradient[i] += slope * J[i];
             let weighted = curvature * J[i];
-            for j in 0..=i {
-                self.products[at] += weighted * J[j];
+            for entry in &J[..=i] {
+                self.products[at] += weighted * entry;
                 at += 1;
             }
         }

@@ -41,11 +41,13 @@ pub enum Label {
 /// Most bodies that an arm consists of.
 const MAX_BODIES: usize = 16;
 
+/// Centre in C, radius, pose of C in the body's frame, and surface of a body.
+type BodyInSight<'a> = (Point3<f64>, f64, Pose, &'a RayCaster);
+
 /// What one camera would see without the object.
 pub(super) struct Background<'a> {
     camera: &'a CameraModel,
-    /// Centre in C, radius, pose of C in the body's frame, and surface of each body in sight.
-    bodies: [Option<(Point3<f64>, f64, Pose, &'a RayCaster)>; MAX_BODIES],
+    bodies: [Option<BodyInSight<'a>>; MAX_BODIES],
     /// Height of the camera over the floor and the vertical in C.
     floor: Option<(f64, Vector3<f64>)>,
 }

@@ -33,6 +33,7 @@ pub struct Posture {
 
 /// The arm's way of finding postures.
 #[derive(Debug)]
+#[expect(clippy::large_enum_variant, reason = "there is one, and it is never moved")]
 pub(super) enum PostureFinder {
     Srs(SrsArm),
     Numerical,

@@ -25,8 +25,8 @@ fn tracking_and_predicting_allocate_nothing() {
                 let t = 0.01 * f64::from(i);
                 let p_WO = Vector3::new(2.6 - 2.9 * t, 2.6 - 4.0 * t, 0.5 + 3.6 * t - 4.905 * t * t);
                 let X_WO = catch_body::Pose::from_parts(p_WO.into(), attitude);
-                let X_WS = X_WO * reference.X_RO.inverse();
-                let mut frames = synthetic::depth_frames(&cameras, &shape, &X_WS, noise, &mut normal);
+                let X_WR = X_WO * reference.X_RO.inverse();
+                let mut frames = synthetic::depth_frames(&cameras, &shape, &X_WR, noise, &mut normal);
                 for frame in &mut frames {
                     frame.capture_s = t;
                     frame.mask = frame.mask.take().filter(|_| labelled);

@@ -27,8 +27,8 @@ impl Bench {
     }
 
     fn frames_at(&self, X_WO: &Pose) -> Vec<DepthFrame> {
-        let X_WS = X_WO * self.reference.X_RO.inverse();
-        synthetic::depth_frames(&self.cameras, &self.shape, &X_WS, Noise::Constant(0.001), &mut Normal::new(3))
+        let X_WR = X_WO * self.reference.X_RO.inverse();
+        synthetic::depth_frames(&self.cameras, &self.shape, &X_WR, Noise::Constant(0.001), &mut Normal::new(3))
     }
 
     fn find(&self, frames: &[DepthFrame], prior: Option<&Pose>) -> Result<ObjectPose, PerceptionStatus> {

@@ -4,4 +4,4 @@ mod edge_cases;
 #[path = "../../src/perception/synthetic.rs"]
 mod synthetic;
 
-use catch_bot::perception::{Config, ReferenceModel};
+use catch_bot::perception::ReferenceModel;

@@ -129,7 +129,7 @@ pub fn run(arguments: &PredictArguments) -> anyhow::Result<()> {
     let found = fitted.as_ref().ok();
     let document = Document {
         version: VERSION,
-        status: fitted.as_ref().map_or_else(|status| serde_json::to_value(status), |_| Ok("predicted".into()))?,
+        status: fitted.as_ref().map_or_else(serde_json::to_value, |_| Ok("predicted".into()))?,
         sightings: seen.len(),
         inliers: found.map(|track| track.flight.inliers),
         noise_m,

@@ -74,7 +74,7 @@ pub fn run(arguments: &RegisterArguments) -> anyhow::Result<()> {
     let X_CR = found.as_ref().ok().map(|pose| pose.X_WO * reference.X_RO.inverse());
     let document = Document {
         version: VERSION,
-        status: found.as_ref().map_or_else(|status| serde_json::to_value(status), |_| Ok("registered".into()))?,
+        status: found.as_ref().map_or_else(serde_json::to_value, |_| Ok("registered".into()))?,
         X_CR: X_CR.map(|it| PoseDocument {
             translation_m: it.translation.vector.into(),
             rotation_xyzw: it.rotation.coords.into(),

@@ -1,5 +1,7 @@
 //! The planner on random throws: nothing lost, nothing broken.
 
+#![allow(clippy::print_stdout, reason = "figures for the docs, shown by --nocapture")]
+
 use std::f64::consts::PI;
 
 use catch_body::{JointVector, clearance::ArmClearance};
