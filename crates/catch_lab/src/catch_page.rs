@@ -63,6 +63,6 @@ mod tests {
     #[test]
     fn the_template_names_only_what_is_filled_in() {
         let names: Vec<&str> = PAGE.split("{{").skip(1).filter_map(|part| part.split("}}").next()).collect();
-        assert_eq!(names, ["title", "style", "data", "script"]);
+        assert_eq!(names, ["title", "style", "title", "data", "script"]);
     }
 }

@@ -52,11 +52,17 @@ pub struct Verdict {
     pub measures: Measures,
 }
 
+/// How long before the catch predictions are compared with the truth, in seconds.
+pub const LEADS_S: [f64; 5] = [0.5, 0.4, 0.3, 0.2, 0.1];
+
 /// Figures of a trial that explain its outcome.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Measures {
     /// How far off the object's position at the catch was predicted, by the last prediction before it.
     pub prediction_error_m: Option<f64>,
+    /// How far off it was predicted [`LEADS_S`] before the catch, where there was a prediction by then.
+    #[serde(default)]
+    pub prediction_errors_m: [Option<f64>; LEADS_S.len()],
     /// How far the gripper was from where the plan wants it at the catch.
     pub tracking_error_m: Option<f64>,
     /// How far the undisturbed object would have been from where the plan wants it in the gripper at the catch.
@@ -143,7 +149,17 @@ impl<'a> Evidence<'a> {
 
     /// How far off the last prediction before the catch was.
     pub fn prediction_error_m(&self) -> Option<f64> {
-        let flight = self.last?.flight.as_ref()?;
+        self.error_of(self.last?)
+    }
+
+    /// How far off the newest prediction was that the brain had some time before the catch.
+    fn earlier_prediction_error_m(&self, lead_s: f64) -> Option<f64> {
+        let by_s = self.catch_s? - lead_s + 1e-9;
+        self.error_of(&self.thoughts.iter().rfind(|thought| thought.time_s <= by_s)?.report)
+    }
+
+    fn error_of(&self, report: &Report) -> Option<f64> {
+        let flight = report.flight.as_ref()?;
         let predicted = flight.pose_at(self.catch_s?).translation.vector;
         Some((predicted - self.undisturbed_O?.coords).norm())
     }
@@ -196,6 +212,7 @@ impl<'a> Evidence<'a> {
             self.truth.samples.iter().filter(|sample| touches_gripper(sample)).map(|it| it.contact.peak_force_n);
         Measures {
             prediction_error_m: self.prediction_error_m(),
+            prediction_errors_m: LEADS_S.map(|lead_s| self.earlier_prediction_error_m(lead_s)),
             tracking_error_m: self
                 .at_catch
                 .zip(plan)

@@ -12,6 +12,7 @@ use crate::{
     catch_page::{STYLE, fill},
     evaluation::Row,
     packed::text_in_html,
+    referee::{LEADS_S, Measures},
     statistics::CellSummary,
     stopwatch::StageTimes,
 };
@@ -147,38 +148,44 @@ fn misses(report: &Report) -> String {
     html + "</ul>\n"
 }
 
+/// Median, spread and largest of some errors as a row of marks; none without errors.
+fn errors_row(label: &str, errors_mm: &mut [f64], scale: &Scale) -> Option<String> {
+    errors_mm.sort_by(f64::total_cmp);
+    let last = errors_mm.len().checked_sub(1)?;
+    let [low, middle, high, most] = [0.1, 0.5, 0.9, 1.0].map(|share| errors_mm[(share * last as f64).round() as usize]);
+    let marks = [
+        Mark::Range(scale.place(low), scale.place(high)),
+        Mark::Most(scale.place(most)),
+        Mark::Dot(scale.place(middle)),
+    ];
+    Some(row(label, &marks, &format!("{middle:.3} mm"), true))
+}
+
 fn prediction(report: &Report) -> String {
-    let errors_mm = |cell: &CellSummary| -> Vec<f64> {
-        let of_cell = |row: &&Row| row.scene.object == cell.object && row.scene.throw == cell.throw;
-        let mut errors: Vec<f64> = report
-            .rows
-            .iter()
-            .filter(of_cell)
-            .filter_map(|row| row.verdict.measures.prediction_error_m)
-            .map(|metres| metres * 1e3)
-            .collect();
-        errors.sort_by(f64::total_cmp);
-        errors
+    let errors_mm = |rows: &dyn Fn(&Row) -> bool, pick: &dyn Fn(&Measures) -> Option<f64>| -> Vec<f64> {
+        let of_cell = report.rows.iter().filter(|row| rows(row));
+        of_cell.filter_map(|row| pick(&row.verdict.measures)).map(|metres| metres * 1e3).collect()
     };
-    let all: Vec<f64> = report.cells.iter().flat_map(errors_mm).collect();
-    let scale = Scale::decades(&all, "mm");
-    let mut html =
-        "<h2>Prediction</h2><p class=\"faint\">How far off the last prediction before the catch was: the dot is the \
-                    median, the line from the 10th to the 90th percentile, the tick the largest.</p>\n"
-            .to_owned();
+    let mut html = "<h2>Prediction</h2><p class=\"faint\">How far off the place of the catch was predicted, ever closer to it, \
+                    and by the last prediction object by object: the dot is the median, the line from the 10th to the 90th \
+                    percentile, the tick the largest.</p>\n"
+        .to_owned();
+    let mut over_time: Vec<(String, Vec<f64>)> = LEADS_S
+        .iter()
+        .enumerate()
+        .map(|(i, lead_s)| {
+            let label = format!("{:.0} ms before, all", lead_s * 1e3);
+            (label, errors_mm(&|_| true, &|measures| measures.prediction_errors_m[i]))
+        })
+        .collect();
     for cell in report.cells {
-        let errors = errors_mm(cell);
-        if errors.is_empty() {
-            continue;
-        }
-        let [low, middle, high, most] =
-            [0.1, 0.5, 0.9, 1.0].map(|share| errors[(share * (errors.len() - 1) as f64).round() as usize]);
-        let marks = [
-            Mark::Range(scale.place(low), scale.place(high)),
-            Mark::Most(scale.place(most)),
-            Mark::Dot(scale.place(middle)),
-        ];
-        html += &row(&name_of(cell), &marks, &format!("{middle:.3} mm"), true);
+        let of_cell = |row: &Row| row.scene.object == cell.object && row.scene.throw == cell.throw;
+        over_time.push((name_of(cell), errors_mm(&of_cell, &|measures| measures.prediction_error_m)));
+    }
+    let all: Vec<f64> = over_time.iter().flat_map(|(_, errors)| errors.iter().copied()).collect();
+    let scale = Scale::decades(&all, "mm");
+    for (label, errors) in &mut over_time {
+        html += &errors_row(label, errors, &scale).unwrap_or_default();
     }
     html + &scale.axis()
 }

@@ -134,17 +134,28 @@ impl Arena {
         dynamics::gravity() + Vector3::repeat(shake / 3.0f64.sqrt())
     }
 
+    /// Force of the air on the object during the step to come, by its velocity in the middle of it. The engine's velocity is
+    /// half a substep of gravity behind.
+    fn drag(&self, v_WO: &Vector3<f64>) -> Vector3<f64> {
+        let Shared { config, object, .. } = &*self.equipment.shared;
+        let substeps = if self.is_alone { config.substeps_alone } else { config.substeps };
+        let ahead_s = (config.step_s + config.step_s / substeps as f64) / 2.0;
+        let start = v_WO + dynamics::gravity() * ahead_s;
+        let middle = start - start * (self.drag_n_per_mps2 / object.mass_kg * start.norm() * config.step_s / 2.0);
+        -middle * (middle.norm() * self.drag_n_per_mps2)
+    }
+
     /// One step of servo, gripper and physics.
     fn step(&mut self) {
         self.deliver();
         let (now_s, step_s) = (self.time_s(), self.config().step_s);
         let before = self.state;
         let torque = self.servo.torque(now_s, step_s, &before.q, &before.dq);
-        let v_WO = before.V_WO.linear;
+        let object_force_n = self.drag(&before.V_WO.linear);
         let loads = Loads {
             torque,
             finger_force_n: self.drive.forces(now_s, before.finger_m, before.finger_mps),
-            object_force_n: -v_WO * (v_WO.norm() * self.drag_n_per_mps2),
+            object_force_n,
             gravity: self.gravity(),
         };
         self.steps += 1;

@@ -19,15 +19,6 @@ pub enum ColliderPart {
         /// Its radius in metres.
         radius_m: f64,
     },
-    /// A cylinder around a line along z.
-    Cylinder {
-        /// Its centre.
-        centre: Point3<f64>,
-        /// Its radius in metres.
-        radius_m: f64,
-        /// Half its length in metres.
-        half_length_m: f64,
-    },
     /// The convex hull of points.
     Hull(Vec<Point3<f64>>),
 }
@@ -108,29 +99,39 @@ fn revolution(file: &str, mass_kg: f64, profile_m: &[[f64; 2]]) -> Result<Solid,
     }
     let mesh = TriangleMesh::revolution(profile_m, SEGMENTS);
     let inertia = mesh.mass_properties(mass_kg);
-    // Straight pieces are cylinders, truly round: flat faces of many corners would make the engine change its mind at every
-    // step about which of them touch. What lies between them is cut where the profile bends inwards, so that each part is convex.
-    let is_straight = |pair: &[[f64; 2]]| pair[0][1] == pair[1][1];
+    // A profile that bends inwards is cut there, so that each part is convex.
     let mut parts = Vec::new();
     let mut start = 0;
-    for (i, pair) in profile_m.windows(2).enumerate() {
-        let next = profile_m.get(i + 2);
-        if is_straight(pair) {
-            let [[z0, radius_m], [z1, _]] = [pair[0], pair[1]];
-            let centre = Point3::new(0.0, 0.0, f64::midpoint(z0, z1));
-            parts.push(ColliderPart::Cylinder { centre, radius_m, half_length_m: (z1 - z0) / 2.0 });
-            start = i + 1;
-        } else if next.is_none_or(|next| is_straight(&[pair[1], *next]) || bends_inwards(&[pair[0], pair[1], *next])) {
-            parts.push(ColliderPart::Hull(TriangleMesh::revolution(&profile_m[start..=i + 1], SEGMENTS).vertices));
-            start = i + 1;
+    for i in 1..profile_m.len() {
+        let is_last = i + 1 == profile_m.len();
+        if is_last || bends_inwards(&profile_m[i - 1..=i + 1]) {
+            parts.push(ColliderPart::Hull(with_square_ends(&profile_m[start..=i])));
+            start = i;
         }
     }
     Ok(Solid { mesh, parts, inertia })
 }
 
+/// How much farther than its rim the middle of a flat end stands out, in metres.
+const END_BULGE_M: f64 = 3e-4;
+
+/// Points of a solid of revolution whose flat ends are squares within the rim, which stands back a little. On a face of 32
+/// corners the engine would choose others of them as contacts in every step, and what is squeezed there would creep.
+fn with_square_ends(profile_m: &[[f64; 2]]) -> Vec<Point3<f64>> {
+    let mut rims = profile_m.to_vec();
+    let last = rims.len() - 1;
+    rims[0][0] += END_BULGE_M;
+    rims[last][0] -= END_BULGE_M;
+    let mut points = TriangleMesh::revolution(&rims, SEGMENTS).vertices;
+    for [z, r] in [profile_m[0], profile_m[last]] {
+        points.extend([[r, 0.0], [0.0, r], [-r, 0.0], [0.0, -r]].map(|[x, y]| Point3::new(x, y, z)));
+    }
+    points
+}
+
 /// Whether the middle of three profile points lies below the line between its neighbours.
-fn bends_inwards(points: &[[f64; 2]; 3]) -> bool {
-    let [[z0, r0], [z1, r1], [z2, r2]] = *points;
+fn bends_inwards(points: &[[f64; 2]]) -> bool {
+    let [[z0, r0], [z1, r1], [z2, r2]] = [points[0], points[1], points[2]];
     (r1 - r0) * (z2 - z1) < (r2 - r1) * (z1 - z0) - 1e-12
 }
 

@@ -71,7 +71,7 @@ pub fn run(arguments: &RegisterArguments) -> anyhow::Result<()> {
         Symmetry::Axis { .. } => "axis",
         Symmetry::Sphere => "sphere",
     };
-    let X_CR = found.as_ref().ok().map(|pose| pose.X_WO * reference.X_RO.inverse());
+    let X_CR = found.as_ref().ok().map(|fit| fit.X_WO).map(|X_CO| X_CO * reference.X_RO.inverse());
     let document = Document {
         version: VERSION,
         status: found.as_ref().map_or_else(serde_json::to_value, |_| Ok("registered".into()))?,

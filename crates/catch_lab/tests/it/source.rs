@@ -41,6 +41,11 @@ pub fn is_test_file(path: &Path) -> bool {
         return true;
     }
     let folder = path.parent().unwrap();
+    // What belongs to a module for tests is one itself.
+    let owner = folder.with_extension("rs");
+    if owner.is_file() && is_test_file(&owner) {
+        return true;
+    }
     let parents = [folder.join("mod.rs"), folder.join("lib.rs"), folder.join("main.rs"), folder.with_extension("rs")];
     let name = path.file_stem().unwrap().to_str().unwrap();
     let declared = [format!("#[cfg(test)]\nmod {name};"), format!("#[cfg(test)]\npub(crate) mod {name};")];

@@ -181,12 +181,6 @@ impl Builder {
                 ColliderPart::Ball { centre, radius_m } => {
                     engine::ColliderBuilder::ball(*radius_m).translation(to_vector(&centre.coords))
                 }
-                ColliderPart::Cylinder { centre, radius_m, half_length_m } => {
-                    // The engine's cylinders stand along y.
-                    let R_OC = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);
-                    engine::ColliderBuilder::cylinder(*half_length_m, *radius_m)
-                        .position(to_pose(&Pose::from_parts(centre.coords.into(), R_OC)))
-                }
                 ColliderPart::Hull(points) => {
                     let points: Vec<engine::Vector> = points.iter().map(|point| to_vector(&point.coords)).collect();
                     engine::ColliderBuilder::convex_hull(&points).expect("a part of an object encloses a volume")
