@@ -59,9 +59,6 @@ const MOST_NUMERICAL_PAIRS: usize = 16;
 /// Motions that are tried for one of them.
 const ATTEMPTS_PER_PAIR: usize = 2;
 
-/// The finer search, which is the last, tries that many times more motions before it gives up.
-const LAST_ATTEMPTS: usize = 4;
-
 /// A catch that every joint can reach.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Candidate {
@@ -162,13 +159,13 @@ impl Planner {
         grasp_config: &grasp_selection::Config,
     ) -> Result<CatchPlan, Refusal> {
         let task = Task { start, flight, grasps, grasp_config, shares: self.shares(start) };
-        self.best_first(&task, self.config.time_step_s, self.config.attempts).or_else(|_| {
+        self.best_first(&task, self.config.time_step_s).or_else(|_| {
             let task = Task { shares: self.moving_shares(), ..task };
-            self.best_first(&task, self.config.time_step_s / FINER, LAST_ATTEMPTS * self.config.attempts)
+            self.best_first(&task, self.config.time_step_s / FINER)
         })
     }
 
-    fn best_first(&self, task: &Task, time_step_s: f64, most_attempts: usize) -> Result<CatchPlan, Refusal> {
+    fn best_first(&self, task: &Task, time_step_s: f64) -> Result<CatchPlan, Refusal> {
         let mut frontier = Frontier::default();
         let (instants, any_grasp) = self.poses(task, time_step_s, &mut frontier);
         let mut refusal = if any_grasp { Refusal::OutOfReach } else { Refusal::NoGrasp };
@@ -246,7 +243,7 @@ impl Planner {
                     }
                     attempts += usize::from(moved);
                     failed.push(pair);
-                    if attempts == most_attempts {
+                    if attempts == self.config.attempts {
                         return Err(Refusal::NoMotion);
                     }
                 }
