@@ -26,8 +26,8 @@ use catch_cell::{
 use nalgebra::{DMatrix, DVector, Point3};
 
 use interior_point::{Program, Row};
-pub use waypoint::{Tolerance, Waypoint};
 use waypoint::{ERRORS, Linearized};
+pub use waypoint::{Tolerance, Waypoint};
 
 /// A motion that is wanted.
 #[derive(Debug, Clone)]
@@ -74,7 +74,7 @@ pub struct Solution {
 /// Price of an error, ρ: above any multiplier that was seen (about 1 per radian, metre or m/s).
 const PRICE: f64 = 30.0;
 /// Quadratic programs at most.
-const ITERATIONS: usize = 40;
+const ITERATIONS: usize = 25;
 /// Trust region at the start, in radians, and the smallest that is worth a step.
 const RADIUS: f64 = 0.5;
 const LEAST_RADIUS: f64 = 1e-9;
@@ -84,8 +84,9 @@ pub const MET: f64 = 1e-8;
 const CONVERGED: f64 = 1e-9;
 /// Keeps the programs strictly convex in variables that nothing else weighs.
 const DAMPING: f64 = 1e-7;
-/// Distance from the limits that rounding needs, relative.
+/// Distance from the limits that rounding needs, relative, and that the solver's tolerance needs, in radians.
 const ROUNDING: f64 = 1e-7;
+const SOLVED_RAD: f64 = 1e-8;
 
 impl Problem<'_> {
     /// Number of control points.
@@ -96,7 +97,7 @@ impl Problem<'_> {
     /// The motion, sought from a guess of its control points; `None` if no motion from this start keeps the limits.
     pub fn solve(&self, guess: &[JointVector]) -> Option<Solution> {
         let layout = Layout::new(self);
-        let limits = layout.limit_rows(self);
+        let limits = layout.limit_rows(self)?;
         let mut x = layout.feasible(&limits, guess, self.speed_fraction)?;
         let mut now = layout.linearize(self, &x);
         let mut radius = RADIUS;
@@ -135,6 +136,15 @@ impl Problem<'_> {
         let spline = BSpline { knots_s: self.knots_s.clone(), control_points: layout.control_points(&x) };
         let excess = layout.excess(self, &now);
         Some(Solution { spline, speed_fraction: x[layout.fraction()], excess, iterations })
+    }
+
+    /// By how much the worst error of some motion exceeds its tolerance.
+    pub fn excess_of(&self, motion: impl Fn(f64) -> Setpoint, fraction: f64) -> f64 {
+        let of_waypoint = |waypoint: &Waypoint| {
+            let at = motion(waypoint.time_s);
+            waypoint.excess(&waypoint.linearize(self.robot, &self.p_GP, &at.q, &at.dq, fraction))
+        };
+        self.waypoints.iter().map(of_waypoint).fold(0.0, f64::max)
     }
 
     /// The first control points, which the start leaves no choice about.
@@ -201,11 +211,11 @@ impl Layout {
         DVector::from_fn(self.variables() + self.slacks(), |i, _| x.get(i).copied().unwrap_or(1e-2))
     }
 
-    /// Rows that keep positions, velocities and accelerations of the free part within the limits.
+    /// Rows that keep positions, velocities and accelerations within the limits; `None` if the start alone breaks one.
     ///
     /// Where t are the knots, the velocity has the control points Vᵢ = 3·(Pᵢ₊₁ − Pᵢ)/(tᵢ₊₄ − tᵢ₊₁), the acceleration
     /// Aᵢ = 2·(Vᵢ₊₁ − Vᵢ)/(tᵢ₊₄ − tᵢ₊₂), and each curve stays within the hull of its own (de Boor, ch. IX and X).
-    fn limit_rows(&self, problem: &Problem) -> Vec<Row> {
+    fn limit_rows(&self, problem: &Problem) -> Option<Vec<Row>> {
         let (t, n) = (&problem.knots_s, self.fixed.len() + self.free);
         let velocity: Vec<Vec<f64>> = (0..n - 1)
             .map(|i| {
@@ -233,25 +243,27 @@ impl Layout {
                 [(&velocity, limits.velocity * inside), (&acceleration, limits.acceleration * inside)]
             {
                 for row in coefficients {
-                    self.add_limit(&mut rows, joint, row, limit);
+                    self.add_limit(&mut rows, joint, row, limit)?;
                 }
             }
         }
-        rows
+        Some(rows)
     }
 
-    /// Two rows |Σ coefficientᵢ·Pᵢ| ≤ limit for one joint, scaled to a unit normal; none where nothing is free.
-    fn add_limit(&self, rows: &mut Vec<Row>, joint: usize, coefficients: &[f64], limit: f64) {
+    /// Two rows |Σ coefficientᵢ·Pᵢ| ≤ limit for one joint, scaled to a unit normal; none where nothing is free, and
+    /// `None` where that alone is too much.
+    fn add_limit(&self, rows: &mut Vec<Row>, joint: usize, coefficients: &[f64], limit: f64) -> Option<()> {
         let given: f64 = coefficients.iter().zip(&self.fixed).map(|(share, point)| share * point[joint]).sum();
         let free = &coefficients[self.fixed.len()..];
-        let Some(from) = free.iter().position(|it| *it != 0.0) else { return };
+        let Some(from) = free.iter().position(|it| *it != 0.0) else { return (given.abs() <= limit).then_some(()) };
         let until = free.iter().rposition(|it| *it != 0.0).unwrap_or(from) + 1;
         let scale = 1.0 / free[from..until].iter().map(|it| it * it).sum::<f64>().sqrt();
         for sign in [1.0, -1.0] {
             let a = free[from..until].iter().map(|it| sign * it * scale).collect();
-            let bound = (limit - sign * given) * scale;
+            let bound = (limit - sign * given) * scale - SOLVED_RAD;
             rows.push(Row { first: joint * self.free + from, a, slack: None, bound });
         }
+        Some(())
     }
 
     /// The motion within the limits that is nearest to a guess.
@@ -358,10 +370,7 @@ impl Layout {
 
     /// What the worst error exceeds its tolerance by.
     fn excess(&self, problem: &Problem, now: &[Linearized]) -> f64 {
-        let each = now.iter().zip(&problem.waypoints).flat_map(|(at, waypoint)| {
-            (0..ERRORS).map(|error| at.error[error].abs() - waypoint.tolerance.of(error))
-        });
-        each.fold(0.0, f64::max)
+        now.iter().zip(&problem.waypoints).map(|(at, waypoint)| waypoint.excess(at)).fold(0.0, f64::max)
     }
 }
 

@@ -61,6 +61,11 @@ pub struct Linearized {
 }
 
 impl Waypoint {
+    /// By how much the worst error exceeds its tolerance, zero if none does.
+    pub fn excess(&self, at: &Linearized) -> f64 {
+        (0..ERRORS).map(|error| at.error[error].abs() - self.tolerance.of(error)).fold(0.0, f64::max)
+    }
+
     /// The errors of an arm at `q`, `dq`, position and velocity being those of the point `p_GP` of the gripper, which is to move
     /// at `fraction`·v_WO.
     ///
