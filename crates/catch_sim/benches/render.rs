@@ -32,7 +32,9 @@ fn render(criterion: &mut Criterion) {
         });
     }
     let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: 0.11, X_WO: &X_WG };
-    criterion.bench_function("20 full images", |bencher| bencher.iter(|| renderer.render(&cameras, &scene, Readout::Full, true)));
+    criterion.bench_function("20 full images", |bencher| {
+        bencher.iter(|| renderer.render(&cameras, &scene, Readout::Full, true))
+    });
     let reference = rig(include_str!("../../../assets/rigs/reference.toml"));
     criterion.bench_function("reference scan", |bencher| bencher.iter(|| reference_scan(&object, &reference)));
 }

@@ -150,9 +150,7 @@ impl DepthModel {
             Self::Perfect | Self::Gaussian(_) | Self::Kinect => None,
             Self::Stereo(noise) => Some(noise.clone()),
             Self::Stereo7 => Some(StereoNoise::default()),
-            Self::Stereo7c => {
-                Some(StereoNoise { common_share: 0.9, dropout_share: 0.1, ..StereoNoise::default() })
-            }
+            Self::Stereo7c => Some(StereoNoise { common_share: 0.9, dropout_share: 0.1, ..StereoNoise::default() }),
             Self::D435 => Some(StereoNoise::d435()),
         }
     }
@@ -246,7 +244,10 @@ mod tests {
         let parse = |text: &str| toml::from_str::<DepthConfig>(text).map(|config| config.model);
         assert_eq!(parse("").unwrap(), DepthModel::Perfect);
         assert_eq!(parse("model = \"stereo7c\"").unwrap(), DepthModel::Stereo7c);
-        assert_eq!(parse("model = { gaussian = { sd_m = 0.002 } }").unwrap(), DepthModel::Gaussian(GaussianNoise { sd_m: 0.002 }));
+        assert_eq!(
+            parse("model = { gaussian = { sd_m = 0.002 } }").unwrap(),
+            DepthModel::Gaussian(GaussianNoise { sd_m: 0.002 })
+        );
         let stereo = parse("[model.stereo]\nbaseline_m = 0.05").unwrap().stereo().unwrap();
         assert_eq!(stereo, StereoNoise { baseline_m: 0.05, ..StereoNoise::default() });
         for text in ["model = \"stereo8\"", "model = { stereo = { base_m = 0.05 } }", "model = { gaussian = {} }"] {
@@ -268,11 +269,19 @@ mod tests {
 
     #[test]
     fn data_sheets_say_what_the_models_do() {
-        let models = [DepthModel::Perfect, DepthModel::Gaussian(GaussianNoise { sd_m: 0.002 }), DepthModel::Stereo7c, DepthModel::D435];
+        let models = [
+            DepthModel::Perfect,
+            DepthModel::Gaussian(GaussianNoise { sd_m: 0.002 }),
+            DepthModel::Stereo7c,
+            DepthModel::D435,
+        ];
         for model in models {
             let sheet = model.data_sheet(362.0);
             for z in [0.5, 2.0, 7.0] {
-                assert!((sheet.constant_m + sheet.quadratic_per_m * z * z - model.sd_m(z, 362.0)).abs() < 1e-12, "{model:?}");
+                assert!(
+                    (sheet.constant_m + sheet.quadratic_per_m * z * z - model.sd_m(z, 362.0)).abs() < 1e-12,
+                    "{model:?}"
+                );
             }
         }
         let sheet = DepthModel::Kinect.data_sheet(362.0);

@@ -23,7 +23,10 @@ impl Wall {
             nalgebra::Translation3::new(300.0, 0.0, z_m),
             nalgebra::UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI),
         );
-        Self { camera: CameraModel::with_field_of_view(X_WC, 400, 300, 45.0_f64.to_radians()), renderer: renderer(&ball(), true) }
+        Self {
+            camera: CameraModel::with_field_of_view(X_WC, 400, 300, 45.0_f64.to_radians()),
+            renderer: renderer(&ball(), true),
+        }
     }
 
     /// The images of some exposures.
@@ -82,7 +85,10 @@ fn the_spread_of_a_depth_is_that_of_the_formula() {
             // Single precision rounds depths below 16 m to 0.5 µm at most.
             assert!(mean.abs() < 4.0 * sd_m / count.sqrt() + 1e-6, "{model:?} at {z_m} m: mean {mean}");
             let errors = (variance / (sd_m * sd_m).max(1e-12) - 1.0) / (2.0 / count).sqrt();
-            assert!(sd_m == 0.0 && variance < 1e-12 || errors.abs() < 4.0, "{model:?} at {z_m} m: {variance}, {errors}");
+            assert!(
+                sd_m == 0.0 && variance < 1e-12 || errors.abs() < 4.0,
+                "{model:?} at {z_m} m: {variance}, {errors}"
+            );
             let (_, plain, _) = moments(depths());
             assert!((plain.sqrt() - sd_m).abs() < 0.01 * sd_m + 1e-6, "{model:?} at {z_m} m: {}", plain.sqrt());
         }
@@ -268,12 +274,8 @@ fn every_model() -> Vec<DepthConfig> {
         DepthModel::D435,
         DepthModel::Stereo(wild),
     ];
-    let with_losses = |model| DepthConfig {
-        model,
-        lost_frame_share: 0.05,
-        calibration_sd_m: 0.002,
-        calibration_sd_rad: 0.001,
-    };
+    let with_losses =
+        |model| DepthConfig { model, lost_frame_share: 0.05, calibration_sd_m: 0.002, calibration_sd_rad: 0.001 };
     models.into_iter().map(with_losses).collect()
 }
 
@@ -292,11 +294,17 @@ fn with_any_model_a_window_equals_that_part_of_the_full_image_bit_for_bit() {
                 .map(|i| PixelWindow { left: 20 * i, top: 15 * i, width: 60 + i, height: 80 })
                 .chain([PixelWindow { left: 170, top: 130, width: 1, height: 1 }])
                 .collect();
-            let off_the_object: Vec<PixelWindow> = windows.iter().map(|window| PixelWindow { top: 90, ..*window }).collect();
+            let off_the_object: Vec<PixelWindow> =
+                windows.iter().map(|window| PixelWindow { top: 90, ..*window }).collect();
             let single = vec![PixelWindow { left: 195, top: 120, width: 1, height: 1 }; 20];
             // Asked of a copy, after other exposures and other windows.
             let again = DepthCameras::new(&rig, &config, 5, 6);
-            for readout in [Readout::Windows(&single), Readout::Object, Readout::Windows(&windows), Readout::Windows(&off_the_object)] {
+            for readout in [
+                Readout::Windows(&single),
+                Readout::Object,
+                Readout::Windows(&windows),
+                Readout::Windows(&off_the_object),
+            ] {
                 again.capture(&renderer, &scene, 3, readout, false);
                 let part = again.capture(&renderer, &scene, 17, readout, true);
                 assert_eq!(part.len(), full.len(), "the same images are lost");

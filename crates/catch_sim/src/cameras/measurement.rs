@@ -168,7 +168,8 @@ impl StereoNoise {
         let reach = self.edge_px as usize;
         for i in 0..window.area() {
             let (column, row) = (i % window.width as usize, i / window.width as usize);
-            let (x, y) = (column + (window.left - exact.window.left) as usize, row + (window.top - exact.window.top) as usize);
+            let (x, y) =
+                (column + (window.left - exact.window.left) as usize, row + (window.top - exact.window.top) as usize);
             let at = y * wide + x;
             image.shows_object[i] = exact.shows_object[at];
             let z = exact.nearest[at];

@@ -53,13 +53,7 @@ impl Renderer {
 
     /// One frame per camera, without any error: depth in metres along the optical axis, NaN where there is no surface; with
     /// `labelled` also which pixels show the object. The cameras stand where their models say.
-    pub fn render(
-        &self,
-        cameras: &[CameraModel],
-        scene: &Scene,
-        readout: Readout,
-        labelled: bool,
-    ) -> Vec<DepthFrame> {
+    pub fn render(&self, cameras: &[CameraModel], scene: &Scene, readout: Readout, labelled: bool) -> Vec<DepthFrame> {
         let view = self.view(scene);
         let frame_of = |(index, camera): (usize, &CameraModel)| {
             let window = view.window(index, camera, readout, 0);
