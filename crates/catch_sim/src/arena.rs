@@ -44,9 +44,9 @@ pub struct Arena {
 }
 
 impl Arena {
-    /// A scene: the object is released at t = 0, the arm waits at `ready_q` with the gripper open.
-    pub fn new(equipment: &Equipment, release: &Release, ready_q: &JointVector, _seed: u64, _index: u64) -> Self {
-        let Shared { config, robot, robot_with_gripper, gripper, object, .. } = &*equipment.shared;
+    /// The scene (`seed`, `index`): the object is released at t = 0, the arm waits at `ready_q` with the gripper open.
+    pub fn new(equipment: &Equipment, release: &Release, ready_q: &JointVector, seed: u64, index: u64) -> Self {
+        let Shared { config, robot, robot_with_gripper, gripper, object, cameras, .. } = &*equipment.shared;
         let settings = WorldSettings {
             step_s: config.step_s,
             substeps: config.substeps,
@@ -64,7 +64,7 @@ impl Arena {
             world,
             servo: Servo::new(robot_with_gripper.clone(), *ready_q),
             drive,
-            sensors: Sensors::new(config),
+            sensors: Sensors::new(config, cameras, seed, index),
             equipment: equipment.clone(),
             under_way: Vec::new(),
             steps: 0,

@@ -3,6 +3,8 @@
 use catch_body::InputError;
 use serde::{Deserialize, Serialize};
 
+use crate::cameras::depth_noise::DepthConfig;
+
 /// What the arena is like. The defaults are the paper's where the paper says something.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -21,6 +23,8 @@ pub struct ArenaConfig {
     /// Whether the cameras see the floor, which always collides. Off by default: the paper has none, and its lower cameras look
     /// through where it would be.
     pub floor_visible: bool,
+    /// What the depth images are off by. Nothing by default, as in the paper.
+    pub depth: DepthConfig,
     /// Images per second of each camera. Default 100 Hz (paper, IV).
     pub frame_rate_hz: f64,
     /// How long an image takes to arrive.
@@ -53,6 +57,7 @@ impl Default for ArenaConfig {
             drag: false,
             labels: true,
             floor_visible: false,
+            depth: DepthConfig::default(),
             frame_rate_hz: 100.0,
             latency_s: 0.0,
             step_s: 1e-3,
@@ -78,6 +83,7 @@ impl ArenaConfig {
                 return fault(field, value, "zero or more");
             }
         }
+        self.depth.check(file, &format!("{table}.depth"))?;
         InputError::positive(file, format!("{table}.frame_rate_hz"), self.frame_rate_hz)?;
         if !(self.step_s > 0.0 && self.step_s <= 2e-3) {
             return fault("step_s", self.step_s, "above zero and at most 0.002, beyond which contacts are wrong");
