@@ -105,6 +105,13 @@ impl Throw {
         Ok(Self { motion: fields.motion, attitudes })
     }
 
+    /// The same objects in the same attitudes on another way, every time the same, without spin.
+    pub fn moved(&self, p_WO: &Point3<f64>, v_WO: &Vector3<f64>) -> Self {
+        let motion =
+            Motion::Fixed { position_m: p_WO.coords.into(), velocity_mps: (*v_WO).into(), spin_radps: [0.0; 3] };
+        Self { motion, attitudes: self.attitudes.clone() }
+    }
+
     /// The throw number `index` of `seed`. An object whose attitude the file does not give starts upright.
     pub fn release(&self, object_name: &str, seed: u64, index: u64) -> Release {
         let q_WO = self.attitudes.get(object_name).copied().unwrap_or_default();

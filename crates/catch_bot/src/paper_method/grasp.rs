@@ -8,7 +8,7 @@ use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    grasp_selection::{Grasp, darboux::darboux_frame},
+    grasp_selection::{Grasp, darboux::darboux_frame, fit::held_box},
     perception::ReferenceModel,
     trajectory_prediction::FlightTrajectory,
 };
@@ -108,7 +108,13 @@ pub fn select(
     }
     let (_, X_OG, strength_m) = best?;
     // It opens as far as it can.
-    Some(Grasp { X_OG, object_width_m: width_m(points, gripper, &X_OG), open_width_m: gripper.max_width_m, strength_m })
+    Some(Grasp {
+        X_OG,
+        object_width_m: width_m(points, gripper, &X_OG),
+        open_width_m: gripper.max_width_m,
+        strength_m,
+        held_G: held_box(points, &X_OG.inverse()),
+    })
 }
 
 /// "Comfort": whether the gripper points away from the axis of the base. The text does not normalize the vector to the gripper;
@@ -154,7 +160,7 @@ mod tests {
     #[test]
     fn a_ball_is_held_across_its_way() {
         let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
-        let mut reference = ReferenceModel { radius_m: 0.034, ..ReferenceModel::default() };
+        let mut reference = ReferenceModel::default();
         for i in 0..2000 {
             let z = 1.0 - (2.0 * f64::from(i) + 1.0) / 2000.0;
             let (sin, cos) = (golden * f64::from(i)).sin_cos();

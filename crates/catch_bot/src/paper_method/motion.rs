@@ -83,7 +83,7 @@ pub fn plan(
         let problem = problem(planner, start, flight, catch_s, &grasp, tolerance, config);
         let Some(found) = problem.solve(&guess).filter(|found| found.excess < MET) else { break };
         guess.clone_from(&found.spline.control_points);
-        if let Some(trajectory) = completed(planner, &found.spline, grasp.open_width_m) {
+        if let Some(trajectory) = completed(planner, &found.spline, &grasp) {
             best = Some((found, trajectory));
         }
         tolerance = tolerance.scaled(config.tightening);
@@ -110,13 +110,13 @@ pub fn follow(
     if found.excess >= MET && found.excess >= problem.excess_of(running, config.speed_fraction) {
         return None;
     }
-    let trajectory = completed(planner, &found.spline, grasp.open_width_m)?;
+    let trajectory = completed(planner, &found.spline, grasp)?;
     Some(catch_plan(planner, flight, catch_s, grasp.clone(), &found.spline, trajectory))
 }
 
 /// A motion with braking after it, `None` if that breaks any limit or collides.
-fn completed(planner: &Planner, to_catch: &BSpline, width_m: f64) -> Option<ArmTrajectory> {
-    planner.completed(to_catch.clone(), width_m).filter(|trajectory| planner.keeps_limits(trajectory))
+fn completed(planner: &Planner, to_catch: &BSpline, grasp: &Grasp) -> Option<ArmTrajectory> {
+    planner.completed(to_catch.clone(), grasp).filter(|trajectory| planner.keeps_limits(trajectory))
 }
 
 /// Joint positions that put the gripper at `X_WG`, near the comfortable pose.
@@ -186,6 +186,8 @@ fn catch_plan(
         open_width_m: grasp.open_width_m,
         grasp,
         approach: Approach::ThroughGap,
+        // It opens as far as it can and asks no more about the way in.
+        lets_in: true,
         q,
         elbow: None,
         speed_fraction: V_WG.linear.dot(&v_WO) / v_WO.norm_squared(),
