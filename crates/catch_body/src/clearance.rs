@@ -102,6 +102,22 @@ impl ArmClearance {
         })
     }
 
+    /// The smallest distance in metres of a box that the gripper holds, given in G, from the floor and from the links that the
+    /// gripper may meet.
+    pub fn held_clearance(&self, X_WL: &LinkPoses, held_G: &Cuboid) -> f64 {
+        let X_WG = X_WL[MAX_JOINTS] * self.X_LG;
+        let mut smallest = held_G.lowest_z(&X_WG);
+        let (centre_W, reach) = (X_WG * held_G.centre, held_G.size.norm() / 2.0);
+        for &part in &self.near_gripper {
+            let part = &self.parts[part];
+            if (X_WL[part.link] * part.centre - centre_W).norm() - part.radius - reach < smallest {
+                let capsule_G = part.capsule.transformed(&X_WG.inv_mul(&X_WL[part.link]));
+                smallest = smallest.min(capsule_G.distance_to_cuboid(held_G));
+            }
+        }
+        smallest
+    }
+
     /// At least this far in metres a ball is from every part of arm and gripper; less where it is inside of the balls around
     /// them.
     pub fn least_distance_to_ball(&self, X_WL: &LinkPoses, centre_W: &Point3<f64>, radius: f64) -> f64 {

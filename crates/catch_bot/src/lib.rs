@@ -345,17 +345,16 @@ impl CatchingBot {
                 Err(Refusal::NoMotion) => (Status::NoPlan, None),
             };
         };
-        if let Some(plan) = self.known.planner.retarget(start, flight, plan, grasps, config) {
-            return (Status::Planned, Some(plan));
-        }
-        let is_still_good =
-            control::is_still_good(plan, flight, self.known.planner.gripper(), &self.known.config.control);
-        match if is_still_good { None } else { search().ok() } {
+        let planner = &self.known.planner;
+        let adjusted = planner.retarget(start, flight, plan, grasps, config);
+        let is_good = match &adjusted {
+            Some(adjusted) => adjusted.lets_in,
+            None => control::is_still_good(plan, flight, planner.gripper(), &self.known.config.control),
+        };
+        let another = if is_good { None } else { search().ok() };
+        match another.or(adjusted) {
             Some(plan) => (Status::Planned, Some(plan)),
-            None => {
-                let open_width_m = self.known.planner.opening_or_widest(plan, flight, grasps, config);
-                (Status::PlanKept, Some(CatchPlan { open_width_m, ..plan.clone() }))
-            }
+            None => (Status::PlanKept, Some(planner.opened(plan.clone(), flight, grasps, config))),
         }
     }
 

@@ -6,7 +6,7 @@ use std::{
 };
 
 use catch_body::{Gripper, InputError, JointVector, Robot, robot_file::RobotFiles};
-use catch_bot::{CatchingBot, Preparation};
+use catch_bot::{CatchingBot, Preparation, perception::DepthNoise};
 use catch_cell::{CameraModel, ReferenceScan};
 use catch_sim::{
     Arena, Conditions, Equipment, Release, Throw, ThrownObject, cameras,
@@ -241,6 +241,16 @@ impl Setup {
         if self.scenario.arena.drag {
             config.trajectory_prediction.drag_prior_per_m = self.object.prior.drag_per_m;
             config.trajectory_prediction.drag_prior_sd_per_m = self.object.prior.drag_sd_per_m;
+        }
+        // So is whether the cameras see the floor, and what their data sheet says, unless the scenario tells the brain otherwise.
+        let perception = &mut config.perception;
+        perception.floor_visible |= self.scenario.arena.floor_visible;
+        if perception.depth_noise == DepthNoise::default() {
+            let focal_px = self.cameras.first().map_or(1.0, |camera| camera.focal_px);
+            let sheet = self.scenario.arena.depth.model.data_sheet(focal_px);
+            perception.depth_noise =
+                DepthNoise { constant_m: sheet.constant_m, quadratic_per_m: sheet.quadratic_per_m };
+            perception.depth_dropout |= sheet.dropout;
         }
         config
     }

@@ -19,7 +19,7 @@ fn render(criterion: &mut Criterion) {
     let rig = |text| rig_from_toml("rig", text).expect("the built-in rig is right");
     let object = TriangleMesh::sphere(0.0336, 4);
     let cameras = rig(include_str!("../../../assets/rigs/paper_flight.toml"));
-    let renderer = Renderer::new(&robot, &gripper, &object, cameras, false);
+    let renderer = Renderer::new(&robot, &gripper, &object, false);
 
     let X_WL = robot.link_poses(&robot.ready_q);
     let X_WG = robot.gripper_in(&X_WL);
@@ -28,11 +28,13 @@ fn render(criterion: &mut Criterion) {
     {
         let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: 0.11, X_WO: &X_WO };
         criterion.bench_function(&format!("20 labelled windows, ball {name}"), |bencher| {
-            bencher.iter(|| renderer.render(&scene, Readout::Object, true));
+            bencher.iter(|| renderer.render(&cameras, &scene, Readout::Object, true));
         });
     }
     let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: 0.11, X_WO: &X_WG };
-    criterion.bench_function("20 full images", |bencher| bencher.iter(|| renderer.render(&scene, Readout::Full, true)));
+    criterion.bench_function("20 full images", |bencher| {
+        bencher.iter(|| renderer.render(&cameras, &scene, Readout::Full, true))
+    });
     let reference = rig(include_str!("../../../assets/rigs/reference.toml"));
     criterion.bench_function("reference scan", |bencher| bencher.iter(|| reference_scan(&object, &reference)));
 }

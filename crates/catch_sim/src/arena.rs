@@ -50,9 +50,9 @@ pub struct Arena {
 }
 
 impl Arena {
-    /// A scene: the object is released at t = 0, the arm waits at `ready_q` with the gripper open.
+    /// The scene (`seed`, `index`): the object is released at t = 0, the arm waits at `ready_q` with the gripper open.
     pub fn new(equipment: &Equipment, release: &Release, ready_q: &JointVector, seed: u64, index: u64) -> Self {
-        let Shared { config, robot, robot_with_gripper, gripper, object, .. } = &*equipment.shared;
+        let Shared { config, robot, robot_with_gripper, gripper, object, cameras, .. } = &*equipment.shared;
         let conditions = Conditions::draw(config, object, seed, index);
         let true_robot = conditions.true_robot(robot);
         let settings = WorldSettings {
@@ -73,7 +73,7 @@ impl Arena {
             world,
             servo: Servo::new(robot_with_gripper.clone(), *ready_q),
             drive: GripperDrive::of_kind(&config.gripper, gripper, gripper.max_width_m, &mut gripper_draws),
-            sensors: Sensors::new(config),
+            sensors: Sensors::new(config, cameras, seed, index),
             conditions,
             true_robot,
             encoders: Draws::new(Stream::Encoders, seed, index),

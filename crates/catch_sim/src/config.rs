@@ -3,6 +3,8 @@
 use catch_body::InputError;
 use serde::{Deserialize, Serialize};
 
+use crate::cameras::depth_noise::DepthConfig;
+
 /// What the arena is like. The defaults are the paper's where the paper says something.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -33,6 +35,8 @@ pub struct ArenaConfig {
     /// Whether the cameras see the floor, which always collides. Off by default: the paper has none, and its lower cameras look
     /// through where it would be.
     pub floor_visible: bool,
+    /// What the depth images are off by. Nothing by default, as in the paper.
+    pub depth: DepthConfig,
     /// Images per second of each camera. Default 100 Hz (paper, IV).
     pub frame_rate_hz: f64,
     /// How long an image takes to arrive.
@@ -171,6 +175,7 @@ impl Default for ArenaConfig {
             robot_errors: RobotErrors::default(),
             labels: true,
             floor_visible: false,
+            depth: DepthConfig::default(),
             frame_rate_hz: 100.0,
             latency_s: 0.0,
             step_s: 1e-3,
@@ -243,6 +248,7 @@ impl ArenaConfig {
             let expected = "a rate whose interval is a whole number of steps (step_s)";
             expect(is_whole, "frame_rate_hz", self.frame_rate_hz, expected);
         }
+        faults.extend(self.depth.check(file, &format!("{table}.depth")).err());
         faults
     }
 

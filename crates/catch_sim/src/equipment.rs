@@ -24,11 +24,13 @@ pub(crate) struct Shared {
     pub gripper: Gripper,
     pub object: ThrownObject,
     pub renderer: Renderer,
+    /// As calibrated.
+    pub cameras: Vec<CameraModel>,
     pub clearance: ArmClearance,
 }
 
 impl Equipment {
-    /// Prepares a cell. `robot` comes without the gripper's mass; `config` has been checked; `cameras` stand where they truly are.
+    /// Prepares a cell. `robot` comes without the gripper's mass; `config` has been checked; `cameras` are as calibrated.
     pub fn new(
         config: ArenaConfig,
         robot: Robot,
@@ -37,7 +39,8 @@ impl Equipment {
         cameras: Vec<CameraModel>,
     ) -> Self {
         let shared = Shared {
-            renderer: Renderer::new(&robot, &gripper, &object.mesh, cameras, config.floor_visible),
+            renderer: Renderer::new(&robot, &gripper, &object.mesh, config.floor_visible),
+            cameras,
             clearance: ArmClearance::new(&robot, &gripper),
             robot_with_gripper: robot.clone().carrying(&gripper),
             config,

@@ -83,7 +83,7 @@ pub fn seed_for(stream: Stream, seed: u64, index: u64) -> u64 {
 
 /// A bijection that spreads every input bit over all output bits: the finalizer of SplitMix64 (Steele, Lea & Flood, Fast
 /// splittable pseudorandom number generators, 2014).
-fn mixed(mut bits: u64) -> u64 {
+pub(crate) fn mixed(mut bits: u64) -> u64 {
     bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     bits ^ (bits >> 31)

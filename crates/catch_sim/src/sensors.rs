@@ -1,15 +1,18 @@
 //! The cell's cameras in time: when they look, which pixels they read out, and when their images arrive.
 
-use catch_cell::{DepthFrame, PixelWindow};
+use catch_cell::{CameraModel, DepthFrame, PixelWindow};
 
 use crate::{
-    cameras::{Readout, Renderer, Scene},
+    cameras::{DepthCameras, Readout, Renderer, Scene},
     config::ArenaConfig,
 };
 
 /// Cameras that look at every tick and whose images arrive after a while.
 #[derive(Debug, Clone)]
 pub(crate) struct Sensors {
+    cameras: DepthCameras,
+    /// How often they have looked.
+    exposures: u64,
     labels: bool,
     latency_s: f64,
     windows: Option<Vec<PixelWindow>>,
@@ -18,8 +21,16 @@ pub(crate) struct Sensors {
 }
 
 impl Sensors {
-    pub fn new(config: &ArenaConfig) -> Self {
-        Self { labels: config.labels, latency_s: config.latency_s, windows: None, under_way: Vec::new() }
+    /// The sensors of the scene (`seed`, `index`), whose cameras the brain believes to stand as `calibrated`.
+    pub fn new(config: &ArenaConfig, calibrated: &[CameraModel], seed: u64, index: u64) -> Self {
+        Self {
+            cameras: DepthCameras::new(calibrated, &config.depth, seed, index),
+            exposures: 0,
+            labels: config.labels,
+            latency_s: config.latency_s,
+            windows: None,
+            under_way: Vec::new(),
+        }
     }
 
     /// The windows that the brain wants from now on; `None` means all that the cameras give by themselves.
@@ -29,15 +40,13 @@ impl Sensors {
 
     /// All cameras look at `scene`.
     pub fn expose(&mut self, renderer: &Renderer, scene: &Scene) {
-        if renderer.cameras().is_empty() {
-            return;
-        }
         let readout = match &self.windows {
             Some(windows) => Readout::Windows(windows),
             None if self.labels => Readout::Object,
             None => Readout::Full,
         };
-        let frames = renderer.render(scene, readout, self.labels);
+        let frames = self.cameras.capture(renderer, scene, self.exposures, readout, self.labels);
+        self.exposures += 1;
         self.under_way.push((scene.capture_s + self.latency_s, frames));
     }
 

@@ -1,7 +1,7 @@
 //! Fitting the gripper to the object at one sampled frame: centred between the fingers, clear of palm and fingers, closing
 //! on something that does not slip.
 
-use catch_body::{Gripper, Pose};
+use catch_body::{Gripper, Pose, shape::Cuboid};
 use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
 
 use super::{Config, Grasp};
@@ -90,7 +90,13 @@ pub fn fit_gripper(
     if reference.points.iter().any(|point| collides(&(X_GO * point))) {
         return None;
     }
-    Some(Grasp { X_OG, object_width_m, open_width_m, strength_m })
+    let corner = |sign: f64| {
+        let farthest = |far: Vector3<f64>, point: &Point3<f64>| far.sup(&((X_GO * point).coords * sign));
+        reference.points.iter().fold(Vector3::repeat(f64::NEG_INFINITY), farthest) * sign
+    };
+    let (low, high) = (corner(-1.0), corner(1.0));
+    let held_G = Cuboid { centre: ((low + high) / 2.0).into(), size: high - low };
+    Some(Grasp { X_OG, object_width_m, open_width_m, strength_m, held_G })
 }
 
 #[cfg(test)]

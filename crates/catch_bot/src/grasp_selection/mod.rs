@@ -79,6 +79,8 @@ pub struct Grasp {
     pub open_width_m: f64,
     /// "Strength": distance of the centre of mass from the gripper's y axis, in metres; less is better.
     pub strength_m: f64,
+    /// Box in G that contains the object in the closed hand.
+    pub held_G: Cuboid,
 }
 
 /// All ways of holding one object that its shape allows.

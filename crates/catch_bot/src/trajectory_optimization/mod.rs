@@ -100,6 +100,8 @@ pub struct CatchPlan {
     pub q: JointVector,
     /// Opening before the catch, in metres.
     pub open_width_m: f64,
+    /// Whether the object comes in without touching the open gripper, as far as is known.
+    pub lets_in: bool,
     /// Where the elbow stands, for S-R-S arms.
     pub elbow: Option<Elbow>,
     /// Share of the object's velocity at which the gripper moves along with it.

@@ -1,12 +1,13 @@
 //! A whole motion: to the catch, then braking to rest, within every limit.
 
-use catch_body::{JointVector, robot::JointLimits};
+use catch_body::{JointVector, kinematics::LinkPoses, robot::JointLimits};
 use catch_cell::{ArmTrajectory, BSpline, arm::Setpoint, spline::DEGREE};
 
 use super::{
     Planner,
     joint_spline::{End, JointState},
 };
+use crate::grasp_selection::Grasp;
 
 /// Braking uses this share of the acceleration limits when its duration is chosen; the spline needs room to ramp.
 pub(super) const BRAKE_SHARE: f64 = 0.5;
@@ -51,20 +52,20 @@ impl Planner {
     }
 
     /// The motion to the catch over these control points, and braking after it; `None` if it does not keep the torque limits and
-    /// the clearances. The gripper is `width_m` open.
+    /// the clearances, the hand holding the object from the catch on.
     pub(super) fn motion(
         &self,
         start_s: f64,
         catch_s: f64,
         control_points: Vec<JointVector>,
-        width_m: f64,
+        grasp: &Grasp,
     ) -> Option<ArmTrajectory> {
         let knots_s = self.catch_splines.at.knots.iter().map(|knot| start_s + knot * (catch_s - start_s)).collect();
         let to_catch = BSpline { knots_s, control_points };
         let [q, dq, ddq] = to_catch.evaluate(catch_s);
         let braking = self.braking(&Setpoint { q, dq, ddq }, catch_s)?;
         let trajectory = ArmTrajectory { spline: to_catch.followed_by(&braking) };
-        self.is_safe(&trajectory, width_m).then_some(trajectory)
+        self.is_safe(&trajectory, catch_s, grasp).then_some(trajectory)
     }
 
     /// How long the first control point of braking from `dq` reaches ahead: the braking spline's first span takes up the
@@ -132,7 +133,7 @@ impl Planner {
     }
 
     /// Whether torque limits and clearances hold along a trajectory.
-    fn is_safe(&self, trajectory: &ArmTrajectory, width_m: f64) -> bool {
+    fn is_safe(&self, trajectory: &ArmTrajectory, catch_s: f64, grasp: &Grasp) -> bool {
         let (start_s, end_s) = (trajectory.start_s(), trajectory.end_s());
         let keeps_torque = (0..=CHECKS).all(|i| {
             let at = trajectory.setpoint(start_s + (end_s - start_s) * i as f64 / CHECKS as f64);
@@ -140,35 +141,39 @@ impl Planner {
             (0..self.robot.dof())
                 .all(|i| torque[i].abs() <= self.robot.joints[i].limits.torque * self.config.torque_share)
         });
-        keeps_torque && self.keeps_clear(trajectory, width_m)
+        keeps_torque && self.keeps_clear(trajectory, catch_s, grasp)
     }
 
     /// Whether the arm at `q` is clear of itself and of the floor, the gripper `width_m` open.
     pub(super) fn stands_clear(&self, q: &JointVector, width_m: f64) -> bool {
-        self.clearance_m(q, width_m) >= self.config.clearance_m
+        self.clearance_m(&self.robot.link_poses(q), width_m) >= self.config.clearance_m
     }
 
-    fn clearance_m(&self, q: &JointVector, width_m: f64) -> f64 {
-        let X_WL = self.robot.link_poses(q);
-        self.clearance.self_clearance(&X_WL, width_m).min(self.clearance.floor_clearance(&X_WL, width_m))
+    fn clearance_m(&self, X_WL: &LinkPoses, width_m: f64) -> f64 {
+        self.clearance.self_clearance(X_WL, width_m).min(self.clearance.floor_clearance(X_WL, width_m))
     }
 
-    /// Whether the arm keeps clear of itself and of the floor, the gripper `width_m` open.
+    /// Whether the arm keeps clear of itself and of the floor, and what it holds from the catch on as well.
     ///
     /// No two of its parts approach each other faster than Σ |q̇ᵢ|·rᵢ, rᵢ being how far the arm can extend beyond joint i: from
     /// a clearance d there is none smaller than zero for a time of d over that speed.
-    fn keeps_clear(&self, trajectory: &ArmTrajectory, width_m: f64) -> bool {
+    fn keeps_clear(&self, trajectory: &ArmTrajectory, catch_s: f64, grasp: &Grasp) -> bool {
         let fastest_mps = self.fastest_mps(&trajectory.spline);
         let mut time_s = trajectory.start_s();
         loop {
-            let clearance_m = self.clearance_m(&trajectory.setpoint(time_s).q, width_m);
+            let X_WL = self.robot.link_poses(&trajectory.setpoint(time_s).q);
+            let mut clearance_m = self.clearance_m(&X_WL, grasp.open_width_m);
+            if time_s >= catch_s {
+                clearance_m = clearance_m.min(self.clearance.held_clearance(&X_WL, &grasp.held_G));
+            }
             if clearance_m < self.config.clearance_m {
                 return false;
             }
             if time_s >= trajectory.end_s() {
                 return true;
             }
-            time_s = (time_s + clearance_m / fastest_mps).min(trajectory.end_s());
+            let next = if time_s < catch_s { catch_s } else { trajectory.end_s() };
+            time_s = (time_s + clearance_m / fastest_mps).min(next);
         }
     }
 

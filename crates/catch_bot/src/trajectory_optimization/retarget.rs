@@ -22,7 +22,7 @@ impl Planner {
         // What a motion leaves of the limits, the next replan can use: more is taken only where less does not do.
         let shares = [0.0, 0.5, 1.0].map(|more| self.cold_shares().toward(self.moving_shares(), more));
         let attempts = shares.iter().flat_map(|shares| [0.0, 0.2, -0.2, 0.4, -0.4].map(|offset| (shares, offset)));
-        let mut found = attempts.into_iter().find_map(|(shares, offset)| {
+        let found = attempts.into_iter().find_map(|(shares, offset)| {
             let posture = self.finder.adjusted(&self.robot, &X_WG, &known, offset)?;
             let q = posture.q;
             let reaching = self.reaching(start, plan.catch_s, &X_WG, &q, &v_WO, *shares);
@@ -33,18 +33,19 @@ impl Planner {
             let candidate = Candidate { catch_s, approach, X_WG, posture, cost };
             self.finish(&candidate, &plan.grasp, bounds, &reaching)
         })?;
-        found.open_width_m = self.opening_or_widest(&found, flight, grasps, grasp_config);
-        Some(found)
+        Some(self.opened(found, flight, grasps, grasp_config))
     }
 
-    /// The narrowest opening that lets the object in, or, where none does any more, the widest: it hits least.
-    pub fn opening_or_widest(
+    /// The same plan with the narrowest opening that lets the object in, or, where none does any more, the widest: it hits
+    /// least.
+    pub fn opened(
         &self,
-        plan: &CatchPlan,
+        plan: CatchPlan,
         flight: &FlightTrajectory,
         grasps: &GraspSet,
         config: &grasp_selection::Config,
-    ) -> f64 {
-        self.opening(plan, flight, grasps, config).unwrap_or(self.gripper.max_width_m)
+    ) -> CatchPlan {
+        let opening = self.opening(&plan, flight, grasps, config);
+        CatchPlan { open_width_m: opening.unwrap_or(self.gripper.max_width_m), lets_in: opening.is_some(), ..plan }
     }
 }

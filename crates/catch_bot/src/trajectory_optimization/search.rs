@@ -238,7 +238,7 @@ impl Planner {
                         let Some(plan) = self.finish(&candidate, grasp, bounds, &reaching) else { continue };
                         let opening = self.opening(&plan, task.flight, task.grasps, task.grasp_config);
                         if let Some(open_width_m) = opening {
-                            return Ok(CatchPlan { open_width_m, ..plan });
+                            return Ok(CatchPlan { open_width_m, lets_in: true, ..plan });
                         }
                     }
                     attempts += usize::from(moved);
@@ -312,7 +312,7 @@ impl Planner {
         reaching: &Reaching,
     ) -> Option<CatchPlan> {
         let (arrival, control_points) = reaching.best(bounds, -1.0)?;
-        let trajectory = self.motion(reaching.start.time_s, candidate.catch_s, control_points, grasp.open_width_m)?;
+        let trajectory = self.motion(reaching.start.time_s, candidate.catch_s, control_points, grasp)?;
         let Candidate { catch_s, approach, X_WG, posture: Posture { q, elbow }, cost } = *candidate;
         Some(CatchPlan {
             catch_s,
@@ -321,6 +321,7 @@ impl Planner {
             X_WG,
             q,
             open_width_m: grasp.open_width_m,
+            lets_in: false,
             elbow,
             speed_fraction: arrival.speed_fraction,
             spin_radps: arrival.w_WG.norm(),

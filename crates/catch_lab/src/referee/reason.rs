@@ -54,6 +54,8 @@ pub enum Reason {
     SlippedOut,
     /// The object was held and then lost.
     Dropped,
+    /// The hand took it along to the floor.
+    HitFloor,
 }
 
 impl Display for Reason {
@@ -75,6 +77,7 @@ impl Display for Reason {
             Self::ClosedLate => "the fingers closed too late",
             Self::MissedPosition => "the gripper was in the wrong place",
             Self::SlippedOut => "it slipped out of the closing fingers",
+            Self::HitFloor => "it was held, but touched the floor",
             Self::Dropped => "it was held and then lost",
         })
     }
@@ -126,6 +129,9 @@ fn without_a_plan(evidence: &Evidence) -> Reason {
 /// The brain tried.
 fn with_a_plan(evidence: &Evidence) -> Reason {
     if let Some(grasped_for_s) = evidence.contact_s.and_then(|_| grasped_for_s(evidence)) {
+        if met_the_floor_in_hand(evidence) {
+            return Reason::HitFloor;
+        }
         // Both fingers had it: for good, or it was on its way out all the time.
         let test_began = evidence.contact_s.map(|touch| touch + HELD_FROM_S + 2e-3);
         let held = evidence.first_not_held_s().zip(test_began).is_some_and(|(lost, began)| lost > began);
@@ -158,6 +164,12 @@ fn with_a_plan(evidence: &Evidence) -> Reason {
         Some(progress) if progress < -LARGE_ERROR_M => Reason::ClosedEarly,
         _ => Reason::SlippedOut,
     }
+}
+
+/// Whether both fingers had the object when it first touched the floor.
+fn met_the_floor_in_hand(evidence: &Evidence) -> bool {
+    let at_floor = evidence.truth.samples.windows(2).find(|pair| pair[1].contact.floor);
+    at_floor.is_some_and(|pair| is_squeezed(&pair[0], &pair[1]))
 }
 
 /// How long in total the object was squeezed, if long enough to have been grasped.

@@ -12,7 +12,7 @@ pub fn reference_scan(object: &TriangleMesh, rig: &[CameraModel]) -> ReferenceSc
     let body = (Pose::identity(), &caster);
     let frame_of = |(index, camera): (usize, &CameraModel)| {
         let window = covered(camera, &body);
-        let mut image = Image::empty(camera, window);
+        let mut image = Image::empty(camera, window, false);
         image.add_body(&body, true);
         image.frame(index, 0.0, true)
     };

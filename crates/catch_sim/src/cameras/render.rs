@@ -33,81 +33,100 @@ pub enum Readout<'a> {
     Object,
 }
 
-/// Cameras and the surfaces that they may see, prepared once; each scene only brings poses.
+/// The surfaces that cameras may see, prepared once; each scene only brings poses.
 ///
 /// A pixel's depth is that of the nearest surface on the ray through the pixel's centre, exact for the meshes. It does not
 /// depend on which other pixels are read out, so a window equals the same part of the full image bit for bit.
 #[derive(Debug, Clone)]
 pub struct Renderer {
-    cameras: Vec<CameraModel>,
     arm: ArmSurface,
     object: RayCaster,
     floor_visible: bool,
 }
 
 impl Renderer {
-    /// Prepares the surfaces. The object's mesh is in O; the cameras stand where they truly are; the floor, if it can be seen,
-    /// is the plane z = 0 and hides what lies behind it from either side.
-    pub fn new(
-        robot: &Robot,
-        gripper: &Gripper,
-        object: &TriangleMesh,
-        cameras: Vec<CameraModel>,
-        floor_visible: bool,
-    ) -> Self {
-        Self { cameras, arm: ArmSurface::new(robot, gripper), object: RayCaster::new(object), floor_visible }
+    /// Prepares the surfaces. The object's mesh is in O; the floor, if it can be seen, is the plane z = 0 and hides what lies
+    /// behind it from either side.
+    pub fn new(robot: &Robot, gripper: &Gripper, object: &TriangleMesh, floor_visible: bool) -> Self {
+        Self { arm: ArmSurface::new(robot, gripper), object: RayCaster::new(object), floor_visible }
     }
 
-    /// The cameras, in the order of the frames.
-    pub fn cameras(&self) -> &[CameraModel] {
-        &self.cameras
-    }
-
-    /// One frame per camera: depth in metres along the optical axis, NaN where there is no surface; with `labelled` also which
-    /// pixels show the object.
-    pub fn render(&self, scene: &Scene, readout: Readout, labelled: bool) -> Vec<DepthFrame> {
-        let arm: Vec<(Pose, &RayCaster)> = self.arm.parts(scene.X_WL, scene.width_m).collect();
-        let object = (*scene.X_WO, &self.object);
-        let image_of = |(index, camera): (usize, &CameraModel)| {
-            let window = match readout {
-                Readout::Full => camera.full_window(),
-                Readout::Windows(windows) => {
-                    windows.get(index).map_or(camera.full_window(), |window| overlap(window, &camera.full_window()))
-                }
-                Readout::Object => covered(camera, &object),
-            };
-            let mut image = Image::empty(camera, window);
-            image.add_body(&object, true);
-            // From near to far, because what is known to be hidden costs little. The order is the same for all windows.
-            let in_sight = arm.iter().filter(|body| overlap(&covered(camera, body), &window).area() > 0);
-            let mut in_sight: Vec<_> = in_sight.map(|body| (nearest_depth(camera, body), body)).collect();
-            in_sight.sort_by(|(one, _), (two, _)| one.total_cmp(two));
-            for (_, body) in in_sight {
-                image.add_body(body, false);
-            }
-            if self.floor_visible {
-                image.add_floor();
-            }
-            image.frame(index, scene.capture_s, labelled)
+    /// One frame per camera, without any error: depth in metres along the optical axis, NaN where there is no surface; with
+    /// `labelled` also which pixels show the object. The cameras stand where their models say.
+    pub fn render(&self, cameras: &[CameraModel], scene: &Scene, readout: Readout, labelled: bool) -> Vec<DepthFrame> {
+        let view = self.view(scene);
+        let frame_of = |(index, camera): (usize, &CameraModel)| {
+            let window = view.window(index, camera, readout, 0);
+            view.image(camera, window, false).frame(index, scene.capture_s, labelled)
         };
-        self.cameras.iter().enumerate().map(image_of).collect()
+        cameras.iter().enumerate().map(frame_of).collect()
+    }
+
+    /// The surfaces where they are in `scene`.
+    pub(super) fn view(&self, scene: &Scene) -> View<'_> {
+        View {
+            arm: self.arm.parts(scene.X_WL, scene.width_m).collect(),
+            object: (*scene.X_WO, &self.object),
+            floor_visible: self.floor_visible,
+        }
+    }
+}
+
+/// Surfaces with their poses X_WB.
+pub(super) struct View<'a> {
+    arm: Vec<(Pose, &'a RayCaster)>,
+    object: (Pose, &'a RayCaster),
+    floor_visible: bool,
+}
+
+impl View<'_> {
+    /// The pixels of camera number `index` that are read out; a window around the object is widened by `margin_px`.
+    pub fn window(&self, index: usize, camera: &CameraModel, readout: Readout, margin_px: u32) -> PixelWindow {
+        match readout {
+            Readout::Full => camera.full_window(),
+            Readout::Windows(windows) => {
+                windows.get(index).map_or(camera.full_window(), |window| overlap(window, &camera.full_window()))
+            }
+            Readout::Object => widened(camera, &covered(camera, &self.object), margin_px),
+        }
+    }
+
+    /// What a camera sees in a window; with `facing` also how much the surfaces face it.
+    pub fn image<'a>(&self, camera: &'a CameraModel, window: PixelWindow, facing: bool) -> Image<'a> {
+        let mut image = Image::empty(camera, window, facing);
+        image.add_body(&self.object, true);
+        // From near to far, because what is known to be hidden costs little. The order is the same for all windows.
+        let in_sight = self.arm.iter().filter(|body| overlap(&covered(camera, body), &window).area() > 0);
+        let mut in_sight: Vec<_> = in_sight.map(|body| (nearest_depth(camera, body), body)).collect();
+        in_sight.sort_by(|(one, _), (two, _)| one.total_cmp(two));
+        for (_, body) in in_sight {
+            image.add_body(body, false);
+        }
+        if self.floor_visible {
+            image.add_floor();
+        }
+        image
     }
 }
 
 /// The nearest depth seen so far in each pixel of a window.
 pub(super) struct Image<'a> {
-    camera: &'a CameraModel,
-    window: PixelWindow,
+    pub camera: &'a CameraModel,
+    pub window: PixelWindow,
     /// Along the optical axis, row by row; infinite where nothing was met.
-    nearest: Vec<f64>,
+    pub nearest: Vec<f64>,
     /// Where that surface is the object's.
-    shows_object: Vec<bool>,
+    pub shows_object: Vec<bool>,
+    /// Cosine of the angle of incidence there, if it is wanted.
+    pub facing: Option<Vec<f32>>,
 }
 
 impl<'a> Image<'a> {
     /// An image of nothing.
-    pub fn empty(camera: &'a CameraModel, window: PixelWindow) -> Self {
-        Self { camera, window, nearest: vec![f64::INFINITY; window.area()], shows_object: vec![false; window.area()] }
+    pub fn empty(camera: &'a CameraModel, window: PixelWindow, facing: bool) -> Self {
+        let pixels = window.area();
+        let facing = facing.then(|| vec![0.0; pixels]);
+        Self { camera, window, nearest: vec![f64::INFINITY; pixels], shows_object: vec![false; pixels], facing }
     }
 
     /// Adds a body with its pose X_WB wherever it is nearer than all before it.
@@ -122,9 +141,14 @@ impl<'a> Image<'a> {
         for row in part.top..part.top + part.height {
             for column in part.left..part.left + part.width {
                 let pixel = self.index(column, row);
-                if let Some(depth) =
-                    caster.cast_within(&origin, &(R_BC * self.direction(column, row)), self.nearest[pixel])
-                {
+                let direction = R_BC * self.direction(column, row);
+                if let Some(facing) = &mut self.facing {
+                    if let Some((depth, normal)) = caster.cast_to_face(&origin, &direction, self.nearest[pixel]) {
+                        self.nearest[pixel] = depth;
+                        self.shows_object[pixel] = is_object;
+                        facing[pixel] = (normal.dot(&direction).abs() / direction.norm()) as f32;
+                    }
+                } else if let Some(depth) = caster.cast_within(&origin, &direction, self.nearest[pixel]) {
                     self.nearest[pixel] = depth;
                     self.shows_object[pixel] = is_object;
                 }
@@ -138,11 +162,16 @@ impl<'a> Image<'a> {
         let z_C = X_WC.rotation.inverse() * Vector3::z();
         for row in self.window.top..self.window.top + self.window.height {
             for column in self.window.left..self.window.left + self.window.width {
-                let depth = -X_WC.translation.z / z_C.dot(&self.direction(column, row));
+                let direction = self.direction(column, row);
+                let descent = z_C.dot(&direction);
+                let depth = -X_WC.translation.z / descent;
                 let pixel = self.index(column, row);
                 if depth > 0.0 && depth < self.nearest[pixel] {
                     self.nearest[pixel] = depth;
                     self.shows_object[pixel] = false;
+                    if let Some(facing) = &mut self.facing {
+                        facing[pixel] = (descent.abs() / direction.norm()) as f32;
+                    }
                 }
             }
         }
@@ -183,6 +212,17 @@ pub(super) fn covered(camera: &CameraModel, (X_WB, caster): &(Pose, &RayCaster))
 /// The smallest depth that a body at X_WB may have.
 fn nearest_depth(camera: &CameraModel, (X_WB, caster): &(Pose, &RayCaster)) -> f64 {
     camera.X_WC.inverse_transform_point(&(X_WB * caster.centre())).z - caster.radius()
+}
+
+/// A window with so many pixels more on each side, cut to the image; one that is empty stays so.
+pub(super) fn widened(camera: &CameraModel, window: &PixelWindow, margin_px: u32) -> PixelWindow {
+    if window.area() == 0 {
+        return *window;
+    }
+    let (left, top) = (window.left.saturating_sub(margin_px), window.top.saturating_sub(margin_px));
+    let right = (window.left + window.width + margin_px).min(camera.width_px);
+    let bottom = (window.top + window.height + margin_px).min(camera.height_px);
+    PixelWindow { left, top, width: right - left, height: bottom - top }
 }
 
 /// The pixels that two windows share.

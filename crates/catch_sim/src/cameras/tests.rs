@@ -10,7 +10,7 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 use super::{Readout, Renderer, Scene, reference_scan, rig::tests::*, rig_from_toml};
 
-fn iiwa() -> Robot {
+pub(super) fn iiwa() -> Robot {
     let files = RobotFiles {
         urdf_file: "robot.urdf",
         urdf: include_str!("../../../../assets/robots/iiwa14/robot.urdf"),
@@ -24,24 +24,24 @@ fn wsg50() -> Gripper {
     Gripper::from_toml("wsg50.toml", include_str!("../../../../assets/grippers/wsg50.toml")).unwrap()
 }
 
-fn flight_rig() -> Vec<CameraModel> {
+pub(super) fn flight_rig() -> Vec<CameraModel> {
     rig_from_toml("paper_flight.toml", PAPER_FLIGHT).unwrap()
 }
 
 /// A tennis ball, 67.2 mm wide.
-fn ball() -> TriangleMesh {
+pub(super) fn ball() -> TriangleMesh {
     TriangleMesh::sphere(0.0336, 4)
 }
 
-fn long_object() -> TriangleMesh {
+pub(super) fn long_object() -> TriangleMesh {
     TriangleMesh::capsule(
         &Capsule { from: Point3::new(0.0, 0.0, -0.07), to: Point3::new(0.0, 0.02, 0.07), radius: 0.018 },
         24,
     )
 }
 
-fn renderer(object: &TriangleMesh, floor_visible: bool) -> Renderer {
-    Renderer::new(&iiwa(), &wsg50(), object, flight_rig(), floor_visible)
+pub(super) fn renderer(object: &TriangleMesh, floor_visible: bool) -> Renderer {
+    Renderer::new(&iiwa(), &wsg50(), object, floor_visible)
 }
 
 fn labelled_pixels(frames: &[DepthFrame]) -> usize {
@@ -49,7 +49,7 @@ fn labelled_pixels(frames: &[DepthFrame]) -> usize {
 }
 
 /// The part of a full image that a window covers.
-fn cut(full: &DepthFrame, window: PixelWindow) -> DepthFrame {
+pub(super) fn cut(full: &DepthFrame, window: PixelWindow) -> DepthFrame {
     let indices = (0..window.height).flat_map(|row| {
         let start = (window.top + row) * full.window.width + window.left;
         start..start + window.width
@@ -63,12 +63,12 @@ fn cut(full: &DepthFrame, window: PixelWindow) -> DepthFrame {
     }
 }
 
-fn bits(frame: &DepthFrame) -> Vec<u32> {
+pub(super) fn bits(frame: &DepthFrame) -> Vec<u32> {
     frame.depth_m.iter().map(|depth| depth.to_bits()).collect()
 }
 
 /// Poses of arm and object with the object free, close to the gripper, and between its fingers.
-fn scenes() -> Vec<(JointVector, f64, Pose)> {
+pub(super) fn scenes() -> Vec<(JointVector, f64, Pose)> {
     let robot = iiwa();
     let mut scenes = vec![(robot.ready_q, 0.11, Pose::translation(1.2, 1.0, 0.8))];
     for (turn, q) in [robot.ready_q, robot.comfortable_q, JointVector::repeat(0.4)].into_iter().enumerate() {
@@ -90,11 +90,11 @@ fn a_window_equals_that_part_of_the_full_image_bit_for_bit() {
         let renderer = renderer(&long_object(), floor_visible);
         for (q, width_m, X_WO) in scenes() {
             let scene = Scene { capture_s: 0.3, X_WL: &robot.link_poses(&q), width_m, X_WO: &X_WO };
-            let full = renderer.render(&scene, Readout::Full, true);
-            let tracked = renderer.render(&scene, Readout::Object, true);
+            let full = renderer.render(&flight_rig(), &scene, Readout::Full, true);
+            let tracked = renderer.render(&flight_rig(), &scene, Readout::Object, true);
             let windows: Vec<PixelWindow> =
                 (0..20).map(|i| PixelWindow { left: 150 + i, top: 90, width: 60 + i, height: 80 }).collect();
-            let asked = renderer.render(&scene, Readout::Windows(&windows), true);
+            let asked = renderer.render(&flight_rig(), &scene, Readout::Windows(&windows), true);
             for frames in [&tracked, &asked] {
                 for (frame, full) in frames.iter().zip(&full) {
                     let expected = cut(full, frame.window);
@@ -120,7 +120,7 @@ fn a_ball_covers_the_pixels_of_its_outline() {
     let X_WO = Pose::translation(0.555, -0.245, 0.526);
     let q = robot.joint_vector(&[2.5, 0.6, 0.0, -1.75, 0.0, 1.0, 0.0]).unwrap();
     let scene = Scene { capture_s: 0.7, X_WL: &robot.link_poses(&q), width_m: 0.11, X_WO: &X_WO };
-    let frames = renderer.render(&scene, Readout::Object, true);
+    let frames = renderer.render(&flight_rig(), &scene, Readout::Object, true);
     let pixels = labelled_pixels(&frames);
     // The outline is an ellipse with the area π·f²·r²·√(d² − r²)/(z² − r²)^(3/2) at the distance d and depth z: 193 pixels in
     // all twenty cameras.
@@ -130,10 +130,10 @@ fn a_ball_covers_the_pixels_of_its_outline() {
         let stretch = (p_C.coords.norm_squared() - square).sqrt() / (p_C.z * p_C.z - square).powf(1.5);
         std::f64::consts::PI * camera.focal_px.powi(2) * square * stretch
     };
-    let expected: f64 = renderer.cameras().iter().map(outline).sum();
+    let expected: f64 = flight_rig().iter().map(outline).sum();
     assert!((pixels as f64 / expected - 1.0).abs() < 0.03, "{pixels} pixels for an area of {expected}");
     for frame in &frames {
-        let camera = &renderer.cameras()[frame.camera];
+        let camera = &flight_rig()[frame.camera];
         assert_eq!(frame.capture_s, 0.7);
         for (pixel, depth) in frame.depth_m.iter().enumerate().filter(|(pixel, _)| frame.mask.as_ref().unwrap()[*pixel])
         {
@@ -152,7 +152,7 @@ fn the_arm_is_seen_where_it_is_and_the_floor_only_if_wanted() {
     let X_WO = Pose::translation(0.0, 0.0, 50.0);
     let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: 0.11, X_WO: &X_WO };
     let depths = |floor_visible: bool, camera: usize| {
-        renderer(&ball(), floor_visible).render(&scene, Readout::Full, false).swap_remove(camera)
+        renderer(&ball(), floor_visible).render(&flight_rig(), &scene, Readout::Full, false).swap_remove(camera)
     };
     // Camera 2 looks from +x along the floor: the upper arm of radius 0.075 m stands in its middle, 0.5 m up.
     let level = depths(false, 2);
@@ -180,7 +180,7 @@ fn windows_from_outside_are_cut_to_the_image() {
         PixelWindow { left: u32::MAX, top: 0, width: 7, height: 7 },
         PixelWindow::default(),
     ];
-    let frames = renderer.render(&scene, Readout::Windows(&windows), true);
+    let frames = renderer.render(&flight_rig(), &scene, Readout::Windows(&windows), true);
     assert_eq!(frames[0].window, PixelWindow { left: 390, top: 290, width: 10, height: 10 });
     assert_eq!((frames[1].window.area(), frames[2].window.area()), (0, 0));
     assert_eq!(frames[3].window, flight_rig()[3].full_window());
