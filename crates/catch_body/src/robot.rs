@@ -1,6 +1,7 @@
 //! The model of a serial arm: joints, links, limits, outline.
 
 use nalgebra::{Matrix3, Point3, SMatrix, SVector, Unit, Vector3};
+use serde::{Deserialize, Serialize};
 
 use crate::{Gripper, pose::Pose, shape::Capsule};
 
@@ -27,6 +28,24 @@ pub struct JointLimits {
     pub acceleration: f64,
     /// Highest torque in N·m.
     pub torque: f64,
+}
+
+/// What an arm's limits are multiplied by; 1 is the arm as it is.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LimitScale {
+    /// Factor on velocities.
+    pub velocity: f64,
+    /// Factor on accelerations.
+    pub acceleration: f64,
+    /// Factor on torques.
+    pub torque: f64,
+}
+
+impl Default for LimitScale {
+    fn default() -> Self {
+        Self { velocity: 1.0, acceleration: 1.0, torque: 1.0 }
+    }
 }
 
 /// Mass, centre of mass and inertia of a link, in the link's frame.
@@ -129,6 +148,16 @@ impl Robot {
     pub fn joint_vector(&self, values: &[f64]) -> Option<JointVector> {
         let fits = values.len() == self.dof() && values.iter().all(|value| value.is_finite());
         fits.then(|| JointVector::from_fn(|i, _| values.get(i).copied().unwrap_or(0.0)))
+    }
+
+    /// This arm with its limits multiplied.
+    pub fn with_limits_scaled(mut self, by: &LimitScale) -> Self {
+        for joint in &mut self.joints {
+            joint.limits.velocity *= by.velocity;
+            joint.limits.acceleration *= by.acceleration;
+            joint.limits.torque *= by.torque;
+        }
+        self
     }
 
     /// This arm with the gripper's mass added to its last link.

@@ -10,6 +10,8 @@
 
 pub mod control;
 pub mod grasp_selection;
+mod method;
+pub mod paper_method;
 pub mod perception;
 pub mod trajectory_optimization;
 pub mod trajectory_prediction;
@@ -22,6 +24,7 @@ use serde::{Deserialize, Serialize};
 
 use control::GripperPlan;
 use grasp_selection::GraspSet;
+pub use method::Method;
 use perception::{ObjectPose, ReferenceModel, Surroundings};
 use trajectory_optimization::{CatchPlan, Planner, Refusal, Start};
 use trajectory_prediction::FlightTrajectory;
@@ -42,6 +45,10 @@ pub struct Config {
     pub trajectory_optimization: trajectory_optimization::Config,
     /// Commands and their timing.
     pub control: control::Config,
+    /// Whose method it is.
+    pub method: Method,
+    /// What only the paper's method knows.
+    pub paper_method: paper_method::Config,
 }
 
 /// How far the brain got in a tick: what it has, or what it lacks.
@@ -105,6 +112,7 @@ impl Preparation {
         cameras: Vec<CameraModel>,
         reference_scan: &ReferenceScan,
     ) -> Self {
+        let config = if config.method == Method::Paper { paper_method::with_its_stages(config) } else { config };
         let reference = ReferenceModel::from_scan(reference_scan, &config.perception);
         let grasps = GraspSet::sample(&reference, &gripper, &config.grasp_selection);
         let arm_surface = ArmSurface::new(&robot, &gripper);
@@ -334,6 +342,9 @@ impl CatchingBot {
 
     /// The ladder of replans: the same catch adjusted, else the old motion, else another catch.
     fn decide(&self, start: &Start, flight: &FlightTrajectory) -> (Status, Option<CatchPlan>) {
+        if self.known.config.method == Method::Paper {
+            return paper_method::decide(self, start, flight);
+        }
         let (grasps, config) = (&self.known.grasps, &self.known.config.grasp_selection);
         let search = || self.known.planner.search(start, flight, grasps, config);
         let Some(plan) = &self.plan else {

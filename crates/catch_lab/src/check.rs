@@ -76,7 +76,12 @@ fn faults_of(kind: Kind, asset: &Asset) -> Vec<InputError> {
         Kind::Scenario => return faults_of_scenario(asset),
         Kind::Robot => asset.read_text_beside("robot.urdf").and_then(|(urdf_file, robot_urdf)| {
             let gripper = Asset::any_built_in(Kind::Gripper)?;
-            let sources = Sources { robot_urdf, robot_toml: text.clone(), gripper_toml: gripper.text };
+            let sources = Sources {
+                robot_urdf,
+                robot_toml: text.clone(),
+                gripper_toml: gripper.text,
+                limit_scale: Default::default(),
+            };
             sources
                 .parse(&SourceNames { robot_urdf: &urdf_file, robot_toml: file, gripper_toml: &gripper.file })
                 .map(drop)

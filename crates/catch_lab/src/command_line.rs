@@ -14,7 +14,8 @@ pub mod view;
 
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand};
+use catch_bot::Method;
+use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use catch_lab::setup::{Choice, DEFAULT_SCENARIO};
 
@@ -79,12 +80,38 @@ pub struct ChoiceArguments {
     /// Arm: a built-in name, or a robot.toml with a robot.urdf beside it [default: the scenario's]
     #[arg(long, value_name = "NAME|FILE")]
     robot: Option<String>,
+    /// Whose method catches [default: the scenario's, which is ours if it says nothing]
+    #[arg(long, value_enum)]
+    method: Option<MethodArgument>,
+    /// Changes one field of the scenario, such as arena.restitution_scale=0.5; may be repeated
+    #[arg(long = "set", value_name = "FIELD=VALUE")]
+    settings: Vec<String>,
+}
+
+/// Whose method catches.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum MethodArgument {
+    /// This project's
+    Ours,
+    /// The paper's own: ICP, RANSAC, its grasp selection and its trajectory optimization
+    Paper,
 }
 
 impl ChoiceArguments {
     /// The choice, with an object and a throw.
     pub fn with<'a>(&'a self, object: Option<&'a str>, throw: Option<&'a str>) -> Choice<'a> {
-        Choice { scenario: Some(&self.scenario), robot: self.robot.as_deref(), object, throw }
+        let method = self.method.map(|method| match method {
+            MethodArgument::Ours => Method::Ours,
+            MethodArgument::Paper => Method::Paper,
+        });
+        Choice {
+            scenario: Some(&self.scenario),
+            robot: self.robot.as_deref(),
+            object,
+            throw,
+            method,
+            settings: &self.settings,
+        }
     }
 }
 

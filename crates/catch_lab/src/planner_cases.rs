@@ -197,7 +197,8 @@ pub fn arm(name: Option<&str>, asked_by: (&str, &str)) -> Result<(Robot, Gripper
     let gripper = Asset::find(Kind::Gripper, &parts.gripper, &scenario.origin, (&scenario.file, "gripper"))?;
     let (urdf_file, robot_urdf) = robot.read_text_beside("robot.urdf")?;
     let names = SourceNames { robot_urdf: &urdf_file, robot_toml: &robot.file, gripper_toml: &gripper.file };
-    Sources { robot_urdf, robot_toml: robot.text, gripper_toml: gripper.text }.parse(&names)
+    Sources { robot_urdf, robot_toml: robot.text, gripper_toml: gripper.text, limit_scale: Default::default() }
+        .parse(&names)
 }
 
 /// A JSON object, and what errors call it.

@@ -1,10 +1,10 @@
 //! Scenarios: everything that a set of trials shares, in one file.
 
-use catch_body::InputError;
+use catch_body::{InputError, robot::LimitScale};
 use catch_sim::ArenaConfig;
 use serde::{Deserialize, Serialize};
 
-use crate::assets::Kind;
+use crate::{assets::Kind, setup::COMMAND_LINE};
 
 /// What it costs to compute a command.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -38,6 +38,9 @@ pub struct Scenario {
     /// Joint positions in radians where the arm waits; the robot's own ready pose if left out.
     #[serde(default)]
     pub ready_rad: Option<Vec<f64>>,
+    /// Multiplies the arm's limits. Anything but 1, the default, is not the real arm, and the scenario's name should say so.
+    #[serde(default)]
+    pub limit_scale: LimitScale,
     /// The cameras that watch the flight.
     pub flight_rig: String,
     /// The cameras that scan the object beforehand, around the object's frame.
@@ -72,7 +75,40 @@ impl Scenario {
         {
             faults.push(InputError::new(file, "clock.fixed_ms", delay_ms, "zero or more"));
         }
+        let LimitScale { velocity, acceleration, torque } = self.limit_scale;
+        for (field, value) in [("velocity", velocity), ("acceleration", acceleration), ("torque", torque)] {
+            faults.extend(InputError::positive(file, format!("limit_scale.{field}"), value).err());
+        }
         faults
+    }
+
+    /// This scenario with single fields changed: `arena.restitution_scale=0.5`. Its name tells.
+    ///
+    /// # Errors
+    /// A setting that is no `FIELD=VALUE`, a field that there is not, or a value that it cannot have.
+    pub fn with_settings(mut self, settings: &[String]) -> Result<Self, InputError> {
+        for setting in settings {
+            let fault = |expected: String| InputError::new(COMMAND_LINE, "--set", format!("`{setting}`"), expected);
+            let example = || fault("FIELD=VALUE, such as arena.restitution_scale=0.5".to_owned());
+            let (path, text) = setting.split_once('=').ok_or_else(example)?;
+            // What is no TOML is meant as text.
+            let value = toml::from_str::<toml::Table>(&format!("value = {text}")).ok();
+            let value = value.and_then(|mut table| table.remove("value")).unwrap_or_else(|| text.trim().into());
+            let mut tree = toml::Table::try_from(&self).map_err(|it| fault(it.to_string()))?;
+            let (parents, field) = path
+                .rsplit_once('.')
+                .map_or((Vec::new(), path), |(parents, field)| (parents.split('.').map(str::trim).collect(), field));
+            let mut table = &mut tree;
+            for parent in parents {
+                let known = table.keys().cloned().collect::<Vec<_>>().join(", ");
+                let next = table.get_mut(parent).and_then(toml::Value::as_table_mut);
+                table = next.ok_or_else(|| fault(format!("a table instead of `{parent}`: one of {known}")))?;
+            }
+            table.insert(field.trim().to_owned(), value);
+            self = tree.try_into().map_err(|it: toml::de::Error| fault(it.message().to_owned()))?;
+            self.name = format!("{}+{}", self.name, setting.replace(' ', ""));
+        }
+        self.faults(COMMAND_LINE).into_iter().next().map_or(Ok(self), Err)
     }
 
     /// The files that it names: what kind, in which field, by which name.
@@ -85,5 +121,39 @@ impl Scenario {
             (Kind::Rig, "flight_rig", &self.flight_rig),
             (Kind::Rig, "reference_rig", &self.reference_rig),
         ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::setup::{Choice, Setup};
+
+    fn set(settings: &[&str]) -> Result<Scenario, InputError> {
+        let settings: Vec<String> = settings.iter().map(|&it| it.to_owned()).collect();
+        Setup::load(&Choice { settings: &settings, ..Choice::default() }).map(|setup| setup.scenario)
+    }
+
+    #[test]
+    fn single_fields_can_be_changed() {
+        let scenario = set(&["arena.restitution_scale = 0.5", "brain.method=paper", "arena.substeps=8"]).unwrap();
+        assert_eq!((scenario.arena.restitution_scale, scenario.arena.substeps), (0.5, 8));
+        assert_eq!(scenario.brain.method, catch_bot::Method::Paper);
+        assert!(scenario.name.starts_with("paper+arena.restitution_scale=0.5+"), "{}", scenario.name);
+    }
+
+    #[test]
+    fn what_there_is_not_is_named() {
+        for (setting, named) in [
+            ("arena.restitution", "unknown field `restitution`"),
+            ("arena.restitution_scale", "FIELD=VALUE"),
+            ("arina.friction=1", "arena"),
+            ("arena.friction=-1", "arena.friction"),
+            ("arena.friction=much", "invalid type"),
+        ] {
+            let setting = if setting.ends_with("restitution") { format!("{setting}=1") } else { setting.to_owned() };
+            let fault = set(&[&setting]).unwrap_err().to_string();
+            assert!(fault.contains(named) && fault.contains("command line"), "{setting}: {fault}");
+        }
     }
 }

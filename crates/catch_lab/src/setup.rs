@@ -5,8 +5,8 @@ use std::{
     sync::{Arc, OnceLock},
 };
 
-use catch_body::{Gripper, InputError, JointVector, Robot, robot_file::RobotFiles};
-use catch_bot::{CatchingBot, Preparation, perception::DepthNoise};
+use catch_body::{Gripper, InputError, JointVector, Robot, robot::LimitScale, robot_file::RobotFiles};
+use catch_bot::{CatchingBot, Method, Preparation, perception::DepthNoise};
 use catch_cell::{CameraModel, ReferenceScan};
 use catch_sim::{
     Arena, Conditions, Equipment, Release, Throw, ThrownObject, cameras,
@@ -30,6 +30,10 @@ pub struct Choice<'a> {
     pub object: Option<&'a str>,
     /// Name or file.
     pub throw: Option<&'a str>,
+    /// Whose method catches.
+    pub method: Option<Method>,
+    /// Single fields of the scenario, as [`Scenario::with_settings`] takes them.
+    pub settings: &'a [String],
 }
 
 /// The scenario that is meant when none is named.
@@ -81,7 +85,7 @@ pub struct Setup {
 }
 
 /// Texts of the files from which a brain's arm and gripper are made, so that a recording can make them again.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Sources {
     /// The robot's URDF.
     pub robot_urdf: String,
@@ -89,6 +93,8 @@ pub struct Sources {
     pub robot_toml: String,
     /// The gripper's file.
     pub gripper_toml: String,
+    /// What the limits of the arm are multiplied by.
+    pub limit_scale: LimitScale,
 }
 
 /// Names by which errors call the [`Sources`].
@@ -114,6 +120,7 @@ impl Sources {
             toml_file: names.robot_toml,
             toml: &self.robot_toml,
         })?;
+        let robot = robot.with_limits_scaled(&self.limit_scale);
         Ok((robot, Gripper::from_toml(names.gripper_toml, &self.gripper_toml)?))
     }
 }
@@ -135,7 +142,7 @@ impl Setup {
     /// # Errors
     /// As [`load`](Self::load).
     pub fn of_scenario(asset: &Asset, choice: &Choice) -> Result<Self, InputError> {
-        let mut scenario = Scenario::from_toml(&asset.file, &asset.text)?;
+        let mut scenario = Scenario::from_toml(&asset.file, &asset.text)?.with_settings(choice.settings)?;
         let find = |kind: Kind, asked: Option<&str>, named: &str, field: &str| match asked {
             Some(name) => {
                 Asset::find(kind, name, &Origin::BuiltIn(PathBuf::new()), (COMMAND_LINE, &format!("--{kind}")))
@@ -150,7 +157,12 @@ impl Setup {
         let reference_rig = find(Kind::Rig, None, &scenario.reference_rig, "reference_rig")?;
 
         let (urdf_file, robot_urdf) = robot.read_text_beside("robot.urdf")?;
-        let sources = Sources { robot_urdf, robot_toml: robot.text, gripper_toml: gripper.text };
+        let sources = Sources {
+            robot_urdf,
+            robot_toml: robot.text,
+            gripper_toml: gripper.text,
+            limit_scale: scenario.limit_scale,
+        };
         let names = SourceNames { robot_urdf: &urdf_file, robot_toml: &robot.file, gripper_toml: &gripper.file };
         let (arm, hand) = sources.parse(&names)?;
         let ready_q = match &scenario.ready_rad {
@@ -163,6 +175,7 @@ impl Setup {
         let reference_scan = cameras::reference_scan(&thrown.mesh, &scanners);
 
         // Names only: results of the same content are the same wherever the files lie.
+        scenario.brain.method = choice.method.unwrap_or(scenario.brain.method);
         scenario.robot = robot.name;
         scenario.gripper = gripper.name;
         scenario.object = object.name;

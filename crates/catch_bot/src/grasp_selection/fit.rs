@@ -90,13 +90,17 @@ pub fn fit_gripper(
     if reference.points.iter().any(|point| collides(&(X_GO * point))) {
         return None;
     }
+    Some(Grasp { X_OG, object_width_m, open_width_m, strength_m, held_G: held_box(&reference.points, &X_GO) })
+}
+
+/// The box in G around an object whose surface these points outline.
+pub fn held_box(points: &[Point3<f64>], X_GO: &Pose) -> Cuboid {
     let corner = |sign: f64| {
         let farthest = |far: Vector3<f64>, point: &Point3<f64>| far.sup(&((X_GO * point).coords * sign));
-        reference.points.iter().fold(Vector3::repeat(f64::NEG_INFINITY), farthest) * sign
+        points.iter().fold(Vector3::repeat(f64::NEG_INFINITY), farthest) * sign
     };
     let (low, high) = (corner(-1.0), corner(1.0));
-    let held_G = Cuboid { centre: ((low + high) / 2.0).into(), size: high - low };
-    Some(Grasp { X_OG, object_width_m, open_width_m, strength_m, held_G })
+    Cuboid { centre: ((low + high) / 2.0).into(), size: high - low }
 }
 
 #[cfg(test)]

@@ -8,6 +8,8 @@
 //! * [`arrival`]: the joint velocities at the catch, so that the gripper moves along with the object;
 //! * [`joint_spline`]: the motion, one small quadratic program per joint ([`quadratic_program`]), and the braking after it;
 //! * [`motion`]: both put together and checked against torque limits and collision.
+//!
+//! [`sqp`] is the general nonlinear form over all joints, for arms and demands that the steps above do not know.
 
 pub mod arrival;
 pub mod joint_spline;
@@ -19,6 +21,7 @@ pub mod reachability;
 mod reaching;
 mod retarget;
 pub mod search;
+pub mod sqp;
 mod unreachable;
 mod way_in;
 

@@ -4,7 +4,7 @@ use catch_body::{JointVector, kinematics::LinkPoses, robot::JointLimits};
 use catch_cell::{ArmTrajectory, BSpline, arm::Setpoint, spline::DEGREE};
 
 use super::{
-    Planner,
+    Planner, Start,
     joint_spline::{End, JointState},
 };
 use crate::grasp_selection::Grasp;
@@ -19,6 +19,8 @@ const CHECKS: usize = 40;
 const TORQUE_CHECKS: usize = 20;
 /// Distance from the acceleration limits that rounding needs, relative.
 pub(super) const ROUNDING: f64 = 1e-7;
+/// The same for positions, in radians.
+const HULL_ROUNDING: f64 = 1e-9;
 
 /// Shares of the velocity and acceleration limits that a motion may use.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,7 +63,13 @@ impl Planner {
         grasp: &Grasp,
     ) -> Option<ArmTrajectory> {
         let knots_s = self.catch_splines.at.knots.iter().map(|knot| start_s + knot * (catch_s - start_s)).collect();
-        let to_catch = BSpline { knots_s, control_points };
+        self.completed(BSpline { knots_s, control_points }, grasp)
+    }
+
+    /// A motion that ends at a catch, and braking after it; `None` if both do not keep the torque limits and the clearances,
+    /// the hand holding the object from the catch on.
+    pub fn completed(&self, to_catch: BSpline, grasp: &Grasp) -> Option<ArmTrajectory> {
+        let catch_s = to_catch.end_s();
         let [q, dq, ddq] = to_catch.evaluate(catch_s);
         let braking = self.braking(&Setpoint { q, dq, ddq }, catch_s)?;
         let trajectory = ArmTrajectory { spline: to_catch.followed_by(&braking) };
@@ -119,6 +127,36 @@ impl Planner {
             acceleration: limits.acceleration * shares.acceleration,
             ..*limits
         }
+    }
+
+    /// Whether position, velocity and acceleration stay within the arm's own limits, by the hulls of their control points, of
+    /// which that of the acceleration is exact.
+    pub fn keeps_limits(&self, trajectory: &ArmTrajectory) -> bool {
+        let ArmTrajectory { spline: BSpline { knots_s: t, control_points } } = trajectory;
+        let positions = control_points.iter().all(|point| {
+            self.robot.joints.iter().enumerate().all(|(i, joint)| {
+                (joint.limits.lower - HULL_ROUNDING..=joint.limits.upper + HULL_ROUNDING).contains(&point[i])
+            })
+        });
+        let most = |pick: fn(&JointLimits) -> f64| self.robot.per_joint(|joint| pick(&joint.limits) * (1.0 + ROUNDING));
+        let (speed, rate) = (most(|it| it.velocity), most(|it| it.acceleration));
+        let differences = |points: &[JointVector], degree: usize, from: usize| -> Vec<JointVector> {
+            let one = |(i, pair): (usize, &[JointVector])| {
+                let span = t[i + from + degree] - t[i + from];
+                if span > 0.0 { (pair[1] - pair[0]) * (degree as f64 / span) } else { JointVector::zeros() }
+            };
+            points.windows(2).enumerate().map(one).collect()
+        };
+        let velocities = differences(control_points, DEGREE, 1);
+        let accelerations = differences(&velocities, DEGREE - 1, 2);
+        let within =
+            |values: &[JointVector], most: &JointVector| values.iter().all(|it| (most - it.abs()).min() >= 0.0);
+        positions && within(&velocities, &speed) && within(&accelerations, &rate)
+    }
+
+    /// What a motion of each joint may use.
+    pub fn limits_from(&self, start: &Start) -> Vec<JointLimits> {
+        (0..self.robot.dof()).map(|i| self.limits(i, &start.state, self.shares(start))).collect()
     }
 
     /// Whether torque limits hold along a motion.

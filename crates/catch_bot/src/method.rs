@@ -1,0 +1,14 @@
+//! Whose method catches.
+
+use serde::{Deserialize, Serialize};
+
+/// Whose method catches.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// What this project makes of the paper.
+    #[default]
+    Ours,
+    /// The paper's own, for comparison ([`paper_method`](crate::paper_method)).
+    Paper,
+}

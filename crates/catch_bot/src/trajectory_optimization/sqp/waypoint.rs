@@ -1,0 +1,167 @@
+//! Where the gripper is to be at an instant of a motion, how it is to move, and how far it is from that.
+
+use catch_body::{JointVector, MAX_JOINTS, Pose, Robot};
+use nalgebra::{Matrix3, Point3, SMatrix, SVector, Vector3};
+
+/// Position (m), attitude (rad) and velocity (m/s), three numbers each, in W.
+pub const ERRORS: usize = 9;
+
+/// How far off a motion may be, along each axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tolerance {
+    /// In metres.
+    pub position_m: f64,
+    /// In radians.
+    pub rotation_rad: f64,
+    /// In m/s.
+    pub velocity_mps: f64,
+}
+
+impl Tolerance {
+    /// None at all.
+    pub const NONE: Self = Self { position_m: 0.0, rotation_rad: 0.0, velocity_mps: 0.0 };
+
+    /// One number for each error.
+    pub fn of(&self, error: usize) -> f64 {
+        [self.position_m, self.rotation_rad, self.velocity_mps][error / 3]
+    }
+
+    /// All of them `by` times as large.
+    pub fn scaled(&self, by: f64) -> Self {
+        let [position_m, rotation_rad, velocity_mps] =
+            [self.position_m, self.rotation_rad, self.velocity_mps].map(|it| it * by);
+        Self { position_m, rotation_rad, velocity_mps }
+    }
+}
+
+/// Where the gripper is to be at one instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Waypoint {
+    /// When.
+    pub time_s: f64,
+    /// Pose of the gripper.
+    pub X_WG: Pose,
+    /// Velocity of the object, a share of which is wanted.
+    pub v_WO: Vector3<f64>,
+    /// How far off is near enough.
+    pub tolerance: Tolerance,
+}
+
+/// Errors at a waypoint, and how they change.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Linearized {
+    /// e: position, attitude as a rotation vector, velocity.
+    pub error: SVector<f64, ERRORS>,
+    /// ∂e/∂q.
+    pub by_q: SMatrix<f64, ERRORS, MAX_JOINTS>,
+    /// ∂e/∂q̇.
+    pub by_dq: SMatrix<f64, ERRORS, MAX_JOINTS>,
+    /// ∂e/∂s, s being the share of the object's velocity.
+    pub by_fraction: SVector<f64, ERRORS>,
+}
+
+impl Waypoint {
+    /// By how much the worst error exceeds its tolerance, zero if none does.
+    pub fn excess(&self, at: &Linearized) -> f64 {
+        (0..ERRORS).map(|error| at.error[error].abs() - self.tolerance.of(error)).fold(0.0, f64::max)
+    }
+
+    /// The errors of an arm at `q`, `dq`, position and velocity being those of the point `p_GP` of the gripper, which is to move
+    /// at `fraction`·v_WO.
+    ///
+    /// With zᵢ the axis of joint i through oᵢ and cᵢ = zᵢ × (p − oᵢ), the velocity is v = Σ cᵢ·q̇ᵢ. As ∂cᵢ/∂q_j is z_j × cᵢ for
+    /// j ≤ i and zᵢ × c_j beyond (Siciliano et al., Robotics, section 3.2, differentiated),
+    /// ∂v/∂q_j = z_j × Σ_{i ≥ j} cᵢ·q̇ᵢ + (Σ_{i < j} zᵢ·q̇ᵢ) × c_j.
+    pub fn linearize(
+        &self,
+        robot: &Robot,
+        p_GP: &Point3<f64>,
+        q: &JointVector,
+        dq: &JointVector,
+        fraction: f64,
+    ) -> Linearized {
+        let X_WL = robot.link_poses(q);
+        let X_now = robot.gripper_in(&X_WL);
+        let p_WP = X_now * p_GP;
+        let J = robot.jacobian(&X_WL, &p_WP);
+        let angular = J.fixed_rows::<3>(0).into_owned();
+        let linear = J.fixed_rows::<3>(3).into_owned();
+        let turn = (X_now.rotation * self.X_WG.rotation.inverse()).scaled_axis();
+
+        let mut error = SVector::<f64, ERRORS>::zeros();
+        error.fixed_rows_mut::<3>(0).copy_from(&(p_WP - self.X_WG * p_GP));
+        error.fixed_rows_mut::<3>(3).copy_from(&turn);
+        error.fixed_rows_mut::<3>(6).copy_from(&(linear * dq - self.v_WO * fraction));
+
+        let mut by_q = SMatrix::<f64, ERRORS, MAX_JOINTS>::zeros();
+        by_q.fixed_rows_mut::<3>(0).copy_from(&linear);
+        by_q.fixed_rows_mut::<3>(3).copy_from(&(rate_of_rotation_vector(&turn) * angular));
+        let mut w_before = Vector3::zeros();
+        let mut v_beyond = linear * dq;
+        for j in 0..robot.dof() {
+            let (z, c): (Vector3<f64>, Vector3<f64>) = (angular.column(j).into(), linear.column(j).into());
+            by_q.fixed_view_mut::<3, 1>(6, j).copy_from(&(z.cross(&v_beyond) + w_before.cross(&c)));
+            w_before += z * dq[j];
+            v_beyond -= c * dq[j];
+        }
+        let mut by_dq = SMatrix::<f64, ERRORS, MAX_JOINTS>::zeros();
+        by_dq.fixed_rows_mut::<3>(6).copy_from(&linear);
+        let mut by_fraction = SVector::<f64, ERRORS>::zeros();
+        by_fraction.fixed_rows_mut::<3>(6).copy_from(&-self.v_WO);
+        Linearized { error, by_q, by_dq, by_fraction }
+    }
+}
+
+/// Maps an angular velocity to the rate of the rotation vector φ, the inverse of the left Jacobian of SO(3):
+/// 1 − ½[φ] + (1/θ² − (1 + cos θ)/(2θ sin θ))·[φ]² (Barfoot, State Estimation for Robotics, eq. 7.77).
+fn rate_of_rotation_vector(turn: &Vector3<f64>) -> Matrix3<f64> {
+    let angle = turn.norm();
+    let K = turn.cross_matrix();
+    // The series' first term near 0; near π the sine would vanish, and no motion is sought from there.
+    let second = if angle < 1e-3 {
+        1.0 / 12.0
+    } else {
+        1.0 / (angle * angle) - (1.0 + angle.cos()) / (2.0 * angle * angle.sin().max(1e-3))
+    };
+    Matrix3::identity() - K * 0.5 + K * K * second
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trajectory_optimization::sqp::tests::iiwa;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Every derivative against central differences.
+        #[test]
+        fn derivatives_match_finite_differences(
+            q in prop::array::uniform7(-2.0f64..2.0),
+            dq in prop::array::uniform7(-2.0f64..2.0),
+            goal in prop::array::uniform7(-2.0f64..2.0),
+            fraction in 0.0f64..0.3,
+        ) {
+            let robot = iiwa();
+            let [q, dq, goal] = [q, dq, goal].map(|values| robot.joint_vector(&values).unwrap());
+            let (v_WO, time_s) = (Vector3::new(-1.0, -2.5, -3.0), 0.6);
+            let waypoint = Waypoint { time_s, X_WG: robot.gripper_pose(&goal), v_WO, tolerance: Tolerance::NONE };
+            let p_GP = Point3::new(0.0, 0.0833, 0.0);
+            let at = |q: &JointVector, dq: &JointVector, fraction: f64| {
+                waypoint.linearize(&robot, &p_GP, q, dq, fraction)
+            };
+            let here = at(&q, &dq, fraction);
+            // The rotation vector jumps at half a turn.
+            prop_assume!(here.error.fixed_rows::<3>(3).norm() < 2.8);
+            let step = 1e-6;
+            for i in 0..robot.dof() {
+                let by = JointVector::ith(i, step);
+                let change = (at(&(q + by), &dq, fraction).error - at(&(q - by), &dq, fraction).error) / (2.0 * step);
+                prop_assert!((change - here.by_q.column(i)).amax() < 1e-6, "q{i}: {change} {}", here.by_q.column(i));
+                let change = (at(&q, &(dq + by), fraction).error - at(&q, &(dq - by), fraction).error) / (2.0 * step);
+                prop_assert!((change - here.by_dq.column(i)).amax() < 1e-6);
+            }
+            let change = (at(&q, &dq, fraction + step).error - at(&q, &dq, fraction - step).error) / (2.0 * step);
+            prop_assert!((change - here.by_fraction).amax() < 1e-6);
+        }
+    }
+}
