@@ -57,7 +57,8 @@ impl Renderer {
         let view = self.view(scene);
         let frame_of = |(index, camera): (usize, &CameraModel)| {
             let window = view.window(index, camera, readout, 0);
-            view.image(camera, window, false).frame(index, scene.capture_s, labelled)
+            let channels = Channels { shows_object: labelled, facing: false };
+            view.image(camera, window, channels).frame(index, scene.capture_s)
         };
         cameras.iter().enumerate().map(frame_of).collect()
     }
@@ -91,9 +92,9 @@ impl View<'_> {
         }
     }
 
-    /// What a camera sees in a window; with `facing` also how much the surfaces face it.
-    pub fn image<'a>(&self, camera: &'a CameraModel, window: PixelWindow, facing: bool) -> Image<'a> {
-        let mut image = Image::empty(camera, window, facing);
+    /// What a camera sees in a window.
+    pub fn image<'a>(&self, camera: &'a CameraModel, window: PixelWindow, channels: Channels) -> Image<'a> {
+        let mut image = Image::empty(camera, window, channels);
         image.add_body(&self.object, true);
         // From near to far, because what is known to be hidden costs little. The order is the same for all windows.
         let in_sight = self.arm.iter().filter(|body| overlap(&covered(camera, body), &window).area() > 0);
@@ -113,20 +114,28 @@ impl View<'_> {
 pub(super) struct Image<'a> {
     pub camera: &'a CameraModel,
     pub window: PixelWindow,
-    /// Along the optical axis, row by row; infinite where nothing was met.
-    pub nearest: Vec<f64>,
+    /// Along the optical axis in metres, row by row; NaN where nothing was met.
+    pub depth_m: Vec<f32>,
     /// Where that surface is the object's.
-    pub shows_object: Vec<bool>,
-    /// Cosine of the angle of incidence there, if it is wanted.
+    pub shows_object: Option<Vec<bool>>,
+    /// Cosine of the angle of incidence there.
     pub facing: Option<Vec<f32>>,
+}
+
+/// What an image tells beside the depths.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Channels {
+    pub shows_object: bool,
+    pub facing: bool,
 }
 
 impl<'a> Image<'a> {
     /// An image of nothing.
-    pub fn empty(camera: &'a CameraModel, window: PixelWindow, facing: bool) -> Self {
+    pub fn empty(camera: &'a CameraModel, window: PixelWindow, channels: Channels) -> Self {
         let pixels = window.area();
-        let facing = facing.then(|| vec![0.0; pixels]);
-        Self { camera, window, nearest: vec![f64::INFINITY; pixels], shows_object: vec![false; pixels], facing }
+        let shows_object = channels.shows_object.then(|| vec![false; pixels]);
+        let facing = channels.facing.then(|| vec![0.0; pixels]);
+        Self { camera, window, depth_m: vec![f32::NAN; pixels], shows_object, facing }
     }
 
     /// Adds a body with its pose X_WB wherever it is nearer than all before it.
@@ -142,15 +151,20 @@ impl<'a> Image<'a> {
             for column in part.left..part.left + part.width {
                 let pixel = self.index(column, row);
                 let direction = R_BC * self.direction(column, row);
-                if let Some(facing) = &mut self.facing {
-                    if let Some((depth, normal)) = caster.cast_to_face(&origin, &direction, self.nearest[pixel]) {
-                        self.nearest[pixel] = depth;
-                        self.shows_object[pixel] = is_object;
+                let before = self.depth_m[pixel];
+                let limit = if before.is_nan() { f64::INFINITY } else { f64::from(before) };
+                let depth = match &mut self.facing {
+                    Some(facing) => caster.cast_to_face(&origin, &direction, limit).map(|(depth, normal)| {
                         facing[pixel] = (normal.dot(&direction).abs() / direction.norm()) as f32;
+                        depth
+                    }),
+                    None => caster.cast_within(&origin, &direction, limit),
+                };
+                if let Some(depth) = depth {
+                    self.depth_m[pixel] = depth as f32;
+                    if let Some(shows_object) = &mut self.shows_object {
+                        shows_object[pixel] = is_object;
                     }
-                } else if let Some(depth) = caster.cast_within(&origin, &direction, self.nearest[pixel]) {
-                    self.nearest[pixel] = depth;
-                    self.shows_object[pixel] = is_object;
                 }
             }
         }
@@ -164,11 +178,14 @@ impl<'a> Image<'a> {
             for column in self.window.left..self.window.left + self.window.width {
                 let direction = self.direction(column, row);
                 let descent = z_C.dot(&direction);
-                let depth = -X_WC.translation.z / descent;
+                let depth = (-X_WC.translation.z / descent) as f32;
                 let pixel = self.index(column, row);
-                if depth > 0.0 && depth < self.nearest[pixel] {
-                    self.nearest[pixel] = depth;
-                    self.shows_object[pixel] = false;
+                let before = self.depth_m[pixel];
+                if depth > 0.0 && depth < f32::INFINITY && (before.is_nan() || depth < before) {
+                    self.depth_m[pixel] = depth;
+                    if let Some(shows_object) = &mut self.shows_object {
+                        shows_object[pixel] = false;
+                    }
                     if let Some(facing) = &mut self.facing {
                         facing[pixel] = (descent.abs() / direction.norm()) as f32;
                     }
@@ -178,10 +195,8 @@ impl<'a> Image<'a> {
     }
 
     /// The image as the cell hands it out.
-    pub fn frame(self, camera: usize, capture_s: f64, labelled: bool) -> DepthFrame {
-        let depth_m = self.nearest.iter().map(|&depth| if depth < f64::INFINITY { depth as f32 } else { f32::NAN });
-        let mask = labelled.then_some(self.shows_object);
-        DepthFrame { camera, capture_s, window: self.window, depth_m: depth_m.collect(), mask }
+    pub fn frame(self, camera: usize, capture_s: f64) -> DepthFrame {
+        DepthFrame { camera, capture_s, window: self.window, depth_m: self.depth_m, mask: self.shows_object }
     }
 
     /// Direction in C through a pixel's centre, its third component one.
