@@ -15,6 +15,8 @@ const TRIAL_POINTS: usize = 100;
 const TRIAL_ITERATIONS: usize = 7;
 /// Attitudes that are then compared on all points.
 const FINALISTS: usize = 3;
+/// Steps of each before that: the right one is settled by then, or as good as.
+const FINAL_ITERATIONS: usize = 5;
 /// Attitudes closer than this are one.
 const SAME_ATTITUDE_RAD: f64 = 0.3;
 
@@ -48,8 +50,8 @@ pub(super) fn register(
             keep(&mut finalists, fit, &reference.symmetry);
         }
         let results = finalists.iter().flatten();
-        let results = results
-            .map(|fit| registration::iterate(scene, reference, &fit.X_WO, config, config.max_iterations, outlined).0);
+        let results =
+            results.map(|fit| registration::iterate(scene, reference, &fit.X_WO, config, FINAL_ITERATIONS, outlined).0);
         let least = results.min_by(|a, b| a.misfit.total_cmp(&b.misfit));
         best = least.map(|fit| (fit, outlined)).or(best);
         if best.is_some_and(|(fit, _)| fit.residual_m <= config.outline_above_m) {

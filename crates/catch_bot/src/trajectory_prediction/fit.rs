@@ -28,6 +28,8 @@ const OUTLIER_SD: f64 = 4.0;
 const SCALE_PRIOR_DOF: f64 = 12.0;
 /// A fit has come to rest when a step is shorter than this share of its standard deviation.
 const STEP_SD: f64 = 0.05;
+/// Within this many standard deviations the flight is as good as linear in its parameters.
+const LINEAR_SD: f64 = 0.5;
 
 /// State that is being fitted.
 #[derive(Debug, Clone, Copy)]
@@ -54,6 +56,17 @@ pub(super) struct Row {
     shifts: Matrix3<f64>,
     /// eᵀ·W·e
     square: f64,
+}
+
+impl Row {
+    /// Notes eᵀ·W·e.
+    fn weigh(&mut self, turns: bool) {
+        self.square = self.shift.dot(&(self.shifts * self.shift));
+        if turns {
+            self.square += self.turn.dot(&(self.turns * self.turn + self.mixed * (self.shift * 2.0)));
+        }
+        self.square = self.square.max(0.0);
+    }
 }
 
 /// Sums over all poses.
@@ -118,10 +131,16 @@ pub(super) fn fit(
         if !step.iter().all(|value| value.is_finite()) {
             return Err(PredictionStatus::NotConverged);
         }
+        let step_sd = step.dot(&(information * step)).sqrt();
+        let before = state;
         state = state.moved(&step, config);
-        agreeing = problem.linearize(&state, config.window, scratch);
+        agreeing = if step_sd < LINEAR_SD {
+            problem.advance(&state.since(&before), config.window, scratch)
+        } else {
+            problem.linearize(&state, config.window, scratch)
+        };
         let shrunk = problem.typical_error(good, scratch).clamp(0.3, scale.max(1.0));
-        converged = step.dot(&(information * step)).sqrt() < STEP_SD && shrunk > 0.7 * scale;
+        converged = step_sd < STEP_SD && shrunk > 0.7 * scale;
         scale = shrunk;
         if converged {
             break;
@@ -175,6 +194,17 @@ impl State {
             w: self.w + step.fixed_rows::<3>(SPIN),
         }
     }
+
+    /// The step that led here.
+    fn since(&self, before: &Self) -> SVector<f64, N> {
+        let mut step = SVector::<f64, N>::zeros();
+        step.fixed_rows_mut::<3>(0).copy_from(&(self.p - before.p));
+        step.fixed_rows_mut::<3>(3).copy_from(&(self.v - before.v));
+        step[DRAG] = self.drag_per_m - before.drag_per_m;
+        step.fixed_rows_mut::<3>(TURN).copy_from(&(self.R_WO * before.R_WO.inverse()).scaled_axis());
+        step.fixed_rows_mut::<3>(SPIN).copy_from(&(self.w - before.w));
+        step
+    }
 }
 
 impl Problem<'_> {
@@ -210,17 +240,34 @@ impl Problem<'_> {
                 shifts: pose.information.fixed_view::<3, 3>(3, 3).into_owned(),
                 square: 0.0,
             };
-            row.square = row.shift.dot(&(row.shifts * row.shift));
             if turns {
                 row.turn = self.symmetry.turn_between(&tumbling.R_WO, &X_WO.rotation);
                 row.by_rotation = tumbling.by_attitude_and_rate(&start);
                 row.turns = pose.information.fixed_view::<3, 3>(0, 0).into_owned();
                 row.mixed = pose.information.fixed_view::<3, 3>(0, 3).into_owned();
-                row.square += row.turn.dot(&(row.turns * row.turn + row.mixed * (row.shift * 2.0)));
             }
-            row.square = row.square.max(0.0);
+            row.weigh(turns);
             agreeing += usize::from(age < window && row.shift.norm() < reach_m(pose, self.config));
             scratch.rows.push(row);
+        }
+        agreeing
+    }
+
+    /// The rows after a step that is short enough for their derivatives to hold. Returns how many of the newest `window` poses
+    /// agree with the flight then.
+    fn advance(&self, step: &SVector<f64, N>, window: usize, scratch: &mut Scratch) -> usize {
+        let turns = !matches!(self.symmetry, Symmetry::Sphere);
+        let (p, motion) = (step.fixed_rows::<3>(0), step.fixed_rows::<4>(3));
+        let rotation = step.fixed_rows::<6>(TURN);
+        let poses = self.poses.iter().rev().enumerate().filter(|(_, pose)| is_finite(pose));
+        let mut agreeing = 0;
+        for (row, (age, pose)) in scratch.rows.iter_mut().zip(poses) {
+            row.shift -= p + row.by_motion * motion;
+            if turns {
+                row.turn -= row.by_rotation * rotation;
+            }
+            row.weigh(turns);
+            agreeing += usize::from(age < window && row.shift.norm() < reach_m(pose, self.config));
         }
         agreeing
     }
