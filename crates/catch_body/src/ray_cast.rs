@@ -76,6 +76,11 @@ impl RayCaster {
         self.radius
     }
 
+    /// Half the size of the box around [`Self::centre`], along the axes of the mesh's frame, that holds the mesh.
+    pub fn half_size(&self) -> Vector3<f64> {
+        self.half_size
+    }
+
     /// The smallest t ≥ 0 at which origin + t·direction lies on the surface, seen from either side; `None` if there is none.
     ///
     /// The direction may have any length but zero: t counts in its multiples, metres for a unit vector.
