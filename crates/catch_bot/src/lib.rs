@@ -326,7 +326,8 @@ impl CatchingBot {
         let time_s = observation.time_s + self.known.config.control.expected_latency_s;
         let state = match &self.plan {
             Some(plan) => plan.trajectory.setpoint(time_s),
-            None => Setpoint::at_rest(observation.arm.q),
+            // Encoders are noisy and a loaded arm sags; what is executing is known exactly.
+            None => Setpoint::at_rest(observation.arm.setpoint_q),
         };
         Start { time_s, state }
     }

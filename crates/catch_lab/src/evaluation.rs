@@ -35,8 +35,8 @@ pub struct Cell {
 impl Cell {
     /// A cell of trials that share a setup.
     pub fn new(setup: Setup) -> Self {
-        let release = |index| setup.throw.release(&setup.object.name, 0, index);
-        let throw_is_fixed = release(0) == release(1);
+        let scene = |index| (setup.release(0, index), setup.conditions(0, index));
+        let throw_is_fixed = scene(0) == scene(1);
         Self { setup, throw_is_fixed }
     }
 }

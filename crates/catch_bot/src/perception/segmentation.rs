@@ -119,21 +119,18 @@ pub(super) fn label(
 ) {
     let [depth_m, reach_m] = expected_m;
     let columns = frame.window.width as usize;
+    let first = labels.len();
     for row in part.top..part.top + part.height {
         for column in part.left..part.left + part.width {
             let i = (row - frame.window.top) as usize * columns + (column - frame.window.left) as usize;
             let found_m = f64::from(frame.depth_m[i]);
             let measured = found_m > 0.0 && found_m.is_finite();
-            if !measured && config.depth_dropout {
-                labels.push(Label::Unknown);
-                continue;
-            }
             let behind_m = background.depth_m(&Point2::new(f64::from(column) + 0.5, f64::from(row) + 0.5));
             // Too close to tell apart, or in front of where the object is.
             let is_hidden = behind_m.is_finite() && behind_m - reach_m - threshold_m(behind_m, config) < depth_m;
             labels.push(match measured {
                 _ if behind_m.is_infinite() && !measured => Label::Elsewhere,
-                false if is_hidden => Label::Unknown,
+                false if is_hidden || config.depth_dropout => Label::Unknown,
                 false => Label::Elsewhere,
                 true if behind_m.is_finite() && found_m > behind_m - threshold_m(behind_m, config) => {
                     if is_hidden {
@@ -149,6 +146,34 @@ pub(super) fn label(
                 }
                 true => Label::Unknown,
             });
+        }
+    }
+    if config.depth_dropout {
+        doubt_holes(&mut labels[first..], part, |column, row| {
+            let i = (row - frame.window.top) as usize * columns + (column - frame.window.left) as usize;
+            frame.depth_m[i] > 0.0 && frame.depth_m[i].is_finite()
+        });
+    }
+}
+
+/// So many of a pixel's eight neighbours show the object if it is a hole in the object's image, or at least not clearly beside it:
+/// a straight edge has five on its inside and three on its outside.
+const HOLE_NEIGHBOURS: usize = 4;
+
+/// Where depths may be missing, a pixel without one that is surrounded by the object cannot tell. Others without one, with
+/// nothing known behind them, are most likely beside the object: all of these have no depth, of the object's only a few.
+fn doubt_holes(labels: &mut [Label], part: &PixelWindow, is_measured: impl Fn(u32, u32) -> bool) {
+    let (wide, high) = (part.width as usize, part.height as usize);
+    for i in 0..labels.len() {
+        let (x, y) = (i % wide.max(1), i / wide.max(1));
+        if labels[i] != Label::Elsewhere || is_measured(part.left + x as u32, part.top + y as u32) {
+            continue;
+        }
+        let rows = y.saturating_sub(1)..(y + 2).min(high);
+        let columns = x.saturating_sub(1)..(x + 2).min(wide);
+        let shown = rows.flat_map(|row| columns.clone().map(move |column| row * wide + column));
+        if shown.filter(|&at| labels[at] == Label::Object).count() >= HOLE_NEIGHBOURS {
+            labels[i] = Label::Unknown;
         }
     }
 }
