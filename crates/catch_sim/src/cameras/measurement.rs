@@ -137,11 +137,12 @@ impl StereoNoise {
         let pixels = key.part(Place::Pixels as u64);
         let [nearest_m, farthest_m] = self.range_m.unwrap_or([0.0, f64::MAX]);
         let facing = image.facing.take();
+        let grazing = self.grazing_rad.map(|[from, to]| (from.cos(), from, to));
         image.changed(|pixel, at, z| {
             let bits = pixels.bits(pixel);
-            let missing = match (&facing, self.grazing_rad) {
-                (Some(facing), Some([from, to])) if f64::from(facing[at]) < from.cos() => {
-                    let rise = ((f64::from(facing[at]).acos() - from) / (to - from)).clamp(0.0, 1.0);
+            let missing = match (&facing, grazing) {
+                (Some(facing), Some((cosine, from, to))) if f64::from(facing[at]) < cosine => {
+                    let rise = ((f64::from(facing[at]).acos() - from) / (to - from)).min(1.0);
                     self.dropout_share + (1.0 - self.dropout_share) * rise
                 }
                 _ => self.dropout_share,
