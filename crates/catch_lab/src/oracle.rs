@@ -231,15 +231,16 @@ mod tests {
         }
     }
 
-    /// Near throws are caught from the scenario's pose, and cannot be from the paper's own, as facts of the arm's limits have it.
+    /// The paper's near throw can be caught from the scenario's pose; from the paper's own only by who knows it at the release.
     #[test]
-    fn the_near_throw_is_out_of_reach_from_the_papers_pose() {
+    fn the_near_throw_is_out_of_reach_from_the_pose_of_the_paper() {
         let mut setup = Setup::load(&Choice::default()).unwrap();
         let reach = Oracle::of(&setup).unwrap().reach(&setup, 1, 0);
         assert!(reach.from_first_image_s.is_some() && reach.from_release_s.is_some(), "{reach:?}");
         setup.ready_q = setup.robot.joint_vector(&[1.57, 0.5, 0.0, -1.2, 0.0, 0.8, 1.57]).unwrap();
         let reach = Oracle::of(&setup).unwrap().reach(&setup, 1, 0);
-        assert_eq!(reach, Reach { from_first_image_s: None, from_release_s: None });
+        assert_eq!(reach.from_first_image_s, None);
+        assert!(reach.from_release_s.is_some_and(|time_s| time_s > 0.55), "{reach:?}");
     }
 
     #[test]
