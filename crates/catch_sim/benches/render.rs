@@ -53,7 +53,7 @@ fn render(criterion: &mut Criterion) {
         ("kinect", DepthModel::Kinect),
         ("stereo7", DepthModel::Stereo7),
         ("stereo7c", DepthModel::Stereo7c),
-        ("d435", DepthModel::D435),
+        ("near_stereo", DepthModel::NearStereo),
     ];
 
     let X_WL = robot.link_poses(&robot.ready_q);
