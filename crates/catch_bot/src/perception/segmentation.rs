@@ -77,16 +77,39 @@ impl<'a> Background<'a> {
         Self { camera, bodies, floor }
     }
 
+    /// Depths of the full image, row by row.
+    pub fn cast_all(&self, depths_m: &mut Vec<f32>) {
+        let window = self.camera.full_window();
+        depths_m.clear();
+        if self.floor.is_some() {
+            let floor_m = |i| self.floor_m(&self.camera.back_project(&window.pixel_centre(i), 1.0).coords) as f32;
+            depths_m.extend((0..window.area()).map(floor_m));
+        } else {
+            depths_m.resize(window.area(), f32::INFINITY);
+        }
+        for (centre_C, radius_m, ..) in self.bodies.iter().flatten() {
+            let too_near = centre_C.z.abs() <= *radius_m;
+            let part = if too_near { window } else { self.camera.window_around(centre_C, *radius_m) };
+            let part = super::point_cloud::intersection(&window, &part);
+            for row in part.top..part.top + part.height {
+                for column in part.left..part.left + part.width {
+                    let uv = Point2::new(f64::from(column) + 0.5, f64::from(row) + 0.5);
+                    depths_m[(row * window.width + column) as usize] = self.depth_m(&uv) as f32;
+                }
+            }
+        }
+    }
+
+    /// Depth of the floor along a ray whose third component is one.
+    fn floor_m(&self, ray_C: &Vector3<f64>) -> f64 {
+        let depth_m = self.floor.map_or(f64::INFINITY, |(height_m, up_C)| -height_m / up_C.dot(ray_C));
+        if depth_m > 0.0 { depth_m } else { f64::INFINITY }
+    }
+
     /// Depth at image coordinates; infinite where there is nothing.
     pub fn depth_m(&self, uv: &Point2<f64>) -> f64 {
         let ray_C = self.camera.back_project(uv, 1.0).coords;
-        let mut nearest_m = f64::INFINITY;
-        if let Some((height_m, up_C)) = self.floor {
-            let depth_m = -height_m / up_C.dot(&ray_C);
-            if depth_m > 0.0 {
-                nearest_m = depth_m;
-            }
-        }
+        let mut nearest_m = self.floor_m(&ray_C);
         let squared = ray_C.norm_squared();
         for (centre_C, radius_m, X_BC, caster) in self.bodies.iter().flatten() {
             let along = centre_C.coords.dot(&ray_C) / squared;
