@@ -105,10 +105,12 @@ impl Image<'_> {
     /// The part of it that `window` covers, which lies within its own.
     fn part(&self, window: PixelWindow) -> Self {
         fn cut<T: Copy>(values: &[T], from: &PixelWindow, window: &PixelWindow) -> Vec<T> {
-            let rows = values.chunks((from.width as usize).max(1)).skip((window.top - from.top) as usize);
-            let left = (window.left - from.left) as usize;
-            let rows = rows.take(window.height as usize);
-            rows.flat_map(|row| &row[left..left + window.width as usize]).copied().collect()
+            let mut part = Vec::with_capacity(window.area());
+            for row in window.top - from.top..window.top - from.top + window.height {
+                let first = (row * from.width + window.left - from.left) as usize;
+                part.extend_from_slice(&values[first..first + window.width as usize]);
+            }
+            part
         }
         Self {
             camera: self.camera,
