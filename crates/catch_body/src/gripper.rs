@@ -32,6 +32,8 @@ pub struct Gripper {
     pub max_force_n: f64,
     /// Highest speed of the fingers relative to each other.
     pub max_speed_mps: f64,
+    /// Highest rate at which that speed changes.
+    pub max_acceleration_mps2: f64,
 }
 
 impl Gripper {
@@ -44,6 +46,7 @@ impl Gripper {
             ("max_width_m", gripper.max_width_m),
             ("max_force_n", gripper.max_force_n),
             ("max_speed_mps", gripper.max_speed_mps),
+            ("max_acceleration_mps2", gripper.max_acceleration_mps2),
             ("grasp_centre_y_m", gripper.grasp_centre_y_m),
         ] {
             InputError::positive(file, field, value)?;

@@ -31,12 +31,15 @@ pub struct RayCaster {
     triangles: Vec<Triangle>,
     centre: Point3<f64>,
     radius: f64,
+    /// Half the size of a box around the centre that holds the mesh.
+    half_size: Vector3<f64>,
 }
 
 impl RayCaster {
     /// Prepares a mesh.
     pub fn new(mesh: &TriangleMesh) -> Self {
-        let centre = mesh.aabb().centre;
+        let around = mesh.aabb();
+        let centre = around.centre;
         let radius = mesh.vertices.iter().map(|vertex| (vertex - centre).norm()).fold(0.0, f64::max);
         let padding = Vector3::repeat(radius * BOX_PADDING);
         let boxes: Vec<Aabb> = mesh
@@ -59,7 +62,8 @@ impl RayCaster {
         let hierarchy = bvh2_to_cwbvh(&binary, 3, true, false);
         let triangles =
             hierarchy.primitive_indices.iter().map(|&index| Triangle::new(mesh.corners(index as usize))).collect();
-        Self { hierarchy, triangles, centre, radius }
+        let half_size = (around.size / 2.0).add_scalar(radius * BOX_PADDING);
+        Self { hierarchy, triangles, centre, radius, half_size }
     }
 
     /// Centre of a ball that holds the mesh.
@@ -70,6 +74,11 @@ impl RayCaster {
     /// Radius of the ball around [`Self::centre`] that holds the mesh.
     pub fn radius(&self) -> f64 {
         self.radius
+    }
+
+    /// Half the size of the box around [`Self::centre`], along the axes of the mesh's frame, that holds the mesh.
+    pub fn half_size(&self) -> Vector3<f64> {
+        self.half_size
     }
 
     /// The smallest t ≥ 0 at which origin + t·direction lies on the surface, seen from either side; `None` if there is none.
@@ -107,6 +116,19 @@ impl RayCaster {
         }
         let speed = squared.sqrt();
         if nearest - self.radius / speed > limit * (1.0 + 1e-9) {
+            return None;
+        }
+        // What passes the ball may still pass the box, which costs less to find out than the traversal does.
+        let (mut enters, mut leaves) = (f64::NEG_INFINITY, limit);
+        for axis in 0..3 {
+            let inverse = 1.0 / direction[axis];
+            let near = (-self.half_size[axis] - start[axis]) * inverse;
+            let far = (self.half_size[axis] - start[axis]) * inverse;
+            // A ray within a face gives a number that is none, which neither function heeds.
+            enters = enters.max(near.min(far));
+            leaves = leaves.min(near.max(far));
+        }
+        if enters > leaves {
             return None;
         }
         // The traversal starts just outside the ball around the mesh, where single precision is fine.

@@ -140,6 +140,10 @@ impl Preparation {
 const LOST_S: f64 = 0.05;
 /// Observations whose joint angles are remembered: longer than images can take to arrive.
 const SENSED: usize = 64;
+/// Plans that are remembered: more than can be under way.
+const SENT: usize = 8;
+/// Where a trajectory is followed the cabinet's setpoint is its own, but for rounding, in radians.
+const SAME_SETPOINT_RAD: f64 = 1e-7;
 /// Poses that are remembered, more than any prediction looks back at.
 const POSES: usize = 1024;
 
@@ -154,6 +158,8 @@ pub struct CatchingBot {
     poses: Vec<ObjectPose>,
     flight: Option<FlightTrajectory>,
     plan: Option<CatchPlan>,
+    /// The plans that were sent last, the running one included, oldest first.
+    sent: VecDeque<CatchPlan>,
     workspace: perception::Workspace,
     prediction_workspace: trajectory_prediction::Workspace,
     closing: Option<GripperPlan>,
@@ -182,6 +188,7 @@ impl CatchingBot {
             poses: Vec::with_capacity(POSES),
             flight: None,
             plan: None,
+            sent: VecDeque::with_capacity(SENT),
             workspace: perception::Workspace::default(),
             prediction_workspace: trajectory_prediction::Workspace::default(),
             closing: None,
@@ -235,6 +242,7 @@ impl Brain for CatchingBot {
             self.sensed.pop_front();
         }
         self.sensed.push_back((now_s, observation.arm.q, observation.gripper.width_m));
+        self.drop_refused(observation);
 
         // III-B: pose of the object in the newest images, started from where the last flight says it is.
         for frames in observation.frames.chunk_by(|a, b| a.capture_s == b.capture_s) {
@@ -329,12 +337,28 @@ impl CatchingBot {
         flight.or_else(|| self.poses.last().map(|pose| pose.X_WO))
     }
 
+    /// A trajectory that came too late was refused, and so was every one that went on from it: the plan is then the one that
+    /// the arm follows.
+    fn drop_refused(&mut self, observation: &Observation) {
+        let now_s = observation.time_s;
+        let is_followed = |plan: &CatchPlan| {
+            let setpoint = plan.trajectory.setpoint(now_s);
+            (setpoint.q - observation.arm.setpoint_q).amax() < SAME_SETPOINT_RAD
+        };
+        let begun = self.sent.iter().rposition(|plan| plan.trajectory.start_s() < now_s);
+        let Some(begun) = begun.filter(|&begun| !is_followed(&self.sent[begun])) else { return };
+        let followed = self.sent.iter().take(begun).rposition(is_followed);
+        self.sent.truncate(followed.map_or(0, |at| at + 1));
+        self.plan = self.sent.back().cloned();
+    }
+
     /// Where the arm will be when a motion that is planned now takes over.
     fn start(&self, observation: &Observation) -> Start {
         let time_s = observation.time_s + self.known.config.control.expected_latency_s;
         let state = match &self.plan {
             Some(plan) => plan.trajectory.setpoint(time_s),
-            None => Setpoint::at_rest(observation.arm.q),
+            // Encoders are noisy and a loaded arm sags; what is executing is known exactly.
+            None => Setpoint::at_rest(observation.arm.setpoint_q),
         };
         Start { time_s, state }
     }
@@ -372,13 +396,19 @@ impl CatchingBot {
     fn command(&mut self, now_s: f64, status: Status, plan: Option<CatchPlan>, flight: &FlightTrajectory) -> Command {
         let Some(plan) = plan else { return Command::default() };
         let gripper = self.known.planner.gripper();
-        let speed_mps = self.known.config.grasp_selection.closing_speed_mps;
+        let grasping = &self.known.config.grasp_selection;
         let closing =
-            control::closing(&plan, flight, self.known.planner.robot(), gripper, speed_mps, &self.known.config.control);
+            control::closing(&plan, flight, self.known.planner.robot(), gripper, grasping, &self.known.config.control);
         // Fingers that have started to close go on: a new list of moves would open them again.
         let is_closing = self.closing.is_some_and(|closing| closing.start_s <= now_s);
         let moves = control::gripper_moves(now_s, &plan, &closing, gripper, &self.known.config.control);
         let arm = (status == Status::Planned).then(|| plan.trajectory.clone());
+        if arm.is_some() {
+            if self.sent.len() == SENT {
+                self.sent.pop_front();
+            }
+            self.sent.push_back(plan.clone());
+        }
         if !is_closing {
             self.closing = Some(closing);
         }

@@ -5,13 +5,16 @@ use serde::{Deserialize, Serialize};
 
 use crate::BSpline;
 
-/// Joint positions and velocities as the encoders give them.
+/// The arm as its drive cabinet reports it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ArmState {
-    /// Positions in radians.
+    /// Positions in radians as the encoders give them.
     pub q: JointVector,
-    /// Velocities in rad/s.
+    /// Velocities in rad/s as the encoders give them.
     pub dq: JointVector,
+    /// Where the cabinet wants the joints to be at this instant, in radians: free of noise, and what a new trajectory has to
+    /// continue.
+    pub setpoint_q: JointVector,
 }
 
 /// Position, velocity and acceleration that a trajectory asks for at one instant.

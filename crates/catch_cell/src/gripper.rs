@@ -11,6 +11,28 @@ pub struct GripperState {
     pub speed_mps: f64,
     /// Force of each finger in N, positive while squeezing.
     pub force_n: f64,
+    /// What the drive makes of it.
+    pub grasp: GraspState,
+}
+
+/// What a gripper knows of its grasp, from its own fingers alone: the states of the Schunk WSG-50 (assembly and operating
+/// manual, 7.5.2) but for those of faults.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GraspState {
+    /// The fingers stand where they were told to.
+    #[default]
+    Idle,
+    /// They open.
+    Positioning,
+    /// They close.
+    Grasping,
+    /// Something between them keeps them from closing, and they press with the force of the move.
+    Holding,
+    /// They closed as far as they were told to and met nothing.
+    NoPart,
+    /// They held something and then closed further.
+    PartLost,
 }
 
 /// One move of the fingers.

@@ -13,7 +13,7 @@ pub mod spline;
 
 pub use arm::{ArmState, ArmTrajectory};
 pub use camera::{CameraModel, DepthFrame, PixelWindow, ReferenceScan};
-pub use gripper::{GripperMove, GripperState};
+pub use gripper::{GraspState, GripperMove, GripperState};
 pub use spline::BSpline;
 
 use serde::{Deserialize, Serialize};

@@ -12,7 +12,7 @@ use catch_lab::{
 fn main() -> anyhow::Result<()> {
     for friction in [0.667, 0.3] {
         let mut setup = Setup::load(&Choice { throw: Some("near_sampled"), ..Choice::default() })?;
-        setup.scenario.arena.friction = friction;
+        setup.scenario.arena.friction = friction.into();
         let evaluation = Evaluation { cells: vec![Cell::new(setup)], seed: 1, first: 0, trials: 4 };
 
         let mut rows = Vec::new();

@@ -3,6 +3,7 @@
 pub mod catch;
 pub mod check;
 pub mod eval;
+pub mod ladder;
 pub mod list;
 pub mod merge;
 pub mod new;
@@ -102,6 +103,11 @@ enum MethodArgument {
 }
 
 impl ChoiceArguments {
+    /// The arm, if another than the scenario's is asked for.
+    pub fn robot(&self) -> Option<&str> {
+        self.robot.as_deref()
+    }
+
     /// Whose method is asked for.
     pub fn method(&self) -> Option<Method> {
         self.method.map(|method| match method {

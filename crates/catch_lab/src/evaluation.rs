@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     VERSION,
+    oracle::Oracle,
     referee::{self, Verdict},
     scenario::Scenario,
     setup::{Scene, Setup},
@@ -35,8 +36,8 @@ pub struct Cell {
 impl Cell {
     /// A cell of trials that share a setup.
     pub fn new(setup: Setup) -> Self {
-        let release = |index| setup.throw.release(&setup.object.name, 0, index);
-        let throw_is_fixed = release(0) == release(1);
+        let scene = |index| (setup.release(0, index), setup.conditions(0, index));
+        let throw_is_fixed = scene(0) == scene(1);
         Self { setup, throw_is_fixed }
     }
 }
@@ -136,8 +137,11 @@ impl Evaluation {
         let (cell, index) = self.job(job);
         let trial =
             trial::run(&cell.setup, self.seed, index, &mut |_, _| Ok(())).expect("this onlooker has no objections");
-        let row = Row { scene: self.scene(job), verdict: referee::judge(&cell.setup, &trial) };
-        (row, trial.stopwatch)
+        let mut verdict = referee::judge(&cell.setup, &trial);
+        if !verdict.caught {
+            verdict.reach = Oracle::of(&cell.setup).map(|oracle| oracle.reach(&cell.setup, self.seed, index));
+        }
+        (Row { scene: self.scene(job), verdict }, trial.stopwatch)
     }
 
     /// Runs the trials from number `from` on, on several threads, and hands over each row in the order of their numbers.

@@ -64,7 +64,7 @@ impl Corridor {
         let parts = setups.iter().map(|setup| Part {
             known: setup.known().clone(),
             config: setup.brain_config(seed, 0),
-            flights: (0..throws).map(|index| flight(&setup.throw.release(&setup.object.name, seed, index))).collect(),
+            flights: (0..throws).map(|index| flight(&setup.release(seed, index))).collect(),
         });
         let Setup { robot, gripper, .. } = &setups[0];
         Self {

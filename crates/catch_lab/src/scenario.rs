@@ -6,6 +6,19 @@ use serde::{Deserialize, Serialize};
 
 use crate::{assets::Kind, setup::COMMAND_LINE};
 
+/// What it costs to compute a command.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Clock {
+    /// Nothing, as in the paper: a command arrives at the instant of what it answers.
+    #[default]
+    Free,
+    /// A constant time in milliseconds.
+    FixedMs(f64),
+    /// The wall time of the brain's tick on this machine. The only clock with which a trial is not the same every time.
+    Charged,
+}
+
 /// A scenario's file: a composition of each module's own settings. What it does not say is the module's default.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -32,6 +45,10 @@ pub struct Scenario {
     pub flight_rig: String,
     /// The cameras that scan the object beforehand, around the object's frame.
     pub reference_rig: String,
+    /// How long commands take to compute: `"free"`, `{ fixed_ms = 10 }` or `"charged"`. The brain is told what to expect in its own
+    /// table, `[brain.control]`, as `expected_latency_s`.
+    #[serde(default)]
+    pub clock: Clock,
     /// The physics, the sensors and the drives.
     #[serde(default)]
     pub arena: ArenaConfig,
@@ -47,18 +64,22 @@ impl Scenario {
     /// A field that is missing, misspelt or of the wrong kind, or a value out of range.
     pub fn from_toml(file: &str, text: &str) -> Result<Self, InputError> {
         let scenario: Self = InputError::parse_toml(file, text)?;
-        scenario.check(file)?;
-        Ok(scenario)
+        scenario.faults(file).into_iter().next().map_or(Ok(scenario), Err)
     }
 
-    /// Whether every value can be used; `file` names the place in errors.
-    fn check(&self, file: &str) -> Result<(), InputError> {
-        self.arena.check(file, "arena")?;
+    /// Every value out of range.
+    pub fn faults(&self, file: &str) -> Vec<InputError> {
+        let mut faults = self.arena.faults(file, "arena");
+        if let Clock::FixedMs(delay_ms) = self.clock
+            && !(delay_ms.is_finite() && delay_ms >= 0.0)
+        {
+            faults.push(InputError::new(file, "clock.fixed_ms", delay_ms, "zero or more"));
+        }
         let LimitScale { velocity, acceleration, torque } = self.limit_scale;
         for (field, value) in [("velocity", velocity), ("acceleration", acceleration), ("torque", torque)] {
-            InputError::positive(file, format!("limit_scale.{field}"), value)?;
+            faults.extend(InputError::positive(file, format!("limit_scale.{field}"), value).err());
         }
-        Ok(())
+        faults
     }
 
     /// This scenario with single fields changed: `arena.restitution_scale=0.5`. Its name tells.
@@ -87,8 +108,7 @@ impl Scenario {
             self = tree.try_into().map_err(|it: toml::de::Error| fault(it.message().to_owned()))?;
             self.name = format!("{}+{}", self.name, setting.replace(' ', ""));
         }
-        self.check(COMMAND_LINE)?;
-        Ok(self)
+        self.faults(COMMAND_LINE).into_iter().next().map_or(Ok(self), Err)
     }
 
     /// The files that it names: what kind, in which field, by which name.
@@ -129,7 +149,8 @@ mod tests {
             ("arena.restitution_scale", "FIELD=VALUE"),
             ("arina.friction=1", "arena"),
             ("arena.friction=-1", "arena.friction"),
-            ("arena.friction=much", "invalid type"),
+            ("arena.friction=much", "a number or { min"),
+            ("arena.substeps=many", "invalid type"),
         ] {
             let setting = if setting.ends_with("restitution") { format!("{setting}=1") } else { setting.to_owned() };
             let fault = set(&[&setting]).unwrap_err().to_string();

@@ -9,7 +9,7 @@ use catch_body::{Gripper, InputError, JointVector, Robot, robot::LimitScale, rob
 use catch_bot::{CatchingBot, Method, Preparation, perception::DepthNoise};
 use catch_cell::{CameraModel, ReferenceScan};
 use catch_sim::{
-    Arena, Equipment, Throw, ThrownObject, cameras,
+    Arena, Conditions, Equipment, Release, Throw, ThrownObject, cameras,
     random_streams::{Stream, seed_for},
 };
 use serde::{Deserialize, Serialize};
@@ -238,8 +238,17 @@ impl Setup {
 
     /// The arena with everything in place, the object about to fly.
     pub fn arena(&self, seed: u64, index: u64) -> Arena {
-        let release = self.throw.release(&self.object.name, seed, index);
-        Arena::new(self.equipment(), &release, &self.ready_q, seed, index)
+        Arena::new(self.equipment(), &self.release(seed, index), &self.ready_q, seed, index)
+    }
+
+    /// What differs from throw to throw besides the throw itself.
+    pub fn conditions(&self, seed: u64, index: u64) -> Conditions {
+        Conditions::draw(&self.scenario.arena, &self.object, seed, index)
+    }
+
+    /// How the object leaves the thrower's hand.
+    pub fn release(&self, seed: u64, index: u64) -> Release {
+        self.throw.release(&self.object.name, &self.conditions(seed, index), seed, index)
     }
 
     /// The brain's settings in one scene: those of the scenario, what is known of the object beforehand, and a seed.

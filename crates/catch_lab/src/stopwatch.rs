@@ -14,6 +14,8 @@ pub struct Stopwatch {
     laps: Vec<(&'static str, Vec<u32>)>,
     /// Those of the last tick.
     newest: Vec<(&'static str, u32)>,
+    /// The whole of the last tick.
+    whole: Duration,
 }
 
 /// Name under which the time of whole ticks is kept.
@@ -22,7 +24,7 @@ const WHOLE_TICK: &str = "tick";
 impl Default for Stopwatch {
     fn default() -> Self {
         let now = Instant::now();
-        Self { last: now, started: now, laps: Vec::new(), newest: Vec::new() }
+        Self { last: now, started: now, laps: Vec::new(), newest: Vec::new(), whole: Duration::ZERO }
     }
 }
 
@@ -37,7 +39,13 @@ impl Stopwatch {
     /// A tick has ended.
     pub fn stop(&mut self) {
         let lap = self.started.elapsed();
+        self.whole = lap;
         self.laps_of(WHOLE_TICK).push(units(lap));
+    }
+
+    /// What the whole of the last tick took, in seconds.
+    pub fn last_tick_s(&self) -> f64 {
+        self.whole.as_secs_f64()
     }
 
     /// What each stage took in the last tick, in milliseconds, in the order of the pipeline.

@@ -11,12 +11,13 @@ use crate::{
 };
 
 /// What the columns are called.
-pub const HEADINGS: [&str; 10] = [
+pub const HEADINGS: [&str; 11] = [
     "object",
     "throw",
     "trials",
     "caught",
     "95 %",
+    "out of reach",
     "as the paper",
     "paper's Table I",
     "joint travel",
@@ -25,7 +26,7 @@ pub const HEADINGS: [&str; 10] = [
 ];
 
 /// The first column that holds numbers, and the first after them that holds text again.
-pub const NUMBERS: std::ops::Range<usize> = 2..9;
+pub const NUMBERS: std::ops::Range<usize> = 2..10;
 
 /// The lines of the table.
 pub fn lines(cells: &[CellSummary]) -> Vec<[String; HEADINGS.len()]> {
@@ -41,6 +42,7 @@ pub fn lines(cells: &[CellSummary]) -> Vec<[String; HEADINGS.len()]> {
             share(cell.caught),
             cell.wilson95
                 .map_or("same throw".to_owned(), |[low, high]| format!("{} – {} %", percent(low), percent(high))),
+            cell.out_of_reach.to_string(),
             share(cell.caught_paper),
             published_rate(&rates, cell).map_or("–".to_owned(), |rate| format!("{} %", percent(rate))),
             cell.median_joint_travel_rad.map_or("–".to_owned(), |it| format!("{it:.2} rad")),

@@ -29,7 +29,7 @@ pub fn name(distance_m: f64, speed_mps: f64) -> String {
 
 /// The throw from `distance_m` away at `speed_mps`, on the flatter of the two arcs; `None` if it does not get there.
 pub fn throw(setup: &Setup, distance_m: f64, speed_mps: f64) -> Option<Throw> {
-    let like = setup.throw.release(&setup.object.name, 0, 0);
+    let like = setup.release(0, 0);
     let base = setup.robot.X_WB.translation.vector;
     let (place, direction) = nearest(&like.p_WO, &like.v_WO, &base)?;
     let (p_WO, v_WO) = aimed(&place, &direction, &base, distance_m, speed_mps)?;

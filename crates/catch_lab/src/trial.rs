@@ -6,7 +6,7 @@ use catch_bot::Report;
 use catch_cell::{Brain, Cell, Command, Observation};
 use catch_sim::{Arena, Truth};
 
-use crate::{setup::Setup, stopwatch::Stopwatch};
+use crate::{scenario::Clock, setup::Setup, stopwatch::Stopwatch};
 
 /// From the first contact with the gripper on: how long until the world shakes.
 const SHAKING_AFTER_S: f64 = 1.0;
@@ -79,7 +79,12 @@ pub fn run(
             report: report.clone(),
             stage_ms: stopwatch.last_tick_ms(),
         });
-        arena.act(command);
+        let delay_s = match setup.scenario.clock {
+            Clock::Free => 0.0,
+            Clock::FixedMs(delay_ms) => delay_ms / 1e3,
+            Clock::Charged => stopwatch.last_tick_s(),
+        };
+        arena.act_after(delay_s, command);
         if watch.is_over(&mut arena) {
             return Ok(Trial { truth: arena.truth().clone(), thoughts, stopwatch });
         }

@@ -1,15 +1,17 @@
 //! The simulated cell.
 
-use catch_body::{JointVector, dynamics};
+use catch_body::{JointVector, MAX_JOINTS, Pose, Robot, dynamics, kinematics::LinkPoses};
 use catch_cell::{ArmState, Cell, Command, Observation};
 use nalgebra::Vector3;
 
 use crate::{
     cameras::Scene,
+    conditions::Conditions,
     config::{ArenaConfig, GripperDriveKind},
     equipment::{Equipment, Shared},
     gripper_drive::GripperDrive,
     physics::{ContactForces, Loads, Mount, World, WorldSettings, WorldState},
+    random_streams::{Draws, Stream},
     sensors::Sensors,
     servo::Servo,
     throw::Release,
@@ -28,7 +30,11 @@ const ALONE_M: f64 = 0.15;
 /// Time passes in [`Cell::sense`] only, from one image to the next. The first call senses t = 0.
 pub struct Arena {
     equipment: Equipment,
-    drag_n_per_mps2: f64,
+    conditions: Conditions,
+    /// The arm as it is, without the gripper's mass; the cabinet and the brain know another one.
+    true_robot: Robot,
+    /// Noise of the encoders.
+    encoders: Draws,
     world: World,
     servo: Servo,
     drive: GripperDrive,
@@ -47,24 +53,30 @@ impl Arena {
     /// The scene (`seed`, `index`): the object is released at t = 0, the arm waits at `ready_q` with the gripper open.
     pub fn new(equipment: &Equipment, release: &Release, ready_q: &JointVector, seed: u64, index: u64) -> Self {
         let Shared { config, robot, robot_with_gripper, gripper, object, cameras, .. } = &*equipment.shared;
+        let conditions = Conditions::draw(config, object, seed, index);
+        let true_robot = conditions.true_robot(robot);
         let settings = WorldSettings {
             step_s: config.step_s,
             substeps: config.substeps,
-            friction: config.friction,
-            restitution: object.restitution * config.restitution_scale,
+            friction: conditions.friction,
+            restitution: conditions.restitution,
+            drive_mass_kg: match config.gripper {
+                GripperDriveKind::Ideal {} => 0.0,
+                GripperDriveKind::Wsg50(drive) => drive.drive_mass_kg,
+            },
         };
-        let mount = Mount::Arm { robot, q: ready_q };
+        let mount = Mount::Arm { robot: &true_robot, q: ready_q };
         let world = World::new(settings, mount, gripper, gripper.max_width_m, object, release);
-        let drive = match config.gripper {
-            GripperDriveKind::Ideal => GripperDrive::new(gripper, gripper.max_width_m),
-        };
+        let mut gripper_draws = Draws::new(Stream::Gripper, seed, index);
         let mut arena = Self {
-            drag_n_per_mps2: if config.drag { object.mass_kg * object.drag_per_m } else { 0.0 },
             state: world.state(),
             world,
             servo: Servo::new(robot_with_gripper.clone(), *ready_q),
-            drive,
+            drive: GripperDrive::of_kind(&config.gripper, gripper, gripper.max_width_m, &mut gripper_draws),
             sensors: Sensors::new(config, cameras, seed, index),
+            conditions,
+            true_robot,
+            encoders: Draws::new(Stream::Encoders, seed, index),
             equipment: equipment.clone(),
             under_way: Vec::new(),
             steps: 0,
@@ -119,7 +131,7 @@ impl Arena {
                 self.servo.receive(trajectory, at_s);
             }
             if let Some(moves) = command.gripper {
-                self.drive.receive(moves);
+                self.drive.receive(moves, at_s);
             }
             self.sensors.set_windows(command.windows);
         }
@@ -141,8 +153,30 @@ impl Arena {
         let substeps = if self.is_alone { config.substeps_alone } else { config.substeps };
         let ahead_s = (config.step_s + config.step_s / substeps as f64) / 2.0;
         let start = v_WO + dynamics::gravity() * ahead_s;
-        let middle = start - start * (self.drag_n_per_mps2 / object.mass_kg * start.norm() * config.step_s / 2.0);
-        -middle * (middle.norm() * self.drag_n_per_mps2)
+        let middle = start + self.conditions.air_mps2(&start) * (config.step_s / 2.0);
+        self.conditions.air_mps2(&middle) * object.mass_kg
+    }
+
+    /// Where the links are. What stands for the last one carries the gripper where it truly is: its outline and its surface
+    /// are those of the model.
+    fn link_poses(&self, q: &JointVector) -> LinkPoses {
+        let model = &self.equipment.shared.robot;
+        let mut X_WL = self.true_robot.link_poses(q);
+        let mounted_off: Pose = self.true_robot.X_LG * model.X_LG.inverse();
+        X_WL[MAX_JOINTS] *= mounted_off;
+        X_WL
+    }
+
+    /// The arm as its cabinet reports it.
+    fn arm_state(&mut self) -> ArmState {
+        let setpoint_q = self.servo.setpoint(self.time_s()).q;
+        let errors = self.config().robot_errors;
+        let (mut q, mut dq) = (self.state.q, self.state.dq);
+        for i in 0..self.true_robot.dof() {
+            q[i] += errors.encoder_sd_rad * self.encoders.normal();
+            dq[i] += errors.encoder_sd_radps * self.encoders.normal();
+        }
+        ArmState { q, dq, setpoint_q }
     }
 
     /// One step of servo, gripper and physics.
@@ -180,7 +214,7 @@ impl Arena {
     fn record(&mut self, torque: JointVector, forces: &ContactForces) {
         let state = &self.state;
         let Shared { robot, clearance, object, .. } = &*self.equipment.shared;
-        let (X_WL, width_m) = (robot.link_poses(&state.q), state.finger_m[0] + state.finger_m[1]);
+        let (X_WL, width_m) = (self.link_poses(&state.q), state.finger_m[0] + state.finger_m[1]);
         let p_WO = state.X_WO.translation.vector.into();
         let radius = object.bounding_radius_m;
         let alone_m = clearance.least_distance_to_ball(&X_WL, &p_WO, radius).min(p_WO.z - radius);
@@ -192,7 +226,7 @@ impl Arena {
             dq: state.dq,
             torque,
             X_WG: robot.gripper_in(&X_WL),
-            V_WG: robot.gripper_twist(&state.q, &state.dq),
+            V_WG: self.true_robot.gripper_twist(&state.q, &state.dq),
             width_m,
             finger_force_n: forces.finger_n,
             X_WO: state.X_WO,
@@ -210,16 +244,16 @@ impl Cell for Arena {
             }
         }
         let (now_s, state) = (self.time_s(), self.state);
-        let gripper = self.drive.state(state.finger_m, state.finger_mps);
-        let Shared { robot, renderer, .. } = &*self.equipment.shared;
-        let X_WL = robot.link_poses(&state.q);
-        let scene = Scene { capture_s: now_s, X_WL: &X_WL, width_m: gripper.width_m, X_WO: &state.X_WO };
+        let width_m = state.finger_m[0] + state.finger_m[1];
+        let Shared { renderer, .. } = &*self.equipment.shared;
+        let X_WL = self.link_poses(&state.q);
+        let scene = Scene { capture_s: now_s, X_WL: &X_WL, width_m, X_WO: &state.X_WO };
         self.sensors.expose(renderer, &scene);
         self.update_report();
         Observation {
             time_s: now_s,
-            arm: ArmState { q: state.q, dq: state.dq },
-            gripper,
+            arm: self.arm_state(),
+            gripper: self.drive.state(state.finger_m, state.finger_mps),
             frames: self.sensors.arrived(now_s),
         }
     }

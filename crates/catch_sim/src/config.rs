@@ -11,13 +11,25 @@ use crate::cameras::depth_noise::DepthConfig;
 pub struct ArenaConfig {
     /// How the gripper is driven.
     pub gripper: GripperDriveKind,
-    /// Coulomb friction coefficient of all contacts. Default 0.667, to which the paper's simulator combines its materials;
-    /// there is no sourced value for rubber on felt.
-    pub friction: f64,
+    /// Coulomb friction coefficient of all contacts: a number, or `{ min, max }` from which every throw draws one. Default
+    /// 0.667, to which the paper's simulator combines its materials; there is no sourced value for rubber on felt.
+    pub friction: Drawn,
     /// Multiplies the object's own restitution.
     pub restitution_scale: f64,
+    /// Every throw draws its restitution uniformly within this share around that. None in the paper.
+    pub restitution_spread: f64,
     /// Whether the air brakes the object. Off by default, as in the paper.
     pub drag: bool,
+    /// Zero gives every throw the object's own drag; above zero, each draws it uniformly within this share around what the
+    /// brain is told of the object beforehand.
+    pub drag_spread: f64,
+    /// How the air moves; it counts where there is drag.
+    pub wind: Wind,
+    /// Every throw spins about a random axis at a rate drawn uniformly up to this one, besides what the throw's own file says.
+    /// None in the paper; people throw small things with up to 25 rad/s.
+    pub max_spin_radps: f64,
+    /// What the robot does not know of itself.
+    pub robot_errors: RobotErrors,
     /// Whether the cameras tell which pixels show the object. On by default: the paper segments by the renderer's labels.
     pub labels: bool,
     /// Whether the cameras see the floor, which always collides. Off by default: the paper has none, and its lower cameras look
@@ -39,22 +51,128 @@ pub struct ArenaConfig {
 }
 
 /// How the gripper is driven.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum GripperDriveKind {
     /// As strong as the real gripper, but without limit of speed beyond the fingers' own inertia and without latency: about
     /// 5 ms from wide open to a tennis ball. The paper's gripper, less its 1000 N.
-    #[default]
-    Ideal,
+    Ideal {},
+    /// A real one, after the Schunk WSG-50: the limits of speed, acceleration and force in the gripper's file hold, and commands
+    /// and states take time.
+    Wsg50(Wsg50),
+}
+
+impl Default for GripperDriveKind {
+    fn default() -> Self {
+        Self::Ideal {}
+    }
+}
+
+/// The connection and the drive of a WSG-50.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Wsg50 {
+    /// Time from a command until the fingers begin to move. It is drawn uniformly within one cycle around this, for the
+    /// gripper takes commands in a cycle of its own; zero is none at all. Default 30 ms; no source, plausible over a network.
+    pub latency_s: f64,
+    /// Rate of the gripper's cycle, in which it takes commands and refreshes its state. Default 140 Hz (Schunk's data sheet).
+    pub state_rate_hz: f64,
+    /// The reported width and speed are rounded to this, in metres and m/s. Default 0.01 mm, the unit of the command set
+    /// (Schunk, WSG series, PROFIBUS interface, register WIDTH); zero rounds nothing.
+    pub width_step_m: f64,
+    /// Inertia of motor and gear, reflected to each finger. Chosen, as no figure is published: it lets the fingers keep to their
+    /// speed when something slips out from between them.
+    pub drive_mass_kg: f64,
+}
+
+impl Default for Wsg50 {
+    fn default() -> Self {
+        Self { latency_s: 0.03, state_rate_hz: 140.0, width_step_m: 1e-5, drive_mass_kg: 0.5 }
+    }
+}
+
+/// A number, or a range from which every throw draws one uniformly.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "a number or { min = …, max = … }")]
+pub enum Drawn {
+    /// The same for every throw.
+    Always(f64),
+    /// Drawn.
+    Between(Between),
+}
+
+/// Bounds of what is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Between {
+    /// The least.
+    pub min: f64,
+    /// The most.
+    pub max: f64,
+}
+
+impl From<f64> for Drawn {
+    fn from(value: f64) -> Self {
+        Self::Always(value)
+    }
+}
+
+impl Drawn {
+    /// The least and the most.
+    pub fn bounds(self) -> [f64; 2] {
+        match self {
+            Self::Always(value) => [value, value],
+            Self::Between(Between { min, max }) => [min, max],
+        }
+    }
+}
+
+/// How the air moves.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "a velocity [x, y, z] in m/s or { max_mps = … }")]
+pub enum Wind {
+    /// With this velocity in W, in m/s.
+    Always([f64; 3]),
+    /// Along the floor, for every throw in a direction of its own and at a speed drawn uniformly up to this one.
+    Drawn(DrawnWind),
+}
+
+/// Bounds of a wind that is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DrawnWind {
+    /// The highest speed.
+    pub max_mps: f64,
+}
+
+/// What the robot does not know of itself. All zero by default, as in the paper.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RobotErrors {
+    /// Standard deviation of the joint positions that the brain is told, in radians. The drive cabinet has its own, exact ones.
+    pub encoder_sd_rad: f64,
+    /// The same of the joint velocities, in rad/s.
+    pub encoder_sd_radps: f64,
+    /// Every link's mass and inertia are drawn uniformly within this share around the model that the cabinet computes with.
+    pub link_mass_spread: f64,
+    /// How far the gripper is from where the model has it mounted, in a random direction, in metres.
+    pub tool_position_m: f64,
+    /// How far it is turned from that, about a random axis, in degrees.
+    pub tool_rotation_deg: f64,
 }
 
 impl Default for ArenaConfig {
     fn default() -> Self {
         Self {
             gripper: GripperDriveKind::default(),
-            friction: 0.667,
+            friction: Drawn::Always(0.667),
             restitution_scale: 1.0,
+            restitution_spread: 0.0,
             drag: false,
+            drag_spread: 0.0,
+            wind: Wind::Always([0.0; 3]),
+            max_spin_radps: 0.0,
+            robot_errors: RobotErrors::default(),
             labels: true,
             floor_visible: false,
             depth: DepthConfig::default(),
@@ -68,40 +186,78 @@ impl Default for ArenaConfig {
 }
 
 impl ArenaConfig {
-    /// Whether every value can be used; `file` and `table` name the place in errors.
+    /// Everything that cannot be used; `file` and `table` name the place: values out of range, or a frame interval that is not
+    /// a whole number of steps.
+    pub fn faults(&self, file: &str, table: &str) -> Vec<InputError> {
+        let mut faults = Vec::new();
+        let mut expect = |is_right: bool, field: &str, value: f64, expected: &str| {
+            if !is_right {
+                faults.push(InputError::new(file, format!("{table}.{field}"), value, expected));
+            }
+        };
+        let [least, most] = self.friction.bounds();
+        expect(least.is_finite() && least >= 0.0, "friction", least, "zero or more");
+        expect(least >= most || most.is_finite(), "friction", most, "a finite number");
+        expect(least <= most, "friction", least, "a min that is not above the max");
+        let RobotErrors { encoder_sd_rad, encoder_sd_radps, link_mass_spread, tool_position_m, tool_rotation_deg } =
+            self.robot_errors;
+        let wind = match self.wind {
+            Wind::Always(wind) => wind.map(f64::abs).into_iter().fold(0.0, |sum, part| sum + part),
+            Wind::Drawn(DrawnWind { max_mps }) => max_mps,
+        };
+        for (field, value) in [
+            ("restitution_scale", self.restitution_scale),
+            ("wind", wind),
+            ("max_spin_radps", self.max_spin_radps),
+            ("robot_errors.encoder_sd_rad", encoder_sd_rad),
+            ("robot_errors.encoder_sd_radps", encoder_sd_radps),
+            ("robot_errors.tool_position_m", tool_position_m),
+            ("robot_errors.tool_rotation_deg", tool_rotation_deg),
+            ("latency_s", self.latency_s),
+        ] {
+            expect(value.is_finite() && value >= 0.0, field, value, "zero or more");
+        }
+        for (field, share) in [
+            ("restitution_spread", self.restitution_spread),
+            ("drag_spread", self.drag_spread),
+            ("robot_errors.link_mass_spread", link_mass_spread),
+        ] {
+            expect((0.0..1.0).contains(&share), field, share, "a share from zero to below 1");
+        }
+        if let GripperDriveKind::Wsg50(Wsg50 { latency_s, state_rate_hz, width_step_m, drive_mass_kg }) = self.gripper {
+            for (field, value) in [
+                ("gripper.latency_s", latency_s),
+                ("gripper.width_step_m", width_step_m),
+                ("gripper.drive_mass_kg", drive_mass_kg),
+            ] {
+                expect(value.is_finite() && value >= 0.0, field, value, "zero or more");
+            }
+            let is_rate = state_rate_hz.is_finite() && state_rate_hz > 0.0;
+            expect(is_rate, "gripper.state_rate_hz", state_rate_hz, "a number above zero");
+        }
+        let is_rate = self.frame_rate_hz.is_finite() && self.frame_rate_hz > 0.0;
+        expect(is_rate, "frame_rate_hz", self.frame_rate_hz, "a number above zero");
+        let is_step = self.step_s > 0.0 && self.step_s <= 2e-3;
+        expect(is_step, "step_s", self.step_s, "above zero and at most 0.002, beyond which contacts are wrong");
+        for (field, value) in [("substeps", self.substeps), ("substeps_alone", self.substeps_alone)] {
+            expect((1..=100).contains(&value), field, value as f64, "1 to 100");
+        }
+        if is_rate && is_step {
+            let steps = 1.0 / self.frame_rate_hz / self.step_s;
+            let is_whole = steps >= 0.5 && (steps - steps.round()).abs() <= 1e-6 * steps;
+            let expected = "a rate whose interval is a whole number of steps (step_s)";
+            expect(is_whole, "frame_rate_hz", self.frame_rate_hz, expected);
+        }
+        faults.extend(self.depth.check(file, &format!("{table}.depth")).err());
+        faults
+    }
+
+    /// Whether every value can be used.
     ///
     /// # Errors
-    /// The first value out of range, or a frame interval that is not a whole number of steps.
+    /// The first of the [`faults`](Self::faults).
     pub fn check(&self, file: &str, table: &str) -> Result<(), InputError> {
-        let fault = |field: &str, value: f64, expected: &str| {
-            Err(InputError::new(file, format!("{table}.{field}"), value, expected))
-        };
-        for (field, value) in
-            [("friction", self.friction), ("restitution_scale", self.restitution_scale), ("latency_s", self.latency_s)]
-        {
-            if !(value.is_finite() && value >= 0.0) {
-                return fault(field, value, "zero or more");
-            }
-        }
-        self.depth.check(file, &format!("{table}.depth"))?;
-        InputError::positive(file, format!("{table}.frame_rate_hz"), self.frame_rate_hz)?;
-        if !(self.step_s > 0.0 && self.step_s <= 2e-3) {
-            return fault("step_s", self.step_s, "above zero and at most 0.002, beyond which contacts are wrong");
-        }
-        for (field, value) in [("substeps", self.substeps), ("substeps_alone", self.substeps_alone)] {
-            if !(1..=100).contains(&value) {
-                return fault(field, value as f64, "1 to 100");
-            }
-        }
-        let steps = 1.0 / self.frame_rate_hz / self.step_s;
-        if steps < 0.5 || (steps - steps.round()).abs() > 1e-6 * steps {
-            return fault(
-                "frame_rate_hz",
-                self.frame_rate_hz,
-                "a rate whose interval is a whole number of steps (step_s)",
-            );
-        }
-        Ok(())
+        self.faults(file, table).into_iter().next().map_or(Ok(()), Err)
     }
 
     /// Steps of the physics from one image to the next.
@@ -118,18 +274,28 @@ mod tests {
     fn an_empty_table_is_the_default_and_a_misspelt_field_a_fault() {
         assert_eq!(toml::from_str::<ArenaConfig>("").unwrap(), ArenaConfig::default());
         let config: ArenaConfig = toml::from_str("friction = 0.5\ngripper = { kind = \"ideal\" }").unwrap();
-        assert_eq!(config.friction, 0.5);
+        assert_eq!(config.friction, Drawn::Always(0.5));
         assert!(toml::from_str::<ArenaConfig>("frictoin = 0.5").is_err());
+        let config: ArenaConfig =
+            toml::from_str("friction = { min = 0.4, max = 1.0 }\ngripper = { kind = \"wsg50\" }").unwrap();
+        assert_eq!(config.friction.bounds(), [0.4, 1.0]);
+        assert_eq!(config.gripper, GripperDriveKind::Wsg50(Wsg50::default()));
+        assert!(toml::from_str::<ArenaConfig>("gripper = { kind = \"wsg50\", latncy_s = 0.1 }").is_err());
+        assert!(toml::from_str::<ArenaConfig>("gripper = { kind = \"ideal\", latency_s = 0.1 }").is_err());
+        assert!(toml::from_str::<ArenaConfig>("wind = [1.0, 2.0]").is_err());
+        assert!(toml::from_str::<ArenaConfig>("wind = { max_mps = 2.0 }").is_ok());
     }
 
     #[test]
     fn values_out_of_range_are_named() {
         assert_eq!(ArenaConfig::default().check("s.toml", "arena"), Ok(()));
         let check = |config: ArenaConfig| config.check("s.toml", "arena").unwrap_err().to_string();
-        let fault = check(ArenaConfig { friction: -1.0, ..Default::default() });
+        let fault = check(ArenaConfig { friction: Drawn::Always(-1.0), ..Default::default() });
         assert!(fault.contains("s.toml: arena.friction"), "{fault}");
         let fault = check(ArenaConfig { frame_rate_hz: 300.0, ..Default::default() });
         assert!(fault.contains("arena.frame_rate_hz"), "{fault}");
+        let fault = check(ArenaConfig { drag_spread: 1.5, ..Default::default() });
+        assert!(fault.contains("arena.drag_spread"), "{fault}");
         let fault = check(ArenaConfig { step_s: f64::NAN, ..Default::default() });
         assert!(fault.contains("arena.step_s"), "{fault}");
     }

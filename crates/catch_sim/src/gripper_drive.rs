@@ -1,7 +1,17 @@
-//! The gripper's drive: moves the fingers and squeezes.
+//! The gripper's drive: moves the fingers and squeezes. It knows its own fingers and nothing of the object.
+
+mod grasp_watch;
+mod wsg50;
 
 use catch_body::Gripper;
 use catch_cell::{GripperMove, GripperState};
+
+use crate::{
+    config::{GripperDriveKind, Wsg50},
+    random_streams::Draws,
+};
+use grasp_watch::GraspWatch;
+use wsg50::{Interface, Ramp};
 
 /// Position controller of each finger.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,6 +26,11 @@ impl Gains {
     /// As stiff as a controller at 1 kHz may be with fingers of 50 g: it follows within a millisecond, and a finger that is
     /// stopped by an object presses with all its force 2 ms later.
     pub const IDEAL: Self = Self { stiffness_npm: 10_000.0, damping_nspm: 40.0 };
+
+    /// Critically damped, at the natural frequency ω in rad/s, for a finger with its share of the drive: k = m·ω², d = 2·m·ω.
+    fn critical(mass_kg: f64, bandwidth_radps: f64) -> Self {
+        Self { stiffness_npm: mass_kg * bandwidth_radps.powi(2), damping_nspm: 2.0 * mass_kg * bandwidth_radps }
+    }
 }
 
 /// Times closer than this are the same.
@@ -28,10 +43,20 @@ pub struct GripperDrive {
     max_width_m: f64,
     max_force_n: f64,
     active: ActiveMove,
-    /// Moves that have not started, soonest first.
-    pending: Vec<GripperMove>,
+    /// Moves that the fingers have not begun, soonest first.
+    pending: Vec<Pending>,
     refused_moves: u32,
     squeeze_n: f64,
+    watch: GraspWatch,
+    law: Law,
+}
+
+/// A move that is waited for.
+#[derive(Debug, Clone, Copy)]
+struct Pending {
+    order: GripperMove,
+    /// When it was sent to the gripper or will be; it cannot be taken back from then on.
+    sent_s: f64,
 }
 
 /// A move and where it started from.
@@ -42,13 +67,22 @@ struct ActiveMove {
     since_s: f64,
 }
 
+/// How a move becomes a motion.
+#[derive(Debug, Clone)]
+enum Law {
+    /// At once, at any speed.
+    Ideal,
+    /// Through an interface, within the limits of the fingers.
+    Real(Interface, Ramp),
+}
+
 impl GripperDrive {
     /// The ideal drive; it holds the fingers `width_m` apart.
     pub fn new(gripper: &Gripper, width_m: f64) -> Self {
         Self::with_gains(gripper, width_m, Gains::IDEAL)
     }
 
-    /// A drive with a controller of its own.
+    /// An ideal drive with a controller of its own.
     pub fn with_gains(gripper: &Gripper, width_m: f64, gains: Gains) -> Self {
         let order =
             GripperMove { start_s: 0.0, width_m, speed_mps: gripper.max_speed_mps, force_n: gripper.max_force_n };
@@ -60,6 +94,24 @@ impl GripperDrive {
             pending: Vec::new(),
             refused_moves: 0,
             squeeze_n: 0.0,
+            watch: GraspWatch::default(),
+            law: Law::Ideal,
+        }
+    }
+
+    /// The drive of a WSG-50; `draws` decide where in its cycle it stands at t = 0.
+    pub fn wsg50(gripper: &Gripper, width_m: f64, config: &Wsg50, draws: &mut Draws) -> Self {
+        let mass_kg = gripper.finger_mass_kg + config.drive_mass_kg;
+        let gains = Gains::critical(mass_kg, wsg50::BANDWIDTH_RADPS);
+        let law = Law::Real(Interface::new(config, width_m, draws.unit()), Ramp::new(gripper, width_m, mass_kg));
+        Self { law, ..Self::with_gains(gripper, width_m, gains) }
+    }
+
+    /// The drive that a scenario names.
+    pub fn of_kind(kind: &GripperDriveKind, gripper: &Gripper, width_m: f64, draws: &mut Draws) -> Self {
+        match kind {
+            GripperDriveKind::Ideal {} => Self::new(gripper, width_m),
+            GripperDriveKind::Wsg50(config) => Self::wsg50(gripper, width_m, config, draws),
         }
     }
 
@@ -68,17 +120,22 @@ impl GripperDrive {
         self.refused_moves
     }
 
-    /// Replaces all moves that have not started. One that should have started begins at once.
-    pub fn receive(&mut self, moves: Vec<GripperMove>) {
-        let given = moves.len();
-        self.pending = moves;
-        self.pending.retain(|order| {
-            let finite = order.start_s.is_finite() && order.width_m.is_finite();
+    /// Replaces all moves that have not started at `now_s`. One that should have started begins at once.
+    pub fn receive(&mut self, moves: Vec<GripperMove>, now_s: f64) {
+        // What the interface is busy with cannot be taken back.
+        self.pending.retain(|pending| matches!(self.law, Law::Real(..)) && pending.sent_s < now_s - SAME_TIME_S);
+        for order in moves {
             // An infinite speed is a jump of the setpoint, which an ideal drive may be asked for.
-            finite && order.speed_mps > 0.0 && order.force_n > 0.0
-        });
-        self.refused_moves += (given - self.pending.len()) as u32;
-        self.pending.sort_by(|a, b| a.start_s.total_cmp(&b.start_s));
+            let finite = order.start_s.is_finite() && order.width_m.is_finite();
+            if finite && order.speed_mps > 0.0 && order.force_n > 0.0 {
+                self.pending.push(Pending { order, sent_s: order.start_s.max(now_s) });
+            } else {
+                self.refused_moves += 1;
+            }
+        }
+        // Of those that should have started already the last one wins.
+        let started = |a: &Pending, b: &Pending| a.order.start_s.total_cmp(&b.order.start_s);
+        self.pending.sort_by(|a, b| a.sent_s.total_cmp(&b.sent_s).then_with(|| started(a, b)));
     }
 
     /// Forces that open the left and the right finger during the step that begins at `time_s`, from their distances to the
@@ -87,45 +144,70 @@ impl GripperDrive {
     /// The fingers are geared to each other: one controller acts on their mean, with a force up to that of the move, and
     /// another stands for the gear that keeps them symmetrical; it must also work while the first is at its limit.
     pub fn forces(&mut self, time_s: f64, finger_m: [f64; 2], finger_mps: [f64; 2]) -> [f64; 2] {
-        while self.pending.first().is_some_and(|order| order.start_s <= time_s + SAME_TIME_S) {
-            let order = self.pending.remove(0);
-            let width_m = order.width_m.clamp(0.0, self.max_width_m);
-            self.active = ActiveMove {
-                order: GripperMove { width_m, ..order },
-                from_m: finger_m[0] + finger_m[1],
-                since_s: time_s,
-            };
-        }
-        let [wanted_m, wanted_mps] = self.setpoint(time_s).map(|of_width| of_width / 2.0);
+        let (width_m, rate_mps) = (finger_m[0] + finger_m[1], finger_mps[0] + finger_mps[1]);
+        self.begin_due_moves(time_s, width_m);
         let Gains { stiffness_npm, damping_nspm } = self.gains;
-        let limit = self.active.order.force_n.min(self.max_force_n);
-        let mean = [(finger_m[0] + finger_m[1]) / 2.0, (finger_mps[0] + finger_mps[1]) / 2.0];
+        let ActiveMove { order, .. } = self.active;
+        let limit = order.force_n.min(self.max_force_n);
+        let setpoint = match &mut self.law {
+            Law::Ideal => self.active.jump(time_s),
+            // The controller's output is at its limit where the setpoint is this far ahead; it need not go further.
+            Law::Real(_, ramp) => ramp.advance(time_s, &order, width_m, 2.0 * limit / stiffness_npm),
+        };
+        let [wanted_m, wanted_mps] = setpoint.map(|of_width| of_width / 2.0);
         let skew = [(finger_m[0] - finger_m[1]) / 2.0, (finger_mps[0] - finger_mps[1]) / 2.0];
-        let opening = stiffness_npm * (wanted_m - mean[0]) + damping_nspm * (wanted_mps - mean[1]);
-        let opening = opening.clamp(-limit, limit);
+        let ahead_n = if let Law::Real(_, ramp) = &self.law { ramp.force_n() } else { 0.0 };
+        let opening = stiffness_npm * (wanted_m - width_m / 2.0) + damping_nspm * (wanted_mps - rate_mps / 2.0);
+        let opening = (opening + ahead_n).clamp(-limit, limit);
         let levelling = (stiffness_npm * skew[0] + damping_nspm * skew[1]).clamp(-self.max_force_n, self.max_force_n);
         self.squeeze_n = -opening;
+        self.watch.update(width_m, rate_mps, order.width_m, self.squeeze_n / limit);
+        let state = self.live_state(width_m, rate_mps);
+        if let Law::Real(interface, _) = &mut self.law {
+            interface.refresh(time_s, state);
+        }
         [opening - levelling, opening + levelling]
     }
 
-    /// The width that is wanted at `time_s` and its rate.
-    fn setpoint(&self, time_s: f64) -> [f64; 2] {
-        let ActiveMove { order, from_m, since_s } = self.active;
+    fn begin_due_moves(&mut self, time_s: f64, width_m: f64) {
+        while let Some(Pending { order, sent_s }) = self.pending.first().copied() {
+            let begins_s = match &self.law {
+                Law::Ideal => sent_s,
+                Law::Real(interface, _) => interface.takes_effect_s(sent_s),
+            };
+            if begins_s > time_s + SAME_TIME_S {
+                return;
+            }
+            self.pending.remove(0);
+            let order = GripperMove { width_m: order.width_m.clamp(0.0, self.max_width_m), ..order };
+            self.active = ActiveMove { order, from_m: width_m, since_s: time_s };
+            self.watch.begin(width_m, order.width_m);
+        }
+    }
+
+    fn live_state(&self, width_m: f64, speed_mps: f64) -> GripperState {
+        GripperState { width_m, speed_mps, force_n: self.squeeze_n, grasp: self.watch.state() }
+    }
+
+    /// What the gripper reports of itself.
+    pub fn state(&self, finger_m: [f64; 2], finger_mps: [f64; 2]) -> GripperState {
+        match &self.law {
+            Law::Ideal => self.live_state(finger_m[0] + finger_m[1], finger_mps[0] + finger_mps[1]),
+            Law::Real(interface, _) => interface.reported(),
+        }
+    }
+}
+
+impl ActiveMove {
+    /// The width that an ideal drive wants at `time_s`, and its rate: at the speed of the move from its first instant on.
+    fn jump(&self, time_s: f64) -> [f64; 2] {
+        let Self { order, from_m, since_s } = *self;
         let way = order.width_m - from_m;
         let travelled = order.speed_mps * (time_s - since_s).max(0.0);
         if order.speed_mps.is_finite() && travelled < way.abs() {
             [from_m + way.signum() * travelled, way.signum() * order.speed_mps]
         } else {
             [order.width_m, 0.0]
-        }
-    }
-
-    /// What the gripper reports of itself.
-    pub fn state(&self, finger_m: [f64; 2], finger_mps: [f64; 2]) -> GripperState {
-        GripperState {
-            width_m: finger_m[0] + finger_m[1],
-            speed_mps: finger_mps[0] + finger_mps[1],
-            force_n: self.squeeze_n,
         }
     }
 }

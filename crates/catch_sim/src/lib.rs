@@ -10,6 +10,7 @@
 pub mod arena;
 pub mod cameras;
 pub mod command_check;
+pub mod conditions;
 pub mod config;
 pub mod equipment;
 pub mod gripper_drive;
@@ -23,6 +24,7 @@ pub mod throw;
 pub mod truth;
 
 pub use arena::Arena;
+pub use conditions::Conditions;
 pub use config::{ArenaConfig, GripperDriveKind};
 pub use equipment::Equipment;
 pub use object::{ObjectPrior, ThrownObject};

@@ -44,6 +44,8 @@ pub struct WorldSettings {
     pub friction: f64,
     /// Coefficient of restitution of all contacts.
     pub restitution: f64,
+    /// Inertia of the gripper's motor and gear, reflected to each finger.
+    pub drive_mass_kg: f64,
 }
 
 /// What acts on the world during one step.

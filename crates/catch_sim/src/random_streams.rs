@@ -8,18 +8,36 @@ use rand::Rng;
 use rand_pcg::Pcg64;
 
 /// What chance is asked for.
+///
+/// Recorded results depend on these numbers: a stream keeps its own for good.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stream {
-    /// Where, how fast and in what attitude the object is released.
-    Throw,
-    /// Friction, restitution, drag and masses.
-    Material,
+    /// Where and how fast the object is released.
+    Throw = 0,
+    /// Friction.
+    Friction = 1,
     /// Noise, losses and calibration of the cameras.
-    Sensors,
-    /// The gripper's own irregularities.
-    Gripper,
+    Sensors = 2,
+    /// Where the gripper stands in its cycle.
+    Gripper = 3,
     /// The brain's sampling.
-    Brain,
+    Brain = 4,
+    /// In what attitude the object is released.
+    Attitude = 16,
+    /// How it spins.
+    Spin = 17,
+    /// Restitution.
+    Restitution = 18,
+    /// Drag.
+    Drag = 19,
+    /// Wind.
+    Wind = 20,
+    /// Masses of the arm's links.
+    LinkMasses = 21,
+    /// Where the gripper is really mounted.
+    ToolMount = 22,
+    /// Noise of the joint encoders.
+    Encoders = 23,
 }
 
 /// Uniform numbers.
@@ -43,6 +61,13 @@ impl Draws {
     /// A number from 0 to below 1, with 53 random bits.
     pub fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 * (0.5f64).powi(53)
+    }
+
+    /// A number from the normal distribution with mean 0 and standard deviation 1 (Box & Muller, A note on the generation of
+    /// random normal deviates, 1958; one of the pair).
+    pub fn normal(&mut self) -> f64 {
+        let radius = (-2.0 * (1.0 - self.unit()).ln()).sqrt();
+        radius * (std::f64::consts::TAU * self.unit()).cos()
     }
 
     /// A number between two bounds.

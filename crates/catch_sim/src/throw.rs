@@ -1,12 +1,18 @@
 //! How an object leaves the thrower's hand.
 
+mod random;
+
 use std::collections::BTreeMap;
 
 use catch_body::InputError;
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use serde::Deserialize;
 
-use crate::random_streams::{Draws, Stream};
+use crate::{
+    conditions::Conditions,
+    random_streams::{Draws, Stream},
+};
+use random::RandomMotion;
 
 /// An object's state at t = 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,6 +66,8 @@ enum Motion {
         aside: [f64; 2],
         vertical_speed_mps: [f64; 2],
     },
+    /// From anywhere in a sector, past the robot's base on one side.
+    Random(RandomMotion),
 }
 
 impl Throw {
@@ -84,13 +92,10 @@ impl Throw {
                     ("aside", aside),
                     ("vertical_speed_mps", vertical_speed_mps),
                 ] {
-                    let [low, high] = InputError::finite(file, format!("motion.{field}"), *range)?;
-                    if low > high {
-                        let expected = "a range, its lower end first";
-                        return Err(InputError::new(file, format!("motion.{field}"), format!("{range:?}"), expected));
-                    }
+                    check_range(file, field, *range)?;
                 }
             }
+            Motion::Random(motion) => motion.check(file)?,
         }
         let mut attitudes = BTreeMap::new();
         for (object, rotations) in &fields.attitudes_deg {
@@ -112,31 +117,54 @@ impl Throw {
         Self { motion, attitudes: self.attitudes.clone() }
     }
 
-    /// The throw number `index` of `seed`. An object whose attitude the file does not give starts upright.
-    pub fn release(&self, object_name: &str, seed: u64, index: u64) -> Release {
-        let q_WO = self.attitudes.get(object_name).copied().unwrap_or_default();
+    /// The throw number `index` of `seed`. An object whose attitude the file does not give starts upright, but for random throws,
+    /// where every attitude is as likely as any other. `conditions` are those of the same throw.
+    pub fn release(&self, object_name: &str, conditions: &Conditions, seed: u64, index: u64) -> Release {
+        let given = self.attitudes.get(object_name).copied();
+        let mut release = Release {
+            p_WO: Point3::origin(),
+            v_WO: Vector3::zeros(),
+            q_WO: given.unwrap_or_default(),
+            omega_WO: conditions.spin_radps,
+        };
         match &self.motion {
-            Motion::Fixed { position_m, velocity_mps, spin_radps } => Release {
-                p_WO: (*position_m).into(),
-                v_WO: (*velocity_mps).into(),
-                q_WO,
-                omega_WO: (*spin_radps).into(),
-            },
+            Motion::Fixed { position_m, velocity_mps, spin_radps } => {
+                release.p_WO = (*position_m).into();
+                release.v_WO = (*velocity_mps).into();
+                release.omega_WO += Vector3::from(*spin_radps);
+            }
             Motion::Sampled { x_m, y_m, z_m, horizontal_speed_mps, aside, vertical_speed_mps } => {
                 let mut draws = Draws::new(Stream::Throw, seed, index);
                 let p_WO = Point3::new(draws.between(*x_m), draws.between(*y_m), *z_m);
                 let speed = draws.between(*horizontal_speed_mps);
                 let aside = draws.between(*aside);
                 let distance = p_WO.x.hypot(p_WO.y);
-                let v_WO = Vector3::new(
+                release.p_WO = p_WO;
+                release.v_WO = Vector3::new(
                     speed * (aside - p_WO.x / distance),
                     speed * (-aside - p_WO.y / distance),
                     draws.between(*vertical_speed_mps),
                 );
-                Release { p_WO, v_WO, q_WO, omega_WO: Vector3::zeros() }
+            }
+            Motion::Random(motion) => {
+                (release.p_WO, release.v_WO) = motion.draw(conditions, &mut Draws::new(Stream::Throw, seed, index));
+                if given.is_none() {
+                    release.q_WO = Draws::new(Stream::Attitude, seed, index).attitude();
+                }
             }
         }
+        release
     }
+}
+
+/// Whether a field of the motion is a range.
+fn check_range(file: &str, field: &str, range: [f64; 2]) -> Result<(), InputError> {
+    let [low, high] = InputError::finite(file, format!("motion.{field}"), range)?;
+    if low > high {
+        let expected = "a range, its lower end first";
+        return Err(InputError::new(file, format!("motion.{field}"), format!("{range:?}"), expected));
+    }
+    Ok(())
 }
 
 impl Axis {
@@ -161,6 +189,12 @@ mod tests {
         ("far_sampled", include_str!("../../../assets/throws/far_sampled.toml")),
     ];
 
+    fn calm() -> Conditions {
+        let text = include_str!("../../../assets/objects/tennis_ball.toml");
+        let object = crate::ThrownObject::from_toml("ball", text, &|_| unreachable!("it names no file")).unwrap();
+        Conditions::draw(&crate::ArenaConfig::default(), &object, 0, 0)
+    }
+
     fn throw(name: &str) -> Throw {
         let (_, text) = FILES.iter().find(|(file, _)| *file == name).unwrap();
         Throw::from_toml(name, text).unwrap()
@@ -177,7 +211,7 @@ mod tests {
     #[test]
     fn fixed_throws_lie_within_their_samplers() {
         for (fixed, speeds, shears) in [("near", 3.0..=3.1, 0.18..=0.19), ("far", 4.75..=5.0, 0.11..=0.12)] {
-            let (speed, shear) = speed_and_shear(&throw(fixed).release("ball", 0, 0));
+            let (speed, shear) = speed_and_shear(&throw(fixed).release("ball", &calm(), 0, 0));
             assert!(speeds.contains(&speed) && shears.contains(&shear), "{fixed}: {speed} {shear}");
         }
     }
@@ -192,8 +226,8 @@ mod tests {
             let throw = throw(name);
             let mut seen = Vec::new();
             for index in 0..500 {
-                let release = throw.release("ball", 3, index);
-                assert_eq!(release, throw.release("ball", 3, index));
+                let release = throw.release("ball", &calm(), 3, index);
+                assert_eq!(release, throw.release("ball", &calm(), 3, index));
                 assert!(place.contains(&release.p_WO.x) && place.contains(&release.p_WO.y));
                 assert_eq!(release.p_WO.z, height);
                 let (speed, shear) = speed_and_shear(&release);
@@ -211,11 +245,11 @@ mod tests {
 
     #[test]
     fn attitudes_are_intrinsic_rotations_from_left_to_right() {
-        let release = throw("near").release("banana", 0, 0);
+        let release = throw("near").release("banana", &calm(), 0, 0);
         let about = |axis: Axis, degrees: f64| UnitQuaternion::from_axis_angle(&axis.direction(), degrees.to_radians());
         let expected = about(Axis::Z, -45.0) * about(Axis::X, -45.0) * about(Axis::Z, -90.0);
         assert_relative_eq!(release.q_WO, expected, epsilon = 1e-12);
-        assert_eq!(throw("near").release("tennis_ball", 0, 0).q_WO, UnitQuaternion::identity());
+        assert_eq!(throw("near").release("tennis_ball", &calm(), 0, 0).q_WO, UnitQuaternion::identity());
     }
 
     #[test]

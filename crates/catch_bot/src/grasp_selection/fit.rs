@@ -90,11 +90,10 @@ pub fn fit_gripper(
     if reference.points.iter().any(|point| collides(&(X_GO * point))) {
         return None;
     }
-    let held_G = held_box(&reference.points, &X_GO);
-    Some(Grasp { X_OG, object_width_m, open_width_m, strength_m, held_G })
+    Some(Grasp { X_OG, object_width_m, open_width_m, strength_m, held_G: held_box(&reference.points, &X_GO) })
 }
 
-/// The box in G that contains the object.
+/// The box in G around an object whose surface these points outline.
 pub fn held_box(points: &[Point3<f64>], X_GO: &Pose) -> Cuboid {
     let corner = |sign: f64| {
         let farthest = |far: Vector3<f64>, point: &Point3<f64>| far.sup(&((X_GO * point).coords * sign));

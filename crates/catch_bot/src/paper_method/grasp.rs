@@ -108,13 +108,9 @@ pub fn select(
     }
     let (_, X_OG, strength_m) = best?;
     // It opens as far as it can.
-    Some(Grasp {
-        X_OG,
-        object_width_m: width_m(points, gripper, &X_OG),
-        open_width_m: gripper.max_width_m,
-        strength_m,
-        held_G: held_box(points, &X_OG.inverse()),
-    })
+    let object_width_m = width_m(points, gripper, &X_OG);
+    let held_G = held_box(points, &X_OG.inverse());
+    Some(Grasp { X_OG, object_width_m, open_width_m: gripper.max_width_m, strength_m, held_G })
 }
 
 /// "Comfort": whether the gripper points away from the axis of the base. The text does not normalize the vector to the gripper;

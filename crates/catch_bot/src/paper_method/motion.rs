@@ -184,6 +184,7 @@ fn catch_plan(
         catch_s,
         X_WG: flight.pose_at(catch_s) * grasp.X_OG,
         open_width_m: grasp.open_width_m,
+        lets_in: true,
         grasp,
         approach: Approach::ThroughGap,
         // It opens as far as it can and asks no more about the way in.

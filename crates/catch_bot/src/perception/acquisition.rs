@@ -112,10 +112,7 @@ impl Scratch {
         self.still_for = now;
         self.still.resize(cameras.len(), Vec::new());
         for (camera, still) in cameras.iter().zip(&mut self.still) {
-            let window = camera.full_window();
-            let background = Background::new(camera, known, &window, config);
-            still.clear();
-            still.extend((0..window.area()).map(|i| background.depth_m(&window.pixel_centre(i)) as f32));
+            Background::new(camera, known, &camera.full_window(), config).cast_all(still);
         }
     }
 

@@ -77,16 +77,39 @@ impl<'a> Background<'a> {
         Self { camera, bodies, floor }
     }
 
+    /// Depths of the full image, row by row.
+    pub fn cast_all(&self, depths_m: &mut Vec<f32>) {
+        let window = self.camera.full_window();
+        depths_m.clear();
+        if self.floor.is_some() {
+            let floor_m = |i| self.floor_m(&self.camera.back_project(&window.pixel_centre(i), 1.0).coords) as f32;
+            depths_m.extend((0..window.area()).map(floor_m));
+        } else {
+            depths_m.resize(window.area(), f32::INFINITY);
+        }
+        for (centre_C, radius_m, ..) in self.bodies.iter().flatten() {
+            let too_near = centre_C.z.abs() <= *radius_m;
+            let part = if too_near { window } else { self.camera.window_around(centre_C, *radius_m) };
+            let part = super::point_cloud::intersection(&window, &part);
+            for row in part.top..part.top + part.height {
+                for column in part.left..part.left + part.width {
+                    let uv = Point2::new(f64::from(column) + 0.5, f64::from(row) + 0.5);
+                    depths_m[(row * window.width + column) as usize] = self.depth_m(&uv) as f32;
+                }
+            }
+        }
+    }
+
+    /// Depth of the floor along a ray whose third component is one.
+    fn floor_m(&self, ray_C: &Vector3<f64>) -> f64 {
+        let depth_m = self.floor.map_or(f64::INFINITY, |(height_m, up_C)| -height_m / up_C.dot(ray_C));
+        if depth_m > 0.0 { depth_m } else { f64::INFINITY }
+    }
+
     /// Depth at image coordinates; infinite where there is nothing.
     pub fn depth_m(&self, uv: &Point2<f64>) -> f64 {
         let ray_C = self.camera.back_project(uv, 1.0).coords;
-        let mut nearest_m = f64::INFINITY;
-        if let Some((height_m, up_C)) = self.floor {
-            let depth_m = -height_m / up_C.dot(&ray_C);
-            if depth_m > 0.0 {
-                nearest_m = depth_m;
-            }
-        }
+        let mut nearest_m = self.floor_m(&ray_C);
         let squared = ray_C.norm_squared();
         for (centre_C, radius_m, X_BC, caster) in self.bodies.iter().flatten() {
             let along = centre_C.coords.dot(&ray_C) / squared;
@@ -119,21 +142,18 @@ pub(super) fn label(
 ) {
     let [depth_m, reach_m] = expected_m;
     let columns = frame.window.width as usize;
+    let first = labels.len();
     for row in part.top..part.top + part.height {
         for column in part.left..part.left + part.width {
             let i = (row - frame.window.top) as usize * columns + (column - frame.window.left) as usize;
             let found_m = f64::from(frame.depth_m[i]);
             let measured = found_m > 0.0 && found_m.is_finite();
-            if !measured && config.depth_dropout {
-                labels.push(Label::Unknown);
-                continue;
-            }
             let behind_m = background.depth_m(&Point2::new(f64::from(column) + 0.5, f64::from(row) + 0.5));
             // Too close to tell apart, or in front of where the object is.
             let is_hidden = behind_m.is_finite() && behind_m - reach_m - threshold_m(behind_m, config) < depth_m;
             labels.push(match measured {
                 _ if behind_m.is_infinite() && !measured => Label::Elsewhere,
-                false if is_hidden => Label::Unknown,
+                false if is_hidden || config.depth_dropout => Label::Unknown,
                 false => Label::Elsewhere,
                 true if behind_m.is_finite() && found_m > behind_m - threshold_m(behind_m, config) => {
                     if is_hidden {
@@ -149,6 +169,34 @@ pub(super) fn label(
                 }
                 true => Label::Unknown,
             });
+        }
+    }
+    if config.depth_dropout {
+        doubt_holes(&mut labels[first..], part, |column, row| {
+            let i = (row - frame.window.top) as usize * columns + (column - frame.window.left) as usize;
+            frame.depth_m[i] > 0.0 && frame.depth_m[i].is_finite()
+        });
+    }
+}
+
+/// So many of a pixel's eight neighbours show the object if it is a hole in the object's image, or at least not clearly beside it:
+/// a straight edge has five on its inside and three on its outside.
+const HOLE_NEIGHBOURS: usize = 4;
+
+/// Where depths may be missing, a pixel without one that is surrounded by the object cannot tell. Others without one, with
+/// nothing known behind them, are most likely beside the object: all of these have no depth, of the object's only a few.
+fn doubt_holes(labels: &mut [Label], part: &PixelWindow, is_measured: impl Fn(u32, u32) -> bool) {
+    let (wide, high) = (part.width as usize, part.height as usize);
+    for i in 0..labels.len() {
+        let (x, y) = (i % wide.max(1), i / wide.max(1));
+        if labels[i] != Label::Elsewhere || is_measured(part.left + x as u32, part.top + y as u32) {
+            continue;
+        }
+        let rows = y.saturating_sub(1)..(y + 2).min(high);
+        let columns = x.saturating_sub(1)..(x + 2).min(wide);
+        let shown = rows.flat_map(|row| columns.clone().map(move |column| row * wide + column));
+        if shown.filter(|&at| labels[at] == Label::Object).count() >= HOLE_NEIGHBOURS {
+            labels[i] = Label::Unknown;
         }
     }
 }

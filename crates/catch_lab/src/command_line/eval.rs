@@ -30,40 +30,44 @@ const TIMES_FILE: &str = "times.json";
 #[derive(Debug, Args)]
 pub struct EvalArguments {
     #[command(flatten)]
-    pub choice: ChoiceArguments,
+    pub(super) choice: ChoiceArguments,
     /// Object: a built-in name or a file; may be given more than once [default: the scenario's]
     #[arg(long, value_name = "NAME|FILE")]
-    pub object: Vec<String>,
+    pub(super) object: Vec<String>,
     /// Throw: a built-in name or a file; may be given more than once [default: the scenario's]
     #[arg(long, value_name = "NAME|FILE")]
-    pub throw: Vec<String>,
+    pub(super) throw: Vec<String>,
     /// Seed of everything random
     #[arg(long, value_name = "N", default_value_t = 1)]
-    pub seed: u64,
+    pub(super) seed: u64,
     /// Throws per object and throw
     #[arg(long, value_name = "N", default_value_t = 57, value_parser = clap::value_parser!(u64).range(1..=10_000_000))]
-    pub trials: u64,
+    pub(super) trials: u64,
     /// Number of the first throw, to share an evaluation between machines
     #[arg(long, value_name = "N", default_value_t = 0)]
-    pub first: u64,
+    pub(super) first: u64,
     /// Trials that run at the same time [default: the number of cores]
     #[arg(long, value_name = "N")]
-    threads: Option<NonZero<usize>>,
+    pub(super) threads: Option<NonZero<usize>>,
     /// Folder for the results
     #[arg(long, value_name = "DIR", default_value = "out/eval")]
-    pub out: std::path::PathBuf,
+    pub(super) out: std::path::PathBuf,
     /// Go on with the results that are in the folder
     #[arg(long)]
-    pub resume: bool,
+    pub(super) resume: bool,
+    /// The paper's assumptions, removed one after the other and one at a time, from the scenario `paper` to `honest`: catch rates with
+    /// intervals, of all throws and of those within reach
+    #[arg(long, conflicts_with = "scenario")]
+    ladder: bool,
     /// Throw from a grid of distances and speeds at one place, by both methods
-    #[arg(long, value_enum, value_name = "WHAT")]
+    #[arg(long, value_enum, value_name = "WHAT", conflicts_with = "ladder")]
     sweep: Option<Sweep>,
     /// Write plots as SVG beside the report
     #[arg(long)]
-    pub plots: bool,
+    pub(super) plots: bool,
     /// Print one JSON document instead of the table
     #[arg(long)]
-    pub json: bool,
+    pub(super) json: bool,
     /// Print the table in Markdown
     #[arg(long, conflicts_with = "json")]
     markdown: bool,
@@ -116,6 +120,9 @@ struct Times {
 /// # Errors
 /// Faults in the arguments and files; results that cannot be written.
 pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
+    if arguments.ladder {
+        return super::ladder::run(arguments);
+    }
     if let Some(Sweep::DistanceSpeed) = arguments.sweep {
         return sweep::run(arguments);
     }

@@ -55,7 +55,7 @@ fn darken(frame: &mut DepthFrame) {
 fn commands(setup: &Setup, offset: Vector3<f64>, cameras: Cameras) -> Vec<Command> {
     let (seed, index) = (1, 0);
     let elsewhere = || {
-        let mut release = setup.throw.release(&setup.object.name, seed, index);
+        let mut release = setup.release(seed, index);
         release.p_WO += offset;
         Arena::new(setup.equipment(), &release, &setup.ready_q, seed, index)
     };

@@ -7,6 +7,7 @@ mod determinism;
 mod evaluation;
 mod frames;
 mod general_form;
+mod honest;
 mod mcap_file;
 mod own_data;
 mod pages;

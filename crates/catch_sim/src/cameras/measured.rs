@@ -1,8 +1,8 @@
 //! Statistical tests of each model of the cameras' errors against its own formula, and of what they may not depend on.
 
-use catch_body::{JointVector, Pose};
+use catch_body::{JointVector, Pose, TriangleMesh, shape::Cuboid};
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 
 use super::{
     DepthCameras, Readout, Renderer, Scene,
@@ -184,6 +184,67 @@ fn grazing_surfaces_are_missed() {
     assert!(bins.iter().filter(|bin| bin[1] > 100.0).count() >= 6);
 }
 
+/// Around the outline of a box that faces the camera before a floor: which pixels change, how many of them, and into what.
+#[test]
+fn edges_bleed_and_pixels_fly() {
+    const EXPOSURES: u64 = 400;
+    let wall = Wall::at(2.0);
+    let (bleed_share, flying_share) = (0.3, 0.2);
+    let noise = StereoNoise { subpixel_px: 0.0, edge_px: 2, bleed_share, flying_share, ..StereoNoise::default() };
+    let X_WL = iiwa().link_poses(&JointVector::zeros());
+    let X_WO = Pose::translation(300.0, 0.0, 1.2);
+    let cuboid = Cuboid { centre: Point3::origin(), size: Vector3::new(0.1, 0.07, 0.02) };
+    let renderer = renderer(&TriangleMesh::cuboid(&cuboid), true);
+    let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: 0.11, X_WO: &X_WO };
+    let rig = std::slice::from_ref(&wall.camera);
+    let exact = renderer.render(rig, &scene, Readout::Full, true).swap_remove(0);
+    let (wide, high) = (400_i64, 300_i64);
+    let depth = |x: i64, y: i64| f64::from(exact.depth_m[(y * wide + x) as usize]);
+    let cameras = DepthCameras::new(rig, &stereo(noise), 2, 3);
+    let window = [PixelWindow { left: 150, top: 90, width: 120, height: 120 }];
+    // Of pixels behind an edge and before one: how many there are, how many show the box, how many something between.
+    let (mut behind, mut before, mut between) = ([0.0; 3], [0.0; 3], Vec::new());
+    for exposure in 0..EXPOSURES {
+        let frame = cameras.capture(&renderer, &scene, exposure, Readout::Windows(&window), true).swap_remove(0);
+        for (i, found) in frame.depth_m.iter().map(|depth| f64::from(*depth)).enumerate() {
+            let (x, y) = (150 + i as i64 % 120, 90 + i as i64 / 120);
+            let around = (-2..=2).flat_map(|dy| (-2..=2).map(move |dx| (x + dx, y + dy)));
+            let around = around.filter(|(x, y)| (0..wide).contains(x) && (0..high).contains(y));
+            let (near, far) =
+                around.fold((f64::MAX, 0.0_f64), |(near, far), (x, y)| (near.min(depth(x, y)), far.max(depth(x, y))));
+            let truth = depth(x, y);
+            assert_eq!(frame.mask.as_ref().unwrap()[i], truth < 1.9, "labels tell the truth");
+            let unchanged = (found - truth).abs() < 1e-5;
+            if near > 1.9 || far < 1.9 {
+                assert!(unchanged, "away from edges nothing happens: {found} for {truth}");
+                continue;
+            }
+            let counts = if truth > 1.9 { &mut behind } else { &mut before };
+            counts[0] += 1.0;
+            let other = if truth > 1.9 { near } else { far };
+            if !unchanged && (found - other).abs() < 1e-5 {
+                counts[1] += 1.0;
+            } else if !unchanged {
+                counts[2] += 1.0;
+                between.push((1.0 / found - 1.0 / truth) / (1.0 / other - 1.0 / truth));
+            }
+        }
+    }
+    let check = |count: f64, share: f64, found: f64| {
+        let sd = f64::sqrt(count * share * (1.0 - share));
+        assert!((found - count * share).abs() <= 4.0 * sd, "{found} of {count}, expected {}", count * share);
+    };
+    assert!(behind[0] > 1e4 && before[0] > 1e4);
+    check(behind[0], bleed_share, behind[1]);
+    check(behind[0], flying_share, behind[2]);
+    check(before[0], 0.0, before[1]);
+    check(before[0], flying_share, before[2]);
+    // Evenly between: the mean is 1/2 and the variance 1/12, with standard errors of √(1/12n) and √(1/180n).
+    let (mean, variance, count) = moments(between.into_iter());
+    assert!((mean - 0.5).abs() < 4.0 * (1.0 / 12.0 / count).sqrt(), "{mean}");
+    assert!((variance - 1.0 / 12.0).abs() < 4.0 * (1.0 / 180.0 / count).sqrt(), "{variance}");
+}
+
 #[test]
 fn nothing_is_measured_out_of_range() {
     let noise = StereoNoise { range_m: Some([0.5, 5.0]), ..StereoNoise::default() };
@@ -271,7 +332,7 @@ fn every_model() -> Vec<DepthConfig> {
         DepthModel::Kinect,
         DepthModel::Stereo7,
         DepthModel::Stereo7c,
-        DepthModel::D435,
+        DepthModel::NearStereo,
         DepthModel::Stereo(wild),
     ];
     let with_losses =

@@ -8,7 +8,7 @@ use super::{
     Readout, Renderer, Scene,
     chance::{self, Key},
     depth_noise::{DepthConfig, DepthModel, EDGE_JUMP_PX, StereoNoise},
-    render::{Image, widened},
+    render::{Channels, Image, widened},
 };
 
 /// The cameras of one scene: where they truly stand, and all that chance does to their images.
@@ -35,7 +35,7 @@ enum Place {
     Loss,
     Common,
     Pixels,
-    FlyingPixels,
+    Edges,
 }
 
 impl DepthCameras {
@@ -74,47 +74,69 @@ impl DepthCameras {
         let view = renderer.view(scene);
         let stereo = self.config.model.stereo();
         let edge_px = stereo.as_ref().map_or(0, StereoNoise::edge_reach_px);
-        let facing = stereo.as_ref().is_some_and(|stereo| stereo.grazing_rad.is_some());
+        let channels = Channels {
+            shows_object: labelled,
+            facing: stereo.as_ref().is_some_and(|stereo| stereo.grazing_rad.is_some()),
+        };
         let frame_of = |(index, camera): (usize, &CameraModel)| {
             let key = self.key.part(index as u64).part(Purpose::Exposures as u64).part(exposure);
-            let lost = key.part(Place::Loss as u64).unit(0) < self.config.lost_frame_share;
-            (!lost).then(|| {
-                let window = view.window(index, camera, readout, edge_px);
-                // What a pixel shows depends on its neighbours too.
-                let image = view.image(camera, widened(camera, &window, edge_px), facing);
-                match (&self.config.model, &stereo) {
-                    (_, Some(stereo)) => {
-                        let image = stereo.measured(image, &window, key);
-                        image.frame(index, scene.capture_s, labelled)
-                    }
-                    (DepthModel::Perfect, _) => image.frame(index, scene.capture_s, labelled),
-                    (model, _) => {
-                        let mut image = image;
-                        let pixels = key.part(Place::Pixels as u64);
-                        image.change_pixels(|pixel, z| {
-                            let normal = chance::normal((pixels.bits(pixel) >> 32) as u32);
-                            z + model.sd_m(z, camera.focal_px) * normal
-                        });
-                        image.frame(index, scene.capture_s, labelled)
-                    }
-                }
-            })
+            if key.part(Place::Loss as u64).unit(0) < self.config.lost_frame_share {
+                return None;
+            }
+            let window = view.window(index, camera, readout, edge_px);
+            // What a pixel shows depends on its neighbours too.
+            let exact = view.image(camera, widened(camera, &window, edge_px), channels);
+            let pixels = key.part(Place::Pixels as u64);
+            let image = match (&self.config.model, &stereo) {
+                (_, Some(stereo)) => stereo.measured(exact, window, key),
+                (DepthModel::Perfect, _) => exact,
+                (model, _) => exact.changed(|pixel, _, z| {
+                    let normal = chance::normal((pixels.bits(pixel) >> 32) as u32);
+                    (z + model.sd_m(z, camera.focal_px) * normal) as f32
+                }),
+            };
+            Some(image.frame(index, scene.capture_s))
         };
         self.cameras.iter().enumerate().filter_map(frame_of).collect()
     }
 }
 
 impl Image<'_> {
-    /// Replaces each depth that was met by what `change` makes of the pixel's number in the full image and of that depth.
-    fn change_pixels(&mut self, change: impl Fn(u64, f64) -> f64) {
+    /// The part of it that `window` covers, which lies within its own.
+    fn part(&self, window: PixelWindow) -> Self {
+        fn cut<T: Copy>(values: &[T], from: &PixelWindow, window: &PixelWindow) -> Vec<T> {
+            let mut part = Vec::with_capacity(window.area());
+            for row in window.top - from.top..window.top - from.top + window.height {
+                let first = (row * from.width + window.left - from.left) as usize;
+                part.extend_from_slice(&values[first..first + window.width as usize]);
+            }
+            part
+        }
+        Self {
+            camera: self.camera,
+            window,
+            depth_m: cut(&self.depth_m, &self.window, &window),
+            shows_object: self.shows_object.as_ref().map(|values| cut(values, &self.window, &window)),
+            facing: self.facing.as_ref().map(|values| cut(values, &self.window, &window)),
+        }
+    }
+
+    /// Replaces each depth that was met by what `change` makes of the pixel's number in the full image, its place in this one
+    /// and that depth.
+    fn changed(mut self, change: impl Fn(u64, usize, f64) -> f32) -> Self {
         let (window, columns) = (self.window, u64::from(self.camera.width_px));
-        for (row, depths) in (u64::from(window.top)..).zip(self.nearest.chunks_mut((window.width as usize).max(1))) {
-            for (pixel, depth) in (row * columns + u64::from(window.left)..).zip(depths) {
-                if *depth < f64::INFINITY {
-                    *depth = change(pixel, *depth);
+        let mut at = 0;
+        for row in window.top..window.top + window.height {
+            let first = u64::from(row) * columns + u64::from(window.left);
+            for pixel in first..first + u64::from(window.width) {
+                let depth = &mut self.depth_m[at];
+                if !depth.is_nan() {
+                    *depth = change(pixel, at, f64::from(*depth));
                 }
+                at += 1;
             }
         }
+        self
     }
 }
 
@@ -125,90 +147,99 @@ impl StereoNoise {
     }
 
     /// What is measured in `window`, a part of an exact image.
-    fn measured<'a>(&self, exact: Image<'a>, window: &PixelWindow, key: Key) -> Image<'a> {
+    fn measured<'a>(&self, exact: Image<'a>, window: PixelWindow, key: Key) -> Image<'a> {
         let mut image = if self.edge_reach_px() > 0 { self.with_edges(&exact, window, key) } else { exact };
-        // 1/z in units of the disparity: an error of s pixels is one of s/(f·b) in 1/z.
+        // An error of s pixels in the disparity is one of s/(f·b) in 1/z.
         let sd = self.inverse_depth_sd_per_m(image.camera.focal_px);
         let common = sd * self.common_share.sqrt() * key.part(Place::Common as u64).normal(0);
         let own_sd = sd * (1.0 - self.common_share).sqrt();
         let pixels = key.part(Place::Pixels as u64);
-        let [nearest_m, farthest_m] = self.range_m.unwrap_or([0.0, f64::INFINITY]);
+        let [nearest_m, farthest_m] = self.range_m.unwrap_or([0.0, f64::MAX]);
         let facing = image.facing.take();
-        let (corner, wide, columns) = (image.window, image.window.width as u64, u64::from(image.camera.width_px));
-        let first = u64::from(corner.top) * columns + u64::from(corner.left);
-        image.change_pixels(|pixel, z| {
+        let grazing = self.grazing_rad.map(|[from, to]| (from.cos(), from, to));
+        image.changed(|pixel, at, z| {
             let bits = pixels.bits(pixel);
-            let missing = match (&facing, self.grazing_rad) {
-                (Some(facing), Some([from, to])) => {
-                    let at = pixel - first;
-                    let cosine = facing[(at / columns * wide + at % columns) as usize];
-                    let rise = ((f64::from(cosine).acos() - from) / (to - from)).clamp(0.0, 1.0);
+            let missing = match (&facing, grazing) {
+                (Some(facing), Some((cosine, from, to))) if f64::from(facing[at]) < cosine => {
+                    let rise = ((f64::from(facing[at]).acos() - from) / (to - from)).min(1.0);
                     self.dropout_share + (1.0 - self.dropout_share) * rise
                 }
                 _ => self.dropout_share,
             };
             if chance::unit(bits as u32) < missing {
-                return f64::INFINITY;
+                return f32::NAN;
             }
             let measured = 1.0 / (1.0 / z + common + own_sd * chance::normal((bits >> 32) as u32));
-            if measured >= nearest_m && measured <= farthest_m { measured } else { f64::INFINITY }
-        });
-        image
+            // An error that leaves no disparity gives a depth that is infinite or behind the camera.
+            if measured >= nearest_m && measured <= farthest_m { measured as f32 } else { f32::NAN }
+        })
     }
 
     /// The part `window` of an image as matching sees it along depth edges, before noise.
     ///
-    /// A pixel from which a nearer surface begins within `edge_px` may show that surface, or a disparity anywhere between both; one from
-    /// which a farther surface begins only the latter.
-    fn with_edges<'a>(&self, exact: &Image<'a>, window: &PixelWindow, key: Key) -> Image<'a> {
-        let mut image = Image::empty(exact.camera, *window, exact.facing.is_some());
-        let key = key.part(Place::FlyingPixels as u64);
-        let jump = EDGE_JUMP_PX / (exact.camera.focal_px * self.baseline_m);
-        let (wide, high) = (exact.window.width as usize, exact.window.height as usize);
-        let reach = self.edge_px as usize;
-        for i in 0..window.area() {
-            let (column, row) = (i % window.width as usize, i / window.width as usize);
-            let (x, y) =
-                (column + (window.left - exact.window.left) as usize, row + (window.top - exact.window.top) as usize);
-            let at = y * wide + x;
-            image.shows_object[i] = exact.shows_object[at];
-            let z = exact.nearest[at];
-            let (mut nearest, mut nearest_at, mut farthest) = (z, at, z);
-            for line in y.saturating_sub(reach)..(y + reach + 1).min(high) {
-                for near in line * wide + x.saturating_sub(reach)..line * wide + (x + reach + 1).min(wide) {
-                    let depth = exact.nearest[near];
-                    if depth < nearest {
-                        (nearest, nearest_at) = (depth, near);
-                    }
-                    farthest = farthest.max(depth);
+    /// A pixel around which a nearer surface is within `edge_px` may show that surface, or a disparity anywhere between both; one
+    /// around which there is only a farther one, the latter.
+    fn with_edges<'a>(&self, exact: &Image<'a>, window: PixelWindow, key: Key) -> Image<'a> {
+        let key = key.part(Place::Edges as u64);
+        let jump = (EDGE_JUMP_PX / (exact.camera.focal_px * self.baseline_m)) as f32;
+        let (wide, reach) = (exact.window.width as usize, self.edge_px as usize);
+        // Without any surface 1/z is zero.
+        let inverse: Vec<f32> = exact.depth_m.iter().map(|&z| if z.is_nan() { 0.0 } else { 1.0 / z }).collect();
+        let nearest = among_neighbours(&inverse, wide, reach, |a, b| if b > a { b } else { a });
+        let farthest = among_neighbours(&inverse, wide, reach, |a, b| if b < a { b } else { a });
+
+        let mut image = exact.part(window);
+        let columns = exact.camera.width_px as usize;
+        for row in window.top as usize..(window.top + window.height) as usize {
+            let line = (row - exact.window.top as usize) * wide;
+            for column in window.left as usize..(window.left + window.width) as usize {
+                let at = line + column - exact.window.left as usize;
+                if nearest[at] - farthest[at] <= jump {
+                    continue;
                 }
-            }
-            let (mut shown, mut shown_at) = (z, at);
-            // Without any surface 1/z is zero.
-            let other = if 1.0 / nearest - 1.0 / z > jump {
-                Some(nearest)
-            } else if 1.0 / z - 1.0 / farthest > jump {
-                Some(farthest)
-            } else {
-                None
-            };
-            if let Some(other) = other {
-                let pixel = u64::from(window.top + row as u32) * u64::from(exact.camera.width_px)
-                    + u64::from(window.left + column as u32);
-                let bits = key.bits(pixel);
+                let is_behind = nearest[at] - inverse[at] > jump;
+                if !is_behind && inverse[at] - farthest[at] <= jump {
+                    continue;
+                }
+                let to = (row - window.top as usize) * window.width as usize + column - window.left as usize;
+                let bits = key.bits((row * columns + column) as u64);
                 let draw = chance::unit(bits as u32);
                 if draw < self.flying_share {
-                    let between = chance::unit((bits >> 32) as u32);
-                    shown = 1.0 / ((1.0 - between) / z + between / other);
-                } else if other < z && draw < self.flying_share + self.bleed_share {
-                    (shown, shown_at) = (nearest, nearest_at);
+                    let other = if is_behind { nearest[at] } else { farthest[at] };
+                    let between = chance::unit((bits >> 32) as u32) as f32;
+                    image.depth_m[to] = 1.0 / (inverse[at] + (other - inverse[at]) * between);
+                } else if is_behind && draw < self.flying_share + self.bleed_share {
+                    let (x, y) = (at - line, line / wide);
+                    let rows = y.saturating_sub(reach)..(y + reach + 1).min(inverse.len() / wide);
+                    let mut around =
+                        rows.flat_map(|y| y * wide + x.saturating_sub(reach)..y * wide + (x + reach + 1).min(wide));
+                    let shown = around.find(|&near| inverse[near] == nearest[at]).unwrap_or(at);
+                    image.depth_m[to] = exact.depth_m[shown];
+                    if let (Some(facing), Some(exact)) = (&mut image.facing, &exact.facing) {
+                        facing[to] = exact[shown];
+                    }
                 }
-            }
-            image.nearest[i] = shown;
-            if let (Some(facing), Some(exact)) = (&mut image.facing, &exact.facing) {
-                facing[i] = exact[shown_at];
             }
         }
         image
     }
+}
+
+/// For each pixel of an image that is `wide` pixels wide what `pick` chooses among all within `reach` rows and columns.
+fn among_neighbours(values: &[f32], wide: usize, reach: usize, pick: impl Fn(f32, f32) -> f32 + Copy) -> Vec<f32> {
+    let merge =
+        |into: &mut [f32], from: &[f32]| into.iter_mut().zip(from).for_each(|(into, from)| *into = pick(*into, *from));
+    let mut in_rows = values.to_vec();
+    for (into, from) in in_rows.chunks_mut(wide.max(1)).zip(values.chunks(wide.max(1))) {
+        for apart in 1..=reach.min(wide) {
+            merge(&mut into[apart..], from);
+            merge(into, &from[apart..]);
+        }
+    }
+    let mut all = in_rows.clone();
+    for apart in (1..=reach).map(|rows| rows * wide).take_while(|apart| *apart < values.len()) {
+        merge(&mut all[apart..], &in_rows);
+        merge(&mut all, &in_rows[apart..]);
+    }
+    all
 }

@@ -57,7 +57,8 @@ impl Renderer {
         let view = self.view(scene);
         let frame_of = |(index, camera): (usize, &CameraModel)| {
             let window = view.window(index, camera, readout, 0);
-            view.image(camera, window, false).frame(index, scene.capture_s, labelled)
+            let channels = Channels { shows_object: labelled, facing: false };
+            view.image(camera, window, channels).frame(index, scene.capture_s)
         };
         cameras.iter().enumerate().map(frame_of).collect()
     }
@@ -87,19 +88,20 @@ impl View<'_> {
             Readout::Windows(windows) => {
                 windows.get(index).map_or(camera.full_window(), |window| overlap(window, &camera.full_window()))
             }
-            Readout::Object => widened(camera, &covered(camera, &self.object), margin_px),
+            // One pixel all around that shows something else tells where the outline is.
+            Readout::Object => widened(camera, &Sight::new(camera, &self.object).window, 1 + margin_px),
         }
     }
 
-    /// What a camera sees in a window; with `facing` also how much the surfaces face it.
-    pub fn image<'a>(&self, camera: &'a CameraModel, window: PixelWindow, facing: bool) -> Image<'a> {
-        let mut image = Image::empty(camera, window, facing);
-        image.add_body(&self.object, true);
+    /// What a camera sees in a window.
+    pub fn image<'a>(&self, camera: &'a CameraModel, window: PixelWindow, channels: Channels) -> Image<'a> {
+        let mut image = Image::empty(camera, window, channels);
+        image.add_body(&Sight::new(camera, &self.object), true);
         // From near to far, because what is known to be hidden costs little. The order is the same for all windows.
-        let in_sight = self.arm.iter().filter(|body| overlap(&covered(camera, body), &window).area() > 0);
-        let mut in_sight: Vec<_> = in_sight.map(|body| (nearest_depth(camera, body), body)).collect();
-        in_sight.sort_by(|(one, _), (two, _)| one.total_cmp(two));
-        for (_, body) in in_sight {
+        let mut arm: Vec<_> = self.arm.iter().map(|body| Sight::new(camera, body)).collect();
+        arm.retain(|body| overlap(&body.window, &window).area() > 0);
+        arm.sort_by(|one, two| one.nearest_m.total_cmp(&two.nearest_m));
+        for body in &arm {
             image.add_body(body, false);
         }
         if self.floor_visible {
@@ -109,48 +111,115 @@ impl View<'_> {
     }
 }
 
+/// A body in a camera's frame.
+pub(super) struct Sight<'a> {
+    X_BC: Pose,
+    caster: &'a RayCaster,
+    /// The smallest depth that it may have.
+    nearest_m: f64,
+    /// The pixels that it may cover.
+    pub window: PixelWindow,
+}
+
+impl<'a> Sight<'a> {
+    /// A body with its pose X_WB.
+    pub fn new(camera: &CameraModel, (X_WB, caster): &(Pose, &'a RayCaster)) -> Self {
+        let X_BC = X_WB.inv_mul(&camera.X_WC);
+        let centre_C = X_BC.inverse_transform_point(&caster.centre());
+        let (z, radius) = (centre_C.z, caster.radius());
+        let window = if z + radius <= 0.0 {
+            PixelWindow::default()
+        } else if z - radius <= 1e-3 {
+            // The camera's plane cuts the ball around the body, whose image is then unbounded.
+            camera.full_window()
+        } else {
+            // Image coordinates of the ball's tangents, x/z = (x·z ± r·√(x² + z² − r²))/(z² − r²), and of the box's corners.
+            let R_CB = X_BC.rotation.to_rotation_matrix().transpose();
+            let [a, b, c] = [0, 1, 2].map(|axis| R_CB * Vector3::ith(axis, caster.half_size()[axis]));
+            let corners = [a + b + c, a + b - c, a - b + c, a - b - c].map(|corner| [corner, -corner]);
+            let span = |axis: usize| {
+                let x = centre_C[axis];
+                let reach = radius * (x * x + z * z - radius * radius).sqrt();
+                let ball = [x * z - reach, x * z + reach].map(|slope| slope / (z * z - radius * radius));
+                let slopes = corners.iter().flatten().map(|corner| (x + corner[axis]) / (z + corner.z));
+                let (low, high) =
+                    slopes.fold((f64::MAX, f64::MIN), |(low, high), slope| (low.min(slope), high.max(slope)));
+                [ball[0].max(low), ball[1].min(high)].map(|slope| slope * camera.focal_px + camera.principal_px[axis])
+            };
+            // A box whose corner reaches behind the camera bounds nothing.
+            let is_bounded = corners.iter().flatten().all(|corner| z + corner.z > 1e-3);
+            if is_bounded { pixels_within(camera, span(0), span(1)) } else { camera.full_window() }
+        };
+        Self { X_BC, caster, nearest_m: z - radius, window }
+    }
+}
+
+/// The pixels whose centres lie within a box in image coordinates, and a little around it.
+fn pixels_within(camera: &CameraModel, u: [f64; 2], v: [f64; 2]) -> PixelWindow {
+    const SLACK: f64 = 1e-6;
+    let span = |[from, to]: [f64; 2], most: u32| {
+        let cut = |edge: f64| edge.clamp(0.0, f64::from(most)) as u32;
+        let (first, end) = (cut((from - 0.5 - SLACK).ceil()), cut((to - 0.5 + SLACK).floor() + 1.0));
+        (first, end.saturating_sub(first))
+    };
+    let ((left, width), (top, height)) = (span(u, camera.width_px), span(v, camera.height_px));
+    if width == 0 || height == 0 { PixelWindow::default() } else { PixelWindow { left, top, width, height } }
+}
+
 /// The nearest depth seen so far in each pixel of a window.
 pub(super) struct Image<'a> {
     pub camera: &'a CameraModel,
     pub window: PixelWindow,
-    /// Along the optical axis, row by row; infinite where nothing was met.
-    pub nearest: Vec<f64>,
+    /// Along the optical axis in metres, row by row; NaN where nothing was met.
+    pub depth_m: Vec<f32>,
     /// Where that surface is the object's.
-    pub shows_object: Vec<bool>,
-    /// Cosine of the angle of incidence there, if it is wanted.
+    pub shows_object: Option<Vec<bool>>,
+    /// Cosine of the angle of incidence there.
     pub facing: Option<Vec<f32>>,
+}
+
+/// What an image tells beside the depths.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Channels {
+    pub shows_object: bool,
+    pub facing: bool,
 }
 
 impl<'a> Image<'a> {
     /// An image of nothing.
-    pub fn empty(camera: &'a CameraModel, window: PixelWindow, facing: bool) -> Self {
+    pub fn empty(camera: &'a CameraModel, window: PixelWindow, channels: Channels) -> Self {
         let pixels = window.area();
-        let facing = facing.then(|| vec![0.0; pixels]);
-        Self { camera, window, nearest: vec![f64::INFINITY; pixels], shows_object: vec![false; pixels], facing }
+        let shows_object = channels.shows_object.then(|| vec![false; pixels]);
+        let facing = channels.facing.then(|| vec![0.0; pixels]);
+        Self { camera, window, depth_m: vec![f32::NAN; pixels], shows_object, facing }
     }
 
-    /// Adds a body with its pose X_WB wherever it is nearer than all before it.
-    pub fn add_body(&mut self, body: &(Pose, &RayCaster), is_object: bool) {
-        let part = overlap(&covered(self.camera, body), &self.window);
-        let (X_WB, caster) = body;
+    /// Adds a body wherever it is nearer than all before it.
+    pub fn add_body(&mut self, body: &Sight, is_object: bool) {
+        let part = overlap(&body.window, &self.window);
         // Rays are cast in the body's frame: origin C, direction R_BC·((u − cx)/f, (v − cy)/f, 1), whose third component of one
         // makes the ray's parameter the depth.
-        let X_BC = X_WB.inv_mul(&self.camera.X_WC);
+        let Sight { X_BC, caster, .. } = body;
         let R_BC = X_BC.rotation.to_rotation_matrix();
         let origin = Point3::from(X_BC.translation.vector);
         for row in part.top..part.top + part.height {
             for column in part.left..part.left + part.width {
                 let pixel = self.index(column, row);
                 let direction = R_BC * self.direction(column, row);
-                if let Some(facing) = &mut self.facing {
-                    if let Some((depth, normal)) = caster.cast_to_face(&origin, &direction, self.nearest[pixel]) {
-                        self.nearest[pixel] = depth;
-                        self.shows_object[pixel] = is_object;
+                let before = self.depth_m[pixel];
+                let limit = if before.is_nan() { f64::INFINITY } else { f64::from(before) };
+                let depth = match &mut self.facing {
+                    Some(facing) => caster.cast_to_face(&origin, &direction, limit).map(|(depth, normal)| {
                         facing[pixel] = (normal.dot(&direction).abs() / direction.norm()) as f32;
+                        depth
+                    }),
+                    None => caster.cast_within(&origin, &direction, limit),
+                };
+                if let Some(depth) = depth {
+                    self.depth_m[pixel] = depth as f32;
+                    if let Some(shows_object) = &mut self.shows_object {
+                        shows_object[pixel] = is_object;
                     }
-                } else if let Some(depth) = caster.cast_within(&origin, &direction, self.nearest[pixel]) {
-                    self.nearest[pixel] = depth;
-                    self.shows_object[pixel] = is_object;
                 }
             }
         }
@@ -164,11 +233,14 @@ impl<'a> Image<'a> {
             for column in self.window.left..self.window.left + self.window.width {
                 let direction = self.direction(column, row);
                 let descent = z_C.dot(&direction);
-                let depth = -X_WC.translation.z / descent;
+                let depth = (-X_WC.translation.z / descent) as f32;
                 let pixel = self.index(column, row);
-                if depth > 0.0 && depth < self.nearest[pixel] {
-                    self.nearest[pixel] = depth;
-                    self.shows_object[pixel] = false;
+                let before = self.depth_m[pixel];
+                if depth > 0.0 && depth < f32::INFINITY && (before.is_nan() || depth < before) {
+                    self.depth_m[pixel] = depth;
+                    if let Some(shows_object) = &mut self.shows_object {
+                        shows_object[pixel] = false;
+                    }
                     if let Some(facing) = &mut self.facing {
                         facing[pixel] = (descent.abs() / direction.norm()) as f32;
                     }
@@ -178,10 +250,8 @@ impl<'a> Image<'a> {
     }
 
     /// The image as the cell hands it out.
-    pub fn frame(self, camera: usize, capture_s: f64, labelled: bool) -> DepthFrame {
-        let depth_m = self.nearest.iter().map(|&depth| if depth < f64::INFINITY { depth as f32 } else { f32::NAN });
-        let mask = labelled.then_some(self.shows_object);
-        DepthFrame { camera, capture_s, window: self.window, depth_m: depth_m.collect(), mask }
+    pub fn frame(self, camera: usize, capture_s: f64) -> DepthFrame {
+        DepthFrame { camera, capture_s, window: self.window, depth_m: self.depth_m, mask: self.shows_object }
     }
 
     /// Direction in C through a pixel's centre, its third component one.
@@ -194,24 +264,6 @@ impl<'a> Image<'a> {
     fn index(&self, column: u32, row: u32) -> usize {
         (row - self.window.top) as usize * self.window.width as usize + (column - self.window.left) as usize
     }
-}
-
-/// The pixels that a body at X_WB may cover.
-pub(super) fn covered(camera: &CameraModel, (X_WB, caster): &(Pose, &RayCaster)) -> PixelWindow {
-    let centre_C = camera.X_WC.inverse_transform_point(&(X_WB * caster.centre()));
-    if centre_C.z + caster.radius() <= 0.0 {
-        PixelWindow::default()
-    } else if centre_C.z - caster.radius() <= 1e-3 {
-        // The camera's plane cuts the ball around the body, whose image is then unbounded.
-        camera.full_window()
-    } else {
-        camera.window_around(&centre_C, caster.radius())
-    }
-}
-
-/// The smallest depth that a body at X_WB may have.
-fn nearest_depth(camera: &CameraModel, (X_WB, caster): &(Pose, &RayCaster)) -> f64 {
-    camera.X_WC.inverse_transform_point(&(X_WB * caster.centre())).z - caster.radius()
 }
 
 /// A window with so many pixels more on each side, cut to the image; one that is empty stays so.

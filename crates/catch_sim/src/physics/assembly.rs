@@ -160,7 +160,10 @@ impl Builder {
                 multibody.armature_mut()[i] = joint.rotor_inertia;
             }
         }
-        coordinates[joints.len()..].fill(finger_m);
+        for i in joints.len()..coordinates.len() {
+            coordinates[i] = finger_m;
+            multibody.armature_mut()[i] = self.settings.drive_mass_kg;
+        }
         multibody.apply_displacements(&coordinates);
         multibody.forward_kinematics(&self.bodies, true);
         multibody.update_rigid_bodies(&mut self.bodies, true);

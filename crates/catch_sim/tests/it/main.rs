@@ -1,8 +1,10 @@
 //! Physics, servo and truth of the arena, against theory and against another engine.
 
 mod catch_table;
+mod chance;
 mod contacts;
 mod free_motion;
+mod gripper;
 mod scenes;
 mod servo;
 mod setting;

@@ -24,7 +24,7 @@ fn sample_at(arena: &Arena, time_s: f64) -> &TruthSample {
 fn free_flight_is_a_parabola() {
     for object in ["tennis_ball", "banana", "pill_bottle"] {
         // From above and away from the arm.
-        let mut release = near().release(object, 0, 0);
+        let mut release = near().release(object, &setting::calm(object), 0, 0);
         release.p_WO += Vector3::new(5.0, 5.0, 5.0);
         release.omega_WO = Vector3::new(3.0, -8.0, 5.0);
         let mut arena = arena(&ArenaConfig::default(), object, &release);
@@ -68,7 +68,7 @@ fn free_spin_keeps_momentum_and_energy() {
 #[test]
 fn drag_slows_the_object_as_it_should() {
     let config = ArenaConfig { drag: true, ..Default::default() };
-    let mut release = near().release("tennis_ball", 0, 0);
+    let mut release = near().release("tennis_ball", &setting::calm("tennis_ball"), 0, 0);
     release.p_WO += Vector3::new(5.0, 5.0, 5.0);
     let mut arena = arena(&config, "tennis_ball", &release);
     for _ in 0..71 {

@@ -2,7 +2,7 @@
 
 use catch_body::{Gripper, InputError, JointVector, Pose, Robot, robot_file::RobotFiles};
 use catch_sim::{
-    Arena, ArenaConfig, Equipment, Release, ThrownObject,
+    Arena, ArenaConfig, Conditions, Equipment, Release, ThrownObject,
     physics::{Loads, Mount, World, WorldSettings},
 };
 use nalgebra::{Point3, UnitQuaternion, Vector3};
@@ -44,7 +44,7 @@ pub fn release(p_WO: [f64; 3], v_WO: [f64; 3]) -> Release {
 }
 
 pub fn settings(friction: f64, restitution: f64) -> WorldSettings {
-    WorldSettings { step_s: 1e-3, substeps: 4, friction, restitution }
+    WorldSettings { step_s: 1e-3, substeps: 4, friction, restitution, drive_mass_kg: 0.0 }
 }
 
 pub fn no_loads() -> Loads {
@@ -72,4 +72,9 @@ pub fn fixed_hand(
 pub fn arena(config: &ArenaConfig, object: &str, release: &Release, ready_q: &JointVector) -> Arena {
     let equipment = Equipment::new(config.clone(), robot(), gripper(), self::object(object), Vec::new());
     Arena::new(&equipment, release, ready_q, 0, 0)
+}
+
+/// Nothing but the throw itself.
+pub fn calm(object: &str) -> Conditions {
+    Conditions::draw(&ArenaConfig::default(), &self::object(object), 0, 0)
 }

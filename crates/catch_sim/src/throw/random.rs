@@ -1,0 +1,110 @@
+//! Throws from anywhere in front of a robot that all pass within its reach, on one side.
+
+use catch_body::{InputError, dynamics};
+use nalgebra::{Point3, Vector3};
+use serde::Deserialize;
+
+use super::check_range;
+use crate::{conditions::Conditions, random_streams::Draws};
+
+/// A distribution of throws. Every one passes the base's axis (x = y = 0) at a drawn distance and height; where it comes from and
+/// how long it takes are drawn too. With that the throw is determined.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RandomMotion {
+    /// Where the thrower stands, seen from the base: counterclockwise from x.
+    azimuth_deg: [f64; 2],
+    /// How far from the base's axis the object is released.
+    distance_m: [f64; 2],
+    /// How high.
+    height_m: [f64; 2],
+    /// On which side the flight passes.
+    side: Side,
+    /// Its smallest distance from the axis.
+    passage_distance_m: [f64; 2],
+    /// Its height there.
+    passage_height_m: [f64; 2],
+    /// When it is there, after the release.
+    passage_s: [f64; 2],
+}
+
+/// How a flight turns about the base's axis, seen from above.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Side {
+    Clockwise,
+    Counterclockwise,
+}
+
+impl RandomMotion {
+    pub fn check(&self, file: &str) -> Result<(), InputError> {
+        for (field, range) in [
+            ("azimuth_deg", self.azimuth_deg),
+            ("distance_m", self.distance_m),
+            ("height_m", self.height_m),
+            ("passage_distance_m", self.passage_distance_m),
+            ("passage_height_m", self.passage_height_m),
+            ("passage_s", self.passage_s),
+        ] {
+            check_range(file, field, range)?;
+        }
+        InputError::positive(file, "motion.passage_s", self.passage_s[0])?;
+        InputError::positive(file, "motion.passage_distance_m", self.passage_distance_m[0])?;
+        if self.distance_m[0] <= self.passage_distance_m[1] {
+            let expected = "a release that is farther away than the passage";
+            return Err(InputError::new(file, "motion.distance_m", format!("{:?}", self.distance_m), expected));
+        }
+        Ok(())
+    }
+
+    /// Position and velocity of a release.
+    ///
+    /// Without wind the flight is in a vertical plane. It touches the cylinder of radius r about the axis where it is nearest:
+    /// seen from above, at the point of the circle whose tangent goes through the release, acos(r/d) away from it. That
+    /// point, its height and the time are drawn, so drag is met by aiming; wind blows the flight off that point.
+    pub fn draw(&self, conditions: &Conditions, draws: &mut Draws) -> (Point3<f64>, Vector3<f64>) {
+        let azimuth = draws.between(self.azimuth_deg).to_radians();
+        let distance = draws.between(self.distance_m);
+        let at = |radius: f64, azimuth: f64, height: f64| {
+            Point3::new(radius * azimuth.cos(), radius * azimuth.sin(), height)
+        };
+        let p_WO = at(distance, azimuth, draws.between(self.height_m));
+        let radius = draws.between(self.passage_distance_m);
+        let turn = (radius / distance).acos();
+        let passage_azimuth = match self.side {
+            Side::Clockwise => azimuth - turn,
+            Side::Counterclockwise => azimuth + turn,
+        };
+        let target_W = at(radius, passage_azimuth, draws.between(self.passage_height_m));
+        let mut calm = conditions.clone();
+        calm.wind_mps = Vector3::zeros();
+        (p_WO, aimed(p_WO, target_W, draws.between(self.passage_s), &calm))
+    }
+}
+
+/// The velocity with which a flight that begins at `p_WO` is at `target_W` after `time_s`: that of a parabola, corrected by what
+/// the flight with drag misses the target by until it does not.
+fn aimed(p_WO: Point3<f64>, target_W: Point3<f64>, time_s: f64, conditions: &Conditions) -> Vector3<f64> {
+    let mut v_WO = (target_W - p_WO) / time_s - dynamics::gravity() * (time_s / 2.0);
+    for _ in 0..20 {
+        let miss = target_W - flown(p_WO, v_WO, time_s, conditions);
+        v_WO += miss / time_s;
+        if miss.norm() < 1e-9 {
+            break;
+        }
+    }
+    v_WO
+}
+
+/// Where a flight is after `time_s`, by steps of the midpoint rule.
+fn flown(mut p_WO: Point3<f64>, mut v_WO: Vector3<f64>, time_s: f64, conditions: &Conditions) -> Point3<f64> {
+    const STEPS: u32 = 200;
+    let step_s = time_s / f64::from(STEPS);
+    let acceleration = |v_WO: &Vector3<f64>| dynamics::gravity() + conditions.air_mps2(v_WO);
+    for _ in 0..STEPS {
+        let middle = v_WO + acceleration(&v_WO) * (step_s / 2.0);
+        p_WO += middle * step_s;
+        v_WO += acceleration(&middle) * step_s;
+    }
+    p_WO
+}

@@ -1,0 +1,169 @@
+//! The gripper with the limits of a real one: how fast it closes, how hard it presses, when it obeys and what it tells.
+
+use catch_cell::{GraspState, GripperMove, GripperState};
+use catch_sim::{
+    config::Wsg50,
+    gripper_drive::GripperDrive,
+    physics::{World, WorldSettings},
+    random_streams::{Draws, Stream},
+};
+use nalgebra::Point3;
+
+use crate::{chance::furthest_from_uniform, setting};
+
+const STEP_S: f64 = 1e-3;
+
+fn drive(index: u64) -> GripperDrive {
+    let gripper = setting::gripper();
+    let mut draws = Draws::new(Stream::Gripper, 5, index);
+    GripperDrive::wsg50(&gripper, gripper.max_width_m, &Wsg50::default(), &mut draws)
+}
+
+fn close_at(start_s: f64) -> GripperMove {
+    GripperMove { start_s, width_m: 0.0, speed_mps: 9.0, force_n: 500.0 }
+}
+
+/// A hand in the air with a ball in the middle of its fingers, or far away from it.
+fn hand(ball_is_inside: bool) -> World {
+    let gripper = setting::gripper();
+    let settings = WorldSettings { drive_mass_kg: Wsg50::default().drive_mass_kg, ..setting::settings(0.6, 0.0) };
+    let p_WG = Point3::new(0.0, 0.0, 2.0);
+    let place = if ball_is_inside { [0.0, gripper.grasp_centre_y_m, 2.0] } else { [3.0, 0.0, 2.0] };
+    let release = setting::release(place, [0.0; 3]);
+    setting::fixed_hand(settings, p_WG, &gripper, gripper.max_width_m, &setting::object("tennis_ball"), &release)
+}
+
+/// What happened in one step: time, width, rate, force of each finger on the ball, state.
+struct Moment {
+    time_s: f64,
+    width_m: f64,
+    rate_mps: f64,
+    finger_n: [f64; 2],
+    state: GripperState,
+}
+
+/// Without gravity, so that the ball waits to be taken.
+fn run(world: &mut World, drive: &mut GripperDrive, steps: u32) -> Vec<Moment> {
+    let step = |step: u32| {
+        let time_s = f64::from(step) * STEP_S;
+        let before = world.state();
+        let mut loads = setting::no_loads();
+        loads.gravity *= 0.0;
+        loads.finger_force_n = drive.forces(time_s, before.finger_m, before.finger_mps);
+        assert!(loads.finger_force_n.iter().sum::<f64>().abs() <= 160.0 + 1e-9, "two fingers of 80 N each");
+        world.step(&loads);
+        let state = world.state();
+        Moment {
+            time_s: time_s + STEP_S,
+            width_m: state.finger_m[0] + state.finger_m[1],
+            rate_mps: state.finger_mps[0] + state.finger_mps[1],
+            finger_n: world.contact_forces().finger_n,
+            state: drive.state(state.finger_m, state.finger_mps),
+        }
+    };
+    (0..steps).map(step).collect()
+}
+
+/// 43 mm at 420 mm/s take 102 ms and gathering speed takes another 42 ms; asked for far more, it gives no more.
+#[test]
+fn it_closes_no_faster_than_the_real_one() {
+    let (mut world, mut drive) = (hand(false), drive(0));
+    drive.receive(vec![close_at(0.0)], 0.0);
+    let moments = run(&mut world, &mut drive, 500);
+    let passes = |width_m: f64| moments.iter().find(|it| it.width_m <= width_m).unwrap().time_s;
+    let closing_s = passes(0.067) - passes(0.110 - 1e-6);
+    assert!(closing_s >= 0.102, "{closing_s}");
+    // v = a·t until v, the rest at v.
+    let ideal_s = 0.420 / 5.0 + (0.043 - 0.420 * 0.420 / 10.0) / 0.420;
+    assert!((closing_s - ideal_s).abs() < 0.004, "{closing_s} instead of {ideal_s}");
+    let fastest = moments.iter().map(|it| it.rate_mps.abs()).fold(0.0, f64::max);
+    assert!(fastest > 0.41 && fastest < 0.421, "{fastest}");
+    let end = moments.last().unwrap();
+    assert!(end.width_m < 1e-4 && end.state.grasp == GraspState::NoPart, "{:?}", end.state);
+}
+
+#[test]
+fn it_presses_with_80_newtons_and_knows_that_it_holds_something() {
+    let (mut world, mut drive) = (hand(true), drive(1));
+    drive.receive(vec![close_at(0.0)], 0.0);
+    let moments = run(&mut world, &mut drive, 600);
+    let touched_s = moments.iter().find(|it| it.finger_n[0] > 0.0).unwrap().time_s;
+    let told_s = moments.iter().find(|it| it.state.grasp == GraspState::Holding).unwrap().time_s;
+    // Told in the cycle after the fingers press with all their force and stand still.
+    let presses = |it: &&Moment| it.state.force_n > 0.0 && it.rate_mps.abs() < 0.005 && it.finger_n[0] > 0.95 * 80.0;
+    let pressed_s = moments.iter().find(presses).unwrap().time_s;
+    assert!(told_s > touched_s && told_s < pressed_s + 2.0 / 140.0, "pressed at {pressed_s}, told at {told_s}");
+    for moment in moments.iter().filter(|it| it.time_s > touched_s + 0.1) {
+        for force_n in moment.finger_n {
+            assert!(force_n > 79.0 && force_n < 80.1, "{force_n} at {}", moment.time_s);
+        }
+        assert_eq!(moment.state.grasp, GraspState::Holding);
+        // The contact gives 1.7 mm on each side under 80 N.
+        assert!((moment.state.width_m - (0.0672 - 2.0 * 0.0017)).abs() < 2e-4, "{:?}", moment.state);
+        assert!(moment.state.force_n <= 80.0, "{:?}", moment.state);
+    }
+    let before = moments.iter().filter(|it| it.time_s < touched_s && it.state.width_m < 0.11);
+    assert!(before.clone().count() > 20 && before.clone().all(|it| it.state.grasp == GraspState::Grasping));
+}
+
+/// It knows only its fingers, so here they alone are moved.
+#[test]
+fn a_part_that_slips_out_is_lost() {
+    let mut drive = drive(2);
+    drive.receive(vec![close_at(0.0)], 0.0);
+    let mut grasps = Vec::new();
+    for step in 0..400 {
+        let half_m = match step {
+            0..50 => 0.055,
+            50..200 => 0.03,
+            _ => 0.028,
+        };
+        drive.forces(f64::from(step) * STEP_S, [half_m; 2], [0.0; 2]);
+        let grasp = drive.state([half_m; 2], [0.0; 2]).grasp;
+        if grasps.last() != Some(&grasp) {
+            grasps.push(grasp);
+        }
+    }
+    assert_eq!(grasps, [GraspState::Idle, GraspState::Grasping, GraspState::Holding, GraspState::PartLost]);
+}
+
+/// When the fingers obey: uniformly within one cycle around 30 ms, whatever the scene.
+#[test]
+fn latencies_are_spread_over_one_cycle() {
+    const SENT_S: f64 = 0.1;
+    let latency = |index: u64| {
+        let mut drive = drive(index);
+        // Sent again and again until it is due, as a brain would.
+        for tick in 0..=10 {
+            drive.receive(vec![close_at(SENT_S)], f64::from(tick) * 0.01);
+        }
+        let mut obeys = (0..).filter(|&step| {
+            let [left, right] = drive.forces(f64::from(step) * 1e-4, [0.055; 2], [0.0; 2]);
+            left + right < 0.0
+        });
+        f64::from(obeys.next().unwrap()) * 1e-4 - SENT_S
+    };
+    let latencies: Vec<f64> = (0..1000).map(latency).collect();
+    let half_s = 0.5 / 140.0;
+    // A tenth of a millisecond of sampling, and one step until the first force.
+    let shares: Vec<f64> = latencies.iter().map(|it| (it - 1.5e-4 - (0.03 - half_s)) / (2.0 * half_s)).collect();
+    assert!(shares.iter().all(|share| (-0.02..1.02).contains(share)), "{latencies:?}");
+    let furthest = furthest_from_uniform(shares);
+    assert!(furthest < 1.63 / 1000f64.sqrt() + 0.014, "{furthest}");
+}
+
+#[test]
+fn states_come_at_140_hertz_in_hundredths_of_a_millimetre() {
+    let (mut world, mut drive) = (hand(false), drive(3));
+    // Slow enough to move all the time.
+    drive.receive(vec![GripperMove { speed_mps: 0.1, ..close_at(0.0) }], 0.0);
+    let moments = run(&mut world, &mut drive, 1000);
+    let moving = &moments[50..950];
+    let changes = moving.windows(2).filter(|pair| pair[0].state.width_m != pair[1].state.width_m).count();
+    assert!((125..=127).contains(&changes), "{changes} in 0.9 s");
+    for moment in &moments {
+        let steps = moment.state.width_m / 1e-5;
+        assert!((steps - steps.round()).abs() < 1e-6);
+        assert!((moment.state.width_m - moment.width_m).abs() < 0.1 * (1.0 / 140.0 + 2.0 * STEP_S));
+    }
+}
