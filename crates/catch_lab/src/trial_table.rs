@@ -51,6 +51,7 @@ const COLUMNS: &[(&str, Kind)] = &[
     ("caught", Kind::Flag),
     ("caught_paper", Kind::Flag),
     ("reason", Kind::Text),
+    (REACH, Kind::Number),
     ("limit_violations", Kind::Count),
     ("catch_time_s", Kind::Number),
     ("contact_s", Kind::Number),
@@ -73,6 +74,9 @@ const COLUMNS: &[(&str, Kind)] = &[
 ];
 /// One column each for how long before the catch a prediction was made.
 const PREDICTIONS: &str = "prediction_errors_m";
+/// What the oracle reached, in columns of their own; only misses have it.
+const REACH: &str = "reach";
+const REACHES: &[&str] = &["from_first_image_s", "from_release_s"];
 /// Fields of a [`Row`] that are no column: a violation is told by its number here, and in full in the log.
 #[cfg(test)]
 const ELSEWHERE: &[&str] = &["first_violation"];
@@ -97,6 +101,13 @@ fn columns(rows: &[Row]) -> Vec<Column> {
     };
     let mut columns = Vec::new();
     for &(field, kind) in COLUMNS {
+        if field == REACH {
+            for part in REACHES {
+                let values = of(&|map| map.get(field)?.get(part));
+                columns.push(Column { name: format!("{field}_{part}"), kind, values });
+            }
+            continue;
+        }
         if field != PREDICTIONS {
             columns.push(Column { name: field.to_owned(), kind, values: of(&|map| map.get(field)) });
             continue;
@@ -220,6 +231,7 @@ fn add<T: DataType>(
 mod tests {
     use super::*;
     use crate::{
+        oracle::Reach,
         referee::{Measures, Verdict, reason::Reason},
         setup::Scene,
     };
@@ -231,6 +243,7 @@ mod tests {
                 caught: reason.is_none(),
                 caught_paper: true,
                 reason,
+                reach: reason.map(|_| Reach { from_first_image_s: None, from_release_s: Some(0.5) }),
                 limit_violations: 0,
                 first_violation: None,
                 catch_time_s: Some(0.1 + 0.2),
@@ -242,12 +255,15 @@ mod tests {
 
     #[test]
     fn every_field_of_a_row_has_its_column() {
-        let Value::Object(map) = serde_json::to_value(row(0, None)).unwrap() else { panic!("a row is an object") };
+        let Value::Object(map) = serde_json::to_value(row(0, Some(Reason::Late))).unwrap() else {
+            panic!("a row is an object")
+        };
         for field in map.keys() {
             let is_known = COLUMNS.iter().any(|(name, _)| name == field) || ELSEWHERE.contains(&field.as_str());
             assert!(is_known, "{field} has no column");
         }
         assert!(COLUMNS.iter().all(|(name, _)| map.contains_key(*name)));
+        assert!(map[REACH].as_object().unwrap().keys().all(|part| REACHES.contains(&part.as_str())));
     }
 
     #[test]
@@ -255,7 +271,7 @@ mod tests {
         let text = csv(&columns(&[row(3, Some(Reason::Late))]), 1);
         let line = text.lines().nth(1).unwrap();
         assert!(
-            line.starts_with("\"a, b\",x,y,18446744073709551615,3,false,true,late,0,0.30000000000000004,,"),
+            line.starts_with("\"a, b\",x,y,18446744073709551615,3,false,true,late,,0.5,0,0.30000000000000004,,"),
             "{line}"
         );
         assert_eq!(text.lines().next().unwrap().split(',').count(), line.split(',').count() - 1);

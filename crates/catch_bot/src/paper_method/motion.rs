@@ -187,8 +187,6 @@ fn catch_plan(
         lets_in: true,
         grasp,
         approach: Approach::ThroughGap,
-        // It opens as far as it can and asks no more about the way in.
-        lets_in: true,
         q,
         elbow: None,
         speed_fraction: V_WG.linear.dot(&v_WO) / v_WO.norm_squared(),
