@@ -35,6 +35,9 @@ pub struct Config {
     pub darboux_radius_m: f64,
     /// "Strength": the grasp's axis may miss the centre of mass by this much. The paper's code allows 30 mm.
     pub max_strength_m: f64,
+    /// And the centre of mass may be this much farther from the palm than the grasp centre: a long object that flies toward the
+    /// palm end first.
+    pub max_overhang_m: f64,
     /// The fingers' faces must meet the surface at most this far from its normal, in radians: the cone of a friction
     /// coefficient of 0.4, the lowest that is expected.
     pub max_contact_angle_rad: f64,
@@ -67,6 +70,7 @@ impl Default for Config {
             seed: 1,
             darboux_radius_m: 0.008,
             max_strength_m: 0.03,
+            max_overhang_m: 0.03,
             max_contact_angle_rad: 0.38,
             finger_margin_m: 0.012,
             way_in_margin_m: 0.003,
