@@ -1,5 +1,5 @@
-//! How long the twenty cameras take for one scene, exact and with every model of their errors: the windows around a ball, those
-//! that a brain asks for, and full images. Measured is the time of the processor, so that other programs disturb little.
+//! How long all cameras take for one scene, exact and with every model of their errors: the windows around a ball, those that a
+//! brain asks for, and full images. Measured is the time of the processor, so that other programs disturb little.
 
 #![allow(missing_docs, reason = "the macros of criterion make functions without")]
 
@@ -46,23 +46,24 @@ fn render(criterion: &mut Criterion) {
         .expect("the built-in gripper is right");
     let rig = |text| rig_from_toml("rig", text).expect("the built-in rig is right");
     let object = TriangleMesh::sphere(0.0336, 4);
-    let cameras = rig(include_str!("../../../assets/rigs/paper_flight.toml"));
+    let far = rig(include_str!("../../../assets/rigs/paper_flight.toml"));
+    let near = rig(include_str!("../../../assets/rigs/d435_4.toml"));
     let models = [
-        ("perfect", DepthModel::Perfect),
-        ("gaussian", DepthModel::Gaussian(GaussianNoise { sd_m: 0.002 })),
-        ("kinect", DepthModel::Kinect),
-        ("stereo7", DepthModel::Stereo7),
-        ("stereo7c", DepthModel::Stereo7c),
-        ("d435", DepthModel::D435),
+        ("20 perfect", &far, DepthModel::Perfect),
+        ("20 gaussian", &far, DepthModel::Gaussian(GaussianNoise { sd_m: 0.002 })),
+        ("20 kinect", &far, DepthModel::Kinect),
+        ("20 stereo7", &far, DepthModel::Stereo7),
+        ("20 stereo7c", &far, DepthModel::Stereo7c),
+        ("4 near_stereo", &near, DepthModel::NearStereo),
     ];
 
     let X_WL = robot.link_poses(&robot.ready_q);
     let X_WG = robot.gripper_in(&X_WL);
     let free = Pose::translation(1.2, 1.0, 0.8);
     let held = X_WG * Pose::translation(0.0, 0.09, 0.0);
-    for (name, model) in &models {
-        let depth = DepthConfig { model: model.clone(), ..DepthConfig::default() };
-        let cameras = DepthCameras::new(&cameras, &depth, 0, 0);
+    for (name, rig, model) in models {
+        let depth = DepthConfig { model, ..DepthConfig::default() };
+        let cameras = DepthCameras::new(rig, &depth, 0, 0);
         for floor_visible in [false, true] {
             let renderer = Renderer::new(&robot, &gripper, &object, floor_visible);
             let floor = if floor_visible { "floor" } else { "no floor" };

@@ -18,4 +18,6 @@ pub use rig::rig_from_toml;
 #[cfg(test)]
 mod measured;
 #[cfg(test)]
+mod near_rigs;
+#[cfg(test)]
 mod tests;

@@ -38,8 +38,8 @@ pub enum DepthModel {
     Stereo7,
     /// The same with 90 % of the error's variance common to all pixels of one image, and 10 % of the pixels missing.
     Stereo7c,
-    /// A D435 as its users find it; see [`StereoNoise::d435`].
-    D435,
+    /// A small stereo camera as one places it near a robot; see [`StereoNoise::near`].
+    NearStereo,
 }
 
 /// A constant standard deviation.
@@ -103,14 +103,14 @@ pub(super) const EDGE_JUMP_PX: f64 = 0.5;
 const MAX_EDGE_PX: u32 = 8;
 
 impl StereoNoise {
-    /// An Intel RealSense D435 at 848×480.
+    /// A small stereo camera with a projector, from the figures of an Intel RealSense D435 at 848×480.
     ///
     /// From its data sheet (Intel RealSense D400 series product family datasheet): a baseline of 50 mm and a range that begins at
     /// about 0.2 m at this resolution and ends, by the maker's own word, at about 10 m. From the maker's guide to tuning: a
     /// disparity error of 0.08 pixels when well tuned. There are no sourced figures for the rest, which are set to what
     /// images of such cameras look like: half of the error's variance common, 2 % of the pixels missing and all of them between
     /// 70° and 85° of incidence, and along edges two pixels wide a quarter bled and a tenth flying.
-    pub fn d435() -> Self {
+    pub fn near() -> Self {
         Self {
             baseline_m: 0.05,
             subpixel_px: 0.08,
@@ -151,7 +151,7 @@ impl DepthModel {
             Self::Stereo(noise) => Some(noise.clone()),
             Self::Stereo7 => Some(StereoNoise::default()),
             Self::Stereo7c => Some(StereoNoise { common_share: 0.9, dropout_share: 0.1, ..StereoNoise::default() }),
-            Self::D435 => Some(StereoNoise::d435()),
+            Self::NearStereo => Some(StereoNoise::near()),
         }
     }
 
@@ -162,7 +162,7 @@ impl DepthModel {
             Self::Perfect => 0.0,
             Self::Gaussian(noise) => noise.sd_m,
             Self::Kinect => 0.0012 + 0.0019 * (z_m - 0.4).powi(2),
-            Self::Stereo(_) | Self::Stereo7 | Self::Stereo7c | Self::D435 => {
+            Self::Stereo(_) | Self::Stereo7 | Self::Stereo7c | Self::NearStereo => {
                 self.stereo().map_or(0.0, |stereo| stereo.inverse_depth_sd_per_m(focal_px) * z_m * z_m)
             }
         }
@@ -263,8 +263,8 @@ mod tests {
             assert!((model.sd_m(3.5, 362.0) - 0.114 / 4.0).abs() < 1e-4);
         }
         assert!((DepthModel::Kinect.sd_m(1.4, 580.0) - 0.0031).abs() < 1e-12);
-        let d435 = DepthModel::D435.sd_m(2.0, 433.0);
-        assert!((0.01..0.02).contains(&d435), "{d435}");
+        let near = DepthModel::NearStereo.sd_m(2.0, 433.0);
+        assert!((0.01..0.02).contains(&near), "{near}");
     }
 
     #[test]
@@ -273,7 +273,7 @@ mod tests {
             DepthModel::Perfect,
             DepthModel::Gaussian(GaussianNoise { sd_m: 0.002 }),
             DepthModel::Stereo7c,
-            DepthModel::D435,
+            DepthModel::NearStereo,
         ];
         for model in models {
             let sheet = model.data_sheet(362.0);

@@ -332,7 +332,7 @@ fn every_model() -> Vec<DepthConfig> {
         DepthModel::Kinect,
         DepthModel::Stereo7,
         DepthModel::Stereo7c,
-        DepthModel::D435,
+        DepthModel::NearStereo,
         DepthModel::Stereo(wild),
     ];
     let with_losses =

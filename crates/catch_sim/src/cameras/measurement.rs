@@ -102,6 +102,25 @@ impl DepthCameras {
 }
 
 impl Image<'_> {
+    /// The part of it that `window` covers, which lies within its own.
+    fn part(&self, window: PixelWindow) -> Self {
+        fn cut<T: Copy>(values: &[T], from: &PixelWindow, window: &PixelWindow) -> Vec<T> {
+            let mut part = Vec::with_capacity(window.area());
+            for row in window.top - from.top..window.top - from.top + window.height {
+                let first = (row * from.width + window.left - from.left) as usize;
+                part.extend_from_slice(&values[first..first + window.width as usize]);
+            }
+            part
+        }
+        Self {
+            camera: self.camera,
+            window,
+            depth_m: cut(&self.depth_m, &self.window, &window),
+            shows_object: self.shows_object.as_ref().map(|values| cut(values, &self.window, &window)),
+            facing: self.facing.as_ref().map(|values| cut(values, &self.window, &window)),
+        }
+    }
+
     /// Replaces each depth that was met by what `change` makes of the pixel's number in the full image, its place in this one
     /// and that depth.
     fn changed(mut self, change: impl Fn(u64, usize, f64) -> f32) -> Self {
@@ -169,39 +188,37 @@ impl StereoNoise {
         let nearest = among_neighbours(&inverse, wide, reach, |a, b| if b > a { b } else { a });
         let farthest = among_neighbours(&inverse, wide, reach, |a, b| if b < a { b } else { a });
 
-        let channels = Channels { shows_object: exact.shows_object.is_some(), facing: exact.facing.is_some() };
-        let mut image = Image::empty(exact.camera, window, channels);
-        for to in 0..window.area() {
-            let (column, row) = (to % window.width as usize, to / window.width as usize);
-            let (x, y) =
-                (column + (window.left - exact.window.left) as usize, row + (window.top - exact.window.top) as usize);
-            let at = y * wide + x;
-            let (mut depth_m, mut shown) = (exact.depth_m[at], at);
-            let is_behind = nearest[at] - inverse[at] > jump;
-            if is_behind || inverse[at] - farthest[at] > jump {
-                let pixel =
-                    (window.top as usize + row) * exact.camera.width_px as usize + window.left as usize + column;
-                let bits = key.bits(pixel as u64);
+        let mut image = exact.part(window);
+        let columns = exact.camera.width_px as usize;
+        for row in window.top as usize..(window.top + window.height) as usize {
+            let line = (row - exact.window.top as usize) * wide;
+            for column in window.left as usize..(window.left + window.width) as usize {
+                let at = line + column - exact.window.left as usize;
+                if nearest[at] - farthest[at] <= jump {
+                    continue;
+                }
+                let is_behind = nearest[at] - inverse[at] > jump;
+                if !is_behind && inverse[at] - farthest[at] <= jump {
+                    continue;
+                }
+                let to = (row - window.top as usize) * window.width as usize + column - window.left as usize;
+                let bits = key.bits((row * columns + column) as u64);
                 let draw = chance::unit(bits as u32);
                 if draw < self.flying_share {
                     let other = if is_behind { nearest[at] } else { farthest[at] };
                     let between = chance::unit((bits >> 32) as u32) as f32;
-                    depth_m = 1.0 / (inverse[at] + (other - inverse[at]) * between);
+                    image.depth_m[to] = 1.0 / (inverse[at] + (other - inverse[at]) * between);
                 } else if is_behind && draw < self.flying_share + self.bleed_share {
-                    let lines = y.saturating_sub(reach)..(y + reach + 1).min(inverse.len() / wide);
-                    let mut around = lines.flat_map(|line| {
-                        line * wide + x.saturating_sub(reach)..line * wide + (x + reach + 1).min(wide)
-                    });
-                    shown = around.find(|&near| inverse[near] == nearest[at]).unwrap_or(at);
-                    depth_m = exact.depth_m[shown];
+                    let (x, y) = (at - line, line / wide);
+                    let rows = y.saturating_sub(reach)..(y + reach + 1).min(inverse.len() / wide);
+                    let mut around =
+                        rows.flat_map(|y| y * wide + x.saturating_sub(reach)..y * wide + (x + reach + 1).min(wide));
+                    let shown = around.find(|&near| inverse[near] == nearest[at]).unwrap_or(at);
+                    image.depth_m[to] = exact.depth_m[shown];
+                    if let (Some(facing), Some(exact)) = (&mut image.facing, &exact.facing) {
+                        facing[to] = exact[shown];
+                    }
                 }
-            }
-            image.depth_m[to] = depth_m;
-            if let (Some(label), Some(exact)) = (&mut image.shows_object, &exact.shows_object) {
-                label[to] = exact[at];
-            }
-            if let (Some(facing), Some(exact)) = (&mut image.facing, &exact.facing) {
-                facing[to] = exact[shown];
             }
         }
         image

@@ -1,0 +1,104 @@
+//! What the rigs of near cameras see of flights, with the arm in its waiting pose between them.
+
+#![allow(clippy::print_stdout, reason = "tests tell what they measured")]
+
+use catch_body::{Pose, dynamics};
+
+use super::{Readout, Scene, rig_from_toml, tests::*};
+use crate::{ArenaConfig, Throw, ThrownObject, conditions::Conditions};
+
+const RIGS: [&str; 4] = ["d435_1", "d435_2", "d435_3", "d435_4"];
+
+/// Pixels of a ball that say something about where it is.
+const MIN_PIXELS: usize = 30;
+
+/// What a rig sees of the first throws of a kind, from the release until the ball is nearest to the base's axis, every 10 ms.
+fn seen(rig: &str, throw: &str, throws: u64) -> Vec<Flight> {
+    let read =
+        |path: &str| std::fs::read_to_string(format!("{}/../../assets/{path}", env!("CARGO_MANIFEST_DIR"))).unwrap();
+    let cameras = rig_from_toml(rig, &read(&format!("rigs/{rig}.toml"))).unwrap();
+    let throw = Throw::from_toml(throw, &read(&format!("throws/{throw}.toml"))).unwrap();
+    let object = read("objects/tennis_ball.toml");
+    let object = ThrownObject::from_toml("tennis_ball", &object, &|file| panic!("no file is needed: {file}")).unwrap();
+    let robot = iiwa();
+    // The waiting pose of the scenario `paper`.
+    let q = robot.joint_vector(&[-1.308, 1.236, 1.116, -1.523, 1.648, 1.472, 0.272]).unwrap();
+    let X_WL = robot.link_poses(&q);
+    let renderer = renderer(&ball(), true);
+    let flight = |index| {
+        let release =
+            throw.release("tennis_ball", &Conditions::draw(&ArenaConfig::default(), &object, 0, index), 0, index);
+        let at = |time_s: f64| release.p_WO + release.v_WO * time_s + dynamics::gravity() * (time_s * time_s / 2.0);
+        // Until it is nearest to the base's axis.
+        let horizontal = |time_s: f64| at(time_s).x.hypot(at(time_s).y);
+        let passage =
+            (0..150).min_by(|a, b| horizontal(f64::from(*a) / 100.0).total_cmp(&horizontal(f64::from(*b) / 100.0)));
+        let mut flight = Flight::default();
+        for tick in 0..passage.unwrap() {
+            let X_WO = Pose::from(at(f64::from(tick) / 100.0).coords);
+            let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: 0.11, X_WO: &X_WO };
+            let frames = renderer.render(&cameras, &scene, Readout::Object, true);
+            let pixels = |frame: &catch_cell::DepthFrame| frame.mask.iter().flatten().filter(|shown| **shown).count();
+            let seeing = frames.iter().filter(|frame| pixels(frame) >= MIN_PIXELS).count();
+            flight.pixels.push(frames.iter().map(pixels).max().unwrap_or(0));
+            flight.cameras.push(seeing);
+        }
+        flight
+    };
+    (0..throws).map(flight).collect()
+}
+
+/// One entry per image: in how many cameras the ball shows pixels enough, and its most pixels in one.
+#[derive(Debug, Default)]
+struct Flight {
+    cameras: Vec<usize>,
+    pixels: Vec<usize>,
+}
+
+impl Flight {
+    /// Share of the images that at least so many cameras see.
+    fn share(&self, cameras: usize) -> f64 {
+        self.cameras.iter().filter(|seeing| **seeing >= cameras).count() as f64 / self.cameras.len() as f64
+    }
+
+    /// The last images of it.
+    fn last(&self, images: usize) -> Self {
+        let from = self.cameras.len().saturating_sub(images);
+        Self { cameras: self.cameras[from..].to_vec(), pixels: self.pixels[from..].to_vec() }
+    }
+}
+
+#[test]
+fn near_cameras_see_the_papers_throws_all_the_way() {
+    for (rig, cameras) in RIGS.into_iter().zip([1, 2, 2, 2]) {
+        for throw in ["near", "far"] {
+            for flight in seen(rig, throw, 1) {
+                assert!(flight.share(1) == 1.0 && flight.last(20).share(cameras) == 1.0, "{rig} {throw}: {flight:?}");
+                assert!(flight.pixels.iter().all(|pixels| *pixels >= 100), "{rig} {throw}: {flight:?}");
+            }
+        }
+    }
+}
+
+#[test]
+#[ignore = "measures"]
+fn measured_sight_of_near_rigs() {
+    for rig in RIGS {
+        for (throw, throws) in [("near", 1), ("far", 1), ("near_sampled", 100), ("far_sampled", 100), ("random", 300)] {
+            let flights = seen(rig, throw, throws);
+            let percent = |of: &dyn Fn(&Flight) -> f64| {
+                let shares = || flights.iter().map(of);
+                let mean = shares().sum::<f64>() / flights.len() as f64;
+                format!("{:3.0} % (at least {:.0} %)", 100.0 * mean, 100.0 * shares().fold(1.0, f64::min))
+            };
+            println!(
+                "{rig} {throw}: one camera {}, two {}; in the last 0.2 s {} and {}; at most {} pixels",
+                percent(&|flight| flight.share(1)),
+                percent(&|flight| flight.share(2)),
+                percent(&|flight| flight.last(20).share(1)),
+                percent(&|flight| flight.last(20).share(2)),
+                flights.iter().flat_map(|flight| &flight.pixels).max().unwrap(),
+            );
+        }
+    }
+}
