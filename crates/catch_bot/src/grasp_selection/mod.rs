@@ -35,6 +35,9 @@ pub struct Config {
     pub darboux_radius_m: f64,
     /// "Strength": the grasp's axis may miss the centre of mass by this much. The paper's code allows 30 mm.
     pub max_strength_m: f64,
+    /// And the centre of mass may be this much farther from the palm than the grasp centre: a long object that flies toward the
+    /// palm end first.
+    pub max_overhang_m: f64,
     /// The fingers' faces must meet the surface at most this far from its normal, in radians: the cone of a friction
     /// coefficient of 0.4, the lowest that is expected.
     pub max_contact_angle_rad: f64,
@@ -48,6 +51,8 @@ pub struct Config {
     pub closing_speed_mps: f64,
     /// How fast they gather it, in m/s². `inf` for fingers that have it at once.
     pub closing_acceleration_mps2: f64,
+    /// Time for the gripper to obey, in seconds: an opening that it could not have reached by then is not asked for any more.
+    pub settling_s: f64,
     /// The fingers should touch the object when it still has this far to go across them to the grasp centre, in metres: the
     /// way on which they brake it. A wider part of it would have passed narrow fingers already.
     pub braking_way_m: f64,
@@ -67,12 +72,14 @@ impl Default for Config {
             seed: 1,
             darboux_radius_m: 0.008,
             max_strength_m: 0.03,
+            max_overhang_m: 0.03,
             max_contact_angle_rad: 0.38,
             finger_margin_m: 0.012,
             way_in_margin_m: 0.003,
             palm_margin_m: 0.006,
             closing_speed_mps: 0.42,
             closing_acceleration_mps2: 5.0,
+            settling_s: 0.05,
             braking_way_m: 0.007,
             palm_braking_way_m: 0.025,
             weights: heuristics::Weights::default(),
