@@ -396,9 +396,9 @@ impl CatchingBot {
     fn command(&mut self, now_s: f64, status: Status, plan: Option<CatchPlan>, flight: &FlightTrajectory) -> Command {
         let Some(plan) = plan else { return Command::default() };
         let gripper = self.known.planner.gripper();
-        let speed_mps = self.known.config.grasp_selection.closing_speed_mps;
+        let grasping = &self.known.config.grasp_selection;
         let closing =
-            control::closing(&plan, flight, self.known.planner.robot(), gripper, speed_mps, &self.known.config.control);
+            control::closing(&plan, flight, self.known.planner.robot(), gripper, grasping, &self.known.config.control);
         // Fingers that have started to close go on: a new list of moves would open them again.
         let is_closing = self.closing.is_some_and(|closing| closing.start_s <= now_s);
         let moves = control::gripper_moves(now_s, &plan, &closing, gripper, &self.known.config.control);

@@ -94,13 +94,13 @@ fn faults_of(kind: Kind, asset: &Asset) -> Vec<InputError> {
     result.err().into_iter().collect()
 }
 
-/// A scenario's own faults, or those of all the files that it names.
+/// A scenario's own faults and those of all the files that it names.
 fn faults_of_scenario(asset: &Asset) -> Vec<InputError> {
-    let scenario = match Scenario::from_toml(&asset.file, &asset.text) {
+    let scenario: Scenario = match InputError::parse_toml(&asset.file, &asset.text) {
         Ok(scenario) => scenario,
         Err(fault) => return vec![fault],
     };
-    let mut faults = Vec::new();
+    let mut faults = scenario.faults(&asset.file);
     for (kind, field, name) in scenario.parts() {
         match Asset::find(kind, name, &asset.origin, (&asset.file, field)) {
             Ok(part) => faults.extend(faults_of(kind, &part)),

@@ -3,6 +3,7 @@
 pub mod catch;
 pub mod check;
 pub mod eval;
+pub mod ladder;
 pub mod list;
 pub mod new;
 pub mod plan;
@@ -98,6 +99,11 @@ enum MethodArgument {
 }
 
 impl ChoiceArguments {
+    /// The arm, if another than the scenario's is asked for.
+    pub fn robot(&self) -> Option<&str> {
+        self.robot.as_deref()
+    }
+
     /// The choice, with an object and a throw.
     pub fn with<'a>(&'a self, object: Option<&'a str>, throw: Option<&'a str>) -> Choice<'a> {
         let method = self.method.map(|method| match method {

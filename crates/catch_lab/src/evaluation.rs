@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     VERSION,
+    oracle::Oracle,
     referee::{self, Verdict},
     scenario::Scenario,
     setup::{Scene, Setup},
@@ -114,8 +115,11 @@ impl Evaluation {
         let (cell, index) = self.job(job);
         let trial =
             trial::run(&cell.setup, self.seed, index, &mut |_, _| Ok(())).expect("this onlooker has no objections");
-        let row = Row { scene: self.scene(job), verdict: referee::judge(&cell.setup, &trial) };
-        (row, trial.stopwatch)
+        let mut verdict = referee::judge(&cell.setup, &trial);
+        if !verdict.caught {
+            verdict.reach = Oracle::of(&cell.setup).map(|oracle| oracle.reach(&cell.setup, self.seed, index));
+        }
+        (Row { scene: self.scene(job), verdict }, trial.stopwatch)
     }
 
     /// Runs the trials from number `from` on, on several threads, and hands over each row in the order of their numbers.

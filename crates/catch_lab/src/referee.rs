@@ -9,6 +9,7 @@ use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    oracle::Reach,
     setup::Setup,
     trial::{PAPER_LOOKS_AT_S, Thought, Trial},
 };
@@ -39,6 +40,9 @@ pub struct Verdict {
     pub caught_paper: bool,
     /// Why not, for every trial in which the object was not caught.
     pub reason: Option<Reason>,
+    /// What an oracle would have reached, for trials in which the object was not caught; `None` also where it cannot tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reach: Option<Reach>,
     /// Number of limits of the arm that were broken, by commands or in motion.
     pub limit_violations: usize,
     /// The first of them.
@@ -50,6 +54,13 @@ pub struct Verdict {
     /// What was measured besides.
     #[serde(flatten)]
     pub measures: Measures,
+}
+
+impl Verdict {
+    /// Whether the arm could not have caught the object, even had it known the flight from the first image on.
+    pub fn is_out_of_reach(&self) -> bool {
+        self.reach.is_some_and(|reach| reach.from_first_image_s.is_none())
+    }
 }
 
 /// How long before the catch predictions are compared with the truth, in seconds.
@@ -104,6 +115,7 @@ pub fn judge(setup: &Setup, trial: &Trial) -> Verdict {
         caught: reason.is_none(),
         caught_paper: caught_as_in_the_paper(truth),
         reason,
+        reach: None,
         limit_violations: servo.command_violations.len() + servo.motion_violations.len(),
         first_violation: servo.command_violations.iter().chain(&servo.motion_violations).next().copied(),
         catch_time_s: evidence.catch_s,

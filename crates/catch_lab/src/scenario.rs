@@ -149,7 +149,8 @@ mod tests {
             ("arena.restitution_scale", "FIELD=VALUE"),
             ("arina.friction=1", "arena"),
             ("arena.friction=-1", "arena.friction"),
-            ("arena.friction=much", "invalid type"),
+            ("arena.friction=much", "a number or { min"),
+            ("arena.substeps=many", "invalid type"),
         ] {
             let setting = if setting.ends_with("restitution") { format!("{setting}=1") } else { setting.to_owned() };
             let fault = set(&[&setting]).unwrap_err().to_string();

@@ -46,8 +46,15 @@ pub struct CellSummary {
     pub caught: usize,
     /// How often the paper would have called it caught.
     pub caught_paper: usize,
-    /// How often the arm could not have been there in time.
+    /// How often the arm could not have been there in time, even had it known the flight from the first image on; by the oracle,
+    /// among the throws that were not caught.
     pub out_of_reach: usize,
+    /// How often it could not, had it known the flight from the release on.
+    pub out_of_reach_from_release: usize,
+    /// How often the brain called a throw out of reach that was not.
+    pub refused_within_reach: usize,
+    /// Interval for the probability of a catch among the throws within reach.
+    pub wilson95_within_reach: Option<[f64; 2]>,
     /// Interval for the probability of a catch; none for a throw that is always the same, whose outcomes repeat.
     pub wilson95: Option<[f64; 2]>,
     /// Why it was not caught, and how often for this reason.
@@ -72,6 +79,7 @@ impl CellSummary {
             *reasons.entry(reason).or_insert(0) += 1;
         }
         let caught = count(&|row| row.verdict.caught);
+        let out_of_reach = count(&|row| row.verdict.is_out_of_reach());
         let clearances = rows.iter().flat_map(|row| {
             let measures = &row.verdict.measures;
             [measures.min_self_clearance_m, measures.min_floor_clearance_m]
@@ -82,7 +90,12 @@ impl CellSummary {
             trials: rows.len(),
             caught,
             caught_paper: count(&|row| row.verdict.caught_paper),
-            out_of_reach: reasons.get(&Reason::OutOfReach).copied().unwrap_or(0),
+            out_of_reach,
+            out_of_reach_from_release: count(&|row| row.verdict.reach.is_some_and(|it| it.from_release_s.is_none())),
+            refused_within_reach: count(&|row| {
+                row.verdict.reason == Some(Reason::OutOfReach) && !row.verdict.is_out_of_reach()
+            }),
+            wilson95_within_reach: (!throw_is_fixed).then(|| wilson95(caught, rows.len() - out_of_reach)),
             wilson95: (!throw_is_fixed).then(|| wilson95(caught, rows.len())),
             reasons,
             limit_violations: rows.iter().map(|row| row.verdict.limit_violations).sum(),

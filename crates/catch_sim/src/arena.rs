@@ -157,6 +157,22 @@ impl Arena {
         self.conditions.air_mps2(&middle) * object.mass_kg
     }
 
+    /// Torque on a soft ball by the fingers' patches, against its turning about their normal; it stops the turning at most. What the
+    /// gripper feels of it is less than a thousandth of its own weight.
+    fn spin_friction(&self) -> Vector3<f64> {
+        let object = &self.equipment.shared.object;
+        let Some(last) = self.truth.samples.last() else { return Vector3::zeros() };
+        let friction = self.conditions.friction;
+        let most: f64 = last.finger_force_n.iter().map(|force_n| object.spin_friction_nm(friction, *force_n)).sum();
+        if most == 0.0 {
+            return Vector3::zeros();
+        }
+        let normal_W = last.X_WG.rotation * Vector3::x();
+        let rate = (last.V_WO.angular - last.V_WG.angular).dot(&normal_W);
+        let stopping = object.inertia_kgm2[(0, 0)] * rate.abs() / self.config().step_s;
+        -normal_W * (rate.signum() * most.min(stopping))
+    }
+
     /// Where the links are. What stands for the last one carries the gripper where it truly is: its outline and its surface
     /// are those of the model.
     fn link_poses(&self, q: &JointVector) -> LinkPoses {
@@ -190,6 +206,7 @@ impl Arena {
             torque,
             finger_force_n: self.drive.forces(now_s, before.finger_m, before.finger_mps),
             object_force_n,
+            object_torque_nm: self.spin_friction(),
             gravity: self.gravity(),
         };
         self.steps += 1;

@@ -197,7 +197,7 @@ impl ArenaConfig {
         };
         let [least, most] = self.friction.bounds();
         expect(least.is_finite() && least >= 0.0, "friction", least, "zero or more");
-        expect(least > most || (most.is_finite() && most >= 0.0), "friction", most, "zero or more");
+        expect(least >= most || most.is_finite(), "friction", most, "a finite number");
         expect(least <= most, "friction", least, "a min that is not above the max");
         let RobotErrors { encoder_sd_rad, encoder_sd_radps, link_mass_spread, tool_position_m, tool_rotation_deg } =
             self.robot_errors;

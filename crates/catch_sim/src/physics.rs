@@ -57,6 +57,8 @@ pub struct Loads {
     pub finger_force_n: [f64; 2],
     /// Force on the object's centre of mass in W, in N.
     pub object_force_n: Vector3<f64>,
+    /// Torque on it in W, in N·m.
+    pub object_torque_nm: Vector3<f64>,
     /// Gravity in W, in m/s².
     pub gravity: Vector3<f64>,
 }
@@ -213,6 +215,7 @@ impl World {
         bodies[self.object].reset_forces(true);
         bodies[self.object].reset_torques(true);
         bodies[self.object].add_force(to_vector(&loads.object_force_n), true);
+        bodies[self.object].add_torque(to_vector(&loads.object_torque_nm), true);
     }
 
     /// The state after the last step.

@@ -1,10 +1,11 @@
 //! Control: when the gripper closes, and how plans become commands.
 
 use catch_cell::GripperMove;
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    grasp_selection,
     trajectory_optimization::CatchPlan,
     trajectory_prediction::{FlightTrajectory, Passage},
 };
@@ -20,9 +21,6 @@ pub struct Config {
     pub gripper_latency_s: f64,
     /// Force of closing in N per finger; the gripper's own limit if it is lower.
     pub closing_force_n: f64,
-    /// The fingers should touch the object when it still has this far to go across them to the grasp centre, in metres: the
-    /// way on which they brake it. A wider part of it would have passed narrow fingers already.
-    pub braking_way_m: f64,
     /// Plans are not changed any more in the last seconds before the catch. The paper's code stops 0.2 s before; corrections
     /// are small enough by then to go on.
     pub commit_s: f64,
@@ -38,7 +36,6 @@ impl Default for Config {
             expected_latency_s: 0.0,
             gripper_latency_s: 0.0,
             closing_force_n: 80.0,
-            braking_way_m: 0.007,
             commit_s: 0.05,
             tolerated_miss_m: 0.006,
             tolerated_miss_rad: 0.03,
@@ -63,7 +60,7 @@ pub fn closing(
     flight: &FlightTrajectory,
     robot: &Robot,
     gripper: &Gripper,
-    closing_speed_mps: f64,
+    grasping: &grasp_selection::Config,
     config: &Config,
 ) -> GripperPlan {
     let held = plan.grasp.X_OG * gripper.grasp_centre();
@@ -74,21 +71,20 @@ pub fn closing(
         (passage.pose_at(time_s) * held - grasp_centre).norm()
     };
     let closest_s = closest(plan.catch_s, distance);
-    let contact_s = closest_s - braking_time_s(plan, robot, gripper, &passage, config.braking_way_m);
-    let travel_s = (plan.open_width_m - plan.grasp.object_width_m) / closing_speed_mps;
-    GripperPlan { start_s: contact_s - travel_s - config.gripper_latency_s, contact_s, speed_mps: closing_speed_mps }
+    let contact_s = closest_s - grasping.contact_lead_s(&velocity_in_gripper(plan, robot, gripper, &passage));
+    let fingers = grasping.closing();
+    let travel_s = fingers.duration_s(plan.open_width_m - plan.grasp.object_width_m);
+    GripperPlan { start_s: contact_s - travel_s - config.gripper_latency_s, contact_s, speed_mps: fingers.speed_mps }
 }
 
-/// How long the object takes for the way on which the fingers brake it. Only what passes across the fingers (along z_G) is
-/// braked by them alone; what flies toward the palm stays between them.
-fn braking_time_s(plan: &CatchPlan, robot: &Robot, gripper: &Gripper, passage: &Passage, way_m: f64) -> f64 {
+/// Velocity in G with which the object passes the grasp centre.
+fn velocity_in_gripper(plan: &CatchPlan, robot: &Robot, gripper: &Gripper, passage: &Passage) -> Vector3<f64> {
     const STEP_S: f64 = 1e-3;
     let place = |time_s: f64| {
         let X_WG = robot.gripper_pose(&plan.trajectory.setpoint(time_s).q);
         X_WG.inverse() * (passage.pose_at(time_s) * plan.grasp.X_OG * gripper.grasp_centre())
     };
-    let v_G = (place(plan.catch_s) - place(plan.catch_s - STEP_S)) / STEP_S;
-    way_m * v_G.z.abs() / v_G.norm_squared().max(1.0)
+    (place(plan.catch_s) - place(plan.catch_s - STEP_S)) / STEP_S
 }
 
 /// Whether a plan whose motion cannot be changed any more still meets the object, as the flight is known now.

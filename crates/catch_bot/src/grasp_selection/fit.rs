@@ -56,7 +56,7 @@ pub fn fit_gripper(
     // "Strength" (paper, III-C): the gripper's axis points at the centre of mass.
     let centre = X_GO * Point3::origin();
     let strength_m = centre.x.hypot(centre.z);
-    let palm_too_far = centre.y - gripper.grasp_centre_y_m > config.max_strength_m;
+    let palm_too_far = centre.y - gripper.grasp_centre_y_m > config.max_overhang_m;
     if strength_m > config.max_strength_m || palm_too_far {
         return None;
     }

@@ -5,6 +5,7 @@
 //! In flight the paper's heuristics rank what is left ([`heuristics`]): "strength", "catchability" and "comfort". What the arm
 //! can reach is asked by trajectory optimization.
 
+mod closing;
 pub mod darboux;
 pub mod fit;
 pub mod heuristics;
@@ -16,6 +17,7 @@ use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
 use crate::perception::ReferenceModel;
+pub use closing::Closing;
 use darboux::darboux_frame;
 pub use heuristics::{Approach, RankedGrasp};
 
@@ -33,6 +35,9 @@ pub struct Config {
     pub darboux_radius_m: f64,
     /// "Strength": the grasp's axis may miss the centre of mass by this much. The paper's code allows 30 mm.
     pub max_strength_m: f64,
+    /// And the centre of mass may be this much farther from the palm than the grasp centre: a long object that flies toward the
+    /// palm end first.
+    pub max_overhang_m: f64,
     /// The fingers' faces must meet the surface at most this far from its normal, in radians: the cone of a friction
     /// coefficient of 0.4, the lowest that is expected.
     pub max_contact_angle_rad: f64,
@@ -44,6 +49,14 @@ pub struct Config {
     pub palm_margin_m: f64,
     /// Speed of closing in m/s, the fingers relative to each other.
     pub closing_speed_mps: f64,
+    /// How fast they gather it, in m/s². `inf` for fingers that have it at once.
+    pub closing_acceleration_mps2: f64,
+    /// The fingers should touch the object when it still has this far to go across them to the grasp centre, in metres: the
+    /// way on which they brake it. A wider part of it would have passed narrow fingers already.
+    pub braking_way_m: f64,
+    /// The same for what flies along the fingers toward the palm, from which it would bounce: fingers that close slowly should
+    /// touch it as soon as it is between them.
+    pub palm_braking_way_m: f64,
     /// Weights of the heuristics.
     pub weights: heuristics::Weights,
     /// Grasps that are handed on for each catch time.
@@ -57,14 +70,32 @@ impl Default for Config {
             seed: 1,
             darboux_radius_m: 0.008,
             max_strength_m: 0.03,
+            max_overhang_m: 0.03,
             max_contact_angle_rad: 0.38,
             finger_margin_m: 0.012,
             way_in_margin_m: 0.003,
             palm_margin_m: 0.006,
             closing_speed_mps: 0.42,
+            closing_acceleration_mps2: 5.0,
+            braking_way_m: 0.007,
+            palm_braking_way_m: 0.025,
             weights: heuristics::Weights::default(),
             kept: 60,
         }
+    }
+}
+
+impl Config {
+    /// How the fingers close.
+    pub fn closing(&self) -> Closing {
+        Closing { speed_mps: self.closing_speed_mps, acceleration_mps2: self.closing_acceleration_mps2 }
+    }
+
+    /// How long before it passes the grasp centre the fingers should touch an object that passes at `v_G` in G: what it takes for
+    /// the way on which they brake it, across them (along z_G) or along them toward the palm (along −y_G).
+    pub fn contact_lead_s(&self, v_G: &Vector3<f64>) -> f64 {
+        let braking = self.braking_way_m * v_G.z.abs() + self.palm_braking_way_m * (-v_G.y).max(0.0);
+        braking / v_G.norm_squared().max(1.0)
     }
 }
 

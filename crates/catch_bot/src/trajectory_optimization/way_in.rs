@@ -13,6 +13,8 @@ use crate::{
 const WAY_IN_S: f64 = 0.08;
 const WAY_IN_M: f64 = 0.15;
 const WAY_IN_STEPS: usize = 16;
+/// Step over which velocities are differences, in seconds.
+const STEP_S: f64 = 1e-3;
 
 impl Planner {
     /// Whether the object can come into a gripper that is fully open and does not turn, at `v_GO` in G, without touching it.
@@ -84,10 +86,17 @@ impl Planner {
             .filter(|(_, X_GO)| X_GO.translation.vector.norm() < near_m)
             .collect();
         let (narrow, wide) = (grasp.open_width_m, self.gripper.max_width_m);
+        let closing = config.closing();
+        let centre = |before_s: f64| {
+            let X_GO = X_WG(before_s).inverse() * passage.pose_at(catch_s - before_s);
+            X_GO * (grasp.X_OG * self.gripper.grasp_centre())
+        };
+        let lead_s = config.contact_lead_s(&((centre(0.0) - centre(STEP_S)) / STEP_S));
         [0.0, 0.25, 0.5, 1.0].iter().map(|share| narrow + share * (wide - narrow)).find(|&open_m| {
+            let way_m = open_m - grasp.object_width_m;
             way.iter().all(|(before_s, X_GO)| {
                 // How far the fingers have closed by then; toward the end less and less space is left on purpose.
-                let width_m = (grasp.object_width_m + before_s * config.closing_speed_mps).min(open_m);
+                let width_m = grasp.object_width_m + closing.remaining_m(way_m, before_s - lead_s);
                 let margin_m = config.way_in_margin_m.min((width_m - grasp.object_width_m) / 4.0);
                 Entry::new(&self.gripper, width_m, margin_m - 1e-4).is_clear_of(&grasps.outline, grasps.radius_m, X_GO)
             })

@@ -25,37 +25,41 @@ use crate::screen::{self, FAINT, STRONG};
 #[derive(Debug, Args)]
 pub struct EvalArguments {
     #[command(flatten)]
-    choice: ChoiceArguments,
+    pub(super) choice: ChoiceArguments,
     /// Object: a built-in name or a file; may be given more than once [default: the scenario's]
     #[arg(long, value_name = "NAME|FILE")]
-    object: Vec<String>,
+    pub(super) object: Vec<String>,
     /// Throw: a built-in name or a file; may be given more than once [default: the scenario's]
     #[arg(long, value_name = "NAME|FILE")]
-    throw: Vec<String>,
+    pub(super) throw: Vec<String>,
     /// Seed of everything random
     #[arg(long, value_name = "N", default_value_t = 1)]
-    seed: u64,
+    pub(super) seed: u64,
     /// Throws per object and throw
     #[arg(long, value_name = "N", default_value_t = 57, value_parser = clap::value_parser!(u64).range(1..=10_000_000))]
-    trials: u64,
+    pub(super) trials: u64,
     /// Number of the first throw, to share an evaluation between machines
     #[arg(long, value_name = "N", default_value_t = 0)]
-    first: u64,
+    pub(super) first: u64,
     /// Trials that run at the same time [default: the number of cores]
     #[arg(long, value_name = "N")]
-    threads: Option<NonZero<usize>>,
+    pub(super) threads: Option<NonZero<usize>>,
     /// Folder for the results
     #[arg(long, value_name = "DIR", default_value = "out/eval")]
-    out: std::path::PathBuf,
+    pub(super) out: std::path::PathBuf,
     /// Go on with the results that are in the folder
     #[arg(long)]
-    resume: bool,
+    pub(super) resume: bool,
+    /// The paper's assumptions, removed one after the other and one at a time, from the scenario `paper` to `honest`: catch rates with
+    /// intervals, of all throws and of those within reach
+    #[arg(long, conflicts_with = "scenario")]
+    ladder: bool,
     /// Write plots as SVG beside the report
     #[arg(long)]
     plots: bool,
     /// Print one JSON document instead of the table
     #[arg(long)]
-    json: bool,
+    pub(super) json: bool,
 }
 
 /// The JSON document.
@@ -88,6 +92,9 @@ struct Times {
 /// # Errors
 /// Faults in the arguments and files; results that cannot be written.
 pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
+    if arguments.ladder {
+        return super::ladder::run(arguments);
+    }
     let started = Instant::now();
     let evaluation = evaluation(arguments)?;
     let (mut results, mut rows) = Results::open(&arguments.out, &evaluation, arguments.resume)?;
@@ -203,12 +210,13 @@ fn table(cells: &[CellSummary]) -> Table {
         "trials",
         "caught",
         "95 %",
+        "out of reach",
         "as the paper",
         "joint travel",
         "limits broken",
         "misses",
     ]);
-    for column in 2..8 {
+    for column in 2..9 {
         if let Some(column) = table.column_mut(column) {
             column.set_cell_alignment(CellAlignment::Right);
         }
@@ -224,6 +232,7 @@ fn table(cells: &[CellSummary]) -> Table {
             share(cell.caught),
             cell.wilson95
                 .map_or("same throw".to_owned(), |[low, high]| format!("{} – {} %", percent(low), percent(high))),
+            cell.out_of_reach.to_string(),
             share(cell.caught_paper),
             cell.median_joint_travel_rad.map_or("–".to_owned(), |it| format!("{it:.2} rad")),
             cell.limit_violations.to_string(),

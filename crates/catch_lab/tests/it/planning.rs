@@ -208,7 +208,7 @@ fn check(desk: &Desk, start: &Start, flight: &FlightTrajectory, plan: &CatchPlan
 
     let clearance = ArmClearance::new(&desk.setup.robot, gripper);
     let closes_s =
-        plan.catch_s - (plan.open_width_m - plan.grasp.object_width_m) / desk.config.grasp_selection.closing_speed_mps;
+        plan.catch_s - desk.config.grasp_selection.closing().duration_s(plan.open_width_m - plan.grasp.object_width_m);
     let steps = ((trajectory.end_s() - start.time_s) / 0.002) as usize + 1;
     for step in 0..=steps {
         let time_s = start.time_s + (trajectory.end_s() - start.time_s) * step as f64 / steps as f64;

@@ -191,4 +191,13 @@ fn check_lists_the_faults_of_all_parts() {
     let said = stdout(&output);
     assert!(said.contains("truth.restitution") && said.contains("near.toml"), "{said}");
     assert!(stderr(&output).contains("2 faults"), "{}", stderr(&output));
+    assets.spoil("scenarios/paper.toml", "friction = 0.667", "friction = { min = 0.9, max = 0.4 }");
+    assets.spoil("scenarios/paper.toml", "drag_spread = 0.0", "drag_spread = 3.0");
+    assets.spoil("scenarios/paper.toml", "clock = \"free\"", "clock = { fixed_ms = -10 }");
+    let output = catchingbot(&["check", &scenario]);
+    let said = stdout(&output);
+    for field in ["arena.friction", "arena.drag_spread", "clock.fixed_ms", "truth.restitution"] {
+        assert!(said.contains(field), "{field} is missing in {said}");
+    }
+    assert!(stderr(&output).contains("5 faults"), "{}", stderr(&output));
 }

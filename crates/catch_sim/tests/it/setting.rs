@@ -52,6 +52,7 @@ pub fn no_loads() -> Loads {
         torque: JointVector::zeros(),
         finger_force_n: [0.0; 2],
         object_force_n: Vector3::zeros(),
+        object_torque_nm: Vector3::zeros(),
         gravity: Vector3::new(0.0, 0.0, -9.81),
     }
 }
