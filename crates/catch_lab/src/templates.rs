@@ -44,3 +44,23 @@ pub fn files(kind: Kind, name: &str) -> Result<Vec<NewFile>, InputError> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_new_scenario_shows_every_switch_of_the_arena() {
+        let [(_, text)] = &files(Kind::Scenario, "mine").unwrap()[..] else { panic!("one file") };
+        let shown: toml::Table = toml::from_str(text).unwrap();
+        assert!(shown.contains_key("clock"));
+        let all = toml::Table::try_from(catch_sim::ArenaConfig::default()).unwrap();
+        let shown = shown["arena"].as_table().unwrap();
+        for (name, value) in &all {
+            assert!(shown.contains_key(name), "arena.{name} is not shown");
+            for field in value.as_table().into_iter().flat_map(toml::Table::keys) {
+                assert!(shown[name].as_table().unwrap().contains_key(field), "arena.{name}.{field} is not shown");
+            }
+        }
+    }
+}

@@ -160,9 +160,9 @@ impl Builder {
                 multibody.armature_mut()[i] = joint.rotor_inertia;
             }
         }
-        for i in joints.len()..coordinates.len() {
-            coordinates[i] = finger_m;
-            multibody.armature_mut()[i] = self.settings.drive_mass_kg;
+        coordinates[joints.len()..].fill(finger_m);
+        for i in 0..fingers.len() {
+            multibody.armature_mut()[joints.len() + i] = self.settings.drive_mass_kg;
         }
         multibody.apply_displacements(&coordinates);
         multibody.forward_kinematics(&self.bodies, true);
