@@ -385,10 +385,15 @@ impl CatchingBot {
             Some(adjusted) => adjusted.lets_in,
             None => control::is_still_good(plan, flight, planner.gripper(), &self.known.config.control),
         };
-        let another = if is_good { None } else { search().ok() };
+        // Fingers that have begun to close are timed for this catch.
+        let is_closing = self.closing.is_some_and(|closing| closing.start_s <= start.time_s);
+        let another = if is_good || is_closing { None } else { search().ok() };
         match another.or(adjusted) {
             Some(plan) => (Status::Planned, Some(plan)),
-            None => (Status::PlanKept, Some(planner.opened(plan.clone(), flight, grasps, config))),
+            None => {
+                let plan = planner.opened(plan.clone(), plan.open_width_m, start.time_s, flight, grasps, config);
+                (Status::PlanKept, Some(plan))
+            }
         }
     }
 

@@ -20,7 +20,7 @@ fn main() -> anyhow::Result<()> {
             rows.push(row);
             Ok(())
         })?;
-        for cell in evaluation.summarize(&rows) {
+        for cell in evaluation.identity().summarize(&rows) {
             println!("friction {friction}: {} of {} caught, {:?}", cell.caught, cell.trials, cell.reasons);
         }
     }

@@ -5,12 +5,14 @@ pub mod check;
 pub mod eval;
 pub mod ladder;
 pub mod list;
+pub mod merge;
 pub mod new;
 pub mod plan;
 pub mod predict;
 pub mod ready;
 pub mod register;
 pub mod replay;
+mod sweep;
 pub mod view;
 
 use std::path::PathBuf;
@@ -52,6 +54,8 @@ enum Command {
     Catch(Box<catch::CatchArguments>),
     /// Many throws: a table, and a row per trial on disk
     Eval(Box<eval::EvalArguments>),
+    /// Parts of an evaluation become one
+    Merge(merge::MergeArguments),
     /// The scenarios, objects, throws, robots, grippers and camera rigs that are built in
     List(list::ListArguments),
     /// Plans for catches that are described in a file, with residuals and times
@@ -104,12 +108,17 @@ impl ChoiceArguments {
         self.robot.as_deref()
     }
 
-    /// The choice, with an object and a throw.
-    pub fn with<'a>(&'a self, object: Option<&'a str>, throw: Option<&'a str>) -> Choice<'a> {
-        let method = self.method.map(|method| match method {
+    /// Whose method is asked for.
+    pub fn method(&self) -> Option<Method> {
+        self.method.map(|method| match method {
             MethodArgument::Ours => Method::Ours,
             MethodArgument::Paper => Method::Paper,
-        });
+        })
+    }
+
+    /// The choice, with an object and a throw.
+    pub fn with<'a>(&'a self, object: Option<&'a str>, throw: Option<&'a str>) -> Choice<'a> {
+        let method = self.method();
         Choice {
             scenario: Some(&self.scenario),
             robot: self.robot.as_deref(),
@@ -141,6 +150,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<()> {
         None => catch::run(&arguments.catch),
         Some(Command::Catch(catch)) => catch::run(&catch),
         Some(Command::Eval(eval)) => eval::run(&eval),
+        Some(Command::Merge(merge)) => merge::run(&merge),
         Some(Command::List(list)) => list::run(&list),
         Some(Command::Plan(plan)) => plan::run(&plan),
         Some(Command::Predict(predict)) => predict::run(&predict),

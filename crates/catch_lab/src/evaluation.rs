@@ -3,7 +3,6 @@
 
 use std::{
     collections::BTreeMap,
-    io,
     sync::{
         atomic::{AtomicUsize, Ordering},
         mpsc,
@@ -11,6 +10,7 @@ use std::{
     thread,
 };
 
+use catch_body::InputError;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -65,6 +65,27 @@ pub struct Identity {
     pub first: u64,
     /// The scenario of each cell, all choices made.
     pub cells: Vec<Scenario>,
+    /// Whether every trial of a cell sees the same throw.
+    pub throws_are_fixed: Vec<bool>,
+}
+
+impl Identity {
+    /// The scene of trial number `job`.
+    pub fn scene(&self, job: usize) -> Scene {
+        let Scenario { name, object, throw, .. } = &self.cells[job % self.cells.len()];
+        let index = self.first + (job / self.cells.len()) as u64;
+        Scene { scenario: name.clone(), object: object.clone(), throw: throw.clone(), seed: self.seed, index }
+    }
+
+    /// Sums up the rows cell by cell.
+    pub fn summarize(&self, rows: &[Row]) -> Vec<CellSummary> {
+        let of_cell = |(Scenario { object, throw, .. }, is_fixed): (&Scenario, &bool)| {
+            let rows: Vec<&Row> =
+                rows.iter().filter(|row| &row.scene.object == object && &row.scene.throw == throw).collect();
+            CellSummary::of(object, throw, &rows, *is_fixed)
+        };
+        self.cells.iter().zip(&self.throws_are_fixed).map(of_cell).collect()
+    }
 }
 
 /// The result of one trial.
@@ -86,6 +107,7 @@ impl Evaluation {
             seed: self.seed,
             first: self.first,
             cells: self.cells.iter().map(|cell| cell.setup.scenario.clone()).collect(),
+            throws_are_fixed: self.cells.iter().map(|cell| cell.throw_is_fixed).collect(),
         }
     }
 
@@ -129,8 +151,8 @@ impl Evaluation {
         &self,
         from: usize,
         threads: usize,
-        row_done: &mut dyn FnMut(Row, Stopwatch) -> io::Result<()>,
-    ) -> io::Result<()> {
+        row_done: &mut dyn FnMut(Row, Stopwatch) -> Result<(), InputError>,
+    ) -> Result<(), InputError> {
         let next = AtomicUsize::new(from);
         let (sender, receiver) = mpsc::channel();
         thread::scope(|scope| {
@@ -161,16 +183,5 @@ impl Evaluation {
             }
             Ok(())
         })
-    }
-
-    /// Sums up the rows cell by cell.
-    pub fn summarize(&self, rows: &[Row]) -> Vec<CellSummary> {
-        let of_cell = |cell: &Cell| {
-            let Scenario { object, throw, .. } = &cell.setup.scenario;
-            let rows: Vec<&Row> =
-                rows.iter().filter(|row| &row.scene.object == object && &row.scene.throw == throw).collect();
-            CellSummary::of(object, throw, &rows, cell.throw_is_fixed)
-        };
-        self.cells.iter().map(of_cell).collect()
     }
 }

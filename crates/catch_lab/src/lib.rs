@@ -20,7 +20,7 @@
 //! Here, and only here, the brain and the arena meet: [`setup`] reads what a scenario names ([`assets`], [`scenario`]),
 //! [`trial`] lets the brain play one throw, [`referee`] judges it by the truth, [`timeline`] tells its story, [`recording`]
 //! keeps it and [`replay`] checks that the brain would do it again. An [`evaluation`] is many trials, [`results`] keeps their
-//! rows and [`statistics`] sums them up.
+//! rows, [`statistics`] sums them up; [`trial_table`] and [`summary_table`] are what others read.
 //!
 //! A recording is looked at through a [`playback`]: as a page ([`catch_page`]), a small moving picture ([`gif_picture`]) or in
 //! other tools ([`mcap_file`]); an evaluation as a page ([`report_page`]) and as [`plots`].
@@ -49,11 +49,14 @@ pub mod scenario;
 pub mod setup;
 pub mod statistics;
 pub mod stopwatch;
+pub mod summary_table;
+pub mod sweep;
 pub mod templates;
 pub mod throw_times;
 pub mod timeline;
 pub mod track_file;
 pub mod trial;
+pub mod trial_table;
 
 /// Version of this program, as every result carries it.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");

@@ -212,11 +212,16 @@ impl Setup {
     /// As [`load`](Self::load).
     pub fn thrown(&self, throw: &str) -> Result<Self, InputError> {
         let asset = Asset::find(Kind::Throw, throw, &Origin::BuiltIn(PathBuf::new()), (COMMAND_LINE, "--throw"))?;
+        Ok(self.with_throw(asset.name, Throw::from_toml(&asset.file, &asset.text)?))
+    }
+
+    /// The same with a throw that is given; what has been prepared is shared.
+    pub fn with_throw(&self, name: String, throw: Throw) -> Self {
         self.prepare();
         let mut other = self.clone();
-        other.throw = Throw::from_toml(&asset.file, &asset.text)?;
-        other.scenario.throw = asset.name;
-        Ok(other)
+        other.throw = throw;
+        other.scenario.throw = name;
+        other
     }
 
     /// Works out what all trials share, so that none of them has to wait for it.

@@ -110,6 +110,13 @@ impl Throw {
         Ok(Self { motion: fields.motion, attitudes })
     }
 
+    /// The same objects in the same attitudes on another way, every time the same, without spin.
+    pub fn moved(&self, p_WO: &Point3<f64>, v_WO: &Vector3<f64>) -> Self {
+        let motion =
+            Motion::Fixed { position_m: p_WO.coords.into(), velocity_mps: (*v_WO).into(), spin_radps: [0.0; 3] };
+        Self { motion, attitudes: self.attitudes.clone() }
+    }
+
     /// The throw number `index` of `seed`. An object whose attitude the file does not give starts upright, but for random throws,
     /// where every attitude is as likely as any other. `conditions` are those of the same throw.
     pub fn release(&self, object_name: &str, conditions: &Conditions, seed: u64, index: u64) -> Release {

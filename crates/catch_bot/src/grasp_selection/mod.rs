@@ -51,6 +51,8 @@ pub struct Config {
     pub closing_speed_mps: f64,
     /// How fast they gather it, in m/s². `inf` for fingers that have it at once.
     pub closing_acceleration_mps2: f64,
+    /// Time for the gripper to obey, in seconds: an opening that it could not have reached by then is not asked for any more.
+    pub settling_s: f64,
     /// The fingers should touch the object when it still has this far to go across them to the grasp centre, in metres: the
     /// way on which they brake it. A wider part of it would have passed narrow fingers already.
     pub braking_way_m: f64,
@@ -77,6 +79,7 @@ impl Default for Config {
             palm_margin_m: 0.006,
             closing_speed_mps: 0.42,
             closing_acceleration_mps2: 5.0,
+            settling_s: 0.05,
             braking_way_m: 0.007,
             palm_braking_way_m: 0.025,
             weights: heuristics::Weights::default(),

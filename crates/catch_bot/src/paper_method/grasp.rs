@@ -157,7 +157,6 @@ mod tests {
     fn a_ball_is_held_across_its_way() {
         let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
         let mut reference = ReferenceModel::default();
-        reference.radius_m = 0.034;
         for i in 0..2000 {
             let z = 1.0 - (2.0 * f64::from(i) + 1.0) / 2000.0;
             let (sin, cos) = (golden * f64::from(i)).sin_cos();

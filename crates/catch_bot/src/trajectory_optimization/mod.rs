@@ -12,6 +12,7 @@
 //! [`sqp`] is the general nonlinear form over all joints, for arms and demands that the steps above do not know.
 
 pub mod arrival;
+mod general;
 pub mod joint_spline;
 pub mod motion;
 pub mod posed;

@@ -63,16 +63,23 @@ impl Planner {
         grasp: &Grasp,
     ) -> Option<ArmTrajectory> {
         let knots_s = self.catch_splines.at.knots.iter().map(|knot| start_s + knot * (catch_s - start_s)).collect();
-        self.completed(BSpline { knots_s, control_points }, grasp)
+        let to_catch = BSpline { knots_s, control_points };
+        let braking = self.braking(&end_of(&to_catch), catch_s)?;
+        self.joined(to_catch, &braking, grasp)
     }
 
-    /// A motion that ends at a catch, and braking after it; `None` if both do not keep the torque limits and the clearances,
-    /// the hand holding the object from the catch on.
+    /// A motion that ends at a catch, and braking after it; `None` if both do not keep the torque limits and the clearances.
+    /// Where braking cannot take over the acceleration at the catch it starts without any.
     pub fn completed(&self, to_catch: BSpline, grasp: &Grasp) -> Option<ArmTrajectory> {
+        let (catch_s, end) = (to_catch.end_s(), end_of(&to_catch));
+        let anew = Setpoint { q: end.q, dq: end.dq, ddq: JointVector::zeros() };
+        let braking = self.braking(&end, catch_s).or_else(|| self.braking(&anew, catch_s))?;
+        self.joined(to_catch, &braking, grasp)
+    }
+
+    fn joined(&self, to_catch: BSpline, braking: &BSpline, grasp: &Grasp) -> Option<ArmTrajectory> {
         let catch_s = to_catch.end_s();
-        let [q, dq, ddq] = to_catch.evaluate(catch_s);
-        let braking = self.braking(&Setpoint { q, dq, ddq }, catch_s)?;
-        let trajectory = ArmTrajectory { spline: to_catch.followed_by(&braking) };
+        let trajectory = ArmTrajectory { spline: to_catch.followed_by(braking) };
         self.is_safe(&trajectory, catch_s, grasp).then_some(trajectory)
     }
 
@@ -226,4 +233,10 @@ impl Planner {
         }
         fastest.dot(&self.extents_m)
     }
+}
+
+/// Where a motion ends.
+fn end_of(spline: &BSpline) -> Setpoint {
+    let [q, dq, ddq] = spline.evaluate(spline.end_s());
+    Setpoint { q, dq, ddq }
 }

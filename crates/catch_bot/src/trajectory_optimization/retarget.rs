@@ -33,19 +33,33 @@ impl Planner {
             let candidate = Candidate { catch_s, approach, X_WG, posture, cost };
             self.finish(&candidate, &plan.grasp, bounds, &reaching)
         })?;
-        Some(self.opened(found, flight, grasps, grasp_config))
+        Some(self.opened(found, plan.open_width_m, start.time_s, flight, grasps, grasp_config))
     }
 
-    /// The same plan with the narrowest opening that lets the object in, or, where none does any more, the widest: it hits
-    /// least.
+    /// The same plan with the opening that it had if that lets the object in; else with the narrowest that does, or, where none
+    /// does any more, the widest: it hits least. Where it is too late to change the opening, it stays.
     pub fn opened(
         &self,
         plan: CatchPlan,
+        had_m: f64,
+        now_s: f64,
         flight: &FlightTrajectory,
         grasps: &GraspSet,
         config: &grasp_selection::Config,
     ) -> CatchPlan {
+        let lets_in = |open_m: f64| self.lets_in_when_open(&plan, open_m, flight, grasps, config);
+        if lets_in(had_m) {
+            return CatchPlan { open_width_m: had_m, lets_in: true, ..plan };
+        }
         let opening = self.opening(&plan, flight, grasps, config);
-        CatchPlan { open_width_m: opening.unwrap_or(self.gripper.max_width_m), lets_in: opening.is_some(), ..plan }
+        let open_width_m = opening.unwrap_or(self.gripper.max_width_m);
+        let fingers = config.closing();
+        let takes_s = fingers.duration_s((open_width_m - had_m).abs())
+            + fingers.duration_s(open_width_m - plan.grasp.object_width_m)
+            + config.settling_s;
+        if now_s + takes_s > plan.catch_s {
+            return CatchPlan { open_width_m: had_m, lets_in: false, ..plan };
+        }
+        CatchPlan { open_width_m, lets_in: opening.is_some(), ..plan }
     }
 }

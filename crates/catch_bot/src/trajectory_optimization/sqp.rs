@@ -80,8 +80,9 @@ const RADIUS: f64 = 0.5;
 const LEAST_RADIUS: f64 = 1e-9;
 /// An excess below this is none.
 pub const MET: f64 = 1e-8;
-/// A model that promises less than this has converged.
-const CONVERGED: f64 = 1e-9;
+/// A model that promises to gain less than this, relative, has converged: where the waypoints are met, and where not.
+const CONVERGED: f64 = 1e-5;
+const LEAST_GAIN: f64 = 1e-9;
 /// Keeps the programs strictly convex in variables that nothing else weighs.
 const DAMPING: f64 = 1e-7;
 /// Distance from the limits that rounding needs, relative, and that the solver's tolerance needs, in radians.
@@ -116,7 +117,8 @@ impl Problem<'_> {
             let merit = layout.objective(self, &x) + PRICE * layout.violation(self, &now, None);
             let promised =
                 merit - layout.objective(self, &candidate) - PRICE * layout.violation(self, &now, Some(&step));
-            if promised < CONVERGED * (1.0 + merit.abs()) {
+            let enough = if layout.excess(self, &now) < MET { CONVERGED } else { LEAST_GAIN };
+            if promised < enough * (1.0 + merit.abs()) {
                 break;
             }
             let next = layout.linearize(self, &candidate);

@@ -40,7 +40,28 @@ impl Planner {
         config: &grasp_selection::Config,
     ) -> Option<f64> {
         let X_WG = |before_s: f64| self.robot.gripper_pose(&plan.trajectory.setpoint(plan.catch_s - before_s).q);
-        self.narrowest(X_WG, plan.catch_s, flight, &plan.grasp, grasps, config)
+        let openings = self.openings(&plan.grasp);
+        self.first_of(&openings, X_WG, plan.catch_s, flight, &plan.grasp, grasps, config)
+    }
+
+    /// Whether a running plan lets the object in with this opening. It is not given up before the object would touch something.
+    pub(super) fn lets_in_when_open(
+        &self,
+        plan: &CatchPlan,
+        open_m: f64,
+        flight: &FlightTrajectory,
+        grasps: &GraspSet,
+        config: &grasp_selection::Config,
+    ) -> bool {
+        let X_WG = |before_s: f64| self.robot.gripper_pose(&plan.trajectory.setpoint(plan.catch_s - before_s).q);
+        let touching = grasp_selection::Config { way_in_margin_m: 0.0, ..config.clone() };
+        self.first_of(&[open_m], X_WG, plan.catch_s, flight, &plan.grasp, grasps, &touching).is_some()
+    }
+
+    /// Openings that are tried, the narrowest first.
+    fn openings(&self, grasp: &Grasp) -> [f64; 4] {
+        let (narrow, wide) = (grasp.open_width_m, self.gripper.max_width_m);
+        [0.0, 0.25, 0.5, 1.0].map(|share| narrow + share * (wide - narrow))
     }
 
     /// Whether there is such an opening if the gripper passes through `X_WG` at `catch_s` as `arrival` wants it to, at an even
@@ -63,11 +84,14 @@ impl Planner {
             let origin = centre - v_WG * before_s + turn * (X_WG.translation.vector - centre.coords);
             Pose::from_parts(origin.coords.into(), turn * X_WG.rotation)
         };
-        self.narrowest(passing, catch_s, flight, grasp, grasps, config).is_some()
+        self.first_of(&self.openings(grasp), passing, catch_s, flight, grasp, grasps, config).is_some()
     }
 
-    fn narrowest(
+    /// The first of these openings that lets the object in.
+    #[expect(clippy::too_many_arguments, reason = "they are what a passage is made of")]
+    fn first_of(
         &self,
+        openings: &[f64],
         X_WG: impl Fn(f64) -> Pose,
         catch_s: f64,
         flight: &FlightTrajectory,
@@ -85,14 +109,13 @@ impl Planner {
             })
             .filter(|(_, X_GO)| X_GO.translation.vector.norm() < near_m)
             .collect();
-        let (narrow, wide) = (grasp.open_width_m, self.gripper.max_width_m);
         let closing = config.closing();
         let centre = |before_s: f64| {
             let X_GO = X_WG(before_s).inverse() * passage.pose_at(catch_s - before_s);
             X_GO * (grasp.X_OG * self.gripper.grasp_centre())
         };
         let lead_s = config.contact_lead_s(&((centre(0.0) - centre(STEP_S)) / STEP_S));
-        [0.0, 0.25, 0.5, 1.0].iter().map(|share| narrow + share * (wide - narrow)).find(|&open_m| {
+        openings.iter().copied().find(|open_m| {
             let way_m = open_m - grasp.object_width_m;
             way.iter().all(|(before_s, X_GO)| {
                 // How far the fingers have closed by then; toward the end less and less space is left on purpose.

@@ -8,18 +8,23 @@ use catch_lab::{
     VERSION,
     evaluation::{Cell, Evaluation, Row},
     plots,
-    report_page::{self, Report},
-    results::{Results, TRIALS_FILE},
+    report_page::{self, Report, published_rate, published_rates},
+    results::Results,
     setup::{COMMAND_LINE, Setup},
     statistics::CellSummary,
     stopwatch::{StageTimes, Stopwatch},
+    summary_table,
+    trial_table::{PARQUET_FILE, replace},
 };
-use clap::Args;
+use clap::{Args, ValueEnum};
 use comfy_table::{CellAlignment, ContentArrangement, Table, TableComponent, presets};
 use serde::Serialize;
 
-use super::{ChoiceArguments, view::REPORT};
+use super::{ChoiceArguments, sweep, view::REPORT};
 use crate::screen::{self, FAINT, STRONG};
+
+/// Name of the file with the wall times of the stages.
+const TIMES_FILE: &str = "times.json";
 
 /// Arguments of `eval`.
 #[derive(Debug, Args)]
@@ -54,12 +59,26 @@ pub struct EvalArguments {
     /// intervals, of all throws and of those within reach
     #[arg(long, conflicts_with = "scenario")]
     ladder: bool,
+    /// Throw from a grid of distances and speeds at one place, by both methods
+    #[arg(long, value_enum, value_name = "WHAT", conflicts_with = "ladder")]
+    sweep: Option<Sweep>,
     /// Write plots as SVG beside the report
     #[arg(long)]
-    plots: bool,
+    pub(super) plots: bool,
     /// Print one JSON document instead of the table
     #[arg(long)]
     pub(super) json: bool,
+    /// Print the table in Markdown
+    #[arg(long, conflicts_with = "json")]
+    markdown: bool,
+}
+
+/// What can be swept.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Sweep {
+    /// The distance and the speed of the throw
+    #[value(name = "distance,speed")]
+    DistanceSpeed,
 }
 
 /// The JSON document.
@@ -69,12 +88,21 @@ struct Document<'a> {
     scenario: &'a str,
     seed: u64,
     first: u64,
-    cells: &'a [CellSummary],
+    cells: Vec<DocumentCell<'a>>,
     trials: usize,
     caught: usize,
     wall_s: f64,
     stages: BTreeMap<&'static str, StageTimes>,
     results: &'a Path,
+}
+
+/// A cell of the table, and what was published.
+#[derive(Serialize)]
+struct DocumentCell<'a> {
+    #[serde(flatten)]
+    summary: &'a CellSummary,
+    /// The paper's Table I.
+    published: Option<f64>,
 }
 
 /// Wall times, which stand beside the results.
@@ -95,36 +123,43 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
     if arguments.ladder {
         return super::ladder::run(arguments);
     }
+    if let Some(Sweep::DistanceSpeed) = arguments.sweep {
+        return sweep::run(arguments);
+    }
     let started = Instant::now();
     let evaluation = evaluation(arguments)?;
     let (mut results, mut rows) = Results::open(&arguments.out, &evaluation, arguments.resume)?;
     let done_before = rows.len();
-    let threads = arguments.threads.or_else(|| thread::available_parallelism().ok()).map_or(1, NonZero::get);
+    let threads = threads(arguments);
     let mut stopwatch = Stopwatch::default();
     let mut caught = rows.iter().filter(|row| row.verdict.caught).count();
     let bar = screen::progress_bar(evaluation.len(), "trials");
     bar.set_position(done_before as u64);
     bar.reset_eta();
-    evaluation
-        .run(done_before, threads, &mut |row, times| {
-            results.add(&row)?;
-            stopwatch.merge(times);
-            caught += usize::from(row.verdict.caught);
-            bar.inc(1);
-            bar.set_message(format!("{caught} caught"));
-            rows.push(row);
-            Ok(())
-        })
-        .with_context(|| format!("{}", arguments.out.join(TRIALS_FILE).display()))?;
+    evaluation.run(done_before, threads, &mut |row, times| {
+        results.add(&row)?;
+        stopwatch.merge(times);
+        caught += usize::from(row.verdict.caught);
+        bar.inc(1);
+        bar.set_message(format!("{caught} caught"));
+        rows.push(row);
+        Ok(())
+    })?;
     bar.finish_and_clear();
 
     let wall_s = started.elapsed().as_secs_f64();
-    let cells = evaluation.summarize(&rows);
+    let identity = evaluation.identity();
+    let cells = identity.summarize(&rows);
+    results.finish(&rows)?;
     let times =
         Times { wall_s, threads, trials: rows.len() - done_before, stages: stopwatch.summary().into_iter().collect() };
-    let path = arguments.out.join("times.json");
-    fs::write(&path, serde_json::to_string_pretty(&times)? + "\n").with_context(|| format!("{}", path.display()))?;
+    let text = serde_json::to_string_pretty(&times)? + "\n";
+    replace(&arguments.out.join(TIMES_FILE), |path| fs::write(path, text))?;
     write_report(arguments, &evaluation, &cells, &rows, &stopwatch.summary())?;
+    if arguments.markdown {
+        screen::text(&summary_table::markdown(&identity, &cells))?;
+        return Ok(screen::text(&format!("\n{}", summary_table::times_markdown(stopwatch.summary())))?);
+    }
     if !arguments.json {
         return Ok(print(&cells, &times, &arguments.out)?);
     }
@@ -133,13 +168,21 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
         scenario: &evaluation.cells[0].setup.scenario.name,
         seed: evaluation.seed,
         first: evaluation.first,
-        cells: &cells,
+        cells: cells
+            .iter()
+            .map(|summary| DocumentCell { summary, published: published_rate(&published_rates(), summary) })
+            .collect(),
         trials: rows.len(),
         caught: rows.iter().filter(|row| row.verdict.caught).count(),
         wall_s,
         stages: times.stages,
         results: &arguments.out,
     })
+}
+
+/// Trials that run at the same time.
+pub fn threads(arguments: &EvalArguments) -> usize {
+    arguments.threads.or_else(|| thread::available_parallelism().ok()).map_or(1, NonZero::get)
 }
 
 /// The report as a page, with pages of the first misses, and the plots if they are wanted.
@@ -197,47 +240,20 @@ fn print(cells: &[CellSummary], times: &Times, folder: &Path) -> io::Result<()> 
         screen::fact(stage, &format!("p50 {p50_ms:.2} ms, p99 {p99_ms:.2} ms, max {max_ms:.1} ms"))?;
     }
     screen::fact("report", &format!("catchingbot view {}", folder.display()))?;
-    screen::fact("results", &folder.join(TRIALS_FILE).display().to_string())
+    screen::fact("results", &folder.join(PARQUET_FILE).display().to_string())
 }
 
-fn table(cells: &[CellSummary]) -> Table {
+/// The table for the terminal.
+pub fn table(cells: &[CellSummary]) -> Table {
     let mut table = Table::new();
     table.load_preset(presets::UTF8_HORIZONTAL_ONLY).set_content_arrangement(ContentArrangement::Disabled);
     table.remove_style(TableComponent::HorizontalLines).remove_style(TableComponent::MiddleIntersections);
-    table.set_header([
-        "object",
-        "throw",
-        "trials",
-        "caught",
-        "95 %",
-        "out of reach",
-        "as the paper",
-        "joint travel",
-        "limits broken",
-        "misses",
-    ]);
-    for column in 2..9 {
+    table.set_header(summary_table::HEADINGS);
+    for column in summary_table::NUMBERS {
         if let Some(column) = table.column_mut(column) {
             column.set_cell_alignment(CellAlignment::Right);
         }
     }
-    for cell in cells {
-        let percent = |value: f64| format!("{:.1}", value * 100.0);
-        let share = |count: usize| format!("{count} ({} %)", percent(count as f64 / cell.trials.max(1) as f64));
-        let reasons: Vec<String> = cell.reasons.iter().map(|(reason, count)| format!("{count}× {reason}")).collect();
-        table.add_row([
-            cell.object.clone(),
-            cell.throw.clone(),
-            cell.trials.to_string(),
-            share(cell.caught),
-            cell.wilson95
-                .map_or("same throw".to_owned(), |[low, high]| format!("{} – {} %", percent(low), percent(high))),
-            cell.out_of_reach.to_string(),
-            share(cell.caught_paper),
-            cell.median_joint_travel_rad.map_or("–".to_owned(), |it| format!("{it:.2} rad")),
-            cell.limit_violations.to_string(),
-            reasons.join(", "),
-        ]);
-    }
+    table.add_rows(summary_table::lines(cells));
     table
 }

@@ -116,6 +116,7 @@ fn rows_of(arguments: &EvalArguments, step: &Step, objects: &[String]) -> anyhow
         .with_context(|| folder.display().to_string())?;
     bar.finish_and_clear();
     rows.truncate(evaluation.len());
+    file.finish(&rows)?;
     Ok(rows)
 }
 

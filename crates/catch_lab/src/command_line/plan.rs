@@ -42,6 +42,9 @@ pub struct PlanArguments {
     /// file names, or that of the default scenario]
     #[arg(long, value_name = "NAME|FILE")]
     robot: Option<String>,
+    /// Solve the general form, all joints at once, instead of one joint after the other
+    #[arg(long)]
+    general: bool,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
@@ -117,7 +120,7 @@ pub fn run(arguments: &PlanArguments) -> anyhow::Result<()> {
         let planner = planner.expect("it was made just now");
         let (q, dq) = case.start(&file, planner.robot())?;
         let start = Start { time_s: 0.0, state: Setpoint { q, dq, ddq: JointVector::zeros() } };
-        rows.push(row(planner, &start, case));
+        rows.push(row(planner, &start, case, arguments.general));
     }
     if arguments.json {
         return screen::json(&Document { version: VERSION, cases: rows });
@@ -132,8 +135,14 @@ fn planner(robot: Robot, mut gripper: Gripper, grasp_centre_y_m: f64) -> Planner
     Planner::new(robot, gripper, all)
 }
 
-fn row(planner: &Planner, start: &Start, case: &PlannerCase) -> Row {
-    let (found, time_ms) = timed(|| planner.catch_at(start, &case.target));
+fn row(planner: &Planner, start: &Start, case: &PlannerCase, general: bool) -> Row {
+    let plan = || {
+        if general {
+            return planner.catch_generally(start, &case.target).ok_or(Refusal::NoMotion);
+        }
+        planner.catch_at(start, &case.target)
+    };
+    let (found, time_ms) = timed(plan);
     let status = match &found {
         Ok(_) => "solved",
         Err(Refusal::OutOfReach) => "out_of_reach",

@@ -6,6 +6,7 @@ mod browser;
 mod determinism;
 mod evaluation;
 mod frames;
+mod general_form;
 mod honest;
 mod mcap_file;
 mod own_data;

@@ -1,0 +1,291 @@
+//! The results of an evaluation as a table: one row per trial, the same columns in CSV and in Parquet.
+//!
+//! Both are made from the log of the trials when an evaluation is complete; the log stays what is true.
+
+use std::{
+    fmt::Write,
+    fs::{self, File},
+    io,
+    path::Path,
+    sync::Arc,
+};
+
+use catch_body::InputError;
+use parquet::{
+    basic::{Compression, LogicalType, Repetition, Type as Physical},
+    data_type::{BoolType, ByteArray, ByteArrayType, DataType, DoubleType, Int64Type},
+    errors::ParquetError,
+    file::{
+        metadata::KeyValue,
+        properties::WriterProperties,
+        writer::{SerializedFileWriter, SerializedRowGroupWriter},
+    },
+    schema::types::Type,
+};
+use serde_json::{Map, Value};
+
+use crate::{VERSION, evaluation::Row, referee::LEADS_S};
+
+/// Names of the files.
+pub const CSV_FILE: &str = "trials.csv";
+/// The same in Parquet.
+pub const PARQUET_FILE: &str = "trials.parquet";
+
+/// What a column holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Text,
+    Count,
+    Flag,
+    Number,
+}
+
+/// Columns, by their names in a [`Row`]. Lengths are in metres, angles in radians, times in seconds, as the names say; ratios are
+/// of the arm's limits.
+const COLUMNS: &[(&str, Kind)] = &[
+    ("scenario", Kind::Text),
+    ("object", Kind::Text),
+    ("throw", Kind::Text),
+    ("seed", Kind::Count),
+    ("index", Kind::Count),
+    ("caught", Kind::Flag),
+    ("caught_paper", Kind::Flag),
+    ("reason", Kind::Text),
+    (REACH, Kind::Number),
+    ("limit_violations", Kind::Count),
+    ("catch_time_s", Kind::Number),
+    ("contact_s", Kind::Number),
+    ("prediction_error_m", Kind::Number),
+    (PREDICTIONS, Kind::Number),
+    ("tracking_error_m", Kind::Number),
+    ("grasp_offset_m", Kind::Number),
+    ("grasp_turn_rad", Kind::Number),
+    ("relative_speed_mps", Kind::Number),
+    ("joint_travel_rad", Kind::Number),
+    ("peak_contact_force_n", Kind::Number),
+    ("peak_velocity_ratio", Kind::Number),
+    ("peak_acceleration_ratio", Kind::Number),
+    ("peak_torque_ratio", Kind::Number),
+    ("torque_clamped_s", Kind::Number),
+    ("late_trajectories", Kind::Count),
+    ("refused_trajectories", Kind::Count),
+    ("min_self_clearance_m", Kind::Number),
+    ("min_floor_clearance_m", Kind::Number),
+];
+/// One column each for how long before the catch a prediction was made.
+const PREDICTIONS: &str = "prediction_errors_m";
+/// What the oracle reached, in columns of their own; only misses have it.
+const REACH: &str = "reach";
+const REACHES: &[&str] = &["from_first_image_s", "from_release_s"];
+/// Fields of a [`Row`] that are no column: a violation is told by its number here, and in full in the log.
+#[cfg(test)]
+const ELSEWHERE: &[&str] = &["first_violation"];
+
+/// A column with its values, row by row.
+struct Column {
+    name: String,
+    kind: Kind,
+    values: Vec<Value>,
+}
+
+fn columns(rows: &[Row]) -> Vec<Column> {
+    let maps: Vec<Map<String, Value>> = rows
+        .iter()
+        .map(|row| match serde_json::to_value(row) {
+            Ok(Value::Object(map)) => map,
+            _ => Map::new(),
+        })
+        .collect();
+    let of = |pick: &dyn Fn(&Map<String, Value>) -> Option<&Value>| -> Vec<Value> {
+        maps.iter().map(|map| pick(map).cloned().unwrap_or_default()).collect()
+    };
+    let mut columns = Vec::new();
+    for &(field, kind) in COLUMNS {
+        if field == REACH {
+            for part in REACHES {
+                let values = of(&|map| map.get(field)?.get(part));
+                columns.push(Column { name: format!("{field}_{part}"), kind, values });
+            }
+            continue;
+        }
+        if field != PREDICTIONS {
+            columns.push(Column { name: field.to_owned(), kind, values: of(&|map| map.get(field)) });
+            continue;
+        }
+        for (i, lead_s) in LEADS_S.iter().enumerate() {
+            let name = format!("prediction_error_{:.0}ms_before_m", lead_s * 1e3);
+            columns.push(Column { name, kind, values: of(&|map| map.get(field)?.get(i)) });
+        }
+    }
+    columns
+}
+
+/// Writes both files of a folder, each at once or not at all. `identity` says what was evaluated.
+///
+/// # Errors
+/// If they cannot be written; what was there before stays.
+pub fn write(folder: &Path, rows: &[Row], identity: &str) -> Result<(), InputError> {
+    let columns = columns(rows);
+    replace(&folder.join(CSV_FILE), |path| fs::write(path, csv(&columns, rows.len())))?;
+    replace(&folder.join(PARQUET_FILE), |path| {
+        write_parquet(path, &columns, rows.len(), identity).map_err(io::Error::other)
+    })
+}
+
+/// Writes a file under another name and gives it its own when it is complete.
+///
+/// # Errors
+/// If it cannot be written; what was there before stays.
+pub fn replace(path: &Path, write: impl FnOnce(&Path) -> io::Result<()>) -> Result<(), InputError> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let unfinished = path.with_file_name(format!(".{name}.unfinished"));
+    write(&unfinished).and_then(|()| fs::rename(&unfinished, path)).map_err(|fault| {
+        // Best effort: what is reported is why it could not be written.
+        let _ = fs::remove_file(&unfinished);
+        InputError::new(path.display().to_string(), "the file", fault, "a place to write to; --resume writes it again")
+    })
+}
+
+/// A line of names and one per trial; numbers as short as they can be read back exactly, nothing where there is none.
+fn csv(columns: &[Column], rows: usize) -> String {
+    let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
+    let mut text = names.join(",") + "\n";
+    for row in 0..rows {
+        for (i, column) in columns.iter().enumerate() {
+            if i > 0 {
+                text.push(',');
+            }
+            match &column.values[row] {
+                Value::Null => {}
+                Value::String(value) if value.contains(['"', ',', '\n']) => {
+                    text.extend(["\"", &value.replace('"', "\"\""), "\""]);
+                }
+                Value::String(value) => text.push_str(value),
+                value => {
+                    let _ = write!(text, "{value}");
+                }
+            }
+        }
+        text.push('\n');
+    }
+    text
+}
+
+fn write_parquet(path: &Path, columns: &[Column], rows: usize, identity: &str) -> Result<(), ParquetError> {
+    let field = |column: &Column| {
+        let physical = match column.kind {
+            Kind::Text => Physical::BYTE_ARRAY,
+            Kind::Count => Physical::INT64,
+            Kind::Flag => Physical::BOOLEAN,
+            Kind::Number => Physical::DOUBLE,
+        };
+        let logical = match column.kind {
+            Kind::Text => Some(LogicalType::String),
+            Kind::Count => Some(LogicalType::integer(64, false)),
+            Kind::Flag | Kind::Number => None,
+        };
+        let builder = Type::primitive_type_builder(&column.name, physical);
+        builder.with_repetition(Repetition::OPTIONAL).with_logical_type(logical).build().map(Arc::new)
+    };
+    let fields = columns.iter().map(field).collect::<Result<_, _>>()?;
+    let schema = Arc::new(Type::group_type_builder("trials").with_fields(fields).build()?);
+    let about = KeyValue::new("evaluation".to_owned(), identity.to_owned());
+    let properties = WriterProperties::builder()
+        .set_created_by(format!("catchingbot {VERSION}"))
+        .set_compression(Compression::SNAPPY)
+        .set_key_value_metadata(Some(vec![about]))
+        .build();
+    let mut writer = SerializedFileWriter::new(File::create(path)?, schema, Arc::new(properties))?;
+    if rows > 0 {
+        let mut group = writer.next_row_group()?;
+        for column in columns {
+            match column.kind {
+                Kind::Text => add::<ByteArrayType>(&mut group, column, |value| value.as_str().map(ByteArray::from))?,
+                // The bits of an unsigned number.
+                Kind::Count => add::<Int64Type>(&mut group, column, |value| value.as_u64().map(u64::cast_signed))?,
+                Kind::Flag => add::<BoolType>(&mut group, column, Value::as_bool)?,
+                Kind::Number => add::<DoubleType>(&mut group, column, Value::as_f64)?,
+            }
+        }
+        group.close()?;
+    }
+    writer.close()?;
+    Ok(())
+}
+
+/// Adds a column: the values that there are, and for each row whether there is one.
+fn add<T: DataType>(
+    group: &mut SerializedRowGroupWriter<File>,
+    column: &Column,
+    read: impl Fn(&Value) -> Option<T::T>,
+) -> Result<(), ParquetError> {
+    let Some(mut writer) = group.next_column()? else { return Ok(()) };
+    let values: Vec<Option<T::T>> = column.values.iter().map(read).collect();
+    let levels: Vec<i16> = values.iter().map(|value| i16::from(value.is_some())).collect();
+    let present: Vec<T::T> = values.into_iter().flatten().collect();
+    writer.typed::<T>().write_batch(&present, Some(&levels), None)?;
+    writer.close()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        oracle::Reach,
+        referee::{Measures, Verdict, reason::Reason},
+        setup::Scene,
+    };
+
+    fn row(index: u64, reason: Option<Reason>) -> Row {
+        Row {
+            scene: Scene { scenario: "a, b".into(), object: "x".into(), throw: "y".into(), seed: u64::MAX, index },
+            verdict: Verdict {
+                caught: reason.is_none(),
+                caught_paper: true,
+                reason,
+                reach: reason.map(|_| Reach { from_first_image_s: None, from_release_s: Some(0.5) }),
+                limit_violations: 0,
+                first_violation: None,
+                catch_time_s: Some(0.1 + 0.2),
+                contact_s: None,
+                measures: Measures::default(),
+            },
+        }
+    }
+
+    #[test]
+    fn every_field_of_a_row_has_its_column() {
+        let Value::Object(map) = serde_json::to_value(row(0, Some(Reason::Late))).unwrap() else {
+            panic!("a row is an object")
+        };
+        for field in map.keys() {
+            let is_known = COLUMNS.iter().any(|(name, _)| name == field) || ELSEWHERE.contains(&field.as_str());
+            assert!(is_known, "{field} has no column");
+        }
+        assert!(COLUMNS.iter().all(|(name, _)| map.contains_key(*name)));
+        assert!(map[REACH].as_object().unwrap().keys().all(|part| REACHES.contains(&part.as_str())));
+    }
+
+    #[test]
+    fn csv_gives_numbers_back_exactly_and_quotes_what_must_be() {
+        let text = csv(&columns(&[row(3, Some(Reason::Late))]), 1);
+        let line = text.lines().nth(1).unwrap();
+        assert!(
+            line.starts_with("\"a, b\",x,y,18446744073709551615,3,false,true,late,,0.5,0,0.30000000000000004,,"),
+            "{line}"
+        );
+        assert_eq!(text.lines().next().unwrap().split(',').count(), line.split(',').count() - 1);
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_written_leaves_the_old_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table.csv");
+        fs::write(&path, "old").unwrap();
+        let fault = replace(&path, |_| Err(io::Error::other("no room"))).unwrap_err().to_string();
+        assert!(fault.contains("no room") && fault.contains("table.csv"), "{fault}");
+        assert_eq!(fs::read_to_string(&path).unwrap(), "old");
+        replace(&path, |path| fs::write(path, "new")).unwrap();
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+}
