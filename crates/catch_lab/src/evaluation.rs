@@ -63,10 +63,10 @@ pub struct Identity {
     pub seed: u64,
     /// Number of the first throw.
     pub first: u64,
-    /// The scenario of each cell, all choices made.
-    pub cells: Vec<Scenario>,
     /// Whether every trial of a cell sees the same throw.
     pub throws_are_fixed: Vec<bool>,
+    /// The scenario of each cell, all choices made.
+    pub cells: Vec<Scenario>,
 }
 
 impl Identity {

@@ -24,7 +24,7 @@ pub const TRIALS_FILE: &str = "trials.jsonl";
 /// Name of the summary.
 pub const SUMMARY_FILE: &str = "table.md";
 /// Name of the file that says what was evaluated.
-const IDENTITY_FILE: &str = "evaluation.json";
+const IDENTITY_FILE: &str = "evaluation.toml";
 
 /// Results that grow.
 #[derive(Debug)]
@@ -85,7 +85,7 @@ impl Results {
 }
 
 fn write_tables(folder: &Path, identity: &Identity, rows: &[Row]) -> Result<(), InputError> {
-    trial_table::write(folder, rows, &serde_json::to_string(identity).unwrap_or_default())?;
+    trial_table::write(folder, rows, &identity_text(identity)?)?;
     let summary = summary_table::markdown(identity, &identity.summarize(rows));
     trial_table::replace(&folder.join(SUMMARY_FILE), |path| fs::write(path, summary))
 }
@@ -95,8 +95,15 @@ fn write_identity(folder: &Path, identity: &Identity) -> Result<(), InputError> 
         let found = format!("`{}`: {fault}", folder.display());
         InputError::new(COMMAND_LINE, "--out", found, "a folder that can be written")
     })?;
-    let text = serde_json::to_string_pretty(identity).unwrap_or_default() + "\n";
+    let text = identity_text(identity)?;
     trial_table::replace(&folder.join(IDENTITY_FILE), |path| fs::write(path, text))
+}
+
+/// What was evaluated as TOML, the language of scenarios; unlike JSON it knows infinity.
+fn identity_text(identity: &Identity) -> Result<String, InputError> {
+    toml::to_string(identity).map_err(|fault| {
+        InputError::new(COMMAND_LINE, "the evaluation", fault, "a seed and a scenario that can be written as TOML")
+    })
 }
 
 fn holds_results(folder: &Path, expected: &str) -> InputError {
@@ -152,9 +159,7 @@ fn read_identity(path: &Path) -> Result<Identity, InputError> {
     let file = path.display().to_string();
     let text =
         fs::read_to_string(path).map_err(|fault| InputError::new(&file, "the file", fault, "a folder of results"))?;
-    serde_json::from_str(&text).map_err(|fault| {
-        InputError::new(&file, format!("line {}", fault.line()), fault, "what an evaluation wrote here")
-    })
+    InputError::parse_toml(&file, &text)
 }
 
 fn check_identity(path: &Path, identity: &Identity) -> Result<(), InputError> {

@@ -38,7 +38,7 @@ pub struct EvalArguments {
     #[arg(long, value_name = "NAME|FILE")]
     pub(super) throw: Vec<String>,
     /// Seed of everything random
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
     pub(super) seed: u64,
     /// Throws per object and throw
     #[arg(long, value_name = "N", default_value_t = 57, value_parser = clap::value_parser!(u64).range(1..=10_000_000))]

@@ -12,7 +12,7 @@ use serde_json::Value;
 use crate::{catchingbot, stderr, stdout};
 
 /// What an evaluation leaves that is promised byte for byte.
-const FILES: [&str; 5] = ["evaluation.json", "trials.jsonl", "trials.csv", "trials.parquet", "table.md"];
+const FILES: [&str; 5] = ["evaluation.toml", "trials.jsonl", "trials.csv", "trials.parquet", "table.md"];
 const FIXED: [&str; 8] =
     ["eval", "--json", "--object", "tennis_ball", "--object", "pill_bottle", "--throw", "near_sampled"];
 
@@ -99,7 +99,7 @@ fn the_files_are_the_same_for_any_number_of_threads_however_often_it_is_killed_a
     for (parts, out, hint) in [
         (&["a", "a"][..], "m", "first"),
         (&["a", "other"], "m", "seed"),
-        (&["a", "nowhere"], "m", "evaluation.json"),
+        (&["a", "nowhere"], "m", "evaluation.toml"),
         (&["a", "b"], "merged", "holds results"),
     ] {
         let output = merge(parts, out);
@@ -116,6 +116,7 @@ fn the_files_are_the_same_for_any_number_of_threads_however_often_it_is_killed_a
 }
 
 /// The table in the tools in which people look at tables, whichever of them there is.
+#[expect(clippy::print_stdout, reason = "a check that is skipped says so")]
 fn read_by_python(folder: &Path) {
     let script = r#"
 import sys
@@ -198,7 +199,7 @@ fn a_full_disk_loses_nothing() {
     assert!(eval(&whole, &["--trials", "3"]).status.success());
     // In blocks of 512 or 1024 bytes, as the shell has it; the identity fits, the six rows do not.
     let size = fs::metadata(whole.join("trials.jsonl")).unwrap().len();
-    let identity = fs::metadata(whole.join("evaluation.json")).unwrap().len();
+    let identity = fs::metadata(whole.join("evaluation.toml")).unwrap().len();
     let blocks = (identity.max(size / 3) / 512 + 1).to_string();
     let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" \"$@\"");
     let output = Command::new("sh")

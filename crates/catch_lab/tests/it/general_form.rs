@@ -12,7 +12,6 @@ fn the_general_form_solves_nearly_what_the_closed_forms_solve() {
     let document: Value = serde_json::from_str(&stdout(&output)).unwrap();
     let solved: Vec<&Value> =
         document["cases"].as_array().unwrap().iter().filter(|case| case["status"] == "solved").collect();
-    println!("{} of 30 solved", solved.len());
     for case in &solved {
         // What is solved is solved: recomputed from the spline, to the tolerance at which an error counts as none.
         let number = |group: &str, field: &str| case[group][field].as_f64().unwrap();
@@ -23,5 +22,6 @@ fn the_general_form_solves_nearly_what_the_closed_forms_solve() {
             assert!(number("limit_ratio", field) <= 1.0, "{}: {field} {}", case["id"], number("limit_ratio", field));
         }
     }
-    assert!(solved.len() >= 27, "{} of 30", solved.len());
+    // All 30 were, when this was written; which seeds are tried is a heuristic.
+    assert!(solved.len() >= 29, "{} of 30", solved.len());
 }
