@@ -19,14 +19,14 @@ pub mod trajectory_prediction;
 use std::{collections::VecDeque, sync::Arc};
 
 use catch_body::{Gripper, JointVector, Pose, Robot, ray_cast::ArmSurface};
-use catch_cell::{Brain, CameraModel, Command, Observation, PixelWindow, Probe, ReferenceScan, arm::Setpoint};
+use catch_cell::{Brain, CameraModel, Command, Observation, PixelWindow, Probe, ReferenceScan};
 use serde::{Deserialize, Serialize};
 
 use control::GripperPlan;
 use grasp_selection::GraspSet;
 pub use method::Method;
 use perception::{ObjectPose, ReferenceModel, Surroundings};
-use trajectory_optimization::{CatchPlan, Planner, Refusal, Start};
+use trajectory_optimization::{CatchPlan, Planner};
 use trajectory_prediction::FlightTrajectory;
 
 /// All settings of the brain, stage by stage.
@@ -140,10 +140,6 @@ impl Preparation {
 const LOST_S: f64 = 0.05;
 /// Observations whose joint angles are remembered: longer than images can take to arrive.
 const SENSED: usize = 64;
-/// Plans that are remembered: more than can be under way.
-const SENT: usize = 8;
-/// Where a trajectory is followed the cabinet's setpoint is its own, but for rounding, in radians.
-const SAME_SETPOINT_RAD: f64 = 1e-7;
 /// Poses that are remembered, more than any prediction looks back at.
 const POSES: usize = 1024;
 
@@ -188,7 +184,7 @@ impl CatchingBot {
             poses: Vec::with_capacity(POSES),
             flight: None,
             plan: None,
-            sent: VecDeque::with_capacity(SENT),
+            sent: VecDeque::with_capacity(control::decision::SENT),
             workspace: perception::Workspace::default(),
             prediction_workspace: trajectory_prediction::Workspace::default(),
             closing: None,
@@ -335,90 +331,6 @@ impl CatchingBot {
     fn expected_pose(&self, time_s: f64) -> Option<Pose> {
         let flight = self.flight.as_ref().map(|flight| flight.pose_at(time_s));
         flight.or_else(|| self.poses.last().map(|pose| pose.X_WO))
-    }
-
-    /// A trajectory that came too late was refused, and so was every one that went on from it: the plan is then the one that
-    /// the arm follows.
-    fn drop_refused(&mut self, observation: &Observation) {
-        let now_s = observation.time_s;
-        let is_followed = |plan: &CatchPlan| {
-            let setpoint = plan.trajectory.setpoint(now_s);
-            (setpoint.q - observation.arm.setpoint_q).amax() < SAME_SETPOINT_RAD
-        };
-        let begun = self.sent.iter().rposition(|plan| plan.trajectory.start_s() < now_s);
-        let Some(begun) = begun.filter(|&begun| !is_followed(&self.sent[begun])) else { return };
-        let followed = self.sent.iter().take(begun).rposition(is_followed);
-        self.sent.truncate(followed.map_or(0, |at| at + 1));
-        self.plan = self.sent.back().cloned();
-    }
-
-    /// Where the arm will be when a motion that is planned now takes over.
-    fn start(&self, observation: &Observation) -> Start {
-        let time_s = observation.time_s + self.known.config.control.expected_latency_s;
-        let state = match &self.plan {
-            Some(plan) => plan.trajectory.setpoint(time_s),
-            // Encoders are noisy and a loaded arm sags; what is executing is known exactly.
-            None => Setpoint::at_rest(observation.arm.setpoint_q),
-        };
-        Start { time_s, state }
-    }
-
-    /// The ladder of replans: the same catch adjusted, else the old motion, else another catch.
-    fn decide(&self, start: &Start, flight: &FlightTrajectory) -> (Status, Option<CatchPlan>) {
-        if self.known.config.method == Method::Paper {
-            return paper_method::decide(self, start, flight);
-        }
-        let (grasps, config) = (&self.known.grasps, &self.known.config.grasp_selection);
-        let search = || self.known.planner.search(start, flight, grasps, config);
-        let Some(plan) = &self.plan else {
-            return match search() {
-                Ok(plan) => (Status::Planned, Some(plan)),
-                Err(Refusal::NoGrasp) => (Status::NoGrasp, None),
-                Err(Refusal::OutOfReach) => (Status::OutOfReach, None),
-                Err(Refusal::Blocked) => (Status::Blocked, None),
-                Err(Refusal::NoMotion) => (Status::NoPlan, None),
-            };
-        };
-        let planner = &self.known.planner;
-        let adjusted = planner.retarget(start, flight, plan, grasps, config);
-        let is_good = match &adjusted {
-            Some(adjusted) => adjusted.lets_in,
-            None => control::is_still_good(plan, flight, planner.gripper(), &self.known.config.control),
-        };
-        // Fingers that have begun to close are timed for this catch.
-        let is_closing = self.closing.is_some_and(|closing| closing.start_s <= start.time_s);
-        let another = if is_good || is_closing { None } else { search().ok() };
-        match another.or(adjusted) {
-            Some(plan) => (Status::Planned, Some(plan)),
-            None => {
-                let plan = planner.opened(plan.clone(), plan.open_width_m, start.time_s, flight, grasps, config);
-                (Status::PlanKept, Some(plan))
-            }
-        }
-    }
-
-    /// Takes over the plan, and times the gripper by the newest flight.
-    fn command(&mut self, now_s: f64, status: Status, plan: Option<CatchPlan>, flight: &FlightTrajectory) -> Command {
-        let Some(plan) = plan else { return Command::default() };
-        let gripper = self.known.planner.gripper();
-        let grasping = &self.known.config.grasp_selection;
-        let closing =
-            control::closing(&plan, flight, self.known.planner.robot(), gripper, grasping, &self.known.config.control);
-        // Fingers that have started to close go on: a new list of moves would open them again.
-        let is_closing = self.closing.is_some_and(|closing| closing.start_s <= now_s);
-        let moves = control::gripper_moves(now_s, &plan, &closing, gripper, &self.known.config.control);
-        let arm = (status == Status::Planned).then(|| plan.trajectory.clone());
-        if arm.is_some() {
-            if self.sent.len() == SENT {
-                self.sent.pop_front();
-            }
-            self.sent.push_back(plan.clone());
-        }
-        if !is_closing {
-            self.closing = Some(closing);
-        }
-        self.plan = Some(plan);
-        Command { arm, gripper: (!is_closing).then_some(moves), windows: None }
     }
 
     fn close_report(&mut self, status: Status, command: Command) -> Command {

@@ -29,15 +29,14 @@ use crate::{
 pub struct Cell {
     /// All that its trials share.
     pub setup: Setup,
-    /// Whether every trial sees the same throw.
+    /// Whether every trial sees the same throw under the same conditions.
     pub throw_is_fixed: bool,
 }
 
 impl Cell {
     /// A cell of trials that share a setup.
     pub fn new(setup: Setup) -> Self {
-        let scene = |index| (setup.release(0, index), setup.conditions(0, index));
-        let throw_is_fixed = scene(0) == scene(1);
+        let throw_is_fixed = setup.repeats_itself();
         Self { setup, throw_is_fixed }
     }
 }

@@ -246,6 +246,7 @@ mod tests {
     /// How many random throws are within reach, and what it costs to know.
     #[test]
     #[ignore = "prints what docs/honesty.md says"]
+    #[allow(clippy::print_stdout, reason = "tests tell what they measured")]
     fn measured_reach() {
         for scenario in ["honest", "paper"] {
             let choice = Choice { scenario: Some(scenario), throw: Some("random"), ..Choice::default() };

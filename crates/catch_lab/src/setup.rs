@@ -9,14 +9,16 @@ use catch_body::{Gripper, InputError, JointVector, Robot, robot::LimitScale, rob
 use catch_bot::{CatchingBot, Method, Preparation, perception::DepthNoise};
 use catch_cell::{CameraModel, ReferenceScan};
 use catch_sim::{
-    Arena, Conditions, Equipment, Release, Throw, ThrownObject, cameras,
+    Arena, Conditions, Equipment, GripperDriveKind, Release, Throw, ThrownObject,
+    cameras::{self, depth_noise::DepthConfig},
+    config::RobotErrors,
     random_streams::{Stream, seed_for},
 };
 use serde::{Deserialize, Serialize};
 
 use crate::{
     assets::{Asset, Kind, Origin},
-    scenario::Scenario,
+    scenario::{Clock, Scenario},
 };
 
 /// What somebody asks for: a scenario, and what is to be different from its file.
@@ -244,6 +246,17 @@ impl Setup {
     /// What differs from throw to throw besides the throw itself.
     pub fn conditions(&self, seed: u64, index: u64) -> Conditions {
         Conditions::draw(&self.scenario.arena, &self.object, seed, index)
+    }
+
+    /// Whether all throws are the same in everything that is drawn.
+    pub fn repeats_itself(&self) -> bool {
+        let Scenario { arena, clock, .. } = &self.scenario;
+        let scene = |index| (self.release(0, index), self.conditions(0, index));
+        let has_own_chance = arena.depth != DepthConfig::default()
+            || arena.gripper != GripperDriveKind::default()
+            || arena.robot_errors != RobotErrors::default()
+            || *clock == Clock::Charged;
+        !has_own_chance && scene(0) == scene(1)
     }
 
     /// How the object leaves the thrower's hand.

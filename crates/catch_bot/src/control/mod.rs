@@ -1,5 +1,7 @@
 //! Control: when the gripper closes, and how plans become commands.
 
+pub(crate) mod decision;
+
 use catch_cell::GripperMove;
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};

@@ -5,7 +5,7 @@
 pub struct Closing {
     /// Highest speed in m/s.
     pub speed_mps: f64,
-    /// Acceleration in m/s²; infinite for fingers that have their speed at once.
+    /// Acceleration in m/s².
     pub acceleration_mps2: f64,
 }
 

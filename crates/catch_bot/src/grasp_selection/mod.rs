@@ -49,7 +49,7 @@ pub struct Config {
     pub palm_margin_m: f64,
     /// Speed of closing in m/s, the fingers relative to each other.
     pub closing_speed_mps: f64,
-    /// How fast they gather it, in m/s². `inf` for fingers that have it at once.
+    /// How fast they gather it, in m/s².
     pub closing_acceleration_mps2: f64,
     /// Time for the gripper to obey, in seconds: an opening that it could not have reached by then is not asked for any more.
     pub settling_s: f64,

@@ -168,7 +168,7 @@ fn print<'a>(results: impl Iterator<Item = &'a StepResult>) -> io::Result<()> {
     let percent = |value: f64| format!("{:.1}", value * 100.0);
     let range = |[low, high]: [f64; 2]| format!("{} – {} %", percent(low), percent(high));
     for StepResult { step, removes, objects } in results {
-        screen::line(&format!("  {STRONG}{step}{STRONG:#}  {FAINT}without {removes}{FAINT:#}"))?;
+        screen::line(&format!("  {STRONG}{step}{STRONG:#}  {FAINT}removes {removes}{FAINT:#}"))?;
         for it in objects {
             let share = |of: usize| format!("{} %", percent(it.caught as f64 / of.max(1) as f64));
             let reasons: Vec<String> = it.reasons.iter().map(|(reason, count)| format!("{count}× {reason}")).collect();

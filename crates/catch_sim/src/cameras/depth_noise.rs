@@ -124,6 +124,11 @@ impl StereoNoise {
         }
     }
 
+    /// How far around a pixel its measurement depends on other pixels.
+    pub(super) fn edge_reach_px(&self) -> u32 {
+        if self.bleed_share + self.flying_share > 0.0 { self.edge_px } else { 0 }
+    }
+
     /// Standard deviation of 1/z, in 1/m, of a camera with this focal length: s/(f·b).
     pub fn inverse_depth_sd_per_m(&self, focal_px: f64) -> f64 {
         self.subpixel_px / (focal_px * self.baseline_m)
@@ -141,6 +146,8 @@ pub struct DataSheet {
     pub common_share: f64,
     /// Whether pixels may be missing where there is something.
     pub dropout: bool,
+    /// How many pixels beside a depth edge may show something else than what is there.
+    pub edge_px: u32,
 }
 
 impl DepthModel {
@@ -176,6 +183,7 @@ impl DepthModel {
                 quadratic_per_m: stereo.inverse_depth_sd_per_m(focal_px),
                 common_share: stereo.common_share,
                 dropout: stereo.dropout_share > 0.0 || stereo.grazing_rad.is_some() || stereo.range_m.is_some(),
+                edge_px: stereo.edge_reach_px(),
             },
             (Self::Gaussian(noise), _) => DataSheet { constant_m: noise.sd_m, ..DataSheet::default() },
             // 0.0012 + 0.0019·(z − 0.4)² = 0.001504 − 0.00152·z + 0.0019·z², of which the middle is left out.

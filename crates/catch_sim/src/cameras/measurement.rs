@@ -141,11 +141,6 @@ impl Image<'_> {
 }
 
 impl StereoNoise {
-    /// How far around a pixel its measurement depends on other pixels.
-    fn edge_reach_px(&self) -> u32 {
-        if self.bleed_share + self.flying_share > 0.0 { self.edge_px } else { 0 }
-    }
-
     /// What is measured in `window`, a part of an exact image.
     fn measured<'a>(&self, exact: Image<'a>, window: PixelWindow, key: Key) -> Image<'a> {
         let mut image = if self.edge_reach_px() > 0 { self.with_edges(&exact, window, key) } else { exact };
