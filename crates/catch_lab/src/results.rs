@@ -2,7 +2,7 @@
 //!
 //! While it runs there is a log, one line of JSON per trial, written as soon as it and all before it are done, and a file beside it
 //! that says what is evaluated. What a run was killed in the middle of is gone; everything before it stays. When all trials
-//! are done the log becomes a table ([`trial_table`](crate::trial_table)) and a summary for people. Evaluations of parts can be
+//! are done the log becomes a table ([`trial_table`]) and a summary for people. Evaluations of parts can be
 //! merged; the union is what one evaluation would have written, byte for byte.
 
 use std::{

@@ -272,8 +272,8 @@ fn the_share_of_images_is_lost_that_should_be() {
         let missing = 20.0 - frames.len() as f64;
         lost += missing;
         pairs += missing * (missing - 1.0) / 2.0;
-        for camera in 0..20 {
-            by_camera[camera] += f64::from(u8::from(frames.iter().all(|frame| frame.camera != camera)));
+        for (camera, count) in by_camera.iter_mut().enumerate() {
+            *count += f64::from(u8::from(frames.iter().all(|frame| frame.camera != camera)));
         }
     }
     let check = |count: f64, share: f64, found: f64| {
