@@ -175,7 +175,8 @@ enum Found {
 pub struct Recorder {
     path: PathBuf,
     unfinished: PathBuf,
-    out: Option<GzEncoder<BufWriter<File>>>,
+    /// Numbers come one by one, and the encoder clears a buffer at each call: they are gathered first.
+    out: Option<BufWriter<GzEncoder<BufWriter<File>>>>,
 }
 
 impl Recorder {
@@ -189,6 +190,7 @@ impl Recorder {
         let path = folder.join(format!("{name}.{EXTENSION}"));
         let unfinished = folder.join(format!(".{name}.{}.unfinished", std::process::id()));
         let out = GzBuilder::new().write(BufWriter::new(File::create(&unfinished)?), Compression::fast());
+        let out = BufWriter::with_capacity(1 << 16, out);
         let mut recorder = Self { path, unfinished, out: Some(out) };
         recorder.write(&Header {
             format: FORMAT.to_owned(),
@@ -220,7 +222,8 @@ impl Recorder {
     pub fn finish(mut self, ending: &Ending) -> io::Result<PathBuf> {
         self.write(&Written::Ending(ending))?;
         if let Some(out) = self.out.take() {
-            out.finish()?.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()?;
+            let packed = out.into_inner().map_err(io::IntoInnerError::into_error)?.finish()?;
+            packed.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()?;
         }
         fs::rename(&self.unfinished, &self.path)?;
         Ok(self.path.clone())
