@@ -44,7 +44,7 @@ impl Planner {
         self.first_of(&openings, X_WG, plan.catch_s, flight, &plan.grasp, grasps, config)
     }
 
-    /// Whether a running plan lets the object in with this opening. It is not given up before the object would touch something.
+    /// Whether a plan lets the object in with this opening.
     pub(super) fn lets_in_when_open(
         &self,
         plan: &CatchPlan,
@@ -54,8 +54,7 @@ impl Planner {
         config: &grasp_selection::Config,
     ) -> bool {
         let X_WG = |before_s: f64| self.robot.gripper_pose(&plan.trajectory.setpoint(plan.catch_s - before_s).q);
-        let touching = grasp_selection::Config { way_in_margin_m: 0.0, ..config.clone() };
-        self.first_of(&[open_m], X_WG, plan.catch_s, flight, &plan.grasp, grasps, &touching).is_some()
+        self.first_of(&[open_m], X_WG, plan.catch_s, flight, &plan.grasp, grasps, config).is_some()
     }
 
     /// Openings that are tried, the narrowest first.
