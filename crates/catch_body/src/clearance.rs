@@ -216,6 +216,29 @@ mod tests {
         }
     }
 
+    proptest! {
+        /// Against points all over the box.
+        #[test]
+        fn clearance_of_what_is_held_matches_brute_force(q in prop::array::uniform7(-2.9f64..2.9)) {
+            let robot = iiwa();
+            let clearance = ArmClearance::new(&robot, &wsg50());
+            let X_WL = robot.link_poses(&robot.joint_vector(&q).unwrap());
+            let held_G = Cuboid { centre: Point3::new(0.0, 0.09, 0.01), size: nalgebra::Vector3::new(0.03, 0.05, 0.17) };
+            let X_WG = robot.gripper_in(&X_WL);
+            let met = robot.capsules.iter().filter(|(link, _)| link + robot.ignored_neighbours < robot.dof());
+            let in_world: Vec<Capsule> = met.map(|(link, capsule)| capsule.transformed(&X_WL[*link])).collect();
+            let steps = || (0..=12).map(|i| f64::from(i) / 12.0 - 0.5);
+            let mut nearest = f64::INFINITY;
+            for (x, y, z) in steps().flat_map(|x| steps().flat_map(move |y| steps().map(move |z| (x, y, z)))) {
+                let p = X_WG * (held_G.centre + nalgebra::Vector3::new(x, y, z).component_mul(&held_G.size));
+                nearest = in_world.iter().map(|one| one.distance_to_point(&p)).fold(nearest.min(p.z), f64::min);
+            }
+            let found = clearance.held_clearance(&X_WL, &held_G);
+            prop_assert!(found <= nearest + 1e-9 || found < 0.0, "{found} is above the sampled {nearest}");
+            prop_assert!(nearest < 0.0 || found > nearest - 0.01, "{found} is far below the sampled {nearest}");
+        }
+    }
+
     #[test]
     fn waiting_pose_is_clear_and_a_folded_one_is_not() {
         let robot = iiwa();

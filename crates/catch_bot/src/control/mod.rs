@@ -74,7 +74,7 @@ pub fn closing(
     };
     let closest_s = closest(plan.catch_s, distance);
     let contact_s = closest_s - grasping.contact_lead_s(&velocity_in_gripper(plan, robot, gripper, &passage));
-    let fingers = grasping.closing();
+    let fingers = grasping.closing(gripper);
     let travel_s = fingers.duration_s(plan.open_width_m - plan.grasp.object_width_m);
     GripperPlan { start_s: contact_s - travel_s - config.gripper_latency_s, contact_s, speed_mps: fingers.speed_mps }
 }

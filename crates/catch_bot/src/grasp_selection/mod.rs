@@ -47,10 +47,10 @@ pub struct Config {
     pub way_in_margin_m: f64,
     /// Free space between the object and the palm, in metres.
     pub palm_margin_m: f64,
-    /// Speed of closing in m/s, the fingers relative to each other.
-    pub closing_speed_mps: f64,
-    /// How fast they gather it, in m/s².
-    pub closing_acceleration_mps2: f64,
+    /// Speed of closing in m/s, the fingers relative to each other; the gripper's own limit if nothing is said.
+    pub closing_speed_mps: Option<f64>,
+    /// How fast they gather it, in m/s²; likewise.
+    pub closing_acceleration_mps2: Option<f64>,
     /// Time for the gripper to obey, in seconds: an opening that it could not have reached by then is not asked for any more.
     pub settling_s: f64,
     /// The fingers should touch the object when it still has this far to go across them to the grasp centre, in metres: the
@@ -77,8 +77,8 @@ impl Default for Config {
             finger_margin_m: 0.012,
             way_in_margin_m: 0.003,
             palm_margin_m: 0.006,
-            closing_speed_mps: 0.42,
-            closing_acceleration_mps2: 5.0,
+            closing_speed_mps: None,
+            closing_acceleration_mps2: None,
             settling_s: 0.05,
             braking_way_m: 0.007,
             palm_braking_way_m: 0.025,
@@ -90,8 +90,11 @@ impl Default for Config {
 
 impl Config {
     /// How the fingers close.
-    pub fn closing(&self) -> Closing {
-        Closing { speed_mps: self.closing_speed_mps, acceleration_mps2: self.closing_acceleration_mps2 }
+    pub fn closing(&self, gripper: &Gripper) -> Closing {
+        Closing {
+            speed_mps: self.closing_speed_mps.unwrap_or(gripper.max_speed_mps),
+            acceleration_mps2: self.closing_acceleration_mps2.unwrap_or(gripper.max_acceleration_mps2),
+        }
     }
 
     /// How long before it passes the grasp centre the fingers should touch an object that passes at `v_G` in G: what it takes for

@@ -200,3 +200,37 @@ fn doubt_holes(labels: &mut [Label], part: &PixelWindow, is_measured: impl Fn(u3
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Labels of 7×7 pixels: a square of 3×3 that shows the object, in the middle.
+    fn square() -> (PixelWindow, Vec<Label>) {
+        let part = PixelWindow { left: 10, top: 20, width: 7, height: 7 };
+        let inside = |i: usize| (2..5).contains(&(i % 7)) && (2..5).contains(&(i / 7));
+        (part, (0..49).map(|i| if inside(i) { Label::Object } else { Label::Elsewhere }).collect())
+    }
+
+    #[test]
+    fn a_hole_cannot_tell_and_what_is_beside_the_object_is_elsewhere() {
+        let (part, mut labels) = square();
+        // The middle and one of the edge are missing.
+        for hole in [3 * 7 + 3, 2 * 7 + 3] {
+            labels[hole] = Label::Elsewhere;
+        }
+        let before = labels.clone();
+        doubt_holes(&mut labels, &part, |_, _| false);
+        assert_eq!((labels[3 * 7 + 3], labels[2 * 7 + 3]), (Label::Unknown, Label::Unknown));
+        let others = (0..49).filter(|i| ![24, 17].contains(i));
+        assert!(others.into_iter().all(|i| labels[i] == before[i]));
+    }
+
+    #[test]
+    fn a_pixel_with_a_depth_is_believed() {
+        let (part, mut labels) = square();
+        labels[24] = Label::Elsewhere;
+        doubt_holes(&mut labels, &part, |column, row| (column, row) == (13, 23));
+        assert_eq!(labels[24], Label::Elsewhere);
+    }
+}

@@ -53,7 +53,7 @@ impl Planner {
         }
         let opening = self.opening(&plan, flight, grasps, config);
         let open_width_m = opening.unwrap_or(self.gripper.max_width_m);
-        let fingers = config.closing();
+        let fingers = config.closing(&self.gripper);
         let takes_s = fingers.duration_s((open_width_m - had_m).abs())
             + fingers.duration_s(open_width_m - plan.grasp.object_width_m)
             + config.settling_s;

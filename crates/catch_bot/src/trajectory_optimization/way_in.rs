@@ -108,7 +108,7 @@ impl Planner {
             })
             .filter(|(_, X_GO)| X_GO.translation.vector.norm() < near_m)
             .collect();
-        let closing = config.closing();
+        let closing = config.closing(&self.gripper);
         let centre = |before_s: f64| {
             let X_GO = X_WG(before_s).inverse() * passage.pose_at(catch_s - before_s);
             X_GO * (grasp.X_OG * self.gripper.grasp_centre())

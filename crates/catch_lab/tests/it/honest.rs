@@ -2,6 +2,7 @@
 
 use std::{fs, path::Path};
 
+use catch_cell::{Brain, Cell as _};
 use catch_lab::{
     evaluation::{Cell, Evaluation},
     oracle::Oracle,
@@ -140,4 +141,31 @@ fn the_ladder_climbs_and_goes_on_where_it_was() {
     assert_eq!(fs::metadata(&kept).unwrap().len(), before);
     let output = catchingbot(&["eval", "--ladder", "--throw", "near"]);
     assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+}
+
+/// One command arrives 5 ms late and its trajectory is refused, and so is what goes on from it, until the brain notices what the
+/// arm follows.
+#[test]
+fn a_brain_whose_trajectory_was_refused_goes_on_from_what_the_arm_follows() {
+    let setup = Setup::load(&Choice::default()).unwrap();
+    let (mut arena, mut brain) = (setup.arena(1, 0), setup.brain(1, 0));
+    let mut sent_after = None;
+    for _ in 0..60 {
+        let observation = arena.sense();
+        let command = brain.tick(&observation, &mut ());
+        let is_late = sent_after.is_none() && observation.time_s > 0.2 && command.arm.is_some();
+        if is_late {
+            sent_after = Some(0);
+        } else if let Some(sent) = &mut sent_after {
+            *sent += u32::from(command.arm.is_some());
+        }
+        arena.act_after(if is_late { 0.005 } else { 0.0 }, command);
+    }
+    let (servo, sent_after) = (&arena.truth().servo, sent_after.unwrap());
+    assert_eq!(servo.late_trajectories, 1);
+    assert!(
+        sent_after > 20 && servo.refused_trajectories <= 2,
+        "{} of {sent_after} refused",
+        servo.refused_trajectories
+    );
 }

@@ -207,8 +207,8 @@ fn check(desk: &Desk, start: &Start, flight: &FlightTrajectory, plan: &CatchPlan
     must(off < 1e-6 && (0.0..=0.3 + 1e-9).contains(&plan.speed_fraction), format!("the velocity is off by {off}"))?;
 
     let clearance = ArmClearance::new(&desk.setup.robot, gripper);
-    let closes_s =
-        plan.catch_s - desk.config.grasp_selection.closing().duration_s(plan.open_width_m - plan.grasp.object_width_m);
+    let closes_s = plan.catch_s
+        - desk.config.grasp_selection.closing(gripper).duration_s(plan.open_width_m - plan.grasp.object_width_m);
     let steps = ((trajectory.end_s() - start.time_s) / 0.002) as usize + 1;
     for step in 0..=steps {
         let time_s = start.time_s + (trajectory.end_s() - start.time_s) * step as f64 / steps as f64;
