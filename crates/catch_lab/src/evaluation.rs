@@ -132,7 +132,7 @@ impl Evaluation {
         cell.setup.scene(self.seed, index)
     }
 
-    fn trial(&self, job: usize) -> (Row, Stopwatch) {
+    fn trial(&self, job: usize) -> (Verdict, Stopwatch) {
         let (cell, index) = self.job(job);
         let trial =
             trial::run(&cell.setup, self.seed, index, &mut |_, _| Ok(())).expect("this onlooker has no objections");
@@ -140,7 +140,7 @@ impl Evaluation {
         if !verdict.caught {
             verdict.reach = Oracle::of(&cell.setup).map(|oracle| oracle.reach(&cell.setup, self.seed, index));
         }
-        (Row { scene: self.scene(job), verdict }, trial.stopwatch)
+        (verdict, trial.stopwatch)
     }
 
     /// Runs the trials from number `from` on, on several threads, and hands over each row in the order of their numbers.
@@ -173,7 +173,8 @@ impl Evaluation {
             let mut due = from;
             for (job, result) in &receiver {
                 waiting.insert(job, result);
-                while let Some((row, stopwatch)) = waiting.remove(&due) {
+                while let Some((verdict, stopwatch)) = waiting.remove(&due) {
+                    let row = Row { scene: self.scene(due), verdict };
                     due += 1;
                     if let Err(fault) = row_done(row, stopwatch) {
                         drop(receiver);

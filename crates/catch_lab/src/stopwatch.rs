@@ -1,6 +1,9 @@
 //! Wall time of the brain's stages. The brain itself reads no clock; it only says when a stage has ended.
 
-use std::time::{Duration, Instant};
+use std::{
+    collections::BTreeMap,
+    time::{Duration, Instant},
+};
 
 use catch_cell::Probe;
 use serde::{Deserialize, Serialize};
@@ -10,13 +13,16 @@ use serde::{Deserialize, Serialize};
 pub struct Stopwatch {
     last: Instant,
     started: Instant,
-    /// Stage by stage in the order of the pipeline, in units of 0.1 µs, small because evaluations keep millions of them.
-    laps: Vec<(&'static str, Vec<u32>)>,
+    /// Stage by stage in the order of the pipeline: how often it took how many units.
+    laps: Vec<(&'static str, Laps)>,
     /// Those of the last tick.
     newest: Vec<(&'static str, u32)>,
     /// The whole of the last tick.
     whole: Duration,
 }
+
+/// How often which lap was measured, in units of 0.1 µs. Evaluations measure millions, few of which differ after rounding.
+type Laps = BTreeMap<u32, usize>;
 
 /// Name under which the time of whole ticks is kept.
 const WHOLE_TICK: &str = "tick";
@@ -40,7 +46,7 @@ impl Stopwatch {
     pub fn stop(&mut self) {
         let lap = self.started.elapsed();
         self.whole = lap;
-        self.laps_of(WHOLE_TICK).push(units(lap));
+        *self.laps_of(WHOLE_TICK).entry(units(lap)).or_default() += 1;
     }
 
     /// What the whole of the last tick took, in seconds.
@@ -56,14 +62,17 @@ impl Stopwatch {
     /// Adds what another one has measured.
     pub fn merge(&mut self, other: Self) {
         for (stage, laps) in other.laps {
-            self.laps_of(stage).extend(laps);
+            let of_stage = self.laps_of(stage);
+            for (lap, count) in laps {
+                *of_stage.entry(lap).or_default() += count;
+            }
         }
     }
 
-    fn laps_of(&mut self, stage: &'static str) -> &mut Vec<u32> {
+    fn laps_of(&mut self, stage: &'static str) -> &mut Laps {
         let known = self.laps.iter().position(|(name, _)| *name == stage);
         let at = known.unwrap_or_else(|| {
-            self.laps.push((stage, Vec::new()));
+            self.laps.push((stage, Laps::new()));
             self.laps.len() - 1
         });
         &mut self.laps[at].1
@@ -81,14 +90,16 @@ impl Probe for Stopwatch {
     fn stage_ended(&mut self, stage: &'static str) {
         let now = Instant::now();
         let lap = now - std::mem::replace(&mut self.last, now);
-        self.laps_of(stage).push(units(lap));
+        *self.laps_of(stage).entry(units(lap)).or_default() += 1;
         self.newest.push((stage, units(lap)));
     }
 }
 
-/// A time in units of 0.1 µs, at most seven minutes.
+/// A time in units of 0.1 µs to three digits, at most seven minutes.
 fn units(lap: Duration) -> u32 {
-    u32::try_from(lap.as_nanos() / 100).unwrap_or(u32::MAX)
+    let units = u32::try_from(lap.as_nanos() / 100).unwrap_or(u32::MAX);
+    let last_digit = 10u32.pow(units.checked_ilog10().unwrap_or(0).saturating_sub(2));
+    units / last_digit * last_digit
 }
 
 /// Wall time of one stage, over all ticks in which it ran.
@@ -105,15 +116,19 @@ pub struct StageTimes {
 }
 
 impl StageTimes {
-    fn of(laps: &[u32]) -> Self {
-        let mut sorted = laps.to_vec();
-        sorted.sort_unstable();
+    fn of(laps: &Laps) -> Self {
+        let total: usize = laps.values().sum();
         // The smallest value that the share of all values does not exceed.
         let quantile = |share: f64| {
-            let rank = (share * sorted.len() as f64).ceil() as usize;
-            sorted.get(rank.max(1) - 1).map_or(0.0, |&lap| f64::from(lap) / 1e4)
+            let rank = (share * total as f64).ceil().max(1.0) as usize;
+            let mut seen = 0;
+            let found = laps.iter().find(|(_, count)| {
+                seen += **count;
+                seen >= rank
+            });
+            found.map_or(0.0, |(lap, _)| f64::from(*lap) / 1e4)
         };
-        Self { count: laps.len(), p50_ms: quantile(0.5), p99_ms: quantile(0.99), max_ms: quantile(1.0) }
+        Self { count: total, p50_ms: quantile(0.5), p99_ms: quantile(0.99), max_ms: quantile(1.0) }
     }
 }
 
@@ -123,8 +138,26 @@ mod tests {
 
     #[test]
     fn quantiles_are_values_that_were_measured() {
-        let laps: Vec<u32> = (1..=100).rev().map(|ms| units(Duration::from_millis(ms))).collect();
-        assert_eq!(StageTimes::of(&laps), StageTimes { count: 100, p50_ms: 50.0, p99_ms: 99.0, max_ms: 100.0 });
-        assert_eq!(StageTimes::of(&laps[..1]).p50_ms, 100.0);
+        let of = |laps_ms: std::ops::RangeInclusive<u64>| {
+            StageTimes::of(&laps_ms.map(|ms| (units(Duration::from_millis(ms)), 1)).collect())
+        };
+        assert_eq!(of(1..=100), StageTimes { count: 100, p50_ms: 50.0, p99_ms: 99.0, max_ms: 100.0 });
+        assert_eq!(of(7..=7).p50_ms, 7.0);
+    }
+
+    #[test]
+    fn laps_keep_three_digits_and_add_up() {
+        assert_eq!(
+            [0, 99, 100, 123_456, 99_999_900].map(|ns| units(Duration::from_nanos(ns))),
+            [0, 0, 1, 1230, 999_000]
+        );
+        let mut both = Stopwatch::default();
+        for _ in 0..2 {
+            let mut one = Stopwatch::default();
+            one.start();
+            one.stop();
+            both.merge(one);
+        }
+        assert_eq!(both.summary()[0].1.count, 2);
     }
 }

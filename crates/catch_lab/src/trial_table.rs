@@ -3,9 +3,9 @@
 //! Both are made from the log of the trials when an evaluation is complete; the log stays what is true.
 
 use std::{
-    fmt::Write,
+    fmt::Write as _,
     fs::{self, File},
-    io,
+    io::{self, BufWriter, Write},
     path::Path,
     sync::Arc,
 };
@@ -30,6 +30,9 @@ use crate::{VERSION, evaluation::Row, referee::LEADS_S};
 pub const CSV_FILE: &str = "trials.csv";
 /// The same in Parquet.
 pub const PARQUET_FILE: &str = "trials.parquet";
+
+/// How many rows are turned into columns at a time, so that long evaluations need no more memory than short ones.
+const GROUP_ROWS: usize = 1000;
 
 /// What a column holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -125,11 +128,15 @@ fn columns(rows: &[Row]) -> Vec<Column> {
 /// # Errors
 /// If they cannot be written; what was there before stays.
 pub fn write(folder: &Path, rows: &[Row], identity: &str) -> Result<(), InputError> {
-    let columns = columns(rows);
-    replace(&folder.join(CSV_FILE), |path| fs::write(path, csv(&columns, rows.len())))?;
-    replace(&folder.join(PARQUET_FILE), |path| {
-        write_parquet(path, &columns, rows.len(), identity).map_err(io::Error::other)
-    })
+    replace(&folder.join(CSV_FILE), |path| {
+        let mut file = BufWriter::new(File::create(path)?);
+        file.write_all(names(&columns(&[])).as_bytes())?;
+        for rows in rows.chunks(GROUP_ROWS) {
+            file.write_all(csv(&columns(rows), rows.len()).as_bytes())?;
+        }
+        file.flush()
+    })?;
+    replace(&folder.join(PARQUET_FILE), |path| write_parquet(path, rows, identity).map_err(io::Error::other))
 }
 
 /// Writes a file under another name and gives it its own when it is complete.
@@ -146,10 +153,15 @@ pub fn replace(path: &Path, write: impl FnOnce(&Path) -> io::Result<()>) -> Resu
     })
 }
 
-/// A line of names and one per trial; numbers as short as they can be read back exactly, nothing where there is none.
-fn csv(columns: &[Column], rows: usize) -> String {
+/// The line of names.
+fn names(columns: &[Column]) -> String {
     let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
-    let mut text = names.join(",") + "\n";
+    names.join(",") + "\n"
+}
+
+/// A line per trial; numbers as short as they can be read back exactly, nothing where there is none.
+fn csv(columns: &[Column], rows: usize) -> String {
+    let mut text = String::new();
     for row in 0..rows {
         for (i, column) in columns.iter().enumerate() {
             if i > 0 {
@@ -171,7 +183,7 @@ fn csv(columns: &[Column], rows: usize) -> String {
     text
 }
 
-fn write_parquet(path: &Path, columns: &[Column], rows: usize, identity: &str) -> Result<(), ParquetError> {
+fn write_parquet(path: &Path, rows: &[Row], identity: &str) -> Result<(), ParquetError> {
     let field = |column: &Column| {
         let physical = match column.kind {
             Kind::Text => Physical::BYTE_ARRAY,
@@ -187,7 +199,7 @@ fn write_parquet(path: &Path, columns: &[Column], rows: usize, identity: &str) -
         let builder = Type::primitive_type_builder(&column.name, physical);
         builder.with_repetition(Repetition::OPTIONAL).with_logical_type(logical).build().map(Arc::new)
     };
-    let fields = columns.iter().map(field).collect::<Result<_, _>>()?;
+    let fields = columns(&[]).iter().map(field).collect::<Result<_, _>>()?;
     let schema = Arc::new(Type::group_type_builder("trials").with_fields(fields).build()?);
     let about = KeyValue::new("evaluation".to_owned(), identity.to_owned());
     let properties = WriterProperties::builder()
@@ -196,9 +208,9 @@ fn write_parquet(path: &Path, columns: &[Column], rows: usize, identity: &str) -
         .set_key_value_metadata(Some(vec![about]))
         .build();
     let mut writer = SerializedFileWriter::new(File::create(path)?, schema, Arc::new(properties))?;
-    if rows > 0 {
+    for rows in rows.chunks(GROUP_ROWS) {
         let mut group = writer.next_row_group()?;
-        for column in columns {
+        for column in &columns(rows) {
             match column.kind {
                 Kind::Text => add::<ByteArrayType>(&mut group, column, |value| value.as_str().map(ByteArray::from))?,
                 // The bits of an unsigned number.
@@ -268,13 +280,13 @@ mod tests {
 
     #[test]
     fn csv_gives_numbers_back_exactly_and_quotes_what_must_be() {
-        let text = csv(&columns(&[row(3, Some(Reason::Late))]), 1);
-        let line = text.lines().nth(1).unwrap();
+        let columns = columns(&[row(3, Some(Reason::Late))]);
+        let (names, line) = (names(&columns), csv(&columns, 1));
         assert!(
             line.starts_with("\"a, b\",x,y,18446744073709551615,3,false,true,late,,0.5,0,0.30000000000000004,,"),
             "{line}"
         );
-        assert_eq!(text.lines().next().unwrap().split(',').count(), line.split(',').count() - 1);
+        assert_eq!(names.split(',').count(), line.split(',').count() - 1);
     }
 
     #[test]

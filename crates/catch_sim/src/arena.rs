@@ -24,6 +24,10 @@ const SHAKE_HZ: f64 = 2.0;
 /// While the object is farther than this from arm, gripper and floor the physics takes fewer substeps, in metres: what the
 /// fastest object and the fastest gripper do not cover in ten steps.
 const ALONE_M: f64 = 0.15;
+/// So it does once the object has been held for that many steps: both fingers press on it, and neither it nor they have moved
+/// faster than this in the gripper, in m/s.
+const HELD_STEPS: u32 = 50;
+const HELD_MPS: f64 = 0.1;
 
 /// An arm, a gripper, cameras and an object in flight.
 ///
@@ -45,6 +49,8 @@ pub struct Arena {
     has_sensed: bool,
     /// Whether the object is far from everything.
     is_alone: bool,
+    /// For how many steps it has been held.
+    held_steps: u32,
     state: WorldState,
     truth: Truth,
 }
@@ -82,6 +88,7 @@ impl Arena {
             steps: 0,
             has_sensed: false,
             is_alone: false,
+            held_steps: 0,
             truth: Truth::default(),
         };
         arena.record(JointVector::zeros(), &ContactForces::default());
@@ -146,12 +153,18 @@ impl Arena {
         dynamics::gravity() + Vector3::repeat(shake / 3.0f64.sqrt())
     }
 
+    /// Substeps of the step to come: few while nothing happens that needs more.
+    fn substeps(&self) -> usize {
+        let config = self.config();
+        let is_calm = self.is_alone || self.held_steps >= HELD_STEPS;
+        if is_calm { config.substeps_calm } else { config.substeps }
+    }
+
     /// Force of the air on the object during the step to come, by its velocity in the middle of it. The engine's velocity is
     /// half a substep of gravity behind.
     fn drag(&self, v_WO: &Vector3<f64>) -> Vector3<f64> {
         let Shared { config, object, .. } = &*self.equipment.shared;
-        let substeps = if self.is_alone { config.substeps_alone } else { config.substeps };
-        let ahead_s = (config.step_s + config.step_s / substeps as f64) / 2.0;
+        let ahead_s = (config.step_s + config.step_s / self.substeps() as f64) / 2.0;
         let start = v_WO + dynamics::gravity() * ahead_s;
         let middle = start + self.conditions.air_mps2(&start) * (config.step_s / 2.0);
         self.conditions.air_mps2(&middle) * object.mass_kg
@@ -212,9 +225,7 @@ impl Arena {
         self.steps += 1;
         let mut forces = ContactForces::default();
         if self.truth.diverged_s.is_none() {
-            let config = &self.equipment.shared.config;
-            let substeps = if self.is_alone { config.substeps_alone } else { config.substeps };
-            self.world.set_substeps(substeps);
+            self.world.set_substeps(self.substeps());
             let went_well = self.world.step(&loads);
             let state = self.world.state();
             if went_well && state.is_finite() {
@@ -237,13 +248,23 @@ impl Arena {
         let alone_m = clearance.least_distance_to_ball(&X_WL, &p_WO, radius).min(p_WO.z - radius);
         self.is_alone = alone_m > ALONE_M;
         self.servo.note_clearances(clearance.self_clearance(&X_WL, width_m), clearance.floor_clearance(&X_WL, width_m));
+        let (X_WG, V_WG) = (robot.gripper_in(&X_WL), self.true_robot.gripper_twist(&state.q, &state.dq));
+        let p_GO_W = state.X_WO.translation.vector - X_WG.translation.vector;
+        let relative_mps = (state.V_WO.linear - V_WG.velocity_at(&p_GO_W)).norm();
+        let finger_mps = state.finger_mps[0].abs().max(state.finger_mps[1].abs());
+        let is_held = forces.contact.left_finger
+            && forces.contact.right_finger
+            && !forces.contact.floor
+            && !forces.contact.arm
+            && relative_mps.max(finger_mps) < HELD_MPS;
+        self.held_steps = if is_held { self.held_steps.saturating_add(1) } else { 0 };
         self.truth.samples.push(TruthSample {
             time_s: self.time_s(),
             q: state.q,
             dq: state.dq,
             torque,
-            X_WG: robot.gripper_in(&X_WL),
-            V_WG: self.true_robot.gripper_twist(&state.q, &state.dq),
+            X_WG,
+            V_WG,
             width_m,
             finger_force_n: forces.finger_n,
             X_WO: state.X_WO,

@@ -7,10 +7,8 @@ use crate::truth::{LimitKind, LimitViolation};
 
 /// What a ratio may exceed 1 by: rounding in whoever computed the trajectory.
 const ROUNDING: f64 = 1e-9;
-/// How finely velocities and accelerations are sampled between knots. Accelerations are linear there and largest at knots.
-const KINEMATICS_INTERVAL_S: f64 = 1e-3;
-/// Torques are smooth and cost more.
-const TORQUE_INTERVAL_S: f64 = 2e-3;
+/// How finely torques are sampled between knots, where they are smooth.
+const TORQUE_INTERVAL_S: f64 = 4e-3;
 
 const KINDS: [LimitKind; 4] = [LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Torque];
 
@@ -23,38 +21,47 @@ pub struct PeakRatios {
 }
 
 impl PeakRatios {
-    /// Samples a valid trajectory at its knots, on both sides of them, and densely between.
-    ///
-    /// Torques are those of inverse dynamics; `robot` should carry its gripper.
+    /// Of a valid trajectory. Positions, velocities and accelerations are exact: between knots they are polynomials. Torques are those
+    /// of inverse dynamics, sampled at the knots, on both sides of them, and densely between; `robot` should carry its gripper.
     pub fn of(robot: &Robot, trajectory: &ArmTrajectory) -> Self {
         let nothing = [JointVector::zeros(); 4];
         let mut peaks = Self { dof: robot.dof(), ratio: nothing, time_s: nothing };
         let spline = &trajectory.spline;
-        let (start_s, end_s) = (spline.start_s(), spline.end_s());
-        let dense = |interval_s: f64| {
-            let count = ((end_s - start_s) / interval_s).ceil() as usize;
-            (0..=count).map(move |i| (start_s + i as f64 * interval_s).min(end_s))
-        };
-        // A knot that is repeated lets the acceleration jump: look from both sides.
-        let knots = spline.knots_s.iter().flat_map(|&knot| [knot.next_down().max(start_s), knot]);
-        for time_s in dense(KINEMATICS_INTERVAL_S).chain(knots.clone()) {
-            let [q, dq, ddq] = spline.evaluate(time_s);
-            for (i, joint) in robot.joints.iter().enumerate() {
-                let limits = &joint.limits;
-                let middle = (limits.lower + limits.upper) / 2.0;
-                peaks.note(0, i, (q[i] - middle) / ((limits.upper - limits.lower) / 2.0), time_s);
-                peaks.note(1, i, dq[i] / limits.velocity, time_s);
-                peaks.note(2, i, ddq[i] / limits.acceleration, time_s);
+        // A knot that is repeated lets the acceleration jump: the span before it ends before it.
+        let spans = spline.knots_s.windows(2).map(|knots_s| (knots_s[0], knots_s[1].next_down()));
+        for (start_s, end_s) in spans.filter(|(start_s, end_s)| start_s < end_s) {
+            let ends = [start_s, end_s].map(|time_s| spline.evaluate(time_s));
+            for i in 0..peaks.dof {
+                let of_joint = ends.map(|state| state.map(|values| values[i]));
+                peaks.note_span(robot, i, start_s, end_s - start_s, of_joint);
             }
-        }
-        for time_s in dense(TORQUE_INTERVAL_S).chain(knots) {
-            let [q, dq, ddq] = spline.evaluate(time_s);
-            let torque = robot.inverse_dynamics(&q, &dq, &ddq);
-            for (i, joint) in robot.joints.iter().enumerate() {
-                peaks.note(3, i, torque[i] / joint.limits.torque, time_s);
+            let count = ((end_s - start_s) / TORQUE_INTERVAL_S).ceil() as usize;
+            for time_s in (0..=count).map(|k| (start_s + k as f64 * TORQUE_INTERVAL_S).min(end_s)) {
+                let [q, dq, ddq] = spline.evaluate(time_s);
+                let torque = robot.inverse_dynamics(&q, &dq, &ddq);
+                for (i, joint) in robot.joints.iter().enumerate() {
+                    peaks.note(3, i, torque[i] / joint.limits.torque, time_s);
+                }
             }
         }
         peaks
+    }
+
+    /// One joint between two knots, from position, velocity and acceleration at both. Over the time s since the first the
+    /// velocity is v + a·s + j·s²/2 and highest where the acceleration vanishes, the position where the velocity does.
+    fn note_span(&mut self, robot: &Robot, i: usize, start_s: f64, width_s: f64, [first, last]: [[f64; 3]; 2]) {
+        let limits = &robot.joints[i].limits;
+        let [q, v, a] = first;
+        let j = (last[2] - a) / width_s;
+        let middle = (limits.lower + limits.upper) / 2.0;
+        let root = (a * a - 2.0 * j * v).sqrt();
+        let turns = [(-a - root) / j, (-a + root) / j, -v / a, -a / j];
+        for s in turns.into_iter().filter(|s| (0.0..=width_s).contains(s)).chain([0.0, width_s]) {
+            let position = q + s * (v + s * (a / 2.0 + s * j / 6.0));
+            self.note(0, i, (position - middle) / ((limits.upper - limits.lower) / 2.0), start_s + s);
+            self.note(1, i, (v + s * (a + s * j / 2.0)) / limits.velocity, start_s + s);
+            self.note(2, i, (a + s * j) / limits.acceleration, start_s + s);
+        }
     }
 
     fn note(&mut self, kind: usize, joint: usize, ratio: f64, time_s: f64) {

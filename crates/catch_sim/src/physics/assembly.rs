@@ -51,6 +51,8 @@ pub(super) fn assemble(
         contact_softness: softness,
         static_contact_softness: softness,
         friction_model: engine::FrictionModel::Coulomb,
+        // Fast bodies would be swept against what is fixed. That is the floor, and nothing can be behind it.
+        max_ccd_substeps: 0,
         ..Default::default()
     };
     World {
