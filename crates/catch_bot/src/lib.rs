@@ -149,6 +149,8 @@ pub struct CatchingBot {
     known: Arc<Preparation>,
     seed: u64,
 
+    /// Where the cameras look, as far as images of the arm have told.
+    cameras: Vec<CameraModel>,
     /// What the encoders said lately: (time, arm, opening of the gripper), oldest first.
     sensed: VecDeque<(f64, JointVector, f64)>,
     poses: Vec<ObjectPose>,
@@ -178,6 +180,7 @@ impl CatchingBot {
     /// A brain that shares what was worked out beforehand; it draws at random from `seed` instead of [`Config::seed`].
     pub fn prepared(known: Arc<Preparation>, seed: u64) -> Self {
         Self {
+            cameras: known.cameras.clone(),
             known,
             seed,
             sensed: VecDeque::with_capacity(SENSED),
@@ -244,13 +247,15 @@ impl Brain for CatchingBot {
         for frames in observation.frames.chunk_by(|a, b| a.capture_s == b.capture_s) {
             let expected = self.expected_pose(frames[0].capture_s);
             let surroundings = surroundings(&self.known, &self.sensed, frames[0].capture_s);
+            let config = &self.known.config.perception;
+            self.workspace.align(frames, &self.known.cameras, surroundings.as_ref(), config, &mut self.cameras);
             let found = perception::find_object(
                 frames,
-                &self.known.cameras,
+                &self.cameras,
                 &self.known.reference,
                 expected.as_ref(),
                 surroundings.as_ref(),
-                &self.known.config.perception,
+                config,
                 &mut self.workspace,
             );
             if let Ok(mut pose) = found {
@@ -323,7 +328,7 @@ impl CatchingBot {
         let radius_m = self.known.reference.radius_m + self.known.config.perception.gate_m + doubt_m;
         let window =
             |camera: &CameraModel| camera.window_around(&camera.X_WC.inverse_transform_point(&p_WO.into()), radius_m);
-        Some(self.known.cameras.iter().map(window).collect())
+        Some(self.cameras.iter().map(window).collect())
     }
 
     /// Where the object should be: on the last flight, or, before there is one, where it was seen last. The latter keeps an

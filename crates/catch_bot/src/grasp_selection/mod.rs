@@ -30,6 +30,9 @@ pub struct Config {
     pub samples: usize,
     /// Seed of the draw.
     pub seed: u64,
+    /// Each grasp is also tried turned by these angles about the direction in which the fingers close, in radians: they meet the
+    /// surface as squarely, but come from elsewhere.
+    pub turns_rad: Vec<f64>,
     /// Neighbourhood of a Darboux frame in metres. The paper's code has 2 mm on a cloud of 2.5 mm spacing; a wider one
     /// keeps the noise of the scan out of the directions.
     pub darboux_radius_m: f64,
@@ -70,6 +73,7 @@ impl Default for Config {
         Self {
             samples: 250,
             seed: 1,
+            turns_rad: Vec::new(),
             darboux_radius_m: 0.008,
             max_strength_m: 0.03,
             max_overhang_m: 0.03,
@@ -148,7 +152,15 @@ impl GraspSet {
                     let approach = -frame.normal;
                     let R_OG = Rotation3::from_basis_unchecked(&[closing, approach, closing.cross(&approach)]);
                     let R_OG = UnitQuaternion::from_rotation_matrix(&R_OG);
-                    grasps.extend(fit::fit_gripper(reference, gripper, config, &frame.point, R_OG));
+                    let Some(grasp) = fit::fit_gripper(reference, gripper, config, &frame.point, R_OG) else {
+                        continue;
+                    };
+                    let held = grasp.X_OG * gripper.grasp_centre();
+                    grasps.push(grasp);
+                    grasps.extend(config.turns_rad.iter().filter_map(|&turn| {
+                        let R_OG = R_OG * UnitQuaternion::from_scaled_axis(Vector3::x() * turn);
+                        fit::fit_gripper(reference, gripper, config, &held, R_OG)
+                    }));
                 }
             }
         }

@@ -1,6 +1,7 @@
 //! Where the object is when nobody knows: blobs of pixels in front of what is known to be there, in several cameras that agree
 //! on one place.
 
+use catch_body::kinematics::LinkPoses;
 use catch_cell::{CameraModel, DepthFrame};
 use nalgebra::{Matrix3, Point3, Vector3};
 
@@ -14,7 +15,7 @@ use super::{
 pub(super) struct Scratch {
     /// For each camera the depth of what is known to be there in its whole image, and for which arm.
     still: Vec<Vec<f32>>,
-    still_for: Option<(catch_body::kinematics::LinkPoses, f64)>,
+    still_for: Option<(LinkPoses, f64)>,
     blobs: Vec<Blob>,
     /// Blob of each pixel of an image, zero for none.
     numbers: Vec<u32>,
@@ -42,6 +43,13 @@ const MAX_BLOBS: usize = 96;
 const SLACK: f64 = 1.5;
 /// Arms whose links have moved less than this, in metres and radians, stand still.
 const STILL: f64 = 2e-4;
+
+/// Whether no link is farther from where it was than this, in metres and radians.
+pub(super) fn is_within(limit: f64, X_WA: &LinkPoses, X_WB: &LinkPoses) -> bool {
+    X_WA.iter().zip(X_WB).all(|(A, B)| {
+        (A.translation.vector - B.translation.vector).norm() < limit && A.rotation.angle_to(&B.rotation) < limit
+    })
+}
 
 /// The place that most cameras agree on, if any.
 pub(super) fn find(
@@ -92,17 +100,17 @@ pub(super) fn find(
 }
 
 impl Scratch {
+    /// What the cameras would see of the arm alone.
+    pub fn still(&mut self, cameras: &[CameraModel], known: Option<&Surroundings<'_>>, config: &Config) -> &[Vec<f32>] {
+        self.keep_background(cameras, known, config);
+        &self.still
+    }
+
     /// Casts the arm into all images, unless it still stands where it stood.
     fn keep_background(&mut self, cameras: &[CameraModel], known: Option<&Surroundings<'_>>, config: &Config) {
         let now = known.map(|known| (known.X_WL, known.width_m));
         let stands_still = match (&self.still_for, &now) {
-            (Some((X_WA, a)), Some((X_WB, b))) => {
-                (a - b).abs() < STILL
-                    && X_WA.iter().zip(X_WB).all(|(A, B)| {
-                        (A.translation.vector - B.translation.vector).norm() < STILL
-                            && A.rotation.angle_to(&B.rotation) < STILL
-                    })
-            }
+            (Some((X_WA, a)), Some((X_WB, b))) => (a - b).abs() < STILL && is_within(STILL, X_WA, X_WB),
             (None, None) => true,
             _ => false,
         };

@@ -4,6 +4,7 @@
 //! is registered to them ([`registration`]), starting from where the last trajectory says the object should be.
 
 mod acquisition;
+mod camera_alignment;
 mod cloud;
 mod cold_start;
 mod distance_field;
@@ -94,6 +95,9 @@ pub struct Config {
     pub rotation_floor_rad: f64,
     /// How far from the predicted position the object's pixels are looked for, in metres, beside its own size.
     pub gate_m: f64,
+    /// Standard deviation in radians by which cameras may be turned about each axis from how they are said to stand: they are
+    /// aligned on the arm that they see. Zero where they are known exactly.
+    pub camera_sd_rad: f64,
     /// Whether the cameras see the floor, the plane z = 0.
     pub floor_visible: bool,
     /// Whether depths may be missing where there is something.
@@ -127,6 +131,7 @@ impl Default for Config {
             position_floor_m: 5e-5,
             rotation_floor_rad: 1e-3,
             gate_m: 0.05,
+            camera_sd_rad: 0.0,
             floor_visible: false,
             depth_dropout: false,
             background_sd: 4.0,
@@ -175,6 +180,7 @@ pub struct Workspace {
     scene: SceneCloud,
     thinned: SceneCloud,
     acquisition: acquisition::Scratch,
+    alignment: camera_alignment::CameraAlignment,
     /// Whether the pose that is being looked at is only a place.
     is_place_only: bool,
 }
@@ -183,6 +189,23 @@ impl Workspace {
     /// What the last search found in the images.
     pub fn scene(&self) -> &SceneCloud {
         &self.scene
+    }
+
+    /// Turns `aligned` to where the cameras look, as far as images of an arm that stands still tell.
+    pub fn align(
+        &mut self,
+        frames: &[DepthFrame],
+        told: &[CameraModel],
+        surroundings: Option<&Surroundings<'_>>,
+        config: &Config,
+        aligned: &mut [CameraModel],
+    ) {
+        let is_full = |frame: &DepthFrame| told.get(frame.camera).is_some_and(|it| frame.window == it.full_window());
+        if config.camera_sd_rad == 0.0 || !frames.iter().any(|frame| frame.mask.is_none() && is_full(frame)) {
+            return;
+        }
+        let still = self.acquisition.still(told, surroundings, config);
+        self.alignment.observe(frames, told, still, surroundings, config, aligned);
     }
 }
 
