@@ -39,6 +39,14 @@ pub struct ObjectPrior {
     pub drag_per_m: f64,
     /// Its standard deviation.
     pub drag_sd_per_m: f64,
+    /// Expected coefficient of restitution against the gripper, 0 to 1.
+    #[serde(default = "half")]
+    pub restitution: f64,
+}
+
+/// Where nothing is said of how it bounces.
+fn half() -> f64 {
+    0.5
 }
 
 #[derive(Deserialize)]
@@ -71,8 +79,10 @@ impl ThrownObject {
     ) -> Result<Self, InputError> {
         let ObjectFile { name, truth, prior } = InputError::parse_toml(file, text)?;
         let mass_kg = InputError::positive(file, "truth.mass_kg", truth.mass_kg)?;
-        if !(0.0..=1.0).contains(&truth.restitution) {
-            return Err(InputError::new(file, "truth.restitution", truth.restitution, "0 to 1"));
+        for (field, value) in [("truth.restitution", truth.restitution), ("prior.restitution", prior.restitution)] {
+            if !(0.0..=1.0).contains(&value) {
+                return Err(InputError::new(file, field, value, "0 to 1"));
+            }
         }
         for (field, value) in [
             ("truth.drag_per_m", truth.drag_per_m),

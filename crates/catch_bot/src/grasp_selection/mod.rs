@@ -62,6 +62,12 @@ pub struct Config {
     /// The same for what flies along the fingers toward the palm, from which it would bounce: fingers that close slowly should
     /// touch it as soon as it is between them.
     pub palm_braking_way_m: f64,
+    /// What comes back from the palm as fast as it came must be held before it gets there, what comes back slowly may be held on
+    /// its way back, when all of it is between the fingers: they touch it later by this, in metres, times 1/e − 1, e being
+    /// [`Config::restitution`].
+    pub palm_return_way_m: f64,
+    /// How the object is expected to bounce off the gripper: its coefficient of restitution, 0 to 1.
+    pub restitution: f64,
     /// Weights of the heuristics.
     pub weights: heuristics::Weights,
     /// Grasps that are handed on for each catch time.
@@ -86,6 +92,8 @@ impl Default for Config {
             settling_s: 0.05,
             braking_way_m: 0.007,
             palm_braking_way_m: 0.025,
+            palm_return_way_m: 0.0,
+            restitution: 0.5,
             weights: heuristics::Weights::default(),
             kept: 60,
         }
@@ -104,10 +112,15 @@ impl Config {
     /// How long before it passes the grasp centre the fingers should touch an object that passes at `v_G` in G: what it takes for
     /// the way on which they brake it, across them (along z_G) or along them toward the palm (along −y_G).
     pub fn contact_lead_s(&self, v_G: &Vector3<f64>) -> f64 {
-        let braking = self.braking_way_m * v_G.z.abs() + self.palm_braking_way_m * (-v_G.y).max(0.0);
+        let return_way_m = self.palm_return_way_m * (1.0 / self.restitution.max(SOFTEST) - 1.0);
+        let palm_way_m = self.palm_braking_way_m - return_way_m;
+        let braking = self.braking_way_m * v_G.z.abs() + palm_way_m * (-v_G.y).max(0.0);
         braking / v_G.norm_squared().max(1.0)
     }
 }
+
+/// What bounces less than this does not stay any longer, but falls.
+const SOFTEST: f64 = 0.25;
 
 /// A way of holding the object, fixed to the object.
 #[derive(Debug, Clone, PartialEq)]

@@ -12,7 +12,7 @@ use super::{
     *,
 };
 
-fn arm() -> (Robot, Gripper) {
+pub(super) fn arm() -> (Robot, Gripper) {
     let files = RobotFiles {
         urdf_file: "robot.urdf",
         urdf: include_str!("../../../../assets/robots/iiwa14/robot.urdf"),
