@@ -156,6 +156,8 @@ pub struct CatchingBot {
     poses: Vec<ObjectPose>,
     flight: Option<FlightTrajectory>,
     plan: Option<CatchPlan>,
+    /// Looks for a plan in a row that found none.
+    refusals: usize,
     /// The plans that were sent last, the running one included, oldest first.
     sent: VecDeque<CatchPlan>,
     workspace: perception::Workspace,
@@ -187,6 +189,7 @@ impl CatchingBot {
             poses: Vec::with_capacity(POSES),
             flight: None,
             plan: None,
+            refusals: 0,
             sent: VecDeque::with_capacity(control::decision::SENT),
             workspace: perception::Workspace::default(),
             prediction_workspace: trajectory_prediction::Workspace::default(),
@@ -296,6 +299,7 @@ impl Brain for CatchingBot {
         // III-C and III-D: the running plan for the new flight, or a new grasp and plan.
         let start = self.start(observation);
         let (status, plan) = self.decide(&start, &flight);
+        self.refusals = if plan.is_some() { 0 } else { self.refusals + 1 };
         probe.stage_ended("trajectory_optimization");
 
         let mut command = self.command(now_s, status, plan, &flight);

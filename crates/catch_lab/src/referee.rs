@@ -27,6 +27,8 @@ const HELD_SPEED_MPS: f64 = 0.02;
 const SHAKEN_SPEED_MPS: f64 = 0.05;
 /// Over how long that speed is taken.
 const SPEED_OVER_S: f64 = 0.01;
+/// How far from the planned catch the instant is looked for at which the object is nearest the grasp centre.
+const NEAREST_WITHIN_S: f64 = 0.04;
 /// Fingers that move slower have closed.
 const CLOSED_SPEED_MPS: f64 = 0.005;
 
@@ -78,8 +80,13 @@ pub struct Measures {
     pub tracking_error_m: Option<f64>,
     /// How far the undisturbed object would have been from where the plan wants it in the gripper at the catch.
     pub grasp_offset_m: Option<f64>,
-    /// How far it would have been turned from how the plan wants it, its symmetry not considered.
+    /// How far it was turned from how the plan wants it when something first touched it, turns under which it looks the same
+    /// aside.
     pub grasp_turn_rad: Option<f64>,
+    /// How long after the undisturbed object's centre would have been nearest the grasp centre the instant midway between the
+    /// first contacts of the two fingers was.
+    #[serde(default)]
+    pub contact_delay_s: Option<f64>,
     /// Speed of the object relative to the gripper at the catch.
     pub relative_speed_mps: Option<f64>,
     /// Sum over the joints of how far each moved from the ready pose to the catch.
@@ -202,6 +209,23 @@ impl<'a> Evidence<'a> {
         Some((p_GO.coords - self.plan()?.grasp.X_OG.inverse().translation.vector).norm())
     }
 
+    /// The instant midway between the first contacts of the two fingers, less that at which the undisturbed object's centre would
+    /// have been nearest the grasp centre.
+    fn contact_delay_s(&self) -> Option<f64> {
+        let samples = &self.truth.samples;
+        let first = |touches: fn(&TruthSample) -> bool| samples.iter().find(|it| touches(it)).map(|it| it.time_s);
+        let (left_s, right_s) = (first(|it| it.contact.left_finger)?, first(|it| it.contact.right_finger)?);
+        let near =
+            |it: &&TruthSample| self.catch_s.is_some_and(|catch_s| (it.time_s - catch_s).abs() < NEAREST_WITHIN_S);
+        let distance = |sample: &TruthSample| {
+            let undisturbed = undisturbed_position(self.truth, sample.time_s)?;
+            Some((undisturbed - sample.X_WG * self.grasp_centre_G).norm())
+        };
+        let distances = samples.iter().filter(near).filter_map(|sample| Some((sample.time_s, distance(sample)?)));
+        let (nearest_s, _) = distances.min_by(|a, b| a.1.total_cmp(&b.1))?;
+        Some(f64::midpoint(left_s, right_s) - nearest_s)
+    }
+
     /// How far past its planned place in the gripper the object was when it first touched something, along its way.
     pub fn progress_m(&self) -> Option<f64> {
         let sample = self.before_touch()?;
@@ -231,8 +255,11 @@ impl<'a> Evidence<'a> {
                 .map(|(sample, plan)| (sample.X_WG * self.grasp_centre_G - plan.X_WG * self.grasp_centre_G).norm()),
             grasp_offset_m: self.grasp_offset_m(),
             grasp_turn_rad: self.before_touch().zip(plan).map(|(sample, plan)| {
-                (sample.X_WG.rotation * plan.grasp.X_OG.rotation.inverse()).angle_to(&sample.X_WO.rotation)
+                let wanted = sample.X_WG.rotation * plan.grasp.X_OG.rotation.inverse();
+                let symmetry = setup.known().reference().symmetry;
+                wanted.angle_to(&symmetry.nearest_alike(&wanted, &sample.X_WO.rotation))
             }),
+            contact_delay_s: self.contact_delay_s(),
             relative_speed_mps: self.before_touch().map(relative_speed),
             joint_travel_rad: self.at_catch.map(|sample| (sample.q - setup.ready_q).abs().sum()),
             peak_contact_force_n: forces.fold(0.0, f64::max),

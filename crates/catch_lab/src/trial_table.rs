@@ -63,6 +63,7 @@ const COLUMNS: &[(&str, Kind)] = &[
     ("tracking_error_m", Kind::Number),
     ("grasp_offset_m", Kind::Number),
     ("grasp_turn_rad", Kind::Number),
+    ("contact_delay_s", Kind::Number),
     ("relative_speed_mps", Kind::Number),
     ("joint_travel_rad", Kind::Number),
     ("peak_contact_force_n", Kind::Number),

@@ -49,7 +49,7 @@ impl CatchingBot {
             return paper_method::decide(self, start, flight);
         }
         let (grasps, config) = (&self.known.grasps, &self.known.config.grasp_selection);
-        let search = || self.known.planner.search(start, flight, grasps, config);
+        let search = || self.known.planner.look(self.refusals, start, flight, grasps, config);
         let Some(plan) = &self.plan else {
             return match search() {
                 Ok(plan) => (Status::Planned, Some(plan)),

@@ -3,7 +3,6 @@
 pub(crate) mod decision;
 
 use catch_cell::GripperMove;
-use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -67,26 +66,13 @@ pub fn closing(
 ) -> GripperPlan {
     let held = plan.grasp.X_OG * gripper.grasp_centre();
     let passage = Passage::of(flight, plan.catch_s);
-    let distance = |time_s: f64| {
-        let grasp_centre: Point3<f64> =
-            robot.gripper_pose(&plan.trajectory.setpoint(time_s).q) * gripper.grasp_centre();
-        (passage.pose_at(time_s) * held - grasp_centre).norm()
-    };
+    let X_WG = |time_s: f64| robot.gripper_pose(&plan.trajectory.setpoint(time_s).q);
+    let distance = |time_s: f64| (passage.pose_at(time_s) * held - X_WG(time_s) * gripper.grasp_centre()).norm();
     let closest_s = closest(plan.catch_s, distance);
-    let contact_s = closest_s - grasping.contact_lead_s(&velocity_in_gripper(plan, robot, gripper, &passage));
+    let contact_s = closest_s - grasping.contact_lead_s(&passage.velocity_in(X_WG, &held));
     let fingers = grasping.closing(gripper);
     let travel_s = fingers.duration_s(plan.open_width_m - plan.grasp.object_width_m);
     GripperPlan { start_s: contact_s - travel_s - config.gripper_latency_s, contact_s, speed_mps: fingers.speed_mps }
-}
-
-/// Velocity in G with which the object passes the grasp centre.
-fn velocity_in_gripper(plan: &CatchPlan, robot: &Robot, gripper: &Gripper, passage: &Passage) -> Vector3<f64> {
-    const STEP_S: f64 = 1e-3;
-    let place = |time_s: f64| {
-        let X_WG = robot.gripper_pose(&plan.trajectory.setpoint(time_s).q);
-        X_WG.inverse() * (passage.pose_at(time_s) * plan.grasp.X_OG * gripper.grasp_centre())
-    };
-    (place(plan.catch_s) - place(plan.catch_s - STEP_S)) / STEP_S
 }
 
 /// Whether a plan whose motion cannot be changed any more still meets the object, as the flight is known now.

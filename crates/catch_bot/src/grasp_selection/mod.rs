@@ -218,18 +218,22 @@ impl Entry {
         Self { boxes: [left, right, gripper.body()], margin_m }
     }
 
-    /// Whether the object in pose `X_GO`, whose outline is within `radius_m` of its centre of mass, is clear of it.
-    pub fn is_clear_of(&self, outline: &[Point3<f64>], radius_m: f64, X_GO: &Pose) -> bool {
+    /// The first point of an object's outline that touches it, the object in pose `X_GO` and within `radius_m` of its centre of
+    /// mass; the point `likely` is looked at before all others.
+    pub fn obstacle(&self, outline: &[Point3<f64>], radius_m: f64, X_GO: &Pose, likely: usize) -> Option<usize> {
         let centre = Point3::from(X_GO.translation.vector);
-        let outside = |it: &Cuboid, p: &Point3<f64>| (p - it.centre).abs() - it.size / 2.0;
+        let outside = |it: &Cuboid, p: &Point3<f64>| ((p - it.centre).abs() - it.size / 2.0).max();
         // Boxes that are farther away than the object is large need no closer look.
-        let near = self.boxes.iter().filter(|it| outside(it, &centre).max() <= radius_m + self.margin_m);
-        let near: Vec<&Cuboid> = near.collect();
-        near.is_empty()
-            || outline
-                .iter()
-                .map(|point| X_GO * point)
-                .all(|p| near.iter().all(|it| outside(it, &p).max() > self.margin_m))
+        let near = self.boxes.map(|it| (outside(&it, &centre) <= radius_m + self.margin_m).then_some(it));
+        if near.iter().all(Option::is_none) {
+            return None;
+        }
+        let R_GO = X_GO.rotation.to_rotation_matrix();
+        let touches = |i: &usize| {
+            let p = R_GO * outline[*i] + X_GO.translation.vector;
+            near.iter().flatten().any(|it| outside(it, &p) <= self.margin_m)
+        };
+        Some(likely).filter(|i| *i < outline.len() && touches(i)).or_else(|| (0..outline.len()).find(touches))
     }
 }
 

@@ -64,8 +64,6 @@ pub struct Config {
     pub min_lead_s: f64,
     /// Weights of the choice among reachable catches.
     pub weights: search::Weights,
-    /// Reachable catches, best first, that are tried until one has a motion.
-    pub attempts: usize,
 }
 
 impl Default for Config {
@@ -84,7 +82,6 @@ impl Default for Config {
             time_step_s: 0.02,
             min_lead_s: 0.12,
             weights: search::Weights::default(),
-            attempts: 24,
         }
     }
 }

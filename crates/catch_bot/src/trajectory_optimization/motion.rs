@@ -180,13 +180,18 @@ impl Planner {
     /// Whether torque limits and clearances hold along a trajectory.
     fn is_safe(&self, trajectory: &ArmTrajectory, catch_s: f64, grasp: &Grasp) -> bool {
         let (start_s, end_s) = (trajectory.start_s(), trajectory.end_s());
-        let keeps_torque = (0..=CHECKS).all(|i| {
-            let at = trajectory.setpoint(start_s + (end_s - start_s) * i as f64 / CHECKS as f64);
-            let torque = self.robot.inverse_dynamics(&at.q, &at.dq, &at.ddq);
-            (0..self.robot.dof())
-                .all(|i| torque[i].abs() <= self.robot.joints[i].limits.torque * self.config.torque_share)
-        });
-        keeps_torque && self.keeps_clear(trajectory, catch_s, grasp)
+        let keeps_torque = || {
+            (0..=CHECKS).all(|i| {
+                let at = trajectory.setpoint(start_s + (end_s - start_s) * i as f64 / CHECKS as f64);
+                let torque = self.robot.inverse_dynamics(&at.q, &at.dq, &at.ddq);
+                (0..self.robot.dof())
+                    .all(|i| torque[i].abs() <= self.robot.joints[i].limits.torque * self.config.torque_share)
+            })
+        };
+        // What collides mostly does so while braking.
+        self.keeps_clear(trajectory, [catch_s, end_s], grasp, true)
+            && self.keeps_clear(trajectory, [start_s, catch_s], grasp, false)
+            && keeps_torque()
     }
 
     /// Whether the arm at `q` is clear of itself and of the floor, the gripper `width_m` open.
@@ -198,27 +203,26 @@ impl Planner {
         self.clearance.self_clearance(X_WL, width_m).min(self.clearance.floor_clearance(X_WL, width_m))
     }
 
-    /// Whether the arm keeps clear of itself and of the floor, and what it holds from the catch on as well.
+    /// Whether the arm keeps clear of itself and of the floor from one time until another, and what it `holds` then as well.
     ///
     /// No two of its parts approach each other faster than Σ |q̇ᵢ|·rᵢ, rᵢ being how far the arm can extend beyond joint i: from
     /// a clearance d there is none smaller than zero for a time of d over that speed.
-    fn keeps_clear(&self, trajectory: &ArmTrajectory, catch_s: f64, grasp: &Grasp) -> bool {
+    fn keeps_clear(&self, trajectory: &ArmTrajectory, [start_s, end_s]: [f64; 2], grasp: &Grasp, holds: bool) -> bool {
         let fastest_mps = self.fastest_mps(&trajectory.spline);
-        let mut time_s = trajectory.start_s();
+        let mut time_s = start_s;
         loop {
             let X_WL = self.robot.link_poses(&trajectory.setpoint(time_s).q);
             let mut clearance_m = self.clearance_m(&X_WL, grasp.open_width_m);
-            if time_s >= catch_s {
+            if holds {
                 clearance_m = clearance_m.min(self.clearance.held_clearance(&X_WL, &grasp.held_G));
             }
             if clearance_m < self.config.clearance_m {
                 return false;
             }
-            if time_s >= trajectory.end_s() {
+            if time_s >= end_s {
                 return true;
             }
-            let next = if time_s < catch_s { catch_s } else { trajectory.end_s() };
-            time_s = (time_s + clearance_m / fastest_mps).min(next);
+            time_s = (time_s + clearance_m / fastest_mps).min(end_s);
         }
     }
 

@@ -47,6 +47,14 @@ impl PostureFinder {
         SrsArm::of(robot).map_or(Self::Numerical, Self::Srs)
     }
 
+    /// Poses for which one search looks for postures: all that there are, or few where each takes an iteration.
+    pub fn most_poses(&self) -> usize {
+        match self {
+            Self::Srs(_) => usize::MAX,
+            Self::Numerical => 16,
+        }
+    }
+
     /// Whether the gripper may be at `X_WG` at all, as far as that is quick to tell.
     pub fn may_reach(&self, X_WG: &Pose, ranges: &Ranges) -> bool {
         let Self::Srs(srs) = self else { return true };

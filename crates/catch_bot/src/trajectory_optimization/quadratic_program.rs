@@ -61,9 +61,8 @@ pub struct Hessian {
 impl Hessian {
     /// Factorizes H, `None` if it is not positive definite.
     pub fn new(H: &Square) -> Option<Self> {
-        let L = H.cholesky()?.l();
-        let factor = L.transpose().try_inverse()?;
-        Some(Self { factor })
+        let inverse = H.cholesky()?.l_dirty().solve_lower_triangular(&Square::identity())?;
+        Some(Self { factor: inverse.transpose() })
     }
 
     /// The minimum, `None` if no x keeps all bounds. Rows that are equalities come first: `equalities` of them.

@@ -47,8 +47,7 @@ impl Planner {
         grasps: &GraspSet,
         config: &grasp_selection::Config,
     ) -> CatchPlan {
-        let lets_in = |open_m: f64| self.lets_in_when_open(&plan, open_m, flight, grasps, config);
-        if lets_in(had_m) {
+        if self.first_that_lets_in(&[had_m], &plan, flight, grasps, config).is_some() {
             return CatchPlan { open_width_m: had_m, lets_in: true, ..plan };
         }
         let opening = self.opening(&plan, flight, grasps, config);

@@ -4,8 +4,8 @@
 //! is on top is looked at more closely: a pair becomes postures ([`SrsArm::swivels`](catch_body::inverse_kinematics::SrsArm::swivels)
 //! cut to what each joint can reach), a posture gets its arrival velocities, an arrival its motion, and each step adds what it
 //! costs. The first motion that keeps all limits and clearances is therefore the best there is, and most of the rest is
-//! never looked at. What is found nowhere is sought once more, in finer steps of time and with all that the limits allow;
-//! only then is it refused.
+//! never looked at. What is found nowhere is sought again with all that the limits allow, and at times in between; only then is
+//! it refused. In flight each image brings one such look, whose work is bounded.
 
 use std::{cmp::Ordering, collections::BinaryHeap};
 
@@ -15,11 +15,12 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     CatchPlan, Planner, Refusal, Start,
-    arrival::Weights as ArrivalWeights,
+    arrival::{Arrival, Weights as ArrivalWeights},
     motion::Shares,
-    posture::{Posture, PostureFinder},
+    posture::Posture,
     reachability::{Interval, JointReach},
     reaching::{Reaching, effort},
+    way_in::{Entering, Obstacle},
 };
 use crate::{
     grasp_selection::{self, Approach, Grasp, GraspSet, RankedGrasp},
@@ -50,14 +51,15 @@ impl Default for Weights {
 
 /// Latest catch, in seconds from the start.
 const LATEST_S: f64 = 2.0;
-/// How much finer the second search is.
-const FINER: f64 = 4.0;
-/// Pairs of catch time and grasp that one search looks at, the best first.
-const MOST_PAIRS: usize = 500;
-/// The same where each takes an iteration.
-const MOST_NUMERICAL_PAIRS: usize = 16;
-/// Motions that are tried for one of them.
+/// Looks that make up a search.
+pub const LOOKS: usize = 9;
+/// Postures of a catch time and a grasp whose velocities are looked for, and those for which a motion is tried: what a few could
+/// not do, similar ones usually cannot either.
+const ARRIVALS_PER_PAIR: usize = 3;
 const ATTEMPTS_PER_PAIR: usize = 2;
+/// The work of one look, in units of about 2 µs, and that of a motion.
+const MOST_WORK: usize = 1200;
+const WORK_OF_A_MOTION: usize = 30;
 
 /// A catch that every joint can reach.
 #[derive(Debug, Clone, Copy)]
@@ -75,13 +77,24 @@ struct Moment {
     v_WO: Vector3<f64>,
     joints: [JointReach; MAX_JOINTS],
     ranges: [[f64; 2]; MAX_JOINTS],
+    any_grasp: bool,
+}
+
+/// A catch time with a grasp.
+struct Pair {
+    moment: usize,
+    ranked: RankedGrasp,
+    /// Whether the object can come into the open gripper on a straight line, once that was asked.
+    enters: Option<bool>,
+    /// Postures whose velocities at the catch were looked for, and those that were tried in vain.
+    arrivals: usize,
+    failed: usize,
 }
 
 /// A catch on its way to being a plan.
 #[derive(Clone, Copy)]
 struct Node {
-    instant: usize,
-    ranked: RankedGrasp,
+    pair: usize,
     stage: Stage,
 }
 
@@ -89,7 +102,18 @@ struct Node {
 enum Stage {
     Pose,
     Posture(Posture),
-    Arrival(Posture),
+    Arrival(Posture, Arrival),
+}
+
+impl Stage {
+    /// What it takes to look at it closely.
+    fn work(&self) -> usize {
+        match self {
+            Self::Pose => 1,
+            Self::Posture(_) => 3,
+            Self::Arrival(..) => 5,
+        }
+    }
 }
 
 /// Nodes, the one that can become cheapest on top.
@@ -137,17 +161,32 @@ impl PartialEq for Ticket {
 
 impl Eq for Ticket {}
 
-/// What a search is about.
-struct Task<'a> {
+/// Shares of the limits, and of the step by which the catch times are shifted.
+type Look = (Shares, f64);
+
+/// What a search is about, and what it has met.
+struct Search<'a> {
     start: &'a Start,
     flight: &'a FlightTrajectory,
     grasps: &'a GraspSet,
     grasp_config: &'a grasp_selection::Config,
-    shares: Shares,
+    /// What was last in the way into each grasp.
+    obstacles: Vec<Obstacle>,
+}
+
+impl<'a> Search<'a> {
+    fn new(
+        start: &'a Start,
+        flight: &'a FlightTrajectory,
+        grasps: &'a GraspSet,
+        grasp_config: &'a grasp_selection::Config,
+    ) -> Self {
+        Self { start, flight, grasps, grasp_config, obstacles: vec![Obstacle::default(); grasps.grasps.len()] }
+    }
 }
 
 impl Planner {
-    /// The best catch of an object on `flight` that the arm can reach from `start`.
+    /// The best catch of an object on `flight` that the arm can reach from `start`, looked for all that there is to look for.
     ///
     /// # Errors
     /// Why there is none.
@@ -158,123 +197,135 @@ impl Planner {
         grasps: &GraspSet,
         grasp_config: &grasp_selection::Config,
     ) -> Result<CatchPlan, Refusal> {
-        let task = Task { start, flight, grasps, grasp_config, shares: self.shares(start) };
-        self.best_first(&task, self.config.time_step_s).or_else(|_| {
-            let task = Task { shares: self.moving_shares(), ..task };
-            self.best_first(&task, self.config.time_step_s / FINER)
-        })
+        let mut search = Search::new(start, flight, grasps, grasp_config);
+        let mut refusal = Refusal::NoGrasp;
+        for look in self.looks(start) {
+            match self.best_first(&mut search, look, usize::MAX) {
+                Err(why) => refusal = refusal.max(why),
+                found => return found,
+            }
+        }
+        Err(refusal)
     }
 
-    fn best_first(&self, task: &Task, time_step_s: f64) -> Result<CatchPlan, Refusal> {
+    /// One of the looks that make up the [search](Self::search), in turn; no look does more than a bounded amount of work. A
+    /// flight that nothing catches at first is looked at once more with every new image.
+    ///
+    /// # Errors
+    /// Why it found none.
+    pub fn look(
+        &self,
+        turn: usize,
+        start: &Start,
+        flight: &FlightTrajectory,
+        grasps: &GraspSet,
+        grasp_config: &grasp_selection::Config,
+    ) -> Result<CatchPlan, Refusal> {
+        let looks = self.looks(start);
+        let look = looks[turn % looks.len()];
+        self.best_first(&mut Search::new(start, flight, grasps, grasp_config), look, MOST_WORK)
+    }
+
+    /// What may be used of the limits, and where the catch times lie, in shares of their step: from rest first so that replans
+    /// keep some room, then with all that there is, and at times in between.
+    fn looks(&self, start: &Start) -> [Look; LOOKS] {
+        let all = self.moving_shares();
+        let offsets = [0.5, 0.0, 0.25, 0.75, 0.125, 0.625, 0.375, 0.875];
+        std::array::from_fn(|turn| if turn == 0 { (self.shares(start), 0.0) } else { (all, offsets[turn - 1]) })
+    }
+
+    /// The cheapest catch that one look finds, doing no more than `most_work`.
+    fn best_first(&self, search: &mut Search, look: Look, most_work: usize) -> Result<CatchPlan, Refusal> {
+        let (moments, mut pairs) = self.pairs(search, look);
+        let Search { start, flight, grasps, grasp_config, ref mut obstacles } = *search;
+        let (weights, from, (shares, _)) = (&self.config.weights, &start.state.q, look);
         let mut frontier = Frontier::default();
-        let (instants, any_grasp) = self.poses(task, time_step_s, &mut frontier);
-        let mut refusal = if any_grasp { Refusal::OutOfReach } else { Refusal::NoGrasp };
-        // What a few postures could not do, similar ones usually cannot either.
-        let mut failed: Vec<(usize, usize)> = Vec::new();
-        let mut attempts = 0;
-        let mut pairs = match self.finder {
-            PostureFinder::Srs(_) => MOST_PAIRS,
-            PostureFinder::Numerical => MOST_NUMERICAL_PAIRS,
-        };
-        let weights = &self.config.weights;
-        while let Some((cost, Node { instant, ranked, stage })) = frontier.pop() {
-            let at = &instants[instant];
-            let from = &task.start.state.q;
-            let reaching =
-                |q: &JointVector| self.reaching(task.start, at.catch_s, &ranked.X_WG, q, &at.v_WO, task.shares);
+        for (pair, Pair { ranked, moment, .. }) in pairs.iter().enumerate() {
+            let delay_s = moments[*moment].catch_s - start.time_s;
+            frontier.push(ranked.cost + weights.delay * delay_s, Node { pair, stage: Stage::Pose });
+        }
+        let mut refusal = if moments.iter().any(|it| it.any_grasp) { Refusal::OutOfReach } else { Refusal::NoGrasp };
+        let (mut looked_at, mut work) = (0, 0);
+        while let Some((cost, Node { pair, stage })) = frontier.pop() {
+            work += stage.work();
+            if work > most_work {
+                return Err(refusal.max(Refusal::NoMotion));
+            }
+            let Pair { moment, ranked, enters, arrivals, failed } = &mut pairs[pair];
+            let (at, RankedGrasp { index, X_WG, approach, .. }) = (&moments[*moment], *ranked);
+            let entering =
+                Entering { flight, catch_s: at.catch_s, grasp: &grasps.grasps[index], grasps, config: grasp_config };
+            let reaching = |q: &JointVector| self.reaching(start, at.catch_s, &X_WG, q, &at.v_WO, shares);
+            let obstacle = &mut obstacles[index];
+            let v_GO = X_WG.rotation.inverse_transform_vector(&at.v_WO);
             match stage {
-                Stage::Pose if pairs == 0 => {}
+                Stage::Pose if looked_at == self.finder.most_poses() => {}
                 Stage::Pose => {
-                    pairs -= 1;
-                    let postures = self.postures(task, at, &ranked);
-                    if let Err(why) = postures {
-                        refusal = refusal.max(why);
+                    looked_at += 1;
+                    let postures = self.finder.postures(&self.robot, &X_WG, from, &at.ranges);
+                    // The object's way in is costly to look at; here it only tells why there is no catch.
+                    if !postures.is_empty() && refusal < Refusal::NoMotion {
+                        refusal = if self.enters_straight(&v_GO, &entering, obstacle) {
+                            Refusal::NoMotion
+                        } else {
+                            Refusal::Blocked
+                        };
                     }
-                    for (effort, posture) in postures.into_iter().flatten() {
+                    for posture in postures {
+                        let Some(effort) = effort(&at.joints, from, &posture.q, self.robot.dof()) else { continue };
                         let cost = cost
                             + weights.effort * effort.powi(4)
                             + weights.comfort * (posture.q - self.robot.comfortable_q).norm();
-                        frontier.push(cost, Node { instant, ranked, stage: Stage::Posture(posture) });
+                        frontier.push(cost, Node { pair, stage: Stage::Posture(posture) });
                     }
                 }
+                Stage::Posture(_) if *arrivals == ARRIVALS_PER_PAIR => {}
+                Stage::Posture(_) | Stage::Arrival(..) if *failed == ATTEMPTS_PER_PAIR => {}
                 Stage::Posture(posture) => {
                     let q = posture.q;
-                    refusal = refusal.max(Refusal::NoMotion);
-                    if !self.stands_clear(&q, task.grasps.grasps[ranked.index].open_width_m) {
+                    if !self.stands_clear(&q, entering.grasp.open_width_m) {
                         continue;
                     }
+                    *arrivals += 1;
                     let bounds = self.arrival_bounds(&at.joints, from, &q);
                     let Some(arrival) = bounds.and_then(|bounds| reaching(&q).arrival(&bounds)) else { continue };
                     let missing = 1.0 - arrival.speed_fraction / self.config.max_speed_fraction.max(1e-9);
                     let cost = cost + weights.speed * missing + weights.spin * arrival.w_WG.norm();
-                    frontier.push(cost, Node { instant, ranked, stage: Stage::Arrival(posture) });
+                    frontier.push(cost, Node { pair, stage: Stage::Arrival(posture, arrival) });
                 }
-                Stage::Arrival(posture) => {
+                Stage::Arrival(posture, balanced) => {
                     let q = posture.q;
-                    let RankedGrasp { approach, X_WG, index, .. } = ranked;
-                    let pair = (instant, index);
-                    if failed.iter().filter(|it| **it == pair).count() >= ATTEMPTS_PER_PAIR {
-                        continue;
-                    }
                     let candidate = Candidate { catch_s: at.catch_s, approach, X_WG, posture, cost };
                     let Some(bounds) = self.arrival_bounds(&at.joints, from, &q) else { continue };
-                    let mut moved = false;
                     for weights in [ArrivalWeights::BALANCED, ArrivalWeights::STEADY] {
                         let reaching = Reaching { weights, ..reaching(&q) };
-                        let grasp = &task.grasps.grasps[index];
-                        let Some(arrival) = reaching.arrival(&bounds) else { continue };
-                        if !self.lets_in(
-                            &X_WG,
-                            &arrival,
-                            at.catch_s,
-                            task.flight,
-                            grasp,
-                            task.grasps,
-                            task.grasp_config,
-                        ) {
+                        let known = (weights == ArrivalWeights::BALANCED).then_some(balanced);
+                        let Some(arrival) = known.or_else(|| reaching.arrival(&bounds)) else { continue };
+                        if !self.lets_in(&X_WG, &arrival, &entering, obstacle)
+                            || !*enters.get_or_insert_with(|| self.enters_straight(&v_GO, &entering, obstacle))
+                        {
                             continue;
                         }
-                        moved = true;
-                        let Some(plan) = self.finish(&candidate, grasp, bounds, &reaching) else { continue };
-                        let opening = self.opening(&plan, task.flight, task.grasps, task.grasp_config);
-                        if let Some(open_width_m) = opening {
+                        work += WORK_OF_A_MOTION;
+                        let Some(plan) = self.finish(&candidate, entering.grasp, bounds, &reaching) else { continue };
+                        if let Some(open_width_m) = self.opening(&plan, flight, grasps, grasp_config) {
                             return Ok(CatchPlan { open_width_m, lets_in: true, ..plan });
                         }
                     }
-                    attempts += usize::from(moved);
-                    failed.push(pair);
-                    if attempts == self.config.attempts {
-                        return Err(Refusal::NoMotion);
-                    }
+                    *failed += 1;
                 }
             }
         }
         Err(refusal)
     }
 
-    /// Postures in which the gripper is where `ranked` wants it, each with the share of its reach that a joint must use.
-    fn postures(&self, task: &Task, at: &Moment, ranked: &RankedGrasp) -> Result<Vec<(f64, Posture)>, Refusal> {
-        let from = &task.start.state.q;
-        let postures = self.finder.postures(&self.robot, &ranked.X_WG, from, &at.ranges);
-        if postures.is_empty() {
-            return Err(Refusal::OutOfReach);
-        }
-        let v_GO = ranked.X_WG.rotation.inverse_transform_vector(&at.v_WO);
-        let grasp = &task.grasps.grasps[ranked.index];
-        if !self.enters_straight(grasp, &v_GO, task.grasps, task.grasp_config.way_in_margin_m) {
-            return Err(Refusal::Blocked);
-        }
-        let effort = |it: &Posture| effort(&at.joints, from, &it.q, self.robot.dof());
-        Ok(postures.into_iter().filter_map(|it| Some((effort(&it)?, it))).collect())
-    }
-
-    /// Every catch time with every grasp that suits the flight there and that the elbow can reach; and whether any suits it.
-    fn poses(&self, task: &Task, time_step_s: f64, frontier: &mut Frontier) -> (Vec<Moment>, bool) {
+    /// Every catch time on the flight, and with every grasp that suits it there and that the elbow can reach.
+    fn pairs(&self, task: &Search, (shares, offset): Look) -> (Vec<Moment>, Vec<Pair>) {
         let base = Point3::from(self.robot.X_WB.translation.vector);
-        let (mut instants, mut any_grasp) = (Vec::new(), false);
-        let steps = (LATEST_S / time_step_s) as usize;
+        let (mut moments, mut pairs) = (Vec::new(), Vec::new());
+        let steps = (LATEST_S / self.config.time_step_s) as usize;
         for step in 0..steps {
-            let lead_s = self.config.min_lead_s + step as f64 * time_step_s;
+            let lead_s = self.config.min_lead_s + (step as f64 + offset) * self.config.time_step_s;
             let catch_s = task.start.time_s + lead_s;
             let X_WO = task.flight.pose_at(catch_s);
             if X_WO.translation.vector.z < 0.0 {
@@ -283,20 +334,16 @@ impl Planner {
             if (X_WO.translation.vector - base.coords).norm() > self.longest_reach_m {
                 continue;
             }
-            let joints = self.reaches(task.start, lead_s, task.shares);
+            let joints = self.reaches(task.start, lead_s, shares);
             let ranges = self.ranges(&joints, &task.start.state.q);
             let v_WO = task.flight.twist_at(catch_s).linear;
-            for ranked in task.grasps.rank(&X_WO, &v_WO, &base, task.grasp_config) {
-                any_grasp = true;
-                if !self.finder.may_reach(&ranked.X_WG, &ranges) {
-                    continue;
-                }
-                let cost = ranked.cost + self.config.weights.delay * lead_s;
-                frontier.push(cost, Node { instant: instants.len(), ranked, stage: Stage::Pose });
-            }
-            instants.push(Moment { catch_s, v_WO, joints, ranges });
+            let ranked = task.grasps.rank(&X_WO, &v_WO, &base, task.grasp_config);
+            let (moment, any_grasp) = (moments.len(), !ranked.is_empty());
+            let reached = ranked.into_iter().filter(|ranked| self.finder.may_reach(&ranked.X_WG, &ranges));
+            pairs.extend(reached.map(|ranked| Pair { moment, ranked, enters: None, arrivals: 0, failed: 0 }));
+            moments.push(Moment { catch_s, v_WO, joints, ranges, any_grasp });
         }
-        (instants, any_grasp)
+        (moments, pairs)
     }
 
     pub(super) fn shares(&self, start: &Start) -> Shares {

@@ -13,21 +13,46 @@ use crate::{
 const WAY_IN_S: f64 = 0.08;
 const WAY_IN_M: f64 = 0.15;
 const WAY_IN_STEPS: usize = 16;
-/// Step over which velocities are differences, in seconds.
-const STEP_S: f64 = 1e-3;
+
+/// An object on its way into the gripper, to be held by one of its grasps.
+#[derive(Clone, Copy)]
+pub(super) struct Entering<'a> {
+    pub flight: &'a FlightTrajectory,
+    pub catch_s: f64,
+    pub grasp: &'a Grasp,
+    pub grasps: &'a GraspSet,
+    pub config: &'a grasp_selection::Config,
+}
+
+/// What stood in an object's way when it was last looked at. It is looked at first the next time: what is in the way of one
+/// motion mostly is in that of the next, too.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Obstacle {
+    /// The point of its outline that touched the gripper on a straight way.
+    straight: usize,
+    /// The step before the catch, and the point that touched the moving gripper then.
+    step: usize,
+    point: usize,
+}
 
 impl Planner {
     /// Whether the object can come into a gripper that is fully open and does not turn, at `v_GO` in G, without touching it.
-    pub(super) fn enters_straight(&self, grasp: &Grasp, v_GO: &Vector3<f64>, grasps: &GraspSet, margin_m: f64) -> bool {
+    pub(super) fn enters_straight(&self, v_GO: &Vector3<f64>, entering: &Entering, last: &mut Obstacle) -> bool {
         let Some(direction) = v_GO.try_normalize(1e-6) else { return true };
+        let (outline, margin_m) = (&entering.grasps.outline, entering.config.way_in_margin_m);
         let [left, right] = self.gripper.fingers(self.gripper.max_width_m);
-        let X_GO = grasp.X_OG.inverse();
-        let way = Way::new(direction * -WAY_IN_M);
         let boxes = [left, right, self.gripper.body()];
-        grasps.outline.iter().all(|point| {
-            let from = (X_GO * point).coords;
-            !boxes.iter().any(|it| way.meets(it, margin_m, &from))
-        })
+        let X_GO = entering.grasp.X_OG.inverse();
+        let R_GO = X_GO.rotation.to_rotation_matrix();
+        let way = Way::new(direction * -WAY_IN_M);
+        let touches = |i: &usize| {
+            let from = R_GO * outline[*i].coords + X_GO.translation.vector;
+            boxes.iter().any(|it| way.meets(it, margin_m, &from))
+        };
+        let likely = Some(last.straight).filter(|i| *i < outline.len() && touches(i));
+        let touching = likely.or_else(|| (0..outline.len()).find(touches));
+        last.straight = touching.unwrap_or(last.straight);
+        touching.is_none()
     }
 
     /// The narrowest opening with which the object touches neither fingers nor housing on its way into the moving gripper,
@@ -39,22 +64,21 @@ impl Planner {
         grasps: &GraspSet,
         config: &grasp_selection::Config,
     ) -> Option<f64> {
-        let X_WG = |before_s: f64| self.robot.gripper_pose(&plan.trajectory.setpoint(plan.catch_s - before_s).q);
-        let openings = self.openings(&plan.grasp);
-        self.first_of(&openings, X_WG, plan.catch_s, flight, &plan.grasp, grasps, config)
+        self.first_that_lets_in(&self.openings(&plan.grasp), plan, flight, grasps, config)
     }
 
-    /// Whether a plan lets the object in with this opening.
-    pub(super) fn lets_in_when_open(
+    /// The first of these openings with which a plan lets the object in.
+    pub(super) fn first_that_lets_in(
         &self,
+        openings: &[f64],
         plan: &CatchPlan,
-        open_m: f64,
         flight: &FlightTrajectory,
         grasps: &GraspSet,
         config: &grasp_selection::Config,
-    ) -> bool {
-        let X_WG = |before_s: f64| self.robot.gripper_pose(&plan.trajectory.setpoint(plan.catch_s - before_s).q);
-        self.first_of(&[open_m], X_WG, plan.catch_s, flight, &plan.grasp, grasps, config).is_some()
+    ) -> Option<f64> {
+        let entering = Entering { flight, catch_s: plan.catch_s, grasp: &plan.grasp, grasps, config };
+        let X_WG = |time_s: f64| self.robot.gripper_pose(&plan.trajectory.setpoint(time_s).q);
+        self.first_of(openings, X_WG, &entering, &mut Obstacle::default())
     }
 
     /// Openings that are tried, the narrowest first.
@@ -63,64 +87,54 @@ impl Planner {
         [0.0, 0.25, 0.5, 1.0].map(|share| narrow + share * (wide - narrow))
     }
 
-    /// Whether there is such an opening if the gripper passes through `X_WG` at `catch_s` as `arrival` wants it to, at an even
+    /// Whether there is such an opening if the gripper passes through `X_WG` at the catch as `arrival` wants it to, at an even
     /// velocity: most motions that would fail in the end are told from that alone.
-    #[expect(clippy::too_many_arguments, reason = "they are what a passage is made of")]
-    pub(super) fn lets_in(
-        &self,
-        X_WG: &Pose,
-        arrival: &Arrival,
-        catch_s: f64,
-        flight: &FlightTrajectory,
-        grasp: &Grasp,
-        grasps: &GraspSet,
-        config: &grasp_selection::Config,
-    ) -> bool {
+    pub(super) fn lets_in(&self, X_WG: &Pose, arrival: &Arrival, entering: &Entering, last: &mut Obstacle) -> bool {
         let centre = X_WG * self.gripper.grasp_centre();
-        let v_WG = flight.twist_at(catch_s).linear * arrival.speed_fraction;
-        let passing = |before_s: f64| {
-            let turn = UnitQuaternion::from_scaled_axis(arrival.w_WG * -before_s);
-            let origin = centre - v_WG * before_s + turn * (X_WG.translation.vector - centre.coords);
+        let v_WG = entering.flight.twist_at(entering.catch_s).linear * arrival.speed_fraction;
+        let passing = |time_s: f64| {
+            let after_s = time_s - entering.catch_s;
+            let turn = UnitQuaternion::from_scaled_axis(arrival.w_WG * after_s);
+            let origin = centre + v_WG * after_s + turn * (X_WG.translation.vector - centre.coords);
             Pose::from_parts(origin.coords.into(), turn * X_WG.rotation)
         };
-        self.first_of(&self.openings(grasp), passing, catch_s, flight, grasp, grasps, config).is_some()
+        self.first_of(&self.openings(entering.grasp), passing, entering, last).is_some()
     }
 
-    /// The first of these openings that lets the object in.
-    #[expect(clippy::too_many_arguments, reason = "they are what a passage is made of")]
+    /// The first of these openings that lets the object in while the gripper moves through `X_WG`.
     fn first_of(
         &self,
         openings: &[f64],
         X_WG: impl Fn(f64) -> Pose,
-        catch_s: f64,
-        flight: &FlightTrajectory,
-        grasp: &Grasp,
-        grasps: &GraspSet,
-        config: &grasp_selection::Config,
+        entering: &Entering,
+        last: &mut Obstacle,
     ) -> Option<f64> {
+        let Entering { flight, catch_s, grasp, grasps, config } = *entering;
         let passage = Passage::of(flight, catch_s);
         // Where the object is too far away to touch anything, nothing need be looked at.
         let near_m = grasps.radius_m + self.gripper.fingertip_y_m().hypot(self.gripper.max_width_m);
-        let way: Vec<(f64, Pose)> = (0..=WAY_IN_STEPS)
-            .map(|step| {
-                let before_s = WAY_IN_S * step as f64 / WAY_IN_STEPS as f64;
-                (before_s, X_WG(before_s).inverse() * passage.pose_at(catch_s - before_s))
-            })
-            .filter(|(_, X_GO)| X_GO.translation.vector.norm() < near_m)
-            .collect();
+        let mut way = [None; WAY_IN_STEPS + 1];
         let closing = config.closing(&self.gripper);
-        let centre = |before_s: f64| {
-            let X_GO = X_WG(before_s).inverse() * passage.pose_at(catch_s - before_s);
-            X_GO * (grasp.X_OG * self.gripper.grasp_centre())
-        };
-        let lead_s = config.contact_lead_s(&((centre(0.0) - centre(STEP_S)) / STEP_S));
+        let lead_s = config.contact_lead_s(&passage.velocity_in(&X_WG, &(grasp.X_OG * self.gripper.grasp_centre())));
         openings.iter().copied().find(|open_m| {
             let way_m = open_m - grasp.object_width_m;
-            way.iter().all(|(before_s, X_GO)| {
+            let first = last.step;
+            std::iter::once(first).chain((0..=WAY_IN_STEPS).filter(|step| *step != first)).all(|step| {
+                let before_s = WAY_IN_S * step as f64 / WAY_IN_STEPS as f64;
+                let X_GO = way[step]
+                    .get_or_insert_with(|| X_WG(catch_s - before_s).inverse() * passage.pose_at(catch_s - before_s));
+                if X_GO.translation.vector.norm() >= near_m {
+                    return true;
+                }
                 // How far the fingers have closed by then; toward the end less and less space is left on purpose.
                 let width_m = grasp.object_width_m + closing.remaining_m(way_m, before_s - lead_s);
                 let margin_m = config.way_in_margin_m.min((width_m - grasp.object_width_m) / 4.0);
-                Entry::new(&self.gripper, width_m, margin_m - 1e-4).is_clear_of(&grasps.outline, grasps.radius_m, X_GO)
+                let entry = Entry::new(&self.gripper, width_m, margin_m - 1e-4);
+                let touching = entry.obstacle(&grasps.outline, grasps.radius_m, X_GO, last.point);
+                if let Some(point) = touching {
+                    (last.step, last.point) = (step, point);
+                }
+                touching.is_none()
             })
         })
     }

@@ -1,7 +1,7 @@
 //! A flight close to one instant.
 
 use catch_body::{Pose, Twist, dynamics::gravity};
-use nalgebra::UnitQuaternion;
+use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 use super::FlightTrajectory;
 
@@ -30,5 +30,12 @@ impl Passage {
         X_WO.translation.vector += v * elapsed_s + acceleration * (0.5 * elapsed_s * elapsed_s);
         X_WO.rotation = UnitQuaternion::from_scaled_axis(self.V_WO.angular * elapsed_s) * X_WO.rotation;
         X_WO
+    }
+
+    /// Velocity in G with which a point of the object passes a gripper that moves through `X_WG`.
+    pub fn velocity_in(&self, X_WG: impl Fn(f64) -> Pose, p_O: &Point3<f64>) -> Vector3<f64> {
+        const STEP_S: f64 = 1e-3;
+        let place = |time_s: f64| X_WG(time_s).inverse() * (self.pose_at(time_s) * p_O);
+        (place(self.time_s) - place(self.time_s - STEP_S)) / STEP_S
     }
 }

@@ -2,13 +2,15 @@
 
 #![allow(clippy::print_stdout, reason = "figures for the docs, shown by --nocapture")]
 
-use std::f64::consts::PI;
+use std::{f64::consts::PI, ops::ControlFlow};
 
 use catch_body::{JointVector, clearance::ArmClearance};
 use catch_bot::{
     grasp_selection::{GraspSet, heuristics::can_catch},
     perception::ReferenceModel,
-    trajectory_optimization::{CatchPlan, Config, Planner, Refusal, Start, posed::Target, reachability::JointReach},
+    trajectory_optimization::{
+        CatchPlan, Config, Planner, Refusal, Start, posed::Target, reachability::JointReach, search::LOOKS,
+    },
     trajectory_prediction::FlightTrajectory,
 };
 use catch_cell::{ArmTrajectory, arm::Setpoint};
@@ -48,6 +50,10 @@ impl Desk {
         self.planner.search(start, flight, &self.grasps, &self.config.grasp_selection)
     }
 
+    fn look(&self, turn: usize, start: &Start, flight: &FlightTrajectory) -> Result<CatchPlan, Refusal> {
+        self.planner.look(turn, start, flight, &self.grasps, &self.config.grasp_selection)
+    }
+
     pub fn waiting(&self) -> Start {
         Start { time_s: KNOWN_S, state: Setpoint::at_rest(self.setup.ready_q) }
     }
@@ -70,40 +76,59 @@ pub fn random_flight(rng: &mut Pcg64) -> FlightTrajectory {
     FlightTrajectory { p_WO, v_WO, R_WO, ..FlightTrajectory::default() }
 }
 
-/// Throws that a search on a grid five times finer catches and the search does not.
+/// CPU time of this thread in milliseconds, which other programs do not disturb; zero where it cannot be told.
+fn cpu_ms() -> f64 {
+    #[cfg(unix)]
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    #[cfg(unix)]
+    return time.tv_sec as f64 * 1e3 + time.tv_nsec as f64 * 1e-6;
+    #[cfg(not(unix))]
+    0.0
+}
+
+/// Throws that a search on a grid five times finer catches and the looks for a catch, one after the other, do not.
 fn lost(throws: usize) -> (usize, usize, Vec<(usize, Refusal)>) {
     let (mut caught, mut caught_finer, mut lost) = (0, 0, Vec::new());
-    let mut times = Vec::new();
+    let mut times = [Vec::new(), Vec::new()];
     for (o, object) in OBJECTS.iter().enumerate() {
         let desk = Desk::new(object, |_| {});
         let finer = Desk::new(object, |config| config.time_step_s /= 5.0);
         let mut rng = Pcg64::seed_from_u64(o as u64);
         for i in (o..throws).step_by(OBJECTS.len()) {
             let flight = random_flight(&mut rng);
-            let before = std::time::Instant::now();
-            let found = desk.search(&desk.waiting(), &flight);
-            times.push((before.elapsed().as_secs_f64() * 1e3, found.as_ref().err().copied(), object));
+            let mut looks = (0..LOOKS).map(|turn| {
+                let before = cpu_ms();
+                let found = desk.look(turn, &desk.waiting(), &flight);
+                times[usize::from(turn > 0)].push(cpu_ms() - before);
+                found
+            });
+            let found = looks.try_fold(Refusal::NoGrasp, |refusal, found| match found {
+                Ok(_) => ControlFlow::Break(()),
+                Err(why) => ControlFlow::Continue(refusal.max(why)),
+            });
             let found_finer = finer.search(&finer.waiting(), &flight);
-            caught += usize::from(found.is_ok());
+            caught += usize::from(found.is_break());
             caught_finer += usize::from(found_finer.is_ok());
-            if let (Err(refusal), Ok(_)) = (found, found_finer) {
+            if let (ControlFlow::Continue(refusal), Ok(_)) = (found, found_finer) {
                 lost.push((i, refusal));
             }
         }
     }
-    times.sort_by(|a, b| a.0.total_cmp(&b.0));
-    println!(
-        "search: median {:.2} ms, 90 % {:.2} ms, 99 % {:.2}, max {:.2?}",
-        times[throws / 2].0,
-        times[throws * 9 / 10].0,
-        times[throws * 99 / 100].0,
-        &times[throws - 5..]
-    );
+    for (which, mut times) in ["first", "later"].into_iter().zip(times) {
+        times.sort_by(f64::total_cmp);
+        let share =
+            |share: f64| times.get(((times.len().max(1) - 1) as f64 * share) as usize).copied().unwrap_or_default();
+        let [half, most, nearly, max] = [0.5, 0.9, 0.99, 1.0].map(share);
+        let count = times.len();
+        println!(
+            "{count} {which} looks: median {half:.2} ms, 90 % {most:.2} ms, 99 % {nearly:.2} ms, max {max:.2} ms of CPU time"
+        );
+    }
     (caught, caught_finer, lost)
 }
 
 #[test]
-#[ignore = "does not hold yet: a finer grid catches one of the 90 throws that the search gives up"]
+#[ignore = "does not hold yet: a finer grid without bounds catches three of the 90 throws that the looks give up"]
 fn a_finer_grid_finds_no_catch_that_was_missed() {
     let (caught, _, lost) = lost(90);
     assert!(caught > 30, "the throws are too hard to tell: {caught} caught");
