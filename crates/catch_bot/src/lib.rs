@@ -299,7 +299,7 @@ impl Brain for CatchingBot {
         // III-C and III-D: the running plan for the new flight, or a new grasp and plan.
         let start = self.start(observation);
         let (status, plan) = self.decide(&start, &flight);
-        self.refusals = if plan.is_some() { 0 } else { self.refusals + 1 };
+        self.refusals = if status == Status::Planned { 0 } else { self.refusals + 1 };
         probe.stage_ended("trajectory_optimization");
 
         let mut command = self.command(now_s, status, plan, &flight);

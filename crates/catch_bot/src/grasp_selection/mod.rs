@@ -16,7 +16,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
-use crate::perception::ReferenceModel;
+use crate::perception::{ReferenceModel, Symmetry};
 pub use closing::Closing;
 use darboux::darboux_frame;
 pub use heuristics::{Approach, RankedGrasp};
@@ -155,6 +155,8 @@ impl GraspSet {
     pub fn sample(reference: &ReferenceModel, gripper: &Gripper, config: &Config) -> Self {
         let mut rng = Pcg64::seed_from_u64(config.seed);
         let mut grasps = Vec::new();
+        // A ball looks the same from everywhere.
+        let turns_rad: &[f64] = if reference.symmetry == Symmetry::Sphere { &[] } else { &config.turns_rad };
         if !reference.points.is_empty() {
             for _ in 0..config.samples {
                 let index = rng.random_range(0..reference.points.len());
@@ -170,7 +172,7 @@ impl GraspSet {
                     };
                     let held = grasp.X_OG * gripper.grasp_centre();
                     grasps.push(grasp);
-                    grasps.extend(config.turns_rad.iter().filter_map(|&turn| {
+                    grasps.extend(turns_rad.iter().filter_map(|&turn| {
                         let R_OG = R_OG * UnitQuaternion::from_scaled_axis(Vector3::x() * turn);
                         fit::fit_gripper(reference, gripper, config, &held, R_OG)
                     }));
@@ -183,10 +185,18 @@ impl GraspSet {
         Self { grasps, outline, radius_m, axes }
     }
 
-    /// The best grasps for an object in pose `X_WO` that flies at `v_WO`, best first.
-    pub fn rank(&self, X_WO: &Pose, v_WO: &Vector3<f64>, base: &Point3<f64>, config: &Config) -> Vec<RankedGrasp> {
-        let Some(v_O) = X_WO.rotation.inverse_transform_vector(v_WO).try_normalize(1e-6) else { return Vec::new() };
-        let mut ranked: Vec<RankedGrasp> = self
+    /// The best grasps for an object in pose `X_WO` that flies at `v_WO`, best first, among those for which the gripper
+    /// `may_reach` its pose; and whether there are any if it need not.
+    pub fn rank(
+        &self,
+        X_WO: &Pose,
+        v_WO: &Vector3<f64>,
+        base: &Point3<f64>,
+        config: &Config,
+        may_reach: impl Fn(&Pose) -> bool,
+    ) -> (Vec<RankedGrasp>, bool) {
+        let Some(v_O) = X_WO.rotation.inverse_transform_vector(v_WO).try_normalize(1e-6) else { return (Vec::new(), false) };
+        let ranked: Vec<RankedGrasp> = self
             .grasps
             .iter()
             .zip(&self.axes)
@@ -194,13 +204,15 @@ impl GraspSet {
             .filter(|(_, (_, axes))| heuristics::can_catch(axes, &v_O, &config.weights))
             .map(|(index, (grasp, axes))| heuristics::rank(index, grasp, axes, X_WO, &v_O, base, &config.weights))
             .collect();
+        let any = !ranked.is_empty();
+        let mut ranked: Vec<RankedGrasp> = ranked.into_iter().filter(|it| may_reach(&it.X_WG)).collect();
         let better = |a: &RankedGrasp, b: &RankedGrasp| a.cost.total_cmp(&b.cost).then(a.index.cmp(&b.index));
         if ranked.len() > config.kept {
             ranked.select_nth_unstable_by(config.kept, better);
             ranked.truncate(config.kept);
         }
         ranked.sort_unstable_by(better);
-        ranked
+        (ranked, any)
     }
 }
 

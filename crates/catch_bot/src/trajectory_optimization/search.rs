@@ -244,7 +244,9 @@ impl Planner {
             let delay_s = moments[*moment].catch_s - start.time_s;
             frontier.push(ranked.cost + weights.delay * delay_s, Node { pair, stage: Stage::Pose });
         }
-        let mut refusal = if moments.iter().any(|it| it.any_grasp) { Refusal::OutOfReach } else { Refusal::NoGrasp };
+        let is_near = !moments.is_empty();
+        let mut refusal =
+            if is_near && !moments.iter().any(|it| it.any_grasp) { Refusal::NoGrasp } else { Refusal::OutOfReach };
         let (mut looked_at, mut work) = (0, 0);
         while let Some((cost, Node { pair, stage })) = frontier.pop() {
             work += stage.work();
@@ -337,10 +339,10 @@ impl Planner {
             let joints = self.reaches(task.start, lead_s, shares);
             let ranges = self.ranges(&joints, &task.start.state.q);
             let v_WO = task.flight.twist_at(catch_s).linear;
-            let ranked = task.grasps.rank(&X_WO, &v_WO, &base, task.grasp_config);
-            let (moment, any_grasp) = (moments.len(), !ranked.is_empty());
-            let reached = ranked.into_iter().filter(|ranked| self.finder.may_reach(&ranked.X_WG, &ranges));
-            pairs.extend(reached.map(|ranked| Pair { moment, ranked, enters: None, arrivals: 0, failed: 0 }));
+            let may_reach = |X_WG: &Pose| self.finder.may_reach(X_WG, &ranges);
+            let (ranked, any_grasp) = task.grasps.rank(&X_WO, &v_WO, &base, task.grasp_config, may_reach);
+            let moment = moments.len();
+            pairs.extend(ranked.into_iter().map(|ranked| Pair { moment, ranked, enters: None, arrivals: 0, failed: 0 }));
             moments.push(Moment { catch_s, v_WO, joints, ranges, any_grasp });
         }
         (moments, pairs)
