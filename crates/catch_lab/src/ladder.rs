@@ -7,6 +7,7 @@
 use std::path::PathBuf;
 
 use catch_body::InputError;
+use catch_bot::perception;
 
 use crate::{
     assets::{Asset, Kind, Origin},
@@ -51,6 +52,7 @@ pub const RUNGS: [Rung; 10] = [
             scenario.arena.gripper = honest.arena.gripper;
             scenario.brain.control.gripper_latency_s = honest.brain.control.gripper_latency_s;
             scenario.brain.grasp_selection.clone_from(&honest.brain.grasp_selection);
+            scenario.brain.trajectory_optimization.clone_from(&honest.brain.trajectory_optimization);
         },
         throws: None,
     },
@@ -80,7 +82,8 @@ pub const RUNGS: [Rung; 10] = [
         change: |scenario, honest| {
             scenario.arena.depth.model.clone_from(&honest.arena.depth.model);
             scenario.arena.depth.lost_frame_share = honest.arena.depth.lost_frame_share;
-            scenario.brain.perception.clone_from(&honest.brain.perception);
+            let camera_sd_rad = scenario.brain.perception.camera_sd_rad;
+            scenario.brain.perception = perception::Config { camera_sd_rad, ..honest.brain.perception.clone() };
         },
         throws: None,
     },
@@ -115,6 +118,7 @@ pub const RUNGS: [Rung; 10] = [
             scenario.arena.restitution_spread = honest.arena.restitution_spread;
             scenario.arena.robot_errors = honest.arena.robot_errors;
             scenario.brain.trajectory_prediction.systematic_sd_m = honest.brain.trajectory_prediction.systematic_sd_m;
+            scenario.brain.perception.camera_sd_rad = honest.brain.perception.camera_sd_rad;
         },
         throws: None,
     },

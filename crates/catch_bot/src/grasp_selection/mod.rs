@@ -195,7 +195,9 @@ impl GraspSet {
         config: &Config,
         may_reach: impl Fn(&Pose) -> bool,
     ) -> (Vec<RankedGrasp>, bool) {
-        let Some(v_O) = X_WO.rotation.inverse_transform_vector(v_WO).try_normalize(1e-6) else { return (Vec::new(), false) };
+        let Some(v_O) = X_WO.rotation.inverse_transform_vector(v_WO).try_normalize(1e-6) else {
+            return (Vec::new(), false);
+        };
         let ranked: Vec<RankedGrasp> = self
             .grasps
             .iter()

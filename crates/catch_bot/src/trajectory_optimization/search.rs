@@ -342,7 +342,13 @@ impl Planner {
             let may_reach = |X_WG: &Pose| self.finder.may_reach(X_WG, &ranges);
             let (ranked, any_grasp) = task.grasps.rank(&X_WO, &v_WO, &base, task.grasp_config, may_reach);
             let moment = moments.len();
-            pairs.extend(ranked.into_iter().map(|ranked| Pair { moment, ranked, enters: None, arrivals: 0, failed: 0 }));
+            pairs.extend(ranked.into_iter().map(|ranked| Pair {
+                moment,
+                ranked,
+                enters: None,
+                arrivals: 0,
+                failed: 0,
+            }));
             moments.push(Moment { catch_s, v_WO, joints, ranges, any_grasp });
         }
         (moments, pairs)
