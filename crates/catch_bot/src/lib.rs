@@ -25,7 +25,8 @@ use serde::{Deserialize, Serialize};
 use control::GripperPlan;
 use grasp_selection::GraspSet;
 pub use method::Method;
-use perception::{ObjectPose, ReferenceModel, Surroundings};
+
+use perception::{ObjectPose, ReferenceModel, Surroundings, camera_alignment::CameraAlignment};
 use trajectory_optimization::{CatchPlan, Planner};
 use trajectory_prediction::FlightTrajectory;
 
@@ -149,8 +150,8 @@ pub struct CatchingBot {
     known: Arc<Preparation>,
     seed: u64,
 
-    /// Where the cameras look, as far as images of the arm have told.
-    cameras: Vec<CameraModel>,
+    /// The cameras, as far as images of the arm have told where they look.
+    alignment: CameraAlignment,
     /// What the encoders said lately: (time, arm, opening of the gripper), oldest first.
     sensed: VecDeque<(f64, JointVector, f64)>,
     poses: Vec<ObjectPose>,
@@ -182,7 +183,7 @@ impl CatchingBot {
     /// A brain that shares what was worked out beforehand; it draws at random from `seed` instead of [`Config::seed`].
     pub fn prepared(known: Arc<Preparation>, seed: u64) -> Self {
         Self {
-            cameras: known.cameras.clone(),
+            alignment: CameraAlignment::new(&known.cameras),
             known,
             seed,
             sensed: VecDeque::with_capacity(SENSED),
@@ -251,10 +252,10 @@ impl Brain for CatchingBot {
             let expected = self.expected_pose(frames[0].capture_s);
             let surroundings = surroundings(&self.known, &self.sensed, frames[0].capture_s);
             let config = &self.known.config.perception;
-            self.workspace.align(frames, &self.known.cameras, surroundings.as_ref(), config, &mut self.cameras);
+            self.alignment.observe(frames, &self.known.cameras, surroundings.as_ref(), config);
             let found = perception::find_object(
                 frames,
-                &self.cameras,
+                self.alignment.cameras(),
                 &self.known.reference,
                 expected.as_ref(),
                 surroundings.as_ref(),
@@ -299,7 +300,6 @@ impl Brain for CatchingBot {
         // III-C and III-D: the running plan for the new flight, or a new grasp and plan.
         let start = self.start(observation);
         let (status, plan) = self.decide(&start, &flight);
-        self.refusals = if status == Status::Planned { 0 } else { self.refusals + 1 };
         probe.stage_ended("trajectory_optimization");
 
         let mut command = self.command(now_s, status, plan, &flight);
@@ -332,7 +332,7 @@ impl CatchingBot {
         let radius_m = self.known.reference.radius_m + self.known.config.perception.gate_m + doubt_m;
         let window =
             |camera: &CameraModel| camera.window_around(&camera.X_WC.inverse_transform_point(&p_WO.into()), radius_m);
-        Some(self.cameras.iter().map(window).collect())
+        Some(self.alignment.cameras().iter().map(window).collect())
     }
 
     /// Where the object should be: on the last flight, or, before there is one, where it was seen last. The latter keeps an

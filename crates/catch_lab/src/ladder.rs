@@ -7,12 +7,16 @@
 use std::path::PathBuf;
 
 use catch_body::InputError;
-use catch_bot::perception;
+use catch_bot::{grasp_selection, perception};
+
+use serde::Serialize;
 
 use crate::{
     assets::{Asset, Kind, Origin},
+    evaluation::{Cell, Row},
     scenario::Scenario,
     setup::{COMMAND_LINE, Choice, Setup},
+    statistics::CellSummary,
 };
 
 /// One assumption of the paper.
@@ -51,7 +55,10 @@ pub const RUNGS: [Rung; 10] = [
         change: |scenario, honest| {
             scenario.arena.gripper = honest.arena.gripper;
             scenario.brain.control.gripper_latency_s = honest.brain.control.gripper_latency_s;
-            scenario.brain.grasp_selection.clone_from(&honest.brain.grasp_selection);
+            // More ways of holding are for attitudes that cannot be chosen.
+            let turns_rad = scenario.brain.grasp_selection.turns_rad.clone();
+            scenario.brain.grasp_selection =
+                grasp_selection::Config { turns_rad, ..honest.brain.grasp_selection.clone() };
             scenario.brain.trajectory_optimization.clone_from(&honest.brain.trajectory_optimization);
         },
         throws: None,
@@ -73,6 +80,7 @@ pub const RUNGS: [Rung; 10] = [
             scenario.arena.max_spin_radps = honest.arena.max_spin_radps;
             scenario.brain.trajectory_prediction.spin_prior_sd_radps =
                 honest.brain.trajectory_prediction.spin_prior_sd_radps;
+            scenario.brain.grasp_selection.turns_rad.clone_from(&honest.brain.grasp_selection.turns_rad);
         },
         throws: None,
     },
@@ -117,12 +125,18 @@ pub const RUNGS: [Rung; 10] = [
             scenario.arena.restitution_scale = honest.arena.restitution_scale;
             scenario.arena.restitution_spread = honest.arena.restitution_spread;
             scenario.arena.robot_errors = honest.arena.robot_errors;
-            scenario.brain.trajectory_prediction.systematic_sd_m = honest.brain.trajectory_prediction.systematic_sd_m;
+            // Labelled images show the object alone: no camera is aligned on the arm then.
+            let aligned_sd_m = honest.brain.trajectory_prediction.systematic_sd_m;
+            scenario.brain.trajectory_prediction.systematic_sd_m =
+                if scenario.arena.labels { UNALIGNED_SD_M } else { aligned_sd_m };
             scenario.brain.perception.camera_sd_rad = honest.brain.perception.camera_sd_rad;
         },
         throws: None,
     },
 ];
+
+/// What the cameras of `honest` leave in common if they are not aligned: 2 mm and 0.05° about each axis from 7 m, twenty of them.
+const UNALIGNED_SD_M: f64 = 0.002;
 
 /// A scenario of the ladder with its throws.
 pub struct Step {
@@ -134,6 +148,31 @@ pub struct Step {
     pub scenario: Scenario,
     /// The ways of throwing.
     pub throws: &'static [&'static str],
+}
+
+/// What became of the throws on a step.
+#[derive(Debug, Clone, Serialize)]
+pub struct StepSummary {
+    /// Name of the step.
+    pub step: String,
+    /// What it removes, in words.
+    pub removes: &'static str,
+    /// Each object, all its throws together.
+    pub objects: Vec<CellSummary>,
+}
+
+impl StepSummary {
+    /// Counts the trials of a step, whose cells come object by object.
+    pub fn of(step: &Step, cells: &[Cell], rows: &[Row]) -> Self {
+        let summary = |of_object: &[Cell]| {
+            let object = &of_object[0].setup.scenario.object;
+            let rows: Vec<&Row> = rows.iter().filter(|row| row.scene.object == *object).collect();
+            let is_fixed = of_object.iter().all(|cell| cell.throw_is_fixed);
+            CellSummary::of(object, &step.throws.join(", "), &rows, is_fixed)
+        };
+        let objects = cells.chunks(step.throws.len().max(1)).map(summary).collect();
+        Self { step: step.name.clone(), removes: step.removes, objects }
+    }
 }
 
 /// The steps: first the climb, each rung upon those below it, then each rung alone upon the first.

@@ -1,5 +1,6 @@
 //! An evaluation as one page: rates against the published ones, misses by reason, prediction, computing time.
 
+mod ladder;
 mod misses;
 mod rows;
 
@@ -18,6 +19,7 @@ use crate::{
 };
 use rows::{Mark, Scale, row};
 
+pub use ladder::ladder_page;
 pub use misses::{MOST_MISSES, record_misses};
 
 const PAGE: &str = include_str!("report_page/report.html");

@@ -273,7 +273,8 @@ impl Setup {
             config.trajectory_prediction.drag_prior_per_m = self.object.prior.drag_per_m;
             config.trajectory_prediction.drag_prior_sd_per_m = self.object.prior.drag_sd_per_m;
         }
-        config.grasp_selection.restitution = self.object.prior.restitution;
+        config.grasp_selection.restitution =
+            self.object.prior.restitution.unwrap_or(config.grasp_selection.restitution);
         // So is whether the cameras see the floor, and what their data sheet says, unless the scenario tells the brain otherwise.
         let perception = &mut config.perception;
         perception.floor_visible |= self.scenario.arena.floor_visible;

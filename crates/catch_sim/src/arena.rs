@@ -251,7 +251,8 @@ impl Arena {
         self.servo.note_clearances(clearance.self_clearance(&X_WL, width_m), clearance.floor_clearance(&X_WL, width_m));
         let (X_WG, V_WG) = (robot.gripper_in(&X_WL), self.true_robot.gripper_twist(&state.q, &state.dq));
         let p_GO_W = state.X_WO.translation.vector - X_WG.translation.vector;
-        let relative_mps = (state.V_WO.linear - V_WG.velocity_at(&p_GO_W)).norm();
+        let turning_mps = (state.V_WO.angular - V_WG.angular).norm() * radius;
+        let relative_mps = (state.V_WO.linear - V_WG.velocity_at(&p_GO_W)).norm() + turning_mps;
         let finger_mps = state.finger_mps[0].abs().max(state.finger_mps[1].abs());
         let is_held = forces.contact.left_finger
             && forces.contact.right_finger

@@ -39,14 +39,8 @@ pub struct ObjectPrior {
     pub drag_per_m: f64,
     /// Its standard deviation.
     pub drag_sd_per_m: f64,
-    /// Expected coefficient of restitution against the gripper, 0 to 1.
-    #[serde(default = "half")]
-    pub restitution: f64,
-}
-
-/// Where nothing is said of how it bounces.
-fn half() -> f64 {
-    0.5
+    /// Expected coefficient of restitution against the gripper, 0 to 1, if anything is known of it.
+    pub restitution: Option<f64>,
 }
 
 #[derive(Deserialize)]
@@ -79,7 +73,8 @@ impl ThrownObject {
     ) -> Result<Self, InputError> {
         let ObjectFile { name, truth, prior } = InputError::parse_toml(file, text)?;
         let mass_kg = InputError::positive(file, "truth.mass_kg", truth.mass_kg)?;
-        for (field, value) in [("truth.restitution", truth.restitution), ("prior.restitution", prior.restitution)] {
+        let known = [("truth.restitution", Some(truth.restitution)), ("prior.restitution", prior.restitution)];
+        for (field, value) in known.into_iter().filter_map(|(field, value)| Some((field, value?))) {
             if !(0.0..=1.0).contains(&value) {
                 return Err(InputError::new(file, field, value, "0 to 1"));
             }

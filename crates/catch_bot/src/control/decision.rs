@@ -44,14 +44,19 @@ impl CatchingBot {
     }
 
     /// The ladder of replans: the same catch adjusted, else the old motion, else another catch.
-    pub(crate) fn decide(&self, start: &Start, flight: &FlightTrajectory) -> (Status, Option<CatchPlan>) {
+    pub(crate) fn decide(&mut self, start: &Start, flight: &FlightTrajectory) -> (Status, Option<CatchPlan>) {
         if self.known.config.method == Method::Paper {
             return paper_method::decide(self, start, flight);
         }
         let (grasps, config) = (&self.known.grasps, &self.known.config.grasp_selection);
-        let search = || self.known.planner.look(self.refusals, start, flight, grasps, config);
+        let refusals = &mut self.refusals;
+        let mut look = || {
+            let found = self.known.planner.look(*refusals, start, flight, grasps, config);
+            *refusals = if found.is_ok() { 0 } else { *refusals + 1 };
+            found
+        };
         let Some(plan) = &self.plan else {
-            return match search() {
+            return match look() {
                 Ok(plan) => (Status::Planned, Some(plan)),
                 Err(Refusal::NoGrasp) => (Status::NoGrasp, None),
                 Err(Refusal::OutOfReach) => (Status::OutOfReach, None),
@@ -67,7 +72,7 @@ impl CatchingBot {
         };
         // Fingers that have begun to close are timed for this catch.
         let is_closing = self.closing.is_some_and(|closing| closing.start_s <= start.time_s);
-        let another = if is_good || is_closing { None } else { search().ok() };
+        let another = if is_good || is_closing { None } else { look().ok() };
         match another.or(adjusted) {
             Some(plan) => (Status::Planned, Some(plan)),
             None => {

@@ -152,4 +152,31 @@ mod tests {
         }
         assert!(GraspSet::sample(&ellipsoid(Vector3::repeat(0.06)), &gripper(), &config).grasps.is_empty());
     }
+
+    /// A body without symmetry of a ball gets grasps that come from elsewhere and close in the same direction.
+    #[test]
+    fn turned_grasps_close_in_the_same_direction() {
+        let body = ellipsoid(Vector3::new(0.02, 0.02, 0.04));
+        let config = Config { samples: 1, turns_rad: vec![0.5], ..Config::default() };
+        let set = GraspSet::sample(&body, &gripper(), &config);
+        let plain = GraspSet::sample(&body, &gripper(), &Config { turns_rad: Vec::new(), ..config });
+        assert!(set.grasps.len() > plain.grasps.len() && !plain.grasps.is_empty());
+        for pair in set.grasps.windows(2) {
+            let [one, two] = [&pair[0].X_OG, &pair[1].X_OG];
+            if one.rotation.angle_to(&two.rotation) < 0.6 {
+                assert!((one * Vector3::x()).dot(&(two * Vector3::x())) > 1.0 - 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn only_what_may_be_reached_is_ranked() {
+        let set = GraspSet::sample(&ellipsoid(Vector3::repeat(0.0335)), &gripper(), &Config::default());
+        let rank = |may_reach: bool| {
+            let config = Config::default();
+            set.rank(&Pose::identity(), &Vector3::x(), &Point3::origin(), &config, |_| may_reach)
+        };
+        assert_eq!((rank(true).0.len(), rank(true).1), (Config::default().kept, true));
+        assert_eq!((rank(false).0.len(), rank(false).1), (0, true));
+    }
 }

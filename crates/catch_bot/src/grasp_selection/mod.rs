@@ -62,9 +62,9 @@ pub struct Config {
     /// The same for what flies along the fingers toward the palm, from which it would bounce: fingers that close slowly should
     /// touch it as soon as it is between them.
     pub palm_braking_way_m: f64,
-    /// What comes back from the palm as fast as it came must be held before it gets there, what comes back slowly may be held on
-    /// its way back, when all of it is between the fingers: they touch it later by this, in metres, times 1/e − 1, e being
-    /// [`Config::restitution`].
+    /// What comes back from the palm as fast as it came must be held before it gets there; what comes back slowly may be held on
+    /// its way back, when all of it is between the fingers. The way is [`Config::palm_braking_way_m`] less this times 1/e − 1, in
+    /// metres, e being [`Config::restitution`], at least 0.25; it may be negative.
     pub palm_return_way_m: f64,
     /// How the object is expected to bounce off the gripper: its coefficient of restitution, 0 to 1.
     pub restitution: f64,
@@ -110,7 +110,8 @@ impl Config {
     }
 
     /// How long before it passes the grasp centre the fingers should touch an object that passes at `v_G` in G: what it takes for
-    /// the way on which they brake it, across them (along z_G) or along them toward the palm (along −y_G).
+    /// the way on which they brake it, across them (along z_G) or along them toward the palm (along −y_G). Negative where they
+    /// should touch it afterwards.
     pub fn contact_lead_s(&self, v_G: &Vector3<f64>) -> f64 {
         let return_way_m = self.palm_return_way_m * (1.0 / self.restitution.max(SOFTEST) - 1.0);
         let palm_way_m = self.palm_braking_way_m - return_way_m;
@@ -198,16 +199,17 @@ impl GraspSet {
         let Some(v_O) = X_WO.rotation.inverse_transform_vector(v_WO).try_normalize(1e-6) else {
             return (Vec::new(), false);
         };
-        let ranked: Vec<RankedGrasp> = self
+        let mut any = false;
+        let mut ranked: Vec<RankedGrasp> = self
             .grasps
             .iter()
             .zip(&self.axes)
             .enumerate()
             .filter(|(_, (_, axes))| heuristics::can_catch(axes, &v_O, &config.weights))
             .map(|(index, (grasp, axes))| heuristics::rank(index, grasp, axes, X_WO, &v_O, base, &config.weights))
+            .inspect(|_| any = true)
+            .filter(|ranked| may_reach(&ranked.X_WG))
             .collect();
-        let any = !ranked.is_empty();
-        let mut ranked: Vec<RankedGrasp> = ranked.into_iter().filter(|it| may_reach(&it.X_WG)).collect();
         let better = |a: &RankedGrasp, b: &RankedGrasp| a.cost.total_cmp(&b.cost).then(a.index.cmp(&b.index));
         if ranked.len() > config.kept {
             ranked.select_nth_unstable_by(config.kept, better);
@@ -272,4 +274,27 @@ fn outline(points: &[Point3<f64>]) -> Vec<Point3<f64>> {
     indices.sort_unstable();
     indices.dedup();
     indices.into_iter().map(|i| points[i]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_bounces_little_is_touched_on_its_way_back() {
+        let config = |restitution: f64| Config {
+            palm_braking_way_m: 0.02,
+            palm_return_way_m: 0.025,
+            restitution,
+            ..Config::default()
+        };
+        let toward_palm = Vector3::new(0.0, -4.0, 0.0);
+        let way_m = |restitution: f64| config(restitution).contact_lead_s(&toward_palm) * 4.0;
+        assert!((way_m(1.0) - 0.02).abs() < 1e-12);
+        assert!((way_m(0.5) + 0.005).abs() < 1e-12);
+        assert!((way_m(0.25) + 0.055).abs() < 1e-12 && (way_m(0.0) - way_m(0.25)).abs() < 1e-12);
+        // Across the fingers nothing comes back.
+        let across = Vector3::new(0.0, 0.0, 4.0);
+        assert_eq!(config(0.3).contact_lead_s(&across), config(1.0).contact_lead_s(&across));
+    }
 }

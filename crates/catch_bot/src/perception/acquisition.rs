@@ -100,12 +100,6 @@ pub(super) fn find(
 }
 
 impl Scratch {
-    /// What the cameras would see of the arm alone.
-    pub fn still(&mut self, cameras: &[CameraModel], known: Option<&Surroundings<'_>>, config: &Config) -> &[Vec<f32>] {
-        self.keep_background(cameras, known, config);
-        &self.still
-    }
-
     /// Casts the arm into all images, unless it still stands where it stood.
     fn keep_background(&mut self, cameras: &[CameraModel], known: Option<&Surroundings<'_>>, config: &Config) {
         let now = known.map(|known| (known.X_WL, known.width_m));

@@ -34,14 +34,15 @@ struct Crossing {
 }
 
 /// What is known of the cameras' attitudes.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct CameraAlignment {
+    cameras: Vec<CameraModel>,
     /// For each camera, the outline of the arm.
     outlines: Vec<Vec<Crossing>>,
     /// For each camera, the pixels that showed anything in any of its images.
     shown: Vec<Vec<bool>>,
-    /// Where the arm stood in the first of them.
-    stood: Option<LinkPoses>,
+    /// Where the arm stood in the first of them, and how far open its gripper was.
+    stood: Option<(LinkPoses, f64)>,
     images: usize,
 }
 
@@ -61,50 +62,61 @@ const STILL: f64 = 1e-3;
 const ENOUGH_IMAGES: usize = 8;
 
 impl CameraAlignment {
-    /// Takes in the images of one capture time and turns `aligned` to what all of them tell, starting from the cameras as they
-    /// were `told`. `still` are the depths of the arm in each image, as told.
+    /// Cameras as they are `told` to stand.
+    pub fn new(told: &[CameraModel]) -> Self {
+        Self { cameras: told.to_vec(), outlines: Vec::new(), shown: Vec::new(), stood: None, images: 0 }
+    }
+
+    /// The cameras, turned to where they look as far as is known.
+    pub fn cameras(&self) -> &[CameraModel] {
+        &self.cameras
+    }
+
+    /// Takes in the images of one capture time and turns the cameras to what all of them tell, starting from how they were `told`
+    /// to stand.
     ///
-    /// Nothing happens once the arm has moved, where the floor hides its outline, and where cameras need no alignment.
-    pub(super) fn observe(
+    /// Nothing happens once the arm has moved, where images have masks (sensors that tell objects apart need not show the arm),
+    /// where the floor hides the arm's outline, and where cameras are known exactly.
+    pub fn observe(
         &mut self,
         frames: &[DepthFrame],
         told: &[CameraModel],
-        still: &[Vec<f32>],
         surroundings: Option<&Surroundings<'_>>,
         config: &Config,
-        aligned: &mut [CameraModel],
     ) {
-        let Some(X_WL) = surroundings.map(|known| known.X_WL).filter(|_| !config.floor_visible) else { return };
-        let stands_still = is_within(STILL, self.stood.get_or_insert(X_WL), &X_WL);
-        if self.images == ENOUGH_IMAGES || !stands_still {
+        let shows_arm = |frame: &DepthFrame| {
+            frame.mask.is_none()
+                && told.get(frame.camera).is_some_and(|it| frame.window == it.full_window())
+                && frame.depth_m.len() >= frame.window.area()
+        };
+        let is_over = self.images == ENOUGH_IMAGES || config.camera_sd_rad == 0.0 || config.floor_visible;
+        let Some(known) = surroundings.filter(|_| !is_over && frames.iter().any(shows_arm)) else { return };
+        let (X_WL, width_m) = self.stood.get_or_insert((known.X_WL, known.width_m));
+        if !is_within(STILL, X_WL, &known.X_WL) || (*width_m - known.width_m).abs() > STILL {
             self.images = ENOUGH_IMAGES;
             return;
         }
         if self.outlines.is_empty() {
-            let outline = |(camera, still): (&CameraModel, &Vec<f32>)| {
+            for camera in told {
                 let background = Background::new(camera, surroundings, &camera.full_window(), config);
-                outline(camera.width_px as usize, still, &|uv| background.depth_m(uv).is_finite())
-            };
-            self.outlines = told.iter().zip(still).map(outline).collect();
-            self.shown = still.iter().map(|still| vec![false; still.len()]).collect();
+                let mut still = Vec::new();
+                background.cast_all(&mut still);
+                let is_there = |uv: &Point2<f64>| background.depth_m(uv).is_finite();
+                self.outlines.push(outline(camera.width_px as usize, &still, &is_there));
+                self.shown.push(vec![false; still.len()]);
+            }
         }
         self.images += 1;
-        for frame in frames.iter().filter(|frame| frame.mask.is_none()) {
+        for frame in frames.iter().filter(|frame| shows_arm(frame)) {
             let i = frame.camera;
-            let (Some(camera), Some(aligned), Some(shown)) = (told.get(i), aligned.get_mut(i), self.shown.get_mut(i))
-            else {
-                continue;
-            };
-            if frame.window != camera.full_window() || frame.depth_m.len() < shown.len() {
-                continue;
-            }
+            let (camera, shown) = (&told[i], &mut self.shown[i]);
             for (shown, depth_m) in shown.iter_mut().zip(&frame.depth_m) {
                 *shown |= depth_m.is_finite() && *depth_m > 0.0;
             }
             let shift_px = shift_px(&self.outlines[i], shown, camera, config.camera_sd_rad);
             // With p_C' = p_C − δ × p_C a point on the axis moves by f·(−δ_y, δ_x) in the image.
             let turn = Vector3::new(shift_px.y, -shift_px.x, 0.0) / camera.focal_px;
-            aligned.X_WC.rotation = camera.X_WC.rotation * UnitQuaternion::from_scaled_axis(turn);
+            self.cameras[i].X_WC.rotation = camera.X_WC.rotation * UnitQuaternion::from_scaled_axis(turn);
         }
     }
 }
@@ -148,11 +160,11 @@ fn outline(width: usize, still: &[f32], is_there: &impl Fn(&Point2<f64>) -> bool
 fn add_slopes(crossings: &mut [Crossing]) {
     for i in 0..crossings.len() {
         let Crossing { line, begins, at_px, .. } = crossings[i];
-        let belongs = |other: &&Crossing, to: usize| {
-            other.line == to && other.begins == begins && (other.at_px - at_px).abs() < 1.5 * STEEPEST
-        };
-        let before = crossings[..i].iter().rev().take_while(|it| it.line + 1 >= line).find(|it| belongs(it, line - 1));
-        let after = crossings[i..].iter().take_while(|it| it.line <= line + 1).find(|it| belongs(it, line + 1));
+        let belongs = |it: &Crossing| it.begins == begins && (it.at_px - at_px).abs() < 1.5 * STEEPEST;
+        let before = crossings[..i].iter().rev().take_while(|it| it.line + 1 >= line);
+        let before = before.filter(|it| it.line + 1 == line).find(|it| belongs(it));
+        let after = crossings[i..].iter().take_while(|it| it.line <= line + 1);
+        let after = after.filter(|it| it.line == line + 1).find(|it| belongs(it));
         if let (Some(before), Some(after)) = (before, after) {
             crossings[i].slope = (after.at_px - before.at_px) / 2.0;
         }
@@ -213,7 +225,6 @@ impl Crossing {
 mod tests {
     use super::*;
     use crate::perception::{
-        Workspace,
         synthetic::{self, Normal},
         unlabelled::arm,
     };
@@ -242,8 +253,8 @@ mod tests {
             CameraModel { X_WC: camera.X_WC * X_CT, ..camera.clone() }
         };
         let truth: Vec<CameraModel> = told.iter().map(turned).collect();
-        let (mut workspace, mut aligned) = (Workspace::default(), told.clone());
-        let before = off_rad(&aligned, &truth);
+        let mut alignment = CameraAlignment::new(&told);
+        let before = off_rad(alignment.cameras(), &truth);
         let mut after = Vec::new();
         for image in 0..4 {
             let frame = |(i, camera): (usize, &CameraModel)| {
@@ -261,11 +272,10 @@ mod tests {
                 DepthFrame { camera: i, capture_s: 0.01 * f64::from(image), window, depth_m, mask: None }
             };
             let frames: Vec<DepthFrame> = truth.iter().enumerate().map(frame).collect();
-            workspace.align(&frames, &told, Some(&surroundings), &config, &mut aligned);
-            after.push(off_rad(&aligned, &truth));
+            alignment.observe(&frames, &told, Some(&surroundings), &config);
+            after.push(off_rad(alignment.cameras(), &truth));
         }
         assert!(before > SD_RAD, "{before}");
-        // From 6 mm at 7 m to less than 2 mm by one image, and less than 1 mm by four.
         assert!(after[0] < before / 3.0 && after[3] < before / 6.0, "{before} → {after:?}");
     }
 

@@ -4,7 +4,7 @@
 //! is registered to them ([`registration`]), starting from where the last trajectory says the object should be.
 
 mod acquisition;
-mod camera_alignment;
+pub mod camera_alignment;
 mod cloud;
 mod cold_start;
 mod distance_field;
@@ -180,7 +180,6 @@ pub struct Workspace {
     scene: SceneCloud,
     thinned: SceneCloud,
     acquisition: acquisition::Scratch,
-    alignment: camera_alignment::CameraAlignment,
     /// Whether the pose that is being looked at is only a place.
     is_place_only: bool,
 }
@@ -189,23 +188,6 @@ impl Workspace {
     /// What the last search found in the images.
     pub fn scene(&self) -> &SceneCloud {
         &self.scene
-    }
-
-    /// Turns `aligned` to where the cameras look, as far as images of an arm that stands still tell.
-    pub fn align(
-        &mut self,
-        frames: &[DepthFrame],
-        told: &[CameraModel],
-        surroundings: Option<&Surroundings<'_>>,
-        config: &Config,
-        aligned: &mut [CameraModel],
-    ) {
-        let is_full = |frame: &DepthFrame| told.get(frame.camera).is_some_and(|it| frame.window == it.full_window());
-        if config.camera_sd_rad == 0.0 || !frames.iter().any(|frame| frame.mask.is_none() && is_full(frame)) {
-            return;
-        }
-        let still = self.acquisition.still(told, surroundings, config);
-        self.alignment.observe(frames, told, still, surroundings, config, aligned);
     }
 }
 

@@ -186,7 +186,7 @@ impl<'a> Search<'a> {
 }
 
 impl Planner {
-    /// The best catch of an object on `flight` that the arm can reach from `start`, looked for all that there is to look for.
+    /// The best catch of an object on `flight` that the arm can reach from `start`, without a bound on the work.
     ///
     /// # Errors
     /// Why there is none.

@@ -1,23 +1,22 @@
 //! `catchingbot eval --ladder`: the paper's assumptions, removed one by one.
 
-use std::{collections::BTreeMap, io, num::NonZero, thread};
+use std::{fs, io, num::NonZero, thread};
 
 use anyhow::Context;
 use catch_body::InputError;
 use catch_lab::{
     VERSION,
     assets::Kind,
-    evaluation::{Cell, Evaluation, Row},
-    ladder::{self, Step},
-    referee::reason::Reason,
+    evaluation::{Cell, Evaluation},
+    ladder::{self, Step, StepSummary},
+    report_page,
     results::Results,
     setup::COMMAND_LINE,
-    statistics::wilson95,
 };
 use comfy_table::{CellAlignment, ContentArrangement, Table, TableComponent, presets};
 use serde::Serialize;
 
-use super::eval::EvalArguments;
+use super::{eval::EvalArguments, view::REPORT};
 use crate::screen::{self, FAINT, STRONG};
 
 /// The JSON document.
@@ -26,34 +25,7 @@ struct Document {
     version: &'static str,
     seed: u64,
     first: u64,
-    steps: Vec<StepResult>,
-}
-
-/// A step with all its objects.
-#[derive(Serialize)]
-struct StepResult {
-    step: String,
-    removes: &'static str,
-    objects: Vec<ObjectResult>,
-}
-
-/// One object on one step.
-#[derive(Serialize)]
-struct ObjectResult {
-    object: String,
-    throws: Vec<&'static str>,
-    trials: usize,
-    caught: usize,
-    wilson95: [f64; 2],
-    /// Throws that the arm could not have caught, by the oracle.
-    out_of_reach: usize,
-    /// The same interval among the others.
-    wilson95_within_reach: [f64; 2],
-    /// Throws that the brain refused though they were within reach.
-    refused_within_reach: usize,
-    limit_violations: usize,
-    /// Why throws within reach were not caught.
-    reasons: BTreeMap<Reason, usize>,
+    steps: Vec<StepSummary>,
 }
 
 /// Runs all steps, each into a folder of its own, and prints the table.
@@ -71,28 +43,27 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
         arguments.object.clone()
     };
     let steps = ladder::steps()?;
-    let mut results = Vec::new();
+    let mut results: Vec<StepSummary> = Vec::new();
     for step in &steps {
-        let rows = rows_of(arguments, step, &objects)?;
-        results.push(StepResult {
-            step: step.name.clone(),
-            removes: step.removes,
-            objects: objects.iter().map(|object| summary(step, object, &rows)).collect(),
-        });
+        results.push(summary_of(arguments, step, &objects)?);
         if !arguments.json {
             print(results.last().into_iter())?;
         }
     }
+    let page = arguments.out.join(REPORT);
+    let html = report_page::ladder_page(arguments.seed, &results);
+    fs::write(&page, html).with_context(|| page.display().to_string())?;
     if arguments.json {
         let (seed, first) = (arguments.seed, arguments.first);
         return screen::json(&Document { version: VERSION, seed, first, steps: results });
     }
     screen::line("")?;
-    Ok(print(results.iter())?)
+    print(results.iter())?;
+    Ok(screen::line(&format!("  {FAINT}report{FAINT:#}  {}", page.display()))?)
 }
 
-/// The trials of a step, those that are missing in its folder being run. The trials are shared among its throws.
-fn rows_of(arguments: &EvalArguments, step: &Step, objects: &[String]) -> anyhow::Result<Vec<Row>> {
+/// The trials of a step, summed up, those that are missing in its folder being run. They are shared among its throws.
+fn summary_of(arguments: &EvalArguments, step: &Step, objects: &[String]) -> anyhow::Result<StepSummary> {
     let mut cells = Vec::new();
     for object in objects {
         for throw in step.throws {
@@ -117,57 +88,24 @@ fn rows_of(arguments: &EvalArguments, step: &Step, objects: &[String]) -> anyhow
     bar.finish_and_clear();
     rows.truncate(evaluation.len());
     file.finish(&rows)?;
-    Ok(rows)
+    Ok(StepSummary::of(step, &evaluation.cells, &rows))
 }
 
-fn summary(step: &Step, object: &str, rows: &[Row]) -> ObjectResult {
-    // A file is named by its path, its rows by its name.
-    let name = std::path::Path::new(object).file_stem().map_or(object.into(), |it| it.to_string_lossy());
-    let rows: Vec<&Row> = rows.iter().filter(|row| row.scene.object == name).collect();
-    let caught = rows.iter().filter(|row| row.verdict.caught).count();
-    let misses = || rows.iter().filter(|row| !row.verdict.caught);
-    let out_of_reach = misses().filter(|row| row.verdict.is_out_of_reach()).count();
-    let mut reasons = BTreeMap::new();
-    for reason in misses().filter(|row| !row.verdict.is_out_of_reach()).filter_map(|row| row.verdict.reason) {
-        *reasons.entry(reason).or_insert(0) += 1;
-    }
-    ObjectResult {
-        object: name.into_owned(),
-        throws: step.throws.to_vec(),
-        trials: rows.len(),
-        caught,
-        wilson95: wilson95(caught, rows.len()),
-        out_of_reach,
-        wilson95_within_reach: wilson95(caught, rows.len() - out_of_reach),
-        refused_within_reach: reasons.get(&Reason::OutOfReach).copied().unwrap_or(0),
-        limit_violations: rows.iter().map(|row| row.verdict.limit_violations).sum(),
-        reasons,
-    }
-}
-
-fn print<'a>(results: impl Iterator<Item = &'a StepResult>) -> io::Result<()> {
+fn print<'a>(results: impl Iterator<Item = &'a StepSummary>) -> io::Result<()> {
     let mut table = Table::new();
     table.load_preset(presets::UTF8_HORIZONTAL_ONLY).set_content_arrangement(ContentArrangement::Disabled);
     table.remove_style(TableComponent::HorizontalLines).remove_style(TableComponent::MiddleIntersections);
-    table.set_header([
-        "step",
-        "object",
-        "trials",
-        "caught",
-        "95 %",
-        "out of reach",
-        "of the rest",
-        "95 %",
-        "misses within reach",
-    ]);
+    table.set_header(["step", "object", "trials", "caught", "95 %", "out of reach", "of the rest", "95 %", "misses"]);
     for column in 2..8 {
         if let Some(column) = table.column_mut(column) {
             column.set_cell_alignment(CellAlignment::Right);
         }
     }
     let percent = |value: f64| format!("{:.1}", value * 100.0);
-    let range = |[low, high]: [f64; 2]| format!("{} – {} %", percent(low), percent(high));
-    for StepResult { step, removes, objects } in results {
+    let range = |interval: Option<[f64; 2]>| {
+        interval.map_or("same throw".to_owned(), |[low, high]| format!("{} – {} %", percent(low), percent(high)))
+    };
+    for StepSummary { step, removes, objects } in results {
         screen::line(&format!("  {STRONG}{step}{STRONG:#}  {FAINT}removes {removes}{FAINT:#}"))?;
         for it in objects {
             let share = |of: usize| format!("{} %", percent(it.caught as f64 / of.max(1) as f64));
