@@ -51,8 +51,10 @@ impl CatchingBot {
         let (grasps, config) = (&self.known.grasps, &self.known.config.grasp_selection);
         let refusals = &mut self.refusals;
         let mut look = || {
-            let found = self.known.planner.look(*refusals, start, flight, grasps, config);
-            *refusals = if found.is_ok() { 0 } else { *refusals + 1 };
+            let found = self.known.planner.look(refusals, start, flight, grasps, config);
+            if found.is_ok() {
+                *refusals = 0;
+            }
             found
         };
         let Some(plan) = &self.plan else {

@@ -57,8 +57,9 @@ pub const LOOKS: usize = 9;
 /// not do, similar ones usually cannot either.
 const ARRIVALS_PER_PAIR: usize = 3;
 const ATTEMPTS_PER_PAIR: usize = 2;
-/// The work of one look, in units of about 2 µs, and that of a motion.
-const MOST_WORK: usize = 1200;
+/// The work of one look, in units of about 2 µs, that of all looks at one image, and that of a motion.
+const MOST_WORK: usize = 2000;
+const MOST_WORK_PER_IMAGE: usize = 4000;
 const WORK_OF_A_MOTION: usize = 30;
 
 /// A catch that every joint can reach.
@@ -172,6 +173,8 @@ struct Search<'a> {
     grasp_config: &'a grasp_selection::Config,
     /// What was last in the way into each grasp.
     obstacles: Vec<Obstacle>,
+    /// The work that has been done.
+    work: usize,
 }
 
 impl<'a> Search<'a> {
@@ -181,7 +184,7 @@ impl<'a> Search<'a> {
         grasps: &'a GraspSet,
         grasp_config: &'a grasp_selection::Config,
     ) -> Self {
-        Self { start, flight, grasps, grasp_config, obstacles: vec![Obstacle::default(); grasps.grasps.len()] }
+        Self { start, flight, grasps, grasp_config, obstacles: vec![Obstacle::default(); grasps.grasps.len()], work: 0 }
     }
 }
 
@@ -208,22 +211,35 @@ impl Planner {
         Err(refusal)
     }
 
-    /// One of the looks that make up the [search](Self::search), in turn; no look does more than a bounded amount of work. A
-    /// flight that nothing catches at first is looked at once more with every new image.
+    /// As many of the looks that make up the [search](Self::search) as a bounded amount of work allows, in turn from number
+    /// `turn` on, which is counted up by those that found nothing. A flight that nothing catches at first is looked at once more
+    /// with every new image.
     ///
     /// # Errors
-    /// Why it found none.
+    /// Why they found none.
     pub fn look(
         &self,
-        turn: usize,
+        turn: &mut usize,
         start: &Start,
         flight: &FlightTrajectory,
         grasps: &GraspSet,
         grasp_config: &grasp_selection::Config,
     ) -> Result<CatchPlan, Refusal> {
         let looks = self.looks(start);
-        let look = looks[turn % looks.len()];
-        self.best_first(&mut Search::new(start, flight, grasps, grasp_config), look, MOST_WORK)
+        let mut search = Search::new(start, flight, grasps, grasp_config);
+        let mut refusal = Refusal::NoGrasp;
+        for _ in 0..looks.len() {
+            let left = MOST_WORK_PER_IMAGE.saturating_sub(search.work);
+            if left == 0 {
+                break;
+            }
+            match self.best_first(&mut search, looks[*turn % looks.len()], left.min(MOST_WORK)) {
+                Err(why) => refusal = refusal.max(why),
+                found => return found,
+            }
+            *turn += 1;
+        }
+        Err(refusal)
     }
 
     /// What may be used of the limits, and where the catch times lie, in shares of their step: from rest first so that replans
@@ -237,7 +253,10 @@ impl Planner {
     /// The cheapest catch that one look finds, doing no more than `most_work`.
     fn best_first(&self, search: &mut Search, look: Look, most_work: usize) -> Result<CatchPlan, Refusal> {
         let (moments, mut pairs) = self.pairs(search, look);
-        let Search { start, flight, grasps, grasp_config, ref mut obstacles } = *search;
+        let Search { start, flight, grasps, grasp_config, ref mut obstacles, ref mut work } = *search;
+        // Ranking grasps is work as well, a fiftieth of a unit each.
+        *work += moments.len() * grasps.grasps.len() / 50;
+        let before = *work;
         let (weights, from, (shares, _)) = (&self.config.weights, &start.state.q, look);
         let mut frontier = Frontier::default();
         for (pair, Pair { ranked, moment, .. }) in pairs.iter().enumerate() {
@@ -247,10 +266,10 @@ impl Planner {
         let is_near = !moments.is_empty();
         let mut refusal =
             if is_near && !moments.iter().any(|it| it.any_grasp) { Refusal::NoGrasp } else { Refusal::OutOfReach };
-        let (mut looked_at, mut work) = (0, 0);
+        let mut looked_at = 0;
         while let Some((cost, Node { pair, stage })) = frontier.pop() {
-            work += stage.work();
-            if work > most_work {
+            *work += stage.work();
+            if *work - before > most_work {
                 return Err(refusal.max(Refusal::NoMotion));
             }
             let Pair { moment, ranked, enters, arrivals, failed } = &mut pairs[pair];
@@ -308,7 +327,7 @@ impl Planner {
                         {
                             continue;
                         }
-                        work += WORK_OF_A_MOTION;
+                        *work += WORK_OF_A_MOTION;
                         let Some(plan) = self.finish(&candidate, entering.grasp, bounds, &reaching) else { continue };
                         if let Some(open_width_m) = self.opening(&plan, flight, grasps, grasp_config) {
                             return Ok(CatchPlan { open_width_m, lets_in: true, ..plan });

@@ -50,7 +50,7 @@ impl Desk {
         self.planner.search(start, flight, &self.grasps, &self.config.grasp_selection)
     }
 
-    fn look(&self, turn: usize, start: &Start, flight: &FlightTrajectory) -> Result<CatchPlan, Refusal> {
+    fn look(&self, turn: &mut usize, start: &Start, flight: &FlightTrajectory) -> Result<CatchPlan, Refusal> {
         self.planner.look(turn, start, flight, &self.grasps, &self.config.grasp_selection)
     }
 
@@ -96,20 +96,16 @@ fn lost(throws: usize) -> (usize, usize, Vec<(usize, Refusal)>) {
         let mut rng = Pcg64::seed_from_u64(o as u64);
         for i in (o..throws).step_by(OBJECTS.len()) {
             let flight = random_flight(&mut rng);
-            let mut looks = (0..LOOKS).map(|turn| {
-                let before = cpu_ms();
-                let found = desk.look(turn, &desk.waiting(), &flight);
-                times[usize::from(turn > 0)].push(cpu_ms() - before);
-                found
-            });
-            let found = looks.try_fold(Refusal::NoGrasp, |refusal, found| match found {
-                Ok(_) => ControlFlow::Break(()),
-                Err(why) => ControlFlow::Continue(refusal.max(why)),
-            });
+            let (mut turn, mut found) = (0, None);
+            while turn < LOOKS && !matches!(found, Some(Ok(_))) {
+                let (before, is_later) = (cpu_ms(), turn > 0);
+                found = Some(desk.look(&mut turn, &desk.waiting(), &flight));
+                times[usize::from(is_later)].push(cpu_ms() - before);
+            }
             let found_finer = finer.search(&finer.waiting(), &flight);
-            caught += usize::from(found.is_break());
+            caught += usize::from(matches!(found, Some(Ok(_))));
             caught_finer += usize::from(found_finer.is_ok());
-            if let (ControlFlow::Continue(refusal), Ok(_)) = (found, found_finer) {
+            if let (Some(Err(refusal)), Ok(_)) = (found, found_finer) {
                 lost.push((i, refusal));
             }
         }
