@@ -7,7 +7,7 @@
 //! never looked at. What is found nowhere is sought again with all that the limits allow, and at times in between; only then is
 //! it refused. In flight each image brings one such look, whose work is bounded.
 
-use std::{cmp::Ordering, collections::BinaryHeap};
+mod frontier;
 
 use catch_body::{JointVector, MAX_JOINTS, Pose};
 use nalgebra::{Point3, Vector3};
@@ -22,6 +22,8 @@ use super::{
     reaching::{Reaching, effort},
     way_in::{Entering, Obstacle},
 };
+use frontier::{Frontier, Node, Stage};
+
 use crate::{
     grasp_selection::{self, Approach, Grasp, GraspSet, RankedGrasp},
     trajectory_prediction::FlightTrajectory,
@@ -91,76 +93,6 @@ struct Pair {
     arrivals: usize,
     failed: usize,
 }
-
-/// A catch on its way to being a plan.
-#[derive(Clone, Copy)]
-struct Node {
-    pair: usize,
-    stage: Stage,
-}
-
-#[derive(Clone, Copy)]
-enum Stage {
-    Pose,
-    Posture(Posture),
-    Arrival(Posture, Arrival),
-}
-
-impl Stage {
-    /// What it takes to look at it closely.
-    fn work(&self) -> usize {
-        match self {
-            Self::Pose => 1,
-            Self::Posture(_) => 3,
-            Self::Arrival(..) => 5,
-        }
-    }
-}
-
-/// Nodes, the one that can become cheapest on top.
-#[derive(Default)]
-struct Frontier {
-    nodes: Vec<Node>,
-    heap: BinaryHeap<Ticket>,
-}
-
-/// The least that a node can cost, and which node.
-struct Ticket {
-    cost: f64,
-    node: usize,
-}
-
-impl Frontier {
-    fn push(&mut self, cost: f64, node: Node) {
-        self.heap.push(Ticket { cost, node: self.nodes.len() });
-        self.nodes.push(node);
-    }
-
-    fn pop(&mut self) -> Option<(f64, Node)> {
-        self.heap.pop().map(|ticket| (ticket.cost, self.nodes[ticket.node]))
-    }
-}
-
-impl Ord for Ticket {
-    /// The cheapest is the greatest, and among equals the one that came first, so that the order is always the same.
-    fn cmp(&self, other: &Self) -> Ordering {
-        other.cost.total_cmp(&self.cost).then(other.node.cmp(&self.node))
-    }
-}
-
-impl PartialOrd for Ticket {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl PartialEq for Ticket {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-
-impl Eq for Ticket {}
 
 /// Shares of the limits, and of the step by which the catch times are shifted.
 type Look = (Shares, f64);

@@ -2,7 +2,7 @@
 
 #![allow(clippy::print_stdout, reason = "figures for the docs, shown by --nocapture")]
 
-use std::{f64::consts::PI, ops::ControlFlow};
+use std::f64::consts::PI;
 
 use catch_body::{JointVector, clearance::ArmClearance};
 use catch_bot::{
