@@ -24,11 +24,6 @@ const SHAKE_HZ: f64 = 2.0;
 /// While the object is farther than this from arm, gripper and floor the physics takes fewer substeps, in metres: what the
 /// fastest object and the fastest gripper do not cover in ten steps.
 const ALONE_M: f64 = 0.15;
-/// So it does once the object has been held for that many steps: both fingers press on it, and neither it nor they have moved
-/// faster than this in the gripper, in m/s. Where flat faces meet, the coarser steps sometimes make contacts chatter by hundredths of a
-/// millimetre; the first such jerk ends them.
-const HELD_STEPS: u32 = 50;
-const HELD_MPS: f64 = 0.01;
 
 /// An arm, a gripper, cameras and an object in flight.
 ///
@@ -50,8 +45,6 @@ pub struct Arena {
     has_sensed: bool,
     /// Whether the object is far from everything.
     is_alone: bool,
-    /// For how many steps it has been held.
-    held_steps: u32,
     state: WorldState,
     truth: Truth,
 }
@@ -89,7 +82,6 @@ impl Arena {
             steps: 0,
             has_sensed: false,
             is_alone: false,
-            held_steps: 0,
             truth: Truth::default(),
         };
         arena.record(JointVector::zeros(), &ContactForces::default());
@@ -154,11 +146,10 @@ impl Arena {
         dynamics::gravity() + Vector3::repeat(shake / 3.0f64.sqrt())
     }
 
-    /// Substeps of the step to come: few while nothing happens that needs more.
+    /// Substeps of the step to come.
     fn substeps(&self) -> usize {
         let config = self.config();
-        let is_calm = self.is_alone || self.held_steps >= HELD_STEPS;
-        if is_calm { config.substeps_calm } else { config.substeps }
+        if self.is_alone { config.substeps_alone } else { config.substeps }
     }
 
     /// Force of the air on the object during the step to come, by its velocity in the middle of it. The engine's velocity is
@@ -249,24 +240,13 @@ impl Arena {
         let alone_m = clearance.least_distance_to_ball(&X_WL, &p_WO, radius).min(p_WO.z - radius);
         self.is_alone = alone_m > ALONE_M;
         self.servo.note_clearances(clearance.self_clearance(&X_WL, width_m), clearance.floor_clearance(&X_WL, width_m));
-        let (X_WG, V_WG) = (robot.gripper_in(&X_WL), self.true_robot.gripper_twist(&state.q, &state.dq));
-        let p_GO_W = state.X_WO.translation.vector - X_WG.translation.vector;
-        let turning_mps = (state.V_WO.angular - V_WG.angular).norm() * radius;
-        let relative_mps = (state.V_WO.linear - V_WG.velocity_at(&p_GO_W)).norm() + turning_mps;
-        let finger_mps = state.finger_mps[0].abs().max(state.finger_mps[1].abs());
-        let is_held = forces.contact.left_finger
-            && forces.contact.right_finger
-            && !forces.contact.floor
-            && !forces.contact.arm
-            && relative_mps.max(finger_mps) < HELD_MPS;
-        self.held_steps = if is_held { self.held_steps.saturating_add(1) } else { 0 };
         self.truth.samples.push(TruthSample {
             time_s: self.time_s(),
             q: state.q,
             dq: state.dq,
             torque,
-            X_WG,
-            V_WG,
+            X_WG: robot.gripper_in(&X_WL),
+            V_WG: self.true_robot.gripper_twist(&state.q, &state.dq),
             width_m,
             finger_force_n: forces.finger_n,
             X_WO: state.X_WO,

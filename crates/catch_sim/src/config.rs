@@ -45,9 +45,9 @@ pub struct ArenaConfig {
     pub step_s: f64,
     /// Solver substeps per step. At 4 the outcome of catches agrees with two other engines in 60 of 63 cases.
     pub substeps: usize,
-    /// Substeps while the object is far from everything or lies still in a closed gripper. Default 2: the tool still follows a
-    /// fast motion within 0.1 mm, and what is squeezed slides at the same pull and is shaken out by the same shaking.
-    pub substeps_calm: usize,
+    /// Substeps while the object is far from everything, when only the arm's tracking and the object's spin depend on them.
+    /// Default 2: the tool still follows a fast motion within 0.1 mm.
+    pub substeps_alone: usize,
 }
 
 /// How the gripper is driven.
@@ -180,7 +180,7 @@ impl Default for ArenaConfig {
             latency_s: 0.0,
             step_s: 1e-3,
             substeps: 4,
-            substeps_calm: 2,
+            substeps_alone: 2,
         }
     }
 }
@@ -239,7 +239,7 @@ impl ArenaConfig {
         expect(is_rate, "frame_rate_hz", self.frame_rate_hz, "a number above zero");
         let is_step = self.step_s > 0.0 && self.step_s <= 2e-3;
         expect(is_step, "step_s", self.step_s, "above zero and at most 0.002, beyond which contacts are wrong");
-        for (field, value) in [("substeps", self.substeps), ("substeps_calm", self.substeps_calm)] {
+        for (field, value) in [("substeps", self.substeps), ("substeps_alone", self.substeps_alone)] {
             expect((1..=100).contains(&value), field, value as f64, "1 to 100");
         }
         if is_rate && is_step {

@@ -156,18 +156,12 @@ impl World {
 
     /// Takes another number of substeps from now on.
     ///
-    /// The velocity of an object in flight is kept half a substep behind (see where it is added), which is half of another
-    /// substep then; it goes on along the same parabola.
+    /// The object's velocity is kept half a substep behind (see where it is added), which is half of another substep then. For
+    /// an object that touches nothing; it goes on along the same parabola.
     pub fn set_substeps(&mut self, substeps: usize) {
         let before_s = self.settings.step_s / self.parameters.num_solver_iterations as f64;
         let after_s = self.settings.step_s / substeps as f64;
-        if before_s == after_s {
-            return;
-        }
         self.parameters.num_solver_iterations = substeps;
-        if self.contact_forces().contact.any() {
-            return;
-        }
         let object = &mut self.bodies[self.object];
         let velocity = object.linvel() + to_vector(&dynamics::gravity()) * ((before_s - after_s) / 2.0);
         object.set_linvel(velocity, true);

@@ -7,9 +7,6 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 use crate::setting;
 
-/// Those of the arena at a catch, and while what it caught lies still.
-const SUBSTEPS: [usize; 2] = [4, 2];
-
 /// A hand fixed in the world that holds an object between its fingers.
 struct Grip {
     world: World,
@@ -18,8 +15,8 @@ struct Grip {
 }
 
 impl Grip {
-    /// Squeezes `object`, which waits between the fingers, for 0.3 s without gravity. After that the physics takes `substeps`.
-    fn of(object: &ThrownObject, width_m: f64, friction: f64, force_n: f64, substeps: usize) -> Self {
+    /// Squeezes `object`, which waits between the fingers, for 0.3 s without gravity.
+    fn of(object: &ThrownObject, width_m: f64, friction: f64, force_n: f64) -> Self {
         let gripper = setting::gripper();
         let p_WG = Point3::new(0.0, 0.0, 2.0);
         let mut release = setting::release([0.0, gripper.grasp_centre_y_m, 2.0], [0.0; 3]);
@@ -31,7 +28,6 @@ impl Grip {
         drive.receive(vec![GripperMove { start_s: 0.0, width_m: 0.0, speed_mps: 0.4, force_n }], 0.0);
         let mut grip = Self { world, drive, steps: 0 };
         grip.hold(0.3, &|_| (Vector3::zeros(), Vector3::zeros()));
-        grip.world.set_substeps(substeps);
         grip
     }
 
@@ -56,10 +52,9 @@ impl Grip {
 #[test]
 fn squeezed_objects_slide_at_the_coulomb_limit() {
     for (name, width_m) in [("tennis_ball", 0.068), ("pill_bottle", 0.052)] {
-        for (friction, substeps) in [0.4, 0.667, 1.0].into_iter().flat_map(|it| SUBSTEPS.map(|substeps| (it, substeps)))
-        {
+        for friction in [0.4, 0.667, 1.0] {
             let object = setting::object(name);
-            let mut grip = Grip::of(&object, width_m, friction, 40.0, substeps);
+            let mut grip = Grip::of(&object, width_m, friction, 40.0);
             let [left, right] = grip.world.contact_forces().finger_n;
             let limit = friction * (left + right);
             // Pulled along the fingers ever harder.
@@ -76,10 +71,7 @@ fn squeezed_objects_slide_at_the_coulomb_limit() {
                 }
             }
             let share = slid_at.expect("it slides before 1.2 times the limit");
-            assert!(
-                (share - 1.0).abs() < 0.05,
-                "{name}, μ = {friction}, {substeps} substeps: slides at {share} of the limit"
-            );
+            assert!((share - 1.0).abs() < 0.05, "{name}, μ = {friction}: slides at {share} of the limit");
         }
     }
 }
@@ -87,9 +79,8 @@ fn squeezed_objects_slide_at_the_coulomb_limit() {
 /// Both fingers press with the force that was asked for.
 #[test]
 fn fingers_press_as_hard_as_they_are_told() {
-    for (force_n, substeps) in [20.0, 40.0, 60.0].into_iter().flat_map(|it| SUBSTEPS.map(|substeps| (it, substeps))) {
-        let mut grip = Grip::of(&setting::object("tennis_ball"), 0.068, 0.667, force_n, substeps);
-        grip.hold(0.1, &|_| (Vector3::zeros(), Vector3::zeros()));
+    for force_n in [20.0, 40.0, 60.0] {
+        let grip = Grip::of(&setting::object("tennis_ball"), 0.068, 0.667, force_n);
         for measured in grip.world.contact_forces().finger_n {
             assert!((measured / force_n - 1.0).abs() < 1e-3, "{measured} N of {force_n} N");
         }
@@ -102,19 +93,17 @@ fn shaken_objects_stay_in_the_grasp() {
     for (name, width_m, tolerated_m) in
         [("tennis_ball", 0.068, 2e-7), ("pill_bottle", 0.052, 2.5e-5), ("banana", 0.031, 2e-7)]
     {
-        for substeps in SUBSTEPS {
-            let mut grip = Grip::of(&setting::object(name), width_m, 0.667, 72.0, substeps);
-            let gravity = Vector3::new(0.0, 0.0, -9.81);
-            grip.hold(0.5, &|_| (Vector3::zeros(), gravity));
-            let settled = grip.place();
-            grip.hold(2.0, &|t| {
-                let shake = 10.0 * (std::f64::consts::TAU * 2.0 * t).sin();
-                (Vector3::zeros(), gravity + Vector3::repeat(shake / 3.0f64.sqrt()))
-            });
-            grip.hold(0.2, &|_| (Vector3::zeros(), gravity));
-            let drift = (grip.place() - settled).norm();
-            assert!(drift < tolerated_m, "{name}, {substeps} substeps: {drift} m");
-        }
+        let mut grip = Grip::of(&setting::object(name), width_m, 0.667, 72.0);
+        let gravity = Vector3::new(0.0, 0.0, -9.81);
+        grip.hold(0.5, &|_| (Vector3::zeros(), gravity));
+        let settled = grip.place();
+        grip.hold(2.0, &|t| {
+            let shake = 10.0 * (std::f64::consts::TAU * 2.0 * t).sin();
+            (Vector3::zeros(), gravity + Vector3::repeat(shake / 3.0f64.sqrt()))
+        });
+        grip.hold(0.2, &|_| (Vector3::zeros(), gravity));
+        let drift = (grip.place() - settled).norm();
+        assert!(drift < tolerated_m, "{name}: {drift} m");
     }
 }
 
