@@ -9,12 +9,11 @@ use crate::{
     trajectory_prediction::{FlightTrajectory, Passage},
 };
 
-/// How long, how far and in how many steps before the catch the object's way into the gripper is checked. An object at 6 m/s moves by
-/// 30 mm in a coarse step, past the edge of a finger; by 6 mm in a fine one.
+/// How long, how far and in how many steps before the catch the object's way into the gripper is checked.
 const WAY_IN_S: f64 = 0.08;
 const WAY_IN_M: f64 = 0.15;
 const WAY_IN_STEPS: usize = 80;
-/// Fine steps in a coarse one.
+/// Steps in a coarse one, in which an object at 6 m/s moves by 30 mm, past the edge of a finger.
 const COARSE: usize = 5;
 
 /// An object on its way into the gripper, to be held by one of its grasps.
@@ -25,6 +24,14 @@ pub(super) struct Entering<'a> {
     pub grasp: &'a Grasp,
     pub grasps: &'a GraspSet,
     pub config: &'a grasp_selection::Config,
+}
+
+/// How closely an object's way is looked at.
+#[derive(Clone, Copy, PartialEq)]
+enum Steps {
+    Coarse,
+    /// Closely while the fingers stand open.
+    Fine,
 }
 
 /// What stood in an object's way when it was last looked at. It is looked at first the next time: what is in the way of one
@@ -81,7 +88,7 @@ impl Planner {
     ) -> Option<f64> {
         let entering = Entering { flight, catch_s: plan.catch_s, grasp: &plan.grasp, grasps, config };
         let X_WG = |time_s: f64| self.robot.gripper_pose(&plan.trajectory.setpoint(time_s).q);
-        self.first_of(openings, X_WG, &entering, 1, &mut Obstacle::default())
+        self.first_of(openings, X_WG, &entering, Steps::Fine, &mut Obstacle::default())
     }
 
     /// Openings that are tried, the narrowest first.
@@ -101,16 +108,16 @@ impl Planner {
             let origin = centre + v_WG * after_s + turn * (X_WG.translation.vector - centre.coords);
             Pose::from_parts(origin.coords.into(), turn * X_WG.rotation)
         };
-        self.first_of(&self.openings(entering.grasp), passing, entering, COARSE, last).is_some()
+        self.first_of(&self.openings(entering.grasp), passing, entering, Steps::Coarse, last).is_some()
     }
 
-    /// The first of these openings that lets the object in while the gripper moves through `X_WG`, as looked at every `stride` steps.
+    /// The first of these openings that lets the object in while the gripper moves through `X_WG`.
     fn first_of(
         &self,
         openings: &[f64],
         X_WG: impl Fn(f64) -> Pose,
         entering: &Entering,
-        stride: usize,
+        steps: Steps,
         last: &mut Obstacle,
     ) -> Option<f64> {
         let Entering { flight, catch_s, grasp, grasps, config } = *entering;
@@ -122,10 +129,16 @@ impl Planner {
         let lead_s = config.contact_lead_s(&passage.velocity_in(&X_WG, &(grasp.X_OG * self.gripper.grasp_centre())));
         openings.iter().copied().find(|open_m| {
             let way_m = open_m - grasp.object_width_m;
+            // Fingers that are closing may well be touched: there coarse steps do.
+            let standing_s = lead_s + closing.duration_s(way_m);
+            let before_s = |step: usize| WAY_IN_S * step as f64 / WAY_IN_STEPS as f64;
+            let is_coarse = |step: &usize| step.is_multiple_of(COARSE);
+            let is_fine = |step: &usize| steps == Steps::Fine && !is_coarse(step) && before_s(*step) > standing_s;
             let first = last.step;
-            let others = (0..=WAY_IN_STEPS).step_by(stride).filter(|step| *step != first);
-            std::iter::once(first).chain(others).all(|step| {
-                let before_s = WAY_IN_S * step as f64 / WAY_IN_STEPS as f64;
+            let coarse = (0..=WAY_IN_STEPS).step_by(COARSE);
+            let others = coarse.chain((0..=WAY_IN_STEPS).filter(is_fine)).filter(|step| *step != first);
+            Some(first).filter(|step| is_coarse(step) || is_fine(step)).into_iter().chain(others).all(|step| {
+                let before_s = before_s(step);
                 let X_GO = way[step]
                     .get_or_insert_with(|| X_WG(catch_s - before_s).inverse() * passage.pose_at(catch_s - before_s));
                 if X_GO.translation.vector.norm() >= near_m {
