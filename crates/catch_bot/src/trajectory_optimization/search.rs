@@ -59,10 +59,11 @@ pub const LOOKS: usize = 9;
 /// not do, similar ones usually cannot either.
 const ARRIVALS_PER_PAIR: usize = 3;
 const ATTEMPTS_PER_PAIR: usize = 2;
-/// The work of one look, in units of about 2 µs, that of all looks at one image, and that of a motion.
+/// The work of one look, in units of about 2 µs, that of all looks at one image, that of a motion, and of its openings.
 const MOST_WORK: usize = 2000;
 const MOST_WORK_PER_IMAGE: usize = 4000;
 const WORK_OF_A_MOTION: usize = 30;
+const WORK_OF_OPENINGS: usize = 30;
 
 /// A catch that every joint can reach.
 #[derive(Debug, Clone, Copy)]
@@ -261,6 +262,7 @@ impl Planner {
                         }
                         *work += WORK_OF_A_MOTION;
                         let Some(plan) = self.finish(&candidate, entering.grasp, bounds, &reaching) else { continue };
+                        *work += WORK_OF_OPENINGS;
                         if let Some(open_width_m) = self.opening(&plan, flight, grasps, grasp_config) {
                             return Ok(CatchPlan { open_width_m, lets_in: true, ..plan });
                         }

@@ -9,12 +9,12 @@ use crate::{
     trajectory_prediction::{FlightTrajectory, Passage},
 };
 
-/// How long, how far and in how many steps before the catch the object's way into the gripper is checked.
+/// How long, how far and in how many steps before the catch the object's way into the gripper is checked. In a step an object at
+/// 6 m/s moves by 6 mm; in one of 5 ms it would get past the edge of a finger.
 const WAY_IN_S: f64 = 0.08;
 const WAY_IN_M: f64 = 0.15;
 const WAY_IN_STEPS: usize = 80;
-/// Steps in a coarse one, in which an object at 6 m/s moves by 30 mm, past the edge of a finger.
-const COARSE: usize = 5;
+const STEP_S: f64 = WAY_IN_S / WAY_IN_STEPS as f64;
 
 /// An object on its way into the gripper, to be held by one of its grasps.
 #[derive(Clone, Copy)]
@@ -24,14 +24,6 @@ pub(super) struct Entering<'a> {
     pub grasp: &'a Grasp,
     pub grasps: &'a GraspSet,
     pub config: &'a grasp_selection::Config,
-}
-
-/// How closely an object's way is looked at.
-#[derive(Clone, Copy, PartialEq)]
-enum Steps {
-    Coarse,
-    /// Closely while the fingers stand open.
-    Fine,
 }
 
 /// What stood in an object's way when it was last looked at. It is looked at first the next time: what is in the way of one
@@ -88,7 +80,7 @@ impl Planner {
     ) -> Option<f64> {
         let entering = Entering { flight, catch_s: plan.catch_s, grasp: &plan.grasp, grasps, config };
         let X_WG = |time_s: f64| self.robot.gripper_pose(&plan.trajectory.setpoint(time_s).q);
-        self.first_of(openings, X_WG, &entering, Steps::Fine, &mut Obstacle::default())
+        self.first_of(openings, X_WG, &entering, &mut Obstacle::default())
     }
 
     /// Openings that are tried, the narrowest first.
@@ -108,7 +100,7 @@ impl Planner {
             let origin = centre + v_WG * after_s + turn * (X_WG.translation.vector - centre.coords);
             Pose::from_parts(origin.coords.into(), turn * X_WG.rotation)
         };
-        self.first_of(&self.openings(entering.grasp), passing, entering, Steps::Coarse, last).is_some()
+        self.first_of(&self.openings(entering.grasp), passing, entering, last).is_some()
     }
 
     /// The first of these openings that lets the object in while the gripper moves through `X_WG`.
@@ -117,7 +109,6 @@ impl Planner {
         openings: &[f64],
         X_WG: impl Fn(f64) -> Pose,
         entering: &Entering,
-        steps: Steps,
         last: &mut Obstacle,
     ) -> Option<f64> {
         let Entering { flight, catch_s, grasp, grasps, config } = *entering;
@@ -127,18 +118,15 @@ impl Planner {
         let mut way = [None; WAY_IN_STEPS + 1];
         let closing = config.closing(&self.gripper);
         let lead_s = config.contact_lead_s(&passage.velocity_in(&X_WG, &(grasp.X_OG * self.gripper.grasp_centre())));
+        let closing_step = (config.closing_step_s / STEP_S).round().max(1.0) as usize;
         openings.iter().copied().find(|open_m| {
             let way_m = open_m - grasp.object_width_m;
-            // Fingers that are closing may well be touched: there coarse steps do.
             let standing_s = lead_s + closing.duration_s(way_m);
-            let before_s = |step: usize| WAY_IN_S * step as f64 / WAY_IN_STEPS as f64;
-            let is_coarse = |step: &usize| step.is_multiple_of(COARSE);
-            let is_fine = |step: &usize| steps == Steps::Fine && !is_coarse(step) && before_s(*step) > standing_s;
-            let first = last.step;
-            let coarse = (0..=WAY_IN_STEPS).step_by(COARSE);
-            let others = coarse.chain((0..=WAY_IN_STEPS).filter(is_fine)).filter(|step| *step != first);
-            Some(first).filter(|step| is_coarse(step) || is_fine(step)).into_iter().chain(others).all(|step| {
-                let before_s = before_s(step);
+            let is_asked = |step: &usize| STEP_S * *step as f64 > standing_s || step.is_multiple_of(closing_step);
+            let first = Some(last.step).filter(is_asked);
+            let others = (0..=WAY_IN_STEPS).filter(|step| is_asked(step) && Some(*step) != first);
+            first.into_iter().chain(others).all(|step| {
+                let before_s = STEP_S * step as f64;
                 let X_GO = way[step]
                     .get_or_insert_with(|| X_WG(catch_s - before_s).inverse() * passage.pose_at(catch_s - before_s));
                 if X_GO.translation.vector.norm() >= near_m {

@@ -27,7 +27,7 @@ impl Stage {
         match self {
             Self::Pose => 1,
             Self::Posture(_) => 3,
-            Self::Arrival(..) => 5,
+            Self::Arrival(..) => 10,
         }
     }
 }
