@@ -39,7 +39,7 @@ pub struct Fit {
 /// Depth noise in radii of the object from which on depths are left aside where there is an outline.
 const HOPELESS_RADII: f64 = 0.5;
 /// Later steps that do not get shorter jump to and fro across a kink of the field: they are halved.
-const FREE_STEPS: usize = 8;
+const FREE_STEPS: usize = 4;
 /// Unless they are longer than this many standard deviations, and so still on their way.
 const JUMPING_SD: f64 = 10.0;
 /// Mean distances of points below this are all perfect, in metres.
