@@ -190,7 +190,9 @@ pub(super) fn label(
         }
     }
     if config.depth_dropout {
-        doubt_holes(labels, part, |column, row| is_measured(at((column - part.left) as usize, (row - part.top) as usize)));
+        doubt_holes(labels, part, |column, row| {
+            is_measured(at((column - part.left) as usize, (row - part.top) as usize))
+        });
     }
 }
 

@@ -107,7 +107,8 @@ impl OutlineRay {
         let half_m = (reference.radius_m.powi(2) - passes_m * passes_m).max(0.0).sqrt();
         let look = |along_m: f64| reference.distance.at(&(p_OC + direction_O * along_m));
         self.bend_per_m = neighbour.map_or(1.0 / reference.radius_m.max(0.005), |neighbour| neighbour.bend_per_m);
-        let hint_m = neighbour.map(|neighbour| neighbour.along_m).filter(|along_m| (along_m - middle_m).abs() <= half_m);
+        let hint_m =
+            neighbour.map(|neighbour| neighbour.along_m).filter(|along_m| (along_m - middle_m).abs() <= half_m);
         let first_m = hint_m.unwrap_or(middle_m);
         self.along_m = first_m;
         let (mut least_m, mut gradient) = look(first_m);

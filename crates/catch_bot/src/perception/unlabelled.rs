@@ -79,7 +79,8 @@ impl Scene<'_> {
             let background =
                 Background::new(&self.cameras[frame.camera], Some(&self.surroundings), &frame.window, self.config);
             let pixels = 0..frame.window.area();
-            frame.mask.is_none() && pixels.into_iter().any(|i| background.depth_m(&frame.window.pixel_centre(i)).is_finite())
+            frame.mask.is_none()
+                && pixels.into_iter().any(|i| background.depth_m(&frame.window.pixel_centre(i)).is_finite())
         };
         frames.iter().filter(shows_arm).count()
     }
