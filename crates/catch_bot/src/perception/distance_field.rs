@@ -209,8 +209,8 @@ fn blend<const AXIS: usize>(a: &[f32; 4], b: &[f32; 4], t: f32) -> [f32; 4] {
     between
 }
 
-/// Cosine of the angle by which normals within one neighbourhood differ at most where the surface is smooth: 40°.
-const SMOOTH_COSINE: f64 = 0.77;
+/// Cosine of the angle by which normals within one neighbourhood differ at most where the surface is smooth: 50°.
+const SMOOTH_COSINE: f64 = 0.64;
 /// Of two points on one smooth surface the way from one to the other is across their normals, but for this sine.
 const SMOOTH_SINE: f64 = 0.35;
 
@@ -247,7 +247,7 @@ impl OrientedPoints<'_> {
             return one_m;
         };
         let cosine = n_1.dot(&n_2);
-        if !(-0.7..0.95).contains(&cosine) {
+        if !(-0.7..SMOOTH_COSINE).contains(&cosine) {
             return one_m;
         }
         // Either lies behind the other's surface at a convex edge.

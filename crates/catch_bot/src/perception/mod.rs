@@ -126,7 +126,7 @@ impl Default for Config {
             min_points: 6,
             max_iterations: 20,
             step_tolerance_m: 2e-6,
-            step_tolerance_sd: 0.2,
+            step_tolerance_sd: 0.1,
             max_residual_m: 0.005,
             position_floor_m: 5e-5,
             rotation_floor_rad: 1e-3,
