@@ -52,6 +52,9 @@ impl ReferenceModel {
         }
         let spacing_m = typical_spacing(points);
         let (points, normals) = oriented(points, towards_camera, 2.5 * spacing_m);
+        if points.len() < MIN_NEIGHBOURS {
+            return Self::default();
+        }
         let cloud = OrientedPoints { points: &points, normals: &normals, smoothing_m: 1.5 * spacing_m };
         let mut distance = DistanceField::new(&cloud, config.distance_grid_m);
 
