@@ -20,9 +20,13 @@ const FINAL_ITERATIONS: usize = 5;
 /// Attitudes closer than this are one.
 const SAME_ATTITUDE_RAD: f64 = 0.3;
 
+/// Depths that err by more than this share of the object's inner radius do not tell attitudes apart.
+const BLURRED_SHARE: f64 = 0.5;
+
 /// Registers from each of the 24 rotations of the cube, of which one is within 63° of any attitude, and keeps the best.
 ///
-/// What cannot be observed of the attitude is taken from the prior if there is one.
+/// Attitudes are compared on points alone, which is a third of the work, unless these err too much to tell them apart: then by
+/// the outline too. What cannot be observed of the attitude is taken from the prior if there is one.
 pub(super) fn register(
     scene: &mut SceneCloud,
     thinned: &mut SceneCloud,
@@ -31,35 +35,56 @@ pub(super) fn register(
     config: &Config,
 ) -> Result<Fit, PerceptionStatus> {
     thinned.thin_from(scene, TRIAL_POINTS);
-    let p_WO = Translation3::from(scene.centroid().coords);
     let R_WO = prior.map_or_else(UnitQuaternion::identity, |X_WO| X_WO.rotation);
-    let starts = if matches!(reference.symmetry, Symmetry::Sphere) { 1 } else { 24 };
+    let has_outline = !scene.outline.is_empty();
+    let is_blurred = |error_m: f64| has_outline && error_m > BLURRED_SHARE * reference.inner_radius_m;
 
-    // With points alone first, unless they are told to be noisy; again with the outline if they turn out to be.
-    let mut best: Option<(Fit, bool)> = None;
-    for outlined in [false, true] {
-        let is_hopeless = !outlined && scene.mean_noise_m() > config.outline_above_m && !scene.outline.is_empty();
-        if is_hopeless || outlined && scene.outline.is_empty() {
-            continue;
+    let told_m = scene.mean_noise_m();
+    let mut finalists = try_all(thinned, reference, &R_WO, config, is_blurred(told_m));
+    let mut outlined = has_outline && told_m > config.outline_above_m;
+    let mut best = best_of(&finalists, scene, reference, config, outlined);
+    // Points that nobody told to be noisy turn out to be: again with the outline.
+    if let Some(fit) = best.filter(|fit| !outlined && has_outline && fit.residual_m > config.outline_above_m) {
+        if is_blurred(fit.residual_m) {
+            finalists = try_all(thinned, reference, &R_WO, config, true);
         }
-        // The best few on a part of the scene, then the best of these on all of it.
-        let mut finalists: [Option<Fit>; FINALISTS] = [None; FINALISTS];
-        for i in 0..starts {
-            let X_WO = Pose::from_parts(p_WO, rotation_of_cube(i) * R_WO);
-            let fit = registration::iterate(thinned, reference, &X_WO, config, TRIAL_ITERATIONS, outlined).0;
-            keep(&mut finalists, fit, &reference.symmetry);
-        }
-        let results = finalists.iter().flatten();
-        let results =
-            results.map(|fit| registration::iterate(scene, reference, &fit.X_WO, config, FINAL_ITERATIONS, outlined).0);
-        let least = results.min_by(|a, b| a.misfit.total_cmp(&b.misfit));
-        best = least.map(|fit| (fit, outlined)).or(best);
-        if best.is_some_and(|(fit, _)| fit.residual_m <= config.outline_above_m) {
-            break;
-        }
+        outlined = true;
+        best = best_of(&finalists, scene, reference, config, outlined);
     }
-    let (best, outlined) = best.ok_or(PerceptionStatus::NotConverged)?;
-    registration::register(scene, reference, &best.X_WO, config, outlined)
+    registration::register(scene, reference, &best.ok_or(PerceptionStatus::NotConverged)?.X_WO, config, outlined)
+}
+
+/// The attitudes that a part of the scene speaks for most.
+fn try_all(
+    thinned: &mut SceneCloud,
+    reference: &ReferenceModel,
+    R_WO: &UnitQuaternion<f64>,
+    config: &Config,
+    outlined: bool,
+) -> [Option<Fit>; FINALISTS] {
+    let p_WO = Translation3::from(thinned.centroid().coords);
+    let starts = if matches!(reference.symmetry, Symmetry::Sphere) { 1 } else { 24 };
+    let mut finalists = [None; FINALISTS];
+    for i in 0..starts {
+        let X_WO = Pose::from_parts(p_WO, rotation_of_cube(i) * R_WO);
+        let fit = registration::iterate(thinned, reference, &X_WO, config, TRIAL_ITERATIONS, outlined).0;
+        keep(&mut finalists, fit, &reference.symmetry);
+    }
+    finalists
+}
+
+/// The finalist that the whole scene speaks for most, after a few more steps.
+fn best_of(
+    finalists: &[Option<Fit>; FINALISTS],
+    scene: &mut SceneCloud,
+    reference: &ReferenceModel,
+    config: &Config,
+    outlined: bool,
+) -> Option<Fit> {
+    let results = finalists.iter().flatten();
+    let results =
+        results.map(|fit| registration::iterate(scene, reference, &fit.X_WO, config, FINAL_ITERATIONS, outlined).0);
+    results.min_by(|a, b| a.misfit.total_cmp(&b.misfit))
 }
 
 /// Keeps the best fits in order, each attitude once.

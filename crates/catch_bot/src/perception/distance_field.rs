@@ -209,43 +209,96 @@ fn blend<const AXIS: usize>(a: &[f32; 4], b: &[f32; 4], t: f32) -> [f32; 4] {
     between
 }
 
+/// Cosine of the angle by which normals within one neighbourhood differ at most where the surface is smooth: 50°.
+const SMOOTH_COSINE: f64 = 0.64;
+/// Of two points on one smooth surface the way from one to the other is across their normals, but for this sine.
+const SMOOTH_SINE: f64 = 0.35;
+
 impl OrientedPoints<'_> {
     /// Signed distance of `at` from the surface, given the index of the nearest point.
     ///
-    /// Each neighbour i of the nearest point with its normal nᵢ, and the mean normal n̄ there, speak for a sphere that
-    /// touches the neighbour's tangent plane: its distance is (x − pᵢ)·(nᵢ + n̄) / (1 + nᵢ·n̄), exact on planes and spheres
-    /// (the mean of tangent-plane distances alone, as in implicit moving least squares, is too small by the curvature).
+    /// Next to an edge it is that from two surfaces, of which each is smooth: in front of a convex edge the distance from the
+    /// edge itself, else from the one that is further out; at a concave one the other way round.
     fn distance(&self, near: &PointGrid, at: &Point3<f64>, nearest: usize) -> f64 {
-        let mut foot = self.points[nearest];
-        let apart = at - foot;
+        let (point, normal) = (self.points[nearest], self.normals[nearest]);
+        let apart = at - point;
         let far = apart.norm();
-        if far < BAND_M {
-            foot = at - self.normals[nearest] * apart.dot(&self.normals[nearest]);
-        }
-        let reach = 1.5 * self.smoothing_m;
-        let mut mean_normal = Vector3::zeros();
-        let mut side = 0.0;
-        let weight = |i: usize| {
-            let squared = (self.points[i] - foot).norm_squared() / (reach * reach);
-            if squared < 1.0 { (1.0 - squared).powi(2) } else { 0.0 }
-        };
-        near.near(&foot, reach, |i| {
-            let weight = weight(i);
-            mean_normal += self.normals[i] * weight;
-            side += (at - self.points[i]).dot(&self.normals[i]) * weight;
-        });
-        let length = mean_normal.norm();
-        if far >= BAND_M || length < 1e-9 {
-            let side = if side == 0.0 { apart.dot(&self.normals[nearest]) } else { side };
+        let one = if far < BAND_M { self.side(near, at, nearest) } else { None };
+        let Some((one_m, n_1)) = one else {
+            // Which side it is on, all around decide together.
+            let mut side = apart.dot(&normal) * 1e-6;
+            near.near(&point, self.reach_m(), |i| {
+                let share = 1.0 - (self.points[i] - point).norm_squared() / self.reach_m().powi(2);
+                side += (at - self.points[i]).dot(&self.normals[i]) * share.max(0.0).powi(2);
+            });
             return far.copysign(side);
+        };
+        let mut other: Option<(usize, f64)> = None;
+        near.near(&point, self.reach_m(), |i| {
+            let squared = (self.points[i] - at).norm_squared();
+            let in_reach = (self.points[i] - point).norm_squared() < self.reach_m().powi(2);
+            if in_reach && !self.is_smooth(nearest, i) && other.is_none_or(|(_, least)| squared < least) {
+                other = Some((i, squared));
+            }
+        });
+        let Some((two_m, n_2, p_2)) =
+            other.and_then(|(i, _)| self.side(near, at, i).map(|(distance, n)| (distance, n, self.points[i])))
+        else {
+            return one_m;
+        };
+        let cosine = n_1.dot(&n_2);
+        if !(-0.7..SMOOTH_COSINE).contains(&cosine) {
+            return one_m;
         }
-        mean_normal /= length;
+        // Either lies behind the other's surface at a convex edge.
+        let bend = (p_2 - point).dot(&(n_1 - n_2));
+        let sign = if bend < 0.0 { 1.0 } else { -1.0 };
+        let (a, b) = (sign * one_m, sign * two_m);
+        let [from_a, from_b] = [a - cosine * b, b - cosine * a];
+        let outer_m = if a.max(b) > 0.0 && from_a > 0.0 && from_b > 0.0 {
+            // |x|² of x with x·n₁ = a and x·n₂ = b in the plane of both normals.
+            ((a * from_a + b * from_b) / (1.0 - cosine * cosine)).sqrt()
+        } else {
+            a.max(b)
+        };
+        sign * outer_m
+    }
+
+    fn reach_m(&self) -> f64 {
+        1.5 * self.smoothing_m
+    }
+
+    /// Whether two points lie on one smooth surface.
+    pub fn is_smooth(&self, i: usize, j: usize) -> bool {
+        let (n_i, n_j) = (self.normals[i], self.normals[j]);
+        let way = self.points[j] - self.points[i];
+        n_i.dot(&n_j) > SMOOTH_COSINE && (way.dot(&(n_i + n_j)) * 0.5).abs() <= SMOOTH_SINE * way.norm()
+    }
+
+    /// Signed distance from the smooth surface around a point of the cloud, and its normal there.
+    ///
+    /// Each neighbour i of the point with its normal nᵢ, and the mean normal n̄ there, speak for a sphere that touches the
+    /// neighbour's tangent plane: its distance is (x − pᵢ)·(nᵢ + n̄) / (1 + nᵢ·n̄), exact on planes and spheres (the mean of
+    /// tangent-plane distances alone, as in implicit moving least squares, is too small by the curvature).
+    fn side(&self, near: &PointGrid, at: &Point3<f64>, around: usize) -> Option<(f64, Vector3<f64>)> {
+        let (point, normal) = (self.points[around], self.normals[around]);
+        let across = (at - point) - normal * (at - point).dot(&normal);
+        // Where the surface ends at an edge, the foot must not leave it.
+        let foot = point + across * (self.smoothing_m / across.norm()).min(1.0);
+        let reach_m = self.reach_m();
+        let weight = |i: usize| {
+            let squared = (self.points[i] - foot).norm_squared() / (reach_m * reach_m);
+            if squared < 1.0 && self.is_smooth(around, i) { (1.0 - squared).powi(2) } else { 0.0 }
+        };
+        let mut mean_normal = Vector3::zeros();
+        near.near(&foot, reach_m, |i| mean_normal += self.normals[i] * weight(i));
+        let mean_normal = mean_normal.try_normalize(1e-9)?;
         let (mut sum, mut weights) = (0.0, 0.0);
-        near.near(&foot, reach, |i| {
+        near.near(&foot, reach_m, |i| {
             let weight = weight(i);
             sum += (at - self.points[i]).dot(&(self.normals[i] + mean_normal)) * weight;
             weights += (1.0 + self.normals[i].dot(&mean_normal)) * weight;
         });
-        if weights > 1e-9 { sum / weights } else { far.copysign(side) }
+        (weights > 1e-9).then(|| (sum / weights, mean_normal))
     }
 }

@@ -22,7 +22,7 @@ pub(crate) mod synthetic;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
-mod unlabelled;
+pub(crate) mod unlabelled;
 
 use catch_body::Pose;
 use catch_cell::{CameraModel, DepthFrame};

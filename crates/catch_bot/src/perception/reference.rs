@@ -52,6 +52,9 @@ impl ReferenceModel {
         }
         let spacing_m = typical_spacing(points);
         let (points, normals) = oriented(points, towards_camera, 2.5 * spacing_m);
+        if points.len() < MIN_NEIGHBOURS {
+            return Self::default();
+        }
         let cloud = OrientedPoints { points: &points, normals: &normals, smoothing_m: 1.5 * spacing_m };
         let mut distance = DistanceField::new(&cloud, config.distance_grid_m);
 
@@ -129,9 +132,8 @@ fn typical_spacing(points: &[Point3<f64>]) -> f64 {
 
 /// Gives each point the normal of the surface through its neighbours, and moves it onto that surface.
 ///
-/// The plane of the principal components of the neighbours first; then, in that plane's axes, the quadric
-/// z = c₀ + c₁x + c₂y + c₃x² + c₄xy + c₅y² by least squares, whose normal at the origin does not suffer from lopsided
-/// neighbourhoods (Cazals and Pouget, Estimating differential quantities using polynomial fitting of osculating jets, 2005).
+/// Near an edge no smooth surface runs through all neighbours. There a point takes the surface of the neighbour whose own
+/// neighbours lie on one best, among those that it lies on itself.
 fn oriented(
     points: &[Point3<f64>],
     towards_camera: &[Vector3<f64>],
@@ -139,7 +141,7 @@ fn oriented(
 ) -> (Vec<Point3<f64>>, Vec<Vector3<f64>>) {
     let grid = PointGrid::new(points, radius_m);
     let mut neighbours = Vec::new();
-    let both = points.iter().zip(towards_camera).map(|(point, towards_camera)| {
+    let patches = points.iter().zip(towards_camera).map(|(point, towards_camera)| {
         let mut radius_m = radius_m;
         for _ in 0..3 {
             neighbours.clear();
@@ -154,38 +156,120 @@ fn oriented(
             }
             radius_m *= 1.5;
         }
+        Patch::through(&neighbours, point, towards_camera, radius_m)
+    });
+    let patches: Vec<Patch> = patches.collect();
+    let both = points.iter().zip(&patches).zip(towards_camera).map(|((point, own), towards_camera)| {
+        let mut best = (own, own.at(point));
+        grid.near(point, radius_m, |i| {
+            let (patch, (height, normal)) = (&patches[i], patches[i].at(point));
+            let is_near = (points[i] - point).norm() < radius_m && normal.dot(towards_camera) > 0.0;
+            let holds = height.abs() < LIES_ON_SD * patch.error_m && patch.error_m < BETTER * own.error_m;
+            if is_near && holds && patch.error_m < best.0.error_m {
+                best = (patch, (height, normal));
+            }
+        });
+        let (height, normal) = best.1;
+        (point - best.0.axis * height, normal)
+    });
+    let (points, normals): (Vec<_>, Vec<_>) = both.unzip();
+    // A point whose normal hardly a neighbour shares lies on no surface.
+    let grid = PointGrid::new(&points, radius_m);
+    let cloud = OrientedPoints { points: &points, normals: &normals, smoothing_m: radius_m };
+    let is_shared = |i: &usize| {
+        let mut sharing = 0;
+        grid.near(&points[*i], radius_m, |j| {
+            sharing += usize::from((points[j] - points[*i]).norm() < radius_m && cloud.is_smooth(*i, j));
+        });
+        sharing >= MIN_SHARING
+    };
+    (0..points.len()).filter(is_shared).map(|i| (points[i], normals[i])).unzip()
+}
+
+/// Points of a neighbourhood, itself included, that share a normal at least.
+const MIN_SHARING: usize = 5;
+/// A point lies on a patch within so many of its root mean square errors.
+const LIES_ON_SD: f64 = 3.0;
+/// Another point's patch is better than one's own if its error is less than this share.
+const BETTER: f64 = 0.5;
+/// Errors of patches below this are nothing, in metres.
+const LEAST_ERROR_M: f64 = 1e-5;
+
+/// The surface through a point's neighbours: the quadric z = c₀ + c₁x + c₂y + c₃x² + c₄xy + c₅y² over the plane of their
+/// principal components, by least squares, whose normal does not suffer from lopsided neighbourhoods (Cazals and Pouget,
+/// Estimating differential quantities using polynomial fitting of osculating jets, 2005).
+#[derive(Debug, Clone)]
+struct Patch {
+    origin: Point3<f64>,
+    x_axis: Vector3<f64>,
+    y_axis: Vector3<f64>,
+    /// Normal of the plane, outwards.
+    axis: Vector3<f64>,
+    /// Of coordinates in units of the neighbourhood's radius; zero where the neighbours determine no quadric or one that
+    /// bends too much to be believed.
+    c: Vector6<f64>,
+    radius_m: f64,
+    /// Root mean square distance of the neighbours.
+    error_m: f64,
+}
+
+impl Patch {
+    fn through(
+        neighbours: &[Vector3<f64>],
+        origin: &Point3<f64>,
+        towards_camera: &Vector3<f64>,
+        radius_m: f64,
+    ) -> Self {
         let mean = neighbours.iter().sum::<Vector3<f64>>() / neighbours.len() as f64;
         let spread: Matrix3<f64> = neighbours.iter().map(|offset| (offset - mean) * (offset - mean).transpose()).sum();
         let eigen = SymmetricEigen::new(spread);
         let plane_normal = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned();
-        let facing = if plane_normal.dot(towards_camera) < 0.0 { -plane_normal } else { plane_normal };
-        let Some((height, normal)) = quadric(&neighbours, &facing, radius_m) else { return (*point, facing) };
-        (point + facing * height, normal)
-    });
-    both.unzip()
-}
+        let axis = if plane_normal.dot(towards_camera) < 0.0 { -plane_normal } else { plane_normal };
+        let across = if axis.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() };
+        let x_axis = axis.cross(&across).normalize();
+        let y_axis = axis.cross(&x_axis);
+        let mut patch =
+            Self { origin: *origin, x_axis, y_axis, axis, c: Vector6::zeros(), radius_m, error_m: radius_m };
+        let Some(c) = patch.quadric(neighbours) else { return patch };
+        let slope = c[1].hypot(c[2]);
+        if slope < 0.5 && c[0].abs() < 0.2 {
+            patch.c = c;
+            let squares: f64 = neighbours.iter().map(|offset| patch.at(&(origin + offset)).0.powi(2)).sum();
+            patch.error_m = (squares / neighbours.len() as f64).sqrt() + LEAST_ERROR_M;
+        }
+        patch
+    }
 
-/// Height over the origin and normal there of the quadric through `neighbours`; `None` where they do not determine one or
-/// where it bends too much to be believed.
-fn quadric(neighbours: &[Vector3<f64>], axis: &Vector3<f64>, radius_m: f64) -> Option<(f64, Vector3<f64>)> {
-    if neighbours.len() < MIN_NEIGHBOURS {
-        return None;
+    /// The least squares; `None` where the neighbours do not determine a quadric.
+    fn quadric(&self, neighbours: &[Vector3<f64>]) -> Option<Vector6<f64>> {
+        if neighbours.len() < MIN_NEIGHBOURS {
+            return None;
+        }
+        let mut information = Matrix6::zeros();
+        let mut right = Vector6::zeros();
+        for offset in neighbours {
+            let (row, z) = self.row(offset);
+            let weight = (1.0 - offset.norm_squared() / (self.radius_m * self.radius_m)).max(0.0);
+            information += row * row.transpose() * weight;
+            right += row * (z * weight);
+        }
+        Some(information.cholesky()?.solve(&right))
     }
-    let across = if axis.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() };
-    let x_axis = axis.cross(&across).normalize();
-    let y_axis = axis.cross(&x_axis);
-    let mut information = Matrix6::zeros();
-    let mut right = Vector6::zeros();
-    for offset in neighbours {
-        let [x, y, z] = [x_axis, y_axis, *axis].map(|along| offset.dot(&along) / radius_m);
-        let weight = (1.0 - offset.norm_squared() / (radius_m * radius_m)).max(0.0);
-        let row = Vector6::new(1.0, x, y, x * x, x * y, y * y);
-        information += row * row.transpose() * weight;
-        right += row * (z * weight);
+
+    /// What the coefficients are multiplied with at an offset from the origin, and z there.
+    fn row(&self, offset: &Vector3<f64>) -> (Vector6<f64>, f64) {
+        let [x, y, z] = [self.x_axis, self.y_axis, self.axis].map(|along| offset.dot(&along) / self.radius_m);
+        (Vector6::new(1.0, x, y, x * x, x * y, y * y), z)
     }
-    let c = information.cholesky()?.solve(&right);
-    let slope = c[1].hypot(c[2]);
-    (slope < 0.5 && c[0].abs() < 0.2).then(|| (c[0] * radius_m, (axis - x_axis * c[1] - y_axis * c[2]).normalize()))
+
+    /// Height of a point over the surface along the axis, in metres, and the surface's normal below it.
+    fn at(&self, point: &Point3<f64>) -> (f64, Vector3<f64>) {
+        let (row, z) = self.row(&(point - self.origin));
+        let (x, y, c) = (row[1], row[2], &self.c);
+        let slopes = [c[1] + 2.0 * c[3] * x + c[4] * y, c[2] + c[4] * x + 2.0 * c[5] * y];
+        let normal = self.axis - self.x_axis * slopes[0] - self.y_axis * slopes[1];
+        ((z - row.dot(c)) * self.radius_m, normal.normalize())
+    }
 }
 
 /// Volume, centre and second moment of the inside per volume, ∫ x·xᵀ dV / V about the centre.

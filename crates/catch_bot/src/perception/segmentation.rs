@@ -132,6 +132,9 @@ pub(super) fn threshold_m(depth_m: f64, config: &Config) -> f64 {
 }
 
 /// Labels the pixels of a part of a frame, row by row, for an object expected at a depth, give or take its reach.
+///
+/// What is behind a pixel costs a ray, so it is asked of pixels at the object's depth alone, and then of those beside the
+/// object's: all others are left unknown.
 pub(super) fn label(
     labels: &mut Vec<Label>,
     frame: &DepthFrame,
@@ -141,40 +144,54 @@ pub(super) fn label(
     config: &Config,
 ) {
     let [depth_m, reach_m] = expected_m;
-    let columns = frame.window.width as usize;
+    let (wide, high) = (part.width as usize, part.height as usize);
+    let [left, top] = [part.left - frame.window.left, part.top - frame.window.top].map(|offset| offset as usize);
+    let at = |x: usize, y: usize| f64::from(frame.depth_m[(top + y) * frame.window.width as usize + left + x]);
+    let is_measured = |found_m: f64| found_m > 0.0 && found_m.is_finite();
+    let is_near =
+        |found_m: f64| (found_m - depth_m).abs() < reach_m + config.background_sd * config.depth_noise.sd_m(found_m);
+    let judge = |x: usize, y: usize| {
+        let found_m = at(x, y);
+        let uv = Point2::new(f64::from(part.left) + x as f64 + 0.5, f64::from(part.top) + y as f64 + 0.5);
+        let behind_m = background.depth_m(&uv);
+        // Too close to tell apart, or in front of where the object is.
+        let is_hidden = behind_m.is_finite() && behind_m - reach_m - threshold_m(behind_m, config) < depth_m;
+        let is_behind = behind_m.is_finite() && found_m > behind_m - threshold_m(behind_m, config);
+        match is_measured(found_m) {
+            false if behind_m.is_infinite() => Label::Elsewhere,
+            false if is_hidden || config.depth_dropout => Label::Unknown,
+            false => Label::Elsewhere,
+            true if is_behind && is_hidden => Label::Unknown,
+            true if is_behind => Label::Elsewhere,
+            true if is_near(found_m) => Label::Object,
+            true => Label::Unknown,
+        }
+    };
     let first = labels.len();
-    for row in part.top..part.top + part.height {
-        for column in part.left..part.left + part.width {
-            let i = (row - frame.window.top) as usize * columns + (column - frame.window.left) as usize;
-            let found_m = f64::from(frame.depth_m[i]);
-            let measured = found_m > 0.0 && found_m.is_finite();
-            let behind_m = background.depth_m(&Point2::new(f64::from(column) + 0.5, f64::from(row) + 0.5));
-            // Too close to tell apart, or in front of where the object is.
-            let is_hidden = behind_m.is_finite() && behind_m - reach_m - threshold_m(behind_m, config) < depth_m;
-            labels.push(match measured {
-                _ if behind_m.is_infinite() && !measured => Label::Elsewhere,
-                false if is_hidden || config.depth_dropout => Label::Unknown,
-                false => Label::Elsewhere,
-                true if behind_m.is_finite() && found_m > behind_m - threshold_m(behind_m, config) => {
-                    if is_hidden {
-                        Label::Unknown
-                    } else {
-                        Label::Elsewhere
-                    }
-                }
-                true if (found_m - depth_m).abs()
-                    < reach_m + config.background_sd * config.depth_noise.sd_m(found_m) =>
-                {
-                    Label::Object
-                }
-                true => Label::Unknown,
-            });
+    for y in 0..high {
+        for x in 0..wide {
+            let found_m = at(x, y);
+            let may_be = is_measured(found_m) && is_near(found_m);
+            labels.push(if may_be { judge(x, y) } else { Label::Unknown });
+        }
+    }
+    let labels = &mut labels[first..];
+    for y in 0..high {
+        for x in 0..wide {
+            let i = y * wide + x;
+            let is_object = |i: usize| labels[i] == Label::Object;
+            let beside = x > 0 && is_object(i - 1)
+                || x + 1 < wide && is_object(i + 1)
+                || y > 0 && is_object(i - wide)
+                || y + 1 < high && is_object(i + wide);
+            if beside && labels[i] == Label::Unknown {
+                labels[i] = judge(x, y);
+            }
         }
     }
     if config.depth_dropout {
-        doubt_holes(&mut labels[first..], part, |column, row| {
-            let i = (row - frame.window.top) as usize * columns + (column - frame.window.left) as usize;
-            frame.depth_m[i] > 0.0 && frame.depth_m[i].is_finite()
+        doubt_holes(labels, part, |column, row| {
+            is_measured(at((column - part.left) as usize, (row - part.top) as usize))
         });
     }
 }

@@ -87,8 +87,8 @@ impl OutlineRay {
         self.violation_m() + (moved_m - self.seen_after_m) < -IDLE_SD * scale * self.sd_m
     }
 
-    /// Finds the nearest place to the surface anew, from the best of some places along the ray: where it passes the object's
-    /// centre, and where its `neighbour` of the same camera came nearest, or else halfway to either side.
+    /// Finds the nearest place to the surface anew: from where its `neighbour` of the same camera came nearest, or else from the
+    /// best of where it passes the object's centre and halfway to either side.
     fn find(&mut self, reference: &ReferenceModel, view: &View, neighbour: Option<&Self>, config: &Config) {
         let p_OC = view.p_OC;
         let direction_O = view.R_OW * self.direction_W;
@@ -106,20 +106,19 @@ impl OutlineRay {
         }
         let half_m = (reference.radius_m.powi(2) - passes_m * passes_m).max(0.0).sqrt();
         let look = |along_m: f64| reference.distance.at(&(p_OC + direction_O * along_m));
-        let (mut least_m, mut gradient) = look(middle_m);
         self.bend_per_m = neighbour.map_or(1.0 / reference.radius_m.max(0.005), |neighbour| neighbour.bend_per_m);
-        if reference.symmetry != Symmetry::Sphere {
-            let hint_m = neighbour.map_or(f64::NAN, |neighbour| neighbour.along_m);
-            let elsewhere = [hint_m, middle_m - 0.5 * half_m, middle_m + 0.5 * half_m];
-            for along_m in elsewhere.into_iter().filter(|along_m| (along_m - middle_m).abs() <= half_m) {
-                // A neighbour is hint enough, unless it leads to where the ray does not do what its pixel says.
-                if along_m != hint_m && neighbour.is_some() && (least_m < 0.0) == self.inside {
-                    break;
-                }
-                let (distance_m, gradient_there) = look(along_m);
-                if distance_m < least_m {
-                    (least_m, gradient, self.along_m) = (distance_m, gradient_there, along_m);
-                }
+        let hint_m =
+            neighbour.map(|neighbour| neighbour.along_m).filter(|along_m| (along_m - middle_m).abs() <= half_m);
+        let first_m = hint_m.unwrap_or(middle_m);
+        self.along_m = first_m;
+        let (mut least_m, mut gradient) = look(first_m);
+        // A neighbour is hint enough, unless it leads to where the ray does not do what its pixel says.
+        let is_sure = reference.symmetry == Symmetry::Sphere || hint_m.is_some() && (least_m < 0.0) == self.inside;
+        let elsewhere = [middle_m, middle_m - 0.5 * half_m, middle_m + 0.5 * half_m];
+        for along_m in elsewhere.into_iter().filter(|along_m| !is_sure && *along_m != first_m) {
+            let (distance_m, gradient_there) = look(along_m);
+            if distance_m < least_m {
+                (least_m, gradient, self.along_m) = (distance_m, gradient_there, along_m);
             }
         }
         // Secants towards where the distance along the ray has no slope, cut in half where they lead up.

@@ -62,6 +62,22 @@ fn reference_knows_centre_and_symmetry() {
     }
 }
 
+/// The bottle's edges are right-angled; a mean over all neighbours rounds them by 0.7–1 mm.
+#[test]
+fn edges_are_not_rounded() {
+    let reference = synthetic::reference(&Shape::Bottle, 200);
+    for [radius, height] in [[0.0254, 0.0], [0.0254, 0.06], [0.022, 0.0786]] {
+        let distances = (0..50).map(|i| {
+            let (sin, cos) = (0.04 * std::f64::consts::PI * f64::from(i)).sin_cos();
+            let on_edge = nalgebra::Point3::new(radius * cos, radius * sin, height);
+            reference.distance.at(&(reference.X_RO.inverse() * on_edge)).0
+        });
+        let mean_m = distances.sum::<f64>() / 50.0;
+        println!("{radius} {height}: {:.2} mm", mean_m * 1e3);
+        assert!(mean_m.abs() < 0.0006, "{radius} {height}: {mean_m}");
+    }
+}
+
 #[test]
 fn clean_frames_give_the_pose() {
     for (name, shape) in Shape::all() {

@@ -12,7 +12,7 @@ use super::{
     *,
 };
 
-pub(super) fn arm() -> (Robot, Gripper) {
+pub(crate) fn arm() -> (Robot, Gripper) {
     let files = RobotFiles {
         urdf_file: "robot.urdf",
         urdf: include_str!("../../../../assets/robots/iiwa14/robot.urdf"),
@@ -23,16 +23,16 @@ pub(super) fn arm() -> (Robot, Gripper) {
     (Robot::from_files(&files).unwrap(), gripper)
 }
 
-/// Full images of an object with what the brain knows behind and before it, noise on all of it, and the true masks.
-struct Scene<'a> {
-    cameras: &'a [CameraModel],
-    surroundings: Surroundings<'a>,
-    config: &'a Config,
-    noise: Noise,
+/// Images of an object with what the brain knows behind and before it, noise on all of it, and the true masks.
+pub(crate) struct Scene<'a> {
+    pub cameras: &'a [CameraModel],
+    pub surroundings: Surroundings<'a>,
+    pub config: &'a Config,
+    pub noise: Noise,
 }
 
 impl Scene<'_> {
-    fn frames(
+    pub fn frames(
         &self,
         shape: &Shape,
         X_WS: &Pose,
@@ -71,6 +71,18 @@ impl Scene<'_> {
             (frame, truth)
         });
         both.unzip()
+    }
+
+    /// How many images without mask show the arm, or would if the object were not there.
+    pub fn windows_before_arm(&self, frames: &[DepthFrame]) -> usize {
+        let shows_arm = |frame: &&DepthFrame| {
+            let background =
+                Background::new(&self.cameras[frame.camera], Some(&self.surroundings), &frame.window, self.config);
+            let pixels = 0..frame.window.area();
+            frame.mask.is_none()
+                && pixels.into_iter().any(|i| background.depth_m(&frame.window.pixel_centre(i)).is_finite())
+        };
+        frames.iter().filter(shows_arm).count()
     }
 }
 

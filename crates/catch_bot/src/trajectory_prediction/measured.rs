@@ -308,23 +308,27 @@ fn measured_against_the_papers_method() {
 fn cover(name: &str, noises: &[Noise], setting: &Setting, throws: u64) {
     let variants: Vec<Variant> = noises.iter().map(|noise| Variant::ours(*noise, &setting.prediction)).collect();
     let mut squares: Vec<[Vec<f64>; 2]> = vec![Default::default(); noises.len()];
-    for (i, (_, shape)) in Shape::all().iter().enumerate() {
+    for (i, (object, shape)) in Shape::all().iter().enumerate() {
         let from = i as u64 * 10_000;
-        for (squares, both) in
-            squares.iter_mut().zip(measure(shape, &variants, setting, from..from + throws.div_ceil(3)))
-        {
-            squares.iter_mut().zip(both).for_each(|(squares, errors)| squares.extend(errors.catch_squares));
+        let measured = measure(shape, &variants, setting, from..from + throws.div_ceil(3));
+        for ((noise, squares), both) in noises.iter().zip(&mut squares).zip(measured) {
+            for ((frames, squares), errors) in setting.frames.iter().zip(squares).zip(both) {
+                println!("{name} {object:7} {:16} {frames:3} frames: {}", format!("{noise:?}"), errors.summary());
+                squares.extend(errors.catch_squares);
+            }
         }
     }
+    let mut least = f64::INFINITY;
     for (noise, both) in noises.iter().zip(&squares) {
         for (frames, squares) in setting.frames.iter().zip(both) {
             let share = coverage(squares);
             println!("{name} {noise:?} {frames} frames: {share:.1} % of {} throws in the claimed 95 %", squares.len());
             // Of few throws more may miss by chance: three standard deviations.
             let chance = 300.0 * (0.05 * 0.95 / squares.len() as f64).sqrt();
-            assert!(share > 90.0_f64.min(95.0 - chance), "{name} {noise:?} {frames}");
+            least = least.min(share - 90.0_f64.min(95.0 - chance));
         }
     }
+    assert!(least > 0.0, "{name}: {least} % short");
 }
 
 #[test]
@@ -336,5 +340,10 @@ fn catches_lie_where_they_are_claimed() {
 #[ignore = "takes minutes"]
 fn measured_coverage() {
     cover("no drag", &NOISES[1..], &Setting { prediction: Config::default(), ..without_drag() }, 1002);
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn measured_coverage_with_spin_and_drag() {
     cover("spin and drag unknown", &NOISES[1..], &with_spin_and_drag(), 1002);
 }

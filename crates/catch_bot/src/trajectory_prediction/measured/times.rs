@@ -1,6 +1,10 @@
 //! CPU times of perception and prediction, image set by image set.
 
+use catch_body::ray_cast::ArmSurface;
+use nalgebra::Point3;
+
 use super::*;
+use crate::perception::{Surroundings, unlabelled};
 
 /// CPU time of this thread in milliseconds.
 fn cpu_ms() -> f64 {
@@ -14,26 +18,70 @@ fn percentiles(mut values: Vec<f64>) -> String {
     format!("p50 {:6.3} p99 {:6.3} max {:6.3}", at(0.5), at(0.99), values.last().copied().unwrap_or(f64::NAN))
 }
 
+/// What the images are like.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Images {
+    /// With masks.
+    Labelled,
+    /// Without, the arm in its ready pose, the throw on its way.
+    Unlabelled,
+    /// Without, on a way that leads past the gripper at 20 cm.
+    AtArm,
+}
+
 /// CPU time of perception and prediction for each set of images of whole throws, in which the first is a cold start.
 #[test]
 #[ignore = "takes minutes"]
 fn measured_times() {
+    measure_times(Images::Labelled);
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn measured_times_without_labels() {
+    measure_times(Images::Unlabelled);
+    measure_times(Images::AtArm);
+}
+
+fn measure_times(images: Images) {
     let prediction = Config { spin_prior_sd_radps: 3.0, ..Config::default() };
     let cameras = synthetic::flight_rig();
+    let (robot, gripper) = unlabelled::arm();
+    let surface = ArmSurface::new(&robot, &gripper);
+    let X_WL = robot.link_poses(&robot.ready_q);
+    let p_WG = robot.gripper_in(&X_WL) * Point3::new(0.0, 0.2, 0.0);
+    let surroundings = Surroundings { arm: &surface, X_WL, width_m: 0.1 };
+    let known = (images != Images::Labelled).then_some(&surroundings);
     for (name, shape) in Shape::all() {
         let reference = synthetic::reference(&shape, 200);
         for noise in NOISES {
             let config = told(noise);
+            let scene = unlabelled::Scene { cameras: &cameras, surroundings, config: &config, noise };
             let (mut find_ms, mut predict_ms, mut whole_ms, mut cold_ms) = (vec![], vec![], vec![], vec![]);
-            let (mut iterations, mut lost) = (0, 0);
+            let (mut iterations, mut lost, mut before_arm) = (0, 0, 0);
             for seed in 0..12 {
                 let mut normal = Normal::new(seed);
-                let throw = Throw::new(seed % 2 == 1, 0.0, 0.0, &reference, &mut normal);
+                let mut throw = Throw::new(seed % 2 == 1, 0.0, 0.0, &reference, &mut normal);
+                if images == Images::AtArm {
+                    throw.start.p += p_WG.coords - throw.pose_at(0.2).translation.vector;
+                }
                 let mut seen = Seen::default();
                 for i in 0..40 {
                     let capture_s = 0.01 * f64::from(i);
-                    let X_WS = throw.pose_at(capture_s) * reference.X_RO.inverse();
-                    let mut frames = synthetic::depth_frames(&cameras, &shape, &X_WS, noise, &mut normal);
+                    let X_WO = throw.pose_at(capture_s);
+                    let X_WS = X_WO * reference.X_RO.inverse();
+                    let mut frames = if images == Images::Labelled {
+                        synthetic::depth_frames(&cameras, &shape, &X_WS, noise, &mut normal)
+                    } else {
+                        // As the brain asks for them.
+                        let reach_m = reference.radius_m + config.gate_m;
+                        let centre = Point3::from(X_WO.translation.vector);
+                        let window = |camera: &CameraModel| {
+                            camera.window_around(&camera.X_WC.inverse_transform_point(&centre), reach_m)
+                        };
+                        let windows: Vec<_> = cameras.iter().map(window).collect();
+                        scene.frames(&shape, &X_WS, &windows, &mut normal).0
+                    };
                     frames.iter_mut().for_each(|frame| frame.capture_s = capture_s);
                     let last = seen.poses.last().map(|pose| pose.X_WO);
                     let expected = seen.flight.as_ref().map(|flight| flight.pose_at(capture_s)).or(last);
@@ -43,7 +91,7 @@ fn measured_times() {
                         &cameras,
                         &reference,
                         expected.as_ref(),
-                        None,
+                        known,
                         &config,
                         &mut seen.workspace,
                     );
@@ -70,18 +118,53 @@ fn measured_times() {
                         find_ms.push(between - start);
                         predict_ms.push(end - between);
                         whole_ms.push(end - start);
+                        before_arm += scene.windows_before_arm(&frames);
                     }
                 }
             }
             println!(
-                "{name:7} {:16} whole {}; iterations {:.1}, lost {lost}",
+                "{images:?} {name:7} {:16} whole {}; iterations {:.1}, lost {lost}, arm in {:.1} windows",
                 format!("{noise:?}"),
                 percentiles(whole_ms.clone()),
-                iterations as f64 / whole_ms.len() as f64
+                iterations as f64 / whole_ms.len() as f64,
+                before_arm as f64 / whole_ms.len() as f64
             );
             println!("        perception {}", percentiles(find_ms));
             println!("        prediction {}", percentiles(predict_ms));
             println!("        cold start {} ({})", percentiles(cold_ms.clone()), cold_ms.len());
+        }
+    }
+}
+
+/// CPU time of finding the object without any prior, and whether it is found: attitudes off by more than 0.2 rad are wrong.
+#[test]
+#[ignore = "takes minutes"]
+fn measured_cold_starts() {
+    let cameras = synthetic::flight_rig();
+    for (name, shape) in Shape::all() {
+        let reference = synthetic::reference(&shape, 200);
+        let five_mm = Noise::Constant(0.005);
+        let untold = perception::Config::default();
+        for (noise, config) in
+            NOISES.iter().map(|noise| (*noise, told(*noise))).chain([(five_mm, told(five_mm)), (five_mm, untold)])
+        {
+            let (mut find_ms, mut right) = (vec![], 0);
+            for seed in 0..200 {
+                let mut normal = Normal::new(seed);
+                let X_WO = synthetic::pose_in_flight(&mut normal);
+                let X_WS = X_WO * reference.X_RO.inverse();
+                let frames = synthetic::depth_frames(&cameras, &shape, &X_WS, noise, &mut normal);
+                let start = cpu_ms();
+                let mut workspace = Workspace::default();
+                let found = find_object(&frames, &cameras, &reference, None, None, &config, &mut workspace);
+                find_ms.push(cpu_ms() - start);
+                right += usize::from(found.is_ok_and(|found| {
+                    let off_m = (found.X_WO.translation.vector - X_WO.translation.vector).norm();
+                    off_m < 0.01 && reference.symmetry.turn_between(&found.X_WO.rotation, &X_WO.rotation).norm() < 0.2
+                }));
+            }
+            let is_told = if config.depth_noise == DepthNoise::default() { "untold" } else { "told" };
+            println!("{name:7} {noise:?} {is_told}: {right} of {} right, {}", find_ms.len(), percentiles(find_ms));
         }
     }
 }
