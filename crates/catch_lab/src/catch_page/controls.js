@@ -31,6 +31,7 @@ function show() {
   }
   const current = latest(data.events.map((event) => event.time_s), now);
   [...$("events").children].forEach((mark, i) => mark.classList.toggle("now", i === current));
+  [$("story").firstChild.textContent, $("story").lastChild.textContent] = current < 0 ? ["", ""] : [data.events[current].label, data.events[current].detail];
   if (!document.body.dataset.firstPictureMs) document.body.dataset.firstPictureMs = Math.round(performance.now());
 }
 function seek(time) { now = Math.min(Math.max(time, 0), shownUntil()); refresh(); }

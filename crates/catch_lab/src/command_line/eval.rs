@@ -8,7 +8,7 @@ use catch_lab::{
     VERSION,
     evaluation::{Cell, Evaluation, Row},
     plots,
-    report_page::{self, Report, published_rate, published_rates},
+    report_page::{self, MOST_MISSES, Report, published_rate, published_rates},
     results::Results,
     setup::{COMMAND_LINE, Setup},
     statistics::CellSummary,
@@ -155,7 +155,8 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
         Times { wall_s, threads, trials: rows.len() - done_before, stages: stopwatch.summary().into_iter().collect() };
     let text = serde_json::to_string_pretty(&times)? + "\n";
     replace(&arguments.out.join(TIMES_FILE), |path| fs::write(path, text))?;
-    write_report(arguments, &evaluation, &cells, &rows, &stopwatch.summary())?;
+    let folder = &arguments.out;
+    write_report(&evaluation, &rows, &stopwatch, MOST_MISSES, arguments.plots, folder)?;
     if arguments.markdown {
         screen::text(&summary_table::markdown(&identity, &cells))?;
         return Ok(screen::text(&format!("\n{}", summary_table::times_markdown(stopwatch.summary())))?);
@@ -186,20 +187,24 @@ pub fn threads(arguments: &EvalArguments) -> usize {
 }
 
 /// The report as a page, with pages of the first misses, and the plots if they are wanted.
-fn write_report(
-    arguments: &EvalArguments,
+///
+/// # Errors
+/// Files that cannot be written.
+pub fn write_report(
     evaluation: &Evaluation,
-    cells: &[CellSummary],
     rows: &[Row],
-    stages: &[(&str, StageTimes)],
+    stopwatch: &Stopwatch,
+    most_misses: usize,
+    plots: bool,
+    folder: &Path,
 ) -> anyhow::Result<()> {
-    let folder = &arguments.out;
     let written = || format!("the report in {}", folder.display());
-    let pages = report_page::record_misses(evaluation, rows, folder).with_context(written)?;
+    let pages = report_page::record_misses(evaluation, rows, most_misses, folder).with_context(written)?;
     let scenario = &evaluation.cells[0].setup.scenario.name;
-    let report = Report { scenario, seed: evaluation.seed, cells, rows, stages, pages: &pages };
+    let cells = &evaluation.identity().summarize(rows);
+    let report = Report { scenario, seed: evaluation.seed, cells, rows, stopwatch, pages: &pages };
     fs::write(folder.join(REPORT), report_page::page(&report)).with_context(written)?;
-    if arguments.plots {
+    if plots {
         plots::write(&report, folder).map_err(|fault| anyhow::anyhow!("{fault}")).with_context(written)?;
     }
     Ok(())
