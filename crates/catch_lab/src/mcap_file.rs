@@ -9,6 +9,7 @@
 //! | `/joint_states` | `foxglove.JointStates` | positions, velocities and torques |
 //! | `/points` | `foxglove.PointCloud` | what the depth images show of the object |
 //! | `/camera_NN/depth` | `foxglove.RawImage` | the part of a depth image that was read out, in metres |
+//! | `/camera_NN/calibration` | `foxglove.CameraCalibration` | where that part lies in the camera's image |
 //! | `/object/true`, `/object/seen`, `/object/predicted` | `foxglove.PoseInFrame` | now, as perceived, and at the planned catch |
 //! | `/hand/planned` | `foxglove.PoseInFrame` | where the hand is meant to be at the catch |
 //! | `/log` | `foxglove.Log` | the story of the throw |
@@ -19,7 +20,7 @@ mod schemas;
 use std::{collections::BTreeMap, io::Cursor};
 
 use catch_body::Pose;
-use catch_cell::DepthFrame;
+use catch_cell::{CameraModel, DepthFrame, PixelWindow};
 use mcap::{McapError, WriteOptions, Writer, records::MessageHeader};
 
 use crate::{catch_page::points_of, playback::Playback, recording::RecordedTick};
@@ -29,6 +30,9 @@ use protobuf::{Content, Fields, MessageType};
 const MOST_IMAGE_BYTES: usize = 3_000_000;
 /// Points of a cloud at most.
 const MOST_POINTS: usize = 600;
+
+/// The frame that Rerun's views start from; without a way to it they show nothing.
+const RERUN_ROOT: &str = "tf#/";
 
 /// The file of a throw.
 ///
@@ -48,7 +52,7 @@ pub fn mcap(playback: &Playback) -> Result<Vec<u8>, McapError> {
         log.tick(playback, tick)?;
         if i % images_every == 0 {
             for frame in tick.observation.frames.iter().filter(|frame| frame.window.area() > 0) {
-                log.image(frame)?;
+                log.image(frame, &playback.header.cameras[frame.camera])?;
             }
         }
     }
@@ -63,8 +67,8 @@ pub fn mcap(playback: &Playback) -> Result<Vec<u8>, McapError> {
 /// Every how manieth tick's images fit in.
 fn images_every(playback: &Playback) -> usize {
     let frames = playback.ticks.iter().flat_map(|tick| &tick.observation.frames);
-    // Four bytes for a pixel, and each message has a frame of its own.
-    let bytes: usize = frames.map(|frame| frame.window.area() * 4 + 100).sum();
+    // Four bytes for a pixel, and each has a calibration.
+    let bytes: usize = frames.map(|frame| frame.window.area() * 4 + 450).sum();
     bytes.div_ceil(MOST_IMAGE_BYTES).max(1)
 }
 
@@ -115,6 +119,7 @@ impl Topics<'_> {
             let X_WL = playback.robot.link_poses(&sample.q);
             let base = base_link(&playback.header.sources.robot_urdf);
             let mut frames = vec![
+                transform(now_s, RERUN_ROOT, "world", &Pose::identity()),
                 transform(now_s, "world", "object", &sample.X_WO),
                 transform(now_s, "world", "gripper", &sample.X_WG),
                 transform(now_s, "world", &base, &X_WL[0]),
@@ -183,8 +188,22 @@ impl Topics<'_> {
         self.write("/points", &schemas::POINT_CLOUD, tick.observation.time_s, &content)
     }
 
-    fn image(&mut self, frame: &DepthFrame) -> Result<(), McapError> {
-        let [width, height] = [frame.window.width, frame.window.height];
+    fn image(&mut self, frame: &DepthFrame, camera: &CameraModel) -> Result<(), McapError> {
+        let PixelWindow { left, top, width, height } = frame.window;
+        // Here the centre of the first pixel is at 0, not at 0.5.
+        let [cx, cy] = [(0, left), (1, top)].map(|(i, first)| camera.principal_px[i] - f64::from(first) - 0.5);
+        let f = camera.focal_px;
+        let calibration = vec![
+            ("timestamp", time(frame.capture_s)),
+            ("frame_id", text(&camera_name(frame.camera))),
+            ("width", Content::Whole(width)),
+            ("height", Content::Whole(height)),
+            ("K", Content::Numbers(vec![f, 0.0, cx, 0.0, f, cy, 0.0, 0.0, 1.0])),
+            ("R", Content::Numbers(vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])),
+            ("P", Content::Numbers(vec![f, 0.0, cx, 0.0, 0.0, f, cy, 0.0, 0.0, 0.0, 1.0, 0.0])),
+        ];
+        let topic = |what: &str| format!("/{}/{what}", camera_name(frame.camera));
+        self.write(&topic("calibration"), &schemas::CAMERA_CALIBRATION, frame.capture_s, &calibration)?;
         let content = vec![
             ("timestamp", time(frame.capture_s)),
             ("frame_id", text(&camera_name(frame.camera))),
@@ -194,7 +213,7 @@ impl Topics<'_> {
             ("step", Content::Whole(width * 4)),
             ("data", Content::Bytes(frame.depth_m.iter().flat_map(|depth| depth.to_le_bytes()).collect())),
         ];
-        self.write(&format!("/{}/depth", camera_name(frame.camera)), &schemas::RAW_IMAGE, frame.capture_s, &content)
+        self.write(&topic("depth"), &schemas::RAW_IMAGE, frame.capture_s, &content)
     }
 }
 

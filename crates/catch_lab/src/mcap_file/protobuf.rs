@@ -23,6 +23,8 @@ pub enum Kind {
     Double,
     /// A number that may be absent, which is not the same as 0.
     OptionalDouble,
+    /// Any number of numbers.
+    Doubles,
     /// Four bytes of a whole number.
     Fixed32,
     /// A whole number that is short if it is small.
@@ -46,6 +48,8 @@ pub enum Kind {
 pub enum Content {
     /// For numbers.
     Number(f64),
+    /// For lists of numbers.
+    Numbers(Vec<f64>),
     /// For whole numbers and named values.
     Whole(u32),
     /// For text.
@@ -80,6 +84,9 @@ impl MessageType {
             match (kind, content) {
                 (Kind::Double | Kind::OptionalDouble, Content::Number(value)) => {
                     wire.key(*number, 1).0.extend(value.to_le_bytes());
+                }
+                (Kind::Doubles, Content::Numbers(values)) => {
+                    wire.bytes(*number, &values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>());
                 }
                 (Kind::Fixed32, Content::Whole(value)) => wire.key(*number, 5).0.extend(value.to_le_bytes()),
                 (Kind::Int64 | Kind::Int32 | Kind::OneOf(..), Content::Whole(value)) => {
@@ -162,7 +169,7 @@ impl MessageType {
     /// `FieldDescriptorProto`: name 1, number 3, label 4 (1 one, 3 many), type 5, type_name 6, oneof_index 9, proto3_optional 17.
     fn field_descriptor(&self, name: &str, number: u32, kind: &Kind, choice: Option<u64>) -> Vec<u8> {
         let (of, type_name) = match kind {
-            Kind::Double | Kind::OptionalDouble => (1, None),
+            Kind::Double | Kind::OptionalDouble | Kind::Doubles => (1, None),
             Kind::Int64 => (3, None),
             Kind::Int32 => (5, None),
             Kind::Fixed32 => (7, None),
@@ -174,7 +181,7 @@ impl MessageType {
         let mut field = Wire::default();
         field.bytes(1, name.as_bytes());
         field.whole(3, u64::from(number));
-        field.whole(4, if matches!(kind, Kind::Many(_)) { 3 } else { 1 });
+        field.whole(4, if matches!(kind, Kind::Many(_) | Kind::Doubles) { 3 } else { 1 });
         field.whole(5, of);
         if let Some(type_name) = type_name {
             field.bytes(6, type_name.as_bytes());

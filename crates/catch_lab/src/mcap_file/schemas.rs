@@ -110,6 +110,23 @@ pub static RAW_IMAGE: MessageType = foxglove(
     ],
 );
 
+/// What a camera makes of the world.
+pub static CAMERA_CALIBRATION: MessageType = foxglove(
+    "CameraCalibration",
+    "foxglove/CameraCalibration.proto",
+    &[
+        ("timestamp", 1, Kind::Message(&TIME)),
+        ("frame_id", 9, Kind::Text),
+        ("width", 2, Kind::Fixed32),
+        ("height", 3, Kind::Fixed32),
+        ("distortion_model", 4, Kind::Text),
+        ("D", 5, Kind::Doubles),
+        ("K", 6, Kind::Doubles),
+        ("R", 7, Kind::Doubles),
+        ("P", 8, Kind::Doubles),
+    ],
+);
+
 /// One pose.
 pub static POSE_IN_FRAME: MessageType = foxglove(
     "PoseInFrame",

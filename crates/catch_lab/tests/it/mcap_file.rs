@@ -6,9 +6,10 @@ use std::{
     path::Path,
 };
 
+use base64::{Engine, prelude::BASE64_STANDARD};
 use catch_body::Pose;
 use catch_lab::{mcap_file, playback::Playback};
-use nalgebra::{Quaternion, Translation3, UnitQuaternion};
+use nalgebra::{Point3, Quaternion, Translation3, UnitQuaternion};
 use prost_reflect::{DescriptorPool, DynamicMessage, Kind, SerializeOptions};
 use serde_json::Value;
 
@@ -84,8 +85,55 @@ fn every_message_is_what_its_schema_says() {
         for topic in ["/tf", "/joint_states", "/points", "/object/true", "/object/seen", "/object/predicted", "/log"] {
             assert!(counts.get(topic).is_some_and(|&count| count > 5), "{object}: {topic} in {counts:?}");
         }
-        assert!(counts.keys().filter(|topic| topic.ends_with("/depth")).count() >= 10, "{counts:?}");
+        for what in ["/depth", "/calibration"] {
+            assert!(counts.keys().filter(|topic| topic.ends_with(what)).count() >= 10, "{counts:?}");
+        }
     }
+}
+
+/// A depth image, seen through its calibration and its camera's frame, shows the object where it is.
+#[test]
+fn calibrated_images_show_the_object() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = file_of(folder.path(), &["catch"]);
+    let (mut transforms, mut calibration, mut object, mut seen) = (Value::Null, Value::Null, Value::Null, 0);
+    for message in mcap::MessageStream::new(&file).unwrap().map(Result::unwrap) {
+        let topic = message.channel.topic.as_str();
+        let content = || decode(&message);
+        match topic.rsplit('/').next().unwrap() {
+            "tf" => transforms = content(),
+            "true" => object = content(),
+            "calibration" => calibration = content(),
+            "depth" => {
+                let (image, of) = (content(), calibration["frame_id"].as_str().unwrap());
+                assert_eq!(image["frame_id"], of);
+                let number = |value: &Value| value.as_f64().unwrap();
+                let frames = transforms["transforms"].as_array().unwrap();
+                let it = frames.iter().find(|it| it["child_frame_id"] == of).unwrap();
+                let X_WC = pose(&it["translation"], &it["rotation"]);
+                let X_WO = pose(&object["pose"]["position"], &object["pose"]["orientation"]);
+                let [f, cx, cy] = [0, 2, 5].map(|i| number(&calibration["K"][i]));
+                let width = image["width"].as_u64().unwrap() as usize;
+                let bytes = BASE64_STANDARD.decode(image["data"].as_str().unwrap()).unwrap();
+                let depths = bytes.chunks_exact(4).map(|it| f64::from(f32::from_le_bytes(it.try_into().unwrap())));
+                let near = |(i, depth): &(usize, f64)| {
+                    let (u, v) = ((i % width) as f64, (i / width) as f64);
+                    let p_CP = Point3::new((u - cx) / f * depth, (v - cy) / f * depth, *depth);
+                    ((X_WC * p_CP).coords - X_WO.translation.vector).norm() < 0.04
+                };
+                seen += depths.enumerate().filter(near).count();
+            }
+            _ => {}
+        }
+    }
+    assert!(seen > 1_000, "only {seen} pixels on the ball");
+}
+
+fn pose(p: &Value, q: &Value) -> Pose {
+    let number = |value: &Value| value.as_f64().unwrap();
+    let rotation = Quaternion::new(number(&q["w"]), number(&q["x"]), number(&q["y"]), number(&q["z"]));
+    let translation = Translation3::new(number(&p["x"]), number(&p["y"]), number(&p["z"]));
+    Pose::from_parts(translation, UnitQuaternion::from_quaternion(rotation))
 }
 
 /// Frames hang together as a tree: the arm link by link, so that its URDF fits onto it.
@@ -104,15 +152,11 @@ fn frames_lead_from_the_world_to_the_hand() {
         .iter()
         .map(|it| (it["child_frame_id"].as_str().unwrap(), it))
         .collect();
-    let number = |value: &Value| value.as_f64().unwrap();
     let mut X_WF = Pose::identity();
     let mut name = playback.robot.joints.last().unwrap().link_name.as_str();
     for _ in 0..=playback.robot.joints.len() {
         let it = frames[name];
-        let (p, q) = (&it["translation"], &it["rotation"]);
-        let rotation = Quaternion::new(number(&q["w"]), number(&q["x"]), number(&q["y"]), number(&q["z"]));
-        let translation = Translation3::new(number(&p["x"]), number(&p["y"]), number(&p["z"]));
-        X_WF = Pose::from_parts(translation, UnitQuaternion::from_quaternion(rotation)) * X_WF;
+        X_WF = pose(&it["translation"], &it["rotation"]) * X_WF;
         name = it["parent_frame_id"].as_str().unwrap();
     }
     assert_eq!(name, "world");
