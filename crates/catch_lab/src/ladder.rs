@@ -46,6 +46,8 @@ pub const RUNGS: [Rung; 10] = [
         change: |scenario, honest| {
             scenario.throw.clone_from(&honest.throw);
             scenario.ready_rad.clone_from(&honest.ready_rad);
+            // More ways of holding are for attitudes that nobody chose.
+            scenario.brain.grasp_selection.turns_rad.clone_from(&honest.brain.grasp_selection.turns_rad);
         },
         throws: Some(&["random"]),
     },
@@ -55,7 +57,6 @@ pub const RUNGS: [Rung; 10] = [
         change: |scenario, honest| {
             scenario.arena.gripper = honest.arena.gripper;
             scenario.brain.control.gripper_latency_s = honest.brain.control.gripper_latency_s;
-            // More ways of holding are for attitudes that cannot be chosen.
             let turns_rad = scenario.brain.grasp_selection.turns_rad.clone();
             scenario.brain.grasp_selection =
                 grasp_selection::Config { turns_rad, ..honest.brain.grasp_selection.clone() };
@@ -80,7 +81,6 @@ pub const RUNGS: [Rung; 10] = [
             scenario.arena.max_spin_radps = honest.arena.max_spin_radps;
             scenario.brain.trajectory_prediction.spin_prior_sd_radps =
                 honest.brain.trajectory_prediction.spin_prior_sd_radps;
-            scenario.brain.grasp_selection.turns_rad.clone_from(&honest.brain.grasp_selection.turns_rad);
         },
         throws: None,
     },
