@@ -162,7 +162,7 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
         return Ok(screen::text(&format!("\n{}", summary_table::times_markdown(stopwatch.summary())))?);
     }
     if !arguments.json {
-        return Ok(print(&cells, &times, &arguments.out)?);
+        return Ok(print(&cells, wall_s, &stopwatch, &arguments.out)?);
     }
     screen::json(&Document {
         version: VERSION,
@@ -235,13 +235,13 @@ fn evaluation(arguments: &EvalArguments) -> Result<Evaluation, InputError> {
     Ok(Evaluation { cells, seed: arguments.seed, first: arguments.first, trials: arguments.trials })
 }
 
-fn print(cells: &[CellSummary], times: &Times, folder: &Path) -> io::Result<()> {
+fn print(cells: &[CellSummary], wall_s: f64, stopwatch: &Stopwatch, folder: &Path) -> io::Result<()> {
     screen::line("")?;
     screen::line(&table(cells).trim_fmt())?;
     screen::line("")?;
     let (caught, trials): (usize, usize) = cells.iter().fold((0, 0), |(a, b), cell| (a + cell.caught, b + cell.trials));
-    screen::line(&format!("  {STRONG}{caught} of {trials} caught{STRONG:#}{FAINT} in {:.1} s{FAINT:#}", times.wall_s))?;
-    for (stage, StageTimes { p50_ms, p99_ms, max_ms, .. }) in &times.stages {
+    screen::line(&format!("  {STRONG}{caught} of {trials} caught{STRONG:#}{FAINT} in {wall_s:.1} s{FAINT:#}"))?;
+    for (stage, StageTimes { p50_ms, p99_ms, max_ms, .. }) in stopwatch.summary() {
         screen::fact(stage, &format!("p50 {p50_ms:.2} ms, p99 {p99_ms:.2} ms, max {max_ms:.1} ms"))?;
     }
     screen::fact("report", &format!("catchingbot view {}", folder.display()))?;
@@ -253,12 +253,16 @@ pub fn table(cells: &[CellSummary]) -> Table {
     let mut table = Table::new();
     table.load_preset(presets::UTF8_HORIZONTAL_ONLY).set_content_arrangement(ContentArrangement::Disabled);
     table.remove_style(TableComponent::HorizontalLines).remove_style(TableComponent::MiddleIntersections);
-    table.set_header(summary_table::HEADINGS);
+    // Long headings and lists of reasons take several lines, so that the table fits into a terminal.
+    table.set_header(summary_table::HEADINGS.map(|heading| match heading.split_once(' ') {
+        Some((first, words)) if heading.len() > 8 => format!("{first}\n{words}"),
+        _ => heading.to_owned(),
+    }));
     for column in summary_table::NUMBERS {
         if let Some(column) = table.column_mut(column) {
             column.set_cell_alignment(CellAlignment::Right);
         }
     }
-    table.add_rows(summary_table::lines(cells));
+    table.add_rows(summary_table::lines(cells).into_iter().map(|line| line.map(|cell| cell.replace(", ", ",\n"))));
     table
 }

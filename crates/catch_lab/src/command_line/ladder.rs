@@ -101,7 +101,7 @@ fn print<'a>(results: impl Iterator<Item = &'a StepSummary>) -> io::Result<()> {
     let mut table = Table::new();
     table.load_preset(presets::UTF8_HORIZONTAL_ONLY).set_content_arrangement(ContentArrangement::Disabled);
     table.remove_style(TableComponent::HorizontalLines).remove_style(TableComponent::MiddleIntersections);
-    table.set_header(["step", "object", "trials", "caught", "95 %", "out of reach", "of the rest", "95 %", "misses"]);
+    table.set_header(["step", "object", "trials", "caught", "95 %", "out of\nreach", "of the\nrest", "95 %", "misses"]);
     for column in 2..8 {
         if let Some(column) = table.column_mut(column) {
             column.set_cell_alignment(CellAlignment::Right);
