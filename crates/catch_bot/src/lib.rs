@@ -71,6 +71,8 @@ pub enum Status {
     NoPlan,
     /// A plan is being executed; the newest flight gave no better one.
     PlanKept,
+    /// The newest flight cannot be met exactly any more; the arm goes as near to it as it can.
+    Approached,
     /// A new plan was made.
     Planned,
     /// Too late to change anything: the plan runs to its end.

@@ -306,7 +306,7 @@ impl<'a> Evidence<'a> {
             Status::NoGrasp => 3,
             Status::Blocked => 4,
             Status::NoPlan => 5,
-            Status::PlanKept | Status::Planned | Status::Committed => 6,
+            Status::PlanKept | Status::Approached | Status::Planned | Status::Committed => 6,
         };
         self.thoughts.iter().map(|thought| thought.report.status).max_by_key(|&status| rank(status)).unwrap_or_default()
     }

@@ -43,7 +43,8 @@ impl CatchingBot {
         Start { time_s, state }
     }
 
-    /// The ladder of replans: the same catch adjusted, else the old motion, else another catch.
+    /// The ladder of replans: the same catch adjusted, else a little sooner or later, else the old motion while it is good enough,
+    /// else another catch, else as near to it as the arm can still come.
     pub(crate) fn decide(&mut self, start: &Start, flight: &FlightTrajectory) -> (Status, Option<CatchPlan>) {
         if self.known.config.method == Method::Paper {
             return paper_method::decide(self, start, flight);
@@ -67,16 +68,22 @@ impl CatchingBot {
             };
         };
         let planner = &self.known.planner;
-        let adjusted = planner.retarget(start, flight, plan, grasps, config);
+        // Fingers that have begun to close are timed for this catch.
+        let is_closing = self.closing.is_some_and(|closing| closing.start_s <= start.time_s);
+        let mut adjusted = planner.retarget(start, flight, plan, grasps, config);
+        if !is_closing && !adjusted.as_ref().is_some_and(|it| it.lets_in) {
+            adjusted = planner.shifted(start, flight, plan, grasps, config).or(adjusted);
+        }
         let is_good = match &adjusted {
             Some(adjusted) => adjusted.lets_in,
             None => is_still_good(plan, flight, planner.gripper(), &self.known.config.control),
         };
-        // Fingers that have begun to close are timed for this catch.
-        let is_closing = self.closing.is_some_and(|closing| closing.start_s <= start.time_s);
         let another = if is_good || is_closing { None } else { look().ok() };
-        match another.or(adjusted) {
-            Some(plan) => (Status::Planned, Some(plan)),
+        if let Some(plan) = another.or(adjusted) {
+            return (Status::Planned, Some(plan));
+        }
+        match planner.nearest(start, flight, plan, grasps, config) {
+            Some(plan) => (Status::Approached, Some(plan)),
             None => {
                 let plan = planner.opened(plan.clone(), plan.open_width_m, start.time_s, flight, grasps, config);
                 (Status::PlanKept, Some(plan))
@@ -99,7 +106,7 @@ impl CatchingBot {
         // Fingers that have started to close go on: a new list of moves would open them again.
         let is_closing = self.closing.is_some_and(|closing| closing.start_s <= now_s);
         let moves = gripper_moves(now_s, &plan, &closing, gripper, &self.known.config.control);
-        let arm = (status == Status::Planned).then(|| plan.trajectory.clone());
+        let arm = matches!(status, Status::Planned | Status::Approached).then(|| plan.trajectory.clone());
         if arm.is_some() {
             if self.sent.len() == SENT {
                 self.sent.pop_front();

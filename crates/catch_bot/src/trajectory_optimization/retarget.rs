@@ -1,10 +1,19 @@
 //! The ladder of replans: a running catch adjusted to a flight that is known better.
 
-use super::{CatchPlan, Planner, Start, posture::Posture, reaching::Reaching, search::Candidate};
+use catch_body::Pose;
+
+use super::{CatchPlan, Planner, Start, motion::Shares, posture::Posture, reaching::Reaching, search::Candidate};
 use crate::{
     grasp_selection::{self, GraspSet},
     trajectory_prediction::FlightTrajectory,
 };
+
+/// How far the elbow may move along its circle, in radians.
+const ELBOW_RAD: [f64; 5] = [0.0, 0.2, -0.2, 0.4, -0.4];
+/// How much later or sooner a catch may be made where it cannot be made when it was meant to be, in seconds. The object moves by some 50 mm in 10 ms.
+const LATER_S: [f64; 6] = [0.01, -0.01, 0.02, -0.02, 0.04, 0.06];
+/// Shares of a correction that are tried where the whole is too much.
+const PARTS: [f64; 3] = [0.75, 0.5, 0.25];
 
 impl Planner {
     /// The same catch for a flight that is known better: same time and grasp, the elbow where it was or close by.
@@ -17,23 +26,75 @@ impl Planner {
         grasp_config: &grasp_selection::Config,
     ) -> Option<CatchPlan> {
         let X_WG = flight.pose_at(plan.catch_s) * plan.grasp.X_OG;
-        let v_WO = flight.twist_at(plan.catch_s).linear;
-        let known = Posture { q: plan.q, elbow: plan.elbow };
         // What a motion leaves of the limits, the next replan can use: more is taken only where less does not do.
         let shares = [0.0, 0.5, 1.0].map(|more| self.cold_shares().toward(self.moving_shares(), more));
-        let attempts = shares.iter().flat_map(|shares| [0.0, 0.2, -0.2, 0.4, -0.4].map(|offset| (shares, offset)));
-        let found = attempts.into_iter().find_map(|(shares, offset)| {
-            let posture = self.finder.adjusted(&self.robot, &X_WG, &known, offset)?;
-            let q = posture.q;
-            let reaching = self.reaching(start, plan.catch_s, &X_WG, &q, &v_WO, *shares);
-            let reaching = Reaching { weights: plan.weights, ..reaching };
-            let joints = self.reaches(start, plan.catch_s - start.time_s, *shares);
-            let bounds = self.arrival_bounds(&joints, &start.state.q, &q)?;
-            let CatchPlan { catch_s, approach, cost, .. } = *plan;
-            let candidate = Candidate { catch_s, approach, X_WG, posture, cost };
-            self.finish(&candidate, &plan.grasp, bounds, &reaching)
+        let found = shares
+            .iter()
+            .find_map(|shares| self.adjusted(start, flight, plan, plan.catch_s, &X_WG, *shares, &ELBOW_RAD))?;
+        Some(self.opened(found, plan.open_width_m, start.time_s, flight, grasps, grasp_config))
+    }
+
+    /// The same grasp a little sooner or later, where the arm is in time and the object can come in.
+    pub fn shifted(
+        &self,
+        start: &Start,
+        flight: &FlightTrajectory,
+        plan: &CatchPlan,
+        grasps: &GraspSet,
+        grasp_config: &grasp_selection::Config,
+    ) -> Option<CatchPlan> {
+        let in_time =
+            |later_s: &&f64| **later_s > 0.0 || plan.catch_s + **later_s > start.time_s + self.config.min_lead_s;
+        LATER_S.iter().filter(in_time).find_map(|later_s| {
+            let catch_s = plan.catch_s + later_s;
+            let X_WG = flight.pose_at(catch_s) * plan.grasp.X_OG;
+            let found = self.adjusted(start, flight, plan, catch_s, &X_WG, self.moving_shares(), &ELBOW_RAD[..3])?;
+            let found = self.opened(found, plan.open_width_m, start.time_s, flight, grasps, grasp_config);
+            found.lets_in.then_some(found)
+        })
+    }
+
+    /// The same catch as near to the flight as the arm can still come.
+    pub fn nearest(
+        &self,
+        start: &Start,
+        flight: &FlightTrajectory,
+        plan: &CatchPlan,
+        grasps: &GraspSet,
+        grasp_config: &grasp_selection::Config,
+    ) -> Option<CatchPlan> {
+        let wanted = flight.pose_at(plan.catch_s) * plan.grasp.X_OG;
+        let found = PARTS.iter().find_map(|part| {
+            let X_WG = plan.X_WG.try_lerp_slerp(&wanted, *part, 1e-9)?;
+            self.adjusted(start, flight, plan, plan.catch_s, &X_WG, self.moving_shares(), &ELBOW_RAD[..1])
         })?;
         Some(self.opened(found, plan.open_width_m, start.time_s, flight, grasps, grasp_config))
+    }
+
+    /// The plan's grasp at `catch_s` with the gripper at `X_WG`, the elbow moved by the first of these angles that will do.
+    #[expect(clippy::too_many_arguments, reason = "a catch is a time, a pose and what it is made from")]
+    fn adjusted(
+        &self,
+        start: &Start,
+        flight: &FlightTrajectory,
+        plan: &CatchPlan,
+        catch_s: f64,
+        X_WG: &Pose,
+        shares: Shares,
+        elbows_rad: &[f64],
+    ) -> Option<CatchPlan> {
+        let v_WO = flight.twist_at(catch_s).linear;
+        let known = Posture { q: plan.q, elbow: plan.elbow };
+        elbows_rad.iter().find_map(|offset| {
+            let posture = self.finder.adjusted(&self.robot, X_WG, &known, *offset)?;
+            let q = posture.q;
+            let reaching = self.reaching(start, catch_s, X_WG, &q, &v_WO, shares);
+            let reaching = Reaching { weights: plan.weights, ..reaching };
+            let joints = self.reaches(start, catch_s - start.time_s, shares);
+            let bounds = self.arrival_bounds(&joints, &start.state.q, &q)?;
+            let candidate = Candidate { catch_s, approach: plan.approach, X_WG: *X_WG, posture, cost: plan.cost };
+            self.finish(&candidate, &plan.grasp, bounds, &reaching)
+        })
     }
 
     /// The same plan with the opening that it had if that lets the object in; else with the narrowest that does, or, where none

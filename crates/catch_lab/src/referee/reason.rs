@@ -122,7 +122,7 @@ fn without_a_plan(evidence: &Evidence) -> Reason {
         Status::OutOfReach => Reason::OutOfReach,
         Status::NoGrasp => Reason::NoGrasp,
         Status::Blocked => Reason::Blocked,
-        Status::NoPlan | Status::PlanKept | Status::Planned | Status::Committed => Reason::NoPlan,
+        Status::NoPlan | Status::PlanKept | Status::Approached | Status::Planned | Status::Committed => Reason::NoPlan,
     }
 }
 

@@ -4,7 +4,7 @@
 
 use std::f64::consts::PI;
 
-use catch_body::{JointVector, clearance::ArmClearance};
+use catch_body::{JointVector, Pose, clearance::ArmClearance};
 use catch_bot::{
     grasp_selection::{GraspSet, heuristics::can_catch},
     perception::ReferenceModel,
@@ -204,32 +204,44 @@ fn replans_are_continuous() {
     }
 }
 
+fn must(holds: bool, what: impl FnOnce() -> String) -> Result<(), String> {
+    if holds { Ok(()) } else { Err(what()) }
+}
+
 /// What a plan does is recomputed from its spline alone.
 fn check(desk: &Desk, start: &Start, flight: &FlightTrajectory, plan: &CatchPlan) -> Result<(), String> {
+    keeps_its_word(desk, start, &(flight.pose_at(plan.catch_s) * plan.grasp.X_OG), flight, plan)?;
+    lets_in(desk, flight, plan)
+}
+
+/// The motion begins at the start, is at `X_WG` at the catch, moving along with the object, and breaks nothing.
+fn keeps_its_word(
+    desk: &Desk,
+    start: &Start,
+    X_WG: &Pose,
+    flight: &FlightTrajectory,
+    plan: &CatchPlan,
+) -> Result<(), String> {
     let (robot, gripper) = (desk.planner.robot(), &desk.setup.gripper);
-    let must = |holds: bool, what: String| if holds { Ok(()) } else { Err(what) };
     let trajectory = &plan.trajectory;
-    must(trajectory.spline.is_valid(), "the spline is not valid".into())?;
+    must(trajectory.spline.is_valid(), || "the spline is not valid".into())?;
     let first = trajectory.setpoint(start.time_s);
     let jump =
         (first.q - start.state.q).amax() + (first.dq - start.state.dq).amax() + (first.ddq - start.state.ddq).amax();
-    must(jump < 1e-8, format!("jumps by {jump} at the start"))?;
+    must(jump < 1e-8, || format!("jumps by {jump} at the start"))?;
     let last = trajectory.spline.evaluate(trajectory.end_s());
-    must(last[1].amax() < 1e-8 && last[2].amax() < 1e-6, "does not end at rest".into())?;
+    must(last[1].amax() < 1e-8 && last[2].amax() < 1e-6, || "does not end at rest".into())?;
 
-    let X_WG = flight.pose_at(plan.catch_s) * plan.grasp.X_OG;
     let at = trajectory.setpoint(plan.catch_s);
     let X_WL = robot.link_poses(&at.q);
     let reached = robot.gripper_in(&X_WL);
     let off = (reached.translation.vector - X_WG.translation.vector).norm();
-    must(off < 1e-6 && reached.rotation.angle_to(&X_WG.rotation) < 1e-6, format!("misses the pose by {off} m"))?;
+    must(off < 1e-6 && reached.rotation.angle_to(&X_WG.rotation) < 1e-6, || format!("misses the pose by {off} m"))?;
     let moved = robot.jacobian(&X_WL, &(X_WG * gripper.grasp_centre())).fixed_rows::<3>(3) * at.dq;
     let off = (moved - flight.twist_at(plan.catch_s).linear * plan.speed_fraction).norm();
-    must(off < 1e-6 && (0.0..=0.3 + 1e-9).contains(&plan.speed_fraction), format!("the velocity is off by {off}"))?;
+    must(off < 1e-6 && (0.0..=0.3 + 1e-9).contains(&plan.speed_fraction), || format!("the velocity is off by {off}"))?;
 
     let clearance = ArmClearance::new(&desk.setup.robot, gripper);
-    let closes_s = plan.catch_s
-        - desk.config.grasp_selection.closing(gripper).duration_s(plan.open_width_m - plan.grasp.object_width_m);
     let steps = ((trajectory.end_s() - start.time_s) / 0.002) as usize + 1;
     for step in 0..=steps {
         let time_s = start.time_s + (trajectory.end_s() - start.time_s) * step as f64 / steps as f64;
@@ -238,29 +250,33 @@ fn check(desk: &Desk, start: &Start, flight: &FlightTrajectory, plan: &CatchPlan
         for (i, joint) in robot.joints.iter().enumerate() {
             let limits = &joint.limits;
             let ratio = (at.dq[i] / limits.velocity).abs().max((at.ddq[i] / limits.acceleration).abs());
-            must(ratio <= 1.0 + 1e-9, format!("joint {i} uses {ratio} of a limit at {time_s}"))?;
-            must((limits.lower..=limits.upper).contains(&at.q[i]), format!("joint {i} is at {}", at.q[i]))?;
-            must(torque[i].abs() <= limits.torque, format!("joint {i} needs {} N·m", torque[i]))?;
+            must(ratio <= 1.0 + 1e-9, || format!("joint {i} uses {ratio} of a limit at {time_s}"))?;
+            must((limits.lower..=limits.upper).contains(&at.q[i]), || format!("joint {i} is at {}", at.q[i]))?;
+            must(torque[i].abs() <= limits.torque, || format!("joint {i} needs {} N·m", torque[i]))?;
         }
         let X_WL = robot.link_poses(&at.q);
         let free =
             clearance.self_clearance(&X_WL, plan.open_width_m).min(clearance.floor_clearance(&X_WL, plan.open_width_m));
-        must(free > 0.0, format!("the arm collides at {time_s}: {free} m"))?;
-        if (plan.catch_s - 0.08..=plan.catch_s).contains(&time_s) {
-            let X_GO = robot.gripper_in(&X_WL).inverse() * flight.pose_at(time_s);
-            let fingers = gripper.fingers(plan.open_width_m).into_iter().filter(|_| time_s < closes_s);
-            for cuboid in fingers.chain([gripper.body()]) {
-                let deepest = desk
-                    .grasps
-                    .outline
-                    .iter()
-                    .map(|point| ((X_GO * point - cuboid.centre).abs() - cuboid.size / 2.0).max());
-                let deepest = deepest.fold(f64::INFINITY, f64::min);
-                must(
-                    deepest > 0.0,
-                    format!("the object is {deepest} m from the gripper at {time_s}, catch {}", plan.catch_s),
-                )?;
-            }
+        must(free > 0.0, || format!("the arm collides at {time_s}: {free} m"))?;
+    }
+    Ok(())
+}
+
+/// The object touches neither fingers nor housing before the fingers close.
+fn lets_in(desk: &Desk, flight: &FlightTrajectory, plan: &CatchPlan) -> Result<(), String> {
+    let (robot, gripper) = (desk.planner.robot(), &desk.setup.gripper);
+    let closes_s = plan.catch_s
+        - desk.config.grasp_selection.closing(gripper).duration_s(plan.open_width_m - plan.grasp.object_width_m);
+    for step in 0..=40 {
+        let time_s = plan.catch_s - 0.002 * f64::from(step);
+        let X_GO = robot.gripper_pose(&plan.trajectory.setpoint(time_s).q).inverse() * flight.pose_at(time_s);
+        let fingers = gripper.fingers(plan.open_width_m).into_iter().filter(|_| time_s < closes_s);
+        for cuboid in fingers.chain([gripper.body()]) {
+            let outside = |point: &Point3<f64>| ((X_GO * point - cuboid.centre).abs() - cuboid.size / 2.0).max();
+            let deepest = desk.grasps.outline.iter().map(outside).fold(f64::INFINITY, f64::min);
+            must(deepest > 0.0, || {
+                format!("the object is {deepest} m from the gripper at {time_s}, catch {}", plan.catch_s)
+            })?;
         }
     }
     Ok(())
@@ -311,6 +327,39 @@ fn many(catches: usize, seed: u64) -> (usize, usize, Vec<String>) {
         }
     }
     (solved, refused, faults)
+}
+
+/// Where a catch cannot be adjusted any more, it is made a little sooner or later, or missed by less than if nothing were done.
+#[test]
+fn catches_that_cannot_be_adjusted_are_shifted_or_approached() {
+    let desk = Desk::new("banana", |_| {});
+    let (planner, config) = (&desk.planner, &desk.config.grasp_selection);
+    let mut rng = Pcg64::seed_from_u64(6);
+    let (mut shifted, mut approached) = (0, 0);
+    for _ in 0..150 {
+        let flight = random_flight(&mut rng);
+        let Ok(plan) = desk.search(&desk.waiting(), &flight) else { continue };
+        let time_s = f64::midpoint(KNOWN_S, plan.catch_s);
+        let start = Start { time_s, state: plan.trajectory.setpoint(time_s) };
+        let mut between = |by: f64| rng.random_range(-by..by);
+        let aside = Vector3::new(between(0.06), between(0.06), between(0.06));
+        let seen = FlightTrajectory { p_WO: flight.p_WO + aside, ..flight };
+        if planner.retarget(&start, &seen, &plan, &desk.grasps, config).is_some() {
+            continue;
+        }
+        if let Some(plan) = planner.shifted(&start, &seen, &plan, &desk.grasps, config) {
+            check(&desk, &start, &seen, &plan).unwrap();
+            shifted += 1;
+        }
+        if let Some(near) = planner.nearest(&start, &seen, &plan, &desk.grasps, config) {
+            keeps_its_word(&desk, &start, &near.X_WG, &seen, &near).unwrap();
+            let wanted = seen.pose_at(plan.catch_s) * plan.grasp.X_OG;
+            let missed_m = |it: &CatchPlan| (wanted.translation.vector - it.X_WG.translation.vector).norm();
+            assert!(missed_m(&near) < 0.76 * missed_m(&plan));
+            approached += 1;
+        }
+    }
+    assert!(shifted > 5 && approached > 5, "{shifted} shifted, {approached} approached");
 }
 
 #[test]
