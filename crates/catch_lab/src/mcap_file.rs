@@ -1,35 +1,38 @@
 //! A throw as an MCAP file with Foxglove's messages, for the tools that roboticists already use.
 //!
-//! All messages are JSON. Times count from the throw. The file is not compressed: pure Rust has no writer of the compressions
-//! that MCAP knows.
+//! Messages are Protocol Buffers, which both Foxglove and Rerun read (Rerun shows nothing of Foxglove's messages in JSON). Times
+//! count from the throw. The file is not compressed: pure Rust has no writer of the compressions that MCAP knows.
 //!
 //! | topic | message | what |
 //! |---|---|---|
-//! | `/tf` | `foxglove.FrameTransforms` | links, hand, object and cameras in `world` |
+//! | `/tf` | `foxglove.FrameTransforms` | the arm link by link from `world`; hand, object and cameras in `world` |
 //! | `/joint_states` | `foxglove.JointStates` | positions, velocities and torques |
 //! | `/points` | `foxglove.PointCloud` | what the depth images show of the object |
 //! | `/camera_NN/depth` | `foxglove.RawImage` | the part of a depth image that was read out, in metres |
+//! | `/camera_NN/calibration` | `foxglove.CameraCalibration` | where that part lies in the camera's image |
 //! | `/object/true`, `/object/seen`, `/object/predicted` | `foxglove.PoseInFrame` | now, as perceived, and at the planned catch |
 //! | `/hand/planned` | `foxglove.PoseInFrame` | where the hand is meant to be at the catch |
 //! | `/log` | `foxglove.Log` | the story of the throw |
 
+mod protobuf;
 mod schemas;
 
 use std::{collections::BTreeMap, io::Cursor};
 
-use base64::{Engine, prelude::BASE64_STANDARD};
 use catch_body::Pose;
-use catch_cell::DepthFrame;
+use catch_cell::{CameraModel, DepthFrame, PixelWindow};
 use mcap::{McapError, WriteOptions, Writer, records::MessageHeader};
-use serde_json::{Value, json};
 
 use crate::{catch_page::points_of, playback::Playback, recording::RecordedTick};
-use schemas::Message;
+use protobuf::{Content, Fields, MessageType};
 
 /// Depth images are thinned until they take no more than this many bytes in all.
-const MOST_IMAGE_BYTES: usize = 2_000_000;
+const MOST_IMAGE_BYTES: usize = 3_000_000;
 /// Points of a cloud at most.
 const MOST_POINTS: usize = 600;
+
+/// The frame that Rerun's views start from; without a way to it they show nothing.
+const RERUN_ROOT: &str = "tf#/";
 
 /// The file of a throw.
 ///
@@ -49,7 +52,7 @@ pub fn mcap(playback: &Playback) -> Result<Vec<u8>, McapError> {
         log.tick(playback, tick)?;
         if i % images_every == 0 {
             for frame in tick.observation.frames.iter().filter(|frame| frame.window.area() > 0) {
-                log.image(frame)?;
+                log.image(frame, &playback.header.cameras[frame.camera])?;
             }
         }
     }
@@ -64,8 +67,8 @@ pub fn mcap(playback: &Playback) -> Result<Vec<u8>, McapError> {
 /// Every how manieth tick's images fit in.
 fn images_every(playback: &Playback) -> usize {
     let frames = playback.ticks.iter().flat_map(|tick| &tick.observation.frames);
-    // Base64 takes four bytes for three, and each message has a frame of its own.
-    let bytes: usize = frames.map(|frame| frame.window.area() * 16 / 3 + 250).sum();
+    // Four bytes for a pixel, and each has a calibration.
+    let bytes: usize = frames.map(|frame| frame.window.area() * 4 + 450).sum();
     bytes.div_ceil(MOST_IMAGE_BYTES).max(1)
 }
 
@@ -76,11 +79,16 @@ struct Topics<'a> {
 }
 
 impl Topics<'_> {
-    fn write(&mut self, topic: &str, message: Message, time_s: f64, content: &Value) -> Result<(), McapError> {
+    fn write(
+        &mut self,
+        topic: &str,
+        message: &'static MessageType,
+        time_s: f64,
+        content: &Fields,
+    ) -> Result<(), McapError> {
         if !self.channels.contains_key(topic) {
-            let schema =
-                self.writer.add_schema(message.name(), "jsonschema", message.schema().to_string().as_bytes())?;
-            let channel = self.writer.add_channel(schema, topic, "json", &BTreeMap::new())?;
+            let schema = self.writer.add_schema(&message.full_name(), "protobuf", &message.descriptor_set())?;
+            let channel = self.writer.add_channel(schema, topic, "protobuf", &BTreeMap::new())?;
             self.channels.insert(topic.to_owned(), (channel, 0));
         }
         let Some((channel_id, sequence)) = self.channels.get_mut(topic) else { return Ok(()) };
@@ -92,33 +100,51 @@ impl Topics<'_> {
             log_time: nanoseconds,
             publish_time: nanoseconds,
         };
-        self.writer.write_to_known_channel(&header, content.to_string().as_bytes())
+        self.writer.write_to_known_channel(&header, &message.encode(content))
     }
 
     fn event(&mut self, time_s: f64, label: &str, detail: &str) -> Result<(), McapError> {
-        let content = json!({
-            "timestamp": time(time_s), "level": 2, "message": format!("{label}: {detail}"), "name": "catchingbot", "file": "", "line": 0,
-        });
-        self.write("/log", Message::Log, time_s, &content)
+        let content = vec![
+            ("timestamp", time(time_s)),
+            ("level", Content::Whole(schemas::INFO)),
+            ("message", text(&format!("{label}: {detail}"))),
+            ("name", text("catchingbot")),
+        ];
+        self.write("/log", &schemas::LOG, time_s, &content)
     }
 
     fn tick(&mut self, playback: &Playback, tick: &RecordedTick) -> Result<(), McapError> {
         let now_s = tick.observation.time_s;
         if let Some(sample) = playback.truth_at(now_s) {
-            let stamp = time(now_s);
-            let mut frames = vec![("object".to_owned(), sample.X_WO), ("gripper".to_owned(), sample.X_WG)];
             let X_WL = playback.robot.link_poses(&sample.q);
-            frames.push((base_link(&playback.header.sources.robot_urdf), X_WL[0]));
+            let base = base_link(&playback.header.sources.robot_urdf);
+            let mut frames = vec![
+                transform(now_s, RERUN_ROOT, "world", &Pose::identity()),
+                transform(now_s, "world", "object", &sample.X_WO),
+                transform(now_s, "world", "gripper", &sample.X_WG),
+                transform(now_s, "world", &base, &X_WL[0]),
+            ];
+            // Each link in the one before it, as in the URDF, so that both can be shown together.
             let joints = || playback.robot.joints.iter().enumerate();
-            frames.extend(joints().map(|(i, joint)| (joint.link_name.clone(), X_WL[i + 1])));
+            let parents = std::iter::once(base.as_str()).chain(joints().map(|(_, joint)| joint.link_name.as_str()));
+            let links = joints().zip(parents);
+            frames.extend(links.map(|((i, joint), parent)| {
+                transform(now_s, parent, &joint.link_name, &(X_WL[i].inverse() * X_WL[i + 1]))
+            }));
             let cameras = playback.header.cameras.iter().enumerate();
-            frames.extend(cameras.map(|(i, camera)| (camera_name(i), camera.X_WC)));
-            let transforms: Vec<Value> = frames.iter().map(|(name, X_WF)| transform(&stamp, name, X_WF)).collect();
-            self.write("/tf", Message::FrameTransforms, now_s, &json!({ "transforms": transforms }))?;
+            frames.extend(cameras.map(|(i, camera)| transform(now_s, "world", &camera_name(i), &camera.X_WC)));
+            self.write("/tf", &schemas::FRAME_TRANSFORMS, now_s, &vec![("transforms", Content::Many(frames))])?;
 
-            let state = |(i, joint): (usize, &catch_body::robot::Joint)| json!({ "name": joint.name, "position": sample.q[i], "velocity": sample.dq[i], "effort": sample.torque[i] });
-            let joints: Vec<Value> = joints().map(state).collect();
-            self.write("/joint_states", Message::JointStates, now_s, &json!({ "timestamp": stamp, "joints": joints }))?;
+            let joints = joints().map(|(i, joint)| {
+                vec![
+                    ("name", text(&joint.name)),
+                    ("position", Content::Number(sample.q[i])),
+                    ("velocity", Content::Number(sample.dq[i])),
+                    ("effort", Content::Number(sample.torque[i])),
+                ]
+            });
+            let content = vec![("timestamp", time(now_s)), ("joints", Content::Many(joints.collect()))];
+            self.write("/joint_states", &schemas::JOINT_STATES, now_s, &content)?;
             self.pose("/object/true", now_s, &sample.X_WO)?;
         }
         let report = &tick.report;
@@ -135,8 +161,8 @@ impl Topics<'_> {
     }
 
     fn pose(&mut self, topic: &str, time_s: f64, X_WF: &Pose) -> Result<(), McapError> {
-        let content = json!({ "timestamp": time(time_s), "frame_id": "world", "pose": pose(X_WF) });
-        self.write(topic, Message::PoseInFrame, time_s, &content)
+        let content = vec![("timestamp", time(time_s)), ("frame_id", text("world")), ("pose", pose(X_WF))];
+        self.write(topic, &schemas::POSE_IN_FRAME, time_s, &content)
     }
 
     fn cloud(&mut self, playback: &Playback, tick: &RecordedTick) -> Result<(), McapError> {
@@ -148,23 +174,46 @@ impl Topics<'_> {
         let every = points.len().div_ceil(MOST_POINTS);
         let numbers = points.iter().step_by(every).flat_map(|point| point.coords.cast::<f32>().data.0[0]);
         let bytes: Vec<u8> = numbers.flat_map(f32::to_le_bytes).collect();
-        let field = |(i, name): (usize, &str)| json!({ "name": name, "offset": i * 4, "type": schemas::FLOAT32 });
-        let fields: Vec<Value> = ["x", "y", "z"].into_iter().enumerate().map(field).collect();
-        let content = json!({
-            "timestamp": time(capture_s), "frame_id": "world", "pose": pose(&Pose::identity()), "point_stride": 12,
-            "fields": fields, "data": BASE64_STANDARD.encode(bytes),
-        });
-        self.write("/points", Message::PointCloud, tick.observation.time_s, &content)
+        let field = |(i, name): (u32, &str)| {
+            vec![("name", text(name)), ("offset", Content::Whole(i * 4)), ("type", Content::Whole(schemas::FLOAT32))]
+        };
+        let content = vec![
+            ("timestamp", time(capture_s)),
+            ("frame_id", text("world")),
+            ("pose", pose(&Pose::identity())),
+            ("point_stride", Content::Whole(12)),
+            ("fields", Content::Many((0..).zip(["x", "y", "z"]).map(field).collect())),
+            ("data", Content::Bytes(bytes)),
+        ];
+        self.write("/points", &schemas::POINT_CLOUD, tick.observation.time_s, &content)
     }
 
-    fn image(&mut self, frame: &DepthFrame) -> Result<(), McapError> {
-        let bytes: Vec<u8> = frame.depth_m.iter().flat_map(|depth| depth.to_le_bytes()).collect();
-        let content = json!({
-            "timestamp": time(frame.capture_s), "frame_id": camera_name(frame.camera), "width": frame.window.width,
-            "height": frame.window.height, "encoding": "32FC1", "step": frame.window.width * 4,
-            "data": BASE64_STANDARD.encode(bytes),
-        });
-        self.write(&format!("/{}/depth", camera_name(frame.camera)), Message::RawImage, frame.capture_s, &content)
+    fn image(&mut self, frame: &DepthFrame, camera: &CameraModel) -> Result<(), McapError> {
+        let PixelWindow { left, top, width, height } = frame.window;
+        // Here the centre of the first pixel is at 0, not at 0.5.
+        let [cx, cy] = [(0, left), (1, top)].map(|(i, first)| camera.principal_px[i] - f64::from(first) - 0.5);
+        let f = camera.focal_px;
+        let calibration = vec![
+            ("timestamp", time(frame.capture_s)),
+            ("frame_id", text(&camera_name(frame.camera))),
+            ("width", Content::Whole(width)),
+            ("height", Content::Whole(height)),
+            ("K", Content::Numbers(vec![f, 0.0, cx, 0.0, f, cy, 0.0, 0.0, 1.0])),
+            ("R", Content::Numbers(vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])),
+            ("P", Content::Numbers(vec![f, 0.0, cx, 0.0, 0.0, f, cy, 0.0, 0.0, 0.0, 1.0, 0.0])),
+        ];
+        let topic = |what: &str| format!("/{}/{what}", camera_name(frame.camera));
+        self.write(&topic("calibration"), &schemas::CAMERA_CALIBRATION, frame.capture_s, &calibration)?;
+        let content = vec![
+            ("timestamp", time(frame.capture_s)),
+            ("frame_id", text(&camera_name(frame.camera))),
+            ("width", Content::Whole(width)),
+            ("height", Content::Whole(height)),
+            ("encoding", text("32FC1")),
+            ("step", Content::Whole(width * 4)),
+            ("data", Content::Bytes(frame.depth_m.iter().flat_map(|depth| depth.to_le_bytes()).collect())),
+        ];
+        self.write(&topic("depth"), &schemas::RAW_IMAGE, frame.capture_s, &content)
     }
 }
 
@@ -178,28 +227,40 @@ fn base_link(urdf: &str) -> String {
     name.unwrap_or("base").to_owned()
 }
 
-fn time(time_s: f64) -> Value {
+fn text(text: &str) -> Content {
+    Content::Text(text.to_owned())
+}
+
+fn time(time_s: f64) -> Content {
     let nanoseconds = (time_s.max(0.0) * 1e9).round() as u64;
-    json!({ "sec": nanoseconds / 1_000_000_000, "nsec": nanoseconds % 1_000_000_000 })
+    let whole = |value: u64| Content::Whole(u32::try_from(value).unwrap_or(u32::MAX));
+    Content::Message(vec![
+        ("seconds", whole(nanoseconds / 1_000_000_000)),
+        ("nanos", whole(nanoseconds % 1_000_000_000)),
+    ])
 }
 
-fn vector(X_AB: &Pose) -> Value {
+fn vector(X_AB: &Pose) -> Content {
     let p = &X_AB.translation.vector;
-    json!({ "x": p.x, "y": p.y, "z": p.z })
+    Content::Message(vec![("x", Content::Number(p.x)), ("y", Content::Number(p.y)), ("z", Content::Number(p.z))])
 }
 
-fn rotation(X_AB: &Pose) -> Value {
+fn rotation(X_AB: &Pose) -> Content {
     let q = X_AB.rotation.coords;
-    json!({ "x": q.x, "y": q.y, "z": q.z, "w": q.w })
+    let fields = ["x", "y", "z", "w"].into_iter().zip(q.iter().map(|value| Content::Number(*value)));
+    Content::Message(fields.collect())
 }
 
-fn pose(X_AB: &Pose) -> Value {
-    json!({ "position": vector(X_AB), "orientation": rotation(X_AB) })
+fn pose(X_AB: &Pose) -> Content {
+    Content::Message(vec![("position", vector(X_AB)), ("orientation", rotation(X_AB))])
 }
 
-fn transform(stamp: &Value, child: &str, X_WF: &Pose) -> Value {
-    json!({
-        "timestamp": stamp, "parent_frame_id": "world", "child_frame_id": child, "translation": vector(X_WF),
-        "rotation": rotation(X_WF),
-    })
+fn transform(time_s: f64, parent: &str, child: &str, X_PC: &Pose) -> Fields {
+    vec![
+        ("timestamp", time(time_s)),
+        ("parent_frame_id", text(parent)),
+        ("child_frame_id", text(child)),
+        ("translation", vector(X_PC)),
+        ("rotation", rotation(X_PC)),
+    ]
 }

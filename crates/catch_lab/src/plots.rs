@@ -86,6 +86,7 @@ fn caught(report: &Report, path: &Path) -> Result<(), Failure> {
     root.fill(&WHITE)?;
     let mut chart = ChartBuilder::on(&root)
         .margin(12)
+        .margin_top(30)
         .x_label_area_size(34)
         .y_label_area_size(44)
         .build_cartesian_2d(0.0..cells.len() as f64, 0.0..100.0)?;
@@ -98,6 +99,7 @@ fn caught(report: &Report, path: &Path) -> Result<(), Failure> {
         .light_line_style(TRANSPARENT)
         .x_labels(cells.len() * 2 + 1)
         .x_label_formatter(&label)
+        .y_label_formatter(&|y| format!("{y:.0}"))
         .y_desc("caught, %")
         .draw()?;
     let rates = published_rates();
@@ -113,6 +115,13 @@ fn caught(report: &Report, path: &Path) -> Result<(), Failure> {
                 [(left + 0.5, 0.0), (left + 0.82, rate * 100.0)],
                 THEIRS.mix(0.75).filled(),
             )])?;
+        }
+    }
+    // A key, where there is something to tell apart.
+    if cells.iter().any(|cell| published_rate(&rates, cell).is_some()) {
+        for (x, colour, name) in [(60, OURS.to_rgba(), "here"), (130, THEIRS.mix(0.75), "paper, Table I")] {
+            root.draw(&Rectangle::new([(x, 9), (x + 12, 19)], colour.filled()))?;
+            root.draw(&Text::new(name, (x + 18, 8), ("sans-serif", 12).into_font()))?;
         }
     }
     root.present()?;

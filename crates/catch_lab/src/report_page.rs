@@ -15,12 +15,12 @@ use crate::{
     packed::text_in_html,
     referee::{LEADS_S, Measures},
     statistics::CellSummary,
-    stopwatch::StageTimes,
+    stopwatch::{StageTimes, Stopwatch},
 };
 use rows::{Mark, Scale, row};
 
 pub use ladder::ladder_page;
-pub use misses::{MOST_MISSES, record_misses};
+pub use misses::{MOST_MISSES, MOST_MISSES_OF_A_STEP, record_misses};
 
 const PAGE: &str = include_str!("report_page/report.html");
 const REPORT_STYLE: &str = include_str!("report_page/report.css");
@@ -37,8 +37,8 @@ pub struct Report<'a> {
     pub cells: &'a [CellSummary],
     /// All trials.
     pub rows: &'a [Row],
-    /// Wall times of the stages in the order of the pipeline, where they are known.
-    pub stages: &'a [(&'a str, StageTimes)],
+    /// Wall times of the stages, where they are known.
+    pub stopwatch: &'a Stopwatch,
     /// Pages of missed throws, relative to the report, by the index of their row.
     pub pages: &'a BTreeMap<usize, String>,
 }
@@ -87,6 +87,11 @@ fn percent(share: f64) -> String {
     format!("{:.1} %", share * 100.0)
 }
 
+/// An interval of shares, where throws differ.
+fn interval(wilson95: Option<[f64; 2]>) -> String {
+    wilson95.map_or("same throw".to_owned(), |[low, high]| format!("{:.1} – {}", low * 100.0, percent(high)))
+}
+
 fn head(report: &Report) -> String {
     let caught = report.rows.iter().filter(|row| row.verdict.caught).count();
     let as_paper = report.rows.iter().filter(|row| row.verdict.caught_paper).count();
@@ -107,10 +112,15 @@ fn head(report: &Report) -> String {
 
 fn caught(report: &Report) -> String {
     let rates = published_rates();
-    let mut html = "<h2>Caught</h2><p class=\"faint\">The bar is the share that was caught and held; the dark line its 95 % \
-                    interval (Wilson), where throws differ. The orange mark is the paper's Table I: its fixed throws, its \
-                    measure, and no limit on the arm's torque.</p>\n"
-        .to_owned();
+    let mut html =
+        "<h2>Caught</h2><p class=\"faint\">The bar is the share that was caught and held, the line across it its \
+                    95&nbsp;% interval (Wilson) where throws differ."
+            .to_owned();
+    if report.cells.iter().any(|cell| published_rate(&rates, cell).is_some()) {
+        html +=
+            " The orange mark is the paper's Table I: its fixed throws, its measure, and no limit on the arm's torque.";
+    }
+    html += "</p>\n";
     for cell in report.cells {
         let share = cell.caught as f64 / cell.trials.max(1) as f64;
         let mut marks = vec![Mark::Bar(0.0, share)];
@@ -193,38 +203,60 @@ fn prediction(report: &Report) -> String {
 }
 
 fn computing(report: &Report) -> String {
-    if report.stages.is_empty() {
+    let stages = report.stopwatch.summary();
+    if stages.is_empty() {
         return String::new();
     }
-    let all: Vec<f64> = report.stages.iter().flat_map(|(_, it)| [it.p50_ms, it.max_ms]).collect();
+    let all: Vec<f64> = stages.iter().flat_map(|(_, it)| [it.p50_ms.max(SHORTEST_MS), it.max_ms]).collect();
     let scale = Scale::decades(&all, "ms");
-    let mut html =
-        "<h2>Computing</h2><p class=\"faint\">Wall time of each stage: the dot is the median, the line reaches to the \
-                    99th percentile, the tick is the longest.</p>\n"
-            .to_owned();
-    for (stage, StageTimes { p50_ms, p99_ms, max_ms, .. }) in report.stages {
-        let [p50, p99, most] = [p50_ms, p99_ms, max_ms].map(|ms| scale.place(*ms));
-        let marks = [Mark::Range(p50, p99), Mark::Most(most), Mark::Dot(p50)];
-        html += &row(&stage.replace('_', " "), &marks, &format!("{p50_ms:.2} / {p99_ms:.2} ms"), true);
+    let mut html = "<h2>Computing</h2><p class=\"faint\">Wall time of each stage, where it ran: the hills show how often it took how \
+                    long, the dot is the median, the line reaches to the 99th percentile, the tick is the longest. A <i>tick</i> is all that \
+                    the brain does in one step of 10&nbsp;ms, which is next to nothing where no image has come.</p>\n"
+        .to_owned();
+    for (stage, StageTimes { p50_ms, p99_ms, max_ms, .. }) in stages {
+        let [p50, p99, most] = [p50_ms, p99_ms, max_ms].map(|ms| scale.place(ms));
+        let mut marks = hills(report.stopwatch.laps_ms(stage), &scale);
+        marks.extend([Mark::Range(p50, p99), Mark::Most(most), Mark::Dot(p50)]);
+        html += &row(&stage.replace('_', " "), &marks, &format!("{} / {} ms", short(p50_ms), short(p99_ms)), true);
     }
     html + &scale.axis()
 }
 
+/// Wall times below are not told apart.
+const SHORTEST_MS: f64 = 0.01;
+/// Parts that a distribution is drawn with.
+const PARTS: usize = 60;
+
+/// A time in few digits.
+fn short(ms: f64) -> String {
+    if ms < SHORTEST_MS { format!("<{SHORTEST_MS}") } else { format!("{ms:.*}", if ms < 10.0 { 2 } else { 0 }) }
+}
+
+/// How often each time was measured, as heights along the scale.
+fn hills(laps_ms: impl Iterator<Item = (f64, usize)>, scale: &Scale) -> Vec<Mark> {
+    let mut counts = [0; PARTS];
+    for (ms, count) in laps_ms {
+        counts[((scale.place(ms) * PARTS as f64) as usize).min(PARTS - 1)] += count;
+    }
+    let most = counts.iter().copied().max().unwrap_or(0).max(1) as f64;
+    let place = |i: usize| i as f64 / PARTS as f64;
+    let parts = counts.iter().enumerate().filter(|(_, count)| **count > 0);
+    parts.map(|(i, count)| Mark::Part(place(i), place(i + 1), *count as f64 / most)).collect()
+}
+
 fn table(report: &Report) -> String {
     let mut html = "<h2>In numbers</h2><div class=\"scroll\"><table><tr><th>object</th><th>throw</th><th class=\"n\">trials</th>\
-                    <th class=\"n\">caught</th><th class=\"n\">95 %</th><th class=\"n\">as the paper</th><th class=\"n\">paper</th>\
+                    <th class=\"n\">caught</th><th class=\"n\">95 %</th><th class=\"n\">out of reach</th><th class=\"n\">as the paper</th><th class=\"n\">paper</th>\
                     <th class=\"n\">joint travel</th><th class=\"n\">limits broken</th></tr>\n"
         .to_owned();
     let rates = published_rates();
     for cell in report.cells {
         let share = |count: usize| percent(count as f64 / cell.trials.max(1) as f64);
-        let interval = cell
-            .wilson95
-            .map_or("same throw".to_owned(), |[low, high]| format!("{} – {}", percent(low), percent(high)));
         let numbers = [
             cell.trials.to_string(),
             share(cell.caught),
-            interval,
+            interval(cell.wilson95),
+            cell.out_of_reach.to_string(),
             share(cell.caught_paper),
             published_rate(&rates, cell).map_or("–".to_owned(), percent),
             cell.median_joint_travel_rad.map_or("–".to_owned(), |it| format!("{it:.2} rad")),

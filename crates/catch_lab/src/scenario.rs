@@ -105,7 +105,9 @@ impl Scenario {
                 table = next.ok_or_else(|| fault(format!("a table instead of `{parent}`: one of {known}")))?;
             }
             table.insert(field.trim().to_owned(), value);
-            self = tree.try_into().map_err(|it: toml::de::Error| fault(it.message().to_owned()))?;
+            // "unknown field `x`, expected one of …": what was found is said already.
+            let expected = |it: toml::de::Error| it.message().rsplit("expected ").next().unwrap_or_default().to_owned();
+            self = tree.try_into().map_err(|it| fault(expected(it)))?;
             self.name = format!("{}+{}", self.name, setting.replace(' ', ""));
         }
         self.faults(COMMAND_LINE).into_iter().next().map_or(Ok(self), Err)
@@ -145,12 +147,12 @@ mod tests {
     #[test]
     fn what_there_is_not_is_named() {
         for (setting, named) in [
-            ("arena.restitution", "unknown field `restitution`"),
+            ("arena.restitution", "one of `gripper`"),
             ("arena.restitution_scale", "FIELD=VALUE"),
             ("arina.friction=1", "arena"),
             ("arena.friction=-1", "arena.friction"),
             ("arena.friction=much", "a number or { min"),
-            ("arena.substeps=many", "invalid type"),
+            ("arena.substeps=many", "expected u"),
         ] {
             let setting = if setting.ends_with("restitution") { format!("{setting}=1") } else { setting.to_owned() };
             let fault = set(&[&setting]).unwrap_err().to_string();

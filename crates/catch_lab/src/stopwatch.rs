@@ -78,6 +78,12 @@ impl Stopwatch {
         &mut self.laps[at].1
     }
 
+    /// Each time that a stage took, in milliseconds, and how often it did; shorter ones first.
+    pub fn laps_ms(&self, stage: &str) -> impl Iterator<Item = (f64, usize)> {
+        let of_stage = self.laps.iter().filter(move |(name, _)| *name == stage);
+        of_stage.flat_map(|(_, laps)| laps.iter().map(|(lap, count)| (f64::from(*lap) / 1e4, *count)))
+    }
+
     /// Median, 99th percentile and maximum per stage, in the order of the pipeline.
     pub fn summary(&self) -> Vec<(&'static str, StageTimes)> {
         let mut summary: Vec<_> = self.laps.iter().map(|(stage, laps)| (*stage, StageTimes::of(laps))).collect();
@@ -159,5 +165,7 @@ mod tests {
             both.merge(one);
         }
         assert_eq!(both.summary()[0].1.count, 2);
+        assert_eq!(both.laps_ms(WHOLE_TICK).map(|(_, count)| count).sum::<usize>(), 2);
+        assert_eq!(both.laps_ms("no stage").count(), 0);
     }
 }

@@ -1,5 +1,7 @@
 //! Thrown objects: what they truly are, and what the brain is told of them.
 
+use std::ops::RangeInclusive;
+
 use catch_body::{InputError, TriangleMesh};
 use nalgebra::{Matrix3, Vector3};
 use serde::Deserialize;
@@ -42,6 +44,9 @@ pub struct ObjectPrior {
     /// Expected coefficient of restitution against the gripper, 0 to 1, if anything is known of it.
     pub restitution: Option<f64>,
 }
+
+/// How long something may be that is thrown: what is outside comes from a file in other units.
+const LENGTHS_M: RangeInclusive<f64> = 0.005..=0.5;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -92,6 +97,15 @@ impl ThrownObject {
             InputError::positive(file, "truth.stiffness_npm", stiffness_npm)?;
         }
         let Solid { mesh, parts, inertia } = truth.shape.solid(file, mass_kg, load)?;
+        let length_m = mesh.aabb().size.max();
+        if !LENGTHS_M.contains(&length_m) {
+            let expected = format!(
+                "{} m to {} m; a mesh in millimetres needs `scale = 0.001`",
+                LENGTHS_M.start(),
+                LENGTHS_M.end()
+            );
+            return Err(InputError::new(file, "truth.shape", format!("something {length_m:.3} m long"), expected));
+        }
         let to_com = -inertia.com.coords;
         let mesh = mesh.translated(&to_com);
         let parts = parts.into_iter().map(|part| part.translated(&to_com)).collect();
@@ -203,6 +217,10 @@ mod tests {
         assert!(fault.contains("banana.toml: truth.mass_kg"), "{fault}");
         let text = FILES[0].1.replace("restitution = 0.75", "restitution = 1.75");
         assert!(read("ball.toml", &text).unwrap_err().to_string().contains("truth.restitution"));
+        // A ball of 67.2 m is one of 67.2 mm.
+        let text = FILES[0].1.replace("diameter_m = 0.0672", "diameter_m = 67.2");
+        let fault = read("ball.toml", &text).unwrap_err().to_string();
+        assert!(fault.contains("67.200 m long") && fault.contains("scale = 0.001"), "{fault}");
     }
 
     #[test]

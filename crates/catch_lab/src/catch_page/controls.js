@@ -1,5 +1,5 @@
 // Slider, keys, mouse and touch.
-let now = 0, playing = false, whole = false, waiting = false, lastFrame = 0, pace = 16, still = 0, later = 0;
+let now = 0, playing = false, whole = false, waiting = false, lastFrame = 0, pace = 16, still = 0, later = 0, told = -2;
 const shownUntil = () => (whole ? data.end_s : Math.min(data.flight_end_s + 0.3, data.end_s)) || 1;
 
 function refresh() {
@@ -30,7 +30,11 @@ function show() {
     cursor.style.left = `${left + now / shownUntil() * (surface.clientWidth - left - right)}px`; value.textContent = read(now);
   }
   const current = latest(data.events.map((event) => event.time_s), now);
-  [...$("events").children].forEach((mark, i) => mark.classList.toggle("now", i === current));
+  if (current !== told) {
+    [...$("events").children].forEach((mark, i) => mark.classList.toggle("now", i === current));
+    const { label, detail } = data.events[current] || { label: "", detail: "" };
+    [$("story").firstChild.textContent, $("story").lastChild.textContent] = [label, detail]; told = current;
+  }
   if (!document.body.dataset.firstPictureMs) document.body.dataset.firstPictureMs = Math.round(performance.now());
 }
 function seek(time) { now = Math.min(Math.max(time, 0), shownUntil()); refresh(); }

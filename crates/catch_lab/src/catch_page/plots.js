@@ -3,7 +3,7 @@ const plots = [];
 const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const evenly = (count) => Float32Array.from({ length: count }, (_, i) => i * motion.step_s);
 const column = (table, columns, c) => table.filter((_, i) => i % columns === c);
-const percent = (share) => `${Math.round(share * 100)} %`;
+const percent = (share) => `${Math.round(share * 100)} %`.replace("-", "−");
 
 function legend(entries) {
   const it = document.createElement("div");
@@ -22,7 +22,7 @@ function plot({ title, unit, low, high, log, marks = [], ticks, series, read, la
   name.textContent = title; about.textContent = unit; head.append(name, about, value); box.append(head);
   if (labels) box.append(legend(labels));
   box.append(surface, cursor); $("plots").append(box);
-  const it = { surface, cursor, value, read, series, low, high, log, marks, ticks, left: 46, right: 4 };
+  const it = { surface, cursor, value, read, series, low, high, log, marks, ticks, left: 52, right: 4 };
   const seekTo = (event) => {
     const width = surface.clientWidth - it.left - it.right, part = (event.clientX - surface.getBoundingClientRect().left - it.left) / width;
     seek(Math.min(Math.max(part, 0), 1) * shownUntil());

@@ -216,7 +216,8 @@ fn summary(scene: &Scene, verdict: &Verdict, stopwatch: &Stopwatch, recording: &
     let (velocity, torque) = (percent(measures.peak_velocity_ratio), percent(measures.peak_torque_ratio));
     screen::fact("limits", &format!("{broken}; at most {velocity} of a joint's velocity, {torque} of its torque"))?;
     for (stage, times) in stopwatch.summary() {
-        screen::fact(stage, &format!("{:.2} ms as a rule, {:.1} ms at most", times.p50_ms, times.max_ms))?;
+        let usual = if times.p50_ms < 0.01 { "under 0.01".to_owned() } else { format!("{:.2}", times.p50_ms) };
+        screen::fact(stage, &format!("{usual} ms as a rule, {:.2} ms at most", times.max_ms))?;
     }
     screen::fact("recording", &recording.display().to_string())
 }

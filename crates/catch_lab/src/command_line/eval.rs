@@ -8,7 +8,7 @@ use catch_lab::{
     VERSION,
     evaluation::{Cell, Evaluation, Row},
     plots,
-    report_page::{self, Report, published_rate, published_rates},
+    report_page::{self, MOST_MISSES, Report, published_rate, published_rates},
     results::Results,
     setup::{COMMAND_LINE, Setup},
     statistics::CellSummary,
@@ -155,13 +155,14 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
         Times { wall_s, threads, trials: rows.len() - done_before, stages: stopwatch.summary().into_iter().collect() };
     let text = serde_json::to_string_pretty(&times)? + "\n";
     replace(&arguments.out.join(TIMES_FILE), |path| fs::write(path, text))?;
-    write_report(arguments, &evaluation, &cells, &rows, &stopwatch.summary())?;
+    let folder = &arguments.out;
+    write_report(&evaluation, &rows, &stopwatch, MOST_MISSES, arguments.plots, folder)?;
     if arguments.markdown {
         screen::text(&summary_table::markdown(&identity, &cells))?;
         return Ok(screen::text(&format!("\n{}", summary_table::times_markdown(stopwatch.summary())))?);
     }
     if !arguments.json {
-        return Ok(print(&cells, &times, &arguments.out)?);
+        return Ok(print(&cells, wall_s, &stopwatch, &arguments.out)?);
     }
     screen::json(&Document {
         version: VERSION,
@@ -186,20 +187,24 @@ pub fn threads(arguments: &EvalArguments) -> usize {
 }
 
 /// The report as a page, with pages of the first misses, and the plots if they are wanted.
-fn write_report(
-    arguments: &EvalArguments,
+///
+/// # Errors
+/// Files that cannot be written.
+pub fn write_report(
     evaluation: &Evaluation,
-    cells: &[CellSummary],
     rows: &[Row],
-    stages: &[(&str, StageTimes)],
+    stopwatch: &Stopwatch,
+    most_misses: usize,
+    plots: bool,
+    folder: &Path,
 ) -> anyhow::Result<()> {
-    let folder = &arguments.out;
     let written = || format!("the report in {}", folder.display());
-    let pages = report_page::record_misses(evaluation, rows, folder).with_context(written)?;
+    let pages = report_page::record_misses(evaluation, rows, most_misses, folder).with_context(written)?;
     let scenario = &evaluation.cells[0].setup.scenario.name;
-    let report = Report { scenario, seed: evaluation.seed, cells, rows, stages, pages: &pages };
+    let cells = &evaluation.identity().summarize(rows);
+    let report = Report { scenario, seed: evaluation.seed, cells, rows, stopwatch, pages: &pages };
     fs::write(folder.join(REPORT), report_page::page(&report)).with_context(written)?;
-    if arguments.plots {
+    if plots {
         plots::write(&report, folder).map_err(|fault| anyhow::anyhow!("{fault}")).with_context(written)?;
     }
     Ok(())
@@ -230,13 +235,13 @@ fn evaluation(arguments: &EvalArguments) -> Result<Evaluation, InputError> {
     Ok(Evaluation { cells, seed: arguments.seed, first: arguments.first, trials: arguments.trials })
 }
 
-fn print(cells: &[CellSummary], times: &Times, folder: &Path) -> io::Result<()> {
+fn print(cells: &[CellSummary], wall_s: f64, stopwatch: &Stopwatch, folder: &Path) -> io::Result<()> {
     screen::line("")?;
     screen::line(&table(cells).trim_fmt())?;
     screen::line("")?;
     let (caught, trials): (usize, usize) = cells.iter().fold((0, 0), |(a, b), cell| (a + cell.caught, b + cell.trials));
-    screen::line(&format!("  {STRONG}{caught} of {trials} caught{STRONG:#}{FAINT} in {:.1} s{FAINT:#}", times.wall_s))?;
-    for (stage, StageTimes { p50_ms, p99_ms, max_ms, .. }) in &times.stages {
+    screen::line(&format!("  {STRONG}{caught} of {trials} caught{STRONG:#}{FAINT} in {wall_s:.1} s{FAINT:#}"))?;
+    for (stage, StageTimes { p50_ms, p99_ms, max_ms, .. }) in stopwatch.summary() {
         screen::fact(stage, &format!("p50 {p50_ms:.2} ms, p99 {p99_ms:.2} ms, max {max_ms:.1} ms"))?;
     }
     screen::fact("report", &format!("catchingbot view {}", folder.display()))?;
@@ -248,12 +253,16 @@ pub fn table(cells: &[CellSummary]) -> Table {
     let mut table = Table::new();
     table.load_preset(presets::UTF8_HORIZONTAL_ONLY).set_content_arrangement(ContentArrangement::Disabled);
     table.remove_style(TableComponent::HorizontalLines).remove_style(TableComponent::MiddleIntersections);
-    table.set_header(summary_table::HEADINGS);
+    // Long headings and lists of reasons take several lines, so that the table fits into a terminal.
+    table.set_header(summary_table::HEADINGS.map(|heading| match heading.split_once(' ') {
+        Some((first, words)) if heading.len() > 8 => format!("{first}\n{words}"),
+        _ => heading.to_owned(),
+    }));
     for column in summary_table::NUMBERS {
         if let Some(column) = table.column_mut(column) {
             column.set_cell_alignment(CellAlignment::Right);
         }
     }
-    table.add_rows(summary_table::lines(cells));
+    table.add_rows(summary_table::lines(cells).into_iter().map(|line| line.map(|cell| cell.replace(", ", ",\n"))));
     table
 }

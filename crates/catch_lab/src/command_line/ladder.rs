@@ -1,6 +1,6 @@
 //! `catchingbot eval --ladder`: the paper's assumptions, removed one by one.
 
-use std::{fs, io, num::NonZero, thread};
+use std::{fs, io};
 
 use anyhow::Context;
 use catch_body::InputError;
@@ -9,14 +9,18 @@ use catch_lab::{
     assets::Kind,
     evaluation::{Cell, Evaluation},
     ladder::{self, Step, StepSummary},
-    report_page,
+    report_page::{self, MOST_MISSES_OF_A_STEP},
     results::Results,
     setup::COMMAND_LINE,
+    stopwatch::Stopwatch,
 };
 use comfy_table::{CellAlignment, ContentArrangement, Table, TableComponent, presets};
 use serde::Serialize;
 
-use super::{eval::EvalArguments, view::REPORT};
+use super::{
+    eval::{self, EvalArguments},
+    view::REPORT,
+};
 use crate::screen::{self, FAINT, STRONG};
 
 /// The JSON document.
@@ -51,7 +55,7 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
         }
     }
     let page = arguments.out.join(REPORT);
-    let html = report_page::ladder_page(arguments.seed, &results);
+    let html = report_page::ladder_page(arguments.seed, &results, REPORT);
     fs::write(&page, html).with_context(|| page.display().to_string())?;
     if arguments.json {
         let (seed, first) = (arguments.seed, arguments.first);
@@ -74,12 +78,13 @@ fn summary_of(arguments: &EvalArguments, step: &Step, objects: &[String]) -> any
     let evaluation = Evaluation { cells, seed: arguments.seed, first: arguments.first, trials };
     let folder = arguments.out.join(&step.name);
     let (mut file, mut rows) = Results::open(&folder, &evaluation, arguments.resume)?;
-    let threads = arguments.threads.or_else(|| thread::available_parallelism().ok()).map_or(1, NonZero::get);
+    let mut stopwatch = Stopwatch::default();
     let bar = screen::progress_bar(evaluation.len(), &step.name);
     bar.set_position(rows.len() as u64);
     evaluation
-        .run(rows.len(), threads, &mut |row, _| {
+        .run(rows.len(), eval::threads(arguments), &mut |row, times| {
             file.add(&row)?;
+            stopwatch.merge(times);
             bar.inc(1);
             rows.push(row);
             Ok(())
@@ -88,6 +93,7 @@ fn summary_of(arguments: &EvalArguments, step: &Step, objects: &[String]) -> any
     bar.finish_and_clear();
     rows.truncate(evaluation.len());
     file.finish(&rows)?;
+    eval::write_report(&evaluation, &rows, &stopwatch, MOST_MISSES_OF_A_STEP, arguments.plots, &folder)?;
     Ok(StepSummary::of(step, &evaluation.cells, &rows))
 }
 
@@ -95,7 +101,7 @@ fn print<'a>(results: impl Iterator<Item = &'a StepSummary>) -> io::Result<()> {
     let mut table = Table::new();
     table.load_preset(presets::UTF8_HORIZONTAL_ONLY).set_content_arrangement(ContentArrangement::Disabled);
     table.remove_style(TableComponent::HorizontalLines).remove_style(TableComponent::MiddleIntersections);
-    table.set_header(["step", "object", "trials", "caught", "95 %", "out of reach", "of the rest", "95 %", "misses"]);
+    table.set_header(["step", "object", "trials", "caught", "95 %", "out of\nreach", "of the\nrest", "95 %", "misses"]);
     for column in 2..8 {
         if let Some(column) = table.column_mut(column) {
             column.set_cell_alignment(CellAlignment::Right);

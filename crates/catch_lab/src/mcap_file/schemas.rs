@@ -1,156 +1,149 @@
-//! Foxglove's messages as JSON schemas (Foxglove documentation, "Message schemas").
+//! Foxglove's messages (Foxglove documentation, "Message schemas", their Protocol Buffers).
 
-use serde_json::{Map, Value, json};
+use super::protobuf::{Kind, MessageType};
 
-/// `FLOAT32` in Foxglove's list of numeric types.
-pub const FLOAT32: u8 = 7;
+/// `FLOAT32` in [`NUMERIC_TYPES`].
+pub const FLOAT32: u32 = 7;
+/// `INFO` in [`LOG_LEVELS`].
+pub const INFO: u32 = 2;
 
-const NUMERIC_TYPES: [&str; 9] =
-    ["UNKNOWN", "UINT8", "INT8", "UINT16", "INT16", "UINT32", "INT32", "FLOAT32", "FLOAT64"];
-const LOG_LEVELS: [&str; 6] = ["UNKNOWN", "DEBUG", "INFO", "WARNING", "ERROR", "FATAL"];
+const NUMERIC_TYPES: &[&str] =
+    &["UNKNOWN", "UINT8", "INT8", "UINT16", "INT16", "UINT32", "INT32", "FLOAT32", "FLOAT64"];
+const LOG_LEVELS: &[&str] = &["UNKNOWN", "DEBUG", "INFO", "WARNING", "ERROR", "FATAL"];
 
-/// The messages that are written.
-#[derive(Debug, Clone, Copy)]
-pub enum Message {
-    /// Poses of frames in others.
-    FrameTransforms,
-    /// Joint positions, velocities and torques.
-    JointStates,
-    /// Points with fields.
-    PointCloud,
-    /// An image, not compressed.
-    RawImage,
-    /// One pose.
-    PoseInFrame,
-    /// A line for people.
-    Log,
+static TIME: MessageType = MessageType {
+    package: "google.protobuf",
+    name: "Timestamp",
+    file: "google/protobuf/timestamp.proto",
+    fields: &[("seconds", 1, Kind::Int64), ("nanos", 2, Kind::Int32)],
+};
+
+const fn foxglove(name: &'static str, file: &'static str, fields: &'static [(&'static str, u32, Kind)]) -> MessageType {
+    MessageType { package: "foxglove", name, file, fields }
 }
 
-impl Message {
-    /// The schema's name, by which the tools know it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::FrameTransforms => "foxglove.FrameTransforms",
-            Self::JointStates => "foxglove.JointStates",
-            Self::PointCloud => "foxglove.PointCloud",
-            Self::RawImage => "foxglove.RawImage",
-            Self::PoseInFrame => "foxglove.PoseInFrame",
-            Self::Log => "foxglove.Log",
-        }
-    }
+static VECTOR: MessageType = foxglove(
+    "Vector3",
+    "foxglove/Vector3.proto",
+    &[("x", 1, Kind::Double), ("y", 2, Kind::Double), ("z", 3, Kind::Double)],
+);
 
-    /// The schema.
-    pub fn schema(self) -> Value {
-        let fields = match self {
-            Self::FrameTransforms => vec![("transforms", list(&frame_transform()))],
-            Self::JointStates => vec![("timestamp", time()), ("joints", list(&joint_state()))],
-            Self::PointCloud => vec![
-                ("timestamp", time()),
-                ("frame_id", string()),
-                ("pose", pose()),
-                ("point_stride", count()),
-                ("fields", list(&packed_element_field())),
-                ("data", bytes()),
-            ],
-            Self::RawImage => vec![
-                ("timestamp", time()),
-                ("frame_id", string()),
-                ("width", count()),
-                ("height", count()),
-                ("encoding", string()),
-                ("step", count()),
-                ("data", bytes()),
-            ],
-            Self::PoseInFrame => vec![("timestamp", time()), ("frame_id", string()), ("pose", pose())],
-            Self::Log => vec![
-                ("timestamp", time()),
-                ("level", one_of("foxglove.LogLevel", &LOG_LEVELS)),
-                ("message", string()),
-                ("name", string()),
-                ("file", string()),
-                ("line", count()),
-            ],
-        };
-        object(self.name(), fields)
-    }
-}
+static QUATERNION: MessageType = foxglove(
+    "Quaternion",
+    "foxglove/Quaternion.proto",
+    &[("x", 1, Kind::Double), ("y", 2, Kind::Double), ("z", 3, Kind::Double), ("w", 4, Kind::Double)],
+);
 
-fn object(title: &str, fields: Vec<(&str, Value)>) -> Value {
-    let properties: Map<String, Value> = fields.into_iter().map(|(name, schema)| (name.to_owned(), schema)).collect();
-    json!({ "title": title, "type": "object", "properties": properties })
-}
+static POSE: MessageType = foxglove(
+    "Pose",
+    "foxglove/Pose.proto",
+    &[("position", 1, Kind::Message(&VECTOR)), ("orientation", 2, Kind::Message(&QUATERNION))],
+);
 
-fn list(items: &Value) -> Value {
-    json!({ "type": "array", "items": items })
-}
+static FRAME_TRANSFORM: MessageType = foxglove(
+    "FrameTransform",
+    "foxglove/FrameTransform.proto",
+    &[
+        ("timestamp", 1, Kind::Message(&TIME)),
+        ("parent_frame_id", 2, Kind::Text),
+        ("child_frame_id", 3, Kind::Text),
+        ("translation", 4, Kind::Message(&VECTOR)),
+        ("rotation", 5, Kind::Message(&QUATERNION)),
+    ],
+);
 
-fn string() -> Value {
-    json!({ "type": "string" })
-}
+static JOINT_STATE: MessageType = foxglove(
+    "JointState",
+    "foxglove/JointState.proto",
+    &[
+        ("name", 1, Kind::Text),
+        ("position", 2, Kind::OptionalDouble),
+        ("velocity", 3, Kind::OptionalDouble),
+        ("acceleration", 4, Kind::OptionalDouble),
+        ("effort", 5, Kind::OptionalDouble),
+    ],
+);
 
-fn number() -> Value {
-    json!({ "type": "number" })
-}
+static PACKED_ELEMENT_FIELD: MessageType = foxglove(
+    "PackedElementField",
+    "foxglove/PackedElementField.proto",
+    &[("name", 1, Kind::Text), ("offset", 2, Kind::Fixed32), ("type", 3, Kind::OneOf("NumericType", NUMERIC_TYPES))],
+);
 
-fn count() -> Value {
-    json!({ "type": "integer", "minimum": 0 })
-}
+/// Poses of frames in others.
+pub static FRAME_TRANSFORMS: MessageType =
+    foxglove("FrameTransforms", "foxglove/FrameTransforms.proto", &[("transforms", 1, Kind::Many(&FRAME_TRANSFORM))]);
 
-fn bytes() -> Value {
-    json!({ "type": "string", "contentEncoding": "base64" })
-}
+/// Joint positions, velocities and torques.
+pub static JOINT_STATES: MessageType = foxglove(
+    "JointStates",
+    "foxglove/JointStates.proto",
+    &[("timestamp", 1, Kind::Message(&TIME)), ("joints", 2, Kind::Many(&JOINT_STATE))],
+);
 
-fn one_of(title: &str, names: &[&str]) -> Value {
-    let options: Vec<Value> =
-        names.iter().enumerate().map(|(value, name)| json!({ "title": name, "const": value })).collect();
-    json!({ "title": title, "oneOf": options })
-}
+/// Points with fields.
+pub static POINT_CLOUD: MessageType = foxglove(
+    "PointCloud",
+    "foxglove/PointCloud.proto",
+    &[
+        ("timestamp", 1, Kind::Message(&TIME)),
+        ("frame_id", 2, Kind::Text),
+        ("pose", 3, Kind::Message(&POSE)),
+        ("point_stride", 4, Kind::Fixed32),
+        ("fields", 5, Kind::Many(&PACKED_ELEMENT_FIELD)),
+        ("data", 6, Kind::Bytes),
+    ],
+);
 
-fn time() -> Value {
-    let nanoseconds = json!({ "type": "integer", "minimum": 0, "maximum": 999_999_999 });
-    object("time", vec![("sec", count()), ("nsec", nanoseconds)])
-}
+/// An image, not compressed.
+pub static RAW_IMAGE: MessageType = foxglove(
+    "RawImage",
+    "foxglove/RawImage.proto",
+    &[
+        ("timestamp", 1, Kind::Message(&TIME)),
+        ("frame_id", 7, Kind::Text),
+        ("width", 2, Kind::Fixed32),
+        ("height", 3, Kind::Fixed32),
+        ("encoding", 4, Kind::Text),
+        ("step", 5, Kind::Fixed32),
+        ("data", 6, Kind::Bytes),
+    ],
+);
 
-fn numbers(title: &str, names: &[&'static str]) -> Value {
-    object(title, names.iter().map(|name| (*name, number())).collect())
-}
+/// What a camera makes of the world.
+pub static CAMERA_CALIBRATION: MessageType = foxglove(
+    "CameraCalibration",
+    "foxglove/CameraCalibration.proto",
+    &[
+        ("timestamp", 1, Kind::Message(&TIME)),
+        ("frame_id", 9, Kind::Text),
+        ("width", 2, Kind::Fixed32),
+        ("height", 3, Kind::Fixed32),
+        ("distortion_model", 4, Kind::Text),
+        ("D", 5, Kind::Doubles),
+        ("K", 6, Kind::Doubles),
+        ("R", 7, Kind::Doubles),
+        ("P", 8, Kind::Doubles),
+    ],
+);
 
-fn vector() -> Value {
-    numbers("foxglove.Vector3", &["x", "y", "z"])
-}
+/// One pose.
+pub static POSE_IN_FRAME: MessageType = foxglove(
+    "PoseInFrame",
+    "foxglove/PoseInFrame.proto",
+    &[("timestamp", 1, Kind::Message(&TIME)), ("frame_id", 2, Kind::Text), ("pose", 3, Kind::Message(&POSE))],
+);
 
-fn quaternion() -> Value {
-    numbers("foxglove.Quaternion", &["x", "y", "z", "w"])
-}
-
-fn pose() -> Value {
-    object("foxglove.Pose", vec![("position", vector()), ("orientation", quaternion())])
-}
-
-fn frame_transform() -> Value {
-    let fields = vec![
-        ("timestamp", time()),
-        ("parent_frame_id", string()),
-        ("child_frame_id", string()),
-        ("translation", vector()),
-        ("rotation", quaternion()),
-    ];
-    object("foxglove.FrameTransform", fields)
-}
-
-fn joint_state() -> Value {
-    let fields = vec![
-        ("name", string()),
-        ("position", number()),
-        ("velocity", number()),
-        ("acceleration", number()),
-        ("effort", number()),
-    ];
-    object("foxglove.JointState", fields)
-}
-
-fn packed_element_field() -> Value {
-    let fields =
-        vec![("name", string()), ("offset", count()), ("type", one_of("foxglove.NumericType", &NUMERIC_TYPES))];
-    object("foxglove.PackedElementField", fields)
-}
+/// A line for people.
+pub static LOG: MessageType = foxglove(
+    "Log",
+    "foxglove/Log.proto",
+    &[
+        ("timestamp", 1, Kind::Message(&TIME)),
+        ("level", 2, Kind::OneOf("Level", LOG_LEVELS)),
+        ("message", 3, Kind::Text),
+        ("name", 4, Kind::Text),
+        ("file", 5, Kind::Text),
+        ("line", 6, Kind::Fixed32),
+    ],
+);

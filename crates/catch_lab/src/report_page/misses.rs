@@ -11,18 +11,25 @@ use crate::{
     recorded_throw::record,
 };
 
-/// Misses that get a page, the first ones.
+/// Misses of an evaluation that get a page, the first ones.
 pub const MOST_MISSES: usize = 20;
+/// The same for each step of a ladder, which has many steps.
+pub const MOST_MISSES_OF_A_STEP: usize = 3;
 /// Their folder beside the report.
 const FOLDER: &str = "misses";
 
-/// Throws the first missed throws once more, which gives the same again, and writes their pages; returns the pages' paths
+/// Throws the first `most` missed throws once more, which gives the same again, and writes their pages; returns the pages' paths
 /// relative to `folder` by the index of their row.
 ///
 /// # Errors
 /// Files that cannot be written.
-pub fn record_misses(evaluation: &Evaluation, rows: &[Row], folder: &Path) -> io::Result<BTreeMap<usize, String>> {
-    let missed = rows.iter().enumerate().filter(|(_, row)| !row.verdict.caught).take(MOST_MISSES);
+pub fn record_misses(
+    evaluation: &Evaluation,
+    rows: &[Row],
+    most: usize,
+    folder: &Path,
+) -> io::Result<BTreeMap<usize, String>> {
+    let missed = rows.iter().enumerate().filter(|(_, row)| !row.verdict.caught).take(most);
     let mut pages = BTreeMap::new();
     for (i, row) in missed {
         let of_row = |scene: &crate::setup::Scene| scene.object == row.scene.object && scene.throw == row.scene.throw;

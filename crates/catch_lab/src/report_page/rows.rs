@@ -17,6 +17,8 @@ pub enum Mark {
     Most(f64),
     /// A published value.
     Paper(f64),
+    /// A part of a distribution: from one place to another, and its height.
+    Part(f64, f64, f64),
 }
 
 impl Mark {
@@ -28,21 +30,27 @@ impl Mark {
             Self::Dot(at) => ("dot", at, None),
             Self::Most(at) => ("most", at, None),
             Self::Paper(at) => ("paper", at, None),
+            Self::Part(from, until, _) => ("part", from, Some(until)),
         };
         let percent = |share: f64| format!("{:.2}%", share.clamp(0.0, 1.0) * 100.0);
         let width = until.map_or(String::new(), |until| format!(";width:{}", percent(until - from)));
-        format!("<i class=\"{class}\" style=\"left:{}{width}\"></i>", percent(from))
+        let height =
+            if let Self::Part(.., height) = self { format!(";height:{}", percent(height)) } else { String::new() };
+        format!("<i class=\"{class}\" style=\"left:{}{width}{height}\"></i>", percent(from))
     }
 }
 
-/// A row; thin tracks have no ground of their own.
+/// A row: a label, a track and a value.
 pub fn row(label: &str, marks: &[Mark], value: &str, thin: bool) -> String {
+    let (label, track, value) = (text_in_html(label), track(marks, thin), text_in_html(value));
+    format!("<div class=\"row\"><span>{label}</span>{track}<span class=\"value\">{value}</span></div>\n")
+}
+
+/// A track with marks on it; thin ones have no ground of their own.
+pub fn track(marks: &[Mark], thin: bool) -> String {
     let marks: String = marks.iter().map(|mark| mark.html()).collect();
-    let track = if thin { "track thin" } else { "track" };
-    let (label, value) = (text_in_html(label), text_in_html(value));
-    format!(
-        "<div class=\"row\"><span>{label}</span><div class=\"{track}\">{marks}</div><span class=\"value\">{value}</span></div>\n"
-    )
+    let class = if thin { "track thin" } else { "track" };
+    format!("<div class=\"{class}\">{marks}</div>")
 }
 
 /// Where values stand on a track.
