@@ -19,7 +19,8 @@ use super::{
 pub struct ReferenceModel {
     /// Points of the surface in O, metres, thinned.
     pub points: Vec<Point3<f64>>,
-    /// Outward unit normals, one per point.
+    /// Outward unit normals, one per point. At an edge they point away from it, between those of both sides: a gripper may come
+    /// from there too.
     pub normals: Vec<Vector3<f64>>,
     /// Pose of O in the frame R of the scan: moved to the centre of mass, not turned.
     pub X_RO: Pose,
@@ -51,19 +52,25 @@ impl ReferenceModel {
             return Self::default();
         }
         let spacing_m = typical_spacing(points);
-        let (points, normals) = oriented(points, towards_camera, 2.5 * spacing_m);
-        if points.len() < MIN_NEIGHBOURS {
+        let patches = patches(points, towards_camera, 2.5 * spacing_m);
+        let (sharp, normals) = oriented(points, towards_camera, &patches, 2.5 * spacing_m);
+        if sharp.len() < MIN_NEIGHBOURS {
             return Self::default();
         }
-        let cloud = OrientedPoints { points: &points, normals: &normals, smoothing_m: 1.5 * spacing_m };
+        let cloud = OrientedPoints { points: &sharp, normals: &normals, smoothing_m: 1.5 * spacing_m };
         let mut distance = DistanceField::new(&cloud, config.distance_grid_m);
 
         let (volume_m3, centre, second_moment) = moments(&distance);
         let to_O = -centre.coords;
         distance.translate(&to_O);
-        let points_O: Vec<Point3<f64>> = points.iter().map(|point| point + to_O).collect();
+        let sharp_O: Vec<Point3<f64>> = sharp.iter().map(|point| point + to_O).collect();
+        let smooth = points.iter().zip(&patches).map(|(point, patch)| {
+            let (height, normal) = patch.at(point);
+            (point - patch.axis * height + to_O, normal)
+        });
+        let (points_O, normals): (Vec<_>, Vec<_>) = smooth.unzip();
         let (points, normals) = thinned(&points_O, &normals, config.grasp_spacing_m);
-        let radius_m = points_O.iter().map(|point| point.coords.norm()).fold(0.0, f64::max);
+        let radius_m = sharp_O.iter().map(|point| point.coords.norm()).fold(0.0, f64::max);
         let symmetry = Symmetry::find(&points, &distance, &second_moment, config.symmetry_tolerance_m);
         let X_RO = Pose::from_parts(Translation3::from(centre.coords), UnitQuaternion::identity());
         let nearest = NearestPoints::new(&points);
@@ -130,18 +137,11 @@ fn typical_spacing(points: &[Point3<f64>]) -> f64 {
     *fourth.select_nth_unstable_by(middle, f64::total_cmp).1 / (4.0 / std::f64::consts::PI).sqrt()
 }
 
-/// Gives each point the normal of the surface through its neighbours, and moves it onto that surface.
-///
-/// Near an edge no smooth surface runs through all neighbours. There a point takes the surface of the neighbour whose own
-/// neighbours lie on one best, among those that it lies on itself.
-fn oriented(
-    points: &[Point3<f64>],
-    towards_camera: &[Vector3<f64>],
-    radius_m: f64,
-) -> (Vec<Point3<f64>>, Vec<Vector3<f64>>) {
+/// The surface around each point.
+fn patches(points: &[Point3<f64>], towards_camera: &[Vector3<f64>], radius_m: f64) -> Vec<Patch> {
     let grid = PointGrid::new(points, radius_m);
     let mut neighbours = Vec::new();
-    let patches = points.iter().zip(towards_camera).map(|(point, towards_camera)| {
+    let through = |(point, towards_camera): (&Point3<f64>, &Vector3<f64>)| {
         let mut radius_m = radius_m;
         for _ in 0..3 {
             neighbours.clear();
@@ -157,9 +157,22 @@ fn oriented(
             radius_m *= 1.5;
         }
         Patch::through(&neighbours, point, towards_camera, radius_m)
-    });
-    let patches: Vec<Patch> = patches.collect();
-    let both = points.iter().zip(&patches).zip(towards_camera).map(|((point, own), towards_camera)| {
+    };
+    points.iter().zip(towards_camera).map(through).collect()
+}
+
+/// Gives each point the normal of the surface around it, and moves it onto that surface.
+///
+/// Near an edge no smooth surface runs through all neighbours. There a point takes the surface of the neighbour whose own
+/// neighbours lie on one best, among those that it lies on itself.
+fn oriented(
+    points: &[Point3<f64>],
+    towards_camera: &[Vector3<f64>],
+    patches: &[Patch],
+    radius_m: f64,
+) -> (Vec<Point3<f64>>, Vec<Vector3<f64>>) {
+    let grid = PointGrid::new(points, radius_m);
+    let both = points.iter().zip(patches).zip(towards_camera).map(|((point, own), towards_camera)| {
         let mut best = (own, own.at(point));
         grid.near(point, radius_m, |i| {
             let (patch, (height, normal)) = (&patches[i], patches[i].at(point));
