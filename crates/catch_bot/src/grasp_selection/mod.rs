@@ -48,9 +48,6 @@ pub struct Config {
     pub finger_margin_m: f64,
     /// What must be left of it while the object comes in, in metres.
     pub way_in_margin_m: f64,
-    /// How closely it is looked at while the fingers close, in seconds. A touch in the last milliseconds does no harm where they
-    /// close fast; slow ones are pushed aside.
-    pub closing_step_s: f64,
     /// Free space between the object and the palm, in metres.
     pub palm_margin_m: f64,
     /// Speed of closing in m/s, the fingers relative to each other; the gripper's own limit if nothing is said.
@@ -89,7 +86,6 @@ impl Default for Config {
             max_contact_angle_rad: 0.38,
             finger_margin_m: 0.012,
             way_in_margin_m: 0.003,
-            closing_step_s: 0.005,
             palm_margin_m: 0.006,
             closing_speed_mps: None,
             closing_acceleration_mps2: None,

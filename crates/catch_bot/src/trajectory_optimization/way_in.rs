@@ -15,6 +15,8 @@ const WAY_IN_S: f64 = 0.08;
 const WAY_IN_M: f64 = 0.15;
 const WAY_IN_STEPS: usize = 80;
 const STEP_S: f64 = WAY_IN_S / WAY_IN_STEPS as f64;
+/// While the fingers close a touch does little harm: there each fifth step does.
+const COARSE: usize = 5;
 
 /// An object on its way into the gripper, to be held by one of its grasps.
 #[derive(Clone, Copy)]
@@ -118,11 +120,10 @@ impl Planner {
         let mut way = [None; WAY_IN_STEPS + 1];
         let closing = config.closing(&self.gripper);
         let lead_s = config.contact_lead_s(&passage.velocity_in(&X_WG, &(grasp.X_OG * self.gripper.grasp_centre())));
-        let closing_step = (config.closing_step_s / STEP_S).round().max(1.0) as usize;
         openings.iter().copied().find(|open_m| {
             let way_m = open_m - grasp.object_width_m;
             let standing_s = lead_s + closing.duration_s(way_m);
-            let is_asked = |step: &usize| STEP_S * *step as f64 > standing_s || step.is_multiple_of(closing_step);
+            let is_asked = |step: &usize| STEP_S * *step as f64 > standing_s || step.is_multiple_of(COARSE);
             let first = Some(last.step).filter(is_asked);
             let others = (0..=WAY_IN_STEPS).filter(|step| is_asked(step) && Some(*step) != first);
             first.into_iter().chain(others).all(|step| {

@@ -8,6 +8,7 @@ mod evaluation;
 mod frames;
 mod general_form;
 mod honest;
+mod looks;
 mod mcap_file;
 mod own_data;
 mod pages;

@@ -1,0 +1,73 @@
+//! A search in bounded looks: what it costs, and what it misses.
+
+#![allow(clippy::print_stdout, reason = "figures for the docs, shown by --nocapture")]
+
+use catch_bot::trajectory_optimization::{Refusal, search::LOOKS};
+use rand::SeedableRng;
+use rand_pcg::Pcg64;
+
+use crate::planning::{Desk, OBJECTS, random_flight};
+
+/// CPU time of this thread in milliseconds, which other programs do not disturb; zero where it cannot be told.
+fn cpu_ms() -> f64 {
+    #[cfg(unix)]
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    #[cfg(unix)]
+    return time.tv_sec as f64 * 1e3 + time.tv_nsec as f64 * 1e-6;
+    #[cfg(not(unix))]
+    0.0
+}
+
+/// Throws that a search on a grid five times finer catches and the looks for a catch, one after the other, do not.
+fn lost(throws: usize) -> (usize, usize, Vec<(usize, Refusal)>) {
+    let (mut caught, mut caught_finer, mut lost) = (0, 0, Vec::new());
+    let mut times = [Vec::new(), Vec::new()];
+    for (o, object) in OBJECTS.iter().enumerate() {
+        let desk = Desk::new(object, |_| {});
+        let finer = Desk::new(object, |config| config.time_step_s /= 5.0);
+        let mut rng = Pcg64::seed_from_u64(o as u64);
+        for i in (o..throws).step_by(OBJECTS.len()) {
+            let flight = random_flight(&mut rng);
+            let (mut turn, mut found) = (0, None);
+            while turn < LOOKS && !matches!(found, Some(Ok(_))) {
+                let (before, is_later) = (cpu_ms(), turn > 0);
+                found = Some(desk.look(&mut turn, &desk.waiting(), &flight));
+                times[usize::from(is_later)].push(cpu_ms() - before);
+            }
+            let found_finer = finer.search(&finer.waiting(), &flight);
+            caught += usize::from(matches!(found, Some(Ok(_))));
+            caught_finer += usize::from(found_finer.is_ok());
+            if let (Some(Err(refusal)), Ok(_)) = (found, found_finer) {
+                lost.push((i, refusal));
+            }
+        }
+    }
+    for (which, mut times) in ["first", "later"].into_iter().zip(times) {
+        times.sort_by(f64::total_cmp);
+        let share =
+            |share: f64| times.get(((times.len().max(1) - 1) as f64 * share) as usize).copied().unwrap_or_default();
+        let [half, most, nearly, max] = [0.5, 0.9, 0.99, 1.0].map(share);
+        let count = times.len();
+        println!(
+            "{count} {which} looks: median {half:.2} ms, 90 % {most:.2} ms, 99 % {nearly:.2} ms, max {max:.2} ms of CPU time"
+        );
+    }
+    (caught, caught_finer, lost)
+}
+
+#[test]
+#[ignore = "does not hold yet: a finer grid without bounds catches three of the 90 throws that the looks give up"]
+fn a_finer_grid_finds_no_catch_that_was_missed() {
+    let (caught, _, lost) = lost(90);
+    assert!(caught > 30, "the throws are too hard to tell: {caught} caught");
+    assert!(lost.is_empty(), "{lost:?}");
+}
+
+/// The whole of it: `cargo test --release --workspace --test it a_thousand -- --ignored --nocapture`.
+#[test]
+#[ignore = "takes a minute"]
+fn a_thousand_throws_lose_nothing() {
+    let (caught, caught_finer, lost) = lost(1000);
+    println!("{caught} of 1000 caught, {caught_finer} on the finer grid, lost: {lost:?}");
+    assert!(lost.is_empty());
+}
