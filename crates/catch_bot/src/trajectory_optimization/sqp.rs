@@ -78,6 +78,10 @@ const ITERATIONS: usize = 25;
 /// Trust region at the start, in radians, and the smallest that is worth a step.
 const RADIUS: f64 = 0.5;
 const LEAST_RADIUS: f64 = 1e-9;
+/// Corrections at most once the objective has converged or time is up, of what excess, and in what trust region, relative to it.
+const CORRECTIONS: usize = 3;
+const CORRECTABLE: f64 = 1e-4;
+const CORRECTION_RADIUS: f64 = 100.0;
 /// An excess below this is none.
 pub const MET: f64 = 1e-8;
 /// A model that promises to gain less than this, relative, has converged: where the waypoints are met, and where not.
@@ -134,6 +138,22 @@ impl Problem<'_> {
             } else {
                 radius = 0.3 * step.amax().min(radius);
             }
+        }
+        // Steps along a curved constraint leave behind what its curvature costs (Maratos 1978); short ones take it away.
+        for _ in 0..CORRECTIONS {
+            let excess = layout.excess(self, &now);
+            if !(MET..CORRECTABLE).contains(&excess) {
+                break;
+            }
+            let program = layout.program(self, &limits, &x, &now, CORRECTION_RADIUS * excess);
+            let Some(candidate) = program.minimize(layout.padded(&x)) else { break };
+            let candidate = candidate.rows(0, layout.variables()).into_owned();
+            let next = layout.linearize(self, &candidate);
+            iterations += 1;
+            if layout.excess(self, &next) > excess {
+                break;
+            }
+            (x, now) = (candidate, next);
         }
         let spline = BSpline { knots_s: self.knots_s.clone(), control_points: layout.control_points(&x) };
         let excess = layout.excess(self, &now);
