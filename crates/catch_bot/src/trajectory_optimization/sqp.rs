@@ -140,24 +140,19 @@ impl Problem<'_> {
             }
         }
         // Steps along a curved constraint leave behind what its curvature costs (Maratos 1978); short ones take it away.
-        for _ in 0..CORRECTIONS {
-            let excess = layout.excess(self, &now);
-            if !(MET..CORRECTABLE).contains(&excess) {
-                break;
-            }
-            let program = layout.program(self, &limits, &x, &now, CORRECTION_RADIUS * excess);
-            let Some(candidate) = program.minimize(layout.padded(&x)) else { break };
-            let candidate = candidate.rows(0, layout.variables()).into_owned();
-            let next = layout.linearize(self, &candidate);
+        let most = iterations + CORRECTIONS;
+        while iterations < most && (MET..CORRECTABLE).contains(&layout.excess(self, &now)) {
             iterations += 1;
-            if layout.excess(self, &next) > excess {
-                break;
+            let radius = CORRECTION_RADIUS * layout.excess(self, &now);
+            let found = layout.program(self, &limits, &x, &now, radius).minimize(layout.padded(&x));
+            let Some(candidate) = found.map(|it| it.rows(0, layout.variables()).into_owned()) else { break };
+            let next = layout.linearize(self, &candidate);
+            if layout.excess(self, &next) < layout.excess(self, &now) {
+                (x, now) = (candidate, next);
             }
-            (x, now) = (candidate, next);
         }
         let spline = BSpline { knots_s: self.knots_s.clone(), control_points: layout.control_points(&x) };
-        let excess = layout.excess(self, &now);
-        Some(Solution { spline, speed_fraction: x[layout.fraction()], excess, iterations })
+        Some(Solution { spline, speed_fraction: x[layout.fraction()], excess: layout.excess(self, &now), iterations })
     }
 
     /// By how much the worst error of some motion exceeds its tolerance.

@@ -69,9 +69,9 @@ fn measure_times(images: Images) {
                 for i in 0..40 {
                     let capture_s = 0.01 * f64::from(i);
                     let X_WO = throw.pose_at(capture_s);
-                    let X_WS = X_WO * reference.X_RO.inverse();
+                    let X_WR = X_WO * reference.X_RO.inverse();
                     let mut frames = if images == Images::Labelled {
-                        synthetic::depth_frames(&cameras, &shape, &X_WS, noise, &mut normal)
+                        synthetic::depth_frames(&cameras, &shape, &X_WR, noise, &mut normal)
                     } else {
                         // As the brain asks for them.
                         let reach_m = reference.radius_m + config.gate_m;
@@ -80,7 +80,7 @@ fn measure_times(images: Images) {
                             camera.window_around(&camera.X_WC.inverse_transform_point(&centre), reach_m)
                         };
                         let windows: Vec<_> = cameras.iter().map(window).collect();
-                        scene.frames(&shape, &X_WS, &windows, &mut normal).0
+                        scene.frames(&shape, &X_WR, &windows, &mut normal).0
                     };
                     frames.iter_mut().for_each(|frame| frame.capture_s = capture_s);
                     let last = seen.poses.last().map(|pose| pose.X_WO);
@@ -152,8 +152,8 @@ fn measured_cold_starts() {
             for seed in 0..200 {
                 let mut normal = Normal::new(seed);
                 let X_WO = synthetic::pose_in_flight(&mut normal);
-                let X_WS = X_WO * reference.X_RO.inverse();
-                let frames = synthetic::depth_frames(&cameras, &shape, &X_WS, noise, &mut normal);
+                let X_WR = X_WO * reference.X_RO.inverse();
+                let frames = synthetic::depth_frames(&cameras, &shape, &X_WR, noise, &mut normal);
                 let start = cpu_ms();
                 let mut workspace = Workspace::default();
                 let found = find_object(&frames, &cameras, &reference, None, None, &config, &mut workspace);
