@@ -79,6 +79,13 @@ pub enum Status {
     Committed,
 }
 
+impl Status {
+    /// Whether the arm was sent a new motion.
+    pub fn is_new_motion(self) -> bool {
+        matches!(self, Self::Planned | Self::Approached)
+    }
+}
+
 /// What the brain knew and decided in its last tick, for whoever wants to look on.
 #[derive(Debug, Clone, Default)]
 pub struct Report {

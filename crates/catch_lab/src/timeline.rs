@@ -1,6 +1,5 @@
 //! The story of a throw: what happened when, as it happens.
 
-use catch_bot::Status;
 use catch_sim::{Truth, TruthSample};
 use serde::{Deserialize, Serialize};
 
@@ -111,7 +110,7 @@ impl Timeline {
             if !self.planned {
                 self.planned = true;
                 self.tell(now, Event::FirstPlan, detail);
-            } else if report.status == Status::Planned {
+            } else if report.status.is_new_motion() {
                 let (count, since) = self.replans.as_ref().map_or((0, now), |it| (it.count.unwrap_or(0), it.time_s));
                 let count = count + 1;
                 let times = if count == 1 { "once".to_owned() } else { format!("{count} times until {now:.3} s") };

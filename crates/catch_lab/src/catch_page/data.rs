@@ -288,7 +288,7 @@ impl Errors {
 }
 
 fn plan_of(tick: &RecordedTick) -> Option<Plan> {
-    let plan = tick.report.plan.as_ref().filter(|_| tick.report.status == catch_bot::Status::Planned)?;
+    let plan = tick.report.plan.as_ref().filter(|_| tick.report.status.is_new_motion())?;
     let time_s = tick.observation.time_s;
     Some(Plan { time_s, catch_s: plan.catch_s, hand: seven(&plan.X_WG), width_m: plan.open_width_m })
 }
