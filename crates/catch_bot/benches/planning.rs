@@ -11,7 +11,7 @@ use catch_body::{Gripper, Pose, Robot, robot_file::RobotFiles};
 use catch_bot::{
     grasp_selection::{self, GraspSet},
     perception::{self, ReferenceModel},
-    trajectory_optimization::{Config, Planner, Start, posed::Target},
+    trajectory_optimization::{Config, Incoming, Planner, Start, posed::Target},
     trajectory_prediction::FlightTrajectory,
 };
 use catch_cell::arm::Setpoint;
@@ -75,19 +75,21 @@ fn everything(criterion: &mut Criterion) {
     for (name, shape) in Shape::all() {
         let reference = ReferenceModel::from_scan(&synthetic::scan(&shape, 200), &perception::Config::default());
         let grasps = GraspSet::sample(&reference, planner.gripper(), &config);
-        let mut flight = FlightTrajectory {
+        let flight = FlightTrajectory {
             p_WO: Point3::new(1.66613, 1.63277, 0.3),
             v_WO: Vector3::new(-1.58705, -2.68301, 3.75643),
             ..FlightTrajectory::default()
         };
+        let incoming = Incoming { flight: &flight, grasps: &grasps, config: &config };
         criterion.bench_function(&format!("search/{name}"), |bencher| {
-            bencher.iter(|| planner.search(&start, &flight, &grasps, &config));
+            bencher.iter(|| planner.search(&start, &incoming));
         });
-        let Ok(plan) = planner.search(&start, &flight, &grasps, &config) else { continue };
+        let Ok(plan) = planner.search(&start, &incoming) else { continue };
         let later = Start { time_s: 0.2, state: plan.trajectory.setpoint(0.2) };
-        flight.p_WO.x += 5e-3;
+        let aside = FlightTrajectory { p_WO: flight.p_WO + Vector3::x() * 5e-3, ..flight.clone() };
+        let aside = Incoming { flight: &aside, ..incoming };
         criterion.bench_function(&format!("replan/{name}"), |bencher| {
-            bencher.iter(|| planner.retarget(&later, &flight, &plan, &grasps, &config));
+            bencher.iter(|| planner.retarget(&later, &aside, &plan));
         });
     }
 }

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use catch_body::{JointVector, clearance::ArmClearance};
 use catch_bot::{
     Config, Preparation,
-    trajectory_optimization::{CatchPlan, Start},
+    trajectory_optimization::{CatchPlan, Incoming, Start},
     trajectory_prediction::FlightTrajectory,
 };
 use catch_cell::arm::Setpoint;
@@ -79,7 +79,8 @@ impl Corridor {
     pub fn catches(&self, q: &JointVector) -> Vec<Option<CatchPlan>> {
         let start = Start { time_s: FIRST_ESTIMATE_S, state: Setpoint::at_rest(*q) };
         let ask = |part: &Part, flight| {
-            part.known.planner().search(&start, flight, part.known.grasps(), &part.config.grasp_selection).ok()
+            let incoming = Incoming { flight, grasps: part.known.grasps(), config: &part.config.grasp_selection };
+            part.known.planner().search(&start, &incoming).ok()
         };
         self.parts.iter().flat_map(|part| part.flights.iter().map(move |flight| ask(part, flight))).collect()
     }

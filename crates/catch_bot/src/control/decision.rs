@@ -7,7 +7,7 @@ use crate::{
     CatchingBot, Status,
     method::Method,
     paper_method,
-    trajectory_optimization::{CatchPlan, Refusal, Start},
+    trajectory_optimization::{CatchPlan, Incoming, Refusal, Start},
     trajectory_prediction::FlightTrajectory,
 };
 
@@ -49,10 +49,10 @@ impl CatchingBot {
         if self.known.config.method == Method::Paper {
             return paper_method::decide(self, start, flight);
         }
-        let (grasps, config) = (&self.known.grasps, &self.known.config.grasp_selection);
+        let incoming = Incoming { flight, grasps: &self.known.grasps, config: &self.known.config.grasp_selection };
         let refusals = &mut self.refusals;
         let mut look = || {
-            let found = self.known.planner.look(refusals, start, flight, grasps, config);
+            let found = self.known.planner.look(refusals, start, &incoming);
             if found.is_ok() {
                 *refusals = 0;
             }
@@ -70,9 +70,9 @@ impl CatchingBot {
         let planner = &self.known.planner;
         // Fingers that have begun to close are timed for this catch.
         let is_closing = self.closing.is_some_and(|closing| closing.start_s <= start.time_s);
-        let mut adjusted = planner.retarget(start, flight, plan, grasps, config);
+        let mut adjusted = planner.retarget(start, &incoming, plan);
         if !is_closing && !adjusted.as_ref().is_some_and(|it| it.lets_in) {
-            adjusted = planner.shifted(start, flight, plan, grasps, config).or(adjusted);
+            adjusted = planner.shifted(start, &incoming, plan).or(adjusted);
         }
         let is_good = match &adjusted {
             Some(adjusted) => adjusted.lets_in,
@@ -82,10 +82,10 @@ impl CatchingBot {
         if let Some(plan) = another.or(adjusted) {
             return (Status::Planned, Some(plan));
         }
-        match planner.nearest(start, flight, plan, grasps, config) {
+        match planner.nearest(start, &incoming, plan) {
             Some(plan) => (Status::Approached, Some(plan)),
             None => {
-                let plan = planner.opened(plan.clone(), plan.open_width_m, start.time_s, flight, grasps, config);
+                let plan = planner.opened(plan.clone(), plan.open_width_m, start.time_s, &incoming);
                 (Status::PlanKept, Some(plan))
             }
         }

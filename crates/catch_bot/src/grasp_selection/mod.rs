@@ -220,39 +220,6 @@ impl GraspSet {
     }
 }
 
-/// Fingers and housing while an object comes in; it must touch none of them before the fingers have closed.
-#[derive(Debug)]
-pub struct Entry {
-    boxes: [Cuboid; 3],
-    margin_m: f64,
-}
-
-impl Entry {
-    /// The gripper `width_m` open; the object must stay `margin_m` away.
-    pub fn new(gripper: &Gripper, width_m: f64, margin_m: f64) -> Self {
-        let [left, right] = gripper.fingers(width_m);
-        Self { boxes: [left, right, gripper.body()], margin_m }
-    }
-
-    /// The first point of an object's outline that touches it, the object in pose `X_GO` and within `radius_m` of its centre of
-    /// mass; the point `likely` is looked at before all others.
-    pub fn obstacle(&self, outline: &[Point3<f64>], radius_m: f64, X_GO: &Pose, likely: usize) -> Option<usize> {
-        let centre = Point3::from(X_GO.translation.vector);
-        let outside = |it: &Cuboid, p: &Point3<f64>| ((p - it.centre).abs() - it.size / 2.0).max();
-        // Boxes that are farther away than the object is large need no closer look.
-        let near = self.boxes.map(|it| (outside(&it, &centre) <= radius_m + self.margin_m).then_some(it));
-        if near.iter().all(Option::is_none) {
-            return None;
-        }
-        let R_GO = X_GO.rotation.to_rotation_matrix();
-        let touches = |i: &usize| {
-            let p = R_GO * outline[*i] + X_GO.translation.vector;
-            near.iter().flatten().any(|it| outside(it, &p) <= self.margin_m)
-        };
-        Some(likely).filter(|i| *i < outline.len() && touches(i)).or_else(|| (0..outline.len()).find(touches))
-    }
-}
-
 /// Directions in which the outermost point is kept, and points that are kept of the rest.
 const OUTERMOST: usize = 300;
 const OTHERS: usize = 150;

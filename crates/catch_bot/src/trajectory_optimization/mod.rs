@@ -30,7 +30,10 @@ use catch_body::{Gripper, JointVector, Pose, Robot, clearance::ArmClearance};
 use catch_cell::{ArmTrajectory, arm::Setpoint};
 use serde::{Deserialize, Serialize};
 
-use crate::grasp_selection::{Approach, Grasp};
+use crate::{
+    grasp_selection::{self, Approach, Grasp, GraspSet},
+    trajectory_prediction::FlightTrajectory,
+};
 use joint_spline::{EndKind, Ends, JointSpline};
 use posture::{Elbow, PostureFinder};
 
@@ -137,6 +140,17 @@ pub struct Start {
     pub time_s: f64,
     /// Position, velocity and acceleration then.
     pub state: Setpoint,
+}
+
+/// An object in flight, and how it may be held.
+#[derive(Debug, Clone, Copy)]
+pub struct Incoming<'a> {
+    /// Where it flies.
+    pub flight: &'a FlightTrajectory,
+    /// Its grasps.
+    pub grasps: &'a GraspSet,
+    /// Settings of grasp selection.
+    pub config: &'a grasp_selection::Config,
 }
 
 /// No object is held farther from its centre of mass than this, in metres.

@@ -2,11 +2,10 @@
 
 use catch_body::Pose;
 
-use super::{CatchPlan, Planner, Start, motion::Shares, posture::Posture, reaching::Reaching, search::Candidate};
-use crate::{
-    grasp_selection::{self, GraspSet},
-    trajectory_prediction::FlightTrajectory,
+use super::{
+    CatchPlan, Incoming, Planner, Start, motion::Shares, posture::Posture, reaching::Reaching, search::Candidate,
 };
+use crate::trajectory_prediction::FlightTrajectory;
 
 /// How far the elbow may move along its circle, in radians.
 const ELBOW_RAD: [f64; 5] = [0.0, 0.2, -0.2, 0.4, -0.4];
@@ -17,58 +16,38 @@ const PARTS: [f64; 3] = [0.75, 0.5, 0.25];
 
 impl Planner {
     /// The same catch for a flight that is known better: same time and grasp, the elbow where it was or close by.
-    pub fn retarget(
-        &self,
-        start: &Start,
-        flight: &FlightTrajectory,
-        plan: &CatchPlan,
-        grasps: &GraspSet,
-        grasp_config: &grasp_selection::Config,
-    ) -> Option<CatchPlan> {
-        let X_WG = flight.pose_at(plan.catch_s) * plan.grasp.X_OG;
+    pub fn retarget(&self, start: &Start, incoming: &Incoming, plan: &CatchPlan) -> Option<CatchPlan> {
+        let X_WG = incoming.flight.pose_at(plan.catch_s) * plan.grasp.X_OG;
         // What a motion leaves of the limits, the next replan can use: more is taken only where less does not do.
         let shares = [0.0, 0.5, 1.0].map(|more| self.cold_shares().toward(self.moving_shares(), more));
         let found = shares
             .iter()
-            .find_map(|shares| self.adjusted(start, flight, plan, plan.catch_s, &X_WG, *shares, &ELBOW_RAD))?;
-        Some(self.opened(found, plan.open_width_m, start.time_s, flight, grasps, grasp_config))
+            .find_map(|shares| self.adjusted(start, incoming.flight, plan, plan.catch_s, &X_WG, *shares, &ELBOW_RAD))?;
+        Some(self.opened(found, plan.open_width_m, start.time_s, incoming))
     }
 
     /// The same grasp a little sooner or later, where the arm is in time and the object can come in.
-    pub fn shifted(
-        &self,
-        start: &Start,
-        flight: &FlightTrajectory,
-        plan: &CatchPlan,
-        grasps: &GraspSet,
-        grasp_config: &grasp_selection::Config,
-    ) -> Option<CatchPlan> {
+    pub fn shifted(&self, start: &Start, incoming: &Incoming, plan: &CatchPlan) -> Option<CatchPlan> {
         let in_time =
             |later_s: &&f64| **later_s > 0.0 || plan.catch_s + **later_s > start.time_s + self.config.min_lead_s;
         LATER_S.iter().filter(in_time).find_map(|later_s| {
             let catch_s = plan.catch_s + later_s;
-            let X_WG = flight.pose_at(catch_s) * plan.grasp.X_OG;
-            let found = self.adjusted(start, flight, plan, catch_s, &X_WG, self.moving_shares(), &ELBOW_RAD[..3])?;
-            let found = self.opened(found, plan.open_width_m, start.time_s, flight, grasps, grasp_config);
+            let X_WG = incoming.flight.pose_at(catch_s) * plan.grasp.X_OG;
+            let found =
+                self.adjusted(start, incoming.flight, plan, catch_s, &X_WG, self.moving_shares(), &ELBOW_RAD[..3])?;
+            let found = self.opened(found, plan.open_width_m, start.time_s, incoming);
             found.lets_in.then_some(found)
         })
     }
 
     /// The same catch as near to the flight as the arm can still come.
-    pub fn nearest(
-        &self,
-        start: &Start,
-        flight: &FlightTrajectory,
-        plan: &CatchPlan,
-        grasps: &GraspSet,
-        grasp_config: &grasp_selection::Config,
-    ) -> Option<CatchPlan> {
-        let wanted = flight.pose_at(plan.catch_s) * plan.grasp.X_OG;
+    pub fn nearest(&self, start: &Start, incoming: &Incoming, plan: &CatchPlan) -> Option<CatchPlan> {
+        let wanted = incoming.flight.pose_at(plan.catch_s) * plan.grasp.X_OG;
         let found = PARTS.iter().find_map(|part| {
             let X_WG = plan.X_WG.try_lerp_slerp(&wanted, *part, 1e-9)?;
-            self.adjusted(start, flight, plan, plan.catch_s, &X_WG, self.moving_shares(), &ELBOW_RAD[..1])
+            self.adjusted(start, incoming.flight, plan, plan.catch_s, &X_WG, self.moving_shares(), &ELBOW_RAD[..1])
         })?;
-        Some(self.opened(found, plan.open_width_m, start.time_s, flight, grasps, grasp_config))
+        Some(self.opened(found, plan.open_width_m, start.time_s, incoming))
     }
 
     /// The plan's grasp at `catch_s` with the gripper at `X_WG`, the elbow moved by the first of these angles that will do.
@@ -99,24 +78,16 @@ impl Planner {
 
     /// The same plan with the opening that it had if that lets the object in; else with the narrowest that does, or, where none
     /// does any more, the widest: it hits least. Where it is too late to change the opening, it stays.
-    pub fn opened(
-        &self,
-        plan: CatchPlan,
-        had_m: f64,
-        now_s: f64,
-        flight: &FlightTrajectory,
-        grasps: &GraspSet,
-        config: &grasp_selection::Config,
-    ) -> CatchPlan {
-        if self.first_that_lets_in(&[had_m], &plan, flight, grasps, config).is_some() {
+    pub fn opened(&self, plan: CatchPlan, had_m: f64, now_s: f64, incoming: &Incoming) -> CatchPlan {
+        if self.first_that_lets_in(&[had_m], &plan, incoming).is_some() {
             return CatchPlan { open_width_m: had_m, lets_in: true, ..plan };
         }
-        let opening = self.opening(&plan, flight, grasps, config);
+        let opening = self.opening(&plan, incoming);
         let open_width_m = opening.unwrap_or(self.gripper.max_width_m);
-        let fingers = config.closing(&self.gripper);
+        let fingers = incoming.config.closing(&self.gripper);
         let takes_s = fingers.duration_s((open_width_m - had_m).abs())
             + fingers.duration_s(open_width_m - plan.grasp.object_width_m)
-            + config.settling_s;
+            + incoming.config.settling_s;
         if now_s + takes_s > plan.catch_s {
             return CatchPlan { open_width_m: had_m, lets_in: false, ..plan };
         }

@@ -14,7 +14,7 @@ use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    CatchPlan, Planner, Refusal, Start,
+    CatchPlan, Incoming, Planner, Refusal, Start,
     arrival::{Arrival, Weights as ArrivalWeights},
     motion::Shares,
     posture::Posture,
@@ -24,10 +24,7 @@ use super::{
 };
 use frontier::{Frontier, Node, Stage};
 
-use crate::{
-    grasp_selection::{self, Approach, Grasp, GraspSet, RankedGrasp},
-    trajectory_prediction::FlightTrajectory,
-};
+use crate::grasp_selection::{Approach, Grasp, RankedGrasp};
 
 /// Weights of the choice among catches that the arm can reach. All terms are costs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -101,9 +98,7 @@ type Look = (Shares, f64);
 /// What a search is about, and what it has met.
 struct Search<'a> {
     start: &'a Start,
-    flight: &'a FlightTrajectory,
-    grasps: &'a GraspSet,
-    grasp_config: &'a grasp_selection::Config,
+    incoming: &'a Incoming<'a>,
     /// What was last in the way into each grasp.
     obstacles: Vec<Obstacle>,
     /// The work that has been done.
@@ -111,13 +106,8 @@ struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    fn new(
-        start: &'a Start,
-        flight: &'a FlightTrajectory,
-        grasps: &'a GraspSet,
-        grasp_config: &'a grasp_selection::Config,
-    ) -> Self {
-        Self { start, flight, grasps, grasp_config, obstacles: vec![Obstacle::default(); grasps.grasps.len()], work: 0 }
+    fn new(start: &'a Start, incoming: &'a Incoming) -> Self {
+        Self { start, incoming, obstacles: vec![Obstacle::default(); incoming.grasps.grasps.len()], work: 0 }
     }
 }
 
@@ -126,14 +116,8 @@ impl Planner {
     ///
     /// # Errors
     /// Why there is none.
-    pub fn search(
-        &self,
-        start: &Start,
-        flight: &FlightTrajectory,
-        grasps: &GraspSet,
-        grasp_config: &grasp_selection::Config,
-    ) -> Result<CatchPlan, Refusal> {
-        let mut search = Search::new(start, flight, grasps, grasp_config);
+    pub fn search(&self, start: &Start, incoming: &Incoming) -> Result<CatchPlan, Refusal> {
+        let mut search = Search::new(start, incoming);
         let mut refusal = Refusal::NoGrasp;
         for look in self.looks(start) {
             match self.best_first(&mut search, look, usize::MAX) {
@@ -150,16 +134,9 @@ impl Planner {
     ///
     /// # Errors
     /// Why they found none.
-    pub fn look(
-        &self,
-        turn: &mut usize,
-        start: &Start,
-        flight: &FlightTrajectory,
-        grasps: &GraspSet,
-        grasp_config: &grasp_selection::Config,
-    ) -> Result<CatchPlan, Refusal> {
+    pub fn look(&self, turn: &mut usize, start: &Start, incoming: &Incoming) -> Result<CatchPlan, Refusal> {
         let looks = self.looks(start);
-        let mut search = Search::new(start, flight, grasps, grasp_config);
+        let mut search = Search::new(start, incoming);
         let mut refusal = Refusal::NoGrasp;
         for _ in 0..looks.len() {
             let left = MOST_WORK_PER_IMAGE.saturating_sub(search.work);
@@ -186,9 +163,10 @@ impl Planner {
     /// The cheapest catch that one look finds, doing no more than `most_work`.
     fn best_first(&self, search: &mut Search, look: Look, most_work: usize) -> Result<CatchPlan, Refusal> {
         let (moments, mut pairs) = self.pairs(search, look);
-        let Search { start, flight, grasps, grasp_config, ref mut obstacles, ref mut work } = *search;
+        let Search { start, incoming, ref mut obstacles, ref mut work } = *search;
+        let grasps = &incoming.grasps.grasps;
         // Ranking grasps is work as well, a fiftieth of a unit each.
-        *work += moments.len() * grasps.grasps.len() / 50;
+        *work += moments.len() * grasps.len() / 50;
         let before = *work;
         let (weights, from, (shares, _)) = (&self.config.weights, &start.state.q, look);
         let mut frontier = Frontier::default();
@@ -207,8 +185,7 @@ impl Planner {
             }
             let Pair { moment, ranked, enters, arrivals, failed } = &mut pairs[pair];
             let (at, RankedGrasp { index, X_WG, approach, .. }) = (&moments[*moment], *ranked);
-            let entering =
-                Entering { flight, catch_s: at.catch_s, grasp: &grasps.grasps[index], grasps, config: grasp_config };
+            let entering = Entering { incoming, catch_s: at.catch_s, grasp: &grasps[index] };
             let reaching = |q: &JointVector| self.reaching(start, at.catch_s, &X_WG, q, &at.v_WO, shares);
             let obstacle = &mut obstacles[index];
             let v_GO = X_WG.rotation.inverse_transform_vector(&at.v_WO);
@@ -263,7 +240,7 @@ impl Planner {
                         *work += WORK_OF_A_MOTION;
                         let Some(plan) = self.finish(&candidate, entering.grasp, bounds, &reaching) else { continue };
                         *work += WORK_OF_OPENINGS;
-                        if let Some(open_width_m) = self.opening(&plan, flight, grasps, grasp_config) {
+                        if let Some(open_width_m) = self.opening(&plan, incoming) {
                             return Ok(CatchPlan { open_width_m, lets_in: true, ..plan });
                         }
                     }
@@ -282,7 +259,7 @@ impl Planner {
         for step in 0..steps {
             let lead_s = self.config.min_lead_s + (step as f64 + offset) * self.config.time_step_s;
             let catch_s = task.start.time_s + lead_s;
-            let X_WO = task.flight.pose_at(catch_s);
+            let X_WO = task.incoming.flight.pose_at(catch_s);
             if X_WO.translation.vector.z < 0.0 {
                 break;
             }
@@ -291,9 +268,9 @@ impl Planner {
             }
             let joints = self.reaches(task.start, lead_s, shares);
             let ranges = self.ranges(&joints, &task.start.state.q);
-            let v_WO = task.flight.twist_at(catch_s).linear;
+            let v_WO = task.incoming.flight.twist_at(catch_s).linear;
             let may_reach = |X_WG: &Pose| self.finder.may_reach(X_WG, &ranges);
-            let (ranked, any_grasp) = task.grasps.rank(&X_WO, &v_WO, &base, task.grasp_config, may_reach);
+            let (ranked, any_grasp) = task.incoming.grasps.rank(&X_WO, &v_WO, &base, task.incoming.config, may_reach);
             let moment = moments.len();
             pairs.extend(ranked.into_iter().map(|ranked| Pair {
                 moment,

@@ -1,31 +1,27 @@
 //! The object's way into the gripper: it must touch neither fingers nor housing before the fingers have closed.
 
-use catch_body::{Pose, shape::Cuboid};
-use nalgebra::{UnitQuaternion, Vector3};
+use catch_body::{Gripper, Pose, shape::Cuboid};
+use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 
-use super::{CatchPlan, Planner, arrival::Arrival};
+use super::{CatchPlan, Incoming, Planner, arrival::Arrival};
 use crate::{
-    grasp_selection::{self, Entry, Grasp, GraspSet},
-    trajectory_prediction::{FlightTrajectory, Passage},
+    grasp_selection::{Grasp, GraspSet},
+    trajectory_prediction::Passage,
 };
 
-/// How long, how far and in how many steps before the catch the object's way into the gripper is checked. In a step an object at
-/// 6 m/s moves by 6 mm; in one of 5 ms it would get past the edge of a finger.
+/// How long and how far before the catch the object's way into the gripper is checked, and in how many stretches: over 5 ms a point's
+/// way in G is straight to 0.1 mm. While the fingers close a touch does little harm: there the ends of the stretches alone are checked.
 const WAY_IN_S: f64 = 0.08;
 const WAY_IN_M: f64 = 0.15;
-const WAY_IN_STEPS: usize = 80;
-const STEP_S: f64 = WAY_IN_S / WAY_IN_STEPS as f64;
-/// While the fingers close a touch does little harm: there each fifth step does.
-const COARSE: usize = 5;
+const STRETCHES: usize = 16;
+const STRETCH_S: f64 = WAY_IN_S / STRETCHES as f64;
 
 /// An object on its way into the gripper, to be held by one of its grasps.
 #[derive(Clone, Copy)]
 pub(super) struct Entering<'a> {
-    pub flight: &'a FlightTrajectory,
+    pub incoming: &'a Incoming<'a>,
     pub catch_s: f64,
     pub grasp: &'a Grasp,
-    pub grasps: &'a GraspSet,
-    pub config: &'a grasp_selection::Config,
 }
 
 /// What stood in an object's way when it was last looked at. It is looked at first the next time: what is in the way of one
@@ -34,8 +30,8 @@ pub(super) struct Entering<'a> {
 pub(super) struct Obstacle {
     /// The point of its outline that touched the gripper on a straight way.
     straight: usize,
-    /// The step before the catch, and the point that touched the moving gripper then.
-    step: usize,
+    /// The stretch before the catch, and the point that touched the moving gripper there.
+    stretch: usize,
     point: usize,
 }
 
@@ -43,15 +39,13 @@ impl Planner {
     /// Whether the object can come into a gripper that is fully open and does not turn, at `v_GO` in G, without touching it.
     pub(super) fn enters_straight(&self, v_GO: &Vector3<f64>, entering: &Entering, last: &mut Obstacle) -> bool {
         let Some(direction) = v_GO.try_normalize(1e-6) else { return true };
-        let (outline, margin_m) = (&entering.grasps.outline, entering.config.way_in_margin_m);
-        let [left, right] = self.gripper.fingers(self.gripper.max_width_m);
-        let boxes = [left, right, self.gripper.body()];
+        let outline = &entering.incoming.grasps.outline;
+        let open = Hand::new(&self.gripper, self.gripper.max_width_m, entering.incoming.config.way_in_margin_m);
         let X_GO = entering.grasp.X_OG.inverse();
         let R_GO = X_GO.rotation.to_rotation_matrix();
-        let way = Way::new(direction * -WAY_IN_M);
         let touches = |i: &usize| {
-            let from = R_GO * outline[*i].coords + X_GO.translation.vector;
-            boxes.iter().any(|it| way.meets(it, margin_m, &from))
+            let end = R_GO * outline[*i].coords + X_GO.translation.vector;
+            open.meets(0.0, &(end - direction * WAY_IN_M), &end)
         };
         let likely = Some(last.straight).filter(|i| *i < outline.len() && touches(i));
         let touching = likely.or_else(|| (0..outline.len()).find(touches));
@@ -61,26 +55,13 @@ impl Planner {
 
     /// The narrowest opening with which the object touches neither fingers nor housing on its way into the moving gripper,
     /// the fingers closing in time for the catch; `None` if there is none.
-    pub(super) fn opening(
-        &self,
-        plan: &CatchPlan,
-        flight: &FlightTrajectory,
-        grasps: &GraspSet,
-        config: &grasp_selection::Config,
-    ) -> Option<f64> {
-        self.first_that_lets_in(&self.openings(&plan.grasp), plan, flight, grasps, config)
+    pub(super) fn opening(&self, plan: &CatchPlan, incoming: &Incoming) -> Option<f64> {
+        self.first_that_lets_in(&self.openings(&plan.grasp), plan, incoming)
     }
 
     /// The first of these openings with which a plan lets the object in.
-    pub(super) fn first_that_lets_in(
-        &self,
-        openings: &[f64],
-        plan: &CatchPlan,
-        flight: &FlightTrajectory,
-        grasps: &GraspSet,
-        config: &grasp_selection::Config,
-    ) -> Option<f64> {
-        let entering = Entering { flight, catch_s: plan.catch_s, grasp: &plan.grasp, grasps, config };
+    pub(super) fn first_that_lets_in(&self, openings: &[f64], plan: &CatchPlan, incoming: &Incoming) -> Option<f64> {
+        let entering = Entering { incoming, catch_s: plan.catch_s, grasp: &plan.grasp };
         let X_WG = |time_s: f64| self.robot.gripper_pose(&plan.trajectory.setpoint(time_s).q);
         self.first_of(openings, X_WG, &entering, &mut Obstacle::default())
     }
@@ -95,7 +76,7 @@ impl Planner {
     /// velocity: most motions that would fail in the end are told from that alone.
     pub(super) fn lets_in(&self, X_WG: &Pose, arrival: &Arrival, entering: &Entering, last: &mut Obstacle) -> bool {
         let centre = X_WG * self.gripper.grasp_centre();
-        let v_WG = entering.flight.twist_at(entering.catch_s).linear * arrival.speed_fraction;
+        let v_WG = entering.incoming.flight.twist_at(entering.catch_s).linear * arrival.speed_fraction;
         let passing = |time_s: f64| {
             let after_s = time_s - entering.catch_s;
             let turn = UnitQuaternion::from_scaled_axis(arrival.w_WG * after_s);
@@ -113,64 +94,91 @@ impl Planner {
         entering: &Entering,
         last: &mut Obstacle,
     ) -> Option<f64> {
-        let Entering { flight, catch_s, grasp, grasps, config } = *entering;
+        let Entering { incoming: Incoming { flight, grasps, config }, catch_s, grasp } = *entering;
         let passage = Passage::of(flight, catch_s);
-        // Where the object is too far away to touch anything, nothing need be looked at.
-        let near_m = grasps.radius_m + self.gripper.fingertip_y_m().hypot(self.gripper.max_width_m);
-        let mut way = [None; WAY_IN_STEPS + 1];
         let closing = config.closing(&self.gripper);
         let lead_s = config.contact_lead_s(&passage.velocity_in(&X_WG, &(grasp.X_OG * self.gripper.grasp_centre())));
+        let mut way = [None; STRETCHES + 1];
         openings.iter().copied().find(|open_m| {
             let way_m = open_m - grasp.object_width_m;
             let standing_s = lead_s + closing.duration_s(way_m);
-            let is_asked = |step: &usize| STEP_S * *step as f64 > standing_s || step.is_multiple_of(COARSE);
-            let first = Some(last.step).filter(is_asked);
-            let others = (0..=WAY_IN_STEPS).filter(|step| is_asked(step) && Some(*step) != first);
-            first.into_iter().chain(others).all(|step| {
-                let before_s = STEP_S * step as f64;
-                let X_GO = way[step]
-                    .get_or_insert_with(|| X_WG(catch_s - before_s).inverse() * passage.pose_at(catch_s - before_s));
-                if X_GO.translation.vector.norm() >= near_m {
-                    return true;
-                }
-                // How far the fingers have closed by then; toward the end less and less space is left on purpose.
+            // How far the fingers have closed by then; toward the end less and less space is left on purpose.
+            let hand = |before_s: f64| {
                 let width_m = grasp.object_width_m + closing.remaining_m(way_m, before_s - lead_s);
                 let margin_m = config.way_in_margin_m.min((width_m - grasp.object_width_m) / 4.0);
-                let entry = Entry::new(&self.gripper, width_m, margin_m - 1e-4);
-                let touching = entry.obstacle(&grasps.outline, grasps.radius_m, X_GO, last.point);
-                if let Some(point) = touching {
-                    (last.step, last.point) = (step, point);
-                }
-                touching.is_none()
-            })
+                Hand::new(&self.gripper, width_m, margin_m - 1e-4)
+            };
+            let mut knot = |number: usize| {
+                let before_s = STRETCH_S * number as f64;
+                let X_GO = || X_WG(catch_s - before_s).inverse() * passage.pose_at(catch_s - before_s);
+                (before_s, *way[number].get_or_insert_with(X_GO))
+            };
+            let mut touching = |stretch: usize| {
+                let ((start_s, start), (end_s, end)) = (knot(stretch + 1), knot(stretch));
+                let sweep = |from_s: f64, from: &Pose| hand(from_s).touched_by(grasps, from, &end, last.point);
+                let stands = (start_s > standing_s).then(|| sweep(start_s, &start)).flatten();
+                stands.or_else(|| if end_s > standing_s { None } else { sweep(end_s, &end) })
+            };
+            let others = (0..STRETCHES).filter(|stretch| *stretch != last.stretch);
+            let found =
+                std::iter::once(last.stretch).chain(others).find_map(|stretch| Some((stretch, touching(stretch)?)));
+            if let Some((stretch, point)) = found {
+                (last.stretch, last.point) = (stretch, point);
+            }
+            found.is_none()
         })
     }
 }
 
-/// A straight way, the same for many points.
-struct Way {
-    /// One over its components, huge where they vanish.
-    inverse: Vector3<f64>,
+/// Fingers and housing at one instant, and how far away an object must stay.
+struct Hand {
+    boxes: [Cuboid; 3],
+    margin_m: f64,
 }
 
-impl Way {
-    fn new(along: Vector3<f64>) -> Self {
-        Self { inverse: along.map(|it| if it.abs() < 1e-12 { 1e12 } else { 1.0 / it }) }
+impl Hand {
+    fn new(gripper: &Gripper, width_m: f64, margin_m: f64) -> Self {
+        let [left, right] = gripper.fingers(width_m);
+        Self { boxes: [left, right, gripper.body()], margin_m }
     }
 
-    /// Whether a point that starts at `from` comes within `margin_m` of a box: the parts of its way between each pair of faces
-    /// (Kay & Kajiya, Ray tracing complex scenes, 1986).
-    fn meets(&self, cuboid: &Cuboid, margin_m: f64, from: &Vector3<f64>) -> bool {
-        let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
-        for axis in 0..3 {
-            let half = cuboid.size[axis] / 2.0 + margin_m;
-            let at = cuboid.centre[axis] - from[axis];
-            let (one, two) = ((at - half) * self.inverse[axis], (at + half) * self.inverse[axis]);
-            enter = enter.max(one.min(two));
-            leave = leave.min(one.max(two));
-        }
-        enter <= leave
+    /// Whether a ball touches it on its straight way from `start` to `end` in G.
+    fn meets(&self, radius_m: f64, start: &Vector3<f64>, end: &Vector3<f64>) -> bool {
+        self.boxes.iter().any(|it| {
+            let half = it.size.add_scalar(2.0 * (radius_m + self.margin_m)) / 2.0;
+            way_meets(&half, &(start - it.centre.coords), &(end - it.centre.coords))
+        })
     }
+
+    /// The point of an object's outline that touches it on the way between two poses of the object in G; the point `likely` is
+    /// looked at before all others.
+    fn touched_by(&self, grasps: &GraspSet, start: &Pose, end: &Pose, likely: usize) -> Option<usize> {
+        if !self.meets(grasps.radius_m, &start.translation.vector, &end.translation.vector) {
+            return None;
+        }
+        let [start, end] = [start, end].map(|X_GO| (X_GO.rotation.to_rotation_matrix(), X_GO.translation.vector));
+        let place = |(R_GO, p_GO): &(Rotation3<f64>, Vector3<f64>), i: usize| R_GO * grasps.outline[i].coords + p_GO;
+        let touches = |i: &usize| self.meets(0.0, &place(&start, *i), &place(&end, *i));
+        let count = grasps.outline.len();
+        Some(likely).filter(|i| *i < count && touches(i)).or_else(|| (0..count).find(touches))
+    }
+}
+
+/// Whether a straight way passes through a box about the origin: its parts between each pair of faces must have one in common
+/// (Kay & Kajiya, Ray tracing complex scenes, 1986).
+fn way_meets(half: &Vector3<f64>, start: &Vector3<f64>, end: &Vector3<f64>) -> bool {
+    let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
+    for axis in 0..3 {
+        let (start, end, half) = (start[axis], end[axis], half[axis]);
+        if start.min(end) > half || start.max(end) < -half {
+            return false;
+        }
+        // Where the way runs along the faces both are infinite, and it is between them all the time.
+        let (one, two) = ((-half - start) / (end - start), (half - start) / (end - start));
+        enter = enter.max(one.min(two));
+        leave = leave.min(one.max(two));
+    }
+    enter <= leave
 }
 
 #[cfg(test)]
@@ -191,7 +199,8 @@ mod tests {
                 let at = from + way * (f64::from(i) / 2000.0);
                 ((at - cuboid.centre.coords).abs() - cuboid.size / 2.0).max()
             }).fold(f64::INFINITY, f64::min);
-            let meets = Way::new(way).meets(&cuboid, 0.01, &from);
+            let from = from - cuboid.centre.coords;
+            let meets = way_meets(&(cuboid.size / 2.0).add_scalar(0.01), &from, &(from + way));
             prop_assert!(meets || nearest > 0.01);
             prop_assert!(!meets || nearest < 0.011);
         }

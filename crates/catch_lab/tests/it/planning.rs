@@ -8,7 +8,9 @@ use catch_body::{JointVector, Pose, clearance::ArmClearance};
 use catch_bot::{
     grasp_selection::{GraspSet, heuristics::can_catch},
     perception::ReferenceModel,
-    trajectory_optimization::{CatchPlan, Config, Planner, Refusal, Start, posed::Target, reachability::JointReach},
+    trajectory_optimization::{
+        CatchPlan, Config, Incoming, Planner, Refusal, Start, posed::Target, reachability::JointReach,
+    },
     trajectory_prediction::FlightTrajectory,
 };
 use catch_cell::{ArmTrajectory, arm::Setpoint};
@@ -44,12 +46,16 @@ impl Desk {
         Self { setup, config, grasps, planner }
     }
 
+    fn incoming<'a>(&'a self, flight: &'a FlightTrajectory) -> Incoming<'a> {
+        Incoming { flight, grasps: &self.grasps, config: &self.config.grasp_selection }
+    }
+
     pub fn search(&self, start: &Start, flight: &FlightTrajectory) -> Result<CatchPlan, Refusal> {
-        self.planner.search(start, flight, &self.grasps, &self.config.grasp_selection)
+        self.planner.search(start, &self.incoming(flight))
     }
 
     pub fn look(&self, turn: &mut usize, start: &Start, flight: &FlightTrajectory) -> Result<CatchPlan, Refusal> {
-        self.planner.look(turn, start, flight, &self.grasps, &self.config.grasp_selection)
+        self.planner.look(turn, start, &self.incoming(flight))
     }
 
     pub fn waiting(&self) -> Start {
@@ -230,9 +236,7 @@ fn many(catches: usize, seed: u64) -> (usize, usize, Vec<String>) {
         let mut seen = flight.clone();
         for _ in 0..4 {
             asked += 1;
-            let again = known.as_ref().and_then(|plan| {
-                desk.planner.retarget(&start, &seen, plan, &desk.grasps, &desk.config.grasp_selection)
-            });
+            let again = known.as_ref().and_then(|plan| desk.planner.retarget(&start, &desk.incoming(&seen), plan));
             // Replans keep an opening although a changed flight may scratch it; searches promise a free way in.
             let (found, searched) = match again {
                 Some(plan) => (Ok(plan), false),
@@ -267,7 +271,7 @@ fn many(catches: usize, seed: u64) -> (usize, usize, Vec<String>) {
 #[test]
 fn catches_that_cannot_be_adjusted_are_shifted_or_approached() {
     let desk = Desk::new("banana", |_| {});
-    let (planner, config) = (&desk.planner, &desk.config.grasp_selection);
+    let planner = &desk.planner;
     let mut rng = Pcg64::seed_from_u64(6);
     let (mut shifted, mut approached) = (0, 0);
     for _ in 0..150 {
@@ -278,14 +282,15 @@ fn catches_that_cannot_be_adjusted_are_shifted_or_approached() {
         let mut between = |by: f64| rng.random_range(-by..by);
         let aside = Vector3::new(between(0.06), between(0.06), between(0.06));
         let seen = FlightTrajectory { p_WO: flight.p_WO + aside, ..flight };
-        if planner.retarget(&start, &seen, &plan, &desk.grasps, config).is_some() {
+        let incoming = desk.incoming(&seen);
+        if planner.retarget(&start, &incoming, &plan).is_some() {
             continue;
         }
-        if let Some(plan) = planner.shifted(&start, &seen, &plan, &desk.grasps, config) {
+        if let Some(plan) = planner.shifted(&start, &incoming, &plan) {
             check(&desk, &start, &seen, &plan).unwrap();
             shifted += 1;
         }
-        if let Some(near) = planner.nearest(&start, &seen, &plan, &desk.grasps, config) {
+        if let Some(near) = planner.nearest(&start, &incoming, &plan) {
             keeps_its_word(&desk, &start, &near.X_WG, &seen, &near).unwrap();
             let wanted = seen.pose_at(plan.catch_s) * plan.grasp.X_OG;
             let missed_m = |it: &CatchPlan| (wanted.translation.vector - it.X_WG.translation.vector).norm();
