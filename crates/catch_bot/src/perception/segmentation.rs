@@ -87,14 +87,17 @@ impl<'a> Background<'a> {
         } else {
             depths_m.resize(window.area(), f32::INFINITY);
         }
-        for (centre_C, radius_m, ..) in self.bodies.iter().flatten() {
+        for body in self.bodies.iter().flatten() {
+            let (centre_C, radius_m, ..) = body;
             let too_near = centre_C.z.abs() <= *radius_m;
             let part = if too_near { window } else { self.camera.window_around(centre_C, *radius_m) };
             let part = super::point_cloud::intersection(&window, &part);
             for row in part.top..part.top + part.height {
                 for column in part.left..part.left + part.width {
                     let uv = Point2::new(f64::from(column) + 0.5, f64::from(row) + 0.5);
-                    depths_m[(row * window.width + column) as usize] = self.depth_m(&uv) as f32;
+                    let depth_m = &mut depths_m[(row * window.width + column) as usize];
+                    let ray_C = self.camera.back_project(&uv, 1.0).coords;
+                    *depth_m = body_m(body, &ray_C, f64::from(*depth_m)) as f32;
                 }
             }
         }
@@ -110,20 +113,22 @@ impl<'a> Background<'a> {
     pub fn depth_m(&self, uv: &Point2<f64>) -> f64 {
         let ray_C = self.camera.back_project(uv, 1.0).coords;
         let mut nearest_m = self.floor_m(&ray_C);
-        let squared = ray_C.norm_squared();
-        for (centre_C, radius_m, X_BC, caster) in self.bodies.iter().flatten() {
-            let along = centre_C.coords.dot(&ray_C) / squared;
-            if (centre_C.coords - ray_C * along).norm_squared() > radius_m * radius_m {
-                continue;
-            }
-            // The ray's third component is one: its parameter is the depth.
-            let origin = Point3::from(X_BC.translation.vector);
-            if let Some(depth_m) = caster.cast_within(&origin, &(X_BC.rotation * ray_C), nearest_m) {
-                nearest_m = depth_m;
-            }
+        for body in self.bodies.iter().flatten() {
+            nearest_m = body_m(body, &ray_C, nearest_m);
         }
         nearest_m
     }
+}
+
+/// Depth of a body along a ray whose third component is one, if it is nearer than `nearest_m`, else that.
+fn body_m((centre_C, radius_m, X_BC, caster): &BodyInSight<'_>, ray_C: &Vector3<f64>, nearest_m: f64) -> f64 {
+    let along = centre_C.coords.dot(ray_C) / ray_C.norm_squared();
+    if (centre_C.coords - ray_C * along).norm_squared() > radius_m * radius_m {
+        return nearest_m;
+    }
+    // The ray's third component is one: its parameter is the depth.
+    let origin = Point3::from(X_BC.translation.vector);
+    caster.cast_within(&origin, &(X_BC.rotation * ray_C), nearest_m).unwrap_or(nearest_m)
 }
 
 /// By how much a pixel must be nearer than what is known to be there: the depth noise there, and errors of the model.
