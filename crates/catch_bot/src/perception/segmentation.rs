@@ -38,6 +38,9 @@ pub enum Label {
     Unknown,
 }
 
+/// Pixels of a row that are looked at together.
+const RUN: usize = 8;
+
 /// Most bodies that an arm consists of.
 const MAX_BODIES: usize = 16;
 
@@ -136,7 +139,8 @@ pub(super) fn threshold_m(depth_m: f64, config: &Config) -> f64 {
     config.background_margin_m + config.background_sd * config.depth_noise.sd_m(depth_m)
 }
 
-/// Labels the pixels of a part of a frame, row by row, for an object expected at a depth, give or take its reach.
+/// Labels the pixels of a part of a frame, row by row, for an object expected at a depth, give or take its reach, and returns the
+/// box around those that show it.
 ///
 /// What is behind a pixel costs a ray, so it is asked of pixels at the object's depth alone, and then of those beside the
 /// object's: all others are left unknown.
@@ -147,7 +151,7 @@ pub(super) fn label(
     background: &Background<'_>,
     expected_m: [f64; 2],
     config: &Config,
-) {
+) -> PixelWindow {
     let [depth_m, reach_m] = expected_m;
     let (wide, high) = (part.width as usize, part.height as usize);
     let [left, top] = [part.left - frame.window.left, part.top - frame.window.top].map(|offset| offset as usize);
@@ -173,16 +177,31 @@ pub(super) fn label(
         }
     };
     let first = labels.len();
+    labels.resize(first + wide * high, Label::Unknown);
+    let labels = &mut labels[first..];
+    // The box around the object's pixels.
+    let (mut low, mut past) = ([usize::MAX; 2], [0; 2]);
     for y in 0..high {
-        for x in 0..wide {
-            let found_m = at(x, y);
-            let may_be = is_measured(found_m) && is_near(found_m);
-            labels.push(if may_be { judge(x, y) } else { Label::Unknown });
+        let start = (top + y) * frame.window.width as usize + left;
+        for (run, depths_m) in frame.depth_m[start..start + wide].chunks(RUN).enumerate() {
+            // All at once, because in most runs nothing is measured. Not a number is nearer than nothing.
+            if !depths_m.iter().fold(false, |any, found_m| any | (*found_m > 0.0)) {
+                continue;
+            }
+            for (x, found_m) in (run * RUN..).zip(depths_m) {
+                if is_measured(f64::from(*found_m)) && is_near(f64::from(*found_m)) {
+                    let label = judge(x, y);
+                    labels[y * wide + x] = label;
+                    if label == Label::Object {
+                        low = [low[0].min(x), low[1].min(y)];
+                        past = [past[0].max(x + 1), past[1].max(y + 1)];
+                    }
+                }
+            }
         }
     }
-    let labels = &mut labels[first..];
-    for y in 0..high {
-        for x in 0..wide {
+    for y in low[1].saturating_sub(1)..(past[1] + 1).min(high) {
+        for x in low[0].saturating_sub(1)..(past[0] + 1).min(wide) {
             let i = y * wide + x;
             let is_object = |i: usize| labels[i] == Label::Object;
             let beside = x > 0 && is_object(i - 1)
@@ -199,6 +218,9 @@ pub(super) fn label(
             is_measured(at((column - part.left) as usize, (row - part.top) as usize))
         });
     }
+    let (left, top) = (part.left + low[0].min(wide) as u32, part.top + low[1].min(high) as u32);
+    let [width, height] = [0, 1].map(|axis| past[axis].saturating_sub(low[axis]) as u32);
+    PixelWindow { left, top, width, height }
 }
 
 /// So many of a pixel's eight neighbours show the object if it is a hole in the object's image, or at least not clearly beside it:
