@@ -109,8 +109,8 @@ impl SceneCloud {
                 (None, Some(near)) if part.area() > 0 => {
                     let from = self.labels.len();
                     let background = Background::new(camera, surroundings, &part, config);
-                    let expected_m = [near.depth_m, near.reach_m];
-                    let pixels = label(&mut self.labels, frame, &part, &background, expected_m, config);
+                    let Near { centre_C, reach_m, .. } = &near;
+                    let pixels = label(&mut self.labels, frame, &part, &background, centre_C, *reach_m, config);
                     labelled = Some((part, from));
                     let labels = std::mem::take(&mut self.labels);
                     let (wide, columns) = (part.width as usize, frame.window.width as usize);
@@ -251,14 +251,14 @@ impl SceneCloud {
 #[derive(Debug, Clone, Copy)]
 struct Near {
     window: PixelWindow,
-    depth_m: f64,
+    centre_C: Point3<f64>,
     reach_m: f64,
 }
 
 impl Near {
     fn new(X_WO: &Pose, camera: &CameraModel, reach_m: f64) -> Self {
         let centre_C = camera.X_WC.inverse_transform_point(&X_WO.translation.vector.into());
-        Self { window: camera.window_around(&centre_C, reach_m), depth_m: centre_C.z, reach_m }
+        Self { window: camera.window_around(&centre_C, reach_m), centre_C, reach_m }
     }
 }
 

@@ -114,12 +114,12 @@ impl<'a> Background<'a> {
 
     /// Depth at image coordinates; infinite where there is nothing.
     pub fn depth_m(&self, uv: &Point2<f64>) -> f64 {
-        let ray_C = self.camera.back_project(uv, 1.0).coords;
-        let mut nearest_m = self.floor_m(&ray_C);
-        for body in self.bodies.iter().flatten() {
-            nearest_m = body_m(body, &ray_C, nearest_m);
-        }
-        nearest_m
+        self.along_m(&self.camera.back_project(uv, 1.0).coords)
+    }
+
+    /// The same along a ray whose third component is one.
+    fn along_m(&self, ray_C: &Vector3<f64>) -> f64 {
+        self.bodies.iter().flatten().fold(self.floor_m(ray_C), |nearest_m, body| body_m(body, ray_C, nearest_m))
     }
 }
 
@@ -139,8 +139,8 @@ pub(super) fn threshold_m(depth_m: f64, config: &Config) -> f64 {
     config.background_margin_m + config.background_sd * config.depth_noise.sd_m(depth_m)
 }
 
-/// Labels the pixels of a part of a frame, row by row, for an object expected at a depth, give or take its reach, and returns the
-/// box around those that show it.
+/// Labels the pixels of a part of a frame, row by row, for an object expected within a ball of radius `reach_m` around
+/// `centre_C`, and returns the box around those that show it.
 ///
 /// What is behind a pixel costs a ray, so it is asked of pixels at the object's depth alone, and then of those beside the
 /// object's: all others are left unknown.
@@ -149,10 +149,13 @@ pub(super) fn label(
     frame: &DepthFrame,
     part: &PixelWindow,
     background: &Background<'_>,
-    expected_m: [f64; 2],
+    centre_C: &Point3<f64>,
+    reach_m: f64,
     config: &Config,
 ) -> PixelWindow {
-    let [depth_m, reach_m] = expected_m;
+    let depth_m = centre_C.z;
+    // (r·c)² of rays r that touch the ball, in |r|².
+    let grazing_m2 = centre_C.coords.norm_squared() - reach_m * reach_m;
     let (wide, high) = (part.width as usize, part.height as usize);
     let [left, top] = [part.left - frame.window.left, part.top - frame.window.top].map(|offset| offset as usize);
     let at = |x: usize, y: usize| f64::from(frame.depth_m[(top + y) * frame.window.width as usize + left + x]);
@@ -162,7 +165,11 @@ pub(super) fn label(
     let judge = |x: usize, y: usize| {
         let found_m = at(x, y);
         let uv = Point2::new(f64::from(part.left) + x as f64 + 0.5, f64::from(part.top) + y as f64 + 0.5);
-        let behind_m = background.depth_m(&uv);
+        let ray_C = background.camera.back_project(&uv, 1.0).coords;
+        if ray_C.dot(&centre_C.coords).powi(2) < ray_C.norm_squared() * grazing_m2 {
+            return Label::Unknown;
+        }
+        let behind_m = background.along_m(&ray_C);
         // Too close to tell apart, or in front of where the object is.
         let is_hidden = behind_m.is_finite() && behind_m - reach_m - threshold_m(behind_m, config) < depth_m;
         let is_behind = behind_m.is_finite() && found_m > behind_m - threshold_m(behind_m, config);
