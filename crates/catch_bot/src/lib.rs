@@ -102,7 +102,7 @@ pub struct Report {
 }
 
 /// What is worked out before anything flies, once for any number of throws: the object's model from its scan, the ways of
-/// holding it, and the planner for the arm.
+/// holding it, the planner for the arm, and what the cameras see of the arm while it waits.
 #[derive(Debug)]
 pub struct Preparation {
     config: Config,
@@ -111,10 +111,14 @@ pub struct Preparation {
     grasps: GraspSet,
     planner: Planner,
     arm_surface: ArmSurface,
+    alignment: CameraAlignment,
+    workspace: perception::Workspace,
 }
 
 impl Preparation {
     /// For an arm with a gripper, cameras at known places, and an object known from a scan.
+    ///
+    /// The arm is expected to wait at [`Robot::ready_q`] with its gripper open; if it waits elsewhere, the first images take longer.
     pub fn new(
         config: Config,
         robot: Robot,
@@ -126,8 +130,12 @@ impl Preparation {
         let reference = ReferenceModel::from_scan(reference_scan, &config.perception);
         let grasps = GraspSet::sample(&reference, &gripper, &config.grasp_selection);
         let arm_surface = ArmSurface::new(&robot, &gripper);
+        let X_WL = robot.link_poses(&robot.ready_q);
+        let waiting = Surroundings { arm: &arm_surface, X_WL, width_m: gripper.max_width_m };
+        let alignment = CameraAlignment::before_flight(&cameras, &waiting, &config.perception);
+        let workspace = perception::Workspace::before_flight(&cameras, &waiting, &config.perception);
         let planner = Planner::new(robot, gripper, config.trajectory_optimization.clone());
-        Self { config, cameras, reference, grasps, planner, arm_surface }
+        Self { config, cameras, reference, grasps, planner, arm_surface, alignment, workspace }
     }
 
     /// The object as the brain knows it.
@@ -192,7 +200,8 @@ impl CatchingBot {
     /// A brain that shares what was worked out beforehand; it draws at random from `seed` instead of [`Config::seed`].
     pub fn prepared(known: Arc<Preparation>, seed: u64) -> Self {
         Self {
-            alignment: CameraAlignment::new(&known.cameras),
+            alignment: known.alignment.clone(),
+            workspace: known.workspace.clone(),
             known,
             seed,
             sensed: VecDeque::with_capacity(SENSED),
@@ -201,7 +210,6 @@ impl CatchingBot {
             plan: None,
             refusals: 0,
             sent: VecDeque::with_capacity(control::decision::SENT),
-            workspace: perception::Workspace::default(),
             prediction_workspace: trajectory_prediction::Workspace::default(),
             closing: None,
             report: Report::default(),

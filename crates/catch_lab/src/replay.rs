@@ -87,7 +87,10 @@ pub(crate) const RECORDED: SourceNames = SourceNames {
 
 /// The brain as it was before the recorded throw.
 pub(crate) fn brain_of(header: &Header) -> Result<CatchingBot, InputError> {
-    let (robot, gripper) = header.sources.parse(&RECORDED)?;
+    let (mut robot, gripper) = header.sources.parse(&RECORDED)?;
+    if let Some(values) = &header.scenario.ready_rad {
+        robot.ready_q = robot.checked_pose("the scenario in the recording", "ready_rad", values)?;
+    }
     Ok(CatchingBot::new(header.brain.clone(), robot, gripper, header.cameras.clone(), &header.reference_scan))
 }
 

@@ -166,11 +166,12 @@ impl Setup {
             limit_scale: scenario.limit_scale,
         };
         let names = SourceNames { robot_urdf: &urdf_file, robot_toml: &robot.file, gripper_toml: &gripper.file };
-        let (arm, hand) = sources.parse(&names)?;
+        let (mut arm, hand) = sources.parse(&names)?;
         let ready_q = match &scenario.ready_rad {
             Some(values) => arm.checked_pose(&asset.file, "ready_rad", values)?,
             None => arm.ready_q,
         };
+        arm.ready_q = ready_q;
         let thrown = ThrownObject::from_toml(&object.file, &object.text, &|name| Ok(object.read_beside(name)?.1))?;
         let cameras = cameras::rig_from_toml(&flight_rig.file, &flight_rig.text)?;
         let scanners = cameras::rig_from_toml(&reference_rig.file, &reference_rig.text)?;

@@ -3,23 +3,36 @@
 
 use catch_body::kinematics::LinkPoses;
 use catch_cell::{CameraModel, DepthFrame};
-use nalgebra::{Matrix3, Point3, Vector3};
+use nalgebra::{Matrix3, Point2, Point3, Vector3};
+use std::sync::Arc;
 
 use super::{
     Config, ReferenceModel,
     segmentation::{Background, Surroundings, threshold_m},
 };
 
-/// Buffers of the search, and what the cameras see while the arm stands still.
+/// Buffers of the search, and what the cameras see while the arm waits.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Scratch {
-    /// For each camera the depth of what is known to be there in its whole image, and for which arm.
-    still: Vec<Vec<f32>>,
-    still_for: Option<(LinkPoses, f64)>,
+    waiting: Option<Arc<Waiting>>,
     blobs: Vec<Blob>,
-    /// Blob of each pixel of an image, zero for none.
-    numbers: Vec<u32>,
+    /// Pixels of an image that could be the object.
+    candidates: Vec<u32>,
+    /// Whether a pixel is a candidate that no blob has taken yet; nobody's between two images.
+    is_free: Vec<bool>,
     stack: Vec<u32>,
+}
+
+/// What is known before anything flies: for each camera the depths before which the pixels of its whole image show something
+/// else than what is known to be there.
+#[derive(Debug)]
+struct Waiting {
+    /// The arm that waits, and the opening of its gripper.
+    X_WL: LinkPoses,
+    width_m: f64,
+    with_arm_m: Vec<Vec<f32>>,
+    /// Without the arm; empty where nothing else is known either.
+    without_arm_m: Vec<Vec<f32>>,
 }
 
 /// Pixels of one image that hang together.
@@ -41,8 +54,11 @@ const MIN_PIXELS: usize = 3;
 const MAX_BLOBS: usize = 96;
 /// A blob's box may be larger than the object's by this factor.
 const SLACK: f64 = 1.5;
-/// Arms whose links have moved less than this, in metres and radians, stand still.
-const STILL: f64 = 2e-4;
+/// Arms whose links are nearer to where they wait than this, in metres and radians, are waiting: half of what
+/// [`Config::background_margin_m`] allows for.
+const WAITING: f64 = 5e-3;
+/// Pixels that are looked at together.
+const RUN: usize = 32;
 
 /// Whether no link is farther from where it was than this, in metres and radians.
 pub(super) fn is_within(limit: f64, X_WA: &LinkPoses, X_WB: &LinkPoses) -> bool {
@@ -60,10 +76,13 @@ pub(super) fn find(
     config: &Config,
     scratch: &mut Scratch,
 ) -> Option<Point3<f64>> {
-    scratch.keep_background(cameras, surroundings, config);
+    let waiting = scratch.waiting.clone();
     scratch.blobs.clear();
     for frame in frames.iter().filter(|frame| frame.mask.is_none() && frame.depth_m.len() >= frame.window.area()) {
         if let Some(camera) = cameras.get(frame.camera) {
+            let background = Background::new(camera, surroundings, &frame.window, config);
+            let nearer_than_m = waiting.as_ref().and_then(|waiting| waiting.nearer_than_m(frame.camera, surroundings));
+            scratch.choose_candidates(frame, camera, nearer_than_m, &background, config);
             scratch.add_blobs(frame, camera, reference, config);
         }
     }
@@ -100,52 +119,74 @@ pub(super) fn find(
 }
 
 impl Scratch {
-    /// Casts the arm into all images, unless it still stands where it stood.
-    fn keep_background(&mut self, cameras: &[CameraModel], known: Option<&Surroundings<'_>>, config: &Config) {
-        let now = known.map(|known| (known.X_WL, known.width_m));
-        let stands_still = match (&self.still_for, &now) {
-            (Some((X_WA, a)), Some((X_WB, b))) => (a - b).abs() < STILL && is_within(STILL, X_WA, X_WB),
-            (None, None) => true,
-            _ => false,
+    /// For an arm that will be waiting where `surroundings` say.
+    pub fn before_flight(cameras: &[CameraModel], surroundings: &Surroundings<'_>, config: &Config) -> Self {
+        let limits_m = |known: Option<&Surroundings<'_>>| -> Vec<Vec<f32>> {
+            let of_camera = |camera: &CameraModel| {
+                let mut depths_m = Vec::new();
+                Background::new(camera, known, &camera.full_window(), config).cast_all(&mut depths_m);
+                depths_m.iter_mut().for_each(|depth_m| *depth_m = nearer_than_m(f64::from(*depth_m), config) as f32);
+                depths_m
+            };
+            cameras.iter().map(of_camera).collect()
         };
-        if self.still.len() == cameras.len() && stands_still {
-            return;
-        }
-        self.still_for = now;
-        self.still.resize(cameras.len(), Vec::new());
-        for (camera, still) in cameras.iter().zip(&mut self.still) {
-            Background::new(camera, known, &camera.full_window(), config).cast_all(still);
+        let waiting = Waiting {
+            X_WL: surroundings.X_WL,
+            width_m: surroundings.width_m,
+            with_arm_m: limits_m(Some(surroundings)),
+            without_arm_m: if config.floor_visible { limits_m(None) } else { Vec::new() },
+        };
+        Self { waiting: Some(Arc::new(waiting)), ..Self::default() }
+    }
+
+    /// The pixels of one image that show something in front of all that is known to be there. Rays are cast for those alone
+    /// that what is known of a waiting arm does not explain.
+    fn choose_candidates(
+        &mut self,
+        frame: &DepthFrame,
+        camera: &CameraModel,
+        nearer_than_m: Option<&[f32]>,
+        background: &Background<'_>,
+        config: &Config,
+    ) {
+        const ANYWHERE: [f32; RUN] = [f32::INFINITY; RUN];
+        let columns = frame.window.width as usize;
+        let (left, top, wide) = (frame.window.left as usize, frame.window.top as usize, camera.width_px as usize);
+        self.candidates.clear();
+        for (row, depths_m) in frame.depth_m[..frame.window.area()].chunks(columns.max(1)).enumerate() {
+            let limits_m = nearer_than_m.and_then(|limits_m| limits_m.get((row + top) * wide + left..));
+            for (run, depths_m) in depths_m.chunks(RUN).enumerate() {
+                let limits_m = limits_m.and_then(|limits_m| limits_m.get(run * RUN..)).unwrap_or(&ANYWHERE);
+                // Not a number is nearer than nothing. All at once, because in nearly all runs there is nothing to find.
+                let is_near = |(depth_m, limit_m): (&f32, &f32)| (*depth_m > 0.0) & (depth_m < limit_m);
+                if !depths_m.iter().zip(limits_m).fold(false, |any, both| any | is_near(both)) {
+                    continue;
+                }
+                for (i, both) in depths_m.iter().zip(limits_m).enumerate().filter(|(_, both)| is_near(*both)) {
+                    let column = run * RUN + i;
+                    let uv = Point2::new((left + column) as f64 + 0.5, (top + row) as f64 + 0.5);
+                    if f64::from(*both.0) < self::nearer_than_m(background.depth_m(&uv), config) {
+                        self.candidates.push((row * columns + column) as u32);
+                    }
+                }
+            }
         }
     }
 
     /// The blobs of one image that could be the object.
     fn add_blobs(&mut self, frame: &DepthFrame, camera: &CameraModel, reference: &ReferenceModel, config: &Config) {
         let (columns, rows) = (frame.window.width as usize, frame.window.height as usize);
-        let still = &self.still[frame.camera];
-        let (left, top, wide) = (frame.window.left as usize, frame.window.top as usize, camera.width_px as usize);
-        self.numbers.clear();
-        self.numbers.resize(frame.window.area(), 0);
-        for row in 0..rows {
-            for column in 0..columns {
-                let i = row * columns + column;
-                let found_m = frame.depth_m[i];
-                if !found_m.is_finite() || found_m <= 0.0 {
-                    continue;
-                }
-                let behind_m = still.get((row + top) * wide + column + left).copied().unwrap_or(f32::INFINITY);
-                let is_near = behind_m.is_infinite()
-                    || f64::from(found_m) < f64::from(behind_m) - threshold_m(f64::from(behind_m), config);
-                self.numbers[i] = u32::from(is_near);
-            }
+        let (left, top) = (frame.window.left as usize, frame.window.top as usize);
+        self.is_free.resize(self.is_free.len().max(frame.window.area()), false);
+        for &i in &self.candidates {
+            self.is_free[i as usize] = true;
         }
-        // Neighbours are gathered from each pixel that has not been counted: 1 waits, 2 has been counted.
-        for first in 0..self.numbers.len() {
-            if self.numbers[first] != 1 {
+        for &first in &self.candidates {
+            if !std::mem::take(&mut self.is_free[first as usize]) {
                 continue;
             }
-            self.numbers[first] = 2;
             self.stack.clear();
-            self.stack.push(first as u32);
+            self.stack.push(first);
             let (mut pixels, mut sum_m, mut squares_m2) = (0_usize, 0.0, 0.0);
             let (mut sum_u, mut sum_v) = (0.0, 0.0);
             let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
@@ -163,8 +204,7 @@ impl Scratch {
                 let across = column.saturating_sub(1)..=(column + 1).min(columns - 1);
                 for neighbour_row in row.saturating_sub(1)..=(row + 1).min(rows - 1) {
                     for neighbour in across.clone().map(|column| neighbour_row * columns + column) {
-                        if self.numbers[neighbour] == 1 {
-                            self.numbers[neighbour] = 2;
+                        if std::mem::take(&mut self.is_free[neighbour]) {
                             self.stack.push(neighbour as u32);
                         }
                     }
@@ -177,7 +217,7 @@ impl Scratch {
             if pixels < MIN_PIXELS || extent_px > widest_px {
                 continue;
             }
-            let uv = nalgebra::Point2::new(left as f64 + sum_u / count + 0.5, top as f64 + sum_v / count + 0.5);
+            let uv = Point2::new(left as f64 + sum_u / count + 0.5, top as f64 + sum_v / count + 0.5);
             let ray_C = camera.back_project(&uv, 1.0).coords;
             let length = ray_C.norm();
             let spread_m2 = (squares_m2 / count - depth_m * depth_m).max(0.0);
@@ -191,6 +231,22 @@ impl Scratch {
             });
         }
     }
+}
+
+impl Waiting {
+    /// The limits in a camera's image, as far as they still hold.
+    fn nearer_than_m(&self, camera: usize, known: Option<&Surroundings<'_>>) -> Option<&[f32]> {
+        let is_waiting = known.is_some_and(|known| {
+            is_within(WAITING, &self.X_WL, &known.X_WL) && (self.width_m - known.width_m).abs() < WAITING
+        });
+        let limits_m = if is_waiting { &self.with_arm_m } else { &self.without_arm_m };
+        limits_m.get(camera).map(Vec::as_slice)
+    }
+}
+
+/// Before this depth a pixel shows something else than what is known to be there at `depth_m`.
+fn nearer_than_m(depth_m: f64, config: &Config) -> f64 {
+    if depth_m.is_finite() { depth_m - threshold_m(depth_m, config) } else { f64::INFINITY }
 }
 
 impl Blob {

@@ -31,6 +31,8 @@ struct Crossing {
     at_px: f64,
     /// By how much that changes from line to line.
     slope: f64,
+    /// Which of the pixels within [`REACH_PX`] of it showed anything in any image, the first in the lowest bit.
+    shown: u8,
 }
 
 /// What is known of the cameras' attitudes.
@@ -39,9 +41,7 @@ pub struct CameraAlignment {
     cameras: Vec<CameraModel>,
     /// For each camera, the outline of the arm.
     outlines: Vec<Vec<Crossing>>,
-    /// For each camera, the pixels that showed anything in any of its images.
-    shown: Vec<Vec<bool>>,
-    /// Where the arm stood in the first of them, and how far open its gripper was.
+    /// Where the arm stood for that, and how far open its gripper was.
     stood: Option<(LinkPoses, f64)>,
     images: usize,
 }
@@ -64,7 +64,37 @@ const ENOUGH_IMAGES: usize = 8;
 impl CameraAlignment {
     /// Cameras as they are `told` to stand.
     pub fn new(told: &[CameraModel]) -> Self {
-        Self { cameras: told.to_vec(), outlines: Vec::new(), shown: Vec::new(), stood: None, images: 0 }
+        Self { cameras: told.to_vec(), outlines: Vec::new(), stood: None, images: 0 }
+    }
+
+    /// The same for an arm that will be waiting where `surroundings` say, which makes the first image cost no more than the
+    /// others.
+    pub fn before_flight(told: &[CameraModel], surroundings: &Surroundings<'_>, config: &Config) -> Self {
+        let mut alignment = Self::new(told);
+        if is_wanted(config) {
+            alignment.outline(told, surroundings, config);
+        }
+        alignment
+    }
+
+    /// Works out where the outline of the arm should be.
+    fn outline(&mut self, told: &[CameraModel], known: &Surroundings<'_>, config: &Config) {
+        self.stood = Some((known.X_WL, known.width_m));
+        self.outlines.clear();
+        for camera in told {
+            let background = Background::new(camera, Some(known), &camera.full_window(), config);
+            let mut still = Vec::new();
+            background.cast_all(&mut still);
+            let is_there = |uv: &Point2<f64>| background.depth_m(uv).is_finite();
+            self.outlines.push(outline(camera.width_px as usize, &still, &is_there));
+        }
+    }
+
+    /// Whether the outlines are those of an arm that stands like this.
+    fn is_of(&self, known: &Surroundings<'_>) -> bool {
+        self.stood.as_ref().is_some_and(|(X_WL, width_m)| {
+            is_within(STILL, X_WL, &known.X_WL) && (*width_m - known.width_m).abs() < STILL
+        })
     }
 
     /// The cameras, turned to where they look as far as is known.
@@ -89,36 +119,36 @@ impl CameraAlignment {
                 && told.get(frame.camera).is_some_and(|it| frame.window == it.full_window())
                 && frame.depth_m.len() >= frame.window.area()
         };
-        let is_over = self.images == ENOUGH_IMAGES || config.camera_sd_rad == 0.0 || config.floor_visible;
+        let is_over = self.images == ENOUGH_IMAGES || !is_wanted(config);
         let Some(known) = surroundings.filter(|_| !is_over && frames.iter().any(shows_arm)) else { return };
-        let (X_WL, width_m) = self.stood.get_or_insert((known.X_WL, known.width_m));
-        if !is_within(STILL, X_WL, &known.X_WL) || (*width_m - known.width_m).abs() > STILL {
-            self.images = ENOUGH_IMAGES;
-            return;
-        }
-        if self.outlines.is_empty() {
-            for camera in told {
-                let background = Background::new(camera, surroundings, &camera.full_window(), config);
-                let mut still = Vec::new();
-                background.cast_all(&mut still);
-                let is_there = |uv: &Point2<f64>| background.depth_m(uv).is_finite();
-                self.outlines.push(outline(camera.width_px as usize, &still, &is_there));
-                self.shown.push(vec![false; still.len()]);
+        if !self.is_of(known) {
+            if self.images > 0 {
+                self.images = ENOUGH_IMAGES;
+                return;
             }
+            self.outline(told, known, config);
         }
         self.images += 1;
         for frame in frames.iter().filter(|frame| shows_arm(frame)) {
             let i = frame.camera;
-            let (camera, shown) = (&told[i], &mut self.shown[i]);
-            for (shown, depth_m) in shown.iter_mut().zip(&frame.depth_m) {
-                *shown |= depth_m.is_finite() && *depth_m > 0.0;
+            let (camera, outline) = (&told[i], &mut self.outlines[i]);
+            for crossing in outline.iter_mut() {
+                crossing.look(camera.width_px as usize, |pixel| {
+                    let depth_m = frame.depth_m[pixel];
+                    depth_m.is_finite() && depth_m > 0.0
+                });
             }
-            let shift_px = shift_px(&self.outlines[i], shown, camera, config.camera_sd_rad);
+            let shift_px = shift_px(outline, camera, config.camera_sd_rad);
             // With p_C' = p_C − δ × p_C a point on the axis moves by f·(−δ_y, δ_x) in the image.
             let turn = Vector3::new(shift_px.y, -shift_px.x, 0.0) / camera.focal_px;
             self.cameras[i].X_WC.rotation = camera.X_WC.rotation * UnitQuaternion::from_scaled_axis(turn);
         }
     }
+}
+
+/// Whether cameras can be aligned and need to be.
+fn is_wanted(config: &Config) -> bool {
+    config.camera_sd_rad > 0.0 && !config.floor_visible
 }
 
 /// The outline of what `still` shows, between pixels by asking whether something `is_there`.
@@ -146,7 +176,7 @@ fn outline(width: usize, still: &[f32], is_there: &impl Fn(&Point2<f64>) -> bool
                         if is_there(&at(middle)) == begins { high = middle } else { low = middle }
                     }
                     let at_px = f64::midpoint(low, high);
-                    crossings.push(Crossing { along_row, line, last, begins, at_px, slope: f64::NAN });
+                    crossings.push(Crossing { along_row, line, last, begins, at_px, slope: f64::NAN, shown: 0 });
                 }
             }
         }
@@ -171,12 +201,10 @@ fn add_slopes(crossings: &mut [Crossing]) {
     }
 }
 
-/// By how much the outline is shifted in an image in which these pixels show something: least squares, with how far cameras
-/// are off as a prior.
-fn shift_px(outline: &[Crossing], shown: &[bool], camera: &CameraModel, camera_sd_rad: f64) -> Vector2<f64> {
-    let width = camera.width_px as usize;
+/// By how much the outline is shifted in the images: least squares, with how far cameras are off as a prior.
+fn shift_px(outline: &[Crossing], camera: &CameraModel, camera_sd_rad: f64) -> Vector2<f64> {
     let prior = Matrix2::identity() * (camera_sd_rad * camera.focal_px).powi(-2);
-    let seen = |it: &Crossing| Some((it.found_px(shown, width)? - it.at_px, it.gradient()));
+    let seen = |it: &Crossing| Some((it.found_px()? - it.at_px, it.gradient()));
     let mut seen: Vec<(f64, Vector2<f64>)> = outline.iter().filter_map(seen).collect();
     let mut shift = Vector2::zeros();
     for round in 0..3 {
@@ -199,14 +227,22 @@ impl Crossing {
         if self.along_row { Vector2::new(1.0, -self.slope) } else { Vector2::new(-self.slope, 1.0) }
     }
 
-    /// Where it is in an image: between the pixels that show nothing and those that show something, some of which may be
+    /// Notes which of its pixels show anything in an image so many pixels wide.
+    fn look(&mut self, width: usize, shows: impl Fn(usize) -> bool) {
+        for i in 0..2 * REACH_PX {
+            let k = self.last + 1 - REACH_PX + i;
+            let pixel = if self.along_row { self.line * width + k } else { k * width + self.line };
+            self.shown |= u8::from(shows(pixel)) << i;
+        }
+    }
+
+    /// Where it is in the images: between the pixels that show nothing and those that show something, some of which may be
     /// missing. `None` if it is not clear.
-    fn found_px(&self, shown: &[bool], width: usize) -> Option<f64> {
+    fn found_px(&self) -> Option<f64> {
         let first = self.last + 1 - REACH_PX;
-        let shows = |k: usize| shown[if self.along_row { self.line * width + k } else { k * width + self.line }];
         // Pixels of the arm may be missing, but where there is nothing nothing is seen.
         let cost = |before: usize| -> usize {
-            let wrong = |i: usize| match ((i < before) == self.begins, shows(first + i)) {
+            let wrong = |i: usize| match ((i < before) == self.begins, self.shown >> i & 1 == 1) {
                 (true, true) => 2,
                 (false, false) => 1,
                 _ => 0,
@@ -288,7 +324,8 @@ mod tests {
         found.retain(|it| it.along_row);
         assert_eq!(found.len(), 1, "the middle one of three rows has a slope");
         assert!((found[0].at_px - 37.3).abs() < 0.02 && found[0].slope == 0.0 && found[0].begins);
-        assert_eq!(found[0].found_px(&shown.repeat(3), 64), Some(37.0));
-        assert_eq!(found[0].found_px(&[false; 192], 64), None);
+        assert_eq!(found[0].found_px(), None);
+        found[0].look(64, |pixel| shown[pixel % 64]);
+        assert_eq!(found[0].found_px(), Some(37.0));
     }
 }

@@ -178,16 +178,12 @@ impl Grid {
         let (first, share) = self.cell(point)?;
         let [u, v, w] = share.map(|share| share as f32);
         let (row, layer) = (self.nodes[0], self.nodes[0] * self.nodes[1]);
-        let [a, b, c, d] = [first, first + row, first + layer, first + layer + row].map(|start| self.between(start, u));
-        let [value, x, y, z] = blend::<3>(&blend::<2>(&a, &b, v), &blend::<2>(&c, &d, v), w).map(f64::from);
-        Some((value, Vector3::new(x, y, z) * self.per_m))
-    }
-
-    /// What lies between a node and the next one along x.
-    #[inline(always)]
-    fn between(&self, node: usize, share: f32) -> [f32; 4] {
-        let pair = &self.values[node..node + 2];
-        blend::<1>(&pair[0], &pair[1], share)
+        let nodes = &self.values[first..first + layer + row + 2];
+        let [a, b] = [blend::<1>(&nodes[0], &nodes[1], u), blend::<1>(&nodes[row], &nodes[row + 1], u)];
+        let nodes = &nodes[layer..];
+        let [c, d] = [blend::<1>(&nodes[0], &nodes[1], u), blend::<1>(&nodes[row], &nodes[row + 1], u)];
+        let [value, x, y, z] = blend::<3>(&blend::<2>(&a, &b, v), &blend::<2>(&c, &d, v), w);
+        Some((f64::from(value), Vector3::new(f64::from(x), f64::from(y), f64::from(z)) * self.per_m))
     }
 
     /// Value and gradient outside: the distance from the box of the grid added to the value where the box is nearest.
@@ -204,7 +200,8 @@ impl Grid {
 /// What lies between two nodes that are neighbours along the axis whose change is number `AXIS`.
 #[inline(always)]
 fn blend<const AXIS: usize>(a: &[f32; 4], b: &[f32; 4], t: f32) -> [f32; 4] {
-    let mut between: [f32; 4] = std::array::from_fn(|i| a[i] + t * (b[i] - a[i]));
+    let mut between =
+        [a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * (b[2] - a[2]), a[3] + t * (b[3] - a[3])];
     between[0] += 0.5 * t * (1.0 - t) * (a[AXIS] - b[AXIS]);
     between
 }

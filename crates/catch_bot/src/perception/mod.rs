@@ -173,8 +173,7 @@ pub enum PerceptionStatus {
     NoReference,
 }
 
-/// Buffers of [`find_object`], kept so that finding an object need not allocate. They carry nothing from one call to the
-/// next but what an arm that stands still looks like.
+/// Buffers of [`find_object`], kept so that finding an object need not allocate. They carry nothing from one call to the next.
 #[derive(Debug, Clone, Default)]
 pub struct Workspace {
     scene: SceneCloud,
@@ -185,6 +184,13 @@ pub struct Workspace {
 }
 
 impl Workspace {
+    /// With what the cameras see of an arm that will be waiting where `surroundings` say while the object is looked for in images
+    /// without masks, which makes the search faster and changes nothing of what it finds but at the very edge of the arm.
+    pub fn before_flight(cameras: &[CameraModel], surroundings: &Surroundings<'_>, config: &Config) -> Self {
+        let acquisition = acquisition::Scratch::before_flight(cameras, surroundings, config);
+        Self { acquisition, ..Self::default() }
+    }
+
     /// What the last search found in the images.
     pub fn scene(&self) -> &SceneCloud {
         &self.scene

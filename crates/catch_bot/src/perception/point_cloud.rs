@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     Config, ReferenceModel,
     segmentation::{Background, Label, Surroundings, label},
-    silhouette::{OutlineRay, outline},
+    silhouette::{NearRays, OutlineRay, outline},
 };
 
 /// Standard deviation of a measured depth: σ(z) = c + q·z², in metres.
@@ -53,6 +53,8 @@ pub struct SceneCloud {
     pub points: Vec<ScenePoint>,
     /// Rays along its outline, if they have been collected; only where masks tell it.
     pub outline: Vec<OutlineRay>,
+    /// Those of them that matter where the object is thought to be.
+    pub(super) near_outline: NearRays,
     /// The frames that show it.
     shown: Vec<Shown>,
     /// Labels of the pixels of frames that have no mask.
@@ -89,6 +91,7 @@ impl SceneCloud {
         self.labels.clear();
         self.points.reserve(ROOM_POINTS);
         self.outline.reserve(ROOM_POINTS);
+        self.near_outline.reserve(ROOM_POINTS);
         self.shown.reserve(cameras.len());
         self.labels.reserve(ROOM_LABELS);
         for (index, frame) in frames.iter().enumerate() {
@@ -101,16 +104,21 @@ impl SceneCloud {
             let mut labelled = None;
             let pixels = match (&frame.mask, near) {
                 (Some(mask), _) if mask.len() >= frame.window.area() => {
-                    self.collect_where(frame, camera, part, config, |_, i| mask[i])
+                    self.collect_where(frame, camera, part, config, |i| mask[i])
                 }
                 (None, Some(near)) if part.area() > 0 => {
                     let from = self.labels.len();
                     let background = Background::new(camera, surroundings, &part, config);
-                    label(&mut self.labels, frame, &part, &background, [near.depth_m, near.reach_m], config);
+                    let Near { centre_C, reach_m, .. } = &near;
+                    let pixels = label(&mut self.labels, frame, &part, &background, centre_C, *reach_m, config);
                     labelled = Some((part, from));
                     let labels = std::mem::take(&mut self.labels);
-                    let pixels =
-                        self.collect_where(frame, camera, part, config, |i, _| labels[from + i] == Label::Object);
+                    let (wide, columns) = (part.width as usize, frame.window.width as usize);
+                    let [left, top] =
+                        [part.left - frame.window.left, part.top - frame.window.top].map(|at| at as usize);
+                    let is_object =
+                        |i: usize| labels[from + (i / columns - top) * wide + i % columns - left] == Label::Object;
+                    self.collect_where(frame, camera, pixels, config, is_object);
                     self.labels = labels;
                     pixels
                 }
@@ -171,7 +179,7 @@ impl SceneCloud {
         self.points.iter().map(|point| point.depth_sd_m).sum::<f64>() / self.points.len().max(1) as f64
     }
 
-    /// Collects the measured pixels of a part of a frame for which `wanted` holds, given their indices in the part and in the
+    /// Collects the measured pixels of a part of a frame for which `wanted` holds, given their indices in the
     /// frame, and returns the box around all for which it
     /// holds, measured or not.
     fn collect_where(
@@ -180,7 +188,7 @@ impl SceneCloud {
         camera: &CameraModel,
         part: PixelWindow,
         config: &Config,
-        wanted: impl Fn(usize, usize) -> bool,
+        wanted: impl Fn(usize) -> bool,
     ) -> PixelWindow {
         let columns = frame.window.width as usize;
         let left = (part.left - frame.window.left.min(part.left)) as usize;
@@ -191,7 +199,7 @@ impl SceneCloud {
         for row in top..top + part.height as usize {
             for column in left..left + part.width as usize {
                 let i = row * columns + column;
-                if !wanted((row - top) * part.width as usize + column - left, i) {
+                if !wanted(i) {
                     continue;
                 }
                 low = [low[0].min(column), low[1].min(row)];
@@ -243,14 +251,14 @@ impl SceneCloud {
 #[derive(Debug, Clone, Copy)]
 struct Near {
     window: PixelWindow,
-    depth_m: f64,
+    centre_C: Point3<f64>,
     reach_m: f64,
 }
 
 impl Near {
     fn new(X_WO: &Pose, camera: &CameraModel, reach_m: f64) -> Self {
         let centre_C = camera.X_WC.inverse_transform_point(&X_WO.translation.vector.into());
-        Self { window: camera.window_around(&centre_C, reach_m), depth_m: centre_C.z, reach_m }
+        Self { window: camera.window_around(&centre_C, reach_m), centre_C, reach_m }
     }
 }
 

@@ -38,10 +38,15 @@ pub struct Fit {
 
 /// Depth noise in radii of the object from which on depths are left aside where there is an outline.
 const HOPELESS_RADII: f64 = 0.5;
-/// Later steps that do not get shorter jump to and fro across a kink of the field: they are halved.
+/// Steps that turn back and do not get shorter jump to and fro across a kink of the field, later ones that do not get shorter
+/// do so some other way: they are halved.
 const FREE_STEPS: usize = 8;
 /// Unless they are longer than this many standard deviations, and so still on their way.
 const JUMPING_SD: f64 = 10.0;
+/// A start whose first step is shorter than this many standard deviations was near already, as the prediction of a tracked object
+/// is. Then steps may be longer by this factor to count as come to rest, because none of them has far to go.
+const NEAR_SD: f64 = 10.0;
+const NEAR_TOLERANCE: f64 = 2.0;
 /// Mean distances of points below this are all perfect, in metres.
 const LEAST_MEAN_M: f64 = 1e-5;
 /// And mean violations of the outline below this share of a pixel.
@@ -84,7 +89,7 @@ pub(super) fn iterate(
     with_outline: bool,
 ) -> (Fit, bool) {
     let noise_m = scene.mean_noise_m();
-    let SceneCloud { points, outline, .. } = scene;
+    let SceneCloud { points, outline, near_outline: near, .. } = scene;
     let rays = if with_outline { outline.as_mut_slice() } else { &mut [] };
     let measured = points.len();
     // Depths that are known worse than to the object's size say nothing that its outline does not say better, and the field
@@ -94,39 +99,45 @@ pub(super) fn iterate(
     let mut X_WO = *start;
     let observable = reference.symmetry.observable();
     silhouette::find_all(rays, reference, &X_WO, config);
+    near.choose(rays, 0.0, f64::INFINITY);
     // With infinite scales nothing is an outlier: the typical residual at the start, so that a start that is off does not
     // turn everything to outliers.
     let mut on_points = measure_points(points, reference, &X_WO, config);
-    let mut scales =
-        Scales { points: typical(&on_points), outline: silhouette::typical_violation(rays, f64::INFINITY).max(1.0) };
+    let outline = silhouette::typical_violation(rays, near, f64::INFINITY).max(1.0);
+    let mut scales = Scales { points: typical(&on_points), outline };
+    near.choose(rays, 0.0, scales.outline);
     let mut on_rays = Sums::ZERO;
     let mut equations = NormalEquations::ZERO;
     let (mut converged, mut in_sd, mut moved_m, mut damping) = (false, f64::INFINITY, 0.0, 1.0);
-    let mut iterations = 0;
+    let (mut iterations, mut last_step, mut tolerance_sd) = (0, Vector6::zeros(), config.step_tolerance_sd);
     while iterations < max_iterations && !converged {
         iterations += 1;
-        (on_points, on_rays, equations) = sum_all(points, rays, reference, &X_WO, &mut scales, config);
+        (on_points, on_rays, equations) = sum_all(points, rays, near, reference, &X_WO, &mut scales, config);
         let (information, gradient) = equations.projected(&observable);
         let Some(mut step) = step(&information, &gradient, reference.radius_m) else { break };
         let step_sd = step.dot(&(information * step)).max(0.0).sqrt();
-        if iterations > FREE_STEPS && step_sd < JUMPING_SD && step_sd > 0.7 * in_sd {
+        if iterations == 1 && step_sd < NEAR_SD {
+            tolerance_sd *= NEAR_TOLERANCE;
+        }
+        let turns_back = step.dot(&(information * last_step)) < 0.0;
+        if (turns_back || iterations > FREE_STEPS) && step_sd < JUMPING_SD && step_sd > 0.7 * in_sd {
             damping *= 0.5;
         }
-        in_sd = step_sd;
+        (in_sd, last_step) = (step_sd, step);
         step *= damping;
         let length_m;
         (X_WO, length_m) = moved(&X_WO, &step, reference.radius_m);
         moved_m += length_m;
-        converged = length_m < config.step_tolerance_m || damping * in_sd < config.step_tolerance_sd;
+        converged = length_m < config.step_tolerance_m || damping * in_sd < tolerance_sd;
         if !rays.is_empty() {
-            silhouette::follow_all(rays, reference, &X_WO, moved_m, scales.outline, config);
-            let outline = silhouette::typical_violation(rays, scales.outline).max(1.0);
+            near.follow(rays, reference, &X_WO, moved_m, scales.outline, config);
+            let outline = silhouette::typical_violation(rays, near, scales.outline).max(1.0);
             converged &= outline > 0.7 * scales.outline;
             scales.outline = outline.max(LEAST_SHRINKING * scales.outline);
         }
     }
     if !converged {
-        (on_points, on_rays, equations) = sum_all(points, rays, reference, &X_WO, &mut scales, config);
+        (on_points, on_rays, equations) = sum_all(points, rays, near, reference, &X_WO, &mut scales, config);
     }
     let weight = on_points.weight.max(1e-12);
     let fit = Fit {
@@ -150,13 +161,14 @@ pub(super) fn iterate(
 fn sum_all(
     points: &[ScenePoint],
     rays: &[silhouette::OutlineRay],
+    near: &silhouette::NearRays,
     reference: &ReferenceModel,
     X_WO: &Pose,
     scales: &mut Scales,
     config: &Config,
 ) -> (Sums, Sums, NormalEquations) {
     let on_points = sum_points(points, reference, X_WO, scales.points, config);
-    let on_rays = silhouette::sum(rays, scales.outline);
+    let on_rays = silhouette::sum(rays, near, scales.outline);
     scales.points = typical(&on_points);
     let mut equations = on_rays.equations;
     equations.add_scaled(&on_points.equations, scales.points.powi(-2));

@@ -38,6 +38,9 @@ pub enum Label {
     Unknown,
 }
 
+/// Pixels of a row that are looked at together.
+const RUN: usize = 8;
+
 /// Most bodies that an arm consists of.
 const MAX_BODIES: usize = 16;
 
@@ -87,14 +90,17 @@ impl<'a> Background<'a> {
         } else {
             depths_m.resize(window.area(), f32::INFINITY);
         }
-        for (centre_C, radius_m, ..) in self.bodies.iter().flatten() {
+        for body in self.bodies.iter().flatten() {
+            let (centre_C, radius_m, ..) = body;
             let too_near = centre_C.z.abs() <= *radius_m;
             let part = if too_near { window } else { self.camera.window_around(centre_C, *radius_m) };
             let part = super::point_cloud::intersection(&window, &part);
             for row in part.top..part.top + part.height {
                 for column in part.left..part.left + part.width {
                     let uv = Point2::new(f64::from(column) + 0.5, f64::from(row) + 0.5);
-                    depths_m[(row * window.width + column) as usize] = self.depth_m(&uv) as f32;
+                    let depth_m = &mut depths_m[(row * window.width + column) as usize];
+                    let ray_C = self.camera.back_project(&uv, 1.0).coords;
+                    *depth_m = body_m(body, &ray_C, f64::from(*depth_m)) as f32;
                 }
             }
         }
@@ -108,22 +114,24 @@ impl<'a> Background<'a> {
 
     /// Depth at image coordinates; infinite where there is nothing.
     pub fn depth_m(&self, uv: &Point2<f64>) -> f64 {
-        let ray_C = self.camera.back_project(uv, 1.0).coords;
-        let mut nearest_m = self.floor_m(&ray_C);
-        let squared = ray_C.norm_squared();
-        for (centre_C, radius_m, X_BC, caster) in self.bodies.iter().flatten() {
-            let along = centre_C.coords.dot(&ray_C) / squared;
-            if (centre_C.coords - ray_C * along).norm_squared() > radius_m * radius_m {
-                continue;
-            }
-            // The ray's third component is one: its parameter is the depth.
-            let origin = Point3::from(X_BC.translation.vector);
-            if let Some(depth_m) = caster.cast_within(&origin, &(X_BC.rotation * ray_C), nearest_m) {
-                nearest_m = depth_m;
-            }
-        }
-        nearest_m
+        self.along_m(&self.camera.back_project(uv, 1.0).coords)
     }
+
+    /// The same along a ray whose third component is one.
+    fn along_m(&self, ray_C: &Vector3<f64>) -> f64 {
+        self.bodies.iter().flatten().fold(self.floor_m(ray_C), |nearest_m, body| body_m(body, ray_C, nearest_m))
+    }
+}
+
+/// Depth of a body along a ray whose third component is one, if it is nearer than `nearest_m`, else that.
+fn body_m((centre_C, radius_m, X_BC, caster): &BodyInSight<'_>, ray_C: &Vector3<f64>, nearest_m: f64) -> f64 {
+    let along = centre_C.coords.dot(ray_C) / ray_C.norm_squared();
+    if (centre_C.coords - ray_C * along).norm_squared() > radius_m * radius_m {
+        return nearest_m;
+    }
+    // The ray's third component is one: its parameter is the depth.
+    let origin = Point3::from(X_BC.translation.vector);
+    caster.cast_within(&origin, &(X_BC.rotation * ray_C), nearest_m).unwrap_or(nearest_m)
 }
 
 /// By how much a pixel must be nearer than what is known to be there: the depth noise there, and errors of the model.
@@ -131,7 +139,8 @@ pub(super) fn threshold_m(depth_m: f64, config: &Config) -> f64 {
     config.background_margin_m + config.background_sd * config.depth_noise.sd_m(depth_m)
 }
 
-/// Labels the pixels of a part of a frame, row by row, for an object expected at a depth, give or take its reach.
+/// Labels the pixels of a part of a frame, row by row, for an object expected within a ball of radius `reach_m` around
+/// `centre_C`, and returns the box around those that show it.
 ///
 /// What is behind a pixel costs a ray, so it is asked of pixels at the object's depth alone, and then of those beside the
 /// object's: all others are left unknown.
@@ -140,10 +149,13 @@ pub(super) fn label(
     frame: &DepthFrame,
     part: &PixelWindow,
     background: &Background<'_>,
-    expected_m: [f64; 2],
+    centre_C: &Point3<f64>,
+    reach_m: f64,
     config: &Config,
-) {
-    let [depth_m, reach_m] = expected_m;
+) -> PixelWindow {
+    let depth_m = centre_C.z;
+    // (r·c)² of rays r that touch the ball, in |r|².
+    let grazing_m2 = centre_C.coords.norm_squared() - reach_m * reach_m;
     let (wide, high) = (part.width as usize, part.height as usize);
     let [left, top] = [part.left - frame.window.left, part.top - frame.window.top].map(|offset| offset as usize);
     let at = |x: usize, y: usize| f64::from(frame.depth_m[(top + y) * frame.window.width as usize + left + x]);
@@ -153,7 +165,11 @@ pub(super) fn label(
     let judge = |x: usize, y: usize| {
         let found_m = at(x, y);
         let uv = Point2::new(f64::from(part.left) + x as f64 + 0.5, f64::from(part.top) + y as f64 + 0.5);
-        let behind_m = background.depth_m(&uv);
+        let ray_C = background.camera.back_project(&uv, 1.0).coords;
+        if ray_C.dot(&centre_C.coords).powi(2) < ray_C.norm_squared() * grazing_m2 {
+            return Label::Unknown;
+        }
+        let behind_m = background.along_m(&ray_C);
         // Too close to tell apart, or in front of where the object is.
         let is_hidden = behind_m.is_finite() && behind_m - reach_m - threshold_m(behind_m, config) < depth_m;
         let is_behind = behind_m.is_finite() && found_m > behind_m - threshold_m(behind_m, config);
@@ -168,16 +184,31 @@ pub(super) fn label(
         }
     };
     let first = labels.len();
+    labels.resize(first + wide * high, Label::Unknown);
+    let labels = &mut labels[first..];
+    // The box around the object's pixels.
+    let (mut low, mut past) = ([usize::MAX; 2], [0; 2]);
     for y in 0..high {
-        for x in 0..wide {
-            let found_m = at(x, y);
-            let may_be = is_measured(found_m) && is_near(found_m);
-            labels.push(if may_be { judge(x, y) } else { Label::Unknown });
+        let start = (top + y) * frame.window.width as usize + left;
+        for (run, depths_m) in frame.depth_m[start..start + wide].chunks(RUN).enumerate() {
+            // All at once, because in most runs nothing is measured. Not a number is nearer than nothing.
+            if !depths_m.iter().fold(false, |any, found_m| any | (*found_m > 0.0)) {
+                continue;
+            }
+            for (x, found_m) in (run * RUN..).zip(depths_m) {
+                if is_measured(f64::from(*found_m)) && is_near(f64::from(*found_m)) {
+                    let label = judge(x, y);
+                    labels[y * wide + x] = label;
+                    if label == Label::Object {
+                        low = [low[0].min(x), low[1].min(y)];
+                        past = [past[0].max(x + 1), past[1].max(y + 1)];
+                    }
+                }
+            }
         }
     }
-    let labels = &mut labels[first..];
-    for y in 0..high {
-        for x in 0..wide {
+    for y in low[1].saturating_sub(1)..(past[1] + 1).min(high) {
+        for x in low[0].saturating_sub(1)..(past[0] + 1).min(wide) {
             let i = y * wide + x;
             let is_object = |i: usize| labels[i] == Label::Object;
             let beside = x > 0 && is_object(i - 1)
@@ -194,6 +225,9 @@ pub(super) fn label(
             is_measured(at((column - part.left) as usize, (row - part.top) as usize))
         });
     }
+    let (left, top) = (part.left + low[0].min(wide) as u32, part.top + low[1].min(high) as u32);
+    let [width, height] = [0, 1].map(|axis| past[axis].saturating_sub(low[axis]) as u32);
+    PixelWindow { left, top, width, height }
 }
 
 /// So many of a pixel's eight neighbours show the object if it is a hole in the object's image, or at least not clearly beside it:

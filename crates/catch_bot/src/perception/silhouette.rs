@@ -41,12 +41,15 @@ pub struct OutlineRay {
 }
 
 /// Standard deviations by which a bound must be kept before it no longer matters.
-const IDLE_SD: f64 = 4.0;
+const IDLE_SD: f64 = 3.0;
+/// How far the object may move, and how much the outline's scale may grow, before all rays are asked again whether they matter.
+const NEARBY_M: f64 = 0.002;
+const SCALE_GROWTH: f64 = 1.5;
 /// Bends of the distance along a ray that are believed, in 1/m: radii from 2 mm to 0.5 m.
 const BENDS_PER_M: [f64; 2] = [2.0, 500.0];
 
 /// Standard deviations by which a bound must be kept for its search to end.
-const CLEAR_SD: f64 = 6.0;
+const CLEAR_SD: f64 = 4.0;
 /// How far ahead a parabola along the ray is believed: two nodes of the distance field.
 const BELIEVED_M: f64 = 0.004;
 /// Steps of the search for the nearest place, and the shortest that is worth a look.
@@ -177,20 +180,57 @@ pub(super) fn find_all(rays: &mut [OutlineRay], reference: &ReferenceModel, X_WO
     }
 }
 
-/// Brings those rays to the object at `X_WO` that may matter after it has moved by `moved_m` in all since [`find_all`].
-pub(super) fn follow_all(
-    rays: &mut [OutlineRay],
-    reference: &ReferenceModel,
-    X_WO: &Pose,
+/// The rays that matter while the object moves little: a few of all.
+#[derive(Debug, Clone, Default)]
+pub(super) struct NearRays {
+    indices: Vec<u32>,
+    /// How far the object had moved when they were chosen, and up to which scale they are all that matter.
     moved_m: f64,
-    scale: f64,
-    config: &Config,
-) {
-    let mut view = View::new(X_WO);
-    for ray in rays.iter_mut().filter(|ray| !ray.is_idle(moved_m, scale)) {
-        view.look_from(ray);
-        ray.follow(reference, &view);
-        ray.note(moved_m, config);
+    most_scale: f64,
+}
+
+impl NearRays {
+    /// Makes room, so that choosing does not allocate.
+    pub fn reserve(&mut self, count: usize) {
+        self.indices.clear();
+        self.indices.reserve(count);
+    }
+
+    /// Chooses them anew.
+    pub fn choose(&mut self, rays: &[OutlineRay], moved_m: f64, scale: f64) {
+        (self.moved_m, self.most_scale) = (moved_m, SCALE_GROWTH * scale);
+        self.indices.clear();
+        let matters = |ray: &OutlineRay| !ray.is_idle(moved_m + NEARBY_M, SCALE_GROWTH * scale);
+        self.indices.extend((0_u32..).zip(rays).filter(|(_, ray)| matters(ray)).map(|(i, _)| i));
+    }
+
+    /// Brings those rays to the object at `X_WO` that may matter after it has moved by `moved_m` in all since [`find_all`].
+    pub fn follow(
+        &mut self,
+        rays: &mut [OutlineRay],
+        reference: &ReferenceModel,
+        X_WO: &Pose,
+        moved_m: f64,
+        scale: f64,
+        config: &Config,
+    ) {
+        if moved_m > self.moved_m + NEARBY_M || scale > self.most_scale {
+            self.choose(rays, moved_m, scale);
+        }
+        let mut view = View::new(X_WO);
+        for &i in &self.indices {
+            let ray = &mut rays[i as usize];
+            if !ray.is_idle(moved_m, scale) {
+                view.look_from(ray);
+                ray.follow(reference, &view);
+                ray.note(moved_m, config);
+            }
+        }
+    }
+
+    /// The rays themselves.
+    fn of<'a>(&'a self, rays: &'a [OutlineRay]) -> impl Iterator<Item = &'a OutlineRay> {
+        self.indices.iter().map(|&i| &rays[i as usize])
     }
 }
 
@@ -224,9 +264,9 @@ impl View {
 
 /// Root mean square by which broken bounds are broken, in multiples of what it should be: √⅔ standard deviations, since
 /// E\[u²; u > 0\] = ∫u²·Φ(−u)du / ∫Φ(−u)du = ⅔ for rays at any distance from the outline.
-pub(super) fn typical_violation(rays: &[OutlineRay], scale: f64) -> f64 {
+pub(super) fn typical_violation(rays: &[OutlineRay], near: &NearRays, scale: f64) -> f64 {
     let (mut weights, mut squares) = (0.0, 0.0);
-    for ray in rays.iter().filter(|ray| ray.violation_m() > 0.0) {
+    for ray in near.of(rays).filter(|ray| ray.violation_m() > 0.0) {
         let in_sd = ray.violation_m() / ray.sd_m;
         let weight = (1.0 + (in_sd / (OUTLIER_SD * scale)).powi(2)).powi(-2);
         weights += weight;
@@ -243,9 +283,9 @@ pub(super) fn pixel_m(rays: &[OutlineRay]) -> f64 {
 }
 
 /// Sums over the rays where they are: each costs −ln Φ(−u), u being by how many standard deviations its bound is broken.
-pub(super) fn sum(rays: &[OutlineRay], scale: f64) -> Sums {
+pub(super) fn sum(rays: &[OutlineRay], near: &NearRays, scale: f64) -> Sums {
     let mut sums = Sums::ZERO;
-    for ray in rays {
+    for ray in near.of(rays) {
         let violation_m = ray.violation_m();
         let sd_m = ray.sd_m * scale;
         let u = violation_m / sd_m;

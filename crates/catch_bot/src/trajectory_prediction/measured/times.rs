@@ -4,7 +4,7 @@ use catch_body::ray_cast::ArmSurface;
 use nalgebra::Point3;
 
 use super::*;
-use crate::perception::{Surroundings, unlabelled};
+use crate::perception::{Surroundings, camera_alignment::CameraAlignment, unlabelled};
 
 /// CPU time of this thread in milliseconds.
 fn cpu_ms() -> f64 {
@@ -165,6 +165,54 @@ fn measured_cold_starts() {
             }
             let is_told = if config.depth_noise == DepthNoise::default() { "untold" } else { "told" };
             println!("{name:7} {noise:?} {is_told}: {right} of {} right, {}", find_ms.len(), percentiles(find_ms));
+        }
+    }
+}
+
+/// CPU time of the first search without labels, in full images with the arm waiting in them: prepared for that, and when the
+/// arm is somewhere else than expected.
+#[test]
+#[ignore = "takes minutes"]
+fn measured_cold_starts_without_labels() {
+    let cameras = synthetic::flight_rig();
+    let (robot, gripper) = unlabelled::arm();
+    let surface = ArmSurface::new(&robot, &gripper);
+    let X_WL = robot.link_poses(&robot.ready_q);
+    let surroundings = Surroundings { arm: &surface, X_WL, width_m: 0.1 };
+    let windows: Vec<_> = cameras.iter().map(CameraModel::full_window).collect();
+    for (name, shape) in Shape::all() {
+        let reference = synthetic::reference(&shape, 200);
+        for noise in NOISES {
+            let config = perception::Config { camera_sd_rad: 0.001, ..told(noise) };
+            let scene = unlabelled::Scene { cameras: &cameras, surroundings, config: &config, noise };
+            let prepared = Workspace::before_flight(&cameras, &surroundings, &config);
+            let alignment = CameraAlignment::before_flight(&cameras, &surroundings, &config);
+            let (mut align_ms, mut waiting_ms, mut elsewhere_ms, mut right) = (vec![], vec![], vec![], 0);
+            for seed in 0..40 {
+                let mut normal = Normal::new(seed);
+                let X_WO = synthetic::pose_in_flight(&mut normal);
+                let (frames, _) = scene.frames(&shape, &(X_WO * reference.X_RO.inverse()), &windows, &mut normal);
+                let mut alignment = alignment.clone();
+                let start = cpu_ms();
+                alignment.observe(&frames, &cameras, Some(&surroundings), &config);
+                align_ms.push(cpu_ms() - start);
+                for (times_ms, mut workspace) in
+                    [(&mut waiting_ms, prepared.clone()), (&mut elsewhere_ms, Workspace::default())]
+                {
+                    let start = cpu_ms();
+                    let found =
+                        find_object(&frames, &cameras, &reference, None, Some(&surroundings), &config, &mut workspace);
+                    times_ms.push(cpu_ms() - start);
+                    right += usize::from(found.is_ok_and(|found| {
+                        let turn = reference.symmetry.turn_between(&found.X_WO.rotation, &X_WO.rotation);
+                        (found.X_WO.translation.vector - X_WO.translation.vector).norm() < 0.01 && turn.norm() < 0.2
+                    }));
+                }
+            }
+            println!("{name:7} {noise:?}: {right} of {} right", waiting_ms.len() + elsewhere_ms.len());
+            println!("        alignment     {}", percentiles(align_ms));
+            println!("        waiting arm   {}", percentiles(waiting_ms));
+            println!("        arm elsewhere {}", percentiles(elsewhere_ms));
         }
     }
 }
