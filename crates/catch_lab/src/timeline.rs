@@ -120,7 +120,7 @@ impl Timeline {
         }
         if let Some(closing) = report.closing.filter(|it| it.start_s <= now && !self.closing) {
             self.closing = true;
-            let width_mm = report.plan.as_ref().map_or(0.0, |plan| plan.grasp.open_width_m * 1e3);
+            let width_mm = report.plan.as_ref().map_or(0.0, |plan| plan.open_width_m * 1e3);
             let detail = format!("from {width_mm:.0} mm, contact expected at {:.3} s", closing.contact_s);
             self.tell(closing.start_s, Event::Closing, detail);
         }
