@@ -1,7 +1,7 @@
 //! The object's way into the gripper: it must touch neither fingers nor housing before the fingers have closed.
 
 use catch_body::{Gripper, Pose, shape::Cuboid};
-use nalgebra::{Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use super::{CatchPlan, Incoming, Planner, arrival::Arrival};
 use crate::{
@@ -39,16 +39,11 @@ impl Planner {
     /// Whether the object can come into a gripper that is fully open and does not turn, at `v_GO` in G, without touching it.
     pub(super) fn enters_straight(&self, v_GO: &Vector3<f64>, entering: &Entering, last: &mut Obstacle) -> bool {
         let Some(direction) = v_GO.try_normalize(1e-6) else { return true };
-        let outline = &entering.incoming.grasps.outline;
-        let open = Hand::new(&self.gripper, self.gripper.max_width_m, entering.incoming.config.way_in_margin_m);
-        let X_GO = entering.grasp.X_OG.inverse();
-        let R_GO = X_GO.rotation.to_rotation_matrix();
-        let touches = |i: &usize| {
-            let end = R_GO * outline[*i].coords + X_GO.translation.vector;
-            open.meets(0.0, &(end - direction * WAY_IN_M), &end)
-        };
-        let likely = Some(last.straight).filter(|i| *i < outline.len() && touches(i));
-        let touching = likely.or_else(|| (0..outline.len()).find(touches));
+        let Incoming { grasps, config, .. } = *entering.incoming;
+        let open = Hand::new(&self.gripper, self.gripper.max_width_m, config.way_in_margin_m);
+        let end = entering.grasp.X_OG.inverse();
+        let start = Translation3::from(direction * -WAY_IN_M) * end;
+        let touching = open.touched_by(grasps, &start, &end, last.straight);
         last.straight = touching.unwrap_or(last.straight);
         touching.is_none()
     }
