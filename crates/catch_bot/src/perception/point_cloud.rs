@@ -179,9 +179,8 @@ impl SceneCloud {
         self.points.iter().map(|point| point.depth_sd_m).sum::<f64>() / self.points.len().max(1) as f64
     }
 
-    /// Collects the measured pixels of a part of a frame for which `wanted` holds, given their indices in the
-    /// frame, and returns the box around all for which it
-    /// holds, measured or not.
+    /// Collects the measured pixels of a part of a frame for which `wanted` holds, given their indices in the frame, and returns
+    /// the box around all for which it holds, measured or not.
     fn collect_where(
         &mut self,
         frame: &DepthFrame,

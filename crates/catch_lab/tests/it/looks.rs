@@ -63,7 +63,7 @@ fn a_finer_grid_finds_no_catch_that_was_missed() {
     assert!(lost.is_empty(), "{lost:?}");
 }
 
-/// The whole of it: `cargo test --release --workspace --test it a_thousand -- --ignored --nocapture`.
+/// The whole of it: `cargo test --release --workspace --test it looks::a_thousand -- --ignored --nocapture`.
 #[test]
 #[ignore = "takes a minute"]
 fn a_thousand_throws_lose_nothing() {
