@@ -3,9 +3,9 @@
 pub mod reason;
 
 use catch_body::dynamics::gravity;
-use catch_bot::{Report, Status, trajectory_optimization::CatchPlan};
+use catch_bot::{Report, Status, perception::Symmetry, trajectory_optimization::CatchPlan};
 use catch_sim::{Truth, TruthSample, truth::LimitViolation};
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -73,6 +73,9 @@ pub const LEADS_S: [f64; 5] = [0.5, 0.4, 0.3, 0.2, 0.1];
 pub struct Measures {
     /// How far off the object's position at the catch was predicted, by the last prediction before it.
     pub prediction_error_m: Option<f64>,
+    /// How far off its attitude at the catch was predicted by then, turns under which it looks the same aside.
+    #[serde(default)]
+    pub prediction_turn_rad: Option<f64>,
     /// How far off it was predicted [`LEADS_S`] before the catch, where there was a prediction by then.
     #[serde(default)]
     pub prediction_errors_m: [Option<f64>; LEADS_S.len()],
@@ -80,8 +83,7 @@ pub struct Measures {
     pub tracking_error_m: Option<f64>,
     /// How far the undisturbed object would have been from where the plan wants it in the gripper at the catch.
     pub grasp_offset_m: Option<f64>,
-    /// How far it was turned from how the plan wants it when something first touched it, turns under which it looks the same
-    /// aside.
+    /// How far it would have been turned from how the plan wants it there, turns under which it looks the same aside.
     pub grasp_turn_rad: Option<f64>,
     /// How long after the undisturbed object's centre would have been nearest the grasp centre the instant midway between the
     /// first contacts of the two fingers was.
@@ -146,6 +148,7 @@ pub(crate) struct Evidence<'a> {
     /// Where the object would have been at the planned catch if nothing had touched it.
     pub undisturbed_O: Option<Point3<f64>>,
     grasp_centre_G: Point3<f64>,
+    symmetry: Symmetry,
 }
 
 impl<'a> Evidence<'a> {
@@ -163,6 +166,7 @@ impl<'a> Evidence<'a> {
             at_catch: catch_s.and_then(|at| sample_at(truth, at)),
             undisturbed_O: catch_s.and_then(|at| undisturbed_position(truth, at)),
             grasp_centre_G: setup.gripper.grasp_centre(),
+            symmetry: setup.known().reference().symmetry,
         }
     }
 
@@ -209,6 +213,15 @@ impl<'a> Evidence<'a> {
         Some((p_GO.coords - self.plan()?.grasp.X_OG.inverse().translation.vector).norm())
     }
 
+    /// How far the object would have been turned from `R_WO` at the planned catch if nothing had touched it; it turns evenly for the
+    /// milliseconds from its last free state on.
+    fn turn_from(&self, R_WO: &UnitQuaternion<f64>) -> Option<f64> {
+        let sample = self.before_touch()?;
+        let turn = sample.V_WO.angular * (self.catch_s? - sample.time_s);
+        let undisturbed = UnitQuaternion::from_scaled_axis(turn) * sample.X_WO.rotation;
+        Some(self.symmetry.turn_between(R_WO, &undisturbed).norm())
+    }
+
     /// The instant midway between the first contacts of the two fingers, less that at which the undisturbed object's centre would
     /// have been nearest the grasp centre.
     fn contact_delay_s(&self) -> Option<f64> {
@@ -248,17 +261,21 @@ impl<'a> Evidence<'a> {
             self.truth.samples.iter().filter(|sample| touches_gripper(sample)).map(|it| it.contact.peak_force_n);
         Measures {
             prediction_error_m: self.prediction_error_m(),
+            prediction_turn_rad: self
+                .last
+                .and_then(|report| report.flight.as_ref())
+                .zip(self.catch_s)
+                .and_then(|(flight, catch_s)| self.turn_from(&flight.pose_at(catch_s).rotation)),
             prediction_errors_m: LEADS_S.map(|lead_s| self.earlier_prediction_error_m(lead_s)),
             tracking_error_m: self
                 .at_catch
                 .zip(plan)
                 .map(|(sample, plan)| (sample.X_WG * self.grasp_centre_G - plan.X_WG * self.grasp_centre_G).norm()),
             grasp_offset_m: self.grasp_offset_m(),
-            grasp_turn_rad: self.before_touch().zip(plan).map(|(sample, plan)| {
-                let wanted = sample.X_WG.rotation * plan.grasp.X_OG.rotation.inverse();
-                let symmetry = setup.known().reference().symmetry;
-                wanted.angle_to(&symmetry.nearest_alike(&wanted, &sample.X_WO.rotation))
-            }),
+            grasp_turn_rad: self
+                .at_catch
+                .zip(plan)
+                .and_then(|(sample, plan)| self.turn_from(&(sample.X_WG.rotation * plan.grasp.X_OG.rotation.inverse()))),
             contact_delay_s: self.contact_delay_s(),
             relative_speed_mps: self.before_touch().map(relative_speed),
             joint_travel_rad: self.at_catch.map(|sample| (sample.q - setup.ready_q).abs().sum()),

@@ -59,6 +59,7 @@ const COLUMNS: &[(&str, Kind)] = &[
     ("catch_time_s", Kind::Number),
     ("contact_s", Kind::Number),
     ("prediction_error_m", Kind::Number),
+    ("prediction_turn_rad", Kind::Number),
     (PREDICTIONS, Kind::Number),
     ("tracking_error_m", Kind::Number),
     ("grasp_offset_m", Kind::Number),

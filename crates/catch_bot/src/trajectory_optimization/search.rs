@@ -34,7 +34,7 @@ pub struct Weights {
     pub effort: f64,
     /// On the distance from the comfortable pose, per radian.
     pub comfort: f64,
-    /// On the missing speed fraction, relative to the highest.
+    /// On the object's speed relative to the gripper, per m/s: what passes the fingers slowly stays.
     pub speed: f64,
     /// On the gripper's angular speed, per rad/s.
     pub spin: f64,
@@ -44,7 +44,7 @@ pub struct Weights {
 
 impl Default for Weights {
     fn default() -> Self {
-        Self { effort: 1.0, comfort: 0.02, speed: 0.5, spin: 0.2, delay: 0.5 }
+        Self { effort: 1.0, comfort: 0.02, speed: 0.35, spin: 0.2, delay: 0.5 }
     }
 }
 
@@ -171,8 +171,10 @@ impl Planner {
         let (weights, from, (shares, _)) = (&self.config.weights, &start.state.q, look);
         let mut frontier = Frontier::default();
         for (pair, Pair { ranked, moment, .. }) in pairs.iter().enumerate() {
-            let delay_s = moments[*moment].catch_s - start.time_s;
-            frontier.push(ranked.cost + weights.delay * delay_s, Node { pair, stage: Stage::Pose });
+            let Moment { catch_s, v_WO, .. } = &moments[*moment];
+            let slowest_mps = v_WO.norm() * (1.0 - self.config.max_speed_fraction);
+            let cost = ranked.cost + weights.delay * (catch_s - start.time_s) + weights.speed * slowest_mps;
+            frontier.push(cost, Node { pair, stage: Stage::Pose });
         }
         let is_near = !moments.is_empty();
         let mut refusal =
@@ -220,8 +222,8 @@ impl Planner {
                     *arrivals += 1;
                     let bounds = self.arrival_bounds(&at.joints, from, &q);
                     let Some(arrival) = bounds.and_then(|bounds| reaching(&q).arrival(&bounds)) else { continue };
-                    let missing = 1.0 - arrival.speed_fraction / self.config.max_speed_fraction.max(1e-9);
-                    let cost = cost + weights.speed * missing + weights.spin * arrival.w_WG.norm();
+                    let missing_mps = at.v_WO.norm() * (self.config.max_speed_fraction - arrival.speed_fraction);
+                    let cost = cost + weights.speed * missing_mps + weights.spin * arrival.w_WG.norm();
                     frontier.push(cost, Node { pair, stage: Stage::Arrival(posture, arrival) });
                 }
                 Stage::Arrival(posture, balanced) => {
