@@ -9,7 +9,7 @@
 mod arcs;
 mod numerical;
 
-pub use arcs::{Arcs, Branch};
+pub use arcs::Branch;
 pub use numerical::Ranges;
 
 use arcs::Harmonic;
@@ -125,12 +125,23 @@ impl SrsArm {
         })
     }
 
-    /// By how much the elbow is bent for a pose of the gripper, `None` if the wrist is too far or too near.
-    pub fn elbow_bend(&self, X_WG: &Pose) -> Option<f64> {
-        let distance = (X_WG * self.p_GW - self.shoulder).norm();
+    /// The wrist in the gripper's frame.
+    pub fn wrist_in_gripper(&self) -> Point3<f64> {
+        self.p_GW
+    }
+
+    /// How far the wrist may be from the shoulder if the elbow's joint is to be within `range`, in radians: the least and
+    /// the most, squared, in m².
+    pub fn wrist_distances_squared(&self, [low, high]: [f64; 2]) -> [f64; 2] {
         let (a, b) = (self.upper_arm, self.forearm);
-        let cos_elbow = (a * a + b * b - distance * distance) / (2.0 * a * b);
-        (cos_elbow.abs() < 1.0).then(|| std::f64::consts::PI - cos_elbow.acos())
+        let least_bend = low.max(-high).max(0.0);
+        let most_bend = high.max(-low).min(std::f64::consts::PI);
+        [most_bend, least_bend].map(|bend| a * a + b * b + 2.0 * a * b * bend.cos())
+    }
+
+    /// The shoulder in W, at which the first three axes meet.
+    pub fn shoulder(&self) -> Point3<f64> {
+        self.shoulder
     }
 
     /// The elbow's circle for a pose of the gripper, `None` if the wrist is too far or too near.
@@ -256,13 +267,15 @@ mod tests {
             prop_assume!(q[1].abs() > 0.01 && q[3].abs() > 0.01 && q[5].abs() > 0.01);
             let circle = arm.elbow_circle(&robot.gripper_pose(&q)).unwrap();
             let ranges = std::array::from_fn(|i| [low[i], (low[i] + width[i]).min(3.1)]);
-            for (branch, arcs) in arm.swivels(&circle, &ranges) {
+            let arcs = arm.swivels(&circle, &ranges);
+            for branch in Branch::ALL {
                 for step in -300..300 {
                     let swivel = f64::from(step) * 0.01 + 0.003;
                     let q = arm.solve_branch(&circle, swivel, branch);
+                    let contains = arcs.iter().any(|(of, [low, high])| *of == branch && (*low..=*high).contains(&swivel));
                     // How far the worst joint is inside its range.
                     let inside = (0..7).map(|i| (q[i] - ranges[i][0]).min(ranges[i][1] - q[i])).fold(9.0, f64::min);
-                    prop_assert!(inside.abs() < 1e-9 || arcs.contains(swivel) == (inside > 0.0), "{branch:?} {swivel} {q}");
+                    prop_assert!(inside.abs() < 1e-9 || contains == (inside > 0.0), "{branch:?} {swivel} {q}");
                 }
             }
         }

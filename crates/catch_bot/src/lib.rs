@@ -176,6 +176,8 @@ pub struct CatchingBot {
     plan: Option<CatchPlan>,
     /// Looks for a plan in a row that found none.
     refusals: usize,
+    /// Cost of holding at which the running catch was chosen, or compared last.
+    settled_cost: f64,
     /// The plans that were sent last, the running one included, oldest first.
     sent: VecDeque<CatchPlan>,
     workspace: perception::Workspace,
@@ -209,6 +211,7 @@ impl CatchingBot {
             flight: None,
             plan: None,
             refusals: 0,
+            settled_cost: 0.0,
             sent: VecDeque::with_capacity(control::decision::SENT),
             prediction_workspace: trajectory_prediction::Workspace::default(),
             closing: None,

@@ -92,14 +92,11 @@ impl<'a> Oracle<'a> {
                 UnitQuaternion::from_rotation_matrix(&R_WG),
             );
             let Some(circle) = self.arm.elbow_circle(&X_WG) else { return false };
-            let ways = self.arm.swivels(&circle, &ranges);
-            ways.iter().any(|(branch, arcs)| {
-                arcs.iter().any(|&[low, high]| {
-                    (0..SWIVELS).any(|i| {
-                        let share = (i as f64 + 0.5) / SWIVELS as f64;
-                        let q = self.arm.solve_branch(&circle, low + (high - low) * share, *branch);
-                        self.can_stop_after(&q, time_s) && self.is_clear(&q)
-                    })
+            self.arm.swivels(&circle, &ranges).into_iter().any(|(branch, [low, high])| {
+                (0..SWIVELS).any(|i| {
+                    let share = (i as f64 + 0.5) / SWIVELS as f64;
+                    let q = self.arm.solve_branch(&circle, low + (high - low) * share, branch);
+                    self.can_stop_after(&q, time_s) && self.is_clear(&q)
                 })
             })
         })

@@ -14,7 +14,7 @@ pub(super) type Harmonic = Vector3<f64>;
 
 /// A set of swivel angles within [−π, π]: at most `MOST` disjoint arcs in rising order.
 #[derive(Debug, Clone, Copy)]
-pub struct Arcs<const MOST: usize = 16> {
+struct Arcs<const MOST: usize> {
     ends: [[f64; 2]; MOST],
     count: usize,
 }
@@ -36,18 +36,13 @@ impl<const MOST: usize> Arcs<MOST> {
     }
 
     /// Lower and upper end of every arc.
-    pub fn iter(&self) -> impl Iterator<Item = &[f64; 2]> {
+    fn iter(&self) -> impl Iterator<Item = &[f64; 2]> {
         self.ends[..self.count].iter()
     }
 
     /// Whether no angle is left.
-    pub fn is_empty(&self) -> bool {
+    fn is_empty(&self) -> bool {
         self.count == 0
-    }
-
-    /// Whether `swivel` lies in one of them.
-    pub fn contains(&self, swivel: f64) -> bool {
-        self.iter().any(|[low, high]| (*low..=*high).contains(&swivel))
     }
 
     fn push(&mut self, arc: [f64; 2]) {
@@ -57,16 +52,15 @@ impl<const MOST: usize> Arcs<MOST> {
         }
     }
 
+    /// The arcs of what both have in common.
+    fn shared_with<const OTHERS: usize>(&self, other: &Arcs<OTHERS>) -> impl Iterator<Item = [f64; 2]> {
+        let pairs = self.iter().flat_map(|one| other.iter().map(move |two| [one[0].max(two[0]), one[1].min(two[1])]));
+        pairs.filter(|[low, high]| low <= high)
+    }
+
     fn intersection<const OTHERS: usize, const BOTH: usize>(&self, other: &Arcs<OTHERS>) -> Arcs<BOTH> {
         let mut both = Arcs::NONE;
-        for one in self.iter() {
-            for two in other.iter() {
-                let (low, high) = (one[0].max(two[0]), one[1].min(two[1]));
-                if low <= high {
-                    both.push([low, high]);
-                }
-            }
-        }
+        self.shared_with(other).for_each(|arc| both.push(arc));
         both
     }
 
@@ -128,30 +122,67 @@ impl TwoArcs {
             Self::NONE
         }
     }
+}
 
-    /// Where the direction (`x`, `y`) has an angle in [low, high], a part of [−π, π].
-    fn where_angle(x: &Harmonic, y: &Harmonic, low: f64, high: f64) -> Self {
-        // Left of the ray at `low`, and right of that at `high`.
-        let left_of = |angle: f64| y * angle.cos() - x * angle.sin();
-        let right_of = |angle: f64| x * angle.sin() - y * angle.cos();
-        let width = high - low;
-        if width >= std::f64::consts::TAU {
-            Self::full()
-        } else if width < std::f64::consts::PI {
-            Self::where_both_positive(&left_of(low), &right_of(high))
-        } else {
-            // The rest is less than half a turn: left of `high` and right of `low`.
-            Self::where_both_positive(&left_of(high), &right_of(low)).complement()
-        }
+/// A range of angles, a part of [−π, π], with the sines and cosines of its ends.
+struct AngleRange {
+    width: f64,
+    low: (f64, f64),
+    high: (f64, f64),
+}
+
+impl AngleRange {
+    fn new(low: f64, high: f64) -> Self {
+        Self { width: high - low, low: low.sin_cos(), high: high.sin_cos() }
     }
 
-    /// Where acos h lies in [low, high], a part of [0, π].
-    fn where_arc_cosine(h: &Harmonic, low: f64, high: f64) -> Self {
+    /// Where the direction (`x`, `y`) has an angle in the range.
+    fn contains(&self, x: &Harmonic, y: &Harmonic) -> TwoArcs {
+        let left_of = |(sin, cos): (f64, f64)| y * cos - x * sin;
+        let right_of = |(sin, cos): (f64, f64)| x * sin - y * cos;
+        if self.width < 0.0 {
+            TwoArcs::NONE
+        } else if self.width >= std::f64::consts::TAU {
+            TwoArcs::full()
+        } else if self.width < std::f64::consts::PI {
+            TwoArcs::where_both_positive(&left_of(self.low), &right_of(self.high))
+        } else {
+            // The rest is less than half a turn: left of the upper end and right of the lower.
+            TwoArcs::where_both_positive(&left_of(self.high), &right_of(self.low)).complement()
+        }
+    }
+}
+
+/// The ranges of three joints that turn about u, b and u.
+struct Bounds {
+    outer: [AngleRange; 2],
+    /// Lower and upper end, and their cosines.
+    middle: [f64; 2],
+    cosines: [f64; 2],
+}
+
+impl Bounds {
+    /// Where all three are kept; `sign` is that of the middle one.
+    fn kept_by(&self, forms: &EulerForms, sign: f64) -> Joints {
+        let ([low, high], [cos_low, cos_high]) = (self.middle, self.cosines);
+        let (low, high, cos_low, cos_high) =
+            if sign > 0.0 { (low, high, cos_low, cos_high) } else { (-high, -low, cos_high, cos_low) };
+        if high < 0.0 || low > high {
+            return Joints::NONE;
+        }
+        // The middle one is the inverse cosine of a form.
         let offset = |by: f64| Harmonic::new(by, 0.0, 0.0);
         let always = offset(1.0);
-        let below = if low <= 0.0 { always } else { offset(low.cos()) - h };
-        let above = if high >= std::f64::consts::PI { always } else { h - offset(high.cos()) };
-        Self::where_both_positive(&below, &above)
+        let below = if low <= 0.0 { always } else { offset(cos_low) - forms.along };
+        let above = if high >= std::f64::consts::PI { always } else { forms.along - offset(cos_high) };
+        let mut arcs: Joints = Joints::full().intersection(&TwoArcs::where_both_positive(&below, &above));
+        for (range, [x, y]) in self.outer.iter().zip([&forms.first, &forms.last]) {
+            if arcs.is_empty() {
+                break;
+            }
+            arcs = arcs.intersection(&range.contains(&(x * sign), &(y * sign)));
+        }
+        arcs
     }
 }
 
@@ -180,29 +211,46 @@ impl Branch {
 }
 
 impl SrsArm {
-    /// For each branch the swivel angles at which all joints are within `ranges` (lower and upper bound each, in radians).
-    pub fn swivels(&self, circle: &ElbowCircle, ranges: &[[f64; 2]; 7]) -> [(Branch, Arcs); 8] {
-        let mut found = Branch::ALL.map(|branch| (branch, Arcs::NONE));
-        for (i, elbow_sign) in [1.0, -1.0].into_iter().enumerate() {
+    /// The arcs of swivel angles, each with its branch, on which all joints are within `ranges` (lower and upper bound each, in
+    /// radians).
+    pub fn swivels(&self, circle: &ElbowCircle, ranges: &[[f64; 2]; 7]) -> Vec<(Branch, [f64; 2])> {
+        let mut found = Vec::new();
+        let mut bounds = None;
+        for elbow in [false, true] {
+            let elbow_sign = if elbow { -1.0 } else { 1.0 };
             let q4 = elbow_sign * circle.elbow_bend;
             if !(ranges[3][0]..=ranges[3][1]).contains(&q4) {
                 continue;
             }
+            let [at_shoulder, at_wrist] = bounds.get_or_insert_with(|| [0, 4].map(|first| self.bounds(first, ranges)));
             let upper_arm = self.upper_arm_forms(circle, elbow_sign);
-            let shoulder = self.shoulder_forms(&upper_arm);
-            let shoulders = [1.0, -1.0].map(|sign| self.within(&shoulder, 0, sign, ranges));
+            let forms = self.shoulder_forms(&upper_arm);
+            let shoulders = [1.0, -1.0].map(|sign| at_shoulder.kept_by(&forms, sign));
             if shoulders.iter().all(Joints::is_empty) {
                 continue;
             }
-            let wrist = self.wrist_forms(&upper_arm, circle, elbow_sign);
-            let wrists = [1.0, -1.0].map(|sign| self.within(&wrist, 4, sign, ranges));
-            for (j, shoulder) in shoulders.iter().enumerate() {
-                for (k, wrist) in wrists.iter().enumerate() {
-                    found[4 * i + 2 * j + k].1 = shoulder.intersection(wrist);
+            let forms = self.wrist_forms(&upper_arm, circle, elbow_sign);
+            let wrists = [1.0, -1.0].map(|sign| at_wrist.kept_by(&forms, sign));
+            for (shoulder, at_shoulder) in [false, true].into_iter().zip(&shoulders) {
+                for (wrist, at_wrist) in [false, true].into_iter().zip(&wrists) {
+                    let branch = Branch { elbow, shoulder, wrist };
+                    found.extend(at_shoulder.shared_with(at_wrist).map(|arc| (branch, arc)));
                 }
             }
         }
         found
+    }
+
+    /// The bounds of the joints `first` to `first` + 2.
+    fn bounds(&self, first: usize, ranges: &[[f64; 2]; 7]) -> Bounds {
+        let u = self.along.into_inner();
+        let outer = |joint: usize| {
+            let [low, high] = ranges[joint];
+            let (low, high) = if self.axes[joint].dot(&u) > 0.0 { (low, high) } else { (-high, -low) };
+            AngleRange::new(low.max(-std::f64::consts::PI), high.min(std::f64::consts::PI))
+        };
+        let [low, high] = ranges[first + 1];
+        Bounds { outer: [outer(first), outer(first + 2)], middle: [low, high], cosines: [low.cos(), high.cos()] }
     }
 
     /// By how much at most each joint turns, in radians, while the elbow moves by up to `by` radians from `swivel`.
@@ -226,32 +274,6 @@ impl SrsArm {
         let turned = |forms: &EulerForms| [angle(&forms.first), arc_cosine(&forms.along), angle(&forms.last)];
         let ([a, b, c], [e, f, g]) = (turned(&shoulder), turned(&wrist));
         [a, b, c, 0.0, e, f, g]
-    }
-
-    /// Where three joints that turn about u, b, u from `first` on keep their ranges; `sign` is that of the middle one.
-    fn within(&self, forms: &EulerForms, first: usize, sign: f64, ranges: &[[f64; 2]; 7]) -> Joints {
-        let u = self.along.into_inner();
-        let ordered = |joint: usize, sign: f64| {
-            let [low, high] = ranges[joint];
-            let (low, high) = if sign > 0.0 { (low, high) } else { (-high, -low) };
-            (low.max(-std::f64::consts::PI), high.min(std::f64::consts::PI))
-        };
-        let (low, high) = ordered(first + 1, sign);
-        if high < 0.0 || low > high {
-            return Joints::NONE;
-        }
-        let mut arcs = Joints::full().intersection(&TwoArcs::where_arc_cosine(&forms.along, low.max(0.0), high));
-        for (joint, [x, y]) in [(first, &forms.first), (first + 2, &forms.last)] {
-            if arcs.is_empty() {
-                break;
-            }
-            let (low, high) = ordered(joint, self.axes[joint].dot(&u).signum());
-            if low > high {
-                return Joints::NONE;
-            }
-            arcs = arcs.intersection(&TwoArcs::where_angle(&(x * sign), &(y * sign), low, high));
-        }
-        arcs
     }
 
     /// Columns of R_03 in the basis (u, a₄, u × a₄), as vectors of harmonics: column k is Σ over 1, cos ψ, sin ψ.

@@ -44,7 +44,8 @@ impl CatchingBot {
     }
 
     /// The ladder of replans: the same catch adjusted, else a little sooner or later, else the old motion while it is good enough,
-    /// else another catch, else as near to it as the arm can still come.
+    /// else another catch, else as near to it as the arm can still come. Another catch also takes the place of one that promised
+    /// more than it now does.
     pub(crate) fn decide(&mut self, start: &Start, flight: &FlightTrajectory) -> (Status, Option<CatchPlan>) {
         if self.known.config.method == Method::Paper {
             return paper_method::decide(self, start, flight);
@@ -60,7 +61,10 @@ impl CatchingBot {
         };
         let Some(plan) = &self.plan else {
             return match look() {
-                Ok(plan) => (Status::Planned, Some(plan)),
+                Ok(plan) => {
+                    self.settled_cost = plan.holding_cost;
+                    (Status::Planned, Some(plan))
+                }
                 Err(Refusal::NoGrasp) => (Status::NoGrasp, None),
                 Err(Refusal::OutOfReach) => (Status::OutOfReach, None),
                 Err(Refusal::Blocked) => (Status::Blocked, None),
@@ -78,7 +82,18 @@ impl CatchingBot {
             Some(adjusted) => adjusted.lets_in,
             None => is_still_good(plan, flight, planner.gripper(), &self.known.config.control),
         };
-        let another = if is_good || is_closing { None } else { look().ok() };
+        // A catch that the flight, known better, has made worse is compared with the best there is now.
+        let gain = self.known.config.control.switch_gain;
+        let has_worsened = adjusted.as_ref().is_some_and(|it| it.holding_cost > self.settled_cost + gain);
+        let another = if is_closing || (is_good && !has_worsened) { None } else { look().ok() };
+        let is_better = |it: &CatchPlan| {
+            !is_good || adjusted.as_ref().is_some_and(|adjusted| it.holding_cost + gain < adjusted.holding_cost)
+        };
+        let another = another.filter(is_better);
+        if has_worsened || another.is_some() {
+            let settled = another.as_ref().or(adjusted.as_ref());
+            self.settled_cost = settled.map_or(self.settled_cost, |it| it.holding_cost);
+        }
         if let Some(plan) = another.or(adjusted) {
             return (Status::Planned, Some(plan));
         }

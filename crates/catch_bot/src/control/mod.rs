@@ -29,6 +29,9 @@ pub struct Config {
     pub tolerated_miss_m: f64,
     /// And while its attitude differs by less than this, in radians.
     pub tolerated_miss_rad: f64,
+    /// A catch whose cost of holding has risen by this much, as the flight is known better, is given up for one that costs that
+    /// much less.
+    pub switch_gain: f64,
 }
 
 impl Default for Config {
@@ -40,6 +43,7 @@ impl Default for Config {
             commit_s: 0.05,
             tolerated_miss_m: 0.006,
             tolerated_miss_rad: 0.03,
+            switch_gain: 0.5,
         }
     }
 }

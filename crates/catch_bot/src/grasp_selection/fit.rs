@@ -56,8 +56,8 @@ pub fn fit_gripper(
     // "Strength" (paper, III-C): the gripper's axis points at the centre of mass.
     let centre = X_GO * Point3::origin();
     let strength_m = centre.x.hypot(centre.z);
-    let palm_too_far = centre.y - gripper.grasp_centre_y_m > config.max_overhang_m;
-    if strength_m > config.max_strength_m || palm_too_far {
+    let overhang_m = overhang_m(&X_GO, gripper);
+    if strength_m > config.max_strength_m || overhang_m > config.max_overhang_m {
         return None;
     }
 
@@ -90,7 +90,13 @@ pub fn fit_gripper(
     if reference.points.iter().any(|point| collides(&(X_GO * point))) {
         return None;
     }
-    Some(Grasp { X_OG, object_width_m, open_width_m, strength_m, held_G: held_box(&reference.points, &X_GO) })
+    let held_G = held_box(&reference.points, &X_GO);
+    Some(Grasp { X_OG, object_width_m, open_width_m, strength_m, overhang_m, held_G })
+}
+
+/// How much farther from the palm than the grasp centre an object's centre of mass is.
+pub fn overhang_m(X_GO: &Pose, gripper: &Gripper) -> f64 {
+    (X_GO.translation.vector.y - gripper.grasp_centre_y_m).max(0.0)
 }
 
 /// The box in G around an object whose surface these points outline.

@@ -18,6 +18,8 @@ pub struct Weights {
     pub catchability: f64,
     /// On the distance of the centre of mass from the gripper's axis, per 30 mm.
     pub strength: f64,
+    /// On how much farther from the palm than the grasp centre the centre of mass is, per 30 mm.
+    pub overhang: f64,
     /// On the object's width between the fingers, per 100 mm: narrow parts are usually its long sides, which hold it better.
     pub width: f64,
     /// On 1 − comfort.
@@ -35,6 +37,7 @@ impl Default for Weights {
         Self {
             catchability: 3.0,
             strength: 0.5,
+            overhang: 0.0,
             width: 1.0,
             comfort: 0.2,
             pass_through: 0.3,
@@ -97,8 +100,15 @@ pub fn rank(
         .map_or(0.0, |outward| (X_WO.rotation * approach_O).dot(&outward));
     let cost = weights.catchability * sideways
         + weights.strength * grasp.strength_m / 0.03
+        + weights.overhang * grasp.overhang_m / 0.03
         + weights.width * grasp.object_width_m / 0.1
         + weights.comfort * (1.0 - comfort)
         + weights.pass_through * (1.0 + along);
     RankedGrasp { index, X_WG, approach, cost }
+}
+
+/// The cost of a grasp on an object in pose `X_WO` that flies at `v_WO`.
+pub fn cost(grasp: &Grasp, X_WO: &Pose, v_WO: &Vector3<f64>, base: &Point3<f64>, weights: &Weights) -> f64 {
+    let v_O = X_WO.rotation.inverse_transform_vector(v_WO).try_normalize(1e-6).unwrap_or_default();
+    rank(0, grasp, &[grasp.X_OG * Vector3::x(), grasp.X_OG * Vector3::y()], X_WO, &v_O, base, weights).cost
 }

@@ -134,6 +134,8 @@ pub struct Grasp {
     pub open_width_m: f64,
     /// "Strength": distance of the centre of mass from the gripper's y axis, in metres; less is better.
     pub strength_m: f64,
+    /// How much farther from the palm than the grasp centre the centre of mass is, in metres.
+    pub overhang_m: f64,
     /// Box in G that contains the object in the closed hand.
     pub held_G: Cuboid,
 }
@@ -186,8 +188,8 @@ impl GraspSet {
         Self { grasps, outline, radius_m, axes }
     }
 
-    /// The best grasps for an object in pose `X_WO` that flies at `v_WO`, best first, among those for which the gripper
-    /// `may_reach` its pose; and whether there are any if it need not.
+    /// The best grasps for an object in pose `X_WO` that flies at `v_WO`, best first, among those whose pose in O the gripper
+    /// `may_reach`; and whether there are any if it need not.
     pub fn rank(
         &self,
         X_WO: &Pose,
@@ -206,9 +208,9 @@ impl GraspSet {
             .zip(&self.axes)
             .enumerate()
             .filter(|(_, (_, axes))| heuristics::can_catch(axes, &v_O, &config.weights))
-            .map(|(index, (grasp, axes))| heuristics::rank(index, grasp, axes, X_WO, &v_O, base, &config.weights))
             .inspect(|_| any = true)
-            .filter(|ranked| may_reach(&ranked.X_WG))
+            .filter(|(_, (grasp, _))| may_reach(&grasp.X_OG))
+            .map(|(index, (grasp, axes))| heuristics::rank(index, grasp, axes, X_WO, &v_O, base, &config.weights))
             .collect();
         let better = |a: &RankedGrasp, b: &RankedGrasp| a.cost.total_cmp(&b.cost).then(a.index.cmp(&b.index));
         if ranked.len() > config.kept {

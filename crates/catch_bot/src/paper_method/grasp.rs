@@ -8,7 +8,7 @@ use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    grasp_selection::{Grasp, darboux::darboux_frame, fit::held_box},
+    grasp_selection::{Grasp, darboux::darboux_frame, fit::{held_box, overhang_m}},
     perception::ReferenceModel,
     trajectory_prediction::FlightTrajectory,
 };
@@ -109,8 +109,9 @@ pub fn select(
     let (_, X_OG, strength_m) = best?;
     // It opens as far as it can.
     let object_width_m = width_m(points, gripper, &X_OG);
-    let held_G = held_box(points, &X_OG.inverse());
-    Some(Grasp { X_OG, object_width_m, open_width_m: gripper.max_width_m, strength_m, held_G })
+    let X_GO = X_OG.inverse();
+    let (overhang_m, held_G) = (overhang_m(&X_GO, gripper), held_box(points, &X_GO));
+    Some(Grasp { X_OG, object_width_m, open_width_m: gripper.max_width_m, strength_m, overhang_m, held_G })
 }
 
 /// "Comfort": whether the gripper points away from the axis of the base. The text does not normalize the vector to the gripper;

@@ -193,6 +193,7 @@ fn catch_plan(
         spin_radps: V_WG.angular.norm(),
         weights: arrival::Weights::BALANCED,
         cost: 0.0,
+        holding_cost: 0.0,
         trajectory,
     }
 }

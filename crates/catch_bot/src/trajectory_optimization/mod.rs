@@ -116,6 +116,9 @@ pub struct CatchPlan {
     pub weights: arrival::Weights,
     /// What the choice among catches weighed; less is better.
     pub cost: f64,
+    /// What of it tells how well the object will be held, the heuristics and how fast it passes the fingers, as the flight is
+    /// known now.
+    pub holding_cost: f64,
     /// The motion: to the catch and on to rest.
     pub trajectory: ArmTrajectory,
 }

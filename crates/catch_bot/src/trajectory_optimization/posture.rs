@@ -55,11 +55,20 @@ impl PostureFinder {
         }
     }
 
-    /// Whether the gripper may be at `X_WG` at all, as far as that is quick to tell.
-    pub fn may_reach(&self, X_WG: &Pose, ranges: &Ranges) -> bool {
-        let Self::Srs(srs) = self else { return true };
-        let within = |q4: f64| ranges[3][0] <= q4 && q4 <= ranges[3][1];
-        srs.elbow_bend(X_WG).is_some_and(|bend| within(bend) || within(-bend))
+    /// Whether the gripper may hold an object at `X_WO` by a grasp at `X_OG` at all, as far as that is quick to tell.
+    pub fn may_reach(&self, X_WO: &Pose, ranges: &Ranges) -> impl Fn(&Pose) -> bool {
+        let near = match self {
+            Self::Srs(srs) => {
+                let shoulder_O = X_WO.inverse_transform_point(&srs.shoulder());
+                Some((shoulder_O, srs.wrist_in_gripper(), srs.wrist_distances_squared(ranges[3])))
+            }
+            Self::Numerical => None,
+        };
+        move |X_OG| {
+            near.is_none_or(|(shoulder_O, wrist_G, [least, most])| {
+                (least..=most).contains(&(X_OG * wrist_G - shoulder_O).norm_squared())
+            })
+        }
     }
 
     /// Postures within `ranges`, from all over the redundancy.
@@ -69,13 +78,12 @@ impl PostureFinder {
             return found.into_iter().map(|q| Posture { q, elbow: None }).collect();
         };
         let Some(circle) = srs.elbow_circle(X_WG) else { return Vec::new() };
-        let mut found = Vec::new();
-        for (branch, arcs) in srs.swivels(&circle, &first_seven(ranges)) {
-            for &arc in arcs.iter() {
-                found.extend(SHARES_OF_ARC.map(|share| {
-                    posture_at(srs, &circle, Elbow { branch, arc, swivel: arc[0] + share * (arc[1] - arc[0]) })
-                }));
-            }
+        let arcs = srs.swivels(&circle, &first_seven(ranges));
+        let mut found = Vec::with_capacity(arcs.len() * SHARES_OF_ARC.len());
+        for (branch, arc) in arcs {
+            found.extend(SHARES_OF_ARC.map(|share| {
+                posture_at(srs, &circle, Elbow { branch, arc, swivel: arc[0] + share * (arc[1] - arc[0]) })
+            }));
         }
         found
     }

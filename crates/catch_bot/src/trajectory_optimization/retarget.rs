@@ -1,11 +1,12 @@
 //! The ladder of replans: a running catch adjusted to a flight that is known better.
 
 use catch_body::Pose;
+use nalgebra::Point3;
 
 use super::{
     CatchPlan, Incoming, Planner, Start, motion::Shares, posture::Posture, reaching::Reaching, search::Candidate,
 };
-use crate::trajectory_prediction::FlightTrajectory;
+use crate::grasp_selection::heuristics;
 
 /// How far the elbow may move along its circle, in radians.
 const ELBOW_RAD: [f64; 5] = [0.0, 0.2, -0.2, 0.4, -0.4];
@@ -22,7 +23,7 @@ impl Planner {
         let shares = [0.0, 0.5, 1.0].map(|more| self.cold_shares().toward(self.moving_shares(), more));
         let found = shares
             .iter()
-            .find_map(|shares| self.adjusted(start, incoming.flight, plan, plan.catch_s, &X_WG, *shares, &ELBOW_RAD))?;
+            .find_map(|shares| self.adjusted(start, incoming, plan, plan.catch_s, &X_WG, *shares, &ELBOW_RAD))?;
         Some(self.opened(found, plan.open_width_m, start.time_s, incoming))
     }
 
@@ -34,7 +35,7 @@ impl Planner {
             let catch_s = plan.catch_s + later_s;
             let X_WG = incoming.flight.pose_at(catch_s) * plan.grasp.X_OG;
             let found =
-                self.adjusted(start, incoming.flight, plan, catch_s, &X_WG, self.moving_shares(), &ELBOW_RAD[..3])?;
+                self.adjusted(start, incoming, plan, catch_s, &X_WG, self.moving_shares(), &ELBOW_RAD[..3])?;
             let found = self.opened(found, plan.open_width_m, start.time_s, incoming);
             found.lets_in.then_some(found)
         })
@@ -45,7 +46,7 @@ impl Planner {
         let wanted = incoming.flight.pose_at(plan.catch_s) * plan.grasp.X_OG;
         let found = PARTS.iter().find_map(|part| {
             let X_WG = plan.X_WG.try_lerp_slerp(&wanted, *part, 1e-9)?;
-            self.adjusted(start, incoming.flight, plan, plan.catch_s, &X_WG, self.moving_shares(), &ELBOW_RAD[..1])
+            self.adjusted(start, incoming, plan, plan.catch_s, &X_WG, self.moving_shares(), &ELBOW_RAD[..1])
         })?;
         Some(self.opened(found, plan.open_width_m, start.time_s, incoming))
     }
@@ -55,14 +56,17 @@ impl Planner {
     fn adjusted(
         &self,
         start: &Start,
-        flight: &FlightTrajectory,
+        incoming: &Incoming,
         plan: &CatchPlan,
         catch_s: f64,
         X_WG: &Pose,
         shares: Shares,
         elbows_rad: &[f64],
     ) -> Option<CatchPlan> {
-        let v_WO = flight.twist_at(catch_s).linear;
+        let Incoming { flight, config, .. } = incoming;
+        let (X_WO, v_WO) = (flight.pose_at(catch_s), flight.twist_at(catch_s).linear);
+        let base = Point3::from(self.robot.X_WB.translation.vector);
+        let grasp_cost = heuristics::cost(&plan.grasp, &X_WO, &v_WO, &base, &config.weights);
         let known = Posture { q: plan.q, elbow: plan.elbow };
         elbows_rad.iter().find_map(|offset| {
             let posture = self.finder.adjusted(&self.robot, X_WG, &known, *offset)?;
@@ -71,7 +75,8 @@ impl Planner {
             let reaching = Reaching { weights: plan.weights, ..reaching };
             let joints = self.reaches(start, catch_s - start.time_s, shares);
             let bounds = self.arrival_bounds(&joints, &start.state.q, &q)?;
-            let candidate = Candidate { catch_s, approach: plan.approach, X_WG: *X_WG, posture, cost: plan.cost };
+            let CatchPlan { approach, cost, .. } = *plan;
+            let candidate = Candidate { catch_s, approach, X_WG: *X_WG, posture, cost, grasp_cost };
             self.finish(&candidate, &plan.grasp, bounds, &reaching)
         })
     }

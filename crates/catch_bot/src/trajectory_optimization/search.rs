@@ -70,6 +70,8 @@ pub(super) struct Candidate {
     pub X_WG: Pose,
     pub posture: Posture,
     pub cost: f64,
+    /// What of it the heuristics are.
+    pub grasp_cost: f64,
 }
 
 /// What is known at one catch time.
@@ -172,8 +174,8 @@ impl Planner {
         let mut frontier = Frontier::default();
         for (pair, Pair { ranked, moment, .. }) in pairs.iter().enumerate() {
             let Moment { catch_s, v_WO, .. } = &moments[*moment];
-            let slowest_mps = v_WO.norm() * (1.0 - self.config.max_speed_fraction);
-            let cost = ranked.cost + weights.delay * (catch_s - start.time_s) + weights.speed * slowest_mps;
+            let holding = self.holding_cost(ranked.cost, v_WO, self.config.max_speed_fraction, 0.0);
+            let cost = holding + weights.delay * (catch_s - start.time_s);
             frontier.push(cost, Node { pair, stage: Stage::Pose });
         }
         let is_near = !moments.is_empty();
@@ -222,13 +224,15 @@ impl Planner {
                     *arrivals += 1;
                     let bounds = self.arrival_bounds(&at.joints, from, &q);
                     let Some(arrival) = bounds.and_then(|bounds| reaching(&q).arrival(&bounds)) else { continue };
-                    let missing_mps = at.v_WO.norm() * (self.config.max_speed_fraction - arrival.speed_fraction);
-                    let cost = cost + weights.speed * missing_mps + weights.spin * arrival.w_WG.norm();
+                    let holding = |fraction, spin| self.holding_cost(ranked.cost, &at.v_WO, fraction, spin);
+                    let least = holding(self.config.max_speed_fraction, 0.0);
+                    let cost = cost + holding(arrival.speed_fraction, arrival.w_WG.norm()) - least;
                     frontier.push(cost, Node { pair, stage: Stage::Arrival(posture, arrival) });
                 }
                 Stage::Arrival(posture, balanced) => {
                     let q = posture.q;
-                    let candidate = Candidate { catch_s: at.catch_s, approach, X_WG, posture, cost };
+                    let (catch_s, grasp_cost) = (at.catch_s, ranked.cost);
+                    let candidate = Candidate { catch_s, approach, X_WG, posture, cost, grasp_cost };
                     let Some(bounds) = self.arrival_bounds(&at.joints, from, &q) else { continue };
                     for weights in [ArrivalWeights::BALANCED, ArrivalWeights::STEADY] {
                         let reaching = Reaching { weights, ..reaching(&q) };
@@ -271,7 +275,7 @@ impl Planner {
             let joints = self.reaches(task.start, lead_s, shares);
             let ranges = self.ranges(&joints, &task.start.state.q);
             let v_WO = task.incoming.flight.twist_at(catch_s).linear;
-            let may_reach = |X_WG: &Pose| self.finder.may_reach(X_WG, &ranges);
+            let may_reach = self.finder.may_reach(&X_WO, &ranges);
             let (ranked, any_grasp) = task.incoming.grasps.rank(&X_WO, &v_WO, &base, task.incoming.config, may_reach);
             let moment = moments.len();
             pairs.extend(ranked.into_iter().map(|ranked| Pair {
@@ -284,6 +288,12 @@ impl Planner {
             moments.push(Moment { catch_s, v_WO, joints, ranges, any_grasp });
         }
         (moments, pairs)
+    }
+
+    /// What tells how well an object will be held: its grasp's heuristics, how fast it passes the fingers and how fast they turn.
+    fn holding_cost(&self, grasp_cost: f64, v_WO: &Vector3<f64>, speed_fraction: f64, spin_radps: f64) -> f64 {
+        let weights = &self.config.weights;
+        grasp_cost + weights.speed * v_WO.norm() * (1.0 - speed_fraction) + weights.spin * spin_radps
     }
 
     pub(super) fn shares(&self, start: &Start) -> Shares {
@@ -300,7 +310,8 @@ impl Planner {
     ) -> Option<CatchPlan> {
         let (arrival, control_points) = reaching.best(bounds, -1.0)?;
         let trajectory = self.motion(reaching.start.time_s, candidate.catch_s, control_points, grasp)?;
-        let Candidate { catch_s, approach, X_WG, posture: Posture { q, elbow }, cost } = *candidate;
+        let Candidate { catch_s, approach, X_WG, posture: Posture { q, elbow }, cost, grasp_cost } = *candidate;
+        let spin_radps = arrival.w_WG.norm();
         Some(CatchPlan {
             catch_s,
             grasp: grasp.clone(),
@@ -311,9 +322,10 @@ impl Planner {
             lets_in: false,
             elbow,
             speed_fraction: arrival.speed_fraction,
-            spin_radps: arrival.w_WG.norm(),
+            spin_radps,
             weights: reaching.weights,
             cost,
+            holding_cost: self.holding_cost(grasp_cost, &reaching.v_WO, arrival.speed_fraction, spin_radps),
             trajectory,
         })
     }

@@ -24,9 +24,8 @@ impl Task<'_> {
         let Some(circle) = srs.elbow_circle(&self.target.X_WG) else { return true };
         let proof = Proof { task: self, srs, circle };
         let mut pieces = PROOF_PIECES;
-        srs.swivels(&circle, &first_seven(&self.ranges()))
-            .iter()
-            .all(|(branch, arcs)| arcs.iter().all(|arc| proof.is_barred(*branch, *arc, &mut pieces)))
+        let arcs = srs.swivels(&circle, &first_seven(&self.ranges()));
+        arcs.into_iter().all(|(branch, arc)| proof.is_barred(branch, arc, &mut pieces))
     }
 
     /// Whether no posture is left because there can be none: always so where they are found in closed form, else if the gripper
