@@ -22,7 +22,7 @@ use crate::setup::Setup;
 /// When the brain usually has its first estimate: the paper's six frames at 100 Hz, and one more.
 const FIRST_ESTIMATE_S: f64 = 0.07;
 /// What a throw costs that cannot be caught: more than any catch.
-const MISSED: f64 = 20.0;
+const MISSED: f64 = 60.0;
 /// A waiting arm keeps this far from itself and from the floor, in metres.
 const CLEARANCE_M: f64 = 0.05;
 

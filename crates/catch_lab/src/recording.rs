@@ -6,6 +6,7 @@
 
 use std::{
     fs::{self, File},
+    hash::{DefaultHasher, Hash, Hasher},
     io::{self, BufReader, BufWriter, Read},
     path::{Path, PathBuf},
 };
@@ -36,6 +37,8 @@ pub const FORMAT: &str = "catchingbot recording";
 pub const FORMAT_VERSION: u32 = 2;
 /// Ending of the files' names.
 pub const EXTENSION: &str = "catch";
+/// Bytes of a scenario's name that go into the name of a file.
+const LONGEST_NAME: usize = 80;
 
 /// What was known before the throw: enough to build the same brain again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -248,7 +251,17 @@ impl Drop for Recorder {
 /// Name of a scene's files, without ending.
 pub fn file_stem(scene: &Scene) -> String {
     let Scene { scenario, object, throw, seed, index } = scene;
-    format!("{scenario}-{object}-{throw}-{seed}-{index}")
+    let name = scenario.replace(['/', '\\'], "_");
+    // File systems take 255 bytes; a scenario with many changed fields has a longer name.
+    let cut = name.floor_char_boundary(LONGEST_NAME);
+    let name = if cut < name.len() {
+        let mut hasher = DefaultHasher::new();
+        name.hash(&mut hasher);
+        format!("{}~{:016x}", &name[..cut], hasher.finish())
+    } else {
+        name
+    };
+    format!("{name}-{object}-{throw}-{seed}-{index}")
 }
 
 /// Reads a recording, tick by tick.
@@ -326,4 +339,22 @@ fn read<T: DeserializeOwned>(file: &str, input: &mut impl Read, first: bool) -> 
             (false, false) => InputError::new(file, "the file", fault, "an undamaged recording"),
         }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_files_are_short_and_differ() {
+        let stem = |scenario: &str| {
+            let scenario = scenario.to_owned();
+            file_stem(&Scene { scenario, object: "ball".to_owned(), throw: "far".to_owned(), seed: 1, index: 2 })
+        };
+        assert_eq!(stem("paper"), "paper-ball-far-1-2");
+        assert_eq!(stem("paper+object=a/b"), "paper+object=a_b-ball-far-1-2");
+        let changed = |value: u32| format!("paper{}{value}", "+arena.restitution_scale=½".repeat(20));
+        assert!(stem(&changed(1)).len() < 200);
+        assert_ne!(stem(&changed(1)), stem(&changed(2)));
+    }
 }

@@ -272,10 +272,9 @@ impl<'a> Evidence<'a> {
                 .zip(plan)
                 .map(|(sample, plan)| (sample.X_WG * self.grasp_centre_G - plan.X_WG * self.grasp_centre_G).norm()),
             grasp_offset_m: self.grasp_offset_m(),
-            grasp_turn_rad: self
-                .at_catch
-                .zip(plan)
-                .and_then(|(sample, plan)| self.turn_from(&(sample.X_WG.rotation * plan.grasp.X_OG.rotation.inverse()))),
+            grasp_turn_rad: self.at_catch.zip(plan).and_then(|(sample, plan)| {
+                self.turn_from(&(sample.X_WG.rotation * plan.grasp.X_OG.rotation.inverse()))
+            }),
             contact_delay_s: self.contact_delay_s(),
             relative_speed_mps: self.before_touch().map(relative_speed),
             joint_travel_rad: self.at_catch.map(|sample| (sample.q - setup.ready_q).abs().sum()),

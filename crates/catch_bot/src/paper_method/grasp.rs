@@ -8,7 +8,11 @@ use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    grasp_selection::{Grasp, darboux::darboux_frame, fit::{held_box, overhang_m}},
+    grasp_selection::{
+        Grasp,
+        darboux::darboux_frame,
+        fit::{held_box, overhang_m},
+    },
     perception::ReferenceModel,
     trajectory_prediction::FlightTrajectory,
 };

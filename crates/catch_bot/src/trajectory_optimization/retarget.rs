@@ -34,8 +34,7 @@ impl Planner {
         LATER_S.iter().filter(in_time).find_map(|later_s| {
             let catch_s = plan.catch_s + later_s;
             let X_WG = incoming.flight.pose_at(catch_s) * plan.grasp.X_OG;
-            let found =
-                self.adjusted(start, incoming, plan, catch_s, &X_WG, self.moving_shares(), &ELBOW_RAD[..3])?;
+            let found = self.adjusted(start, incoming, plan, catch_s, &X_WG, self.moving_shares(), &ELBOW_RAD[..3])?;
             let found = self.opened(found, plan.open_width_m, start.time_s, incoming);
             found.lets_in.then_some(found)
         })
