@@ -7,7 +7,7 @@
 use std::path::PathBuf;
 
 use catch_body::InputError;
-use catch_bot::{grasp_selection, perception};
+use catch_bot::perception;
 
 use serde::Serialize;
 
@@ -57,9 +57,7 @@ pub const RUNGS: [Rung; 10] = [
         change: |scenario, honest| {
             scenario.arena.gripper = honest.arena.gripper;
             scenario.brain.control.gripper_latency_s = honest.brain.control.gripper_latency_s;
-            let turns_rad = scenario.brain.grasp_selection.turns_rad.clone();
-            scenario.brain.grasp_selection =
-                grasp_selection::Config { turns_rad, ..honest.brain.grasp_selection.clone() };
+            scenario.brain.grasp_selection.clone_from(&honest.brain.grasp_selection);
             scenario.brain.trajectory_optimization.clone_from(&honest.brain.trajectory_optimization);
         },
         throws: None,

@@ -91,6 +91,24 @@ pub struct Measures {
     pub contact_delay_s: Option<f64>,
     /// Speed of the object relative to the gripper at the catch.
     pub relative_speed_mps: Option<f64>,
+    /// Share of that speed that points at a finger, along x of G.
+    #[serde(default)]
+    pub sideways_share: Option<f64>,
+    /// Share of it that points at the palm, along −y of G.
+    #[serde(default)]
+    pub palm_share: Option<f64>,
+    /// Width of the object between the fingers in the planned grasp.
+    #[serde(default)]
+    pub grasp_width_m: Option<f64>,
+    /// How much farther from the palm than the grasp centre the object's centre is in the planned grasp.
+    #[serde(default)]
+    pub grasp_overhang_m: Option<f64>,
+    /// "Strength" of the planned grasp: the centre's distance from the gripper's y axis.
+    #[serde(default)]
+    pub grasp_strength_m: Option<f64>,
+    /// Whether the plan lets the object in without touching the open gripper.
+    #[serde(default)]
+    pub lets_in: Option<bool>,
     /// Sum over the joints of how far each moved from the ready pose to the catch.
     pub joint_travel_rad: Option<f64>,
     /// The largest force on the object while the gripper touched it.
@@ -257,6 +275,8 @@ impl<'a> Evidence<'a> {
     fn measures(&self, setup: &Setup) -> Measures {
         let servo = &self.truth.servo;
         let plan = self.plan();
+        let velocity_G =
+            self.before_touch().map(|sample| sample.X_WG.rotation.inverse_transform_vector(&relative_velocity(sample)));
         let forces =
             self.truth.samples.iter().filter(|sample| touches_gripper(sample)).map(|it| it.contact.peak_force_n);
         Measures {
@@ -276,7 +296,13 @@ impl<'a> Evidence<'a> {
                 self.turn_from(&(sample.X_WG.rotation * plan.grasp.X_OG.rotation.inverse()))
             }),
             contact_delay_s: self.contact_delay_s(),
-            relative_speed_mps: self.before_touch().map(relative_speed),
+            relative_speed_mps: velocity_G.map(|it| it.norm()),
+            sideways_share: velocity_G.and_then(|it| Some(it.try_normalize(1e-6)?.x.abs())),
+            palm_share: velocity_G.and_then(|it| Some(-it.try_normalize(1e-6)?.y)),
+            grasp_width_m: plan.map(|plan| plan.grasp.object_width_m),
+            grasp_overhang_m: plan.map(|plan| plan.grasp.overhang_m),
+            grasp_strength_m: plan.map(|plan| plan.grasp.strength_m),
+            lets_in: plan.map(|plan| plan.lets_in),
             joint_travel_rad: self.at_catch.map(|sample| (sample.q - setup.ready_q).abs().sum()),
             peak_contact_force_n: forces.fold(0.0, f64::max),
             peak_velocity_ratio: servo.peak_velocity_ratio,
@@ -338,11 +364,6 @@ pub(crate) fn is_squeezed(before: &TruthSample, now: &TruthSample) -> bool {
     let (left, right) = (now.contact.left_finger, now.contact.right_finger);
     let finger_speed = (now.width_m - before.width_m).abs() / (now.time_s - before.time_s);
     (left && right) || ((left || right) && now.contact.palm && finger_speed < CLOSED_SPEED_MPS)
-}
-
-/// Speed of the object's centre of mass relative to the gripper.
-fn relative_speed(sample: &TruthSample) -> f64 {
-    relative_velocity(sample).norm()
 }
 
 /// Velocity of the object's centre of mass relative to the gripper, in W.

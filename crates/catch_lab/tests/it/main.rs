@@ -7,6 +7,7 @@ mod determinism;
 mod evaluation;
 mod frames;
 mod general_form;
+mod holding;
 mod honest;
 mod looks;
 mod mcap_file;
