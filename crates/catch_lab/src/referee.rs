@@ -1,5 +1,6 @@
 //! The referee: the only place where truth meets score.
 
+mod measures;
 pub mod reason;
 
 use catch_body::dynamics::gravity;
@@ -13,6 +14,7 @@ use crate::{
     setup::Setup,
     trial::{PAPER_LOOKS_AT_S, Thought, Trial},
 };
+pub use measures::{LEADS_S, Measures};
 use reason::Reason;
 
 /// How far along z of the gripper the object may be for the paper to call it caught.
@@ -63,72 +65,6 @@ impl Verdict {
     pub fn is_out_of_reach(&self) -> bool {
         self.reach.is_some_and(|reach| reach.from_first_image_s.is_none())
     }
-}
-
-/// How long before the catch predictions are compared with the truth, in seconds.
-pub const LEADS_S: [f64; 5] = [0.5, 0.4, 0.3, 0.2, 0.1];
-
-/// Figures of a trial that explain its outcome.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct Measures {
-    /// How far off the object's position at the catch was predicted, by the last prediction before it.
-    pub prediction_error_m: Option<f64>,
-    /// How far off its attitude at the catch was predicted by then, turns under which it looks the same aside.
-    #[serde(default)]
-    pub prediction_turn_rad: Option<f64>,
-    /// How far off it was predicted [`LEADS_S`] before the catch, where there was a prediction by then.
-    #[serde(default)]
-    pub prediction_errors_m: [Option<f64>; LEADS_S.len()],
-    /// How far the gripper was from where the plan wants it at the catch.
-    pub tracking_error_m: Option<f64>,
-    /// How far the undisturbed object would have been from where the plan wants it in the gripper at the catch.
-    pub grasp_offset_m: Option<f64>,
-    /// How far it would have been turned from how the plan wants it there, turns under which it looks the same aside.
-    pub grasp_turn_rad: Option<f64>,
-    /// How long after the undisturbed object's centre would have been nearest the grasp centre the instant midway between the
-    /// first contacts of the two fingers was.
-    #[serde(default)]
-    pub contact_delay_s: Option<f64>,
-    /// Speed of the object relative to the gripper at the catch.
-    pub relative_speed_mps: Option<f64>,
-    /// Share of that speed that points at a finger, along x of G.
-    #[serde(default)]
-    pub sideways_share: Option<f64>,
-    /// Share of it that points at the palm, along −y of G.
-    #[serde(default)]
-    pub palm_share: Option<f64>,
-    /// Width of the object between the fingers in the planned grasp.
-    #[serde(default)]
-    pub grasp_width_m: Option<f64>,
-    /// How much farther from the palm than the grasp centre the object's centre is in the planned grasp.
-    #[serde(default)]
-    pub grasp_overhang_m: Option<f64>,
-    /// "Strength" of the planned grasp: the centre's distance from the gripper's y axis.
-    #[serde(default)]
-    pub grasp_strength_m: Option<f64>,
-    /// Whether the plan lets the object in without touching the open gripper.
-    #[serde(default)]
-    pub lets_in: Option<bool>,
-    /// Sum over the joints of how far each moved from the ready pose to the catch.
-    pub joint_travel_rad: Option<f64>,
-    /// The largest force on the object while the gripper touched it.
-    pub peak_contact_force_n: f64,
-    /// Highest velocity of a joint over its limit.
-    pub peak_velocity_ratio: f64,
-    /// Highest acceleration of a joint over its limit, impacts included.
-    pub peak_acceleration_ratio: f64,
-    /// Highest torque asked of a motor over its limit.
-    pub peak_torque_ratio: f64,
-    /// How long a motor's torque was clamped.
-    pub torque_clamped_s: f64,
-    /// Trajectories that came too late.
-    pub late_trajectories: u32,
-    /// Trajectories refused for other reasons.
-    pub refused_trajectories: u32,
-    /// Smallest distance of the arm from itself.
-    pub min_self_clearance_m: Option<f64>,
-    /// Smallest distance of the arm's moving parts from the floor.
-    pub min_floor_clearance_m: Option<f64>,
 }
 
 /// Judges a trial.
