@@ -280,6 +280,26 @@ mod tests {
             }
         }
 
+        /// Where the wrist is tells how far the elbow is bent, and bending it more or less takes the wrist out of the range.
+        #[test]
+        fn the_wrist_is_as_far_away_as_the_elbow_lets_it(
+            unit in prop::array::uniform7(-0.99f64..0.99), below in 0.001f64..1.0, above in 0.001f64..1.0,
+        ) {
+            let robot = iiwa();
+            let arm = SrsArm::of(&robot).unwrap();
+            let q = robot.per_joint(|joint| joint.limits.upper).component_mul(&robot.joint_vector(&unit).unwrap());
+            prop_assume!(q[3].abs() > 0.01);
+            let distance = (robot.gripper_pose(&q) * arm.wrist_in_gripper() - arm.shoulder()).norm_squared();
+            let within = |range| {
+                let [least, most] = arm.wrist_distances_squared(range);
+                (least..=most).contains(&distance)
+            };
+            prop_assert!(within([q[3] - below, q[3] + above]));
+            let bend = q[3].abs();
+            prop_assert!(!within([bend + 1e-6, bend + above]) && !within([-bend - below, -bend - 1e-6]));
+            prop_assert!(!within([0.0, bend - 1e-6]));
+        }
+
         /// No joint turns more than its bound while the elbow moves.
         #[test]
         fn joints_turn_no_more_than_claimed(

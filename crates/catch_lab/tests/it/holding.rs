@@ -1,5 +1,5 @@
 //! What tells whether a catch holds: a logistic regression of the outcomes of honest throws on what each catch was like. The
-//! weights of grasp selection in the scenario `honest` come from it.
+//! weights of grasp selection in the scenario `honest` were chosen from such regressions.
 
 #![allow(clippy::print_stdout, reason = "figures for the docs, shown by --nocapture")]
 
@@ -67,7 +67,7 @@ fn the_regression_finds_coefficients_that_data_have() {
 
 /// `cargo test --release --workspace --test it what_tells_whether -- --ignored --nocapture`.
 #[test]
-#[ignore = "takes some ten minutes"]
+#[ignore = "takes five minutes"]
 fn what_tells_whether_a_catch_holds() {
     let setup =
         |object| Setup::load(&Choice { scenario: Some("honest"), object: Some(object), ..Choice::default() }).unwrap();
