@@ -100,7 +100,8 @@ impl CatchingBot {
         match planner.nearest(start, &incoming, plan) {
             Some(plan) => (Status::Approached, Some(plan)),
             None => {
-                let plan = planner.opened(plan.clone(), plan.open_width_m, start.time_s, &incoming);
+                let passage = flight.passage_at(plan.catch_s);
+                let plan = planner.opened(plan.clone(), plan.open_width_m, start.time_s, &incoming, &passage);
                 (Status::PlanKept, Some(plan))
             }
         }

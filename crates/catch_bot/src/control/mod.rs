@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     grasp_selection,
     trajectory_optimization::CatchPlan,
-    trajectory_prediction::{FlightTrajectory, Passage},
+    trajectory_prediction::FlightTrajectory,
 };
 use catch_body::{Gripper, Robot};
 
@@ -69,7 +69,7 @@ pub fn closing(
     config: &Config,
 ) -> GripperPlan {
     let held = plan.grasp.X_OG * gripper.grasp_centre();
-    let passage = Passage::of(flight, plan.catch_s);
+    let passage = flight.passage_at(plan.catch_s);
     let X_WG = |time_s: f64| robot.gripper_pose(&plan.trajectory.setpoint(time_s).q);
     let distance = |time_s: f64| (passage.pose_at(time_s) * held - X_WG(time_s) * gripper.grasp_centre()).norm();
     let closest_s = closest(plan.catch_s, distance);

@@ -6,7 +6,7 @@ use nalgebra::Point3;
 use super::{
     CatchPlan, Incoming, Planner, Start, motion::Shares, posture::Posture, reaching::Reaching, search::Candidate,
 };
-use crate::grasp_selection::heuristics;
+use crate::{grasp_selection::heuristics, trajectory_prediction::Passage};
 
 /// How far the elbow may move along its circle, in radians.
 const ELBOW_RAD: [f64; 5] = [0.0, 0.2, -0.2, 0.4, -0.4];
@@ -18,13 +18,14 @@ const PARTS: [f64; 3] = [0.75, 0.5, 0.25];
 impl Planner {
     /// The same catch for a flight that is known better: same time and grasp, the elbow where it was or close by.
     pub fn retarget(&self, start: &Start, incoming: &Incoming, plan: &CatchPlan) -> Option<CatchPlan> {
-        let X_WG = incoming.flight.pose_at(plan.catch_s) * plan.grasp.X_OG;
+        let passage = incoming.flight.passage_at(plan.catch_s);
+        let X_WG = passage.X_WO * plan.grasp.X_OG;
         // What a motion leaves of the limits, the next replan can use: more is taken only where less does not do.
         let shares = [0.0, 0.5, 1.0].map(|more| self.cold_shares().toward(self.moving_shares(), more));
         let found = shares
             .iter()
-            .find_map(|shares| self.adjusted(start, incoming, plan, plan.catch_s, &X_WG, *shares, &ELBOW_RAD))?;
-        Some(self.opened(found, plan.open_width_m, start.time_s, incoming))
+            .find_map(|shares| self.adjusted(start, incoming, plan, &passage, &X_WG, *shares, &ELBOW_RAD))?;
+        Some(self.opened(found, plan.open_width_m, start.time_s, incoming, &passage))
     }
 
     /// The same grasp a little sooner or later, where the arm is in time and the object can come in.
@@ -32,40 +33,41 @@ impl Planner {
         let in_time =
             |later_s: &&f64| **later_s > 0.0 || plan.catch_s + **later_s > start.time_s + self.config.min_lead_s;
         LATER_S.iter().filter(in_time).find_map(|later_s| {
-            let catch_s = plan.catch_s + later_s;
-            let X_WG = incoming.flight.pose_at(catch_s) * plan.grasp.X_OG;
-            let found = self.adjusted(start, incoming, plan, catch_s, &X_WG, self.moving_shares(), &ELBOW_RAD[..3])?;
-            let found = self.opened(found, plan.open_width_m, start.time_s, incoming);
+            let passage = incoming.flight.passage_at(plan.catch_s + later_s);
+            let X_WG = passage.X_WO * plan.grasp.X_OG;
+            let found = self.adjusted(start, incoming, plan, &passage, &X_WG, self.moving_shares(), &ELBOW_RAD[..3])?;
+            let found = self.opened(found, plan.open_width_m, start.time_s, incoming, &passage);
             found.lets_in.then_some(found)
         })
     }
 
     /// The same catch as near to the flight as the arm can still come.
     pub fn nearest(&self, start: &Start, incoming: &Incoming, plan: &CatchPlan) -> Option<CatchPlan> {
-        let wanted = incoming.flight.pose_at(plan.catch_s) * plan.grasp.X_OG;
+        let passage = incoming.flight.passage_at(plan.catch_s);
+        let wanted = passage.X_WO * plan.grasp.X_OG;
         let found = PARTS.iter().find_map(|part| {
             let X_WG = plan.X_WG.try_lerp_slerp(&wanted, *part, 1e-9)?;
-            self.adjusted(start, incoming, plan, plan.catch_s, &X_WG, self.moving_shares(), &ELBOW_RAD[..1])
+            self.adjusted(start, incoming, plan, &passage, &X_WG, self.moving_shares(), &ELBOW_RAD[..1])
         })?;
-        Some(self.opened(found, plan.open_width_m, start.time_s, incoming))
+        Some(self.opened(found, plan.open_width_m, start.time_s, incoming, &passage))
     }
 
-    /// The plan's grasp at `catch_s` with the gripper at `X_WG`, the elbow moved by the first of these angles that will do.
+    /// The plan's grasp where the object passes, with the gripper at `X_WG`, the elbow moved by the first of these angles that will do.
     #[expect(clippy::too_many_arguments, reason = "a catch is a time, a pose and what it is made from")]
     fn adjusted(
         &self,
         start: &Start,
         incoming: &Incoming,
         plan: &CatchPlan,
-        catch_s: f64,
+        passage: &Passage,
         X_WG: &Pose,
         shares: Shares,
         elbows_rad: &[f64],
     ) -> Option<CatchPlan> {
-        let Incoming { flight, config, .. } = incoming;
-        let (X_WO, v_WO) = (flight.pose_at(catch_s), flight.twist_at(catch_s).linear);
+        let Passage { time_s: catch_s, X_WO, V_WO, .. } = *passage;
+        let v_WO = V_WO.linear;
         let base = Point3::from(self.robot.X_WB.translation.vector);
-        let grasp_cost = heuristics::cost(&plan.grasp, &X_WO, &v_WO, &base, &config.weights);
+        let grasp_cost = heuristics::cost(&plan.grasp, &X_WO, &v_WO, &base, &incoming.config.weights);
         let known = Posture { q: plan.q, elbow: plan.elbow };
         elbows_rad.iter().find_map(|offset| {
             let posture = self.finder.adjusted(&self.robot, X_WG, &known, *offset)?;
@@ -76,17 +78,24 @@ impl Planner {
             let bounds = self.arrival_bounds(&joints, &start.state.q, &q)?;
             let CatchPlan { approach, cost, .. } = *plan;
             let candidate = Candidate { catch_s, approach, X_WG: *X_WG, posture, cost, grasp_cost };
-            self.finish(&candidate, &plan.grasp, bounds, &reaching)
+            self.finish(&candidate, &plan.grasp, reaching.best(bounds, -1.0)?, &reaching)
         })
     }
 
     /// The same plan with the opening that it had if that lets the object in; else with the narrowest that does, or, where none
     /// does any more, the widest: it hits least. Where it is too late to change the opening, it stays.
-    pub fn opened(&self, plan: CatchPlan, had_m: f64, now_s: f64, incoming: &Incoming) -> CatchPlan {
-        if self.first_that_lets_in(&[had_m], &plan, incoming).is_some() {
+    pub fn opened(
+        &self,
+        plan: CatchPlan,
+        had_m: f64,
+        now_s: f64,
+        incoming: &Incoming,
+        passage: &Passage,
+    ) -> CatchPlan {
+        if self.first_that_lets_in(&[had_m], &plan, incoming, passage).is_some() {
             return CatchPlan { open_width_m: had_m, lets_in: true, ..plan };
         }
-        let opening = self.opening(&plan, incoming);
+        let opening = self.opening(&plan, incoming, passage);
         let open_width_m = opening.unwrap_or(self.gripper.max_width_m);
         let fingers = incoming.config.closing(&self.gripper);
         let takes_s = fingers.duration_s((open_width_m - had_m).abs())

@@ -18,13 +18,16 @@ use super::{
     arrival::{Arrival, Weights as ArrivalWeights},
     motion::Shares,
     posture::Posture,
-    reachability::{Interval, JointReach},
-    reaching::{Reaching, effort},
+    reachability::JointReach,
+    reaching::{Reached, Reaching, effort},
     way_in::{Entering, Obstacle},
 };
 use frontier::{Frontier, Node, Stage};
 
-use crate::grasp_selection::{Approach, Grasp, RankedGrasp};
+use crate::{
+    grasp_selection::{Approach, Grasp, RankedGrasp},
+    trajectory_prediction::Passage,
+};
 
 /// Weights of the choice among catches that the arm can reach. All terms are costs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -76,8 +79,7 @@ pub(super) struct Candidate {
 
 /// What is known at one catch time.
 struct Moment {
-    catch_s: f64,
-    v_WO: Vector3<f64>,
+    passage: Passage,
     joints: [JointReach; MAX_JOINTS],
     ranges: [[f64; 2]; MAX_JOINTS],
     any_grasp: bool,
@@ -173,9 +175,9 @@ impl Planner {
         let (weights, from, (shares, _)) = (&self.config.weights, &start.state.q, look);
         let mut frontier = Frontier::default();
         for (pair, Pair { ranked, moment, .. }) in pairs.iter().enumerate() {
-            let Moment { catch_s, v_WO, .. } = &moments[*moment];
-            let holding = self.holding_cost(ranked.cost, v_WO, self.config.max_speed_fraction, 0.0);
-            let cost = holding + weights.delay * (catch_s - start.time_s);
+            let Passage { time_s, V_WO, .. } = &moments[*moment].passage;
+            let holding = self.holding_cost(ranked.cost, &V_WO.linear, self.config.max_speed_fraction, 0.0);
+            let cost = holding + weights.delay * (time_s - start.time_s);
             frontier.push(cost, Node { pair, stage: Stage::Pose });
         }
         let is_near = !moments.is_empty();
@@ -189,10 +191,11 @@ impl Planner {
             }
             let Pair { moment, ranked, enters, arrivals, failed } = &mut pairs[pair];
             let (at, RankedGrasp { index, X_WG, approach, .. }) = (&moments[*moment], *ranked);
-            let entering = Entering { incoming, catch_s: at.catch_s, grasp: &grasps[index] };
-            let reaching = |q: &JointVector| self.reaching(start, at.catch_s, &X_WG, q, &at.v_WO, shares);
+            let (catch_s, v_WO) = (at.passage.time_s, at.passage.V_WO.linear);
+            let entering = Entering { incoming, passage: &at.passage, grasp: &grasps[index] };
+            let reaching = |q: &JointVector| self.reaching(start, catch_s, &X_WG, q, &v_WO, shares);
             let obstacle = &mut obstacles[index];
-            let v_GO = X_WG.rotation.inverse_transform_vector(&at.v_WO);
+            let v_GO = X_WG.rotation.inverse_transform_vector(&v_WO);
             match stage {
                 Stage::Pose if looked_at == self.finder.most_poses() => {}
                 Stage::Pose => {
@@ -218,35 +221,38 @@ impl Planner {
                 Stage::Posture(_) | Stage::Arrival(..) if *failed == ATTEMPTS_PER_PAIR => {}
                 Stage::Posture(posture) => {
                     let q = posture.q;
+                    if !*enters.get_or_insert_with(|| self.enters_straight(&v_GO, &entering, obstacle)) {
+                        *arrivals = ARRIVALS_PER_PAIR;
+                        continue;
+                    }
                     if !self.stands_clear(&q, entering.grasp.open_width_m) {
                         continue;
                     }
                     *arrivals += 1;
                     let bounds = self.arrival_bounds(&at.joints, from, &q);
                     let Some(arrival) = bounds.and_then(|bounds| reaching(&q).arrival(&bounds)) else { continue };
-                    let holding = |fraction, spin| self.holding_cost(ranked.cost, &at.v_WO, fraction, spin);
+                    let holding = |fraction, spin| self.holding_cost(ranked.cost, &v_WO, fraction, spin);
                     let least = holding(self.config.max_speed_fraction, 0.0);
                     let cost = cost + holding(arrival.speed_fraction, arrival.w_WG.norm()) - least;
                     frontier.push(cost, Node { pair, stage: Stage::Arrival(posture, arrival) });
                 }
                 Stage::Arrival(posture, balanced) => {
                     let q = posture.q;
-                    let (catch_s, grasp_cost) = (at.catch_s, ranked.cost);
-                    let candidate = Candidate { catch_s, approach, X_WG, posture, cost, grasp_cost };
+                    let candidate = Candidate { catch_s, approach, X_WG, posture, cost, grasp_cost: ranked.cost };
                     let Some(bounds) = self.arrival_bounds(&at.joints, from, &q) else { continue };
                     for weights in [ArrivalWeights::BALANCED, ArrivalWeights::STEADY] {
                         let reaching = Reaching { weights, ..reaching(&q) };
                         let known = (weights == ArrivalWeights::BALANCED).then_some(balanced);
                         let Some(arrival) = known.or_else(|| reaching.arrival(&bounds)) else { continue };
-                        if !self.lets_in(&X_WG, &arrival, &entering, obstacle)
-                            || !*enters.get_or_insert_with(|| self.enters_straight(&v_GO, &entering, obstacle))
-                        {
+                        if !self.lets_in(&X_WG, &arrival, &entering, obstacle) {
                             continue;
                         }
                         *work += WORK_OF_A_MOTION;
-                        let Some(plan) = self.finish(&candidate, entering.grasp, bounds, &reaching) else { continue };
+                        // Where no velocities along the flight are left, none are with other weights.
+                        let Some(reached) = reaching.best(bounds, -1.0) else { break };
+                        let Some(plan) = self.finish(&candidate, entering.grasp, reached, &reaching) else { continue };
                         *work += WORK_OF_OPENINGS;
-                        if let Some(open_width_m) = self.opening(&plan, incoming) {
+                        if let Some(open_width_m) = self.opening(&plan, incoming, &at.passage) {
                             return Ok(CatchPlan { open_width_m, lets_in: true, ..plan });
                         }
                     }
@@ -261,22 +267,24 @@ impl Planner {
     fn pairs(&self, task: &Search, (shares, offset): Look) -> (Vec<Moment>, Vec<Pair>) {
         let base = Point3::from(self.robot.X_WB.translation.vector);
         let (mut moments, mut pairs) = (Vec::new(), Vec::new());
+        let mut course = task.incoming.flight.course();
         let steps = (LATEST_S / self.config.time_step_s) as usize;
         for step in 0..steps {
             let lead_s = self.config.min_lead_s + (step as f64 + offset) * self.config.time_step_s;
             let catch_s = task.start.time_s + lead_s;
-            let X_WO = task.incoming.flight.pose_at(catch_s);
-            if X_WO.translation.vector.z < 0.0 {
+            let p_WO = course.position_at(catch_s);
+            if p_WO.z < 0.0 {
                 break;
             }
-            if (X_WO.translation.vector - base.coords).norm() > self.longest_reach_m {
+            if (p_WO - base).norm() > self.longest_reach_m {
                 continue;
             }
+            let passage = course.passage_at(catch_s);
             let joints = self.reaches(task.start, lead_s, shares);
             let ranges = self.ranges(&joints, &task.start.state.q);
-            let v_WO = task.incoming.flight.twist_at(catch_s).linear;
-            let may_reach = self.finder.may_reach(&X_WO, &ranges);
-            let (ranked, any_grasp) = task.incoming.grasps.rank(&X_WO, &v_WO, &base, task.incoming.config, may_reach);
+            let (X_WO, v_WO) = (&passage.X_WO, &passage.V_WO.linear);
+            let may_reach = self.finder.may_reach(X_WO, &ranges);
+            let (ranked, any_grasp) = task.incoming.grasps.rank(X_WO, v_WO, &base, task.incoming.config, may_reach);
             let moment = moments.len();
             pairs.extend(ranked.into_iter().map(|ranked| Pair {
                 moment,
@@ -285,7 +293,7 @@ impl Planner {
                 arrivals: 0,
                 failed: 0,
             }));
-            moments.push(Moment { catch_s, v_WO, joints, ranges, any_grasp });
+            moments.push(Moment { passage, joints, ranges, any_grasp });
         }
         (moments, pairs)
     }
@@ -300,15 +308,14 @@ impl Planner {
         if start.state.dq == JointVector::zeros() { self.cold_shares() } else { self.moving_shares() }
     }
 
-    /// Turns a candidate into a plan, `None` if no motion to it keeps all limits and clearances.
+    /// Turns a candidate into a plan over these splines, `None` if that does not keep torque limits and clearances.
     pub(super) fn finish(
         &self,
         candidate: &Candidate,
         grasp: &Grasp,
-        bounds: [Interval; MAX_JOINTS],
+        (arrival, control_points): Reached,
         reaching: &Reaching,
     ) -> Option<CatchPlan> {
-        let (arrival, control_points) = reaching.best(bounds, -1.0)?;
         let trajectory = self.motion(reaching.start.time_s, candidate.catch_s, control_points, grasp)?;
         let Candidate { catch_s, approach, X_WG, posture: Posture { q, elbow }, cost, grasp_cost } = *candidate;
         let spin_radps = arrival.w_WG.norm();

@@ -20,7 +20,8 @@ const STRETCH_S: f64 = WAY_IN_S / STRETCHES as f64;
 #[derive(Clone, Copy)]
 pub(super) struct Entering<'a> {
     pub incoming: &'a Incoming<'a>,
-    pub catch_s: f64,
+    /// The flight near the catch.
+    pub passage: &'a Passage,
     pub grasp: &'a Grasp,
 }
 
@@ -43,6 +44,7 @@ impl Planner {
         let open = Hand::new(&self.gripper, self.gripper.max_width_m, config.way_in_margin_m);
         let end = entering.grasp.X_OG.inverse();
         let start = Translation3::from(direction * -WAY_IN_M) * end;
+        let [start, end] = [start, end].map(|X_GO| Place::new(&X_GO, grasps));
         let touching = open.touched_by(grasps, &start, &end, last.straight);
         last.straight = touching.unwrap_or(last.straight);
         touching.is_none()
@@ -50,13 +52,19 @@ impl Planner {
 
     /// The narrowest opening with which the object touches neither fingers nor housing on its way into the moving gripper,
     /// the fingers closing in time for the catch; `None` if there is none.
-    pub(super) fn opening(&self, plan: &CatchPlan, incoming: &Incoming) -> Option<f64> {
-        self.first_that_lets_in(&self.openings(&plan.grasp), plan, incoming)
+    pub(super) fn opening(&self, plan: &CatchPlan, incoming: &Incoming, passage: &Passage) -> Option<f64> {
+        self.first_that_lets_in(&self.openings(&plan.grasp), plan, incoming, passage)
     }
 
     /// The first of these openings with which a plan lets the object in.
-    pub(super) fn first_that_lets_in(&self, openings: &[f64], plan: &CatchPlan, incoming: &Incoming) -> Option<f64> {
-        let entering = Entering { incoming, catch_s: plan.catch_s, grasp: &plan.grasp };
+    pub(super) fn first_that_lets_in(
+        &self,
+        openings: &[f64],
+        plan: &CatchPlan,
+        incoming: &Incoming,
+        passage: &Passage,
+    ) -> Option<f64> {
+        let entering = Entering { incoming, passage, grasp: &plan.grasp };
         let X_WG = |time_s: f64| self.robot.gripper_pose(&plan.trajectory.setpoint(time_s).q);
         self.first_of(openings, X_WG, &entering, &mut Obstacle::default())
     }
@@ -71,9 +79,9 @@ impl Planner {
     /// velocity: most motions that would fail in the end are told from that alone.
     pub(super) fn lets_in(&self, X_WG: &Pose, arrival: &Arrival, entering: &Entering, last: &mut Obstacle) -> bool {
         let centre = X_WG * self.gripper.grasp_centre();
-        let v_WG = entering.incoming.flight.twist_at(entering.catch_s).linear * arrival.speed_fraction;
+        let v_WG = entering.passage.V_WO.linear * arrival.speed_fraction;
         let passing = |time_s: f64| {
-            let after_s = time_s - entering.catch_s;
+            let after_s = time_s - entering.passage.time_s;
             let turn = UnitQuaternion::from_scaled_axis(arrival.w_WG * after_s);
             let origin = centre + v_WG * after_s + turn * (X_WG.translation.vector - centre.coords);
             Pose::from_parts(origin.coords.into(), turn * X_WG.rotation)
@@ -89,11 +97,11 @@ impl Planner {
         entering: &Entering,
         last: &mut Obstacle,
     ) -> Option<f64> {
-        let Entering { incoming: Incoming { flight, grasps, config }, catch_s, grasp } = *entering;
-        let passage = Passage::of(flight, catch_s);
+        let Entering { incoming: Incoming { grasps, config, .. }, passage, grasp } = *entering;
+        let catch_s = passage.time_s;
         let closing = config.closing(&self.gripper);
         let lead_s = config.contact_lead_s(&passage.velocity_in(&X_WG, &(grasp.X_OG * self.gripper.grasp_centre())));
-        let mut way = [None; STRETCHES + 1];
+        let mut way = [const { None }; STRETCHES + 1];
         openings.iter().copied().find(|open_m| {
             let way_m = open_m - grasp.object_width_m;
             let standing_s = lead_s + closing.duration_s(way_m);
@@ -106,11 +114,11 @@ impl Planner {
             let mut knot = |number: usize| {
                 let before_s = STRETCH_S * number as f64;
                 let X_GO = || X_WG(catch_s - before_s).inverse() * passage.pose_at(catch_s - before_s);
-                (before_s, *way[number].get_or_insert_with(X_GO))
+                (before_s, *way[number].get_or_insert_with(|| Place::new(&X_GO(), grasps)))
             };
             let mut touching = |stretch: usize| {
                 let ((start_s, start), (end_s, end)) = (knot(stretch + 1), knot(stretch));
-                let sweep = |from_s: f64, from: &Pose| hand(from_s).touched_by(grasps, from, &end, last.point);
+                let sweep = |from_s: f64, from: &Place| hand(from_s).touched_by(grasps, from, &end, last.point);
                 let stands = (start_s > standing_s).then(|| sweep(start_s, &start)).flatten();
                 stands.or_else(|| if end_s > standing_s { None } else { sweep(end_s, &end) })
             };
@@ -122,6 +130,30 @@ impl Planner {
             }
             found.is_none()
         })
+    }
+}
+
+/// An object's pose in G, and the box around its outline there.
+#[derive(Clone, Copy)]
+struct Place {
+    R_GO: Rotation3<f64>,
+    p_GO: Vector3<f64>,
+    low: Vector3<f64>,
+    high: Vector3<f64>,
+}
+
+impl Place {
+    fn new(X_GO: &Pose, grasps: &GraspSet) -> Self {
+        let (R_GO, p_GO) = (X_GO.rotation.to_rotation_matrix(), X_GO.translation.vector);
+        let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
+        for point in &grasps.outline {
+            let at = R_GO * point.coords;
+            for axis in 0..3 {
+                low[axis] = if at[axis] < low[axis] { at[axis] } else { low[axis] };
+                high[axis] = if at[axis] > high[axis] { at[axis] } else { high[axis] };
+            }
+        }
+        Self { R_GO, p_GO, low: low + p_GO, high: high + p_GO }
     }
 }
 
@@ -137,23 +169,27 @@ impl Hand {
         Self { boxes: [left, right, gripper.body()], margin_m }
     }
 
-    /// Whether a ball touches it on its straight way from `start` to `end` in G.
-    fn meets(&self, radius_m: f64, start: &Vector3<f64>, end: &Vector3<f64>) -> bool {
-        self.boxes.iter().any(|it| {
-            let half = it.size.add_scalar(2.0 * (radius_m + self.margin_m)) / 2.0;
-            way_meets(&half, &(start - it.centre.coords), &(end - it.centre.coords))
-        })
-    }
-
-    /// The point of an object's outline that touches it on the way between two poses of the object in G; the point `likely` is
-    /// looked at before all others.
-    fn touched_by(&self, grasps: &GraspSet, start: &Pose, end: &Pose, likely: usize) -> Option<usize> {
-        if !self.meets(grasps.radius_m, &start.translation.vector, &end.translation.vector) {
+    /// The point of an object's outline that touches it on the straight way between two places of the object; the point `likely`
+    /// is looked at before all others.
+    fn touched_by(&self, grasps: &GraspSet, start: &Place, end: &Place, likely: usize) -> Option<usize> {
+        // A box that stays clear of the one around the outline, or of the ball around it, none of its points meets.
+        let (low, high) = (start.low.inf(&end.low), start.high.sup(&end.high));
+        let near = self.boxes.map(|it| {
+            let half = it.size.add_scalar(2.0 * self.margin_m) / 2.0;
+            let (start, end) = (start.p_GO - it.centre.coords, end.p_GO - it.centre.coords);
+            let apart = (0..3).any(|axis| {
+                low[axis] > it.centre[axis] + half[axis] || high[axis] < it.centre[axis] - half[axis]
+            });
+            (!apart && way_meets(&half.add_scalar(grasps.radius_m), &start, &end)).then_some((half, it.centre.coords))
+        });
+        if near.iter().all(Option::is_none) {
             return None;
         }
-        let [start, end] = [start, end].map(|X_GO| (X_GO.rotation.to_rotation_matrix(), X_GO.translation.vector));
-        let place = |(R_GO, p_GO): &(Rotation3<f64>, Vector3<f64>), i: usize| R_GO * grasps.outline[i].coords + p_GO;
-        let touches = |i: &usize| self.meets(0.0, &place(&start, *i), &place(&end, *i));
+        let touches = |i: &usize| {
+            let point = grasps.outline[*i].coords;
+            let (start, end) = (start.R_GO * point + start.p_GO, end.R_GO * point + end.p_GO);
+            near.iter().flatten().any(|(half, centre)| way_meets(half, &(start - centre), &(end - centre)))
+        };
         let count = grasps.outline.len();
         Some(likely).filter(|i| *i < count && touches(i)).or_else(|| (0..count).find(touches))
     }

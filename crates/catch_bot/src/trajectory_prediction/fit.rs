@@ -8,7 +8,7 @@ use catch_body::Pose;
 use nalgebra::{Matrix3, Matrix3x4, Matrix3x6, Point3, SMatrix, SVector, UnitQuaternion, Vector3};
 
 use super::{
-    Config, FlightTrajectory, PredictionStatus,
+    Config, FlightTrajectory, Passage, PredictionStatus,
     flight::Motion,
     ransac::{is_finite, reach_m},
     tumbling,
@@ -101,14 +101,13 @@ pub(super) fn fit(
     if !newest_s.is_finite() {
         return Err(PredictionStatus::TooFewPoses);
     }
-    let X_WO = start.pose_at(newest_s);
-    let twist = start.twist_at(newest_s);
+    let Passage { X_WO, V_WO, .. } = start.passage_at(newest_s);
     let mut state = State {
         p: X_WO.translation.vector,
-        v: twist.linear,
+        v: V_WO.linear,
         drag_per_m: start.drag_per_m,
         R_WO: X_WO.rotation,
-        w: twist.angular,
+        w: V_WO.angular,
     };
     let freedom = match symmetry {
         Symmetry::None { .. } => 6.0,

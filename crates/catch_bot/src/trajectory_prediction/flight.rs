@@ -1,10 +1,10 @@
 //! How a flight goes on: gravity, quadratic drag and free rotation.
 
 use catch_body::{Pose, Twist, dynamics::gravity};
-use nalgebra::{Matrix3, Matrix3x6, Matrix6, Point3, SMatrix, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Matrix3x6, Matrix6, Point3, SMatrix, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::tumbling::Tumbling;
+use super::{Passage, tumbling::Tumbling};
 
 /// A flight: the state at one instant and the law by which it goes on.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -122,23 +122,63 @@ impl Motion {
     }
 }
 
+/// A flight followed from time to time: a state costs as much as the way to it from the one before.
+#[derive(Debug, Clone)]
+pub struct Course {
+    drag_per_m: f64,
+    moved_s: f64,
+    motion: Motion,
+    turned_s: f64,
+    tumbling: Tumbling,
+}
+
+impl Course {
+    /// Position at `time_s`, which is cheaper than the rest.
+    pub fn position_at(&mut self, time_s: f64) -> Point3<f64> {
+        self.motion = self.motion.after(time_s - self.moved_s, self.drag_per_m, false);
+        self.moved_s = time_s;
+        self.motion.p.into()
+    }
+
+    /// The flight near `time_s`.
+    pub fn passage_at(&mut self, time_s: f64) -> Passage {
+        let p_WO = self.position_at(time_s);
+        self.tumbling = self.tumbling.after(time_s - self.turned_s, false);
+        self.turned_s = time_s;
+        Passage {
+            time_s,
+            X_WO: Pose::from_parts(p_WO.into(), self.tumbling.R_WO),
+            V_WO: Twist { angular: self.tumbling.w_WO(), linear: self.motion.v },
+            drag_per_m: self.drag_per_m,
+        }
+    }
+}
+
 impl FlightTrajectory {
-    fn tumbling_after(&self, elapsed_s: f64) -> Tumbling {
-        Tumbling::new(self.R_WO, &self.w_WO, self.inertia_per_kg.as_ref()).after(elapsed_s, false)
+    /// To be followed from its own time on, forward or back.
+    pub fn course(&self) -> Course {
+        Course {
+            drag_per_m: self.drag_per_m,
+            moved_s: self.time_s,
+            motion: Motion::new(self.p_WO.coords, self.v_WO),
+            turned_s: self.time_s,
+            tumbling: Tumbling::new(self.R_WO, &self.w_WO, self.inertia_per_kg.as_ref()),
+        }
+    }
+
+    /// The flight near `time_s`.
+    pub fn passage_at(&self, time_s: f64) -> Passage {
+        self.course().passage_at(time_s)
     }
 
     /// Pose at `time_s`.
     pub fn pose_at(&self, time_s: f64) -> Pose {
-        let elapsed_s = time_s - self.time_s;
-        let motion = Motion::new(self.p_WO.coords, self.v_WO).after(elapsed_s, self.drag_per_m, false);
-        Pose::from_parts(Translation3::from(motion.p), self.tumbling_after(elapsed_s).R_WO)
+        self.passage_at(time_s).X_WO
     }
 
     /// Spatial velocity at `time_s`.
     pub fn twist_at(&self, time_s: f64) -> Twist {
-        let elapsed_s = time_s - self.time_s;
-        let motion = Motion::new(self.p_WO.coords, self.v_WO).after(elapsed_s, self.drag_per_m, false);
-        Twist { angular: self.tumbling_after(elapsed_s).w_WO(), linear: motion.v }
+        self.passage_at(time_s).V_WO
     }
 
     /// Covariance of (position, velocity) in W at `time_s`, m² and m²/s².
@@ -186,7 +226,7 @@ impl FlightTrajectory {
         from_s: f64,
         to_s: f64,
     ) -> Option<(f64, f64)> {
-        let ahead = |time_s: f64| normal.dot(&(Point3::from(self.pose_at(time_s).translation.vector) - point));
+        let ahead = |time_s: f64| normal.dot(&(self.course().position_at(time_s) - point));
         let steps = ((to_s - from_s) / STEP_S).ceil().clamp(1.0, MAX_STEPS) as usize;
         let times = |i: usize| from_s + (to_s - from_s) * i as f64 / steps as f64;
         let i = (0..steps).find(|&i| ahead(times(i)) * ahead(times(i + 1)) <= 0.0)?;

@@ -16,7 +16,7 @@ mod tumbling;
 
 use serde::{Deserialize, Serialize};
 
-pub use flight::FlightTrajectory;
+pub use flight::{Course, FlightTrajectory};
 pub use passage::Passage;
 pub use track::{Track, TrackSample};
 

@@ -3,23 +3,21 @@
 use catch_body::{Pose, Twist, dynamics::gravity};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 
-use super::FlightTrajectory;
-
 /// The flight within about 0.1 s of an instant, as cheap to evaluate as a pose: constant acceleration and constant angular
 /// velocity. Over 0.1 s, drag's change and tumbling displace the object by less than 0.3 mm and turn it by less than 1° more.
 #[derive(Debug, Clone, Copy)]
 pub struct Passage {
-    time_s: f64,
-    X_WO: Pose,
-    V_WO: Twist,
-    drag_per_m: f64,
+    /// The instant.
+    pub time_s: f64,
+    /// Pose then.
+    pub X_WO: Pose,
+    /// Spatial velocity then.
+    pub V_WO: Twist,
+    /// Drag constant, as in [`FlightTrajectory`](super::FlightTrajectory).
+    pub drag_per_m: f64,
 }
 
 impl Passage {
-    /// The flight near `time_s`.
-    pub fn of(flight: &FlightTrajectory, time_s: f64) -> Self {
-        Self { time_s, X_WO: flight.pose_at(time_s), V_WO: flight.twist_at(time_s), drag_per_m: flight.drag_per_m }
-    }
 
     /// Pose at `time_s`.
     pub fn pose_at(&self, time_s: f64) -> Pose {

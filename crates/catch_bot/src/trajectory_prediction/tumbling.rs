@@ -15,7 +15,6 @@ pub(super) struct Tumbling {
     pub momentum: Vector3<f64>,
     inertia: Matrix3<f64>,
     inverse: Matrix3<f64>,
-    least_inertia_inverse: f64,
     /// Whether ω stays as it is.
     steady: bool,
     /// ∂θ/∂(θ₀, L), rotation vectors in W.
@@ -25,7 +24,7 @@ pub(super) struct Tumbling {
 /// Largest turn per step; the error of a step is then below 10⁻⁵ rad.
 const STEP_RAD: f64 = 0.2;
 /// Most steps, so that absurd spins cost no more than wrong answers.
-const MAX_STEPS: f64 = 1000.0;
+const MAX_STEPS: usize = 1000;
 
 /// Inertia tensor that rules an object's tumbling; none where ω, or what can be seen of it, is constant.
 pub(super) fn inertia(symmetry: &Symmetry) -> Option<Matrix3<f64>> {
@@ -45,8 +44,7 @@ impl Tumbling {
         let momentum = R_WO * (inertia * (R_WO.inverse() * w_WO));
         let mut by_start = SMatrix::<f64, 3, 6>::zeros();
         by_start.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
-        let least_inertia_inverse = if inertia_per_kg.is_some() { inverse.norm() } else { 1.0 };
-        Self { R_WO, momentum, inertia, inverse, least_inertia_inverse, steady: inertia_per_kg.is_none(), by_start }
+        Self { R_WO, momentum, inertia, inverse, steady: inertia_per_kg.is_none(), by_start }
     }
 
     /// Angular velocity in W.
@@ -72,18 +70,18 @@ impl Tumbling {
         if self.steady {
             return self.after_turning(duration_s, with_derivatives);
         }
-        // The energy ½ω·L bounds the rate: J_min·|ω|² ≤ ω·L.
-        let fastest = (self.w_WO().dot(&self.momentum).max(0.0) * self.least_inertia_inverse).sqrt();
-        let steps = (duration_s.abs() * fastest / STEP_RAD).ceil().clamp(1.0, MAX_STEPS);
-        let h = duration_s / steps;
         let mut state = *self;
-        for _ in 0..steps as usize {
+        let mut left_s = duration_s;
+        for _ in 0..MAX_STEPS {
             let q = state.R_WO.into_inner();
             let slope = |q: &Quaternion<f64>| {
                 let w = self.rate(&UnitQuaternion::new_unchecked(*q));
                 Quaternion::from_imag(w) * q * 0.5
             };
             let k1 = slope(&q);
+            // Even steps of what is left: |q̇| is half of the rate.
+            let steps = (left_s.abs() * 2.0 * k1.norm() / STEP_RAD).ceil().max(1.0);
+            let h = left_s / steps;
             let at_middle = (q + k1 * (h / 2.0)).normalize();
             let k2 = slope(&at_middle);
             let k3 = slope(&(q + k2 * (h / 2.0)).normalize());
@@ -96,6 +94,10 @@ impl Tumbling {
                 state.carry_derivatives(&[state.R_WO, middle, end], h);
             }
             state.R_WO = end;
+            if steps == 1.0 {
+                break;
+            }
+            left_s -= h;
         }
         state
     }
