@@ -4,7 +4,7 @@
 //! is on top is looked at more closely: a pair becomes postures ([`SrsArm::swivels`](catch_body::inverse_kinematics::SrsArm::swivels)
 //! cut to what each joint can reach), a posture gets its arrival velocities, an arrival its motion, and each step adds what it
 //! costs. The first motion that keeps all limits and clearances is therefore the best there is, and most of the rest is
-//! never looked at. What is found nowhere is sought again with all that the limits allow, and at times in between; only then is
+//! never looked at. (Catches by a grasp that has failed are put off a little.) What is found nowhere is sought again with all that the limits allow, and at times in between; only then is
 //! it refused. In flight each image brings one such look, whose work is bounded.
 
 mod frontier;
@@ -178,19 +178,26 @@ impl Planner {
             let Passage { time_s, V_WO, .. } = &moments[*moment].passage;
             let holding = self.holding_cost(ranked.cost, &V_WO.linear, self.config.max_speed_fraction, 0.0);
             let cost = holding + weights.delay * (time_s - start.time_s);
-            frontier.push(cost, Node { pair, stage: Stage::Pose });
+            frontier.push(Node { pair, stage: Stage::Pose, cost, failures: 0 });
         }
         let is_near = !moments.is_empty();
         let mut refusal =
             if is_near && !moments.iter().any(|it| it.any_grasp) { Refusal::NoGrasp } else { Refusal::OutOfReach };
         let mut looked_at = 0;
-        while let Some((cost, Node { pair, stage })) = frontier.pop() {
+        let mut failures = vec![0; grasps.len()];
+        while let Some(node) = frontier.pop() {
+            let Node { pair, stage, cost, .. } = node;
+            let Pair { moment, ranked, enters, arrivals, failed } = &mut pairs[pair];
+            let (at, RankedGrasp { index, X_WG, approach, .. }) = (&moments[*moment], *ranked);
+            let failures = &mut failures[index];
+            if node.failures < *failures {
+                frontier.push(Node { failures: *failures, ..node });
+                continue;
+            }
             *work += stage.work();
             if *work - before > most_work {
                 return Err(refusal.max(Refusal::NoMotion));
             }
-            let Pair { moment, ranked, enters, arrivals, failed } = &mut pairs[pair];
-            let (at, RankedGrasp { index, X_WG, approach, .. }) = (&moments[*moment], *ranked);
             let (catch_s, v_WO) = (at.passage.time_s, at.passage.V_WO.linear);
             let entering = Entering { incoming, passage: &at.passage, grasp: &grasps[index] };
             let reaching = |q: &JointVector| self.reaching(start, catch_s, &X_WG, q, &v_WO, shares);
@@ -214,27 +221,26 @@ impl Planner {
                         let cost = cost
                             + weights.effort * effort.powi(4)
                             + weights.comfort * (posture.q - self.robot.comfortable_q).norm();
-                        frontier.push(cost, Node { pair, stage: Stage::Posture(posture) });
+                        frontier.push(Node { stage: Stage::Posture(posture), cost, ..node });
                     }
                 }
                 Stage::Posture(_) if *arrivals == ARRIVALS_PER_PAIR => {}
                 Stage::Posture(_) | Stage::Arrival(..) if *failed == ATTEMPTS_PER_PAIR => {}
                 Stage::Posture(posture) => {
                     let q = posture.q;
-                    if !*enters.get_or_insert_with(|| self.enters_straight(&v_GO, &entering, obstacle)) {
-                        *arrivals = ARRIVALS_PER_PAIR;
-                        continue;
-                    }
                     if !self.stands_clear(&q, entering.grasp.open_width_m) {
                         continue;
                     }
                     *arrivals += 1;
                     let bounds = self.arrival_bounds(&at.joints, from, &q);
-                    let Some(arrival) = bounds.and_then(|bounds| reaching(&q).arrival(&bounds)) else { continue };
+                    let Some(arrival) = bounds.and_then(|bounds| reaching(&q).arrival(&bounds)) else {
+                        *failures += usize::from(*arrivals == ARRIVALS_PER_PAIR);
+                        continue;
+                    };
                     let holding = |fraction, spin| self.holding_cost(ranked.cost, &v_WO, fraction, spin);
                     let least = holding(self.config.max_speed_fraction, 0.0);
                     let cost = cost + holding(arrival.speed_fraction, arrival.w_WG.norm()) - least;
-                    frontier.push(cost, Node { pair, stage: Stage::Arrival(posture, arrival) });
+                    frontier.push(Node { stage: Stage::Arrival(posture, arrival), cost, ..node });
                 }
                 Stage::Arrival(posture, balanced) => {
                     let q = posture.q;
@@ -244,7 +250,9 @@ impl Planner {
                         let reaching = Reaching { weights, ..reaching(&q) };
                         let known = (weights == ArrivalWeights::BALANCED).then_some(balanced);
                         let Some(arrival) = known.or_else(|| reaching.arrival(&bounds)) else { continue };
-                        if !self.lets_in(&X_WG, &arrival, &entering, obstacle) {
+                        if !self.lets_in(&X_WG, &arrival, &entering, obstacle)
+                            || !*enters.get_or_insert_with(|| self.enters_straight(&v_GO, &entering, obstacle))
+                        {
                             continue;
                         }
                         *work += WORK_OF_A_MOTION;
@@ -257,6 +265,7 @@ impl Planner {
                         }
                     }
                     *failed += 1;
+                    *failures += 1;
                 }
             }
         }

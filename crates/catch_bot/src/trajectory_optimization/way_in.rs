@@ -1,7 +1,7 @@
 //! The object's way into the gripper: it must touch neither fingers nor housing before the fingers have closed.
 
 use catch_body::{Gripper, Pose, shape::Cuboid};
-use nalgebra::{Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use super::{CatchPlan, Incoming, Planner, arrival::Arrival};
 use crate::{
@@ -44,7 +44,7 @@ impl Planner {
         let open = Hand::new(&self.gripper, self.gripper.max_width_m, config.way_in_margin_m);
         let end = entering.grasp.X_OG.inverse();
         let start = Translation3::from(direction * -WAY_IN_M) * end;
-        let [start, end] = [start, end].map(|X_GO| Place::new(&X_GO, grasps));
+        let [start, end] = [start, end].map(|X_GO| Place::new(&X_GO));
         let touching = open.touched_by(grasps, &start, &end, last.straight);
         last.straight = touching.unwrap_or(last.straight);
         touching.is_none()
@@ -114,7 +114,7 @@ impl Planner {
             let mut knot = |number: usize| {
                 let before_s = STRETCH_S * number as f64;
                 let X_GO = || X_WG(catch_s - before_s).inverse() * passage.pose_at(catch_s - before_s);
-                (before_s, *way[number].get_or_insert_with(|| Place::new(&X_GO(), grasps)))
+                (before_s, *way[number].get_or_insert_with(|| Place::new(&X_GO())))
             };
             let mut touching = |stretch: usize| {
                 let ((start_s, start), (end_s, end)) = (knot(stretch + 1), knot(stretch));
@@ -133,27 +133,20 @@ impl Planner {
     }
 }
 
-/// An object's pose in G, and the box around its outline there.
+/// An object's pose in G.
 #[derive(Clone, Copy)]
 struct Place {
     R_GO: Rotation3<f64>,
     p_GO: Vector3<f64>,
-    low: Vector3<f64>,
-    high: Vector3<f64>,
 }
 
 impl Place {
-    fn new(X_GO: &Pose, grasps: &GraspSet) -> Self {
-        let (R_GO, p_GO) = (X_GO.rotation.to_rotation_matrix(), X_GO.translation.vector);
-        let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
-        for point in &grasps.outline {
-            let at = R_GO * point.coords;
-            for axis in 0..3 {
-                low[axis] = if at[axis] < low[axis] { at[axis] } else { low[axis] };
-                high[axis] = if at[axis] > high[axis] { at[axis] } else { high[axis] };
-            }
-        }
-        Self { R_GO, p_GO, low: low + p_GO, high: high + p_GO }
+    fn new(X_GO: &Pose) -> Self {
+        Self { R_GO: X_GO.rotation.to_rotation_matrix(), p_GO: X_GO.translation.vector }
+    }
+
+    fn of(&self, point: &Point3<f64>) -> Vector3<f64> {
+        self.R_GO * point.coords + self.p_GO
     }
 }
 
@@ -172,26 +165,23 @@ impl Hand {
     /// The point of an object's outline that touches it on the straight way between two places of the object; the point `likely`
     /// is looked at before all others.
     fn touched_by(&self, grasps: &GraspSet, start: &Place, end: &Place, likely: usize) -> Option<usize> {
-        // A box that stays clear of the one around the outline, or of the ball around it, none of its points meets.
-        let (low, high) = (start.low.inf(&end.low), start.high.sup(&end.high));
-        let near = self.boxes.map(|it| {
-            let half = it.size.add_scalar(2.0 * self.margin_m) / 2.0;
-            let (start, end) = (start.p_GO - it.centre.coords, end.p_GO - it.centre.coords);
-            let apart = (0..3).any(|axis| {
-                low[axis] > it.centre[axis] + half[axis] || high[axis] < it.centre[axis] - half[axis]
-            });
-            (!apart && way_meets(&half.add_scalar(grasps.radius_m), &start, &end)).then_some((half, it.centre.coords))
-        });
+        let ends_to = |point: &Point3<f64>| [start.of(point), end.of(point)];
+        let meets = |it: &Cuboid, radius_m: f64, [start, end]: [Vector3<f64>; 2]| {
+            let half = it.size.add_scalar(2.0 * (radius_m + self.margin_m)) / 2.0;
+            way_meets(&half, &(start - it.centre.coords), &(end - it.centre.coords))
+        };
+        let near = self.boxes.map(|it| meets(&it, grasps.radius_m, [start.p_GO, end.p_GO]).then_some(it));
         if near.iter().all(Option::is_none) {
             return None;
         }
         let touches = |i: &usize| {
-            let point = grasps.outline[*i].coords;
-            let (start, end) = (start.R_GO * point + start.p_GO, end.R_GO * point + end.p_GO);
-            near.iter().flatten().any(|(half, centre)| way_meets(half, &(start - centre), &(end - centre)))
+            let way = ends_to(&grasps.outline[*i]);
+            near.iter().flatten().any(|it| meets(it, 0.0, way))
         };
-        let count = grasps.outline.len();
-        Some(likely).filter(|i| *i < count && touches(i)).or_else(|| (0..count).find(touches))
+        if likely < grasps.outline.len() && touches(&likely) {
+            return Some(likely);
+        }
+        (0..grasps.outline.len()).find(touches)
     }
 }
 
@@ -215,7 +205,6 @@ fn way_meets(half: &Vector3<f64>, start: &Vector3<f64>, end: &Vector3<f64>) -> b
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::Point3;
     use proptest::prelude::*;
 
     proptest! {

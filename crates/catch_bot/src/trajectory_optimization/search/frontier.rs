@@ -11,6 +11,10 @@ pub struct Node {
     pub pair: usize,
     /// How closely it has been looked at.
     pub stage: Stage,
+    /// The least that it can cost.
+    pub cost: f64,
+    /// Failures of its grasp, at whatever time, by which it has been put off.
+    pub failures: usize,
 }
 
 /// What is known of it, closer and closer.
@@ -32,36 +36,40 @@ impl Stage {
     }
 }
 
-/// Nodes, the one that can become cheapest on top.
+/// What a failure of a grasp puts all of its catches off by, in units of cost: what fails at one time mostly fails at the next
+/// as well, and a look may not do more than so much work.
+const PUT_OFF: f64 = 0.1;
+
+/// Nodes, the one that promises most on top.
 #[derive(Default)]
 pub struct Frontier {
     nodes: Vec<Node>,
     heap: BinaryHeap<Ticket>,
 }
 
-/// The least that a node can cost, and which node.
+/// What a node promises, less being more, and which node.
 struct Ticket {
-    cost: f64,
+    order: f64,
     node: usize,
 }
 
 impl Frontier {
-    /// Adds a node that costs at least this.
-    pub fn push(&mut self, cost: f64, node: Node) {
-        self.heap.push(Ticket { cost, node: self.nodes.len() });
+    /// Adds a node.
+    pub fn push(&mut self, node: Node) {
+        self.heap.push(Ticket { order: node.cost + PUT_OFF * node.failures as f64, node: self.nodes.len() });
         self.nodes.push(node);
     }
 
-    /// The node that can become cheapest, and what it costs at least.
-    pub fn pop(&mut self) -> Option<(f64, Node)> {
-        self.heap.pop().map(|ticket| (ticket.cost, self.nodes[ticket.node]))
+    /// The node that promises most.
+    pub fn pop(&mut self) -> Option<Node> {
+        self.heap.pop().map(|ticket| self.nodes[ticket.node])
     }
 }
 
 impl Ord for Ticket {
     /// The cheapest is the greatest, and among equals the one that came first, so that the order is always the same.
     fn cmp(&self, other: &Self) -> Ordering {
-        other.cost.total_cmp(&self.cost).then(other.node.cmp(&self.node))
+        other.order.total_cmp(&self.order).then(other.node.cmp(&self.node))
     }
 }
 
