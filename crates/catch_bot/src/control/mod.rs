@@ -5,11 +5,7 @@ pub(crate) mod decision;
 use catch_cell::GripperMove;
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    grasp_selection,
-    trajectory_optimization::CatchPlan,
-    trajectory_prediction::FlightTrajectory,
-};
+use crate::{grasp_selection, trajectory_optimization::CatchPlan, trajectory_prediction::FlightTrajectory};
 use catch_body::{Gripper, Robot};
 
 /// Settings of control.

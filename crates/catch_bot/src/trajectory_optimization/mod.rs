@@ -53,9 +53,10 @@ pub struct Config {
     pub velocity_share: f64,
     /// Share of the velocity limits that a joint may have at the catch: the impact of a banana adds up to 5 %.
     pub arrival_velocity_share: f64,
-    /// Share of the velocity limits that a plan from rest may use, so that replans keep some room.
+    /// Share of the velocity limits that a replan uses where that is enough, so that the next one keeps some room; the paper's
+    /// method uses no more from rest.
     pub cold_velocity_share: f64,
-    /// Share of the acceleration limits that a plan from rest may use.
+    /// The same for the acceleration limits.
     pub cold_acceleration_share: f64,
     /// Share of the torque limits that a plan may use.
     pub torque_share: f64,

@@ -43,7 +43,7 @@ impl Shares {
 }
 
 impl Planner {
-    /// From rest, a plan leaves room for replans.
+    /// Where this much does, a plan leaves room for replans.
     pub(super) fn cold_shares(&self) -> Shares {
         Shares { velocity: self.config.cold_velocity_share, acceleration: self.config.cold_acceleration_share }
     }
@@ -163,7 +163,9 @@ impl Planner {
 
     /// What a motion of each joint may use.
     pub fn limits_from(&self, start: &Start) -> Vec<JointLimits> {
-        (0..self.robot.dof()).map(|i| self.limits(i, &start.state, self.shares(start))).collect()
+        let at_rest = start.state.dq == JointVector::zeros();
+        let shares = if at_rest { self.cold_shares() } else { self.moving_shares() };
+        (0..self.robot.dof()).map(|i| self.limits(i, &start.state, shares)).collect()
     }
 
     /// Whether torque limits hold along a motion.

@@ -84,14 +84,7 @@ impl Planner {
 
     /// The same plan with the opening that it had if that lets the object in; else with the narrowest that does, or, where none
     /// does any more, the widest: it hits least. Where it is too late to change the opening, it stays.
-    pub fn opened(
-        &self,
-        plan: CatchPlan,
-        had_m: f64,
-        now_s: f64,
-        incoming: &Incoming,
-        passage: &Passage,
-    ) -> CatchPlan {
+    pub fn opened(&self, plan: CatchPlan, had_m: f64, now_s: f64, incoming: &Incoming, passage: &Passage) -> CatchPlan {
         if self.first_that_lets_in(&[had_m], &plan, incoming, passage).is_some() {
             return CatchPlan { open_width_m: had_m, lets_in: true, ..plan };
         }

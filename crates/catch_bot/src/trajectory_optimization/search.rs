@@ -4,8 +4,8 @@
 //! is on top is looked at more closely: a pair becomes postures ([`SrsArm::swivels`](catch_body::inverse_kinematics::SrsArm::swivels)
 //! cut to what each joint can reach), a posture gets its arrival velocities, an arrival its motion, and each step adds what it
 //! costs. The first motion that keeps all limits and clearances is therefore the best there is, and most of the rest is
-//! never looked at. (Catches by a grasp that has failed are put off a little.) What is found nowhere is sought again with all that the limits allow, and at times in between; only then is
-//! it refused. In flight each image brings one such look, whose work is bounded.
+//! never looked at. (So it would be if grasps that have failed were not put off a little at other times.) What is found nowhere
+//! is sought again at times in between; only then is it refused. In flight each image brings one such look, whose work is bounded.
 
 mod frontier;
 
@@ -16,7 +16,6 @@ use serde::{Deserialize, Serialize};
 use super::{
     CatchPlan, Incoming, Planner, Refusal, Start,
     arrival::{Arrival, Weights as ArrivalWeights},
-    motion::Shares,
     posture::Posture,
     reachability::JointReach,
     reaching::{Reached, Reaching, effort},
@@ -53,15 +52,15 @@ impl Default for Weights {
 
 /// Latest catch, in seconds from the start.
 const LATEST_S: f64 = 2.0;
-/// Looks that make up a search.
-pub const LOOKS: usize = 9;
+/// Looks that make up a search, and where their catch times lie, in shares of the step between them.
+pub const LOOKS: usize = 8;
+const OFFSETS: [f64; LOOKS] = [0.5, 0.0, 0.25, 0.75, 0.125, 0.625, 0.375, 0.875];
 /// Postures of a catch time and a grasp whose velocities are looked for, and those for which a motion is tried: what a few could
 /// not do, similar ones usually cannot either.
 const ARRIVALS_PER_PAIR: usize = 3;
 const ATTEMPTS_PER_PAIR: usize = 2;
-/// The work of one look, in units of about 2 µs, that of all looks at one image, that of a motion, and of its openings.
-const MOST_WORK: usize = 2000;
-const MOST_WORK_PER_IMAGE: usize = 4000;
+/// The work of all looks at one image, in units of about 2 µs, that of a motion, and of its openings.
+const MOST_WORK: usize = 2500;
 const WORK_OF_A_MOTION: usize = 30;
 const WORK_OF_OPENINGS: usize = 30;
 
@@ -96,9 +95,6 @@ struct Pair {
     failed: usize,
 }
 
-/// Shares of the limits, and of the step by which the catch times are shifted.
-type Look = (Shares, f64);
-
 /// What a search is about, and what it has met.
 struct Search<'a> {
     start: &'a Start,
@@ -123,8 +119,8 @@ impl Planner {
     pub fn search(&self, start: &Start, incoming: &Incoming) -> Result<CatchPlan, Refusal> {
         let mut search = Search::new(start, incoming);
         let mut refusal = Refusal::NoGrasp;
-        for look in self.looks(start) {
-            match self.best_first(&mut search, look, usize::MAX) {
+        for offset in OFFSETS {
+            match self.best_first(&mut search, offset, usize::MAX) {
                 Err(why) => refusal = refusal.max(why),
                 found => return found,
             }
@@ -139,15 +135,14 @@ impl Planner {
     /// # Errors
     /// Why they found none.
     pub fn look(&self, turn: &mut usize, start: &Start, incoming: &Incoming) -> Result<CatchPlan, Refusal> {
-        let looks = self.looks(start);
         let mut search = Search::new(start, incoming);
         let mut refusal = Refusal::NoGrasp;
-        for _ in 0..looks.len() {
-            let left = MOST_WORK_PER_IMAGE.saturating_sub(search.work);
+        for _ in 0..LOOKS {
+            let left = MOST_WORK.saturating_sub(search.work);
             if left == 0 {
                 break;
             }
-            match self.best_first(&mut search, looks[*turn % looks.len()], left.min(MOST_WORK)) {
+            match self.best_first(&mut search, OFFSETS[*turn % LOOKS], left) {
                 Err(why) => refusal = refusal.max(why),
                 found => return found,
             }
@@ -156,23 +151,15 @@ impl Planner {
         Err(refusal)
     }
 
-    /// What may be used of the limits, and where the catch times lie, in shares of their step: from rest first so that replans
-    /// keep some room, then with all that there is, and at times in between.
-    fn looks(&self, start: &Start) -> [Look; LOOKS] {
-        let all = self.moving_shares();
-        let offsets = [0.5, 0.0, 0.25, 0.75, 0.125, 0.625, 0.375, 0.875];
-        std::array::from_fn(|turn| if turn == 0 { (self.shares(start), 0.0) } else { (all, offsets[turn - 1]) })
-    }
-
-    /// The cheapest catch that one look finds, doing no more than `most_work`.
-    fn best_first(&self, search: &mut Search, look: Look, most_work: usize) -> Result<CatchPlan, Refusal> {
-        let (moments, mut pairs) = self.pairs(search, look);
+    /// The cheapest catch that one look finds at times shifted by this share of their step, doing no more than `most_work`.
+    fn best_first(&self, search: &mut Search, offset: f64, most_work: usize) -> Result<CatchPlan, Refusal> {
+        let (moments, mut pairs) = self.pairs(search, offset);
         let Search { start, incoming, ref mut obstacles, ref mut work } = *search;
         let grasps = &incoming.grasps.grasps;
         // Ranking grasps is work as well, a fiftieth of a unit each.
         *work += moments.len() * grasps.len() / 50;
         let before = *work;
-        let (weights, from, (shares, _)) = (&self.config.weights, &start.state.q, look);
+        let (weights, from, shares) = (&self.config.weights, &start.state.q, self.moving_shares());
         let mut frontier = Frontier::default();
         for (pair, Pair { ranked, moment, .. }) in pairs.iter().enumerate() {
             let Passage { time_s, V_WO, .. } = &moments[*moment].passage;
@@ -273,7 +260,7 @@ impl Planner {
     }
 
     /// Every catch time on the flight, and with every grasp that suits it there and that the elbow can reach.
-    fn pairs(&self, task: &Search, (shares, offset): Look) -> (Vec<Moment>, Vec<Pair>) {
+    fn pairs(&self, task: &Search, offset: f64) -> (Vec<Moment>, Vec<Pair>) {
         let base = Point3::from(self.robot.X_WB.translation.vector);
         let (mut moments, mut pairs) = (Vec::new(), Vec::new());
         let mut course = task.incoming.flight.course();
@@ -289,7 +276,7 @@ impl Planner {
                 continue;
             }
             let passage = course.passage_at(catch_s);
-            let joints = self.reaches(task.start, lead_s, shares);
+            let joints = self.reaches(task.start, lead_s, self.moving_shares());
             let ranges = self.ranges(&joints, &task.start.state.q);
             let (X_WO, v_WO) = (&passage.X_WO, &passage.V_WO.linear);
             let may_reach = self.finder.may_reach(X_WO, &ranges);
@@ -311,10 +298,6 @@ impl Planner {
     fn holding_cost(&self, grasp_cost: f64, v_WO: &Vector3<f64>, speed_fraction: f64, spin_radps: f64) -> f64 {
         let weights = &self.config.weights;
         grasp_cost + weights.speed * v_WO.norm() * (1.0 - speed_fraction) + weights.spin * spin_radps
-    }
-
-    pub(super) fn shares(&self, start: &Start) -> Shares {
-        if start.state.dq == JointVector::zeros() { self.cold_shares() } else { self.moving_shares() }
     }
 
     /// Turns a candidate into a plan over these splines, `None` if that does not keep torque limits and clearances.

@@ -18,7 +18,6 @@ pub struct Passage {
 }
 
 impl Passage {
-
     /// Pose at `time_s`.
     pub fn pose_at(&self, time_s: f64) -> Pose {
         let elapsed_s = time_s - self.time_s;

@@ -38,7 +38,7 @@ impl Stage {
 
 /// What a failure of a grasp puts all of its catches off by, in units of cost: what fails at one time mostly fails at the next
 /// as well, and a look may not do more than so much work.
-const PUT_OFF: f64 = 0.1;
+const PUT_OFF: f64 = 0.2;
 
 /// Nodes, the one that promises most on top.
 #[derive(Default)]
