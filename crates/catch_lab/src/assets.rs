@@ -10,6 +10,7 @@ use std::{
 };
 
 use catch_body::InputError;
+use catch_sim::ThrownObject;
 use include_dir::{Dir, include_dir};
 
 static BUILT_IN: Dir = include_dir!("$CARGO_MANIFEST_DIR/../../assets");
@@ -120,6 +121,15 @@ impl Asset {
             Origin::BuiltIn(_) => PathBuf::from(name),
         };
         let path = if path.is_dir() { path.join(kind.main_file()) } else { path };
+        let is_mesh =
+            path.extension().is_some_and(|it| it.eq_ignore_ascii_case("obj") || it.eq_ignore_ascii_case("stl"));
+        if kind == Kind::Object && is_mesh {
+            let stem = path.file_stem().unwrap_or_default().display();
+            let expected = format!(
+                "an object file, which names the mesh and says what it weighs: `catchingbot new object {stem}`"
+            );
+            return Err(InputError::new(field.0, field.1, format!("the mesh `{name}`"), expected));
+        }
         let looks_like_path = name.contains(['/', '\\']) || name.ends_with(".toml");
         if looks_like_path || path.is_file() {
             return Self::on_disk(kind, &path);
@@ -189,6 +199,14 @@ impl Asset {
                 Ok((file, bytes))
             }
         }
+    }
+
+    /// The object that this file describes.
+    ///
+    /// # Errors
+    /// A fault in the file, or in the mesh that it names.
+    pub fn thrown_object(&self) -> Result<ThrownObject, InputError> {
+        ThrownObject::from_toml(&self.file, &self.text, &|name| Ok(self.read_beside(name)?.1))
     }
 
     /// Like [`read_beside`](Self::read_beside), for text.

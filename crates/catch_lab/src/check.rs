@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use catch_body::{Gripper, InputError};
-use catch_sim::{Throw, ThrownObject, cameras};
+use catch_sim::{Throw, cameras};
 
 use crate::{
     assets::{Asset, Kind},
@@ -21,7 +21,7 @@ pub struct Checked {
 }
 
 /// Fields that only one kind of file has.
-const TELLTALES: [(&str, Kind); 7] = [
+const TELLTALES: [(&str, Kind); 8] = [
     ("flight_rig", Kind::Scenario),
     ("arena", Kind::Scenario),
     ("gripper_mount", Kind::Robot),
@@ -29,6 +29,7 @@ const TELLTALES: [(&str, Kind); 7] = [
     ("truth", Kind::Object),
     ("motion", Kind::Throw),
     ("uv_sphere", Kind::Rig),
+    ("cameras", Kind::Rig),
 ];
 
 /// Checks one file.
@@ -51,8 +52,9 @@ pub fn check(path: &Path) -> Checked {
         Some(kind) => faults_of(kind, &asset),
         None => {
             let fields: Vec<&str> = table.keys().map(String::as_str).collect();
+            let found = if fields.is_empty() { "nothing".to_owned() } else { format!("fields {}", fields.join(", ")) };
             let expected = "the fields of a scenario, robot, gripper, object, throw or rig (`catchingbot list --show NAME` prints one)";
-            vec![InputError::new(&asset.file, "the file", format!("fields {}", fields.join(", ")), expected)]
+            vec![InputError::new(&asset.file, "the file", found, expected)]
         }
     };
     Checked { kind, faults }
@@ -87,7 +89,7 @@ fn faults_of(kind: Kind, asset: &Asset) -> Vec<InputError> {
                 .map(drop)
         }),
         Kind::Gripper => Gripper::from_toml(file, text).map(drop),
-        Kind::Object => ThrownObject::from_toml(file, text, &|name| Ok(asset.read_beside(name)?.1)).map(drop),
+        Kind::Object => asset.thrown_object().map(drop),
         Kind::Throw => Throw::from_toml(file, text).map(drop),
         Kind::Rig => cameras::rig_from_toml(file, text).map(drop),
     };

@@ -3,6 +3,7 @@
 use std::{fs, path::Path};
 
 use catch_body::{InputError, TriangleMesh, mesh_file::mesh_from_bytes};
+use catch_sim::object::check_length;
 use nalgebra::{Point3, Vector3};
 
 /// Points and, where the file has them, the surface's outward normals there.
@@ -32,13 +33,19 @@ pub fn read(path: &Path, meshes: bool) -> Result<CloudFile, InputError> {
         "ply" => parse_ply(&file, &bytes),
         "pcd" => parse_pcd(&file, &bytes),
         "xyz" | "txt" | "csv" => parse_xyz(&file, &bytes),
-        "obj" | "stl" if meshes => Ok(on_surface(&mesh_from_bytes(&file, &bytes, 1.0)?)),
+        "obj" | "stl" if meshes => {
+            let mesh = mesh_from_bytes(&file, &bytes, 1.0)?;
+            let advice =
+                "a mesh in millimetres is named by an object file with `scale = 0.001` (`catchingbot new object`)";
+            check_length(&file, "the mesh", mesh.aabb().size.max(), advice)?;
+            Ok(on_surface(&mesh))
+        }
         _ => Err(InputError::new(&file, "extension", format!("`{extension}`"), formats)),
     }
 }
 
 /// Points laid evenly upon a mesh, by a grid on each triangle.
-fn on_surface(mesh: &TriangleMesh) -> CloudFile {
+pub fn on_surface(mesh: &TriangleMesh) -> CloudFile {
     let (mut points, mut normals) = (Vec::new(), Vec::new());
     for [a, b, c] in mesh.all_corners() {
         let across = (b - a).cross(&(c - a));

@@ -47,6 +47,20 @@ pub struct ObjectPrior {
 
 /// How long something may be that is thrown: what is outside comes from a file in other units.
 const LENGTHS_M: RangeInclusive<f64> = 0.005..=0.5;
+/// How heavy it may be, likewise.
+const MASSES_KG: RangeInclusive<f64> = 0.001..=5.0;
+
+/// Whether a shape is as long as something that is thrown; `advice` says what to do if it is in millimetres.
+///
+/// # Errors
+/// If it is not.
+pub fn check_length(file: &str, field: &str, length_m: f64, advice: &str) -> Result<(), InputError> {
+    if LENGTHS_M.contains(&length_m) {
+        return Ok(());
+    }
+    let expected = format!("{} m to {} m; {advice}", LENGTHS_M.start(), LENGTHS_M.end());
+    Err(InputError::new(file, field, format!("something {length_m:.3} m long"), expected))
+}
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -78,6 +92,10 @@ impl ThrownObject {
     ) -> Result<Self, InputError> {
         let ObjectFile { name, truth, prior } = InputError::parse_toml(file, text)?;
         let mass_kg = InputError::positive(file, "truth.mass_kg", truth.mass_kg)?;
+        if !MASSES_KG.contains(&mass_kg) {
+            let expected = format!("{} to {}, in kilogrammes", MASSES_KG.start(), MASSES_KG.end());
+            return Err(InputError::new(file, "truth.mass_kg", mass_kg, expected));
+        }
         let known = [("truth.restitution", Some(truth.restitution)), ("prior.restitution", prior.restitution)];
         for (field, value) in known.into_iter().filter_map(|(field, value)| Some((field, value?))) {
             if !(0.0..=1.0).contains(&value) {
@@ -97,15 +115,8 @@ impl ThrownObject {
             InputError::positive(file, "truth.stiffness_npm", stiffness_npm)?;
         }
         let Solid { mesh, parts, inertia } = truth.shape.solid(file, mass_kg, load)?;
-        let length_m = mesh.aabb().size.max();
-        if !LENGTHS_M.contains(&length_m) {
-            let expected = format!(
-                "{} m to {} m; a mesh in millimetres needs `scale = 0.001`",
-                LENGTHS_M.start(),
-                LENGTHS_M.end()
-            );
-            return Err(InputError::new(file, "truth.shape", format!("something {length_m:.3} m long"), expected));
-        }
+        let advice = "a mesh in millimetres needs `scale = 0.001`";
+        check_length(file, "truth.shape", mesh.aabb().size.max(), advice)?;
         let to_com = -inertia.com.coords;
         let mesh = mesh.translated(&to_com);
         let parts = parts.into_iter().map(|part| part.translated(&to_com)).collect();

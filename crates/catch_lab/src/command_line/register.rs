@@ -4,7 +4,12 @@ use std::path::{Path, PathBuf};
 
 use catch_body::InputError;
 use catch_bot::perception::{Config, ReferenceModel, Symmetry, register_cloud};
-use catch_lab::{VERSION, cloud_file, setup::COMMAND_LINE};
+use catch_lab::{
+    VERSION,
+    assets::{Asset, Kind, Origin},
+    cloud_file::{self, CloudFile},
+    setup::COMMAND_LINE,
+};
 use clap::Args;
 use nalgebra::{Matrix6, Point3, Vector3};
 use serde::Serialize;
@@ -17,16 +22,20 @@ use crate::screen;
 The reference should show the object from all sides: a mesh, or a cloud with normals. Normals of a
 cloud without any are taken to point away from its middle, which is right for objects that bulge
 everywhere. Printed is X_CR, which takes points of the reference into the cloud's frame; what an
-object looks the same under cannot be seen and is left as it is. Lengths in metres.")]
+object looks the same under cannot be seen and is left as it is. Lengths in metres.
+
+Examples:
+  catchingbot register --cloud seen.ply --reference thing.obj
+  catchingbot register --cloud seen.ply --reference banana")]
 pub struct RegisterArguments {
     /// Cloud in which the object is looked for: .ply, .pcd or .xyz
     #[arg(long, value_name = "FILE")]
     cloud: PathBuf,
-    /// What the object looks like: a cloud, or an .obj or .stl mesh
-    #[arg(long, value_name = "FILE")]
+    /// What the object looks like: a cloud, an .obj or .stl mesh, or an object as `catch --object` takes it
+    #[arg(long, value_name = "NAME|FILE")]
     reference: PathBuf,
     /// How far off the cloud's points are, as a standard deviation
-    #[arg(long, value_name = "M", default_value_t = 0.0)]
+    #[arg(long, value_name = "M", default_value_t = 0.0, allow_negative_numbers = true)]
     noise: f64,
     /// Print one JSON document
     #[arg(long)]
@@ -90,6 +99,12 @@ pub fn run(arguments: &RegisterArguments) -> anyhow::Result<()> {
     screen::fact("status", document.status.as_str().unwrap_or_default())?;
     screen::fact("points", &document.points.to_string())?;
     screen::fact("symmetry of the object", symmetry)?;
+    if found.is_err() {
+        screen::fact(
+            "what may help",
+            "lengths in metres? a cloud of the object alone? more of it? --noise, if its points are off",
+        )?;
+    }
     if let (Some(pose), Some(residual_m)) = (&document.X_CR, document.residual_m) {
         let [x, y, z] = pose.translation_m;
         screen::fact("translation of X_CR", &format!("{x:.5} {y:.5} {z:.5} m"))?;
@@ -100,9 +115,20 @@ pub fn run(arguments: &RegisterArguments) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// The surface of a reference: that of an object, about its centre of mass, or of a cloud or mesh.
+fn scan_of(path: &Path) -> Result<CloudFile, InputError> {
+    let is_object = path.extension().is_none_or(|it| it == "toml");
+    if !is_object {
+        return cloud_file::read(path, true);
+    }
+    let nowhere = Origin::BuiltIn(PathBuf::new());
+    let asset = Asset::find(Kind::Object, &path.to_string_lossy(), &nowhere, (COMMAND_LINE, "--reference"))?;
+    Ok(cloud_file::on_surface(&asset.thrown_object()?.mesh))
+}
+
 /// The object as its reference shows it.
 fn reference_model(path: &Path, config: &Config) -> anyhow::Result<ReferenceModel> {
-    let scan = cloud_file::read(path, true)?;
+    let scan = scan_of(path)?;
     let middle = scan.points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / scan.points.len().max(1) as f64;
     let outwards = scan.normals.unwrap_or_else(|| scan.points.iter().map(|point| point.coords - middle).collect());
     // Denser than the models of the brain helps nobody.
