@@ -256,7 +256,7 @@ fn table(report: &Report) -> String {
             cell.trials.to_string(),
             share(cell.caught),
             interval(cell.wilson95),
-            cell.out_of_reach.to_string(),
+            cell.out_of_reach.map_or("–".to_owned(), |count| count.to_string()),
             share(cell.caught_paper),
             published_rate(&rates, cell).map_or("–".to_owned(), percent),
             cell.median_joint_travel_rad.map_or("–".to_owned(), |it| format!("{it:.2} rad")),

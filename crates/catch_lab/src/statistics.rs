@@ -47,12 +47,12 @@ pub struct CellSummary {
     /// How often the paper would have called it caught.
     pub caught_paper: usize,
     /// How often the arm could not have been there in time, even had it known the flight from the first image on; by the oracle,
-    /// among the throws that were not caught.
-    pub out_of_reach: usize,
+    /// among the throws that were not caught. None where some of these were for an arm that the oracle does not know.
+    pub out_of_reach: Option<usize>,
     /// How often it could not, had it known the flight from the release on.
-    pub out_of_reach_from_release: usize,
+    pub out_of_reach_from_release: Option<usize>,
     /// How often the brain called a throw out of reach that was not.
-    pub refused_within_reach: usize,
+    pub refused_within_reach: Option<usize>,
     /// Interval for the probability of a catch among the throws within reach.
     pub wilson95_within_reach: Option<[f64; 2]>,
     /// Interval for the probability of a catch; none for a throw that is always the same, whose outcomes repeat.
@@ -79,7 +79,8 @@ impl CellSummary {
             *reasons.entry(reason).or_insert(0) += 1;
         }
         let caught = count(&|row| row.verdict.caught);
-        let out_of_reach = count(&|row| row.verdict.is_out_of_reach());
+        let is_known = rows.iter().all(|row| row.verdict.caught || row.verdict.reach.is_some());
+        let out_of_reach = is_known.then(|| count(&|row| row.verdict.is_out_of_reach()));
         let clearances = rows.iter().flat_map(|row| {
             let measures = &row.verdict.measures;
             [measures.min_self_clearance_m, measures.min_floor_clearance_m]
@@ -91,11 +92,14 @@ impl CellSummary {
             caught,
             caught_paper: count(&|row| row.verdict.caught_paper),
             out_of_reach,
-            out_of_reach_from_release: count(&|row| row.verdict.reach.is_some_and(|it| it.from_release_s.is_none())),
-            refused_within_reach: count(&|row| {
-                row.verdict.reason == Some(Reason::OutOfReach) && !row.verdict.is_out_of_reach()
+            out_of_reach_from_release: is_known
+                .then(|| count(&|row| row.verdict.reach.is_some_and(|it| it.from_release_s.is_none()))),
+            refused_within_reach: is_known.then(|| {
+                count(&|row| row.verdict.reason == Some(Reason::OutOfReach) && !row.verdict.is_out_of_reach())
             }),
-            wilson95_within_reach: (!throw_is_fixed).then(|| wilson95(caught, rows.len() - out_of_reach)),
+            wilson95_within_reach: out_of_reach
+                .filter(|_| !throw_is_fixed)
+                .map(|out_of_reach| wilson95(caught, rows.len() - out_of_reach)),
             wilson95: (!throw_is_fixed).then(|| wilson95(caught, rows.len())),
             reasons,
             limit_violations: rows.iter().map(|row| row.verdict.limit_violations).sum(),
@@ -103,6 +107,11 @@ impl CellSummary {
             median_prediction_error_m: median(values(&|row| row.verdict.measures.prediction_error_m)),
             min_clearance_m: clearances.flatten().min_by(f64::total_cmp),
         }
+    }
+
+    /// How often it was within the arm's reach, as far as that is known.
+    pub fn within_reach(&self) -> Option<usize> {
+        self.out_of_reach.map(|out_of_reach| self.trials - out_of_reach)
     }
 }
 

@@ -42,7 +42,7 @@ pub fn lines(cells: &[CellSummary]) -> Vec<[String; HEADINGS.len()]> {
             share(cell.caught),
             cell.wilson95
                 .map_or("same throw".to_owned(), |[low, high]| format!("{} – {} %", percent(low), percent(high))),
-            cell.out_of_reach.to_string(),
+            cell.out_of_reach.map_or("–".to_owned(), |count| count.to_string()),
             share(cell.caught_paper),
             published_rate(&rates, cell).map_or("–".to_owned(), |rate| format!("{} %", percent(rate))),
             cell.median_joint_travel_rad.map_or("–".to_owned(), |it| format!("{it:.2} rad")),

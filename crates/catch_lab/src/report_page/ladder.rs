@@ -61,8 +61,9 @@ fn figures(climb: &[&StepSummary]) -> String {
     format!("<div class=\"big\">{figures}</div>\n")
 }
 
+/// Of which throws the share is taken: those within reach, or all where that is not known.
 fn within_reach(it: &CellSummary) -> usize {
-    it.trials - it.out_of_reach
+    it.within_reach().unwrap_or(it.trials)
 }
 
 fn share_of(it: &CellSummary) -> f64 {
@@ -102,7 +103,7 @@ fn table(steps: &[StepSummary]) -> String {
             within_reach(it).to_string(),
             percent(share_of(it)),
             super::interval(it.wilson95_within_reach),
-            it.out_of_reach.to_string(),
+            it.out_of_reach.map_or("–".to_owned(), |count| count.to_string()),
             it.limit_violations.to_string(),
         ];
         let numbers: String = numbers.iter().map(|it| format!("<td class=\"n\">{it}</td>")).collect();
