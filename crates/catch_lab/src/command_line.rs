@@ -76,6 +76,17 @@ enum Command {
     Check(check::CheckArguments),
 }
 
+/// The largest number that a throw or a seed can have: what TOML can hold.
+pub const MOST: u64 = i64::MAX as u64;
+
+/// Reads whole numbers in a range.
+pub fn whole(least: u64, most: u64) -> impl Fn(&str) -> Result<u64, String> + Clone {
+    move |text| {
+        let number = text.parse().ok().filter(|number| (least..=most).contains(number));
+        number.ok_or_else(|| format!("expected a whole number from {least} to {most}"))
+    }
+}
+
 /// What is thrown at what.
 #[derive(Debug, Args)]
 pub struct ChoiceArguments {

@@ -23,6 +23,8 @@ use crate::{
 pub const TRIALS_FILE: &str = "trials.jsonl";
 /// Name of the summary.
 pub const SUMMARY_FILE: &str = "table.md";
+/// Name of the report in a folder of results.
+pub const REPORT_FILE: &str = "report.html";
 /// Name of the file that says what was evaluated.
 const IDENTITY_FILE: &str = "evaluation.toml";
 
@@ -39,7 +41,7 @@ impl Results {
     ///
     /// # Errors
     /// A folder that cannot be written, that holds results though nothing is to be resumed, that holds results of something
-    /// else, or rows that are none.
+    /// else or of nobody knows what, more trials than are asked for, or rows that are none.
     pub fn open(folder: &Path, evaluation: &Evaluation, resume: bool) -> Result<(Self, Vec<Row>), InputError> {
         let identity = evaluation.identity();
         if folder.join(IDENTITY_FILE).exists() {
@@ -48,10 +50,18 @@ impl Results {
             }
             check_identity(&folder.join(IDENTITY_FILE), &identity)?;
         } else {
+            for file in [TRIALS_FILE, REPORT_FILE] {
+                refuse_file(folder, file, "a folder without: what it is of is not known")?;
+            }
             write_identity(folder, &identity)?;
         }
         let path = folder.join(TRIALS_FILE);
         let (rows, bytes) = read_rows(&path, &identity)?;
+        if rows.len() > evaluation.len() {
+            let there = rows.len().div_ceil(identity.cells.len().max(1));
+            let expected = format!("at least the {there} that `{}` holds already", folder.display());
+            return Err(InputError::new(COMMAND_LINE, "--trials", evaluation.trials, expected));
+        }
         let unwritable = |fault: io::Error| {
             InputError::new(path.display().to_string(), "the file", fault, "a file that can be written")
         };
@@ -106,6 +116,28 @@ fn identity_text(identity: &Identity) -> Result<String, InputError> {
     })
 }
 
+/// Whether nobody has written `file` into the folder.
+///
+/// # Errors
+/// If somebody has; `expected` says what would be right.
+fn refuse_file(folder: &Path, file: &str, expected: &str) -> Result<(), InputError> {
+    if !folder.join(file).exists() {
+        return Ok(());
+    }
+    let found = format!("`{}`, which holds a {file}", folder.display());
+    Err(InputError::new(COMMAND_LINE, "--out", found, expected))
+}
+
+/// Whether a folder is free for several evaluations, each in a folder of its own within it.
+///
+/// # Errors
+/// If it holds an evaluation itself.
+pub fn check_holds_none(folder: &Path) -> Result<(), InputError> {
+    [IDENTITY_FILE, TRIALS_FILE]
+        .iter()
+        .try_for_each(|file| refuse_file(folder, file, "a folder without: every evaluation gets one of its own in it"))
+}
+
 fn holds_results(folder: &Path, expected: &str) -> InputError {
     InputError::new(COMMAND_LINE, "--out", format!("`{}`, which holds results", folder.display()), expected)
 }
@@ -116,7 +148,7 @@ fn holds_results(folder: &Path, expected: &str) -> InputError {
 /// Parts of different evaluations, parts that are not complete, that leave gaps or that overlap; a folder that holds results or
 /// cannot be written.
 pub fn merge(folders: &[PathBuf], out: &Path) -> Result<(Identity, Vec<Row>), InputError> {
-    if out.join(IDENTITY_FILE).exists() {
+    if out.join(IDENTITY_FILE).exists() || out.join(TRIALS_FILE).exists() {
         return Err(holds_results(out, "a folder without"));
     }
     let mut parts = Vec::new();

@@ -22,7 +22,7 @@ use catch_sim::truth::LimitViolation;
 use clap::Args;
 use serde::Serialize;
 
-use super::{ChoiceArguments, OutputArguments, view};
+use super::{ChoiceArguments, MOST, OutputArguments, view, whole};
 use crate::screen::{self, BAD, FAINT, GOOD, STRONG};
 
 /// Arguments of `catch`.
@@ -37,10 +37,10 @@ pub struct CatchArguments {
     #[arg(long, value_name = "NAME|FILE")]
     throw: Option<String>,
     /// Seed of everything random
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true, value_parser = whole(0, MOST))]
     seed: u64,
     /// Number of the throw, for throws that differ
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true, value_parser = whole(0, MOST))]
     index: u64,
     #[command(flatten)]
     output: OutputArguments,
@@ -195,8 +195,13 @@ fn summary(scene: &Scene, verdict: &Verdict, stopwatch: &Stopwatch, recording: &
     screen::line("")?;
     screen::fact("by the paper", if verdict.caught_paper { "caught" } else { "not caught" })?;
     if verdict.catch_time_s.is_some() {
-        screen::fact("prediction", &format!("off by {} at the catch", millimetres(measures.prediction_error_m)))?;
-        screen::fact("hand", &format!("off by {} from its plan", millimetres(measures.tracking_error_m)))?;
+        let off = [
+            ("prediction", measures.prediction_error_m, "at the catch"),
+            ("hand", measures.tracking_error_m, "from its plan"),
+        ];
+        for (what, error_m, at) in off.into_iter().filter(|(_, error_m, _)| error_m.is_some()) {
+            screen::fact(what, &format!("off by {} {at}", millimetres(error_m)))?;
+        }
     }
     if let Some(travel_rad) = measures.joint_travel_rad {
         screen::fact("arm", &format!("{travel_rad:.2} rad over all joints from its ready pose to the catch"))?;

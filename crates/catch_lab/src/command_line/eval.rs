@@ -9,7 +9,7 @@ use catch_lab::{
     evaluation::{Cell, Evaluation, Row},
     plots,
     report_page::{self, MOST_MISSES, Report, published_rate, published_rates},
-    results::Results,
+    results::{REPORT_FILE, Results},
     setup::{COMMAND_LINE, Setup},
     statistics::CellSummary,
     stopwatch::{StageTimes, Stopwatch},
@@ -20,7 +20,7 @@ use clap::{Args, ValueEnum};
 use comfy_table::{CellAlignment, ContentArrangement, Table, TableComponent, presets};
 use serde::Serialize;
 
-use super::{ChoiceArguments, sweep, view::REPORT};
+use super::{ChoiceArguments, MOST, sweep, whole};
 use crate::screen::{self, FAINT, STRONG};
 
 /// Name of the file with the wall times of the stages.
@@ -38,17 +38,17 @@ pub struct EvalArguments {
     #[arg(long, value_name = "NAME|FILE")]
     pub(super) throw: Vec<String>,
     /// Seed of everything random
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true, value_parser = whole(0, MOST))]
     pub(super) seed: u64,
     /// Throws per object and throw
-    #[arg(long, value_name = "N", default_value_t = 57, value_parser = clap::value_parser!(u64).range(1..=10_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 57, allow_negative_numbers = true, value_parser = whole(1, 10_000_000))]
     pub(super) trials: u64,
     /// Number of the first throw, to share an evaluation between machines
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true, value_parser = whole(0, MOST))]
     pub(super) first: u64,
     /// Trials that run at the same time [default: the number of cores]
-    #[arg(long, value_name = "N")]
-    pub(super) threads: Option<NonZero<usize>>,
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole(1, 100_000))]
+    pub(super) threads: Option<u64>,
     /// Folder for the results
     #[arg(long, value_name = "DIR", default_value = "out/eval")]
     pub(super) out: std::path::PathBuf,
@@ -153,16 +153,22 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
     results.finish(&rows)?;
     let times =
         Times { wall_s, threads, trials: rows.len() - done_before, stages: stopwatch.summary().into_iter().collect() };
-    let text = serde_json::to_string_pretty(&times)? + "\n";
-    replace(&arguments.out.join(TIMES_FILE), |path| fs::write(path, text))?;
     let folder = &arguments.out;
-    write_report(&evaluation, &rows, &stopwatch, MOST_MISSES, arguments.plots, folder)?;
+    // Where nothing was left to run, the times of the run that did it all stay, and so does the report that shows them.
+    let is_new = times.trials > 0 || !folder.join(TIMES_FILE).exists();
+    if is_new {
+        let text = serde_json::to_string_pretty(&times)? + "\n";
+        replace(&folder.join(TIMES_FILE), |path| fs::write(path, text))?;
+    }
+    if is_new || arguments.plots {
+        write_report(&evaluation, &rows, &stopwatch, MOST_MISSES, arguments.plots, folder)?;
+    }
     if arguments.markdown {
         screen::text(&summary_table::markdown(&identity, &cells))?;
         return Ok(screen::text(&format!("\n{}", summary_table::times_markdown(stopwatch.summary())))?);
     }
     if !arguments.json {
-        return Ok(print(&cells, wall_s, &stopwatch, &arguments.out)?);
+        return Ok(print(&cells, &times, &stopwatch, &arguments.out)?);
     }
     screen::json(&Document {
         version: VERSION,
@@ -183,7 +189,8 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
 
 /// Trials that run at the same time.
 pub fn threads(arguments: &EvalArguments) -> usize {
-    arguments.threads.or_else(|| thread::available_parallelism().ok()).map_or(1, NonZero::get)
+    let asked = arguments.threads.map(|threads| threads as usize);
+    asked.unwrap_or_else(|| thread::available_parallelism().map_or(1, NonZero::get))
 }
 
 /// The report as a page, with pages of the first misses, and the plots if they are wanted.
@@ -203,7 +210,7 @@ pub fn write_report(
     let scenario = &evaluation.cells[0].setup.scenario.name;
     let cells = &evaluation.identity().summarize(rows);
     let report = Report { scenario, seed: evaluation.seed, cells, rows, stopwatch, pages: &pages };
-    fs::write(folder.join(REPORT), report_page::page(&report)).with_context(written)?;
+    fs::write(folder.join(REPORT_FILE), report_page::page(&report)).with_context(written)?;
     if plots {
         plots::write(&report, folder).map_err(|fault| anyhow::anyhow!("{fault}")).with_context(written)?;
     }
@@ -235,12 +242,14 @@ fn evaluation(arguments: &EvalArguments) -> Result<Evaluation, InputError> {
     Ok(Evaluation { cells, seed: arguments.seed, first: arguments.first, trials: arguments.trials })
 }
 
-fn print(cells: &[CellSummary], wall_s: f64, stopwatch: &Stopwatch, folder: &Path) -> io::Result<()> {
+fn print(cells: &[CellSummary], times: &Times, stopwatch: &Stopwatch, folder: &Path) -> io::Result<()> {
     screen::line("")?;
     screen::line(&table(cells).trim_fmt())?;
     screen::line("")?;
     let (caught, trials): (usize, usize) = cells.iter().fold((0, 0), |(a, b), cell| (a + cell.caught, b + cell.trials));
-    screen::line(&format!("  {STRONG}{caught} of {trials} caught{STRONG:#}{FAINT} in {wall_s:.1} s{FAINT:#}"))?;
+    let Times { wall_s, trials: timed, .. } = times;
+    let which = if *timed == trials { String::new() } else { format!(", {timed} of them run now") };
+    screen::line(&format!("  {STRONG}{caught} of {trials} caught{STRONG:#}{FAINT}{which} in {wall_s:.1} s{FAINT:#}"))?;
     for (stage, StageTimes { p50_ms, p99_ms, max_ms, .. }) in stopwatch.summary() {
         screen::fact(stage, &format!("p50 {p50_ms:.2} ms, p99 {p99_ms:.2} ms, max {max_ms:.1} ms"))?;
     }

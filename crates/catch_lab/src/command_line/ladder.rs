@@ -10,17 +10,14 @@ use catch_lab::{
     evaluation::{Cell, Evaluation},
     ladder::{self, Step, StepSummary},
     report_page::{self, MOST_MISSES_OF_A_STEP},
-    results::Results,
+    results::{self, REPORT_FILE, Results},
     setup::COMMAND_LINE,
     stopwatch::Stopwatch,
 };
 use comfy_table::{CellAlignment, ContentArrangement, Table, TableComponent, presets};
 use serde::Serialize;
 
-use super::{
-    eval::{self, EvalArguments},
-    view::REPORT,
-};
+use super::eval::{self, EvalArguments};
 use crate::screen::{self, FAINT, STRONG};
 
 /// The JSON document.
@@ -46,16 +43,14 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
     } else {
         arguments.object.clone()
     };
+    results::check_holds_none(&arguments.out)?;
     let steps = ladder::steps()?;
     let mut results: Vec<StepSummary> = Vec::new();
     for step in &steps {
         results.push(summary_of(arguments, step, &objects)?);
-        if !arguments.json {
-            print(results.last().into_iter())?;
-        }
     }
-    let page = arguments.out.join(REPORT);
-    let html = report_page::ladder_page(arguments.seed, &results, REPORT);
+    let page = arguments.out.join(REPORT_FILE);
+    let html = report_page::ladder_page(arguments.seed, &results, REPORT_FILE);
     fs::write(&page, html).with_context(|| page.display().to_string())?;
     if arguments.json {
         let (seed, first) = (arguments.seed, arguments.first);
@@ -91,7 +86,6 @@ fn summary_of(arguments: &EvalArguments, step: &Step, objects: &[String]) -> any
         })
         .with_context(|| folder.display().to_string())?;
     bar.finish_and_clear();
-    rows.truncate(evaluation.len());
     file.finish(&rows)?;
     eval::write_report(&evaluation, &rows, &stopwatch, MOST_MISSES_OF_A_STEP, arguments.plots, &folder)?;
     Ok(StepSummary::of(step, &evaluation.cells, &rows))
@@ -122,9 +116,9 @@ fn print<'a>(results: impl Iterator<Item = &'a StepSummary>) -> io::Result<()> {
                 it.trials.to_string(),
                 share(it.trials),
                 range(it.wilson95),
-                it.out_of_reach.to_string(),
-                share(it.trials - it.out_of_reach),
-                range(it.wilson95_within_reach),
+                it.out_of_reach.map_or("–".to_owned(), |count| count.to_string()),
+                it.within_reach().map_or("–".to_owned(), share),
+                if it.out_of_reach.is_some() { range(it.wilson95_within_reach) } else { "–".to_owned() },
                 reasons.join(", "),
             ]);
         }

@@ -1,14 +1,24 @@
 //! `catchingbot ready`: the best waiting pose for a distribution of throws.
 
-use catch_lab::{ready::Corridor, setup::Setup};
+use catch_body::InputError;
+use catch_lab::{
+    ready::Corridor,
+    setup::{COMMAND_LINE, Setup},
+};
 use clap::Args;
 use serde::Serialize;
 
-use super::ChoiceArguments;
+use super::{ChoiceArguments, MOST, whole};
 use crate::screen;
 
 /// Arguments of `ready`.
 #[derive(Debug, Args)]
+#[command(after_help = "\
+What is printed is the line `ready_rad = [..]` for a scenario's file, or for the robot.toml of an own
+robot. The search begins at the present pose and keeps it where it finds none that is better.
+
+Example:
+  catchingbot ready --scenario honest --object tennis_ball --object banana --trials 8 --tries 400")]
 pub struct ReadyArguments {
     #[command(flatten)]
     choice: ChoiceArguments,
@@ -19,13 +29,13 @@ pub struct ReadyArguments {
     #[arg(long = "throw", value_name = "NAME|FILE")]
     throws: Vec<String>,
     /// Throws of each object and kind that the pose is chosen for
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = 4, allow_negative_numbers = true, value_parser = whole(1, 10_000))]
     trials: u64,
     /// Poses that are tried
-    #[arg(long, value_name = "N", default_value_t = 200)]
-    tries: usize,
+    #[arg(long, value_name = "N", default_value_t = 200, allow_negative_numbers = true, value_parser = whole(1, 10_000_000))]
+    tries: u64,
     /// Seed of the throws and of the poses
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true, value_parser = whole(0, MOST))]
     seed: u64,
     /// Print one JSON document instead of the story
     #[arg(long)]
@@ -57,13 +67,19 @@ pub fn run(arguments: &ReadyArguments) -> anyhow::Result<()> {
     }
     let corridor = Corridor::new(&setups, arguments.trials, arguments.seed);
     let dof = setups[0].robot.dof();
-    let bar = screen::progress_bar(arguments.tries, "poses");
-    let best = corridor.search(&setups[0].ready_q, arguments.tries, arguments.seed, &mut |tried, best| {
+    let tries = arguments.tries as usize;
+    let bar = screen::progress_bar(tries, "poses");
+    let best = corridor.search(&setups[0].ready_q, tries, arguments.seed, &mut |tried, best| {
         bar.set_position(tried as u64);
         bar.set_message(format!("{} of {} throws within reach, cost {:.3}", best.caught, best.throws, best.cost));
     });
     bar.finish_and_clear();
     let Some(best) = best else { anyhow::bail!("no pose was found in which the arm is clear of itself and the floor") };
+    if best.caught == 0 {
+        let found = format!("no pose in {tries} tries from which any of the {} throws is within reach", best.throws);
+        let expected = "throws that pass within the arm's reach, or more --tries";
+        return Err(InputError::new(COMMAND_LINE, "--throw", found, expected).into());
+    }
     let answer = Answer {
         ready_rad: &best.q.as_slice()[..dof],
         within_reach: best.caught,

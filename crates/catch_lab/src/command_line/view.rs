@@ -8,13 +8,10 @@ use std::{
 
 use anyhow::Context;
 use catch_body::InputError;
-use catch_lab::{catch_page, playback::Playback, recording::EXTENSION};
+use catch_lab::{catch_page, playback::Playback, recording::EXTENSION, results::REPORT_FILE};
 use clap::Args;
 
 use crate::screen;
-
-/// Name of the report in a folder of results.
-pub const REPORT: &str = "report.html";
 
 /// Arguments of `view`.
 #[derive(Debug, Args)]
@@ -44,12 +41,14 @@ pub fn run(arguments: &ViewArguments) -> anyhow::Result<()> {
 
 fn page_of(file: &Path) -> anyhow::Result<PathBuf> {
     if file.is_dir() {
-        let report = file.join(REPORT);
+        let report = file.join(REPORT_FILE);
         if report.is_file() {
             return Ok(report);
         }
-        let expected = format!("a recording (*.{EXTENSION}), or a folder of results with a {REPORT}");
-        return Err(InputError::new(file.display().to_string(), "the folder", format!("no {REPORT}"), expected).into());
+        let expected = format!("a recording (*.{EXTENSION}), or a folder of results with a {REPORT_FILE}");
+        return Err(
+            InputError::new(file.display().to_string(), "the folder", format!("no {REPORT_FILE}"), expected).into()
+        );
     }
     if file.is_file() && file.extension().is_some_and(|it| it == "html") {
         return Ok(file.to_owned());
