@@ -1,5 +1,7 @@
 //! Whose method catches.
 
+use std::fmt::{self, Display};
+
 use serde::{Deserialize, Serialize};
 
 /// Whose method catches.
@@ -11,4 +13,13 @@ pub enum Method {
     Ours,
     /// The paper's own, for comparison ([`paper_method`](crate::paper_method)).
     Paper,
+}
+
+impl Display for Method {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Ours => "ours",
+            Self::Paper => "paper",
+        })
+    }
 }

@@ -221,7 +221,7 @@ impl Step {
         let file = format!("ladder step {}", self.name);
         let text = toml::to_string(&self.scenario)
             .map_err(|fault| InputError::new(&file, "the scenario", fault, "one that can be written"))?;
-        let asset = Asset { name: self.name.clone(), file, text, ..asset("paper")? };
+        let asset = Asset { name: self.scenario.name.clone(), file, text, ..asset("paper")? };
         Setup::of_scenario(&asset, &Choice { robot, object: Some(object), throw: Some(throw), ..Choice::default() })
     }
 }

@@ -1,7 +1,7 @@
 //! Scenarios: everything that a set of trials shares, in one file.
 
 use catch_body::{InputError, robot::LimitScale};
-use catch_sim::ArenaConfig;
+use catch_sim::{ArenaConfig, config::MOST_LATENCY_S};
 use serde::{Deserialize, Serialize};
 
 use crate::{assets::Kind, setup::COMMAND_LINE};
@@ -71,9 +71,18 @@ impl Scenario {
     pub fn faults(&self, file: &str) -> Vec<InputError> {
         let mut faults = self.arena.faults(file, "arena");
         if let Clock::FixedMs(delay_ms) = self.clock
-            && !(delay_ms.is_finite() && delay_ms >= 0.0)
+            && !(0.0..=1e3 * MOST_LATENCY_S).contains(&delay_ms)
         {
-            faults.push(InputError::new(file, "clock.fixed_ms", delay_ms, "zero or more"));
+            let expected = format!("0 to {} ms, a time within a flight", 1e3 * MOST_LATENCY_S);
+            faults.push(InputError::new(file, "clock.fixed_ms", delay_ms, expected));
+        }
+        let grasping = &self.brain.grasp_selection;
+        for (field, value) in [
+            ("closing_speed_mps", grasping.closing_speed_mps),
+            ("closing_acceleration_mps2", grasping.closing_acceleration_mps2),
+        ] {
+            let field = format!("brain.grasp_selection.{field}");
+            faults.extend(value.and_then(|value| InputError::positive(file, field, value).err()));
         }
         let LimitScale { velocity, acceleration, torque } = self.limit_scale;
         for (field, value) in [("velocity", velocity), ("acceleration", acceleration), ("torque", torque)] {

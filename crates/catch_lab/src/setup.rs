@@ -144,7 +144,15 @@ impl Setup {
     /// # Errors
     /// As [`load`](Self::load).
     pub fn of_scenario(asset: &Asset, choice: &Choice) -> Result<Self, InputError> {
-        let mut scenario = Scenario::from_toml(&asset.file, &asset.text)?.with_settings(choice.settings)?;
+        let mut scenario = Scenario::from_toml(&asset.file, &asset.text)?;
+        // Results call it by its file, as they do with objects and throws, and by what is different from it.
+        scenario.name.clone_from(&asset.name);
+        let is_other_robot = choice.robot.is_some_and(|robot| robot != scenario.robot);
+        if is_other_robot {
+            // The scenario's pose is one of its own arm.
+            scenario.ready_rad = None;
+        }
+        let mut scenario = scenario.with_settings(choice.settings)?;
         let find = |kind: Kind, asked: Option<&str>, named: &str, field: &str| match asked {
             Some(name) => {
                 Asset::find(kind, name, &Origin::BuiltIn(PathBuf::new()), (COMMAND_LINE, &format!("--{kind}")))
@@ -172,13 +180,20 @@ impl Setup {
             None => arm.ready_q,
         };
         arm.ready_q = ready_q;
-        let thrown = ThrownObject::from_toml(&object.file, &object.text, &|name| Ok(object.read_beside(name)?.1))?;
+        let thrown = object.thrown_object()?;
+        check_closing(&asset.file, &scenario, &hand, &gripper.file)?;
         let cameras = cameras::rig_from_toml(&flight_rig.file, &flight_rig.text)?;
         let scanners = cameras::rig_from_toml(&reference_rig.file, &reference_rig.text)?;
         let reference_scan = cameras::reference_scan(&thrown.mesh, &scanners);
 
         // Names only: results of the same content are the same wherever the files lie.
-        scenario.brain.method = choice.method.unwrap_or(scenario.brain.method);
+        if is_other_robot {
+            scenario.name += &format!("+robot={}", robot.name);
+        }
+        if let Some(method) = choice.method.filter(|method| *method != scenario.brain.method) {
+            scenario.name += &format!("+method={method}");
+            scenario.brain.method = method;
+        }
         scenario.robot = robot.name;
         scenario.gripper = gripper.name;
         scenario.object = object.name;
@@ -302,4 +317,31 @@ impl Setup {
     pub fn brain(&self, seed: u64, index: u64) -> CatchingBot {
         CatchingBot::prepared(self.known().clone(), self.brain_config(seed, index).seed)
     }
+}
+
+/// Whether the brain expects fingers that are no faster than those of a gripper with limits.
+///
+/// # Errors
+/// If it does not: every catch would come too late.
+fn check_closing(file: &str, scenario: &Scenario, gripper: &Gripper, gripper_file: &str) -> Result<(), InputError> {
+    if scenario.arena.gripper == (GripperDriveKind::Ideal {}) {
+        return Ok(());
+    }
+    let grasping = &scenario.brain.grasp_selection;
+    for (field, value, limit, most) in [
+        ("closing_speed_mps", grasping.closing_speed_mps, "max_speed_mps", gripper.max_speed_mps),
+        (
+            "closing_acceleration_mps2",
+            grasping.closing_acceleration_mps2,
+            "max_acceleration_mps2",
+            gripper.max_acceleration_mps2,
+        ),
+    ] {
+        if let Some(value) = value.filter(|value| *value > most) {
+            let expected =
+                format!("at most {most}, the {limit} of {gripper_file} that arena.gripper keeps to, or nothing");
+            return Err(InputError::new(file, format!("brain.grasp_selection.{field}"), value, expected));
+        }
+    }
+    Ok(())
 }

@@ -5,6 +5,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::cameras::depth_noise::DepthConfig;
 
+/// Longest time in seconds that an image or a command may be under way: most of a flight.
+pub const MOST_LATENCY_S: f64 = 0.5;
+
 /// What the arena is like. The defaults are the paper's where the paper says something.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -213,7 +216,6 @@ impl ArenaConfig {
             ("robot_errors.encoder_sd_radps", encoder_sd_radps),
             ("robot_errors.tool_position_m", tool_position_m),
             ("robot_errors.tool_rotation_deg", tool_rotation_deg),
-            ("latency_s", self.latency_s),
         ] {
             expect(value.is_finite() && value >= 0.0, field, value, "zero or more");
         }
@@ -224,12 +226,11 @@ impl ArenaConfig {
         ] {
             expect((0.0..1.0).contains(&share), field, share, "a share from zero to below 1");
         }
+        let within_a_flight = format!("0 to {MOST_LATENCY_S} s, a time within a flight");
+        expect((0.0..=MOST_LATENCY_S).contains(&self.latency_s), "latency_s", self.latency_s, &within_a_flight);
         if let GripperDriveKind::Wsg50(Wsg50 { latency_s, state_rate_hz, width_step_m, drive_mass_kg }) = self.gripper {
-            for (field, value) in [
-                ("gripper.latency_s", latency_s),
-                ("gripper.width_step_m", width_step_m),
-                ("gripper.drive_mass_kg", drive_mass_kg),
-            ] {
+            expect((0.0..=MOST_LATENCY_S).contains(&latency_s), "gripper.latency_s", latency_s, &within_a_flight);
+            for (field, value) in [("gripper.width_step_m", width_step_m), ("gripper.drive_mass_kg", drive_mass_kg)] {
                 expect(value.is_finite() && value >= 0.0, field, value, "zero or more");
             }
             let is_rate = state_rate_hz.is_finite() && state_rate_hz > 0.0;

@@ -57,7 +57,7 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
             print(&grid, arguments)?;
         }
         if arguments.plots {
-            let path = arguments.out.join(folder(method)).join("sweep.svg");
+            let path = arguments.out.join(method.to_string()).join("sweep.svg");
             let rate = |row: usize, column: usize| {
                 let field = grid.cells[row][column].as_ref()?;
                 Some(field.summary.caught as f64 / field.summary.trials.max(1) as f64)
@@ -72,13 +72,6 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
         screen::json(&document)?;
     }
     Ok(())
-}
-
-fn folder(method: Method) -> &'static str {
-    match method {
-        Method::Ours => "ours",
-        Method::Paper => "paper",
-    }
 }
 
 fn of_method(arguments: &EvalArguments, method: Method) -> anyhow::Result<Grid> {
@@ -101,7 +94,7 @@ fn of_method(arguments: &EvalArguments, method: Method) -> anyhow::Result<Grid> 
         return Err(InputError::new(COMMAND_LINE, "--throw", setup.scenario.throw, expected).into());
     }
     let evaluation = Evaluation { cells, seed: arguments.seed, first: arguments.first, trials: arguments.trials };
-    let out = arguments.out.join(folder(method));
+    let out = arguments.out.join(method.to_string());
     let (mut results, mut rows) = Results::open(&out, &evaluation, arguments.resume)?;
     let bar = screen::progress_bar(evaluation.len(), "trials");
     bar.set_position(rows.len() as u64);
@@ -129,7 +122,7 @@ fn of_method(arguments: &EvalArguments, method: Method) -> anyhow::Result<Grid> 
 fn print(grid: &Grid, arguments: &EvalArguments) -> std::io::Result<()> {
     screen::line("")?;
     let trials = arguments.trials;
-    let name = folder(grid.method);
+    let name = grid.method;
     screen::line(&format!(
         "  {STRONG}{name}{STRONG:#}: caught of {trials}, and how far off the object was in the hand"
     ))?;
