@@ -36,10 +36,34 @@ impl InputError {
         }
     }
 
+    /// What a kind of value, as serde calls it, is called in files.
+    pub fn kind_in_words(kind: &str) -> &str {
+        match kind.split(' ').next().unwrap_or_default() {
+            "f64" | "f32" => "a number",
+            "u64" | "u32" | "usize" | "i64" | "i32" => "a whole number",
+            "struct" | "map" => "a table",
+            _ => match kind {
+                "a boolean" => "true or false",
+                "a string" => "text in quotes",
+                "a sequence" => "a list",
+                kind => kind,
+            },
+        }
+    }
+
     /// Parses TOML into `T`; a fault names the file, the place and what the parser expected.
     pub fn parse_toml<T: serde::de::DeserializeOwned>(file: &str, text: &str) -> Result<T, Self> {
         toml::from_str(text).map_err(|fault| {
-            let line = fault.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
+            let span = fault.span().unwrap_or_default();
+            let is_wrong_kind = fault.message().starts_with("invalid type");
+            if let Some((field, (_, kind))) = field_before(&text[..span.start])
+                .zip(fault.message().rsplit_once("expected "))
+                .filter(|_| is_wrong_kind)
+            {
+                let found = text[span].lines().next().unwrap_or_default();
+                return Self::new(file, field, found, Self::kind_in_words(kind));
+            }
+            let line = text[..span.start].matches('\n').count() + 1;
             let found = text.lines().nth(line - 1).unwrap_or("").trim();
             let found = if found.is_empty() { "nothing".to_owned() } else { format!("`{found}`") };
             Self::new(
@@ -66,6 +90,49 @@ impl InputError {
             Ok(values)
         } else {
             Err(Self::new(file, field, format!("{values:?}"), "finite numbers"))
+        }
+    }
+}
+
+/// The field whose value begins where `text` ends: its table and its name.
+fn field_before(text: &str) -> Option<String> {
+    let line = text.lines().next_back()?;
+    let name = line.rsplit_once('=')?.0.rsplit(['{', ',']).next()?.trim();
+    let tables = text.lines().filter_map(|line| Some(line.trim().strip_prefix('[')?.split_once(']')?.0));
+    let table = tables.last().map(|table| format!("{table}.")).unwrap_or_default();
+    Some(format!("{}{name}", table.trim_start_matches('[')))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug, serde::Deserialize)]
+    #[expect(dead_code, reason = "only whether they can be read matters")]
+    struct File {
+        arena: Arena,
+        seed: u64,
+    }
+
+    #[derive(Debug, serde::Deserialize)]
+    #[expect(dead_code, reason = "only whether they can be read matters")]
+    struct Arena {
+        rate_hz: f64,
+        drag: bool,
+    }
+
+    #[test]
+    fn values_of_the_wrong_kind_name_their_field() {
+        for (text, expected) in [
+            ("seed = 1\n[arena]\nrate_hz = \"100\"\ndrag = true", "arena.rate_hz: found \"100\", expected a number"),
+            ("seed = 1.5\n[arena]\nrate_hz = 100\ndrag = true", "seed: found 1.5, expected a whole number"),
+            ("seed = 1\narena = { rate_hz = 1.0, drag = 1 }", "drag: found 1, expected true or false"),
+            ("seed = 1\narena = 3", "arena: found 3, expected a table"),
+            ("seed = 1\n[arena]\nrate_hz = 1.0", "line 2: found `[arena]`, expected valid TOML"),
+            ("seed = ", "line 1: found `seed =`, expected valid TOML"),
+        ] {
+            let fault = InputError::parse_toml::<File>("f.toml", text).unwrap_err().to_string();
+            assert!(fault.starts_with(&format!("f.toml: {expected}")), "{fault}");
         }
     }
 }

@@ -49,7 +49,11 @@ pub fn check(path: &Path) -> Checked {
     };
     let kind = TELLTALES.iter().find(|(field, _)| table.contains_key(*field)).map(|&(_, kind)| kind);
     let faults = match kind {
-        Some(kind) => faults_of(kind, &asset),
+        Some(kind) => {
+            let faults = faults_of(kind, &asset);
+            let is_right_object = kind == Kind::Object && faults.is_empty();
+            if is_right_object { held(&asset, Setup::load(&thrown(&asset))) } else { faults }
+        }
         None => {
             let fields: Vec<&str> = table.keys().map(String::as_str).collect();
             let found = if fields.is_empty() { "nothing".to_owned() } else { format!("fields {}", fields.join(", ")) };
@@ -111,7 +115,20 @@ fn faults_of_scenario(asset: &Asset) -> Vec<InputError> {
     }
     if faults.is_empty() {
         // Each part is right; they may still not fit together.
-        faults.extend(Setup::of_scenario(asset, &Choice::default()).err());
+        faults = held(asset, Setup::of_scenario(asset, &Choice::default()));
     }
     faults
+}
+
+/// The default scenario with the object of a file.
+fn thrown(asset: &Asset) -> Choice<'_> {
+    Choice { object: Some(&asset.file), ..Choice::default() }
+}
+
+/// Whether the object of a setup can be held.
+fn held(asset: &Asset, setup: Result<Setup, InputError>) -> Vec<InputError> {
+    let held = setup.map(|setup| {
+        setup.without_grasps().map(|widths| InputError::new(&asset.file, "object", widths, "one that can be held"))
+    });
+    held.unwrap_or_else(Some).into_iter().collect()
 }

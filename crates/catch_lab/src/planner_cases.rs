@@ -64,7 +64,10 @@ pub fn read(path: &Path) -> Result<Vec<PlannerCase>, InputError> {
 /// As [`read`].
 pub fn parse(file: &str, text: &str) -> Result<Vec<PlannerCase>, InputError> {
     let document: Value = serde_json::from_str(text).map_err(|fault| {
-        InputError::new(file, format!("line {}", fault.line()), fault.to_string(), "one JSON document")
+        let (line, column) = (fault.line(), fault.column());
+        let rest = text.lines().nth(line.saturating_sub(1)).unwrap_or_default().chars().skip(column.saturating_sub(1));
+        let found = format!("`{}`", rest.take(20).collect::<String>());
+        InputError::new(file, format!("line {line}, column {column}"), found, "one JSON document, which has no NaN")
     })?;
     let whole = Fields::new(file, "", &document)?;
     whole.only(&["about", "gravity", "q_start", "dq_start", "grasp_centre_y_m", "robot", "cases"])?;
@@ -76,6 +79,9 @@ pub fn parse(file: &str, text: &str) -> Result<Vec<PlannerCase>, InputError> {
     }
     let cases = whole.required("cases", "a list of cases")?;
     let list = cases.as_array().ok_or_else(|| whole.fault("cases", cases, "a list of cases"))?;
+    if list.is_empty() {
+        return Err(whole.fault("cases", cases, "one case or more"));
+    }
     list.iter().enumerate().map(|(i, value)| case(&whole, &Fields::new(file, &format!("cases[{i}]"), value)?)).collect()
 }
 

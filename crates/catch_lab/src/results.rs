@@ -100,11 +100,22 @@ fn write_tables(folder: &Path, identity: &Identity, rows: &[Row]) -> Result<(), 
     trial_table::replace(&folder.join(SUMMARY_FILE), |path| fs::write(path, summary))
 }
 
-fn write_identity(folder: &Path, identity: &Identity) -> Result<(), InputError> {
-    fs::create_dir_all(folder).map_err(|fault| {
+/// Makes a folder, where there is none, and writes into it to see whether that is possible; `asked_by` is the argument that
+/// names it.
+///
+/// # Errors
+/// If it is not.
+pub fn make_writable(folder: &Path, asked_by: &str) -> Result<(), InputError> {
+    let trial = folder.join(".catchingbot");
+    let made = fs::create_dir_all(folder).and_then(|()| File::create(&trial)).and_then(|_| fs::remove_file(&trial));
+    made.map_err(|fault| {
         let found = format!("`{}`: {fault}", folder.display());
-        InputError::new(COMMAND_LINE, "--out", found, "a folder that can be written")
-    })?;
+        InputError::new(COMMAND_LINE, asked_by, found, "a folder that can be written")
+    })
+}
+
+fn write_identity(folder: &Path, identity: &Identity) -> Result<(), InputError> {
+    make_writable(folder, "--out")?;
     let text = identity_text(identity)?;
     trial_table::replace(&folder.join(IDENTITY_FILE), |path| fs::write(path, text))
 }

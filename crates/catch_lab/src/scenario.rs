@@ -4,7 +4,10 @@ use catch_body::{InputError, robot::LimitScale};
 use catch_sim::{ArenaConfig, config::MOST_LATENCY_S};
 use serde::{Deserialize, Serialize};
 
-use crate::{assets::Kind, setup::COMMAND_LINE};
+use crate::{
+    assets::{Kind, nearest},
+    setup::COMMAND_LINE,
+};
 
 /// What it costs to compute a command.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -104,6 +107,7 @@ impl Scenario {
             let value = toml::from_str::<toml::Table>(&format!("value = {text}")).ok();
             let value = value.and_then(|mut table| table.remove("value")).unwrap_or_else(|| text.trim().into());
             let mut tree = toml::Table::try_from(&self).map_err(|it| fault(it.to_string()))?;
+            let hint = field_meant(path.trim(), &tree).map(|it| format!(" (did you mean `{it}`?)")).unwrap_or_default();
             let (parents, field) = path
                 .rsplit_once('.')
                 .map_or((Vec::new(), path), |(parents, field)| (parents.split('.').map(str::trim).collect(), field));
@@ -111,11 +115,14 @@ impl Scenario {
             for parent in parents {
                 let known = table.keys().cloned().collect::<Vec<_>>().join(", ");
                 let next = table.get_mut(parent).and_then(toml::Value::as_table_mut);
-                table = next.ok_or_else(|| fault(format!("a table instead of `{parent}`: one of {known}")))?;
+                table = next.ok_or_else(|| fault(format!("a table instead of `{parent}`: one of {known}{hint}")))?;
             }
             table.insert(field.trim().to_owned(), value);
             // "unknown field `x`, expected one of …": what was found is said already.
-            let expected = |it: toml::de::Error| it.message().rsplit("expected ").next().unwrap_or_default().to_owned();
+            let expected = |it: toml::de::Error| {
+                let kind = it.message().rsplit("expected ").next().unwrap_or_default().to_owned();
+                format!("{}{hint}", InputError::kind_in_words(&kind))
+            };
             self = tree.try_into().map_err(|it| fault(expected(it)))?;
             self.name = format!("{}+{}", self.name, setting.replace(' ', ""));
         }
@@ -132,6 +139,29 @@ impl Scenario {
             (Kind::Rig, "flight_rig", &self.flight_rig),
             (Kind::Rig, "reference_rig", &self.reference_rig),
         ]
+    }
+}
+
+/// The field that is probably meant by the path of one that there is not: spelt alike, or of the same name elsewhere.
+fn field_meant(path: &str, tree: &toml::Table) -> Option<String> {
+    let mut known = Vec::new();
+    collect_fields("", tree, &mut known);
+    if known.iter().any(|it| it == path) {
+        return None;
+    }
+    let name = |path: &str| path.rsplit('.').next().unwrap_or_default().to_owned();
+    let elsewhere = known.iter().find(|it| name(it) == name(path)).cloned();
+    elsewhere.or_else(|| nearest(path, &known.iter().map(String::as_str).collect::<Vec<_>>()).map(str::to_owned))
+}
+
+/// The paths of all fields in a table.
+fn collect_fields(parent: &str, table: &toml::Table, paths: &mut Vec<String>) {
+    for (field, value) in table {
+        let path = if parent.is_empty() { field.clone() } else { format!("{parent}.{field}") };
+        if let Some(table) = value.as_table() {
+            collect_fields(&path, table, paths);
+        }
+        paths.push(path);
     }
 }
 
@@ -161,7 +191,16 @@ mod tests {
             ("arina.friction=1", "arena"),
             ("arena.friction=-1", "arena.friction"),
             ("arena.friction=much", "a number or { min"),
-            ("arena.substeps=many", "expected u"),
+            ("arena.substeps=many", "expected a whole number"),
+            ("arena.frictoin=0.3", "did you mean `arena.friction`?"),
+            ("friction=0.3", "did you mean `arena.friction`?"),
+            ("brain.grasp_selection.closing_speed_mps=0", "brain.grasp_selection.closing_speed_mps"),
+            ("arena.latency_s=100", "arena.latency_s"),
+            ("clock={ fixed_ms = 20000 }", "clock.fixed_ms"),
+            (
+                "arena.gripper={ kind = \"wsg50\" }",
+                "brain.grasp_selection.closing_speed_mps: found 6, expected at most 0.42, the max_speed_mps",
+            ),
         ] {
             let setting = if setting.ends_with("restitution") { format!("{setting}=1") } else { setting.to_owned() };
             let fault = set(&[&setting]).unwrap_err().to_string();

@@ -216,6 +216,20 @@ impl Setup {
         })
     }
 
+    /// If the brain knows no way of holding the object: how wide it is, and how wide the gripper opens.
+    pub fn without_grasps(&self) -> Option<String> {
+        let has_none = self.known().grasps().grasps.is_empty();
+        has_none.then(|| {
+            let narrowest_mm = self.object.mesh.aabb().size.min() * 1e3;
+            let opening_mm = self.gripper.max_width_m * 1e3;
+            let margin_mm = self.scenario.brain.grasp_selection.finger_margin_m * 1e3;
+            format!(
+                "an object {narrowest_mm:.0} mm wide at its narrowest; the gripper opens {opening_mm:.0} mm and needs \
+                 {margin_mm:.0} mm on each side"
+            )
+        })
+    }
+
     /// The scene of throw number `index`.
     pub fn scene(&self, seed: u64, index: u64) -> Scene {
         let Scenario { name, object, throw, .. } = &self.scenario;

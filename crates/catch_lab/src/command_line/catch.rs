@@ -7,14 +7,14 @@ use std::{
 };
 
 use anyhow::Context;
-use catch_body::InputError;
 use catch_lab::{
     VERSION, gif_picture, mcap_file,
     playback::Playback,
     recorded_throw::{RecordedThrow, record},
     referee::{Measures, Verdict, reason::Reason},
+    results::make_writable,
     scenario::Scenario,
-    setup::{COMMAND_LINE, Scene, Setup},
+    setup::{Scene, Setup},
     stopwatch::{StageTimes, Stopwatch},
     timeline::{Entry, Event},
 };
@@ -90,10 +90,7 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
     let setup = Setup::load(&choice.with(object.as_deref(), throw.as_deref()))?;
     let scene = setup.scene(*seed, *index);
     // What cannot be written should be said before anything is thrown.
-    fs::create_dir_all(&output.out).map_err(|fault| {
-        let found = format!("`{}`: {fault}", output.out.display());
-        InputError::new(COMMAND_LINE, "--out", found, "a folder that can be written")
-    })?;
+    make_writable(&output.out, "--out")?;
 
     let aloud = !output.json;
     if aloud {
@@ -106,7 +103,7 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
 
     let verdict = &ending.verdict;
     if aloud {
-        summary(&scene, verdict, &stopwatch, &recording)?;
+        summary(&setup, &scene, verdict, &stopwatch, &recording)?;
         for (kind, path) in &written {
             screen::fact(kind, &path.display().to_string())?;
         }
@@ -178,7 +175,7 @@ fn tell(entry: &Entry) -> io::Result<()> {
     screen::line(&format!("  {FAINT}{time_s:>6.3} s{FAINT:#}  {style}{:<16}{style:#}  {detail}", event.label()))
 }
 
-fn summary(scene: &Scene, verdict: &Verdict, stopwatch: &Stopwatch, recording: &Path) -> io::Result<()> {
+fn summary(setup: &Setup, scene: &Scene, verdict: &Verdict, stopwatch: &Stopwatch, recording: &Path) -> io::Result<()> {
     let millimetres = |value: Option<f64>| match value.map(|metres| metres * 1e3) {
         None => "unknown".to_owned(),
         Some(mm) if mm < 10.0 => format!("{mm:.2} mm"),
@@ -193,6 +190,9 @@ fn summary(scene: &Scene, verdict: &Verdict, stopwatch: &Stopwatch, recording: &
         Some(reason) => screen::line(&format!("  {BAD}Not caught:{BAD:#} {reason}."))?,
     }
     screen::line("")?;
+    if let Some(widths) = setup.without_grasps().filter(|_| verdict.reason == Some(Reason::NoGrasp)) {
+        screen::fact("nothing to hold by", &widths)?;
+    }
     screen::fact("by the paper", if verdict.caught_paper { "caught" } else { "not caught" })?;
     if verdict.catch_time_s.is_some() {
         let off = [

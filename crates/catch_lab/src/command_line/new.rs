@@ -4,7 +4,7 @@ use std::{fs, path::PathBuf};
 
 use anyhow::Context;
 use catch_body::InputError;
-use catch_lab::{assets::Kind, setup::COMMAND_LINE, templates};
+use catch_lab::{assets::Kind, results::make_writable, setup::COMMAND_LINE, templates};
 use clap::{Args, ValueEnum};
 
 use crate::screen;
@@ -51,6 +51,7 @@ pub fn run(arguments: &NewArguments) -> anyhow::Result<()> {
         let found = format!("`{}`, which is already there", path.display());
         return Err(InputError::new(COMMAND_LINE, "NAME", found, "another name or another --out").into());
     }
+    make_writable(&arguments.out, "--out")?;
     for (path, content) in &files {
         let written = || path.parent().map_or(Ok(()), fs::create_dir_all).and_then(|()| fs::write(path, content));
         written().with_context(|| format!("{}", path.display()))?;

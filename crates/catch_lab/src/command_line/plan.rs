@@ -33,7 +33,7 @@ The file is one JSON document:
 The grasp centre, grasp_centre_y_m along the gripper's y axis, is to be at object_p after
 time_remaining_s, the gripper's axes being the columns of R_WG, and to move there at
 s * object_v, 0 <= s <= 0.3. dq_start and robot may be given as well; q_start, dq_start and robot
-also in a case of their own. Lengths in metres, angles in radians, times in seconds.")]
+also in a case of their own. s_max may be noted in a case; it changes nothing. Lengths in metres, angles in radians, times in seconds.")]
 pub struct PlanArguments {
     /// JSON file of catches
     #[arg(long, value_name = "FILE")]

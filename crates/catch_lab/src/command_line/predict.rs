@@ -34,16 +34,16 @@ pub struct PredictArguments {
     #[arg(long, value_enum, default_value_t = Up::Z)]
     up: Up,
     /// Use only what was seen until then, in the track's time
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
     until: Option<f64>,
     /// Also predict for this time; may be given more than once
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     at: Vec<f64>,
     /// Drag constant k of a = -k·|v|·v that is expected, in 1/m
-    #[arg(long, value_name = "K", default_value_t = 0.05)]
+    #[arg(long, value_name = "K", default_value_t = 0.05, allow_negative_numbers = true)]
     drag: f64,
     /// How well that is known, as a standard deviation; 0: exactly
-    #[arg(long, value_name = "SD", default_value_t = 0.1)]
+    #[arg(long, value_name = "SD", default_value_t = 0.1, allow_negative_numbers = true)]
     drag_sd: f64,
     /// Print one JSON document
     #[arg(long)]
@@ -146,6 +146,12 @@ fn print(document: &Document) -> std::io::Result<()> {
     let inliers = document.inliers.map_or(String::new(), |count| format!(", {count} agree"));
     screen::fact("sightings", &format!("{}{inliers}", document.sightings))?;
     screen::fact("their noise", &format!("{:.2} mm", document.noise_m * 1e3))?;
+    if document.end.is_none() {
+        screen::fact(
+            "what may help",
+            "--up, if it is not z; metres and seconds; more of the flight, and nothing but the flight",
+        )?;
+    }
     if let (Some(drag), Some(sd)) = (document.drag_per_m, document.drag_sd_per_m) {
         screen::fact("drag", &format!("{drag:.4} ± {sd:.4} 1/m"))?;
     }

@@ -8,7 +8,12 @@ use std::{
 
 use anyhow::Context;
 use catch_body::InputError;
-use catch_lab::{catch_page, playback::Playback, recording::EXTENSION, results::REPORT_FILE};
+use catch_lab::{
+    catch_page,
+    playback::Playback,
+    recording::EXTENSION,
+    results::{REPORT_FILE, make_writable},
+};
 use clap::Args;
 
 use crate::screen;
@@ -52,6 +57,9 @@ fn page_of(file: &Path) -> anyhow::Result<PathBuf> {
     }
     if file.is_file() && file.extension().is_some_and(|it| it == "html") {
         return Ok(file.to_owned());
+    }
+    if file.is_file() {
+        make_writable(file.parent().unwrap_or(Path::new("")), "FILE")?;
     }
     write_page(file, &Playback::read(file)?)
 }
