@@ -135,7 +135,7 @@ fn refuse_file(folder: &Path, file: &str, expected: &str) -> Result<(), InputErr
     if !folder.join(file).exists() {
         return Ok(());
     }
-    let found = format!("`{}`, which holds a {file}", folder.display());
+    let found = format!("`{}`, which holds {file}", folder.display());
     Err(InputError::new(COMMAND_LINE, "--out", found, expected))
 }
 

@@ -169,6 +169,7 @@ fn collect_fields(parent: &str, table: &toml::Table, paths: &mut Vec<String>) {
 mod tests {
     use super::*;
     use crate::setup::{Choice, Setup};
+    use catch_bot::Method;
 
     fn set(settings: &[&str]) -> Result<Scenario, InputError> {
         let settings: Vec<String> = settings.iter().map(|&it| it.to_owned()).collect();
@@ -181,6 +182,22 @@ mod tests {
         assert_eq!((scenario.arena.restitution_scale, scenario.arena.substeps), (0.5, 8));
         assert_eq!(scenario.brain.method, catch_bot::Method::Paper);
         assert!(scenario.name.starts_with("paper+arena.restitution_scale=0.5+"), "{}", scenario.name);
+    }
+
+    #[test]
+    fn another_robot_waits_in_its_own_pose_and_the_name_tells() {
+        let pose = "ready_rad=[0.0, -1.5, 1.5, 0.0, 0.0, 0.0]".to_owned();
+        for (robot, method, settings, ready, name) in [
+            (None, None, vec![], -1.308, "paper"),
+            (Some("iiwa14"), Some(Method::Ours), vec![], -1.308, "paper"),
+            (Some("ur10e"), None, vec![], -0.785, "paper+robot=ur10e"),
+            (Some("ur10e"), None, vec![pose], 0.0, "paper+ready_rad=[0.0,-1.5,1.5,0.0,0.0,0.0]+robot=ur10e"),
+            (None, Some(Method::Paper), vec![], -1.308, "paper+method=paper"),
+        ] {
+            let setup = Setup::load(&Choice { robot, method, settings: &settings, ..Choice::default() }).unwrap();
+            assert_eq!((setup.ready_q[0], setup.scenario.name.as_str()), (ready, name));
+            assert_eq!(setup.scenario.ready_rad.unwrap().len(), setup.robot.dof());
+        }
     }
 
     #[test]

@@ -10,6 +10,7 @@ use catch_lab::{
     cloud_file::{self, CloudFile},
     setup::COMMAND_LINE,
 };
+use catch_sim::object::check_length;
 use clap::Args;
 use nalgebra::{Matrix6, Point3, Vector3};
 use serde::Serialize;
@@ -129,7 +130,15 @@ fn scan_of(path: &Path) -> Result<CloudFile, InputError> {
 /// The object as its reference shows it.
 fn reference_model(path: &Path, config: &Config) -> anyhow::Result<ReferenceModel> {
     let scan = scan_of(path)?;
-    let middle = scan.points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / scan.points.len().max(1) as f64;
+    let file = path.display().to_string();
+    let too_few =
+        |count: usize| InputError::new(&file, "points", format!("{count} points"), "a surface of a hundred or more");
+    let Some(&first) = scan.points.first().filter(|_| scan.points.len() >= LEAST_POINTS) else {
+        return Err(too_few(scan.points.len()).into());
+    };
+    let (low, high) = scan.points.iter().fold((first, first), |(low, high), it| (low.inf(it), high.sup(it)));
+    check_length(&file, "points", (high - low).amax(), "lengths are in metres")?;
+    let middle = scan.points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / scan.points.len() as f64;
     let outwards = scan.normals.unwrap_or_else(|| scan.points.iter().map(|point| point.coords - middle).collect());
     // Denser than the models of the brain helps nobody.
     let step = scan.points.len().div_ceil(MOST_POINTS).max(1);
@@ -137,14 +146,13 @@ fn reference_model(path: &Path, config: &Config) -> anyhow::Result<ReferenceMode
     let outwards: Vec<Vector3<f64>> = outwards.into_iter().step_by(step).collect();
     let reference = ReferenceModel::from_points(&points, &outwards, config);
     if reference.points.is_empty() || !reference.radius_m.is_finite() {
-        let found = format!("{} points", points.len());
-        return Err(
-            InputError::new(path.display().to_string(), "points", found, "a surface of a hundred or more").into()
-        );
+        return Err(too_few(points.len()).into());
     }
     Ok(reference)
 }
 
+/// Fewer points than this do not make a reference.
+const LEAST_POINTS: usize = 100;
 /// Points of a reference that are used at most.
 const MOST_POINTS: usize = 40_000;
 

@@ -172,10 +172,55 @@ fn results_are_not_lost_by_mistake() {
         assert!(stderr(&output).contains(hint), "{mistake:?}: {}", stderr(&output));
         assert_eq!(before, files(folder.path()));
     }
+    // What is finished stays as it is, its times and its report too.
+    let others = ["times.json", "report.html"].map(|name| folder.path().join(name));
+    let read = || others.each_ref().map(|path| fs::read(path).unwrap());
+    let (times, text) = (read(), stdout(&eval(folder.path(), &["--trials", "1", "--resume"])));
+    assert_eq!((before, times), (files(folder.path()), read()), "{text}");
+    // A trial more is told as one.
+    assert!(eval(folder.path(), &["--trials", "2", "--resume"]).status.success());
+    let times: Value = serde_json::from_slice(&read()[0]).unwrap();
+    assert_eq!(times["trials"], 2);
+    let output = eval(folder.path(), &["--trials", "1", "--resume"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("--trials: found 1, expected at least the 2 that"), "{}", stderr(&output));
+
+    // A ladder is no evaluation, and what lacks its description is nobody's.
+    let out = folder.path().to_str().unwrap();
+    let ladder = catchingbot(&["eval", "--ladder", "--trials", "1", "--object", "tennis_ball", "--out", out]);
+    assert_eq!(ladder.status.code(), Some(2));
+    assert!(stderr(&ladder).contains("holds evaluation.toml"), "{}", stderr(&ladder));
+    let identity = folder.path().join("evaluation.toml");
+    let description = fs::read(&identity).unwrap();
+    fs::remove_file(&identity).unwrap();
+    for left in ["trials.jsonl", "report.html"] {
+        let output = eval(folder.path(), &["--trials", "2", "--resume"]);
+        assert_eq!(output.status.code(), Some(2));
+        assert!(stderr(&output).contains(left) && !identity.exists(), "{}", stderr(&output));
+        fs::rename(folder.path().join(left), folder.path().join("aside")).unwrap();
+    }
+    fs::write(&identity, description).unwrap();
     fs::write(folder.path().join("trials.jsonl"), "{\"what\": 1}\n").unwrap();
     let output = eval(folder.path(), &["--trials", "1", "--resume"]);
     assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("line 1"), "{}", stderr(&output));
+}
+
+#[test]
+fn what_an_arm_could_have_reached_is_only_told_where_it_is_known() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().to_str().unwrap();
+    let arguments = ["eval", "--robot", "panda", "--throw", "near_sampled", "--trials", "1", "--out", out];
+    let output = catchingbot(&arguments);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let (document, table) = (catchingbot(&[&arguments[..], &["--resume", "--json"]].concat()), stdout(&output));
+    let document: Value = serde_json::from_str(&stdout(&document)).unwrap();
+    let cell = &document["cells"][0];
+    assert_eq!((&cell["caught"], &document["scenario"]), (&0.into(), &"paper+robot=panda".into()), "{table}");
+    for field in ["out_of_reach", "out_of_reach_from_release", "refused_within_reach", "wilson95_within_reach"] {
+        assert!(cell[field].is_null(), "{field}: {cell}");
+    }
+    assert!(table.contains('–'), "{table}");
 }
 
 #[test]

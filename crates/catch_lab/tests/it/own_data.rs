@@ -163,14 +163,32 @@ fn a_cloud_is_registered_against_a_mesh() {
         writeln!(text, "{} {} {}", point.x, point.y, point.z).unwrap();
     }
     fs::write(&cloud_file, text).unwrap();
-    let files = ["--cloud", cloud_file.to_str().unwrap(), "--reference", mesh_file.to_str().unwrap()];
-    let document = json(&[&["register"], &files[..], &["--json"]].concat());
-    assert_eq!(document["status"], "registered", "{document}");
-    let rotation = document["X_CR"]["rotation_xyzw"].as_array().unwrap();
-    let [x, y, z, w] = [0, 1, 2, 3].map(|i| rotation[i].as_f64().unwrap());
-    let turn = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).angle_to(&X_CR.rotation);
-    let shift = (vector(&document["X_CR"]["translation_m"]) - X_CR.translation.vector).norm();
-    assert!(turn < 0.02 && shift < 0.002, "{turn} rad, {shift} m");
+    // The same shape as an object, whose origin is its centre of mass.
+    let object_file = folder.path().join("horn.toml");
+    fs::write(
+        &object_file,
+        "name = \"horn\"\n[truth]\nmass_kg = 0.1\nrestitution = 0.3\ndrag_per_m = 0.0\n\
+         shape = { kind = \"mesh\", file = \"horn.obj\" }\n[prior]\ndrag_per_m = 0.0\ndrag_sd_per_m = 0.0\n",
+    )
+    .unwrap();
+    let centre = mesh.mass_properties(0.1).com;
+    for (reference, origin) in [(&mesh_file, Point3::origin()), (&object_file, centre)] {
+        let files = ["--cloud", cloud_file.to_str().unwrap(), "--reference", reference.to_str().unwrap()];
+        let document = json(&[&["register"], &files[..], &["--json"]].concat());
+        assert_eq!(document["status"], "registered", "{document}");
+        let rotation = document["X_CR"]["rotation_xyzw"].as_array().unwrap();
+        let [x, y, z, w] = [0, 1, 2, 3].map(|i| rotation[i].as_f64().unwrap());
+        let turn = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).angle_to(&X_CR.rotation);
+        let shift = (vector(&document["X_CR"]["translation_m"]) - (X_CR * origin).coords).norm();
+        assert!(turn < 0.02 && shift < 0.002, "{turn} rad, {shift} m");
+    }
+
+    // Nothing is found in three points, and it says what may help.
+    let few = folder.path().join("few.xyz");
+    fs::write(&few, "0 0 0\n0 0 1\n0 1 0\n").unwrap();
+    let output = catchingbot(&["register", "--cloud", few.to_str().unwrap(), "--reference", "banana"]);
+    let said = stdout(&output);
+    assert!(output.status.success() && said.contains("too_few_points") && said.contains("what may help"), "{said}");
 }
 
 #[test]

@@ -157,6 +157,14 @@ fn folders_that_cannot_be_written_are_named() {
     let output = catchingbot(&["catch", "--out", file.path().to_str().unwrap()]);
     assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("--out"), "{}", stderr(&output));
+    // A folder in which nobody can write, not even an administrator.
+    if cfg!(target_os = "linux") {
+        for arguments in [&["catch", "--out", "/proc"][..], &["new", "object", "can", "--out", "/proc"]] {
+            let output = catchingbot(arguments);
+            assert_eq!((output.status.code(), stdout(&output).as_str()), (Some(2), ""), "{}", stderr(&output));
+            assert!(stderr(&output).contains("--out: found `/proc`"), "{}", stderr(&output));
+        }
+    }
 }
 
 #[test]
@@ -200,4 +208,104 @@ fn check_lists_the_faults_of_all_parts() {
         assert!(said.contains(field), "{field} is missing in {said}");
     }
     assert!(stderr(&output).contains("5 faults"), "{}", stderr(&output));
+}
+
+#[test]
+fn arguments_that_cannot_be_right_say_what_would_be() {
+    for (arguments, hints) in [
+        (&["catch", "--seed", "-1"][..], &["'-1'", "--seed", "a whole number from 0 to"][..]),
+        (&["catch", "--seed", "abc"], &["'abc'", "--seed", "a whole number from 0 to 9223372036854775807"]),
+        (&["eval", "--seed", "18446744073709551615"], &["--seed", "from 0 to 9223372036854775807"]),
+        (&["eval", "--trials", "-3"], &["--trials", "a whole number from 1 to"]),
+        (&["eval", "--threads", "0"], &["--threads", "a whole number from 1 to"]),
+        (&["eval", "--first", "18446744073709551615", "--trials", "5"], &["--first", "a whole number from 0 to"]),
+        (&["ready", "--tries", "0"], &["--tries", "a whole number from 1 to"]),
+        (&["predict", "--track", "t.csv", "--drag", "-1"], &["--drag: found -1, expected zero or more"]),
+        (&["predict", "--track", "no.csv", "--until", "-1"], &["no.csv"]),
+        (
+            &["register", "--cloud", "c.ply", "--reference", "banana", "--noise", "-1"],
+            &["--noise: found -1, expected zero or more"],
+        ),
+        (&["register", "--cloud", "no.ply", "--reference", "banana"], &["no.ply"]),
+        (&["catch", "--object", "cup.obj"], &["--object", "the mesh `cup.obj`", "`catchingbot new object cup`"]),
+        (&["ready", "--robot", "ur10e", "--trials", "1", "--tries", "1"], &["no pose", "within reach"]),
+    ] {
+        let said = complaint(arguments);
+        for hint in hints {
+            assert!(said.contains(hint), "{arguments:?}: {said}: should say `{hint}`");
+        }
+    }
+}
+
+#[test]
+fn every_asset_is_right_and_what_is_not_is_told() {
+    let assets = Spoilt::new();
+    let mut files = Vec::new();
+    for kind in ["scenarios", "objects", "throws", "grippers", "rigs", "robots"] {
+        let entries = fs::read_dir(assets.path(kind)).unwrap();
+        files.extend(entries.map(|entry| entry.unwrap().path().to_str().unwrap().to_owned()));
+    }
+    let check = |files: &[String]| {
+        catchingbot(&["check"].into_iter().chain(files.iter().map(String::as_str)).collect::<Vec<_>>())
+    };
+    let output = check(&files);
+    assert!(output.status.success(), "{}", stdout(&output));
+    assert!(files.len() > 20 && stdout(&output).lines().all(|line| line.starts_with("right")), "{}", stdout(&output));
+
+    fs::write(assets.path("empty.toml"), "").unwrap();
+    for (file, right, wrong, hint) in [
+        (
+            "scenarios/paper.toml",
+            "frame_rate_hz = 100.0",
+            "frame_rate_hz = \"100\"",
+            "arena.frame_rate_hz: found \"100\", expected a number",
+        ),
+        (
+            "scenarios/paper-unlimited.toml",
+            "\ngripper = { kind = \"ideal\" }",
+            "\ngripper = { kind = \"wsg50\" }",
+            "brain.grasp_selection.closing_speed_mps: found 6, expected at most 0.42, the max_speed_mps of grippers/wsg50.toml",
+        ),
+        ("objects/banana.toml", "mass_kg = 0.118", "mass_kg = 118", "truth.mass_kg: found 118, expected 0.001 to 5"),
+        (
+            "objects/tennis_ball.toml",
+            "diameter_m = 0.0672",
+            "diameter_m = 0.12",
+            "120 mm wide at its narrowest; the gripper opens 110 mm",
+        ),
+        ("empty.toml", "", "", "found nothing, expected the fields of a scenario"),
+    ] {
+        let output = check(&[assets.spoil(file, right, wrong)]);
+        assert_eq!(output.status.code(), Some(2), "{file}");
+        assert!(stdout(&output).contains(hint), "{}", stdout(&output));
+    }
+}
+
+#[test]
+fn references_in_millimetres_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    fs::write(at("seen.xyz"), "0 0 0\n").unwrap();
+    fs::write(at("mm.obj"), "v 0 0 0\nv 90 0 0\nv 0 90 0\nv 0 0 90\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n").unwrap();
+    let points: Vec<String> = (0..=180).map(|i| format!("{} 0 {}\n", f64::from(i) / 2.0, i % 7)).collect();
+    fs::write(at("mm.xyz"), points.concat()).unwrap();
+    for (name, hint) in [("mm.obj", "`scale = 0.001`"), ("mm.xyz", "metres")] {
+        let arguments = ["register", "--cloud", &at("seen.xyz"), "--reference", &at(name)];
+        one_line(&arguments, &[name, "something 90.000 m long", hint]);
+    }
+    one_line(&["register", "--cloud", &at("seen.xyz"), "--reference", "bananna"], &["did you mean `banana`?"]);
+}
+
+#[test]
+fn cases_that_are_none_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("cases.json");
+    let path = file.to_str().unwrap();
+    for (text, hint) in [
+        ("{\"q_start\": [0], \"grasp_centre_y_m\": 0.1, \"cases\": []}", "cases: found [], expected one case or more"),
+        ("{\"q_start\": [NaN], \"cases\": []}", "line 1, column 14: found `NaN], \"cases\": []}`"),
+    ] {
+        fs::write(&file, text).unwrap();
+        one_line(&["plan", "--cases", path], &[hint]);
+    }
 }
