@@ -98,8 +98,8 @@ impl InputError {
 fn field_before(text: &str) -> Option<String> {
     let line = text.lines().next_back()?;
     let name = line.rsplit_once('=')?.0.rsplit(['{', ',']).next()?.trim();
-    let tables = text.lines().filter_map(|line| Some(line.trim().strip_prefix('[')?.split_once(']')?.0));
-    let table = tables.last().map(|table| format!("{table}.")).unwrap_or_default();
+    let mut tables = text.lines().rev().filter_map(|line| Some(line.trim().strip_prefix('[')?.split_once(']')?.0));
+    let table = tables.next().map(|table| format!("{table}.")).unwrap_or_default();
     Some(format!("{}{name}", table.trim_start_matches('[')))
 }
 

@@ -26,7 +26,7 @@ pub enum Clock {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scenario {
-    /// Name, by which results call it.
+    /// Name. Results call a scenario by its file's name, and by what is different from the file.
     pub name: String,
     /// What it is, in a sentence.
     pub description: String,
@@ -198,6 +198,15 @@ mod tests {
             assert_eq!((setup.ready_q[0], setup.scenario.name.as_str()), (ready, name));
             assert_eq!(setup.scenario.ready_rad.unwrap().len(), setup.robot.dof());
         }
+    }
+
+    #[test]
+    fn a_file_is_called_by_its_own_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("slippery.toml");
+        std::fs::write(&path, include_str!("../../../assets/scenarios/paper.toml")).unwrap();
+        let setup = Setup::load(&Choice { scenario: path.to_str(), ..Choice::default() }).unwrap();
+        assert_eq!(setup.scene(1, 0).scenario, "slippery");
     }
 
     #[test]
