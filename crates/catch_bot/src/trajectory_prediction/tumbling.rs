@@ -22,7 +22,7 @@ pub(super) struct Tumbling {
 }
 
 /// Largest turn per step; the error of a step is then below 10⁻⁵ rad.
-const STEP_RAD: f64 = 0.2;
+const STEP_RAD: f64 = 0.1;
 /// Most steps, so that absurd spins cost no more than wrong answers.
 const MAX_STEPS: usize = 1000;
 
