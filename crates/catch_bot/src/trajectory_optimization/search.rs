@@ -60,7 +60,7 @@ const OFFSETS: [f64; LOOKS] = [0.5, 0.0, 0.25, 0.75, 0.125, 0.625, 0.375, 0.875]
 const ARRIVALS_PER_PAIR: usize = 3;
 const ATTEMPTS_PER_PAIR: usize = 2;
 /// The work of all looks at one image, in units of about 2 µs, that of a motion, and of its openings.
-const MOST_WORK: usize = 2000;
+const MOST_WORK: usize = 2500;
 const WORK_OF_A_MOTION: usize = 30;
 const WORK_OF_OPENINGS: usize = 30;
 
