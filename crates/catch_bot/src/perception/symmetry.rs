@@ -7,8 +7,10 @@ use super::distance_field::DistanceField;
 /// Turns about the centre of mass under which the object looks the same, and with that how much of its turning matters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Symmetry {
-    /// None: the whole attitude can be seen.
+    /// No turn by a small angle: the whole attitude can be seen, but for half a turn about one axis, or none.
     None {
+        /// The axis in O about which half a turn leaves it looking the same, if there is one.
+        half_turn: Option<Unit<Vector3<f64>>>,
         /// Inertia tensor about the centre of mass in O, divided by the mass, in m²: it rules the tumbling.
         inertia_per_kg: Matrix3<f64>,
     },
@@ -26,7 +28,7 @@ pub enum Symmetry {
 
 impl Default for Symmetry {
     fn default() -> Self {
-        Self::None { inertia_per_kg: Matrix3::identity() }
+        Self::None { half_turn: None, inertia_per_kg: Matrix3::identity() }
     }
 }
 
@@ -54,8 +56,12 @@ impl Symmetry {
         match around {
             [true, true, true] => Self::Sphere,
             [false, false, false] => {
+                let mut half_turns = principal
+                    .into_iter()
+                    .filter(|axis| looks_the_same(UnitQuaternion::from_axis_angle(axis, std::f64::consts::PI)));
                 // Inertia from the second moment: J = tr(S)·1 − S.
-                Self::None { inertia_per_kg: Matrix3::identity() * second_moment.trace() - second_moment }
+                let inertia_per_kg = Matrix3::identity() * second_moment.trace() - second_moment;
+                Self::None { half_turn: half_turns.next(), inertia_per_kg }
             }
             _ => {
                 let which = around.iter().position(|&same| same).unwrap_or(0);
@@ -86,7 +92,13 @@ impl Symmetry {
     /// The turn in W, as a rotation vector, that takes the looks of an object at `R_WA` to those at `R_WB`, and is smallest.
     pub fn turn_between(&self, R_WA: &UnitQuaternion<f64>, R_WB: &UnitQuaternion<f64>) -> Vector3<f64> {
         match self {
-            Self::None { .. } => R_WA.rotation_to(R_WB).scaled_axis(),
+            Self::None { half_turn, .. } => {
+                let turn = R_WA.rotation_to(R_WB);
+                let other = half_turn.map(|axis| {
+                    (R_WA * UnitQuaternion::from_axis_angle(&axis, std::f64::consts::PI)).rotation_to(R_WB)
+                });
+                other.filter(|other| other.angle() < turn.angle()).unwrap_or(turn).scaled_axis()
+            }
             Self::Axis { axis, reversible } => {
                 let (from, mut to) = (R_WA * axis.into_inner(), R_WB * axis.into_inner());
                 if *reversible && from.dot(&to) < 0.0 {
@@ -126,8 +138,20 @@ mod tests {
         assert!((near * axis.into_inner() - R_WB * axis.into_inner()).norm() < 1e-12, "the axis points where B's does");
         assert!(near.angle_to(&R_WA) < 0.04 && R_WB.angle_to(&R_WA) > 1.9);
 
-        let none = Symmetry::None { inertia_per_kg: Matrix3::identity() };
+        let none = Symmetry::default();
         assert!(none.nearest_alike(&R_WA, &R_WB).angle_to(&R_WB) < 1e-7);
         assert_eq!(Symmetry::Sphere.nearest_alike(&R_WA, &R_WB), R_WA);
+    }
+
+    #[test]
+    fn half_a_turn_that_cannot_be_seen_is_none() {
+        let axis = Vector3::y_axis();
+        let symmetry = Symmetry::None { half_turn: Some(axis), inertia_per_kg: Matrix3::identity() };
+        let R_WA = UnitQuaternion::from_euler_angles(0.4, -0.7, 1.9);
+        let tilt = UnitQuaternion::from_euler_angles(0.02, 0.03, 0.01);
+        let half = UnitQuaternion::from_axis_angle(&axis, std::f64::consts::PI);
+        for R_WB in [tilt * R_WA, tilt * R_WA * half] {
+            assert!((symmetry.turn_between(&R_WA, &R_WB) - tilt.scaled_axis()).norm() < 1e-12);
+        }
     }
 }

@@ -30,11 +30,16 @@ impl Shape {
 
     /// About 0.176 × 0.062 × 0.030 m.
     pub fn banana() -> Self {
+        Self::bent(0.1)
+    }
+
+    /// A bent tube, one of whose ends is thinner by twice this share.
+    pub fn bent(uneven: f64) -> Self {
         let balls = (0..=16)
             .map(|i| {
                 let along = f64::from(i) / 8.0 - 1.0;
                 let angle = along * 0.85;
-                let radius = 0.0155 * (1.0 - 0.55 * along.powi(4) - 0.1 * along);
+                let radius = 0.0155 * (1.0 - 0.55 * along.powi(4) - uneven * along);
                 (Point3::new(0.1 * angle.sin() + 0.01, 0.1 * angle.cos() - 0.09, 0.005), radius)
             })
             .collect();

@@ -57,12 +57,22 @@ fn reference_knows_centre_and_symmetry() {
         match name {
             "ball" => assert_eq!(reference.symmetry, Symmetry::Sphere),
             "bottle" => assert!(matches!(reference.symmetry, Symmetry::Axis { reversible: false, .. })),
-            _ => assert!(matches!(reference.symmetry, Symmetry::None { .. })),
+            _ => assert!(matches!(reference.symmetry, Symmetry::None { half_turn: None, .. })),
         }
     }
 }
 
 /// The bottle's edges are right-angled; a mean over all neighbours rounds them by 0.7–1 mm.
+#[test]
+fn a_banana_with_ends_alike_looks_the_same_after_half_a_turn() {
+    let reference = synthetic::reference(&Shape::bent(0.0), 200);
+    assert!(
+        matches!(reference.symmetry, Symmetry::None { half_turn: Some(axis), .. } if axis.y.abs() > 0.999),
+        "{:?}",
+        reference.symmetry
+    );
+}
+
 #[test]
 fn edges_are_not_rounded() {
     let reference = synthetic::reference(&Shape::Bottle, 200);

@@ -24,7 +24,7 @@ impl Throw {
 }
 
 fn banana() -> Symmetry {
-    Symmetry::None { inertia_per_kg: Matrix3::from_diagonal(&Vector3::new(0.0002, 0.0017, 0.0018)) }
+    Symmetry::None { half_turn: None, inertia_per_kg: Matrix3::from_diagonal(&Vector3::new(0.0002, 0.0017, 0.0018)) }
 }
 
 fn throw(normal: &mut Normal, spin_radps: f64, drag_per_m: f64, symmetry: &Symmetry) -> Throw {

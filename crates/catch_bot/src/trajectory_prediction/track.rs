@@ -65,8 +65,7 @@ impl Track {
         let poses: Vec<ObjectPose> = samples.iter().map(|sample| sample.pose(&R_WT)).filter(is_finite).collect();
         let has_attitude = samples.iter().any(|sample| sample.attitude.is_some());
         // Nothing is known of how the object's mass lies: it is taken to turn at a constant rate, like a ball's.
-        let symmetry =
-            if has_attitude { Symmetry::None { inertia_per_kg: Matrix3::identity() } } else { Symmetry::Sphere };
+        let symmetry = if has_attitude { Symmetry::default() } else { Symmetry::Sphere };
         let flight = predict(&poses, None, symmetry, config, seed, &mut Workspace::default())?;
         Ok(Self { flight, R_WT })
     }
