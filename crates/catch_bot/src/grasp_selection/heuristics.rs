@@ -107,8 +107,15 @@ pub fn rank(
     RankedGrasp { index, X_WG, approach, cost }
 }
 
-/// The cost of a grasp on an object in pose `X_WO` that flies at `v_WO`.
-pub fn cost(grasp: &Grasp, X_WO: &Pose, v_WO: &Vector3<f64>, base: &Point3<f64>, weights: &Weights) -> f64 {
+/// Places a single grasp on an object in pose `X_WO` that flies at `v_WO`.
+pub fn rank_alone(
+    index: usize,
+    grasp: &Grasp,
+    X_WO: &Pose,
+    v_WO: &Vector3<f64>,
+    base: &Point3<f64>,
+    weights: &Weights,
+) -> RankedGrasp {
     let v_O = X_WO.rotation.inverse_transform_vector(v_WO).try_normalize(1e-6).unwrap_or_default();
-    rank(0, grasp, &[grasp.X_OG * Vector3::x(), grasp.X_OG * Vector3::y()], X_WO, &v_O, base, weights).cost
+    rank(index, grasp, &[grasp.X_OG * Vector3::x(), grasp.X_OG * Vector3::y()], X_WO, &v_O, base, weights)
 }

@@ -55,9 +55,9 @@ pub struct Config {
     pub arrival_velocity_share: f64,
     /// Share of the velocity limits that a replan uses where that is enough, so that the next one keeps some room; the paper's
     /// method uses no more from rest.
-    pub cold_velocity_share: f64,
+    pub replan_velocity_share: f64,
     /// The same for the acceleration limits.
-    pub cold_acceleration_share: f64,
+    pub replan_acceleration_share: f64,
     /// Share of the torque limits that a plan may use.
     pub torque_share: f64,
     /// The arm keeps this far from itself and from the floor, in metres.
@@ -79,8 +79,8 @@ impl Default for Config {
             position_margin_rad: 0.02,
             velocity_share: 0.98,
             arrival_velocity_share: 0.93,
-            cold_velocity_share: 0.95,
-            cold_acceleration_share: 0.9,
+            replan_velocity_share: 0.95,
+            replan_acceleration_share: 0.9,
             torque_share: 0.95,
             clearance_m: 0.02,
             time_step_s: 0.02,

@@ -44,8 +44,8 @@ impl Shares {
 
 impl Planner {
     /// Where this much does, a plan leaves room for replans.
-    pub(super) fn cold_shares(&self) -> Shares {
-        Shares { velocity: self.config.cold_velocity_share, acceleration: self.config.cold_acceleration_share }
+    pub(super) fn replan_shares(&self) -> Shares {
+        Shares { velocity: self.config.replan_velocity_share, acceleration: self.config.replan_acceleration_share }
     }
 
     /// On the move it may use all there is.
@@ -164,7 +164,7 @@ impl Planner {
     /// What a motion of each joint may use.
     pub fn limits_from(&self, start: &Start) -> Vec<JointLimits> {
         let at_rest = start.state.dq == JointVector::zeros();
-        let shares = if at_rest { self.cold_shares() } else { self.moving_shares() };
+        let shares = if at_rest { self.replan_shares() } else { self.moving_shares() };
         (0..self.robot.dof()).map(|i| self.limits(i, &start.state, shares)).collect()
     }
 

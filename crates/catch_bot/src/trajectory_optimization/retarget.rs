@@ -21,7 +21,7 @@ impl Planner {
         let passage = incoming.flight.passage_at(plan.catch_s);
         let X_WG = passage.X_WO * plan.grasp.X_OG;
         // What a motion leaves of the limits, the next replan can use: more is taken only where less does not do.
-        let shares = [0.0, 0.5, 1.0].map(|more| self.cold_shares().toward(self.moving_shares(), more));
+        let shares = [0.0, 0.5, 1.0].map(|more| self.replan_shares().toward(self.moving_shares(), more));
         let found = shares
             .iter()
             .find_map(|shares| self.adjusted(start, incoming, plan, &passage, &X_WG, *shares, &ELBOW_RAD))?;
@@ -67,7 +67,7 @@ impl Planner {
         let Passage { time_s: catch_s, X_WO, V_WO, .. } = *passage;
         let v_WO = V_WO.linear;
         let base = Point3::from(self.robot.X_WB.translation.vector);
-        let grasp_cost = heuristics::cost(&plan.grasp, &X_WO, &v_WO, &base, &incoming.config.weights);
+        let grasp_cost = heuristics::rank_alone(0, &plan.grasp, &X_WO, &v_WO, &base, &incoming.config.weights).cost;
         let known = Posture { q: plan.q, elbow: plan.elbow };
         elbows_rad.iter().find_map(|offset| {
             let posture = self.finder.adjusted(&self.robot, X_WG, &known, *offset)?;

@@ -24,8 +24,8 @@ use super::{
 use frontier::{Frontier, Node, Stage};
 
 use crate::{
-    grasp_selection::{Approach, Grasp, RankedGrasp},
-    trajectory_prediction::Passage,
+    grasp_selection::{Approach, Grasp, RankedGrasp, heuristics},
+    trajectory_prediction::{Course, Passage},
 };
 
 /// Weights of the choice among catches that the arm can reach. All terms are costs.
@@ -52,16 +52,18 @@ impl Default for Weights {
 
 /// Latest catch, in seconds from the start.
 const LATEST_S: f64 = 2.0;
-/// Looks that make up a search, and where their catch times lie, in shares of the step between them.
-pub const LOOKS: usize = 8;
-const OFFSETS: [f64; LOOKS] = [0.5, 0.0, 0.25, 0.75, 0.125, 0.625, 0.375, 0.875];
+/// Where the catch times of the looks lie, in shares of the step between them.
+const OFFSETS: [f64; 8] = [0.5, 0.0, 0.25, 0.75, 0.125, 0.625, 0.375, 0.875];
+/// Looks that make up a search. In the second round what has come close to a motion is tried a little sooner and later, too.
+pub const LOOKS: usize = 2 * OFFSETS.len();
+const NEARBY_S: [f64; 4] = [-0.001, -0.0005, 0.0005, 0.001];
 /// Postures of a catch time and a grasp whose velocities are looked for, and those for which a motion is tried: what a few could
 /// not do, similar ones usually cannot either.
 const ARRIVALS_PER_PAIR: usize = 3;
 const ATTEMPTS_PER_PAIR: usize = 2;
 /// The work of all looks at one image, in units of about 2 µs, that of a motion, and of its openings.
-const MOST_WORK: usize = 2500;
-const WORK_OF_A_MOTION: usize = 30;
+const MOST_WORK: usize = 4000;
+const WORK_OF_A_MOTION: usize = 80;
 const WORK_OF_OPENINGS: usize = 30;
 
 /// A catch that every joint can reach.
@@ -95,6 +97,12 @@ struct Pair {
     failed: usize,
 }
 
+impl Pair {
+    fn new(moment: usize, ranked: RankedGrasp) -> Self {
+        Self { moment, ranked, enters: None, arrivals: 0, failed: 0 }
+    }
+}
+
 /// What a search is about, and what it has met.
 struct Search<'a> {
     start: &'a Start,
@@ -119,8 +127,8 @@ impl Planner {
     pub fn search(&self, start: &Start, incoming: &Incoming) -> Result<CatchPlan, Refusal> {
         let mut search = Search::new(start, incoming);
         let mut refusal = Refusal::NoGrasp;
-        for offset in OFFSETS {
-            match self.best_first(&mut search, offset, usize::MAX) {
+        for turn in 0..LOOKS {
+            match self.best_first(&mut search, turn, usize::MAX) {
                 Err(why) => refusal = refusal.max(why),
                 found => return found,
             }
@@ -142,7 +150,7 @@ impl Planner {
             if left == 0 {
                 break;
             }
-            match self.best_first(&mut search, OFFSETS[*turn % LOOKS], left) {
+            match self.best_first(&mut search, *turn, left) {
                 Err(why) => refusal = refusal.max(why),
                 found => return found,
             }
@@ -151,9 +159,10 @@ impl Planner {
         Err(refusal)
     }
 
-    /// The cheapest catch that one look finds at times shifted by this share of their step, doing no more than `most_work`.
-    fn best_first(&self, search: &mut Search, offset: f64, most_work: usize) -> Result<CatchPlan, Refusal> {
-        let (moments, mut pairs) = self.pairs(search, offset);
+    /// The cheapest catch that one look finds, doing no more than `most_work`.
+    fn best_first(&self, search: &mut Search, turn: usize, most_work: usize) -> Result<CatchPlan, Refusal> {
+        let (mut moments, mut pairs) = self.pairs(search, OFFSETS[turn % OFFSETS.len()]);
+        let mut goes_nearby = turn % LOOKS >= OFFSETS.len();
         let Search { start, incoming, ref mut obstacles, ref mut work } = *search;
         let grasps = &incoming.grasps.grasps;
         // Ranking grasps is work as well, a fiftieth of a unit each.
@@ -161,18 +170,33 @@ impl Planner {
         let before = *work;
         let (weights, from, shares) = (&self.config.weights, &start.state.q, self.moving_shares());
         let mut frontier = Frontier::default();
-        for (pair, Pair { ranked, moment, .. }) in pairs.iter().enumerate() {
-            let Passage { time_s, V_WO, .. } = &moments[*moment].passage;
-            let holding = self.holding_cost(ranked.cost, &V_WO.linear, self.config.max_speed_fraction, 0.0);
+        let unseen = |pair: usize, it: &Pair, moments: &[Moment]| {
+            let Passage { time_s, V_WO, .. } = &moments[it.moment].passage;
+            let holding = self.holding_cost(it.ranked.cost, &V_WO.linear, self.config.max_speed_fraction, 0.0);
             let cost = holding + weights.delay * (time_s - start.time_s);
-            frontier.push(Node { pair, stage: Stage::Pose, cost, failures: 0 });
+            Node { pair, stage: Stage::Pose, cost, failures: 0 }
+        };
+        for (pair, it) in pairs.iter().enumerate() {
+            frontier.push(unseen(pair, it, &moments));
         }
         let is_near = !moments.is_empty();
         let mut refusal =
             if is_near && !moments.iter().any(|it| it.any_grasp) { Refusal::NoGrasp } else { Refusal::OutOfReach };
         let mut looked_at = 0;
         let mut failures = vec![0; grasps.len()];
-        while let Some(node) = frontier.pop() {
+        loop {
+            let Some(node) = frontier.pop() else {
+                if !std::mem::take(&mut goes_nearby) {
+                    return Err(refusal);
+                }
+                let known = pairs.len();
+                self.add_nearby(start, incoming, &mut moments, &mut pairs);
+                *work += pairs.len() - known;
+                for (pair, it) in pairs.iter().enumerate().skip(known) {
+                    frontier.push(unseen(pair, it, &moments));
+                }
+                continue;
+            };
             let Node { pair, stage, cost, .. } = node;
             let Pair { moment, ranked, enters, arrivals, failed } = &mut pairs[pair];
             let (at, RankedGrasp { index, X_WG, approach, .. }) = (&moments[*moment], *ranked);
@@ -256,7 +280,6 @@ impl Planner {
                 }
             }
         }
-        Err(refusal)
     }
 
     /// Every catch time on the flight, and with every grasp that suits it there and that the elbow can reach.
@@ -275,23 +298,41 @@ impl Planner {
             if (p_WO - base).norm() > self.longest_reach_m {
                 continue;
             }
-            let passage = course.passage_at(catch_s);
-            let joints = self.reaches(task.start, lead_s, self.moving_shares());
-            let ranges = self.ranges(&joints, &task.start.state.q);
-            let (X_WO, v_WO) = (&passage.X_WO, &passage.V_WO.linear);
-            let may_reach = self.finder.may_reach(X_WO, &ranges);
+            let mut at = self.moment(task.start, &mut course, catch_s);
+            let (X_WO, v_WO) = (&at.passage.X_WO, &at.passage.V_WO.linear);
+            let may_reach = self.finder.may_reach(X_WO, &at.ranges);
             let (ranked, any_grasp) = task.incoming.grasps.rank(X_WO, v_WO, &base, task.incoming.config, may_reach);
-            let moment = moments.len();
-            pairs.extend(ranked.into_iter().map(|ranked| Pair {
-                moment,
-                ranked,
-                enters: None,
-                arrivals: 0,
-                failed: 0,
-            }));
-            moments.push(Moment { passage, joints, ranges, any_grasp });
+            at.any_grasp = any_grasp;
+            pairs.extend(ranked.into_iter().map(|ranked| Pair::new(moments.len(), ranked)));
+            moments.push(at);
         }
         (moments, pairs)
+    }
+
+    /// Adds what came close to a motion, a little sooner and later.
+    fn add_nearby(&self, start: &Start, incoming: &Incoming, moments: &mut Vec<Moment>, pairs: &mut Vec<Pair>) {
+        let base = Point3::from(self.robot.X_WB.translation.vector);
+        let mut course = incoming.flight.course();
+        for at in 0..moments.len() {
+            let close: Vec<usize> =
+                pairs.iter().filter(|it| it.moment == at && it.failed > 0).map(|it| it.ranked.index).collect();
+            for by_s in NEARBY_S.into_iter().filter(|_| !close.is_empty()) {
+                let moment = self.moment(start, &mut course, moments[at].passage.time_s + by_s);
+                let Passage { X_WO, V_WO, .. } = &moment.passage;
+                for &index in &close {
+                    let (grasp, weights) = (&incoming.grasps.grasps[index], &incoming.config.weights);
+                    let ranked = heuristics::rank_alone(index, grasp, X_WO, &V_WO.linear, &base, weights);
+                    pairs.push(Pair::new(moments.len(), ranked));
+                }
+                moments.push(moment);
+            }
+        }
+    }
+
+    fn moment(&self, start: &Start, course: &mut Course, catch_s: f64) -> Moment {
+        let joints = self.reaches(start, catch_s - start.time_s, self.moving_shares());
+        let ranges = self.ranges(&joints, &start.state.q);
+        Moment { passage: course.passage_at(catch_s), joints, ranges, any_grasp: true }
     }
 
     /// What tells how well an object will be held: its grasp's heuristics, how fast it passes the fingers and how fast they turn.
