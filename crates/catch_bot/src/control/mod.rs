@@ -55,7 +55,8 @@ pub struct GripperPlan {
     pub speed_mps: f64,
 }
 
-/// When to close so that both fingers touch the object shortly before it passes the grasp centre of the moving gripper.
+/// When to close so that both fingers touch the object when its centre passes the grasp centre of the moving gripper, or shortly
+/// before.
 pub fn closing(
     plan: &CatchPlan,
     flight: &FlightTrajectory,
@@ -69,7 +70,8 @@ pub fn closing(
     let X_WG = |time_s: f64| robot.gripper_pose(&plan.trajectory.setpoint(time_s).q);
     let distance = |time_s: f64| (passage.pose_at(time_s) * held - X_WG(time_s) * gripper.grasp_centre()).norm();
     let closest_s = closest(plan.catch_s, distance);
-    let contact_s = closest_s - grasping.contact_lead_s(&passage.velocity_in(X_WG, &held));
+    let contact_s =
+        closest_s - grasping.contact_lead_s(&passage.velocity_in(X_WG, &held), &plan.grasp.centre_past_G(gripper));
     let fingers = grasping.closing(gripper);
     let travel_s = fingers.duration_s(plan.open_width_m - plan.grasp.object_width_m);
     GripperPlan { start_s: contact_s - travel_s - config.gripper_latency_s, contact_s, speed_mps: fingers.speed_mps }

@@ -109,14 +109,16 @@ impl Config {
         }
     }
 
-    /// How long before it passes the grasp centre the fingers should touch an object that passes at `v_G` in G: what it takes for
-    /// the way on which they brake it, across them (along z_G) or along them toward the palm (along −y_G). Negative where they
-    /// should touch it afterwards.
-    pub fn contact_lead_s(&self, v_G: &Vector3<f64>) -> f64 {
+    /// How long before its held place passes the grasp centre, at `v_G` in G, the fingers should touch an object: so much earlier as
+    /// its centre, then `past_G` of the grasp centre, passes earlier, and what it takes for the way on which they brake it, across
+    /// them (along z_G) or along them toward the palm (along −y_G). Negative where they should touch it afterwards.
+    ///
+    /// What is squeezed where its centre is stays; what has passed with its centre hangs out on the other side.
+    pub fn contact_lead_s(&self, v_G: &Vector3<f64>, past_G: &Vector3<f64>) -> f64 {
         let return_way_m = self.palm_return_way_m * (1.0 / self.restitution.max(SOFTEST) - 1.0);
         let palm_way_m = self.palm_braking_way_m - return_way_m;
         let braking = self.braking_way_m * v_G.z.abs() + palm_way_m * (-v_G.y).max(0.0);
-        braking / v_G.norm_squared().max(1.0)
+        (past_G.dot(v_G) + braking) / v_G.norm_squared().max(1.0)
     }
 }
 
@@ -138,6 +140,13 @@ pub struct Grasp {
     pub overhang_m: f64,
     /// Box in G that contains the object in the closed hand.
     pub held_G: Cuboid,
+}
+
+impl Grasp {
+    /// From the grasp centre to the object's centre of mass when the fingers close, in G.
+    pub fn centre_past_G(&self, gripper: &Gripper) -> Vector3<f64> {
+        self.X_OG.inverse().translation.vector - gripper.grasp_centre().coords
+    }
 }
 
 /// All ways of holding one object that its shape allows.
@@ -250,6 +259,15 @@ mod tests {
     use super::*;
 
     #[test]
+    fn fingers_touch_when_the_centre_of_the_object_passes() {
+        let config = Config { braking_way_m: 0.0, palm_braking_way_m: 0.0, ..Config::default() };
+        let (v_G, past_G) = (Vector3::new(0.3, -1.0, 3.0), Vector3::new(0.01, 0.0, 0.02));
+        let lead_s = config.contact_lead_s(&v_G, &past_G);
+        let distance = |before_s: f64| (past_G - v_G * before_s).norm();
+        assert!(distance(lead_s) < distance(lead_s - 1e-4) && distance(lead_s) < distance(lead_s + 1e-4));
+    }
+
+    #[test]
     fn what_bounces_little_is_touched_on_its_way_back() {
         let config = |restitution: f64| Config {
             palm_braking_way_m: 0.02,
@@ -258,12 +276,15 @@ mod tests {
             ..Config::default()
         };
         let toward_palm = Vector3::new(0.0, -4.0, 0.0);
-        let way_m = |restitution: f64| config(restitution).contact_lead_s(&toward_palm) * 4.0;
+        let way_m = |restitution: f64| config(restitution).contact_lead_s(&toward_palm, &Vector3::zeros()) * 4.0;
         assert!((way_m(1.0) - 0.02).abs() < 1e-12);
         assert!((way_m(0.5) + 0.005).abs() < 1e-12);
         assert!((way_m(0.25) + 0.055).abs() < 1e-12 && (way_m(0.0) - way_m(0.25)).abs() < 1e-12);
         // Across the fingers nothing comes back.
         let across = Vector3::new(0.0, 0.0, 4.0);
-        assert_eq!(config(0.3).contact_lead_s(&across), config(1.0).contact_lead_s(&across));
+        assert_eq!(
+            config(0.3).contact_lead_s(&across, &Vector3::zeros()),
+            config(1.0).contact_lead_s(&across, &Vector3::zeros())
+        );
     }
 }

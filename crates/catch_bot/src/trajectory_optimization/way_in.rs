@@ -100,8 +100,9 @@ impl Planner {
         let Entering { incoming: Incoming { grasps, config, .. }, passage, grasp } = *entering;
         let catch_s = passage.time_s;
         let closing = config.closing(&self.gripper);
-        let lead_s = config.contact_lead_s(&passage.velocity_in(&X_WG, &(grasp.X_OG * self.gripper.grasp_centre())));
-        let mut way = [const { None }; STRETCHES + 1];
+        let v_G = passage.velocity_in(&X_WG, &(grasp.X_OG * self.gripper.grasp_centre()));
+        let lead_s = config.contact_lead_s(&v_G, &grasp.centre_past_G(&self.gripper));
+        let mut way = [None; STRETCHES + 1];
         openings.iter().copied().find(|open_m| {
             let way_m = open_m - grasp.object_width_m;
             let standing_s = lead_s + closing.duration_s(way_m);
@@ -165,7 +166,6 @@ impl Hand {
     /// The point of an object's outline that touches it on the straight way between two places of the object; the point `likely`
     /// is looked at before all others.
     fn touched_by(&self, grasps: &GraspSet, start: &Place, end: &Place, likely: usize) -> Option<usize> {
-        let ends_to = |point: &Point3<f64>| [start.of(point), end.of(point)];
         let meets = |it: &Cuboid, radius_m: f64, [start, end]: [Vector3<f64>; 2]| {
             let half = it.size.add_scalar(2.0 * (radius_m + self.margin_m)) / 2.0;
             way_meets(&half, &(start - it.centre.coords), &(end - it.centre.coords))
@@ -175,7 +175,7 @@ impl Hand {
             return None;
         }
         let touches = |i: &usize| {
-            let way = ends_to(&grasps.outline[*i]);
+            let way = [start, end].map(|it| it.of(&grasps.outline[*i]));
             near.iter().flatten().any(|it| meets(it, 0.0, way))
         };
         if likely < grasps.outline.len() && touches(&likely) {
