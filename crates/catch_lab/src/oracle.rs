@@ -48,7 +48,6 @@ pub struct Reach {
 pub struct Oracle<'a> {
     robot: &'a Robot,
     gripper: &'a Gripper,
-    ready_q: JointVector,
     arm: SrsArm,
     clearance: ArmClearance,
 }
@@ -56,9 +55,9 @@ pub struct Oracle<'a> {
 impl<'a> Oracle<'a> {
     /// For the arm of a setup; `None` if its inverse kinematics has no closed form.
     pub fn of(setup: &'a Setup) -> Option<Self> {
-        let Setup { robot, gripper, ready_q, .. } = setup;
+        let Setup { robot, gripper, .. } = setup;
         let clearance = ArmClearance::new(robot, gripper);
-        Some(Self { robot, gripper, ready_q: *ready_q, arm: SrsArm::of(robot)?, clearance })
+        Some(Self { robot, gripper, arm: SrsArm::of(robot)?, clearance })
     }
 
     /// What is possible in one scene.
@@ -83,8 +82,10 @@ impl<'a> Oracle<'a> {
         let mut ranges = [[0.0; 2]; 7];
         for (i, joint) in self.robot.joints.iter().enumerate() {
             let way = farthest(&joint.limits, time_s);
-            ranges[i] =
-                [(self.ready_q[i] - way).max(joint.limits.lower), (self.ready_q[i] + way).min(joint.limits.upper)];
+            ranges[i] = [
+                (self.robot.ready_q[i] - way).max(joint.limits.lower),
+                (self.robot.ready_q[i] + way).min(joint.limits.upper),
+            ];
         }
         hands(&moment.v_WO).any(|R_WG| {
             let X_WG = Pose::from_parts(
@@ -105,7 +106,7 @@ impl<'a> Oracle<'a> {
     /// Whether every joint that is at `q` after `time_s` can be slow enough there to stop before its limit.
     fn can_stop_after(&self, q: &JointVector, time_s: f64) -> bool {
         self.robot.joints.iter().enumerate().all(|(i, joint)| {
-            let way = q[i] - self.ready_q[i];
+            let way = q[i] - self.robot.ready_q[i];
             let speed = least_arrival_speed(way.abs(), time_s, joint.limits.velocity, joint.limits.acceleration);
             let stop = q[i] + way.signum() * speed * speed / (2.0 * joint.limits.acceleration);
             (joint.limits.lower..=joint.limits.upper).contains(&stop)
@@ -234,7 +235,7 @@ mod tests {
         let mut setup = Setup::load(&Choice::default()).unwrap();
         let reach = Oracle::of(&setup).unwrap().reach(&setup, 1, 0);
         assert!(reach.from_first_image_s.is_some() && reach.from_release_s.is_some(), "{reach:?}");
-        setup.ready_q = setup.robot.joint_vector(&[1.57, 0.5, 0.0, -1.2, 0.0, 0.8, 1.57]).unwrap();
+        setup.robot.ready_q = setup.robot.joint_vector(&[1.57, 0.5, 0.0, -1.2, 0.0, 0.8, 1.57]).unwrap();
         let reach = Oracle::of(&setup).unwrap().reach(&setup, 1, 0);
         assert_eq!(reach.from_first_image_s, None);
         assert!(reach.from_release_s.is_some_and(|time_s| time_s > 0.55), "{reach:?}");

@@ -239,7 +239,7 @@ impl<'a> Evidence<'a> {
             grasp_overhang_m: plan.map(|plan| plan.grasp.overhang_m),
             grasp_strength_m: plan.map(|plan| plan.grasp.strength_m),
             lets_in: plan.map(|plan| plan.lets_in),
-            joint_travel_rad: self.at_catch.map(|sample| (sample.q - setup.ready_q).abs().sum()),
+            joint_travel_rad: self.at_catch.map(|sample| (sample.q - setup.robot.ready_q).abs().sum()),
             peak_contact_force_n: forces.fold(0.0, f64::max),
             peak_velocity_ratio: servo.peak_velocity_ratio,
             peak_acceleration_ratio: servo.peak_acceleration_ratio,

@@ -91,6 +91,11 @@ impl Scenario {
         for (field, value) in [("velocity", velocity), ("acceleration", acceleration), ("torque", torque)] {
             faults.extend(InputError::positive(file, format!("limit_scale.{field}"), value).err());
         }
+        if faults.is_empty() {
+            let mut fields = Vec::new();
+            toml::Value::try_from(self).iter().for_each(|tree| collect_infinite("", tree, &mut fields));
+            faults.extend(fields.iter().map(|(field, value)| InputError::new(file, field, value, "a finite number")));
+        }
         faults
     }
 
@@ -154,6 +159,21 @@ fn field_meant(path: &str, tree: &toml::Table) -> Option<String> {
     elsewhere.or_else(|| nearest(path, &known.iter().map(String::as_str).collect::<Vec<_>>()).map(str::to_owned))
 }
 
+/// The paths of all fields in a table that are infinite or no numbers, with their values.
+fn collect_infinite(path: &str, value: &toml::Value, found: &mut Vec<(String, f64)>) {
+    match value {
+        toml::Value::Float(value) if !value.is_finite() => found.push((path.to_owned(), *value)),
+        toml::Value::Array(values) => {
+            values.iter().enumerate().for_each(|(i, it)| collect_infinite(&format!("{path}[{i}]"), it, found));
+        }
+        toml::Value::Table(table) => table.iter().for_each(|(field, it)| {
+            let path = if path.is_empty() { field.clone() } else { format!("{path}.{field}") };
+            collect_infinite(&path, it, found);
+        }),
+        _ => {}
+    }
+}
+
 /// The paths of all fields in a table.
 fn collect_fields(parent: &str, table: &toml::Table, paths: &mut Vec<String>) {
     for (field, value) in table {
@@ -185,6 +205,17 @@ mod tests {
     }
 
     #[test]
+    fn no_setting_is_infinite_or_no_number() {
+        for setting in ["brain.control.switch_gain=nan", "brain.perception.camera_sd_rad=inf"] {
+            let field = setting.split('=').next().unwrap();
+            let fault = set(&[setting]).unwrap_err().to_string();
+            assert!(fault.contains(field) && fault.contains("finite number"), "{fault}");
+        }
+        let fault = set(&["brain.grasp_selection.turns_rad=[0.5, nan]"]).unwrap_err().to_string();
+        assert!(fault.contains("turns_rad[1]"), "{fault}");
+    }
+
+    #[test]
     fn another_robot_waits_in_its_own_pose_and_the_name_tells() {
         let pose = "ready_rad=[0.0, -1.5, 1.5, 0.0, 0.0, 0.0]".to_owned();
         for (robot, method, settings, ready, name) in [
@@ -195,7 +226,7 @@ mod tests {
             (None, Some(Method::Paper), vec![], -1.308, "paper+method=paper"),
         ] {
             let setup = Setup::load(&Choice { robot, method, settings: &settings, ..Choice::default() }).unwrap();
-            assert_eq!((setup.ready_q[0], setup.scenario.name.as_str()), (ready, name));
+            assert_eq!((setup.robot.ready_q[0], setup.scenario.name.as_str()), (ready, name));
             assert_eq!(setup.scenario.ready_rad.unwrap().len(), setup.robot.dof());
         }
     }

@@ -5,7 +5,7 @@ use std::{
     sync::{Arc, OnceLock},
 };
 
-use catch_body::{Gripper, InputError, JointVector, Robot, robot::LimitScale, robot_file::RobotFiles};
+use catch_body::{Gripper, InputError, Robot, robot::LimitScale, robot_file::RobotFiles};
 use catch_bot::{CatchingBot, Method, Preparation, perception::DepthNoise};
 use catch_cell::{CameraModel, ReferenceScan};
 use catch_sim::{
@@ -64,12 +64,10 @@ pub struct Scene {
 pub struct Setup {
     /// The scenario, all choices made.
     pub scenario: Scenario,
-    /// The arm.
+    /// The arm; it waits at its `ready_q`.
     pub robot: Robot,
     /// The gripper.
     pub gripper: Gripper,
-    /// Where the arm waits.
-    pub ready_q: JointVector,
     /// The cameras as they are.
     pub cameras: Vec<CameraModel>,
     /// What is thrown.
@@ -175,11 +173,9 @@ impl Setup {
         };
         let names = SourceNames { robot_urdf: &urdf_file, robot_toml: &robot.file, gripper_toml: &gripper.file };
         let (mut arm, hand) = sources.parse(&names)?;
-        let ready_q = match &scenario.ready_rad {
-            Some(values) => arm.checked_pose(&asset.file, "ready_rad", values)?,
-            None => arm.ready_q,
-        };
-        arm.ready_q = ready_q;
+        if let Some(values) = &scenario.ready_rad {
+            arm.ready_q = arm.checked_pose(&asset.file, "ready_rad", values)?;
+        }
         let thrown = object.thrown_object()?;
         check_closing(&asset.file, &scenario, &hand, &gripper.file)?;
         let cameras = cameras::rig_from_toml(&flight_rig.file, &flight_rig.text)?;
@@ -200,12 +196,11 @@ impl Setup {
         scenario.throw = throw.name;
         scenario.flight_rig = flight_rig.name;
         scenario.reference_rig = reference_rig.name;
-        scenario.ready_rad = Some(ready_q.as_slice()[..arm.dof()].to_vec());
+        scenario.ready_rad = Some(arm.ready_q.as_slice()[..arm.dof()].to_vec());
         Ok(Self {
             scenario,
             robot: arm,
             gripper: hand,
-            ready_q,
             cameras,
             throw: Throw::from_toml(&throw.file, &throw.text)?,
             object: thrown,
@@ -270,7 +265,7 @@ impl Setup {
 
     /// The arena with everything in place, the object about to fly.
     pub fn arena(&self, seed: u64, index: u64) -> Arena {
-        Arena::new(self.equipment(), &self.release(seed, index), &self.ready_q, seed, index)
+        Arena::new(self.equipment(), &self.release(seed, index), &self.robot.ready_q, seed, index)
     }
 
     /// What differs from throw to throw besides the throw itself.

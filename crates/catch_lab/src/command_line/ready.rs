@@ -69,7 +69,7 @@ pub fn run(arguments: &ReadyArguments) -> anyhow::Result<()> {
     let dof = setups[0].robot.dof();
     let tries = arguments.tries as usize;
     let bar = screen::progress_bar(tries, "poses");
-    let best = corridor.search(&setups[0].ready_q, tries, arguments.seed, &mut |tried, best| {
+    let best = corridor.search(&setups[0].robot.ready_q, tries, arguments.seed, &mut |tried, best| {
         bar.set_position(tried as u64);
         bar.set_message(format!("{} of {} throws within reach, cost {:.3}", best.caught, best.throws, best.cost));
     });

@@ -169,3 +169,22 @@ fn a_brain_whose_trajectory_was_refused_goes_on_from_what_the_arm_follows() {
         servo.refused_trajectories
     );
 }
+
+/// How often, in ten throws of tumbling bananas, another catch is chosen.
+fn changes_of_catch(switch_gain: f64) -> usize {
+    let settings = [format!("brain.control.switch_gain={switch_gain}")];
+    let choice = Choice { scenario: Some("honest"), object: Some("banana"), settings: &settings, ..Choice::default() };
+    let setup = Setup::load(&choice).unwrap();
+    let changes = (0..10).map(|index| {
+        let trial = trial::run(&setup, 1, index, &mut |_, _| Ok(())).unwrap();
+        let grasps: Vec<_> = trial.thoughts.iter().filter_map(|it| Some(it.report.plan.as_ref()?.grasp.X_OG)).collect();
+        grasps.windows(2).filter(|pair| pair[0] != pair[1]).count()
+    });
+    changes.sum()
+}
+
+#[test]
+fn a_catch_that_has_become_worse_gives_way() {
+    let [ready, never] = [0.5, 1e9].map(changes_of_catch);
+    assert!(ready >= never + 5, "{ready} changes, {never} where no gain is enough");
+}

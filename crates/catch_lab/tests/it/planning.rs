@@ -59,7 +59,7 @@ impl Desk {
     }
 
     pub fn waiting(&self) -> Start {
-        Start { time_s: KNOWN_S, state: Setpoint::at_rest(self.setup.ready_q) }
+        Start { time_s: KNOWN_S, state: Setpoint::at_rest(self.setup.robot.ready_q) }
     }
 }
 
@@ -129,7 +129,7 @@ fn replans_are_continuous() {
         trial::run(&setup, 1, 1, &mut |tick, _| {
             if let Some(next) = &tick.command.arm {
                 let at = next.start_s();
-                let before = executing.as_ref().map_or(Setpoint::at_rest(setup.ready_q), |it| it.setpoint(at));
+                let before = executing.as_ref().map_or(Setpoint::at_rest(setup.robot.ready_q), |it| it.setpoint(at));
                 let after = next.setpoint(at);
                 assert!((after.q - before.q).amax() < 1e-6, "{object} at {at}: position jumps");
                 assert!((after.dq - before.dq).amax() < 1e-6, "{object} at {at}: velocity jumps");
