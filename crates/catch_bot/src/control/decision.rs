@@ -121,7 +121,7 @@ impl CatchingBot {
         let closing = closing(&plan, flight, self.known.planner.robot(), gripper, grasping, &self.known.config.control);
         // Fingers that have started to close go on: a new list of moves would open them again.
         let is_closing = self.closing.is_some_and(|closing| closing.start_s <= now_s);
-        let moves = gripper_moves(now_s, &plan, &closing, gripper, &self.known.config.control);
+        let moves = gripper_moves(now_s, plan.open_width_m, &closing, gripper, &self.known.config.control);
         let arm = status.is_new_motion().then(|| plan.trajectory.clone());
         if arm.is_some() {
             if self.sent.len() == SENT {

@@ -96,19 +96,18 @@ fn closest(guess_s: f64, distance: impl Fn(f64) -> f64) -> f64 {
     (low + high) / 2.0
 }
 
-/// The moves of the fingers: open as wide as the plan says, then squeeze.
+/// The moves of the fingers: open this wide, then squeeze. Where it is time to squeeze already nothing opens them any more.
 pub fn gripper_moves(
     now_s: f64,
-    plan: &CatchPlan,
+    open_width_m: f64,
     closing: &GripperPlan,
     gripper: &Gripper,
     config: &Config,
 ) -> Vec<GripperMove> {
     let force_n = config.closing_force_n.min(gripper.max_force_n);
-    vec![
-        GripperMove { start_s: now_s, width_m: plan.open_width_m, speed_mps: gripper.max_speed_mps, force_n },
-        GripperMove { start_s: closing.start_s, width_m: 0.0, speed_mps: closing.speed_mps, force_n },
-    ]
+    let opening = GripperMove { start_s: now_s, width_m: open_width_m, speed_mps: gripper.max_speed_mps, force_n };
+    let squeezing = GripperMove { start_s: closing.start_s, width_m: 0.0, speed_mps: closing.speed_mps, force_n };
+    if closing.start_s > now_s { vec![opening, squeezing] } else { vec![squeezing] }
 }
 
 #[cfg(test)]
@@ -118,5 +117,18 @@ mod tests {
     #[test]
     fn closest_approach_is_found() {
         assert!((closest(0.7, |time| (time - 0.7123_f64).hypot(0.01)) - 0.7123).abs() < 1e-5);
+    }
+
+    /// A drive obeys the move that starts last.
+    #[test]
+    fn fingers_that_should_be_closing_are_not_opened() {
+        let toml = include_str!("../../../../assets/grippers/wsg50.toml");
+        let gripper = Gripper::from_toml("wsg50.toml", toml).unwrap();
+        for start_s in [0.58, 0.59, 0.6] {
+            let closing = GripperPlan { start_s, contact_s: 0.7, speed_mps: 0.42 };
+            let moves = gripper_moves(0.59, 0.09, &closing, &gripper, &Config::default());
+            let last = moves.iter().max_by(|a, b| a.start_s.total_cmp(&b.start_s)).unwrap();
+            assert_eq!(last.width_m, 0.0, "closing from {start_s} s on: {moves:?}");
+        }
     }
 }

@@ -10,7 +10,8 @@ use crate::{
 };
 
 /// How long and how far before the catch the object's way into the gripper is checked, and in how many stretches: over 5 ms a point's
-/// way in G is straight to 0.1 mm. While the fingers close a touch does little harm: there the ends of the stretches alone are checked.
+/// way in G is straight to 0.1 mm. While the fingers close a touch does little harm: there the ends of
+/// the stretches alone are checked, until they should touch.
 const WAY_IN_S: f64 = 0.08;
 const WAY_IN_M: f64 = 0.15;
 const STRETCHES: usize = 16;
@@ -121,7 +122,7 @@ impl Planner {
                 let ((start_s, start), (end_s, end)) = (knot(stretch + 1), knot(stretch));
                 let sweep = |from_s: f64, from: &Place| hand(from_s).touched_by(grasps, from, &end, last.point);
                 let stands = (start_s > standing_s).then(|| sweep(start_s, &start)).flatten();
-                stands.or_else(|| if end_s > standing_s { None } else { sweep(end_s, &end) })
+                stands.or_else(|| (lead_s..=standing_s).contains(&end_s).then(|| sweep(end_s, &end)).flatten())
             };
             let others = (0..STRETCHES).filter(|stretch| *stretch != last.stretch);
             let found =
