@@ -91,11 +91,10 @@ impl Scenario {
         for (field, value) in [("velocity", velocity), ("acceleration", acceleration), ("torque", torque)] {
             faults.extend(InputError::positive(file, format!("limit_scale.{field}"), value).err());
         }
-        if faults.is_empty() {
-            let mut fields = Vec::new();
-            toml::Value::try_from(self).iter().for_each(|tree| collect_infinite("", tree, &mut fields));
-            faults.extend(fields.iter().map(|(field, value)| InputError::new(file, field, value, "a finite number")));
-        }
+        let mut fields = Vec::new();
+        toml::Value::try_from(self).iter().for_each(|tree| collect_infinite("", tree, &mut fields));
+        fields.retain(|(field, _)| !faults.iter().any(|it| it.field == *field));
+        faults.extend(fields.iter().map(|(field, value)| InputError::new(file, field, value, "a finite number")));
         faults
     }
 

@@ -127,6 +127,7 @@ mod tests {
         for start_s in [0.58, 0.59, 0.6] {
             let closing = GripperPlan { start_s, contact_s: 0.7, speed_mps: 0.42 };
             let moves = gripper_moves(0.59, 0.09, &closing, &gripper, &Config::default());
+            assert_eq!(moves.len(), 1 + usize::from(start_s > 0.59));
             let last = moves.iter().max_by(|a, b| a.start_s.total_cmp(&b.start_s)).unwrap();
             assert_eq!(last.width_m, 0.0, "closing from {start_s} s on: {moves:?}");
         }

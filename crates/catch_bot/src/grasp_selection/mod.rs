@@ -56,8 +56,8 @@ pub struct Config {
     pub closing_acceleration_mps2: Option<f64>,
     /// Time for the gripper to obey, in seconds: an opening that it could not have reached by then is not asked for any more.
     pub settling_s: f64,
-    /// The fingers should touch the object when it still has this far to go across them to the grasp centre, in metres: the
-    /// way on which they brake it. A wider part of it would have passed narrow fingers already.
+    /// The fingers should touch the object when its centre still has this far to go across them to the grasp centre, in metres: the
+    /// way on which they brake it.
     pub braking_way_m: f64,
     /// The same for what flies along the fingers toward the palm, from which it would bounce: fingers that close slowly should
     /// touch it as soon as it is between them.
@@ -113,12 +113,13 @@ impl Config {
     /// its centre, then `past_G` of the grasp centre, passes earlier, and what it takes for the way on which they brake it, across
     /// them (along z_G) or along them toward the palm (along −y_G). Negative where they should touch it afterwards.
     ///
-    /// What is squeezed where its centre is stays; what has passed with its centre hangs out on the other side.
+    /// What is squeezed where its centre is stays; what has passed with its centre hangs out on the other side. Along the fingers
+    /// the centre does not count: the palm may be in its way.
     pub fn contact_lead_s(&self, v_G: &Vector3<f64>, past_G: &Vector3<f64>) -> f64 {
         let return_way_m = self.palm_return_way_m * (1.0 / self.restitution.max(SOFTEST) - 1.0);
         let palm_way_m = self.palm_braking_way_m - return_way_m;
         let braking = self.braking_way_m * v_G.z.abs() + palm_way_m * (-v_G.y).max(0.0);
-        (past_G.dot(v_G) + braking) / v_G.norm_squared().max(1.0)
+        (past_G.xz().dot(&v_G.xz()) + braking) / v_G.norm_squared().max(1.0)
     }
 }
 
@@ -261,10 +262,13 @@ mod tests {
     #[test]
     fn fingers_touch_when_the_centre_of_the_object_passes() {
         let config = Config { braking_way_m: 0.0, palm_braking_way_m: 0.0, ..Config::default() };
-        let (v_G, past_G) = (Vector3::new(0.3, -1.0, 3.0), Vector3::new(0.01, 0.0, 0.02));
+        let (v_G, past_G) = (Vector3::new(0.3, 0.0, 3.0), Vector3::new(0.01, 0.0, 0.02));
         let lead_s = config.contact_lead_s(&v_G, &past_G);
-        let distance = |before_s: f64| (past_G - v_G * before_s).norm();
+        let distance = |before_s: f64| (past_G - v_G * before_s).xz().norm();
         assert!(distance(lead_s) < distance(lead_s - 1e-4) && distance(lead_s) < distance(lead_s + 1e-4));
+        // What is held by its front cannot come as far as its centre.
+        let toward_palm = Vector3::new(0.0, -4.0, 0.0);
+        assert_eq!(config.contact_lead_s(&toward_palm, &Vector3::new(0.0, 0.03, 0.0)), 0.0);
     }
 
     #[test]

@@ -65,8 +65,8 @@ pub struct Config {
     pub grasp_spacing_m: f64,
     /// Nodes of the signed distance field next to the surface, in metres.
     pub distance_grid_m: f64,
-    /// Root mean square distance up to which a turned object counts as looking the same. Measured on symmetric objects:
-    /// ≤ 0.3 mm, on others ≥ 8 mm.
+    /// Root mean square distance up to which a turned object counts as looking the same. Measured for turns by any angle:
+    /// ≤ 0.3 mm on symmetric objects, ≥ 8 mm on others.
     pub symmetry_tolerance_m: f64,
     /// Depth noise of the cameras, as their data sheet has it.
     pub depth_noise: DepthNoise,

@@ -7,9 +7,9 @@ use super::distance_field::DistanceField;
 /// Turns about the centre of mass under which the object looks the same, and with that how much of its turning matters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Symmetry {
-    /// No turn by a small angle: the whole attitude can be seen, but for half a turn about one axis, or none.
+    /// None by a small angle: the whole attitude can be seen, except perhaps for half a turn.
     None {
-        /// The axis in O about which half a turn leaves it looking the same, if there is one.
+        /// The axis in O about which half a turn leaves it looking the same, if there is one; of several one.
         half_turn: Option<Unit<Vector3<f64>>>,
         /// Inertia tensor about the centre of mass in O, divided by the mass, in m²: it rules the tumbling.
         inertia_per_kg: Matrix3<f64>,

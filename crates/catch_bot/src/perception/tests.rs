@@ -62,7 +62,6 @@ fn reference_knows_centre_and_symmetry() {
     }
 }
 
-/// The bottle's edges are right-angled; a mean over all neighbours rounds them by 0.7–1 mm.
 #[test]
 fn a_banana_with_ends_alike_looks_the_same_after_half_a_turn() {
     let reference = synthetic::reference(&Shape::bent(0.0), 200);
@@ -73,6 +72,7 @@ fn a_banana_with_ends_alike_looks_the_same_after_half_a_turn() {
     );
 }
 
+/// The bottle's edges are right-angled; a mean over all neighbours rounds them by 0.7–1 mm.
 #[test]
 fn edges_are_not_rounded() {
     let reference = synthetic::reference(&Shape::Bottle, 200);

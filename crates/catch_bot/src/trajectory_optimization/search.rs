@@ -5,7 +5,8 @@
 //! cut to what each joint can reach), a posture gets its arrival velocities, an arrival its motion, and each step adds what it
 //! costs. The first motion that keeps all limits and clearances is therefore the best there is, and most of the rest is
 //! never looked at. (So it would be if grasps that have failed were not put off a little at other times.) What is found nowhere
-//! is sought again at times in between; only then is it refused. In flight each image brings one such look, whose work is bounded.
+//! is sought again at times in between, and what got as far as a motion or the way in a little sooner and later; only then is it
+//! refused. In flight each image brings as many such looks as a bounded amount of work allows.
 
 mod frontier;
 
@@ -54,7 +55,8 @@ impl Default for Weights {
 const LATEST_S: f64 = 2.0;
 /// Where the catch times of the looks lie, in shares of the step between them.
 const OFFSETS: [f64; 8] = [0.5, 0.0, 0.25, 0.75, 0.125, 0.625, 0.375, 0.875];
-/// Looks that make up a search. In the second round what has come close to a motion is tried a little sooner and later, too.
+/// Looks that make up a search. In the second round what got as far as the way in or a motion is tried a little sooner and
+/// later, too, in seconds.
 pub const LOOKS: usize = 2 * OFFSETS.len();
 const NEARBY_S: [f64; 4] = [-0.001, -0.0005, 0.0005, 0.001];
 /// Postures of a catch time and a grasp whose velocities are looked for, and those for which a motion is tried: what a few could
@@ -83,7 +85,6 @@ struct Moment {
     passage: Passage,
     joints: [JointReach; MAX_JOINTS],
     ranges: [[f64; 2]; MAX_JOINTS],
-    any_grasp: bool,
 }
 
 /// A catch time with a grasp.
@@ -161,7 +162,7 @@ impl Planner {
 
     /// The cheapest catch that one look finds, doing no more than `most_work`.
     fn best_first(&self, search: &mut Search, turn: usize, most_work: usize) -> Result<CatchPlan, Refusal> {
-        let (mut moments, mut pairs) = self.pairs(search, OFFSETS[turn % OFFSETS.len()]);
+        let (mut moments, mut pairs, any_grasp) = self.pairs(search, OFFSETS[turn % OFFSETS.len()]);
         let mut goes_nearby = turn % LOOKS >= OFFSETS.len();
         let Search { start, incoming, ref mut obstacles, ref mut work } = *search;
         let grasps = &incoming.grasps.grasps;
@@ -180,8 +181,7 @@ impl Planner {
             frontier.push(unseen(pair, it, &moments));
         }
         let is_near = !moments.is_empty();
-        let mut refusal =
-            if is_near && !moments.iter().any(|it| it.any_grasp) { Refusal::NoGrasp } else { Refusal::OutOfReach };
+        let mut refusal = if is_near && !any_grasp { Refusal::NoGrasp } else { Refusal::OutOfReach };
         let mut looked_at = 0;
         let mut failures = vec![0; grasps.len()];
         loop {
@@ -189,6 +189,7 @@ impl Planner {
                 if !std::mem::take(&mut goes_nearby) {
                     return Err(refusal);
                 }
+                looked_at = 0;
                 let known = pairs.len();
                 self.add_nearby(start, incoming, &mut moments, &mut pairs);
                 *work += pairs.len() - known;
@@ -282,10 +283,11 @@ impl Planner {
         }
     }
 
-    /// Every catch time on the flight, and with every grasp that suits it there and that the elbow can reach.
-    fn pairs(&self, task: &Search, offset: f64) -> (Vec<Moment>, Vec<Pair>) {
+    /// Every catch time on the flight, and with every grasp that suits it there and that the elbow can reach; and whether any suits it
+    /// anywhere.
+    fn pairs(&self, task: &Search, offset: f64) -> (Vec<Moment>, Vec<Pair>, bool) {
         let base = Point3::from(self.robot.X_WB.translation.vector);
-        let (mut moments, mut pairs) = (Vec::new(), Vec::new());
+        let (mut moments, mut pairs, mut any_grasp) = (Vec::new(), Vec::new(), false);
         let mut course = task.incoming.flight.course();
         let steps = (LATEST_S / self.config.time_step_s) as usize;
         for step in 0..steps {
@@ -298,18 +300,18 @@ impl Planner {
             if (p_WO - base).norm() > self.longest_reach_m {
                 continue;
             }
-            let mut at = self.moment(task.start, &mut course, catch_s);
+            let at = self.moment(task.start, &mut course, catch_s);
             let (X_WO, v_WO) = (&at.passage.X_WO, &at.passage.V_WO.linear);
             let may_reach = self.finder.may_reach(X_WO, &at.ranges);
-            let (ranked, any_grasp) = task.incoming.grasps.rank(X_WO, v_WO, &base, task.incoming.config, may_reach);
-            at.any_grasp = any_grasp;
+            let (ranked, any) = task.incoming.grasps.rank(X_WO, v_WO, &base, task.incoming.config, may_reach);
+            any_grasp |= any;
             pairs.extend(ranked.into_iter().map(|ranked| Pair::new(moments.len(), ranked)));
             moments.push(at);
         }
-        (moments, pairs)
+        (moments, pairs, any_grasp)
     }
 
-    /// Adds what came close to a motion, a little sooner and later.
+    /// Adds what got as far as the way in or a motion, a little sooner and later.
     fn add_nearby(&self, start: &Start, incoming: &Incoming, moments: &mut Vec<Moment>, pairs: &mut Vec<Pair>) {
         let base = Point3::from(self.robot.X_WB.translation.vector);
         let mut course = incoming.flight.course();
@@ -317,7 +319,11 @@ impl Planner {
             let close: Vec<usize> =
                 pairs.iter().filter(|it| it.moment == at && it.failed > 0).map(|it| it.ranked.index).collect();
             for by_s in NEARBY_S.into_iter().filter(|_| !close.is_empty()) {
-                let moment = self.moment(start, &mut course, moments[at].passage.time_s + by_s);
+                let catch_s = moments[at].passage.time_s + by_s;
+                if catch_s < start.time_s + self.config.min_lead_s {
+                    continue;
+                }
+                let moment = self.moment(start, &mut course, catch_s);
                 let Passage { X_WO, V_WO, .. } = &moment.passage;
                 for &index in &close {
                     let (grasp, weights) = (&incoming.grasps.grasps[index], &incoming.config.weights);
@@ -329,10 +335,11 @@ impl Planner {
         }
     }
 
+    /// What can be reached by a catch time.
     fn moment(&self, start: &Start, course: &mut Course, catch_s: f64) -> Moment {
         let joints = self.reaches(start, catch_s - start.time_s, self.moving_shares());
         let ranges = self.ranges(&joints, &start.state.q);
-        Moment { passage: course.passage_at(catch_s), joints, ranges, any_grasp: true }
+        Moment { passage: course.passage_at(catch_s), joints, ranges }
     }
 
     /// What tells how well an object will be held: its grasp's heuristics, how fast it passes the fingers and how fast they turn.

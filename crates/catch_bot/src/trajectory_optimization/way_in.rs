@@ -11,7 +11,7 @@ use crate::{
 
 /// How long and how far before the catch the object's way into the gripper is checked, and in how many stretches: over 5 ms a point's
 /// way in G is straight to 0.1 mm. While the fingers close a touch does little harm: there the ends of
-/// the stretches alone are checked, until they should touch.
+/// the stretches alone are checked, until they should touch, at the catch at the latest.
 const WAY_IN_S: f64 = 0.08;
 const WAY_IN_M: f64 = 0.15;
 const STRETCHES: usize = 16;

@@ -77,7 +77,7 @@ pub fn run(arguments: &RegisterArguments) -> anyhow::Result<()> {
     let reference = reference_model(&arguments.reference, &config)?;
     let found = register_cloud(&cloud.points, noise_m, &reference, None, &config);
     let symmetry = match reference.symmetry {
-        Symmetry::None { half_turn: Some(_), .. } => "half a turn about an axis",
+        Symmetry::None { half_turn: Some(_), .. } => "half_turn",
         Symmetry::None { .. } => "none",
         Symmetry::Axis { .. } => "axis",
         Symmetry::Sphere => "sphere",
