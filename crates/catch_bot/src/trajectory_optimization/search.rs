@@ -63,7 +63,7 @@ const NEARBY_S: [f64; 4] = [-0.001, -0.0005, 0.0005, 0.001];
 /// not do, similar ones usually cannot either.
 const ARRIVALS_PER_PAIR: usize = 3;
 const ATTEMPTS_PER_PAIR: usize = 2;
-/// The work of all looks at one image, in units of about 2 µs, that of a motion, and of its openings.
+/// The work of all looks at one image, in units of 1 to 2 µs, that of a way in and a motion, and of its openings.
 const MOST_WORK: usize = 4000;
 const WORK_OF_A_MOTION: usize = 80;
 const WORK_OF_OPENINGS: usize = 30;
