@@ -9,6 +9,7 @@
 //! * [`joint_spline`]: the motion, one small quadratic program per joint ([`quadratic_program`]), and the braking after it;
 //! * [`motion`]: both put together and checked against torque limits and collision.
 //!
+//! [`posed`] answers for a catch whose time and pose are given, [`throw_proof`] proves whole throws out of reach, and
 //! [`sqp`] is the general nonlinear form over all joints, for arms and demands that the steps above do not know.
 
 pub mod arrival;
@@ -23,6 +24,7 @@ mod reaching;
 mod retarget;
 pub mod search;
 pub mod sqp;
+pub mod throw_proof;
 mod unreachable;
 mod way_in;
 

@@ -19,6 +19,22 @@ impl Interval {
         Self { low: self.low.max(other.low), high: self.high.min(other.high) }
     }
 
+    /// Halfway between its ends.
+    pub fn middle(&self) -> f64 {
+        f64::midpoint(self.low, self.high)
+    }
+
+    /// Half of what lies between its ends.
+    pub fn half_width(&self) -> f64 {
+        (self.high - self.low) / 2.0
+    }
+
+    /// Its values times `factor`.
+    pub fn scaled(&self, factor: f64) -> Self {
+        let ends = [factor * self.low, factor * self.high];
+        Self { low: ends[0].min(ends[1]), high: ends[0].max(ends[1]) }
+    }
+
     /// Whether nothing lies in it.
     pub fn is_empty(&self) -> bool {
         self.low > self.high

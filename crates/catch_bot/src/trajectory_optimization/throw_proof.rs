@@ -1,22 +1,22 @@
 //! Proofs that a whole throw is out of reach: at every time, in every attitude of the gripper, over all redundancy.
 //!
-//! Branch and bound over times and joint positions. A *piece* is an interval of times and one of positions for each joint. It
-//! holds no catch if one of three things that every catch has cannot be had anywhere in it:
+//! Branch and bound over times and joint positions. A *piece* is an interval of times and one of positions for each joint. There
+//! is no catch in it if one of two things that every catch has cannot be had anywhere in it:
 //!
-//! * *place*: p_G(q) = p_O(t). With the Jacobian J at the piece's middle, Δ its half widths, and rᵢⱼ the distance of the grasp
-//!   centre from the later of two joints, which bounds ∂²p_G/∂qᵢ∂qⱼ,
+//! * *place*: the grasp centre is where the object is, p_G(q) = p_O(t). With the Jacobian's columns Jᵢ at the piece's middle, its
+//!   half widths Δ and Cⱼ ≥ |Jⱼ| anywhere in it,
 //!
 //!   ```text
-//!   p_G(q) = p_G + J·δq + e,   |e| ≤ ½ Σᵢⱼ rᵢⱼ·Δᵢ·Δⱼ
+//!   p_G(q) = p_G + Σ Jᵢ·δqᵢ + e,   |e| ≤ ½ Σᵢⱼ C_max(i,j)·Δᵢ·Δⱼ,   |∂Jᵢ/∂qⱼ| ≤ C_max(i,j)
 //!   ```
-//!   Each row of this also narrows each joint to what the others can make up for.
-//! * *velocity*: J_v·q̇ = s·v_O with 0 ≤ s ≤ s_max and the velocities that each joint can have on arrival ([`super::reachability`]). A
-//!   direction λ separates the two sides if max λᵀ·J_v·q̇ < min λᵀ·s·v_O over the piece, where |ΔJᵢ| ≤ Σₖ rᵢₖ·Δₖ.
-//! * *direction*: the gripper does not come from behind, y_G·v_O ≤ c·|v_O|.
+//!   since ∂Jᵢ/∂qⱼ = zᵢ × Jⱼ for i ≤ j. Along any direction this also narrows each joint to what the others can make up for.
+//! * *velocity*: J·q̇ = s·v_O with 0 ≤ s ≤ s_max, and for each joint the velocities that it can have on arrival
+//!   ([`super::reachability`]). A direction λ separates both sides if max λᵀ·J·q̇ < min λᵀ·s·v_O over the piece.
 //!
-//! What is left is halved. Torque, collision and the object's shape bar more, and are not needed.
+//! What is left is halved. Torque, the arm itself, the floor and the object's shape bar more, and are not asked.
 
-use catch_body::{JointVector, MAX_JOINTS, robot::Jacobian};
+use catch_body::{JointVector, MAX_JOINTS, dynamics::gravity, robot::Jacobian};
+use catch_cell::arm::Setpoint;
 use nalgebra::{Point3, Vector3};
 
 use super::{
@@ -27,18 +27,24 @@ use super::{
 };
 use crate::trajectory_prediction::FlightTrajectory;
 
-/// How long the first pieces are, in seconds.
+/// Times of the first pieces, in seconds.
 const FIRST_PIECE_S: f64 = 0.01;
+/// Velocities of joints are bounded a little generously, for rounding, in rad/s.
+const ROUNDING_RADPS: f64 = 1e-9;
+/// Where time stands among the unknowns, after the joints.
+const TIME: usize = MAX_JOINTS;
+/// Unknowns: joints and time.
+const UNKNOWNS: usize = MAX_JOINTS + 1;
 
 /// What a proof came to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ThrowProof {
-    /// No catch exists; so many pieces were looked at.
+    /// There is no catch.
     OutOfReach {
-        /// Pieces.
+        /// Pieces that were looked at.
         pieces: usize,
     },
-    /// There is no proof; this piece was the first that could not be halved any more.
+    /// There may be one: when all pieces that were allowed had been looked at, this was left.
     Open {
         /// Its middle time.
         catch_s: f64,
@@ -47,210 +53,273 @@ pub enum ThrowProof {
     },
 }
 
-/// A box of times and joint positions.
-#[derive(Debug, Clone, Copy)]
-struct Piece {
-    time_s: Interval,
-    q: [Interval; MAX_JOINTS],
-}
-
-impl Interval {
-    fn middle(&self) -> f64 {
-        f64::midpoint(self.low, self.high)
-    }
-
-    fn half_width(&self) -> f64 {
-        (self.high - self.low) / 2.0
-    }
+/// A catch of whatever kind: the grasp centre meets the object's centre and moves along with it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AnyCatch<'a> {
+    /// Where the object flies.
+    pub flight: &'a FlightTrajectory,
+    /// Between these times, in seconds.
+    pub times_s: [f64; 2],
+    /// The centres are at most this far from each other, in metres.
+    pub within_m: f64,
 }
 
 impl Planner {
-    /// Proves that an arm that starts from rest cannot catch what flies along `flight` until `until_s`, if so.
+    /// Tries to prove that the arm, at rest at `q` until `start_s`, can make no catch within its position, velocity and acceleration
+    /// limits, by looking at `most_pieces` at most.
     pub fn prove_out_of_reach(
         &self,
-        start: &Start,
-        flight: &FlightTrajectory,
-        until_s: f64,
-        most_from_behind: f64,
+        start_s: f64,
+        q: &JointVector,
+        any: &AnyCatch<'_>,
         most_pieces: usize,
     ) -> ThrowProof {
-        let proof = Proof { planner: self, start, flight, most_from_behind };
-        let (mut pieces, mut time_s) = (0, start.time_s);
-        while time_s < until_s {
-            let next_s = (time_s + FIRST_PIECE_S).min(until_s);
-            let first = Piece { time_s: Interval { low: time_s, high: next_s }, q: [Interval { low: -1e3, high: 1e3 }; MAX_JOINTS] };
-            let before = pieces;
-            let mut left = vec![first];
+        let at_rest = Start { time_s: start_s, state: Setpoint::at_rest(*q) };
+        let proof = Proof { planner: self, start: &at_rest, any };
+        let [mut begin_s, end_s] = any.times_s;
+        begin_s = begin_s.max(start_s);
+        let mut pieces = 0;
+        let mut left = Vec::new();
+        while begin_s < end_s {
+            let until_s = (begin_s + FIRST_PIECE_S).min(end_s);
+            let mut piece = [Interval { low: f64::NEG_INFINITY, high: f64::INFINITY }; UNKNOWNS];
+            piece[TIME] = Interval { low: begin_s, high: until_s };
+            left.push(piece);
             while let Some(piece) = left.pop() {
                 pieces += 1;
-                let Some((piece, widest)) = proof.narrowed(piece) else { continue };
-                if pieces > most_pieces {
-                    return ThrowProof::Open { catch_s: piece.time_s.middle(), q: JointVector::from_fn(|i, _| piece.q[i].middle()) };
+                let Some((piece, longest)) = proof.narrowed(piece) else { continue };
+                let middle = piece.map(|it| it.middle());
+                if pieces >= most_pieces {
+                    return ThrowProof::Open { catch_s: middle[TIME], q: JointVector::from_fn(|i, _| middle[i]) };
                 }
-                left.extend(piece.halves(widest));
+                let mut halves = [piece; 2];
+                halves[0][longest].high = middle[longest];
+                halves[1][longest].low = middle[longest];
+                left.extend(halves);
             }
-            if pieces > before + 10 { println!("{time_s:.3}: {}", pieces - before); }
-            time_s = next_s;
+            begin_s = until_s;
         }
         ThrowProof::OutOfReach { pieces }
     }
 }
 
-impl Piece {
-    fn halves(&self, at: usize) -> [Self; 2] {
-        let (mut low, mut high) = (*self, *self);
-        if at == MAX_JOINTS {
-            let middle = self.time_s.middle();
-            (low.time_s.high, high.time_s.low) = (middle, middle);
-        } else {
-            let middle = self.q[at].middle();
-            (low.q[at].high, high.q[at].low) = (middle, middle);
-        }
-        [low, high]
-    }
+/// Times and joint positions.
+type Piece = [Interval; UNKNOWNS];
+
+/// The arm in the middle of a piece, and how much changes within it.
+struct Middle {
+    J: Jacobian,
+    p_G: Point3<f64>,
+    /// Half of the piece's width in each unknown, Δ.
+    half: [f64; UNKNOWNS],
+    /// Bounds of the Jacobian's columns, C.
+    columns: [f64; MAX_JOINTS],
+}
+
+/// The object around the middle time of a piece.
+struct Flown {
+    p: Vector3<f64>,
+    v: Vector3<f64>,
+    /// A bound on its acceleration.
+    acceleration: f64,
 }
 
 struct Proof<'a> {
     planner: &'a Planner,
     start: &'a Start,
-    flight: &'a FlightTrajectory,
-    most_from_behind: f64,
+    any: &'a AnyCatch<'a>,
 }
 
 impl Proof<'_> {
+    /// What of a piece may hold a catch, and the unknown that moves most in it.
     fn narrowed(&self, mut piece: Piece) -> Option<(Piece, usize)> {
-        let robot = &self.planner.robot;
-        let dof = robot.dof();
-        let s_max = self.planner.config.max_speed_fraction;
-        // Who can be somewhere at some time can, from rest, also be there later.
-        let reaches = self.planner.reaches(self.start, piece.time_s.high - self.start.time_s, Shares { velocity: 1.0, acceleration: 1.0 });
-        for (i, joint) in robot.joints.iter().enumerate() {
-            let far = reaches[i].displacements();
-            let from = self.start.state.q[i];
-            let able = Interval { low: joint.limits.lower.max(from + far.low), high: joint.limits.upper.min(from + far.high) };
-            piece.q[i] = piece.q[i].intersection(&able);
-            if piece.q[i].is_empty() {
+        // From rest, who can arrive somewhere at some velocity can do so later: waiting first.
+        let from = &self.start.state.q;
+        let shares = Shares { velocity: 1.0, acceleration: 1.0 };
+        let reaches = self.planner.reaches(self.start, piece[TIME].high - self.start.time_s, shares);
+        for i in 0..MAX_JOINTS {
+            let Some(joint) = self.planner.robot.joints.get(i) else {
+                piece[i] = Interval { low: 0.0, high: 0.0 };
+                continue;
+            };
+            let (limits, far) = (&joint.limits, reaches[i].displacements());
+            let able =
+                Interval { low: limits.lower.max(from[i] + far.low), high: limits.upper.min(from[i] + far.high) };
+            piece[i] = piece[i].intersection(&able);
+            if piece[i].is_empty() {
                 return None;
             }
         }
-        for i in dof..MAX_JOINTS {
-            piece.q[i] = Interval { low: 0.0, high: 0.0 };
-        }
-        let (catch_s, half_s) = (piece.time_s.middle(), piece.time_s.half_width());
-        let q = JointVector::from_fn(|i, _| piece.q[i].middle());
-        let half = JointVector::from_fn(|i, _| piece.q[i].half_width());
-        let X_WL = robot.link_poses(&q);
-        let X_WG = robot.gripper_in(&X_WL);
-        let p_G: Point3<f64> = X_WG * self.planner.gripper.grasp_centre();
-        let J: Jacobian = robot.jacobian(&X_WL, &p_G);
-        // Distances of the grasp centre from the joints, anywhere in the piece: only the joints beyond change them.
-        let mut distance = [0.0; MAX_JOINTS];
-        let mut moved = 0.0;
-        for i in (0..dof).rev() {
-            let (axis, origin) = robot.joint_axis(&X_WL, i);
-            // Of the lever, only what is perpendicular to the axis counts.
-            let _ = axis;
-            distance[i] = ((p_G - origin).norm() + moved).min(self.planner.extents_m[i]);
-            moved += half[i] * distance[i];
-        }
-        let (X_WO, v_O) = (self.flight.pose_at(catch_s), self.flight.twist_at(catch_s).linear);
-        let p_O = X_WO.translation.vector;
-        let g = 9.81;
-        let mut error = 0.5 * g * half_s * half_s;
-        for i in 0..dof {
-            for j in 0..dof {
-                error += 0.5 * half[i] * half[j] * distance[i.max(j)];
-            }
-        }
-        // Direction.
-        let approach = X_WG * Vector3::y();
-        let turned: f64 = (0..dof).map(|i| half[i]).sum();
-        let speed = v_O.norm();
-        if approach.dot(&v_O) - turned * speed - g * half_s > self.most_from_behind * (speed + g * half_s) {
+        let (middle, flown) = (self.middle(&piece), self.flown(&piece[TIME]));
+        let piece = self.where_the_object_is(&piece, &middle, &flown)?;
+        if self.cannot_move_along(&piece, &middle, &flown, &reaches) {
             return None;
         }
-        // Place.
-        let gap = p_G.coords - p_O;
-        let mut delta: [Interval; MAX_JOINTS + 1] = [Interval { low: 0.0, high: 0.0 }; MAX_JOINTS + 1];
-        for i in 0..dof {
-            delta[i] = Interval { low: -half[i], high: half[i] };
+        let moved = |i: usize| piece[i].half_width() * if i == TIME { flown.v.norm() } else { middle.columns[i] };
+        let longest = (0..UNKNOWNS).max_by(|&a, &b| moved(a).total_cmp(&moved(b)))?;
+        Some((piece, longest))
+    }
+
+    fn middle(&self, piece: &Piece) -> Middle {
+        let robot = &self.planner.robot;
+        let q = JointVector::from_fn(|i, _| piece[i].middle());
+        let half = piece.map(|it| it.half_width());
+        let X_WL = robot.link_poses(&q);
+        let p_G = robot.gripper_in(&X_WL) * self.planner.gripper.grasp_centre();
+        let J = robot.jacobian(&X_WL, &p_G);
+        // The length of a column is changed by the joints after it only, by no more than their columns each.
+        let (mut columns, mut changed) = ([0.0; MAX_JOINTS], 0.0);
+        for i in (0..robot.dof()).rev() {
+            columns[i] = J.fixed_view::<3, 1>(3, i).norm() + changed;
+            changed += half[i] * columns[i];
         }
-        delta[MAX_JOINTS] = Interval { low: -half_s, high: half_s };
-        let linear = J.fixed_rows::<3>(3);
-        let mut rows = vec![Vector3::x(), Vector3::y(), Vector3::z()];
-        if let Some(u) = gap.try_normalize(1e-9) {
-            rows.push(u);
+        Middle { J, p_G, half, columns }
+    }
+
+    fn flown(&self, times_s: &Interval) -> Flown {
+        let (flight, time_s) = (self.any.flight, times_s.middle());
+        let (p, v) = (flight.pose_at(time_s).translation.vector, flight.twist_at(time_s).linear);
+        let margin = 0.5 + 0.05 * v.norm();
+        let acceleration = gravity().norm() + flight.drag_per_m * (v.norm() + margin).powi(2);
+        // True unless the object becomes faster than that meanwhile.
+        let holds = acceleration * times_s.half_width() < margin;
+        Flown { p, v, acceleration: if holds { acceleration } else { f64::INFINITY } }
+    }
+
+    /// The part of a piece where the grasp centre may be at the object.
+    fn where_the_object_is(&self, piece: &Piece, middle: &Middle, flown: &Flown) -> Option<Piece> {
+        let half = &middle.half;
+        let mut error = self.any.within_m + 0.5 * flown.acceleration * half[TIME] * half[TIME];
+        for j in 0..MAX_JOINTS {
+            let before: f64 = half[..j].iter().sum();
+            error += middle.columns[j] * half[j] * (before + 0.5 * half[j]);
         }
-        for _ in 0..2 {
-            for u in &rows {
-                let mut coefficient = [0.0; MAX_JOINTS + 1];
-                for i in 0..dof {
-                    coefficient[i] = u.dot(&linear.column(i));
-                }
-                coefficient[MAX_JOINTS] = -u.dot(&v_O);
-                let mut sum = Interval { low: u.dot(&gap) - error, high: u.dot(&gap) + error };
-                let term = |c: f64, d: &Interval| Interval { low: (c * d.low).min(c * d.high), high: (c * d.low).max(c * d.high) };
-                for (c, d) in coefficient.iter().zip(&delta) {
-                    let t = term(*c, d);
-                    sum.low += t.low;
-                    sum.high += t.high;
-                }
-                if sum.low > 0.0 || sum.high < 0.0 {
-                    return None;
-                }
-                for (c, d) in coefficient.iter().zip(&mut delta) {
-                    if c.abs() < 1e-6 {
-                        continue;
-                    }
-                    let t = term(*c, d);
-                    // c·d = −(the rest)
-                    let rest = Interval { low: sum.low - t.low, high: sum.high - t.high };
-                    let (a, b) = (-rest.low / c, -rest.high / c);
-                    let new = d.intersection(&Interval { low: a.min(b) - 1e-12, high: a.max(b) + 1e-12 });
-                    if new.is_empty() {
-                        return None;
-                    }
-                    let n = term(*c, &new);
-                    sum.low += n.low - t.low;
-                    sum.high += n.high - t.high;
-                    *d = new;
-                }
+        let gap = middle.p_G.coords - flown.p;
+        let mut aside = half.map(|it| Interval { low: -it, high: it });
+        let toward = gap.try_normalize(1e-9).unwrap_or(Vector3::x());
+        for along in [toward, Vector3::x(), Vector3::y(), Vector3::z()] {
+            let mut row = [-along.dot(&flown.v); UNKNOWNS];
+            for (i, it) in row[..MAX_JOINTS].iter_mut().enumerate() {
+                *it = along.dot(&middle.J.fixed_view::<3, 1>(3, i));
             }
+            let off = along.dot(&gap);
+            narrow(&row, Interval { low: off - error, high: off + error }, &mut aside)?;
         }
-        for i in 0..dof {
-            piece.q[i] = Interval { low: q[i] + delta[i].low, high: q[i] + delta[i].high };
-        }
-        piece.time_s = Interval { low: catch_s + delta[MAX_JOINTS].low, high: catch_s + delta[MAX_JOINTS].high };
-        // Velocity.
-        let mut bounds = [Interval { low: 0.0, high: 0.0 }; MAX_JOINTS];
-        for i in 0..dof {
-            let from = self.start.state.q[i];
-            let reach: &JointReach = &reaches[i];
-            let far = reach.displacements();
-            let at = |q: f64| reach.arrival_velocities((q - from).clamp(far.low, far.high));
-            bounds[i] = Interval { low: at(piece.q[i].low).low - 1e-9, high: at(piece.q[i].high).high + 1e-9 };
-        }
-        if let Some(lambda) = shortfall(&J, &v_O, &bounds, s_max) {
-            let mut reached = 0.0;
-            for i in 0..dof {
-                let along = lambda.dot(&linear.column(i));
-                let varied: f64 = (0..dof).map(|k| half[k] * distance[i.max(k)]).sum();
-                let Interval { low, high } = bounds[i];
-                reached += (along * low).max(along * high) + varied * lambda.norm() * low.abs().max(high.abs());
-            }
-            let least = s_max * (lambda.dot(&v_O) - g * half_s * lambda.norm());
-            if reached < least.min(0.0) {
+        Some(std::array::from_fn(|i| {
+            let at = piece[i].middle();
+            Interval { low: at + aside[i].low, high: at + aside[i].high }
+        }))
+    }
+
+    /// Whether nothing that the joints can do on arrival moves the grasp centre along with the object.
+    fn cannot_move_along(
+        &self,
+        piece: &Piece,
+        middle: &Middle,
+        flown: &Flown,
+        reaches: &[JointReach; MAX_JOINTS],
+    ) -> bool {
+        let most = self.planner.config.max_speed_fraction;
+        let bounds = std::array::from_fn(|i| {
+            let far = reaches[i].displacements();
+            let at = |q: f64| reaches[i].arrival_velocities((q - self.start.state.q[i]).clamp(far.low, far.high));
+            // Both ends rise with the displacement.
+            Interval { low: at(piece[i].low).low - ROUNDING_RADPS, high: at(piece[i].high).high + ROUNDING_RADPS }
+        });
+        let Some(lambda) = shortfall(&middle.J, &flown.v, &bounds, most) else { return false };
+        let (half, columns) = (&middle.half, &middle.columns);
+        let reached: f64 = (0..MAX_JOINTS)
+            .map(|i| {
+                let varied: f64 = (0..MAX_JOINTS).map(|k| half[k] * columns[i.max(k)]).sum();
+                let along = lambda.dot(&middle.J.fixed_view::<3, 1>(3, i));
+                let fastest = bounds[i].low.abs().max(bounds[i].high.abs());
+                bounds[i].scaled(along).high + varied * lambda.norm() * fastest
+            })
+            .sum();
+        let faster = flown.acceleration * half[TIME] * lambda.norm();
+        reached < (most * (lambda.dot(&flown.v) - faster)).min(0.0)
+    }
+}
+
+/// Narrows unknowns to where `Σ rowᵢ·xᵢ + rest` can be zero; `None` if nowhere.
+fn narrow(row: &[f64; UNKNOWNS], rest: Interval, unknowns: &mut [Interval; UNKNOWNS]) -> Option<()> {
+    /// Coefficients below this are no help.
+    const SMALL: f64 = 1e-6;
+    const ROUNDING: f64 = 1e-12;
+    let terms: [Interval; UNKNOWNS] = std::array::from_fn(|i| unknowns[i].scaled(row[i]));
+    let low: f64 = rest.low + terms.iter().map(|it| it.low).sum::<f64>();
+    let high: f64 = rest.high + terms.iter().map(|it| it.high).sum::<f64>();
+    if low > 0.0 || high < 0.0 {
+        return None;
+    }
+    for ((coefficient, term), unknown) in row.iter().zip(&terms).zip(unknowns) {
+        if coefficient.abs() > SMALL {
+            // What all others leave to it.
+            let left = Interval { low: term.high - high, high: term.low - low }.scaled(1.0 / coefficient);
+            *unknown = unknown.intersection(&Interval { low: left.low - ROUNDING, high: left.high + ROUNDING });
+            if unknown.is_empty() {
                 return None;
             }
         }
-        // What matters most is halved.
-        let weight = |i: usize| if i == MAX_JOINTS { piece.time_s.half_width() * 4.0 } else { piece.q[i].half_width() * distance[i] };
-        let widest = (0..=MAX_JOINTS).max_by(|&a, &b| weight(a).total_cmp(&weight(b)))?;
-        Some((piece, widest))
     }
+    Some(())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::trajectory_optimization::{Config, sqp::tests::iiwa};
+    use catch_body::Gripper;
+    use proptest::prelude::*;
+
+    const WSG50: &str = include_str!("../../../../assets/grippers/wsg50.toml");
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2000))]
+
+        /// A catch that there is stays in every piece that holds it, however large or small: at a place that the joints can
+        /// reach, moving along at the highest velocities that they can have there, which is lost first.
+        #[test]
+        fn a_catch_is_never_lost(
+            ways in prop::array::uniform7(0.0f64..=1.0), toward in prop::array::uniform3(-1.0f64..=1.0),
+            share in 0.1f64..2.0, lead_s in 0.1f64..0.9, drag_per_m in 0.0f64..0.03,
+            smallness in 0.0f64..14.0, sizes in prop::array::uniform8(-4.0f64..1.0),
+            asides in prop::array::uniform8(0.0f64..=1.0),
+        ) {
+            let gripper = Gripper::from_toml("wsg50.toml", WSG50).unwrap();
+            let planner = Planner::new(iiwa(), gripper, Config::default());
+            let start = Start { time_s: 0.05, state: Setpoint::at_rest(planner.robot.ready_q) };
+            let (from, catch_s) = (start.state.q, start.time_s + lead_s);
+            let reaches = planner.reaches(&start, lead_s, Shares { velocity: 1.0, acceleration: 1.0 });
+            let mut q = from;
+            for (i, joint) in planner.robot.joints.iter().enumerate() {
+                let far = reaches[i].displacements();
+                let (low, high) = (far.low.max(joint.limits.lower - q[i]), far.high.min(joint.limits.upper - q[i]));
+                q[i] += low + ways[i] * (high - low);
+            }
+            let X_WL = planner.robot.link_poses(&q);
+            let p_WO = planner.robot.gripper_in(&X_WL) * planner.gripper.grasp_centre();
+            let J = planner.robot.jacobian(&X_WL, &p_WO).fixed_rows::<3>(3).into_owned();
+            let dq = JointVector::from_fn(|i, _| {
+                let fast = reaches[i].arrival_velocities(q[i] - from[i]);
+                if J.column(i).dot(&Vector3::from(toward)) > 0.0 { fast.high } else { fast.low }
+            });
+            let v_WO = J * dq / (share.min(1.0) * planner.config.max_speed_fraction);
+            let flight = FlightTrajectory { time_s: catch_s, p_WO, v_WO, drag_per_m, ..FlightTrajectory::default() };
+
+            let any = AnyCatch { flight: &flight, times_s: [0.0, 1.0], within_m: 0.0 };
+            let proof = Proof { planner: &planner, start: &start, any: &any };
+            let catch: [f64; UNKNOWNS] = std::array::from_fn(|i| if i == TIME { catch_s } else { q[i] });
+            let mut piece = catch.map(|at| Interval { low: at, high: at });
+            for (k, i) in (0..planner.robot.dof()).chain([TIME]).enumerate() {
+                let most = if i == TIME { FIRST_PIECE_S } else { (-smallness).exp2() };
+                let size = most * sizes[k].min(0.0).exp2();
+                piece[i] = Interval { low: catch[i] - asides[k] * size, high: catch[i] + (1.0 - asides[k]) * size };
+            }
+            let Some((left, _)) = proof.narrowed(piece) else { return Err(TestCaseError::fail("the catch is lost")) };
+            for i in 0..UNKNOWNS {
+                prop_assert!(left[i].low <= catch[i] + 1e-9 && catch[i] <= left[i].high + 1e-9, "{i}: {left:?}");
+            }
+        }
+    }
 }

@@ -15,6 +15,7 @@ mod own_data;
 mod pages;
 mod planning;
 mod source;
+mod throws_out_of_reach;
 mod tidy;
 mod wrong_input;
 
