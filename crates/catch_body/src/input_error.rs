@@ -56,6 +56,9 @@ impl InputError {
         toml::from_str(text).map_err(|fault| {
             let span = fault.span().unwrap_or_default();
             let is_wrong_kind = fault.message().starts_with("invalid type");
+            if let Some(fault) = wrong_in_table(file, &text[span.start..], fault.message()) {
+                return fault;
+            }
             if let Some((field, (_, kind))) = field_before(&text[..span.start])
                 .zip(fault.message().rsplit_once("expected "))
                 .filter(|_| is_wrong_kind)
@@ -92,6 +95,18 @@ impl InputError {
             Err(Self::new(file, field, format!("{values:?}"), "finite numbers"))
         }
     }
+}
+
+/// A value of the wrong kind, where the parser only tells the table `[…]` with which `text` begins: the field that has that value.
+fn wrong_in_table(file: &str, text: &str, message: &str) -> Option<InputError> {
+    let (wrong, kind) = message.strip_prefix("invalid type: ")?.rsplit_once(", expected ")?;
+    let wrong = wrong.split_once(' ')?.1.trim_matches('`');
+    let (table, fields) = text.strip_prefix('[')?.split_once(']')?;
+    let assignments = fields.lines().take_while(|line| !line.starts_with('[')).filter_map(|line| line.split_once('='));
+    let has_value = |value: &str| value.split('#').next().is_some_and(|value| value.trim() == wrong);
+    let (name, _) = assignments.into_iter().find(|(_, value)| has_value(value))?;
+    let field = format!("{}.{}", table.trim_matches(['[', ']']), name.trim());
+    Some(InputError::new(file, field, wrong, InputError::kind_in_words(kind)))
 }
 
 /// The field whose value begins where `text` ends: its table and its name.

@@ -32,14 +32,15 @@ pub struct Observation {
     pub frames: Vec<DepthFrame>,
 }
 
-/// What the brain wants. `None` and empty lists change nothing.
+/// What the brain wants.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Command {
-    /// Replaces the executing trajectory from its `start_s` on.
+    /// Replaces the executing trajectory from its `start_s` on; `None` changes nothing.
     pub arm: Option<ArmTrajectory>,
-    /// Replaces all gripper moves that have not started.
+    /// Replaces all gripper moves that have not started, an empty list by none; `None` changes nothing.
     pub gripper: Option<Vec<GripperMove>>,
-    /// The part of each camera's next images that the brain wants, one entry per camera; `None` means full images.
+    /// The part of each camera's next images that the brain wants, one entry per camera; `None` means all that the cameras give by
+    /// themselves: full images, or what shows the object where they tell it apart.
     pub windows: Option<Vec<PixelWindow>>,
 }
 

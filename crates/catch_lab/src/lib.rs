@@ -27,6 +27,7 @@
 //! other tools ([`mcap_file`]); an evaluation as a page ([`report_page`]) and as [`plots`].
 
 pub mod assets;
+pub mod brain_settings;
 pub mod catch_page;
 pub mod check;
 pub mod cloud_file;

@@ -67,7 +67,13 @@ pub fn parse(file: &str, text: &str) -> Result<Vec<PlannerCase>, InputError> {
         let (line, column) = (fault.line(), fault.column());
         let rest = text.lines().nth(line.saturating_sub(1)).unwrap_or_default().chars().skip(column.saturating_sub(1));
         let found = format!("`{}`", rest.take(20).collect::<String>());
-        InputError::new(file, format!("line {line}, column {column}"), found, "one JSON document, which has no NaN")
+        let found = if fault.is_eof() { "the end of the file".to_owned() } else { found };
+        InputError::new(
+            file,
+            format!("line {line}, column {column}"),
+            found,
+            "one whole JSON document, which has no NaN",
+        )
     })?;
     let whole = Fields::new(file, "", &document)?;
     whole.only(&["about", "gravity", "q_start", "dq_start", "grasp_centre_y_m", "robot", "cases"])?;

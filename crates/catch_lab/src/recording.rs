@@ -189,6 +189,7 @@ impl Recorder {
     /// If the folder or the file cannot be written.
     pub fn create(folder: &Path, setup: &Setup, scene: &Scene) -> io::Result<Self> {
         fs::create_dir_all(folder)?;
+        sweep_out(folder)?;
         let name = file_stem(scene);
         let path = folder.join(format!("{name}.{EXTENSION}"));
         let unfinished = folder.join(format!(".{name}.{}.unfinished", std::process::id()));
@@ -246,6 +247,22 @@ impl Drop for Recorder {
     fn drop(&mut self) {
         let _ = fs::remove_file(&self.unfinished);
     }
+}
+
+/// Takes away what recordings left whose process was killed, where processes can be looked up.
+fn sweep_out(folder: &Path) -> io::Result<()> {
+    let processes = Path::new("/proc");
+    for entry in fs::read_dir(folder)? {
+        let name = entry?.file_name();
+        let stem = name.to_str().and_then(|name| name.strip_prefix('.')?.strip_suffix(".unfinished"));
+        let Some((_, process)) = stem.and_then(|stem| stem.rsplit_once('.')) else { continue };
+        let is_gone =
+            process.parse::<u32>().is_ok() && processes.join("self").exists() && !processes.join(process).exists();
+        if is_gone {
+            fs::remove_file(folder.join(&name))?;
+        }
+    }
+    Ok(())
 }
 
 /// Name of a scene's files, without ending.

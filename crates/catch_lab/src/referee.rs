@@ -27,6 +27,8 @@ const HELD_UNTIL_S: f64 = 1.5;
 const HELD_SPEED_MPS: f64 = 0.02;
 /// The same while the world shakes.
 const SHAKEN_SPEED_MPS: f64 = 0.05;
+/// How fast the gripper of an arm at rest may still move.
+const AT_REST_MPS: f64 = 0.02;
 /// Over how long that speed is taken.
 const SPEED_OVER_S: f64 = 0.01;
 /// How far from the planned catch the instant is looked for at which the object is nearest the grasp centre.
@@ -38,7 +40,8 @@ const CLOSED_SPEED_MPS: f64 = 0.005;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Verdict {
     /// Whether the object was caught and held: no command broke a limit; from 0.5 s after the first contact until 1.5 s after
-    /// it the object was squeezed and lay still in the gripper, also while the world shook; nothing else touched it.
+    /// it the arm was at rest and the object was squeezed and lay still in the gripper, also while the world shook; nothing else
+    /// touched it.
     pub caught: bool,
     /// Whether the paper would call it caught: at 0.875 s the object is less than 2.5 cm from the gripper along its z axis.
     pub caught_paper: bool,
@@ -265,6 +268,14 @@ impl<'a> Evidence<'a> {
         let end_s = self.truth.samples.last().map_or(0.0, |sample| sample.time_s);
         // A trial that ended before the test did had no object to hold any more.
         lost.map(|pair| pair[1].time_s).or_else(|| (end_s < until - 1e-6).then_some(end_s))
+    }
+
+    /// Whether the gripper moved while the object should have been held at rest.
+    pub fn moved_on(&self) -> bool {
+        let Some(contact_s) = self.contact_s else { return false };
+        let until_s = self.truth.shaking_since_s.unwrap_or(f64::INFINITY).min(contact_s + HELD_UNTIL_S);
+        let mut held = self.truth.samples.iter().filter(|it| (contact_s + HELD_FROM_S..until_s).contains(&it.time_s));
+        held.any(|sample| sample.V_WG.linear.norm() > AT_REST_MPS)
     }
 
     /// How fast the object moves in the gripper: its way over the last 10 ms. The speed of a single step would not do: when the

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     assets::{Kind, nearest},
+    brain_settings::{self, fields},
     setup::COMMAND_LINE,
 };
 
@@ -79,22 +80,26 @@ impl Scenario {
             let expected = format!("0 to {} ms, a time within a flight", 1e3 * MOST_LATENCY_S);
             faults.push(InputError::new(file, "clock.fixed_ms", delay_ms, expected));
         }
-        let grasping = &self.brain.grasp_selection;
-        for (field, value) in [
-            ("closing_speed_mps", grasping.closing_speed_mps),
-            ("closing_acceleration_mps2", grasping.closing_acceleration_mps2),
-        ] {
-            let field = format!("brain.grasp_selection.{field}");
-            faults.extend(value.and_then(|value| InputError::positive(file, field, value).err()));
-        }
         let LimitScale { velocity, acceleration, torque } = self.limit_scale;
         for (field, value) in [("velocity", velocity), ("acceleration", acceleration), ("torque", torque)] {
             faults.extend(InputError::positive(file, format!("limit_scale.{field}"), value).err());
         }
-        let mut fields = Vec::new();
-        toml::Value::try_from(self).iter().for_each(|tree| collect_infinite("", tree, &mut fields));
-        fields.retain(|(field, _)| !faults.iter().any(|it| it.field == *field));
-        faults.extend(fields.iter().map(|(field, value)| InputError::new(file, field, value, "a finite number")));
+        if self.brain.seed != 0 {
+            faults.push(InputError::new(
+                file,
+                "brain.seed",
+                self.brain.seed,
+                "nothing: every trial has its own, from --seed",
+            ));
+        }
+        faults.extend(toml::Value::try_from(&self.brain).iter().flat_map(|brain| brain_settings::faults(file, brain)));
+        if let Ok(tree) = toml::Value::try_from(self) {
+            let mut all = Vec::new();
+            fields("", &tree, &mut all);
+            let infinite = all.into_iter().filter(|(_, it)| it.as_float().is_some_and(|it| !it.is_finite()));
+            let new: Vec<_> = infinite.filter(|(field, _)| !faults.iter().any(|it| it.field == *field)).collect();
+            faults.extend(new.into_iter().map(|(field, it)| InputError::new(file, field, it, "a finite number")));
+        }
         faults
     }
 
@@ -148,40 +153,16 @@ impl Scenario {
 
 /// The field that is probably meant by the path of one that there is not: spelt alike, or of the same name elsewhere.
 fn field_meant(path: &str, tree: &toml::Table) -> Option<String> {
+    let tree = toml::Value::Table(tree.clone());
     let mut known = Vec::new();
-    collect_fields("", tree, &mut known);
-    if known.iter().any(|it| it == path) {
+    fields("", &tree, &mut known);
+    let known: Vec<&str> = known.iter().map(|(field, _)| field.as_str()).collect();
+    if known.contains(&path) {
         return None;
     }
     let name = |path: &str| path.rsplit('.').next().unwrap_or_default().to_owned();
-    let elsewhere = known.iter().find(|it| name(it) == name(path)).cloned();
-    elsewhere.or_else(|| nearest(path, &known.iter().map(String::as_str).collect::<Vec<_>>()).map(str::to_owned))
-}
-
-/// The paths of all fields in a table that are infinite or no numbers, with their values.
-fn collect_infinite(path: &str, value: &toml::Value, found: &mut Vec<(String, f64)>) {
-    match value {
-        toml::Value::Float(value) if !value.is_finite() => found.push((path.to_owned(), *value)),
-        toml::Value::Array(values) => {
-            values.iter().enumerate().for_each(|(i, it)| collect_infinite(&format!("{path}[{i}]"), it, found));
-        }
-        toml::Value::Table(table) => table.iter().for_each(|(field, it)| {
-            let path = if path.is_empty() { field.clone() } else { format!("{path}.{field}") };
-            collect_infinite(&path, it, found);
-        }),
-        _ => {}
-    }
-}
-
-/// The paths of all fields in a table.
-fn collect_fields(parent: &str, table: &toml::Table, paths: &mut Vec<String>) {
-    for (field, value) in table {
-        let path = if parent.is_empty() { field.clone() } else { format!("{parent}.{field}") };
-        if let Some(table) = value.as_table() {
-            collect_fields(&path, table, paths);
-        }
-        paths.push(path);
-    }
+    let elsewhere = known.iter().find(|it| name(it) == name(path)).copied();
+    elsewhere.or_else(|| nearest(path, &known)).map(str::to_owned)
 }
 
 #[cfg(test)]
@@ -205,13 +186,17 @@ mod tests {
 
     #[test]
     fn no_setting_is_infinite_or_no_number() {
-        for setting in ["brain.control.switch_gain=nan", "brain.perception.camera_sd_rad=inf"] {
-            let field = setting.split('=').next().unwrap();
+        for (setting, expected) in [
+            ("brain.control.switch_gain=nan", "brain.control.switch_gain: found nan, expected zero or more"),
+            ("brain.perception.camera_sd_rad=inf", "brain.perception.camera_sd_rad: found inf"),
+            ("brain.grasp_selection.turns_rad=[0.5, nan]", "turns_rad[1]"),
+            ("ready_rad=[0, 0, 0, 0, 0, 0, inf]", "ready_rad[6]: found inf, expected a finite number"),
+            ("brain.trajectory_optimization.velocity_share=1.5", "0.01 to 1"),
+            ("brain.seed=7", "--seed"),
+        ] {
             let fault = set(&[setting]).unwrap_err().to_string();
-            assert!(fault.contains(field) && fault.contains("finite number"), "{fault}");
+            assert!(fault.contains(expected), "{fault}");
         }
-        let fault = set(&["brain.grasp_selection.turns_rad=[0.5, nan]"]).unwrap_err().to_string();
-        assert!(fault.contains("turns_rad[1]"), "{fault}");
     }
 
     #[test]

@@ -6,7 +6,7 @@ use std::{
 };
 
 use catch_body::{Gripper, InputError, Robot, robot::LimitScale, robot_file::RobotFiles};
-use catch_bot::{CatchingBot, Method, Preparation, perception::DepthNoise};
+use catch_bot::{CatchingBot, Method, Preparation, grasp_selection, perception::DepthNoise};
 use catch_cell::{CameraModel, ReferenceScan};
 use catch_sim::{
     Arena, Conditions, Equipment, GripperDriveKind, Release, Throw, ThrownObject,
@@ -218,9 +218,12 @@ impl Setup {
             let narrowest_mm = self.object.mesh.aabb().size.min() * 1e3;
             let opening_mm = self.gripper.max_width_m * 1e3;
             let margin_mm = self.scenario.brain.grasp_selection.finger_margin_m * 1e3;
+            let sides = "; nowhere do two of its sides face each other beside its centre of mass";
+            let fits = narrowest_mm + 2.0 * margin_mm < opening_mm;
             format!(
                 "an object {narrowest_mm:.0} mm wide at its narrowest; the gripper opens {opening_mm:.0} mm and needs \
-                 {margin_mm:.0} mm on each side"
+                 {margin_mm:.0} mm on each side{}",
+                if fits { sides } else { "" }
             )
         })
     }
@@ -293,14 +296,16 @@ impl Setup {
     pub fn brain_config(&self, seed: u64, index: u64) -> catch_bot::Config {
         let mut config = self.scenario.brain.clone();
         config.seed = seed_for(Stream::Brain, seed, index);
-        // Whether there is air is known to everybody; how much it brakes the object is known beforehand only so far.
-        if self.scenario.arena.drag {
-            config.trajectory_prediction.drag_prior_per_m = self.object.prior.drag_per_m;
-            config.trajectory_prediction.drag_prior_sd_per_m = self.object.prior.drag_sd_per_m;
+        // What is known beforehand, unless the scenario tells the brain otherwise: whether there is air, and how much it brakes the
+        // object; how the object bounces; whether the cameras see the floor, and what their data sheet says.
+        let (prior, prediction) = (&self.object.prior, &mut config.trajectory_prediction);
+        if self.scenario.arena.drag && (prediction.drag_prior_per_m, prediction.drag_prior_sd_per_m) == (0.0, 0.0) {
+            (prediction.drag_prior_per_m, prediction.drag_prior_sd_per_m) = (prior.drag_per_m, prior.drag_sd_per_m);
         }
-        config.grasp_selection.restitution =
-            self.object.prior.restitution.unwrap_or(config.grasp_selection.restitution);
-        // So is whether the cameras see the floor, and what their data sheet says, unless the scenario tells the brain otherwise.
+        let grasping = &mut config.grasp_selection;
+        if grasping.restitution == grasp_selection::Config::default().restitution {
+            grasping.restitution = prior.restitution.unwrap_or(grasping.restitution);
+        }
         let perception = &mut config.perception;
         perception.floor_visible |= self.scenario.arena.floor_visible;
         if perception.depth_noise == DepthNoise::default() {

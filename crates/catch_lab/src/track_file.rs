@@ -16,12 +16,12 @@ pub struct Sighting {
     pub rotation: Option<UnitQuaternion<f64>>,
 }
 
-/// Reads a track, oldest sighting first. A header may stand above it; rows in which a number is missing or not a number are
-/// gaps.
+/// Reads a track, oldest sighting first, and the last time in the file. A header may stand above it; rows in which a number is
+/// missing or not a number are gaps.
 ///
 /// # Errors
 /// A file that cannot be read, rows with another number of columns or with words, times that do not rise, or no sighting.
-pub fn read(path: &Path) -> Result<Vec<Sighting>, InputError> {
+pub fn read(path: &Path) -> Result<(Vec<Sighting>, f64), InputError> {
     let file = path.display().to_string();
     let text = fs::read_to_string(path)
         .map_err(|fault| InputError::new(&file, "the file", fault, "a readable CSV file of t,x,y,z"))?;
@@ -32,9 +32,9 @@ pub fn read(path: &Path) -> Result<Vec<Sighting>, InputError> {
 ///
 /// # Errors
 /// As [`read`].
-pub fn parse(file: &str, text: &str) -> Result<Vec<Sighting>, InputError> {
+pub fn parse(file: &str, text: &str) -> Result<(Vec<Sighting>, f64), InputError> {
     let mut sightings: Vec<Sighting> = Vec::new();
-    let mut columns = None;
+    let (mut columns, mut end_s) = (None, f64::NEG_INFINITY);
     for (number, line) in text.lines().enumerate() {
         let line = line.trim().trim_start_matches('\u{feff}');
         if line.is_empty() || line.starts_with('#') {
@@ -43,10 +43,16 @@ pub fn parse(file: &str, text: &str) -> Result<Vec<Sighting>, InputError> {
         let field = format!("line {}", number + 1);
         let cells: Vec<&str> = line.split(',').map(str::trim).collect();
         let numbers: Vec<Option<f64>> = cells.iter().map(|cell| number_of(cell)).collect();
+        let expected = "t,x,y,z or t,x,y,z,qx,qy,qz,qw, in this order and with commas between";
         if columns.is_none() && numbers.iter().all(Option::is_none) {
+            let names: String = cells.iter().take(4).map(|it| it.to_lowercase()).collect();
+            let mut letters: Vec<char> = names.chars().collect();
+            letters.sort_unstable();
+            if letters == ['t', 'x', 'y', 'z'] && names != "txyz" {
+                return Err(InputError::new(file, field, format!("columns {line}"), expected));
+            }
             continue;
         }
-        let expected = "t,x,y,z or t,x,y,z,qx,qy,qz,qw";
         if !matches!(cells.len(), 4 | 8) || *columns.get_or_insert(cells.len()) != cells.len() {
             return Err(InputError::new(file, field, format!("{} columns", cells.len()), expected));
         }
@@ -54,12 +60,16 @@ pub fn parse(file: &str, text: &str) -> Result<Vec<Sighting>, InputError> {
             return Err(InputError::new(file, field, format!("`{}`", word.0), "a number"));
         }
         let values: Vec<f64> = numbers.into_iter().flatten().collect();
-        if !values.iter().all(|value| value.is_finite()) {
+        let time_s = values[0];
+        if !time_s.is_finite() {
             continue;
         }
-        let time_s = values[0];
-        if let Some(last) = sightings.last().filter(|last| last.time_s >= time_s) {
-            return Err(InputError::new(file, field, format!("t = {time_s}"), format!("a time after {}", last.time_s)));
+        if time_s <= end_s {
+            return Err(InputError::new(file, field, format!("t = {time_s}"), format!("a time after {end_s}")));
+        }
+        end_s = time_s;
+        if !values.iter().all(|value| value.is_finite()) {
+            continue;
         }
         let rotation = match &values[4..] {
             [x, y, z, w] => {
@@ -77,7 +87,7 @@ pub fn parse(file: &str, text: &str) -> Result<Vec<Sighting>, InputError> {
     if sightings.is_empty() {
         return Err(InputError::new(file, "rows", "none with numbers in all columns", "rows of t,x,y,z"));
     }
-    Ok(sightings)
+    Ok((sightings, end_s))
 }
 
 /// A number; an empty cell is a gap, a word is none.
@@ -91,10 +101,12 @@ mod tests {
 
     #[test]
     fn gaps_are_left_out_and_a_header_may_stand_above() {
-        let track = parse("t.csv", "t, x, y, z\n0.0,1,2,3\n0.1,NaN,2,3\n0.2,,2,3\n\n0.3,4,5,6\n").unwrap();
+        let text = "t, x, y, z\n0.0,1,2,3\n0.1,NaN,2,3\n0.2,,2,3\n\n0.3,4,5,6\n0.4,nan,,\n,1,2,3\n";
+        let (track, end_s) = parse("t.csv", text).unwrap();
+        assert_eq!(end_s, 0.4, "the last time in the file, seen or not");
         assert_eq!(track.iter().map(|it| it.time_s).collect::<Vec<_>>(), [0.0, 0.3]);
         assert_eq!(track[1].p, Point3::new(4.0, 5.0, 6.0));
-        let posed = parse("t.csv", "0.0,1,2,3,0,0,0,1\n").unwrap();
+        let (posed, _) = parse("t.csv", "0.0,1,2,3,0,0,0,1\n").unwrap();
         assert_eq!(posed[0].rotation, Some(UnitQuaternion::identity()));
     }
 
@@ -102,6 +114,8 @@ mod tests {
     fn faults_name_the_line() {
         for (text, line) in [
             ("0,1,2\n", "line 1"),
+            ("x,y,z,t\n1,2,3,0\n", "line 1"),
+            ("0;1;2;3\n0.1;1;2;3\n", "rows"),
             ("0,1,2,3\n1,1,2,3,0,0,0,1\n", "line 2"),
             ("0,1,2,3\n1,a,2,3\n", "line 2"),
             ("1,1,2,3\n0.5,1,2,3\n", "line 2"),

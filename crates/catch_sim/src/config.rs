@@ -5,6 +5,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::cameras::depth_noise::DepthConfig;
 
+/// No friction coefficient is higher.
+const MOST_FRICTION: f64 = 100.0;
+
 /// Longest time in seconds that an image or a command may be under way: most of a flight.
 pub const MOST_LATENCY_S: f64 = 0.5;
 
@@ -194,13 +197,14 @@ impl ArenaConfig {
     pub fn faults(&self, file: &str, table: &str) -> Vec<InputError> {
         let mut faults = Vec::new();
         let mut expect = |is_right: bool, field: &str, value: f64, expected: &str| {
-            if !is_right {
+            let field_is_new = faults.iter().all(|it: &InputError| it.field != format!("{table}.{field}"));
+            if !is_right && field_is_new {
                 faults.push(InputError::new(file, format!("{table}.{field}"), value, expected));
             }
         };
         let [least, most] = self.friction.bounds();
-        expect(least.is_finite() && least >= 0.0, "friction", least, "zero or more");
-        expect(least >= most || most.is_finite(), "friction", most, "a finite number");
+        expect((0.0..=MOST_FRICTION).contains(&least), "friction", least, "0 to 100");
+        expect(least >= most || most <= MOST_FRICTION, "friction", most, "0 to 100");
         expect(least <= most, "friction", least, "a min that is not above the max");
         let RobotErrors { encoder_sd_rad, encoder_sd_radps, link_mass_spread, tool_position_m, tool_rotation_deg } =
             self.robot_errors;
@@ -238,8 +242,8 @@ impl ArenaConfig {
         }
         let is_rate = self.frame_rate_hz.is_finite() && self.frame_rate_hz > 0.0;
         expect(is_rate, "frame_rate_hz", self.frame_rate_hz, "a number above zero");
-        let is_step = self.step_s > 0.0 && self.step_s <= 2e-3;
-        expect(is_step, "step_s", self.step_s, "above zero and at most 0.002, beyond which contacts are wrong");
+        let is_step = (1e-5..=2e-3).contains(&self.step_s);
+        expect(is_step, "step_s", self.step_s, "0.00001 to 0.002, beyond which contacts are wrong");
         for (field, value) in [("substeps", self.substeps), ("substeps_alone", self.substeps_alone)] {
             expect((1..=100).contains(&value), field, value as f64, "1 to 100");
         }

@@ -58,8 +58,10 @@ pub fn check_length(file: &str, field: &str, length_m: f64, advice: &str) -> Res
     if LENGTHS_M.contains(&length_m) {
         return Ok(());
     }
-    let expected = format!("{} m to {} m; {advice}", LENGTHS_M.start(), LENGTHS_M.end());
-    Err(InputError::new(file, field, format!("something {length_m:.3} m long"), expected))
+    let advice = if length_m > *LENGTHS_M.end() { format!("; {advice}") } else { String::new() };
+    let expected = format!("{} m to {} m{advice}", LENGTHS_M.start(), LENGTHS_M.end());
+    let digits = if length_m < 1e-3 { 6 } else { 3 };
+    Err(InputError::new(file, field, format!("something {length_m:.digits$} m long"), expected))
 }
 
 #[derive(Deserialize)]

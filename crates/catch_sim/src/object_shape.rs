@@ -94,7 +94,7 @@ fn revolution(file: &str, mass_kg: f64, profile_m: &[[f64; 2]]) -> Result<Solid,
     let rising = profile_m.windows(2).all(|pair| pair[0][0] < pair[1][0]);
     let finite = profile_m.iter().all(|[z, r]| z.is_finite() && r.is_finite() && *r >= 0.0);
     if profile_m.len() < 2 || !rising || !finite || profile_m.iter().all(|[_, r]| *r == 0.0) {
-        let expected = "two points (z, r) or more, z rising, r zero or more";
+        let expected = "two points (z, r) or more, z rising, r zero or more and somewhere above zero";
         return Err(InputError::new(file, "truth.shape.profile_m", format!("{profile_m:?}"), expected));
     }
     let mesh = TriangleMesh::revolution(profile_m, SEGMENTS);

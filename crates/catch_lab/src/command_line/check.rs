@@ -2,7 +2,10 @@
 
 use std::{fmt, path::PathBuf};
 
-use catch_lab::check::{Checked, check};
+use catch_lab::{
+    VERSION,
+    check::{Checked, check},
+};
 use clap::Args;
 use serde::Serialize;
 
@@ -36,6 +39,7 @@ impl std::error::Error for Faulty {}
 
 #[derive(Serialize)]
 struct Document {
+    version: &'static str,
     file: PathBuf,
     kind: Option<String>,
     faults: Vec<String>,
@@ -52,6 +56,7 @@ pub fn run(arguments: &CheckArguments) -> anyhow::Result<()> {
         let documents: Vec<Document> = checked
             .into_iter()
             .map(|(file, Checked { kind, faults })| Document {
+                version: VERSION,
                 file: file.clone(),
                 kind: kind.map(|it| it.to_string()),
                 faults: faults.iter().map(ToString::to_string).collect(),

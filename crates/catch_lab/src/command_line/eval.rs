@@ -10,6 +10,7 @@ use catch_lab::{
     plots,
     report_page::{self, MOST_MISSES, Report, published_rate, published_rates},
     results::{REPORT_FILE, Results},
+    scenario::Scenario,
     setup::{COMMAND_LINE, Setup},
     statistics::CellSummary,
     stopwatch::{StageTimes, Stopwatch},
@@ -57,10 +58,10 @@ pub struct EvalArguments {
     pub(super) resume: bool,
     /// The paper's assumptions, removed one after the other and one at a time, from the scenario `paper` to `honest`: catch rates with
     /// intervals, of all throws and of those within reach
-    #[arg(long, conflicts_with = "scenario")]
+    #[arg(long, conflicts_with_all = ["scenario", "method", "settings", "markdown"])]
     ladder: bool,
     /// Throw from a grid of distances and speeds at one place, by both methods
-    #[arg(long, value_enum, value_name = "WHAT", conflicts_with = "ladder")]
+    #[arg(long, value_enum, value_name = "WHAT", conflicts_with_all = ["ladder", "markdown"])]
     sweep: Option<Sweep>,
     /// Write plots as SVG beside the report
     #[arg(long)]
@@ -86,6 +87,8 @@ enum Sweep {
 struct Document<'a> {
     version: &'static str,
     scenario: &'a str,
+    /// The scenario as it was resolved; objects and throws are those of the cells.
+    resolved: &'a Scenario,
     seed: u64,
     first: u64,
     cells: Vec<DocumentCell<'a>>,
@@ -173,6 +176,7 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
     screen::json(&Document {
         version: VERSION,
         scenario: &evaluation.cells[0].setup.scenario.name,
+        resolved: &evaluation.cells[0].setup.scenario,
         seed: evaluation.seed,
         first: evaluation.first,
         cells: cells

@@ -18,7 +18,7 @@ pub struct MergeArguments {
     #[arg(value_name = "DIR", required = true)]
     parts: Vec<PathBuf>,
     /// Folder for the whole
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", default_value = "out/merged")]
     out: PathBuf,
     /// Print the table in Markdown
     #[arg(long)]

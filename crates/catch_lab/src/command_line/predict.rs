@@ -20,7 +20,8 @@ use crate::screen;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 The track is a CSV file of t,x,y,z or t,x,y,z,qx,qy,qz,qw in seconds and metres; a header may stand
-above it, rows with gaps or NaN are left out. Gravity is 9.81 m/s² against the axis named by --up.
+above it, in this order; rows with gaps or NaN are left out. What is called the end is the last time
+in the file, seen or not. Gravity is 9.81 m/s² against the axis named by --up.
 What is printed is in the track's own axes and clock; covariances are of (position, velocity).
 
 Examples:
@@ -104,8 +105,7 @@ pub fn run(arguments: &PredictArguments) -> anyhow::Result<()> {
         finite("--at and --until", time_s)?;
     }
     let (drag, drag_sd) = (not_negative("--drag", arguments.drag)?, not_negative("--drag-sd", arguments.drag_sd)?);
-    let track = track_file::read(&arguments.track)?;
-    let end_s = track[track.len() - 1].time_s;
+    let (track, end_s) = track_file::read(&arguments.track)?;
     let until_s = arguments.until.unwrap_or(end_s);
     let seen = &track[..track.partition_point(|it| it.time_s <= until_s)];
     if seen.len() < LEAST_SIGHTINGS {
@@ -138,6 +138,13 @@ pub fn run(arguments: &PredictArguments) -> anyhow::Result<()> {
         end: found.map(|track| prediction(end_s, track)),
         at: found.map_or_else(Vec::new, |it| arguments.at.iter().map(|&time_s| prediction(time_s, it)).collect()),
     };
+    // Backward through air a flight soon becomes infinitely fast.
+    let is_finite =
+        |it: &&Prediction| it.position.iter().chain(it.covariance.iter().flatten()).all(|it| it.is_finite());
+    if let Some(lost) = document.at.iter().chain(&document.end).find(|it| !is_finite(it)) {
+        let expected = format!("a time to which the flight can be followed from {} to {until_s} s", seen[0].time_s);
+        return Err(InputError::new(COMMAND_LINE, "--at", lost.time_s, expected).into());
+    }
     if arguments.json { screen::json(&document) } else { Ok(print(&document)?) }
 }
 
@@ -149,7 +156,7 @@ fn print(document: &Document) -> std::io::Result<()> {
     if document.end.is_none() {
         screen::fact(
             "what may help",
-            "--up, if it is not z; metres and seconds; more of the flight, and nothing but the flight",
+            "the right --up; metres and seconds; more of the flight, and nothing but the flight",
         )?;
     }
     if let (Some(drag), Some(sd)) = (document.drag_per_m, document.drag_sd_per_m) {
@@ -237,7 +244,7 @@ mod tests {
             let jump = if i % 10 == 9 { 0.5 } else { 0.0 };
             format!("{t},{},{sign},{}\n", t + sign, t - 4.9 * t * t + sign + jump)
         });
-        let track = parse("t.csv", &rows.collect::<String>()).unwrap();
+        let (track, _) = parse("t.csv", &rows.collect::<String>()).unwrap();
         let noise_m = noise(&track);
         assert!(noise_m > 1e-3 && noise_m < 6e-3, "{noise_m}");
     }

@@ -2,7 +2,9 @@
 
 use catch_body::InputError;
 use catch_lab::{
+    VERSION,
     ready::Corridor,
+    scenario::Scenario,
     setup::{COMMAND_LINE, Setup},
 };
 use clap::Args;
@@ -44,6 +46,8 @@ pub struct ReadyArguments {
 
 #[derive(Serialize)]
 struct Answer<'a> {
+    version: &'static str,
+    scenario: &'a Scenario,
     ready_rad: &'a [f64],
     within_reach: usize,
     throws: usize,
@@ -81,6 +85,8 @@ pub fn run(arguments: &ReadyArguments) -> anyhow::Result<()> {
         return Err(InputError::new(COMMAND_LINE, "--throw", found, expected).into());
     }
     let answer = Answer {
+        version: VERSION,
+        scenario: &setups[0].scenario,
         ready_rad: &best.q.as_slice()[..dof],
         within_reach: best.caught,
         throws: best.throws,

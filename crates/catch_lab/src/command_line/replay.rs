@@ -21,7 +21,7 @@ pub struct ReplayArguments {
 /// Replays a recording and says whether the commands are the same.
 ///
 /// # Errors
-/// A file that is not a complete recording; commands that differ.
+/// A file that is not a complete recording.
 pub fn run(arguments: &ReplayArguments) -> anyhow::Result<()> {
     let replay = replay::replay(&arguments.recording)?;
     if arguments.json {

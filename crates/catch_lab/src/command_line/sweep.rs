@@ -21,6 +21,8 @@ use crate::screen::{self, FAINT, STRONG};
 #[derive(Serialize)]
 struct Document {
     version: &'static str,
+    seed: u64,
+    first: u64,
     distances_m: [f64; 7],
     speeds_mps: [f64; 7],
     methods: Vec<Grid>,
@@ -49,8 +51,14 @@ struct Field {
 /// Faults in the arguments and files; results that cannot be written.
 pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
     let methods = arguments.choice.method().map_or(vec![Method::Ours, Method::Paper], |method| vec![method]);
-    let mut document =
-        Document { version: VERSION, distances_m: DISTANCES_M, speeds_mps: SPEEDS_MPS, methods: Vec::new() };
+    let mut document = Document {
+        version: VERSION,
+        seed: arguments.seed,
+        first: arguments.first,
+        distances_m: DISTANCES_M,
+        speeds_mps: SPEEDS_MPS,
+        methods: Vec::new(),
+    };
     for method in methods {
         let grid = of_method(arguments, method)?;
         if !arguments.json {

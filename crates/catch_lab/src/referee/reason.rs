@@ -54,8 +54,10 @@ pub enum Reason {
     SlippedOut,
     /// The object was held and then lost.
     Dropped,
-    /// The hand took it along to the floor.
+    /// The hand took it along to the floor, or it was there before.
     HitFloor,
+    /// It was held, but the arm did not come to rest.
+    MovedOn,
 }
 
 impl Display for Reason {
@@ -79,6 +81,7 @@ impl Display for Reason {
             Self::SlippedOut => "it slipped out of the closing fingers",
             Self::HitFloor => "it was held, but touched the floor",
             Self::Dropped => "it was held and then lost",
+            Self::MovedOn => "it was held, but the arm did not come to rest",
         })
     }
 }
@@ -97,8 +100,9 @@ pub(crate) fn why_not_caught(evidence: &Evidence) -> Option<Reason> {
     }
     let touched_else = evidence.truth.samples.iter().find(|sample| sample.contact.arm || sample.contact.floor);
     if evidence.contact_s.is_some() && evidence.first_not_held_s().is_none() {
-        // Held; but a catch by way of the arm or the floor is none.
-        return touched_else.map(|_| Reason::HitArm);
+        // Held; but a catch by way of the arm or the floor is none, nor one by an arm that moves on.
+        let by_way_of = touched_else.map(|sample| if sample.contact.arm { Reason::HitArm } else { Reason::HitFloor });
+        return by_way_of.or_else(|| evidence.moved_on().then_some(Reason::MovedOn));
     }
     if evidence.catch_s.is_none() {
         return Some(without_a_plan(evidence));

@@ -103,7 +103,7 @@ fn misspelt_and_impossible_fields_are_named() {
     let scenario = assets.spoil("scenarios/paper.toml", "friction", "fricton");
     one_line(&["catch", "--scenario", &scenario], &["paper.toml", "fricton", "friction"]);
     let scenario = assets.spoil("scenarios/paper.toml", "fricton = 0.667", "friction = -0.667");
-    one_line(&["catch", "--scenario", &scenario], &["paper.toml", "arena.friction", "-0.667", "zero or more"]);
+    one_line(&["catch", "--scenario", &scenario], &["paper.toml", "arena.friction", "-0.667", "0 to 100"]);
     let scenario = assets.spoil("scenarios/paper.toml", "friction = -0.667", "friction = \"high\"");
     one_line(&["catch", "--scenario", &scenario], &["paper.toml", "friction", "high"]);
     let scenario = assets.spoil("scenarios/paper.toml", "friction = \"high\"", "");
@@ -229,6 +229,11 @@ fn arguments_that_cannot_be_right_say_what_would_be() {
         (&["register", "--cloud", "no.ply", "--reference", "banana"], &["no.ply"]),
         (&["catch", "--object", "cup.obj"], &["--object", "the mesh `cup.obj`", "`catchingbot new object cup`"]),
         (&["ready", "--robot", "ur10e", "--trials", "1", "--tries", "1"], &["no pose", "within reach"]),
+        (&["eval", "--ladder", "--method", "paper"], &["--ladder", "--method"]),
+        (&["eval", "--ladder", "--set", "arena.friction=1"], &["--ladder", "--set"]),
+        (&["catch", "--set", "brain.trajectory_optimization.velocity_share=1.5"], &["velocity_share", "0.01 to 1"]),
+        (&["catch", "--set", "brain.perception.distance_grid_m=0"], &["distance_grid_m", "0.0005 to 0.05"]),
+        (&["catch", "--set", "arena.step_s=1e-9"], &["arena.step_s", "0.00001 to 0.002"]),
     ] {
         let said = complaint(arguments);
         for hint in hints {
@@ -273,6 +278,12 @@ fn every_asset_is_right_and_what_is_not_is_told() {
             "diameter_m = 0.12",
             "120 mm wide at its narrowest; the gripper opens 110 mm",
         ),
+        (
+            "objects/tennis_ball.toml",
+            "diameter_m = 0.12",
+            "diameter_m = \"60 mm\"",
+            "truth.shape.diameter_m: found \"60 mm\", expected a number",
+        ),
         ("empty.toml", "", "", "found nothing, expected the fields of a scenario"),
     ] {
         let output = check(&[assets.spoil(file, right, wrong)]);
@@ -294,6 +305,30 @@ fn references_in_millimetres_are_refused() {
         one_line(&arguments, &[name, "something 90.000 m long", hint]);
     }
     one_line(&["register", "--cloud", &at("seen.xyz"), "--reference", "bananna"], &["did you mean `banana`?"]);
+}
+
+#[test]
+fn flights_are_followed_no_farther_than_they_can_be() {
+    let folder = tempfile::tempdir().unwrap();
+    let track = folder.path().join("ball.csv");
+    // 7 m/s through air that brakes by k = 0.05 1/m, stepped finely.
+    let (mut p, mut v, mut rows) = ([0.0, 1.0], [5.0_f64, 4.9_f64], String::from("t,x,y,z\n"));
+    for step in 0..4000 {
+        if step % 100 == 0 {
+            rows += &format!("{},{},0,{}\n", f64::from(step) * 1e-4, p[0], p[1]);
+        }
+        let braking = 0.05 * v[0].hypot(v[1]);
+        (p, v) = (
+            [p[0] + v[0] * 1e-4, p[1] + v[1] * 1e-4],
+            [v[0] * (1.0 - braking * 1e-4), v[1] - (9.81 + braking * v[1]) * 1e-4],
+        );
+    }
+    fs::write(&track, rows).unwrap();
+    let track = track.to_str().unwrap();
+    for at in ["-5", "1e9"] {
+        one_line(&["predict", "--track", track, "--at", at], &["--at", "a time to which the flight can be followed"]);
+    }
+    assert!(catchingbot(&["predict", "--track", track, "--at", "0.5"]).status.success());
 }
 
 #[test]
