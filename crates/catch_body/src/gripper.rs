@@ -40,7 +40,7 @@ impl Gripper {
     /// Reads a gripper's TOML file; `file` names it in errors.
     pub fn from_toml(file: &str, text: &str) -> Result<Self, InputError> {
         let gripper: Self = InputError::parse_toml(file, text)?;
-        for (field, value) in [
+        let masses_and_limits = [
             ("body_mass_kg", gripper.body_mass_kg),
             ("finger_mass_kg", gripper.finger_mass_kg),
             ("max_width_m", gripper.max_width_m),
@@ -48,14 +48,11 @@ impl Gripper {
             ("max_speed_mps", gripper.max_speed_mps),
             ("max_acceleration_mps2", gripper.max_acceleration_mps2),
             ("grasp_centre_y_m", gripper.grasp_centre_y_m),
-        ] {
-            InputError::positive(file, field, value)?;
-        }
-        for (field, size) in [("body_size_m", gripper.body_size_m), ("finger_size_m", gripper.finger_size_m)] {
-            for value in size {
-                InputError::positive(file, field, value)?;
-            }
-        }
+        ];
+        let sizes = [("body_size_m", gripper.body_size_m), ("finger_size_m", gripper.finger_size_m)];
+        let sizes = sizes.into_iter().flat_map(|(field, size)| size.map(|value| (field, value)));
+        let all = masses_and_limits.into_iter().chain(sizes);
+        InputError::first_of(all.map(|(field, value)| InputError::positive(file, field, value)))?;
         if gripper.finger_centre_y_m <= gripper.palm_y_m() - gripper.finger_size_m[1] / 2.0 {
             let expected = "fingers that reach beyond the housing along y";
             return Err(InputError::new(file, "finger_centre_y_m", gripper.finger_centre_y_m, expected));

@@ -23,6 +23,8 @@ pub struct InputError {
     pub found: String,
     /// What would be right.
     pub expected: String,
+    /// More faults that were found with it.
+    pub also: Vec<InputError>,
 }
 
 impl InputError {
@@ -33,7 +35,20 @@ impl InputError {
             field: field.to_string(),
             found: found.to_string(),
             expected: expected.to_string(),
+            also: Vec::new(),
         }
+    }
+
+    /// All faults among several checks as one, the first of them with the others.
+    pub fn first_of<T>(checks: impl IntoIterator<Item = Result<T, Self>>) -> Result<(), Self> {
+        let mut faults = checks.into_iter().filter_map(Result::err).flat_map(Self::all);
+        faults.next().map_or(Ok(()), |first| Err(Self { also: faults.collect(), ..first }))
+    }
+
+    /// This fault and those that were found with it.
+    pub fn all(mut self) -> Vec<Self> {
+        let also = std::mem::take(&mut self.also);
+        std::iter::once(self).chain(also).collect()
     }
 
     /// What a kind of value, as serde calls it, is called in files.

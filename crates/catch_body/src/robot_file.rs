@@ -81,7 +81,7 @@ impl Robot {
 
         let link_names: Vec<&str> =
             std::iter::once(base_link.as_str()).chain(joints.iter().map(|it| it.link_name.as_str())).collect();
-        let mut capsules = Vec::new();
+        let (mut capsules, mut faults) = (Vec::new(), Vec::new());
         for (i, capsule) in extra.collision.capsules.iter().enumerate() {
             let field = |name: &str| format!("collision.capsules[{i}].{name}");
             let link = link_names.iter().position(|name| *name == capsule.link).ok_or_else(|| {
@@ -92,14 +92,11 @@ impl Robot {
                     format!("one of {}", link_names.join(", ")),
                 )
             })?;
-            capsules.push((
-                link,
-                Capsule {
-                    from: InputError::finite(files.toml_file, field("from_m"), capsule.from_m)?.into(),
-                    to: InputError::finite(files.toml_file, field("to_m"), capsule.to_m)?.into(),
-                    radius: InputError::positive(files.toml_file, field("radius_m"), capsule.radius_m)?,
-                },
-            ));
+            let CapsuleFields { from_m, to_m, radius_m, .. } = *capsule;
+            faults.extend(InputError::finite(files.toml_file, field("from_m"), from_m).err());
+            faults.extend(InputError::finite(files.toml_file, field("to_m"), to_m).err());
+            faults.extend(InputError::positive(files.toml_file, field("radius_m"), radius_m).err());
+            capsules.push((link, Capsule { from: from_m.into(), to: to_m.into(), radius: radius_m }));
         }
 
         let mut robot = Self {
@@ -112,9 +109,11 @@ impl Robot {
             capsules,
             ignored_neighbours: extra.collision.ignored_neighbours,
         };
-        robot.comfortable_q =
-            robot.checked_pose(files.toml_file, "poses.comfortable_rad", &extra.poses.comfortable_rad)?;
-        robot.ready_q = robot.checked_pose(files.toml_file, "poses.ready_rad", &extra.poses.ready_rad)?;
+        let poses = &extra.poses;
+        let comfortable = robot.checked_pose(files.toml_file, "poses.comfortable_rad", &poses.comfortable_rad);
+        let ready = robot.checked_pose(files.toml_file, "poses.ready_rad", &poses.ready_rad);
+        InputError::first_of(faults.into_iter().map(Err).chain([comfortable.clone(), ready.clone()]))?;
+        (robot.comfortable_q, robot.ready_q) = (comfortable?, ready?);
         Ok(robot)
     }
 
@@ -150,7 +149,7 @@ fn serial_chain(
         return Err(fault("link".into(), format!("{} links without a parent", roots.len()), "one base link"));
     };
 
-    let mut joints = Vec::new();
+    let (mut joints, mut faults, mut count) = (Vec::new(), Vec::new(), 0);
     let mut parent = base.to_owned();
     loop {
         let next: Vec<&urdf_rs::Joint> = urdf.joints.iter().filter(|joint| joint.parent.link == parent).collect();
@@ -169,12 +168,17 @@ fn serial_chain(
             let found = format!("{:?}", joint.joint_type).to_lowercase();
             return Err(fault(format!("joint {}: type", joint.name), found, "revolute"));
         }
-        joints.push(revolute_joint(files, urdf, joint, extra)?);
+        match revolute_joint(files, urdf, joint, extra) {
+            Ok(joint) => joints.push(joint),
+            Err(fault) => faults.push(fault),
+        }
         parent.clone_from(&joint.child.link);
-        if joints.len() > MAX_JOINTS {
+        count += 1;
+        if count > MAX_JOINTS {
             return Err(fault("joint".into(), format!("more than {MAX_JOINTS} joints"), "an arm of at most 8 joints"));
         }
     }
+    InputError::first_of(faults.into_iter().map(Err::<(), _>))?;
     if joints.is_empty() {
         return Err(fault("joint".into(), "none".into(), "a serial arm of revolute joints"));
     }

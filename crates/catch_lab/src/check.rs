@@ -97,7 +97,7 @@ fn faults_of(kind: Kind, asset: &Asset) -> Vec<InputError> {
         Kind::Throw => Throw::from_toml(file, text).map(drop),
         Kind::Rig => cameras::rig_from_toml(file, text).map(drop),
     };
-    result.err().into_iter().collect()
+    result.err().into_iter().flat_map(InputError::all).collect()
 }
 
 /// A scenario's own faults and those of all the files that it names.

@@ -253,7 +253,7 @@ impl ArenaConfig {
             let expected = "a rate whose interval is a whole number of steps (step_s)";
             expect(is_whole, "frame_rate_hz", self.frame_rate_hz, expected);
         }
-        faults.extend(self.depth.check(file, &format!("{table}.depth")).err());
+        faults.extend(self.depth.check(file, &format!("{table}.depth")).err().into_iter().flat_map(InputError::all));
         faults
     }
 

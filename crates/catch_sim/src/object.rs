@@ -94,28 +94,21 @@ impl ThrownObject {
     ) -> Result<Self, InputError> {
         let ObjectFile { name, truth, prior } = InputError::parse_toml(file, text)?;
         let mass_kg = InputError::positive(file, "truth.mass_kg", truth.mass_kg)?;
-        if !MASSES_KG.contains(&mass_kg) {
-            let expected = format!("{} to {}, in kilogrammes", MASSES_KG.start(), MASSES_KG.end());
-            return Err(InputError::new(file, "truth.mass_kg", mass_kg, expected));
-        }
-        let known = [("truth.restitution", Some(truth.restitution)), ("prior.restitution", prior.restitution)];
-        for (field, value) in known.into_iter().filter_map(|(field, value)| Some((field, value?))) {
-            if !(0.0..=1.0).contains(&value) {
-                return Err(InputError::new(file, field, value, "0 to 1"));
-            }
-        }
-        for (field, value) in [
-            ("truth.drag_per_m", truth.drag_per_m),
-            ("prior.drag_per_m", prior.drag_per_m),
-            ("prior.drag_sd_per_m", prior.drag_sd_per_m),
-        ] {
-            if !(value.is_finite() && value >= 0.0) {
-                return Err(InputError::new(file, field, value, "zero or more"));
-            }
-        }
-        if let Some(stiffness_npm) = truth.stiffness_npm {
-            InputError::positive(file, "truth.stiffness_npm", stiffness_npm)?;
-        }
+        let within = |field: &str, value: f64, range: &RangeInclusive<f64>, expected: &str| {
+            let fault = || InputError::new(file, field, value, expected);
+            if range.contains(&value) { Ok(()) } else { Err(fault()) }
+        };
+        let (share, not_negative) = (0.0..=1.0, 0.0..=f64::MAX);
+        let masses = format!("{} to {}, in kilogrammes", MASSES_KG.start(), MASSES_KG.end());
+        InputError::first_of([
+            within("truth.mass_kg", mass_kg, &MASSES_KG, &masses),
+            within("truth.restitution", truth.restitution, &share, "0 to 1"),
+            within("prior.restitution", prior.restitution.unwrap_or_default(), &share, "0 to 1"),
+            within("truth.drag_per_m", truth.drag_per_m, &not_negative, "zero or more"),
+            within("prior.drag_per_m", prior.drag_per_m, &not_negative, "zero or more"),
+            within("prior.drag_sd_per_m", prior.drag_sd_per_m, &not_negative, "zero or more"),
+            InputError::positive(file, "truth.stiffness_npm", truth.stiffness_npm.unwrap_or(1.0)).map(drop),
+        ])?;
         let Solid { mesh, parts, inertia } = truth.shape.solid(file, mass_kg, load)?;
         let advice = "a mesh in millimetres needs `scale = 0.001`";
         check_length(file, "truth.shape", mesh.aabb().size.max(), advice)?;

@@ -208,6 +208,17 @@ fn check_lists_the_faults_of_all_parts() {
         assert!(said.contains(field), "{field} is missing in {said}");
     }
     assert!(stderr(&output).contains("5 faults"), "{}", stderr(&output));
+
+    // And all of one part.
+    assets.spoil("objects/tennis_ball.toml", "mass_kg = 0.058", "mass_kg = 58");
+    assets.spoil("grippers/wsg50.toml", "finger_mass_kg = ", "finger_mass_kg = -");
+    assets.spoil("grippers/wsg50.toml", "max_force_n = ", "max_force_n = -");
+    assets.spoil("robots/iiwa14/robot.toml", "max_acceleration_radps2 = 8.57", "max_acceleration_radps2 = -8.57");
+    assets.spoil("robots/iiwa14/robot.toml", "max_acceleration_radps2 = 8.57", "max_acceleration_radps2 = -8.57");
+    for (file, faults) in [("objects/tennis_ball.toml", 2), ("grippers/wsg50.toml", 2), ("robots/iiwa14", 2)] {
+        let output = catchingbot(&["check", assets.path(file).to_str().unwrap()]);
+        assert!(stderr(&output).contains(&format!("{faults} faults")), "{file}: {}", stdout(&output));
+    }
 }
 
 #[test]

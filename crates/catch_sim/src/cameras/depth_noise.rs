@@ -216,30 +216,34 @@ impl DepthConfig {
             }
             _ => Ok(()),
         };
-        share("lost_frame_share", self.lost_frame_share)?;
-        not_negative("calibration_sd_m", self.calibration_sd_m)?;
-        not_negative("calibration_sd_rad", self.calibration_sd_rad)?;
+        let mut checks = vec![
+            share("lost_frame_share", self.lost_frame_share),
+            not_negative("calibration_sd_m", self.calibration_sd_m),
+            not_negative("calibration_sd_rad", self.calibration_sd_rad),
+        ];
         match &self.model {
-            DepthModel::Gaussian(noise) => not_negative("model.gaussian.sd_m", noise.sd_m),
+            DepthModel::Gaussian(noise) => checks.push(not_negative("model.gaussian.sd_m", noise.sd_m)),
             DepthModel::Stereo(noise) => {
                 let field = |name: &str| format!("model.stereo.{name}");
-                InputError::positive(file, format!("{table}.{}", field("baseline_m")), noise.baseline_m)?;
-                not_negative(&field("subpixel_px"), noise.subpixel_px)?;
-                share(&field("common_share"), noise.common_share)?;
-                share(&field("dropout_share"), noise.dropout_share)?;
-                rising(&field("grazing_rad"), noise.grazing_rad)?;
-                share(&field("bleed_share"), noise.bleed_share)?;
-                share(&field("flying_share"), noise.flying_share)?;
-                share(&field("bleed_share + flying_share"), noise.bleed_share + noise.flying_share)?;
-                rising(&field("range_m"), noise.range_m)?;
+                checks.extend([
+                    InputError::positive(file, format!("{table}.{}", field("baseline_m")), noise.baseline_m).map(drop),
+                    not_negative(&field("subpixel_px"), noise.subpixel_px),
+                    share(&field("common_share"), noise.common_share),
+                    share(&field("dropout_share"), noise.dropout_share),
+                    rising(&field("grazing_rad"), noise.grazing_rad),
+                    share(&field("bleed_share"), noise.bleed_share),
+                    share(&field("flying_share"), noise.flying_share),
+                    share(&field("bleed_share + flying_share"), noise.bleed_share + noise.flying_share),
+                    rising(&field("range_m"), noise.range_m),
+                ]);
                 if noise.edge_px > MAX_EDGE_PX {
                     let (at, most) = (format!("{table}.{}", field("edge_px")), format!("at most {MAX_EDGE_PX}"));
-                    return Err(InputError::new(file, at, noise.edge_px, most));
+                    checks.push(Err(InputError::new(file, at, noise.edge_px, most)));
                 }
-                Ok(())
             }
-            _ => Ok(()),
+            _ => {}
         }
+        InputError::first_of(checks)
     }
 }
 
