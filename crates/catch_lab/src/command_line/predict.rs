@@ -3,14 +3,14 @@
 use std::path::PathBuf;
 
 use catch_body::InputError;
-use catch_bot::trajectory_prediction::{Config, Track, TrackSample};
+use catch_bot::trajectory_prediction::{Config, PredictionStatus, Track, TrackSample};
 use catch_lab::{
     VERSION,
     setup::COMMAND_LINE,
     track_file::{self, Sighting},
 };
 use clap::{Args, ValueEnum};
-use nalgebra::{Matrix3, Unit, Vector3};
+use nalgebra::{Unit, Vector3};
 use serde::Serialize;
 
 use super::register::rows;
@@ -114,18 +114,7 @@ pub fn run(arguments: &PredictArguments) -> anyhow::Result<()> {
         return Err(InputError::new(file, "rows", format!("{} until {until_s} s", seen.len()), expected).into());
     }
 
-    let noise_m = noise(seen);
-    let samples: Vec<TrackSample> = seen.iter().map(|it| sample(it, noise_m)).collect();
-    let config = Config {
-        drag_prior_per_m: drag,
-        drag_prior_sd_per_m: drag_sd,
-        first_after: LEAST_SIGHTINGS,
-        window: samples.len(),
-        fit_window: samples.len(),
-        inlier_m: Config::default().inlier_m.max(4.0 * noise_m),
-        ..Config::default()
-    };
-    let fitted = Track::fit(&samples, &arguments.up.direction(), &config, SEED);
+    let (noise_m, fitted) = fit(seen, &arguments.up.direction(), [drag, drag_sd]);
     let found = fitted.as_ref().ok();
     let document = Document {
         version: VERSION,
@@ -152,6 +141,9 @@ fn print(document: &Document) -> std::io::Result<()> {
     screen::fact("status", document.status.as_str().unwrap_or_default())?;
     let inliers = document.inliers.map_or(String::new(), |count| format!(", {count} agree"));
     screen::fact("sightings", &format!("{}{inliers}", document.sightings))?;
+    if document.inliers.is_some_and(|count| 2 * count < document.sightings) {
+        screen::fact("doubtful", "less than half of them agree: is --up right, and is all of it one flight?")?;
+    }
     screen::fact("their noise", &format!("{:.2} mm", document.noise_m * 1e3))?;
     if document.end.is_none() {
         screen::fact(
@@ -198,54 +190,92 @@ fn prediction(time_s: f64, track: &Track) -> Prediction {
     }
 }
 
+/// Noises that a track may have, in metres along each axis.
+const NOISES_M: [f64; 6] = [5e-4, 2e-3, 8e-3, 0.03, 0.1, 0.5];
+/// A flight that this share of the sightings agrees with is the one, for a noise that is as low as possible.
+const AGREEING_SHARE: f64 = 0.4;
+/// How often the noise is then taken anew from how far those that agree are from the flight, at most.
+const REFINEMENTS: usize = 4;
 /// Noise below this is not believed, in metres.
 const LEAST_NOISE_M: f64 = 1e-4;
-/// Sightings over which a flight is all but a parabola.
-const PIECE: usize = 5;
-/// This share of the pieces is smoother than that many standard deviations of normal noise: √(χ²/2) with the 30 % quantile of
-/// χ² with the 2 degrees of freedom that a parabola leaves to five sightings.
-const SMOOTH: (f64, f64) = (0.3, 0.597);
+/// Half of the sightings with normal noise along each axis are nearer than that many standard deviations: the median of χ with 3
+/// degrees of freedom.
+const MEDIAN: f64 = 1.538;
 
-/// How noisy a track is, from how far its pieces are from parabolas. The smoother pieces tell, so that outliers do not count.
-fn noise(track: &[Sighting]) -> f64 {
-    let length = PIECE.min(track.len());
-    let mut deviations: Vec<f64> = Vec::new();
-    for piece in track.windows(length) {
-        let middle_s = piece[length / 2].time_s;
-        let span_s = (piece[length - 1].time_s - piece[0].time_s) / 2.0;
-        let basis = |it: &Sighting| {
-            let t = (it.time_s - middle_s) / span_s;
-            Vector3::new(1.0, t, t * t)
+/// How noisy a track is, and the flight fitted to it, with the drag constant that is expected and its standard deviation.
+fn fit(
+    seen: &[Sighting],
+    up: &Unit<Vector3<f64>>,
+    [drag, drag_sd]: [f64; 2],
+) -> (f64, Result<Track, PredictionStatus>) {
+    let with_noise = |noise_m: f64| {
+        let samples: Vec<TrackSample> = seen.iter().map(|it| sample(it, noise_m)).collect();
+        let config = Config {
+            drag_prior_per_m: drag,
+            drag_prior_sd_per_m: drag_sd,
+            first_after: LEAST_SIGHTINGS,
+            window: samples.len(),
+            fit_window: samples.len(),
+            inlier_m: Config::default().inlier_m.max(4.0 * noise_m),
+            ..Config::default()
         };
-        let normal: Matrix3<f64> = piece.iter().map(|it| basis(it) * basis(it).transpose()).sum();
-        let Some(inverse) = normal.try_inverse() else { continue };
-        for axis in 0..3 {
-            let moment: Vector3<f64> = piece.iter().map(|it| basis(it) * it.p[axis]).sum();
-            let parabola = inverse * moment;
-            let squares: f64 = piece.iter().map(|it| (it.p[axis] - parabola.dot(&basis(it))).powi(2)).sum();
-            deviations.push((squares / (length - 3) as f64).sqrt());
+        Track::fit(&samples, up, &config, SEED)
+    };
+    let agreeing = |fitted: &Result<Track, _>| fitted.as_ref().map_or(0, |it: &Track| it.flight.inliers);
+    let enough = (seen.len() as f64 * AGREEING_SHARE) as usize;
+    let [mut noise_m, ..] = NOISES_M;
+    let mut fitted = with_noise(noise_m);
+    for &next_m in &NOISES_M[1..] {
+        if agreeing(&fitted) > enough {
+            break;
         }
+        (noise_m, fitted) = (next_m, with_noise(next_m));
     }
-    deviations.sort_by(f64::total_cmp);
-    let smooth = deviations.get((deviations.len() as f64 * SMOOTH.0) as usize);
-    smooth.map_or(LEAST_NOISE_M, |deviation| (deviation / SMOOTH.1).max(LEAST_NOISE_M))
+    for _ in 0..REFINEMENTS {
+        let Ok(track) = &fitted else { break };
+        let mut distances: Vec<f64> = seen.iter().map(|it| (it.p - track.position_at(it.time_s)).norm()).collect();
+        distances.sort_by(f64::total_cmp);
+        let next_m = (distances[track.flight.inliers / 2] / MEDIAN).max(LEAST_NOISE_M);
+        let next = with_noise(next_m);
+        // A flight that fewer agree with is another one.
+        if !next_m.is_finite() || agreeing(&next) <= enough {
+            break;
+        }
+        (noise_m, fitted) = (next_m, next);
+    }
+    (noise_m, fitted)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use catch_lab::track_file::parse;
+    use nalgebra::Point3;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64;
+
+    /// A flight with 2 mm of noise along each axis, of which a share lies elsewhere.
+    fn track(outliers: f64, seed: u64) -> Vec<Sighting> {
+        let mut rng = Pcg64::seed_from_u64(seed);
+        let row = |i: u32| {
+            let t = f64::from(i) * 0.01;
+            let mut noise = || (0..12).map(|_| rng.random_range(-0.5..0.5)).sum::<f64>() * 0.002;
+            let p = [t + noise(), noise(), t - 4.905 * t * t + noise()];
+            let off = if rng.random_bool(outliers) { rng.random_range(0.05..1.0) } else { 0.0 };
+            format!("{t},{},{},{}\n", p[0] + off, p[1] - off, p[2] + off)
+        };
+        parse("t.csv", &(0..60).map(row).collect::<String>()).unwrap().0
+    }
 
     #[test]
-    fn noise_is_that_of_the_track() {
-        // ±2 mm in turn, and every tenth sighting half a metre off.
-        let rows = (0..60).map(|i| {
-            let (t, sign) = (f64::from(i) * 0.01, if i % 2 == 0 { 0.002 } else { -0.002 });
-            let jump = if i % 10 == 9 { 0.5 } else { 0.0 };
-            format!("{t},{},{sign},{}\n", t + sign, t - 4.9 * t * t + sign + jump)
-        });
-        let (track, _) = parse("t.csv", &rows.collect::<String>()).unwrap();
-        let noise_m = noise(&track);
-        assert!(noise_m > 1e-3 && noise_m < 6e-3, "{noise_m}");
+    fn outliers_do_not_count() {
+        for outliers in [0.0, 0.1, 0.2, 0.3, 0.4] {
+            for seed in 0..20 {
+                let (noise_m, fitted) = fit(&track(outliers, seed), &Vector3::z_axis(), [0.0, 0.0]);
+                assert!(noise_m > 1e-3 && noise_m < 4e-3, "{outliers}: {noise_m}");
+                let off = fitted.unwrap().position_at(0.8) - Point3::new(0.8, 0.0, 0.8 - 4.905 * 0.64);
+                assert!(off.norm() < 0.02, "{outliers}: {off}");
+            }
+        }
     }
 }
