@@ -363,6 +363,19 @@ mod tests {
     use super::*;
 
     #[test]
+    fn what_killed_recordings_left_is_swept_out() {
+        let folder = tempfile::tempdir().unwrap();
+        let (left, mine) = (".a.4294967294.unfinished", format!(".a.{}.unfinished", std::process::id()));
+        let kept = [mine.as_str(), ".a.unfinished", "a.4294967294.unfinished", "a.catch"];
+        for name in kept.iter().chain(&[left]) {
+            fs::write(folder.path().join(name), "").unwrap();
+        }
+        sweep_out(folder.path()).unwrap();
+        assert!(kept.iter().all(|name| folder.path().join(name).exists()));
+        assert_eq!(folder.path().join(left).exists(), !Path::new("/proc/self").exists());
+    }
+
+    #[test]
     fn names_of_files_are_short_and_differ() {
         let stem = |scenario: &str| {
             let scenario = scenario.to_owned();

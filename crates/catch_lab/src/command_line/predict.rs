@@ -88,6 +88,8 @@ struct Document {
     at: Vec<Prediction>,
 }
 
+/// With more noise than this something is wrong, most likely.
+const DOUBTFUL_NOISE_M: f64 = 0.02;
 /// Sightings that a flight needs.
 const LEAST_SIGHTINGS: usize = 6;
 
@@ -141,10 +143,10 @@ fn print(document: &Document) -> std::io::Result<()> {
     screen::fact("status", document.status.as_str().unwrap_or_default())?;
     let inliers = document.inliers.map_or(String::new(), |count| format!(", {count} agree"));
     screen::fact("sightings", &format!("{}{inliers}", document.sightings))?;
-    if document.inliers.is_some_and(|count| 2 * count < document.sightings) {
-        screen::fact("doubtful", "less than half of them agree: is --up right, and is all of it one flight?")?;
-    }
     screen::fact("their noise", &format!("{:.2} mm", document.noise_m * 1e3))?;
+    if document.noise_m > DOUBTFUL_NOISE_M || document.inliers.is_some_and(|count| 2 * count < document.sightings) {
+        screen::fact("doubtful", "they are far from one flight: is --up right, are they metres and seconds?")?;
+    }
     if document.end.is_none() {
         screen::fact(
             "what may help",

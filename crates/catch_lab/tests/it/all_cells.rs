@@ -2,7 +2,7 @@
 
 use catch_lab::{
     assets::Kind,
-    referee::{self, Verdict},
+    referee::{self, Verdict, reason::Reason},
     setup::{Choice, Setup},
     trial,
 };
@@ -31,6 +31,22 @@ fn is_finite(sample: &TruthSample) -> bool {
         .chain(V_WO.angular.iter())
         .chain(poses);
     numbers.all(|number| number.is_finite()) && width_m.is_finite()
+}
+
+/// Held, but by an arm that moves on, is no catch; nor is one that the floor helped with.
+#[test]
+fn a_catch_needs_an_arm_at_rest_and_no_floor() {
+    let setup = Setup::load(&Choice::default()).unwrap();
+    let mut trial = trial::run(&setup, 1, 0, &mut |_, _| Ok(())).unwrap();
+    let verdict = referee::judge(&setup, &trial);
+    assert!(verdict.caught);
+    let still_s = verdict.contact_s.unwrap() + 0.6;
+    let at = trial.truth.samples.iter().position(|sample| sample.time_s > still_s).unwrap();
+    trial.truth.samples[at].V_WG.linear.x += 0.1;
+    assert_eq!(referee::judge(&setup, &trial).reason, Some(Reason::MovedOn));
+    trial.truth.samples[at].V_WG.linear.x -= 0.1;
+    trial.truth.samples[5].contact.floor = true;
+    assert_eq!(referee::judge(&setup, &trial).reason, Some(Reason::HitFloor));
 }
 
 #[test]
