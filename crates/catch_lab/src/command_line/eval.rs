@@ -6,7 +6,7 @@ use anyhow::Context;
 use catch_body::InputError;
 use catch_lab::{
     VERSION,
-    evaluation::{Cell, Evaluation, Row},
+    evaluation::{Cell, Evaluation, Identity, Row},
     plots,
     report_page::{self, MOST_MISSES, Report, published_rate, published_rates},
     results::{REPORT_FILE, Results},
@@ -85,6 +85,15 @@ enum Sweep {
 /// The JSON document.
 #[derive(Serialize)]
 struct Document<'a> {
+    #[serde(flatten)]
+    outcome: Outcome<'a>,
+    wall_s: f64,
+    stages: BTreeMap<&'static str, StageTimes>,
+}
+
+/// What of it does not depend on how fast it was.
+#[derive(Serialize)]
+pub(super) struct Outcome<'a> {
     version: &'static str,
     scenario: &'a str,
     /// The scenario as it was resolved; objects and throws are those of the cells.
@@ -94,9 +103,25 @@ struct Document<'a> {
     cells: Vec<DocumentCell<'a>>,
     trials: usize,
     caught: usize,
-    wall_s: f64,
-    stages: BTreeMap<&'static str, StageTimes>,
     results: &'a Path,
+}
+
+impl<'a> Outcome<'a> {
+    pub fn new(identity: &'a Identity, cells: &'a [CellSummary], rows: &[Row], results: &'a Path) -> Self {
+        let published = published_rates();
+        let cell = |summary| DocumentCell { summary, published: published_rate(&published, summary) };
+        Self {
+            version: VERSION,
+            scenario: &identity.cells[0].name,
+            resolved: &identity.cells[0],
+            seed: identity.seed,
+            first: identity.first,
+            cells: cells.iter().map(cell).collect(),
+            trials: rows.len(),
+            caught: rows.iter().filter(|row| row.verdict.caught).count(),
+            results,
+        }
+    }
 }
 
 /// A cell of the table, and what was published.
@@ -173,22 +198,8 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
     if !arguments.json {
         return Ok(print(&cells, &times, &stopwatch, &arguments.out)?);
     }
-    screen::json(&Document {
-        version: VERSION,
-        scenario: &evaluation.cells[0].setup.scenario.name,
-        resolved: &evaluation.cells[0].setup.scenario,
-        seed: evaluation.seed,
-        first: evaluation.first,
-        cells: cells
-            .iter()
-            .map(|summary| DocumentCell { summary, published: published_rate(&published_rates(), summary) })
-            .collect(),
-        trials: rows.len(),
-        caught: rows.iter().filter(|row| row.verdict.caught).count(),
-        wall_s,
-        stages: times.stages,
-        results: &arguments.out,
-    })
+    let outcome = Outcome::new(&identity, &cells, &rows, &arguments.out);
+    screen::json(&Document { outcome, wall_s, stages: times.stages })
 }
 
 /// Trials that run at the same time.

@@ -1,14 +1,18 @@
 //! `catchingbot merge`: parts of an evaluation become one.
 
-use std::path::PathBuf;
+use std::{collections::BTreeMap, fs, path::PathBuf};
 
+use anyhow::Context;
 use catch_lab::{
-    results::{self, SUMMARY_FILE},
+    report_page::{self, Report},
+    results::{self, REPORT_FILE},
+    stopwatch::Stopwatch,
     summary_table,
+    trial_table::PARQUET_FILE,
 };
 use clap::Args;
 
-use super::eval;
+use super::eval::{self, Outcome};
 use crate::screen;
 
 /// Arguments of `merge`.
@@ -20,8 +24,11 @@ pub struct MergeArguments {
     /// Folder for the whole
     #[arg(long, value_name = "DIR", default_value = "out/merged")]
     out: PathBuf,
-    /// Print the table in Markdown
+    /// Print one JSON document instead of the table
     #[arg(long)]
+    json: bool,
+    /// Print the table in Markdown
+    #[arg(long, conflicts_with = "json")]
     markdown: bool,
 }
 
@@ -32,11 +39,21 @@ pub struct MergeArguments {
 pub fn run(arguments: &MergeArguments) -> anyhow::Result<()> {
     let (identity, rows) = results::merge(&arguments.parts, &arguments.out)?;
     let cells = identity.summarize(&rows);
+    // Pages of misses and times are with the parts.
+    let (scenario, seed) = (&identity.cells[0].name, identity.seed);
+    let (stopwatch, pages) = (&Stopwatch::default(), &BTreeMap::new());
+    let page = report_page::page(&Report { scenario, seed, cells: &cells, rows: &rows, stopwatch, pages });
+    let report = arguments.out.join(REPORT_FILE);
+    fs::write(&report, page).with_context(|| report.display().to_string())?;
+    if arguments.json {
+        return screen::json(&Outcome::new(&identity, &cells, &rows, &arguments.out));
+    }
     if arguments.markdown {
         return Ok(screen::text(&summary_table::markdown(&identity, &cells))?);
     }
     screen::line("")?;
     screen::line(&eval::table(&cells).trim_fmt())?;
     screen::line("")?;
-    Ok(screen::fact("results", &arguments.out.join(SUMMARY_FILE).display().to_string())?)
+    screen::fact("report", &format!("catchingbot view {}", arguments.out.display()))?;
+    Ok(screen::fact("results", &arguments.out.join(PARQUET_FILE).display().to_string())?)
 }

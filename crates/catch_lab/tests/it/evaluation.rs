@@ -88,12 +88,15 @@ fn the_files_are_the_same_for_any_number_of_threads_however_often_it_is_killed_a
         let out = at(out).to_str().unwrap().to_owned();
         let mut arguments = vec!["merge"];
         arguments.extend(parts.iter().map(String::as_str));
-        arguments.extend(["--out", &out]);
+        arguments.extend(["--out", &out, "--json"]);
         catchingbot(&arguments)
     };
     let output = merge(&["b", "a"], "merged");
     assert!(output.status.success(), "{}", stderr(&output));
     assert_eq!(whole, files(&at("merged")));
+    let merged: Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!(merged["cells"], document["cells"]);
+    assert!(at("merged").join("report.html").is_file());
 
     assert!(eval(&at("other"), &["--first", "2", "--trials", "1", "--seed", "2"]).status.success());
     for (parts, out, hint) in [
