@@ -18,6 +18,18 @@ pub const FAINT: Style = Style::new().dimmed();
 /// Width of the column of labels.
 const LABEL_WIDTH: usize = 24;
 
+/// What is said when somebody presses Ctrl-C, which then ends the program as ever. Once is enough: what is said stays.
+pub fn at_interrupt(said: String) {
+    // Where no handler can be set the program ends without a word.
+    let _ = ctrlc::set_handler(move || {
+        let _ = writeln!(anstream::stderr().lock(), "\n{said}");
+        std::process::exit(INTERRUPTED);
+    });
+}
+
+/// Exit code of a program that an interrupt ended: 128 and the signal's number.
+const INTERRUPTED: i32 = 130;
+
 /// Prints one line of results.
 ///
 /// # Errors

@@ -148,6 +148,10 @@ struct Times {
 /// # Errors
 /// Faults in the arguments and files; results that cannot be written.
 pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
+    screen::at_interrupt(format!(
+        "interrupted: the trials that were finished are kept in {}; the same command with --resume goes on",
+        arguments.out.display()
+    ));
     if arguments.ladder {
         return super::ladder::run(arguments);
     }

@@ -71,6 +71,27 @@ fn the_files_are_the_same_for_any_number_of_threads_however_often_it_is_killed_a
     assert!(eval(&killed, &["--trials", "3", "--resume"]).status.success());
     assert_eq!(whole, files(&killed));
 
+    // Interrupted, it says how to go on.
+    let mut child = Command::new(env!("CARGO_BIN_EXE_catchingbot"))
+        .args(FIXED)
+        .args(["--out", at("interrupted").to_str().unwrap(), "--trials", "1000"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // Once there are results it listens.
+    while !at("interrupted").join("trials.jsonl").exists() {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    if Command::new("kill").args(["-INT", &child.id().to_string()]).status().is_ok_and(|it| it.success()) {
+        let output = child.wait_with_output().unwrap();
+        assert_eq!(output.status.code(), Some(130));
+        assert!(stderr(&output).contains("--resume"), "{}", stderr(&output));
+    } else {
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+
     // Cut off in the middle of a row.
     let text = rows(&killed);
     fs::write(killed.join("trials.jsonl"), &text[..text.len() * 2 / 5]).unwrap();
