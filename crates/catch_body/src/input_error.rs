@@ -115,7 +115,8 @@ impl InputError {
 /// A value of the wrong kind, where the parser only tells the table `[…]` with which `text` begins: the field that has that value.
 fn wrong_in_table(file: &str, text: &str, message: &str) -> Option<InputError> {
     let (wrong, kind) = message.strip_prefix("invalid type: ")?.rsplit_once(", expected ")?;
-    let wrong = wrong.split_once(' ')?.1.trim_matches('`');
+    // A number stands between backticks, text between quotes.
+    let wrong = wrong.split('`').nth(1).or_else(|| Some(wrong.split_once(' ')?.1))?;
     let (table, fields) = text.strip_prefix('[')?.split_once(']')?;
     let assignments = fields.lines().take_while(|line| !line.starts_with('[')).filter_map(|line| line.split_once('='));
     let has_value = |value: &str| value.split('#').next().is_some_and(|value| value.trim() == wrong);
@@ -126,7 +127,7 @@ fn wrong_in_table(file: &str, text: &str, message: &str) -> Option<InputError> {
 
 /// The field whose value begins where `text` ends: its table and its name.
 fn field_before(text: &str) -> Option<String> {
-    let line = text.lines().next_back()?;
+    let line = text.lines().next_back().filter(|_| !text.ends_with('\n'))?;
     let name = line.rsplit_once('=')?.0.rsplit(['{', ',']).next()?.trim();
     let mut tables = text.lines().rev().filter_map(|line| Some(line.trim().strip_prefix('[')?.split_once(']')?.0));
     let table = tables.next().map(|table| format!("{table}.")).unwrap_or_default();

@@ -84,14 +84,11 @@ impl Robot {
         let (mut capsules, mut faults) = (Vec::new(), Vec::new());
         for (i, capsule) in extra.collision.capsules.iter().enumerate() {
             let field = |name: &str| format!("collision.capsules[{i}].{name}");
-            let link = link_names.iter().position(|name| *name == capsule.link).ok_or_else(|| {
-                InputError::new(
-                    files.toml_file,
-                    field("link"),
-                    &capsule.link,
-                    format!("one of {}", link_names.join(", ")),
-                )
-            })?;
+            let link = link_names.iter().position(|name| *name == capsule.link).unwrap_or_else(|| {
+                let expected = format!("one of {}", link_names.join(", "));
+                faults.push(InputError::new(files.toml_file, field("link"), &capsule.link, expected));
+                0
+            });
             let CapsuleFields { from_m, to_m, radius_m, .. } = *capsule;
             faults.extend(InputError::finite(files.toml_file, field("from_m"), from_m).err());
             faults.extend(InputError::finite(files.toml_file, field("to_m"), to_m).err());

@@ -9,6 +9,7 @@ use std::{
     hash::{DefaultHasher, Hash, Hasher},
     io::{self, BufReader, BufWriter, Read},
     path::{Path, PathBuf},
+    time::Duration,
 };
 
 use catch_body::{InputError, JointVector, Pose, TriangleMesh};
@@ -249,17 +250,23 @@ impl Drop for Recorder {
     }
 }
 
+/// What was written to since then is not swept out: it may be another machine's.
+const SWEPT_AFTER: Duration = Duration::from_secs(600);
+
 /// Takes away what recordings left whose process was killed, where processes can be looked up.
 fn sweep_out(folder: &Path) -> io::Result<()> {
     let processes = Path::new("/proc");
-    for entry in fs::read_dir(folder)? {
-        let name = entry?.file_name();
+    for entry in fs::read_dir(folder)?.flatten() {
+        let name = entry.file_name();
         let stem = name.to_str().and_then(|name| name.strip_prefix('.')?.strip_suffix(".unfinished"));
         let Some((_, process)) = stem.and_then(|stem| stem.rsplit_once('.')) else { continue };
         let is_gone =
             process.parse::<u32>().is_ok() && processes.join("self").exists() && !processes.join(process).exists();
-        if is_gone {
-            fs::remove_file(folder.join(&name))?;
+        let modified = entry.metadata().and_then(|it| it.modified()).ok();
+        let is_old = modified.and_then(|it| it.elapsed().ok()).is_some_and(|since| since > SWEPT_AFTER);
+        if is_gone && is_old {
+            // Somebody else may have been quicker.
+            let _ = fs::remove_file(entry.path());
         }
     }
     Ok(())
@@ -361,6 +368,7 @@ fn read<T: DeserializeOwned>(file: &str, input: &mut impl Read, first: bool) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::time::SystemTime;
 
     #[test]
     fn what_killed_recordings_left_is_swept_out() {
@@ -370,6 +378,14 @@ mod tests {
         for name in kept.iter().chain(&[left]) {
             fs::write(folder.path().join(name), "").unwrap();
         }
+        sweep_out(folder.path()).unwrap();
+        assert!(folder.path().join(left).exists(), "it may still be written to");
+        File::options()
+            .write(true)
+            .open(folder.path().join(left))
+            .unwrap()
+            .set_modified(SystemTime::UNIX_EPOCH)
+            .unwrap();
         sweep_out(folder.path()).unwrap();
         assert!(kept.iter().all(|name| folder.path().join(name).exists()));
         assert_eq!(folder.path().join(left).exists(), !Path::new("/proc/self").exists());

@@ -27,8 +27,8 @@ const HELD_UNTIL_S: f64 = 1.5;
 const HELD_SPEED_MPS: f64 = 0.02;
 /// The same while the world shakes.
 const SHAKEN_SPEED_MPS: f64 = 0.05;
-/// How fast the gripper of an arm at rest may still move.
-const AT_REST_MPS: f64 = 0.02;
+/// How fast a joint of an arm at rest may still move.
+const AT_REST_RADPS: f64 = 0.02;
 /// Over how long that speed is taken.
 const SPEED_OVER_S: f64 = 0.01;
 /// How far from the planned catch the instant is looked for at which the object is nearest the grasp centre.
@@ -40,7 +40,7 @@ const CLOSED_SPEED_MPS: f64 = 0.005;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Verdict {
     /// Whether the object was caught and held: no command broke a limit; from 0.5 s after the first contact until 1.5 s after
-    /// it the arm was at rest and the object was squeezed and lay still in the gripper, also while the world shook; nothing else
+    /// it the object was squeezed and lay still in the gripper, the arm at rest, also while the world shook both; nothing else
     /// touched it.
     pub caught: bool,
     /// Whether the paper would call it caught: at 0.875 s the object is less than 2.5 cm from the gripper along its z axis.
@@ -270,12 +270,12 @@ impl<'a> Evidence<'a> {
         lost.map(|pair| pair[1].time_s).or_else(|| (end_s < until - 1e-6).then_some(end_s))
     }
 
-    /// Whether the gripper moved while the object should have been held at rest.
+    /// Whether the arm moved while the object should have been held at rest, before the world shook.
     pub fn moved_on(&self) -> bool {
         let Some(contact_s) = self.contact_s else { return false };
         let until_s = self.truth.shaking_since_s.unwrap_or(f64::INFINITY).min(contact_s + HELD_UNTIL_S);
         let mut held = self.truth.samples.iter().filter(|it| (contact_s + HELD_FROM_S..until_s).contains(&it.time_s));
-        held.any(|sample| sample.V_WG.linear.norm() > AT_REST_MPS)
+        held.any(|sample| sample.dq.amax() > AT_REST_RADPS)
     }
 
     /// How fast the object moves in the gripper: its way over the last 10 ms. The speed of a single step would not do: when the

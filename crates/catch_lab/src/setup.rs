@@ -299,8 +299,11 @@ impl Setup {
         // What is known beforehand, unless the scenario tells the brain otherwise: whether there is air, and how much it brakes the
         // object; how the object bounces; whether the cameras see the floor, and what their data sheet says.
         let (prior, prediction) = (&self.object.prior, &mut config.trajectory_prediction);
-        if self.scenario.arena.drag && (prediction.drag_prior_per_m, prediction.drag_prior_sd_per_m) == (0.0, 0.0) {
-            (prediction.drag_prior_per_m, prediction.drag_prior_sd_per_m) = (prior.drag_per_m, prior.drag_sd_per_m);
+        let drag = [&mut prediction.drag_prior_per_m, &mut prediction.drag_prior_sd_per_m];
+        for (told, known) in drag.into_iter().zip([prior.drag_per_m, prior.drag_sd_per_m]) {
+            if self.scenario.arena.drag && *told == 0.0 {
+                *told = known;
+            }
         }
         let grasping = &mut config.grasp_selection;
         if grasping.restitution == grasp_selection::Config::default().restitution {

@@ -93,7 +93,7 @@ impl ThrownObject {
         load: &dyn Fn(&str) -> Result<Vec<u8>, InputError>,
     ) -> Result<Self, InputError> {
         let ObjectFile { name, truth, prior } = InputError::parse_toml(file, text)?;
-        let mass_kg = InputError::positive(file, "truth.mass_kg", truth.mass_kg)?;
+        let mass_kg = truth.mass_kg;
         let within = |field: &str, value: f64, range: &RangeInclusive<f64>, expected: &str| {
             let fault = || InputError::new(file, field, value, expected);
             if range.contains(&value) { Ok(()) } else { Err(fault()) }

@@ -55,7 +55,7 @@ impl Servo {
     }
 
     /// Takes a trajectory that arrives at `now_s`, or refuses it: late, invalid, not ending at rest, or not continuing what is
-    /// executing at its start. What breaks a limit is counted, and followed as far as the limits allow.
+    /// executing at its start. What breaks a limit is counted and executed as well as the torque limits allow.
     pub fn receive(&mut self, trajectory: ArmTrajectory, now_s: f64) {
         if !self.is_sound(&trajectory) {
             self.report.refused_trajectories += 1;
@@ -97,7 +97,7 @@ impl Servo {
     /// Torques for the step that begins at `time_s`, by computed torque with the encoders' `q` and `dq`:
     /// τ = ID(q, q̇, q̈_d + ω²·(q_d − q) + 2ω·(q̇_d − q̇)) (Siciliano et al., Robotics, section 8.5.2), clamped.
     pub fn torque(&mut self, time_s: f64, step_s: f64, q: &JointVector, dq: &JointVector) -> JointVector {
-        let wanted = self.within_limits(self.setpoint(time_s));
+        let wanted = self.setpoint(time_s);
         let acceleration =
             wanted.ddq + (wanted.q - q) * BANDWIDTH_RADPS.powi(2) + (wanted.dq - dq) * (2.0 * BANDWIDTH_RADPS);
         let mut torque = self.model.inverse_dynamics(q, dq, &acceleration);
@@ -115,17 +115,6 @@ impl Servo {
         let executing_since = self.executing(time_s).start_s();
         self.plan.retain(|trajectory| trajectory.start_s() >= executing_since);
         torque
-    }
-
-    /// A setpoint, each joint's position, velocity and acceleration clamped to its limits.
-    fn within_limits(&self, mut wanted: Setpoint) -> Setpoint {
-        for (i, joint) in self.model.joints.iter().enumerate() {
-            let limits = &joint.limits;
-            wanted.q[i] = wanted.q[i].clamp(limits.lower, limits.upper);
-            wanted.dq[i] = wanted.dq[i].clamp(-limits.velocity, limits.velocity);
-            wanted.ddq[i] = wanted.ddq[i].clamp(-limits.acceleration, limits.acceleration);
-        }
-        wanted
     }
 
     /// Watches the limits in motion: the encoders at `time_s`, and the velocity one step before.

@@ -134,7 +134,9 @@ pub fn run(arguments: &PredictArguments) -> anyhow::Result<()> {
         |it: &&Prediction| it.position.iter().chain(it.covariance.iter().flatten()).all(|it| it.is_finite());
     if let Some(lost) = document.at.iter().chain(&document.end).find(|it| !is_finite(it)) {
         let expected = format!("a time to which the flight can be followed from {} to {until_s} s", seen[0].time_s);
-        return Err(InputError::new(COMMAND_LINE, "--at", lost.time_s, expected).into());
+        let (file, field) = (arguments.track.display().to_string(), "the last time");
+        let (file, field) = if arguments.at.contains(&lost.time_s) { (COMMAND_LINE, "--at") } else { (&*file, field) };
+        return Err(InputError::new(file, field, lost.time_s, expected).into());
     }
     if arguments.json { screen::json(&document) } else { Ok(print(&document)?) }
 }

@@ -42,9 +42,9 @@ fn a_catch_needs_an_arm_at_rest_and_no_floor() {
     assert!(verdict.caught);
     let still_s = verdict.contact_s.unwrap() + 0.6;
     let at = trial.truth.samples.iter().position(|sample| sample.time_s > still_s).unwrap();
-    trial.truth.samples[at].V_WG.linear.x += 0.1;
+    trial.truth.samples[at].dq[6] += 0.1;
     assert_eq!(referee::judge(&setup, &trial).reason, Some(Reason::MovedOn));
-    trial.truth.samples[at].V_WG.linear.x -= 0.1;
+    trial.truth.samples[at].dq[6] -= 0.1;
     trial.truth.samples[5].contact.floor = true;
     assert_eq!(referee::judge(&setup, &trial).reason, Some(Reason::HitFloor));
 }

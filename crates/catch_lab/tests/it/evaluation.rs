@@ -81,6 +81,7 @@ fn the_files_are_the_same_for_any_number_of_threads_however_often_it_is_killed_a
         .unwrap();
     // Once there are results it listens.
     while !at("interrupted").join("trials.jsonl").exists() {
+        assert!(child.try_wait().unwrap().is_none(), "it ended by itself");
         std::thread::sleep(Duration::from_millis(20));
     }
     if Command::new("kill").args(["-INT", &child.id().to_string()]).status().is_ok_and(|it| it.success()) {

@@ -90,21 +90,6 @@ fn a_command_that_breaks_a_limit_is_counted() {
     assert!((last.ratio - (1.344 + 0.9) / 2.0944).abs() < 1e-9);
 }
 
-#[test]
-fn what_breaks_a_limit_is_followed_as_far_as_that() {
-    let robot = setting::robot();
-    let from = robot.ready_q;
-    let beyond = robot.joint_vector(&[0.0, 0.0, 0.0, 0.0, 0.0, 0.6, 0.0]).unwrap();
-    let mut arena = arena(&from);
-    arena.sense();
-    send(&mut arena, motion(0.0, 2.0, from, from + beyond));
-    for _ in 0..250 {
-        arena.sense();
-    }
-    let (reached, limit) = (arena.truth().samples.last().unwrap().q[5], robot.joints[5].limits.upper);
-    assert!(from[5] + beyond[5] > limit + 0.1 && (reached - limit).abs() < 5e-3, "{reached}");
-}
-
 /// The edge itself is allowed.
 #[test]
 fn a_command_at_its_limits_is_not_counted() {
