@@ -22,44 +22,68 @@ const LEAST_FILLING: f64 = 1e-9;
 /// If the bytes are not a mesh of that format, or the mesh has no triangles, numbers that are not finite, indices without a
 /// vertex, holes, or no volume.
 pub fn mesh_from_bytes(file: &str, bytes: &[u8], scale: f64) -> Result<TriangleMesh, InputError> {
+    let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
+    for (points, faces) in read_groups(file, bytes, scale)? {
+        let first = vertices.len() as u32;
+        vertices.extend(points);
+        triangles.extend(faces.iter().map(|face| face.map(|index| index + first)));
+    }
+    solid(file, welded(&vertices, &triangles, scale))
+}
+
+/// Reads the vertices of each group of an OBJ file, in metres; an STL file is one group. Nothing is asked of the faces.
+///
+/// # Errors
+/// If the bytes are not a mesh of that format, or a group has no triangle, or numbers that are not finite, or indices without a
+/// vertex.
+pub fn groups_from_bytes(file: &str, bytes: &[u8], scale: f64) -> Result<Vec<Vec<Point3<f64>>>, InputError> {
+    let groups = read_groups(file, bytes, scale)?;
+    if groups.is_empty() {
+        return Err(InputError::new(file, "faces", "no triangles", "the surface of a solid"));
+    }
+    let points = |(vertices, triangles): Soup| welded(&vertices, &triangles, scale).vertices;
+    Ok(groups.into_iter().map(points).collect())
+}
+
+/// The groups of a file that is not too large, their numbers finite and their indices within range.
+fn read_groups(file: &str, bytes: &[u8], scale: f64) -> Result<Vec<Soup>, InputError> {
     InputError::positive(file, "scale", scale)?;
     if bytes.len() > MAX_FILE_BYTES {
         let expected = format!("a mesh file of at most {} MiB", MAX_FILE_BYTES >> 20);
         return Err(InputError::new(file, "size", format!("{} MiB", bytes.len() >> 20), expected));
     }
     let extension = file.rsplit_once('.').map(|(_, extension)| extension.to_ascii_lowercase());
-    let (vertices, triangles) = match extension.as_deref() {
+    let groups = match extension.as_deref() {
         Some("obj") => read_obj(file, bytes)?,
-        Some("stl") => read_stl(file, bytes)?,
+        Some("stl") => vec![read_stl(file, bytes)?],
         _ => return Err(InputError::new(file, "extension", extension.unwrap_or_default(), "a mesh: .obj or .stl")),
     };
-    for (i, vertex) in vertices.iter().enumerate() {
-        InputError::finite(file, format!("vertex {}", i + 1), *vertex)?;
+    for (vertices, triangles) in &groups {
+        for (i, vertex) in vertices.iter().enumerate() {
+            InputError::finite(file, format!("vertex {}", i + 1), *vertex)?;
+        }
+        if let Some(missing) = triangles.iter().flatten().find(|&&index| index as usize >= vertices.len()) {
+            let expected = format!("indices of the {} vertices", vertices.len());
+            return Err(InputError::new(file, "faces", format!("vertex number {}", u64::from(*missing) + 1), expected));
+        }
     }
-    if let Some(missing) = triangles.iter().flatten().find(|&&index| index as usize >= vertices.len()) {
-        let expected = format!("indices of the {} vertices", vertices.len());
-        return Err(InputError::new(file, "faces", format!("vertex number {}", u64::from(*missing) + 1), expected));
-    }
-    solid(file, welded(&vertices, &triangles, scale))
+    Ok(groups)
 }
 
 /// Vertices and triangles as a file has them.
 type Soup = (Vec<[f64; 3]>, Vec<[u32; 3]>);
 
-fn read_obj(file: &str, bytes: &[u8]) -> Result<Soup, InputError> {
+fn read_obj(file: &str, bytes: &[u8]) -> Result<Vec<Soup>, InputError> {
     let options =
         tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
     // Materials are of no interest, so a material file that is named and missing is no fault.
     let (models, _) = tobj::load_obj_buf(&mut BufReader::new(bytes), &options, |_| Ok(Default::default()))
         .map_err(|fault| InputError::new(file, "content", fault, "a Wavefront OBJ mesh"))?;
-    let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
-    for tobj::Model { mesh, .. } in models {
-        let first = vertices.len() as u32;
-        vertices.extend(mesh.positions.as_chunks::<3>().0.iter().map(|point| point.map(f64::from)));
-        triangles
-            .extend(mesh.indices.as_chunks::<3>().0.iter().map(|triangle| triangle.map(|i| i.saturating_add(first))));
-    }
-    Ok((vertices, triangles))
+    let group = |tobj::Model { mesh, .. }: tobj::Model| {
+        let vertices = mesh.positions.as_chunks::<3>().0.iter().map(|point| point.map(f64::from)).collect();
+        (vertices, mesh.indices.as_chunks::<3>().0.to_vec())
+    };
+    Ok(models.into_iter().map(group).filter(|(_, triangles)| !triangles.is_empty()).collect())
 }
 
 fn read_stl(file: &str, bytes: &[u8]) -> Result<Soup, InputError> {
@@ -143,6 +167,27 @@ mod tests {
             assert_relative_eq!(read.bounding_radius(), 0.05, max_relative = 1e-6);
             assert_relative_eq!(read.volume(), mesh.volume() * 1e-9, max_relative = 1e-6);
         }
+    }
+
+    #[test]
+    fn groups_of_an_obj_are_told_apart() {
+        let cube = obj(&TriangleMesh::sphere(0.05, 0));
+        let count = TriangleMesh::sphere(0.05, 0).vertices.len();
+        let shifted: String = cube
+            .lines()
+            .map(|line| match line.strip_prefix("f ") {
+                Some(face) => {
+                    let corners = face.split(' ').map(|it| (it.parse::<usize>().unwrap() + count).to_string());
+                    format!("f {}\n", corners.collect::<Vec<_>>().join(" "))
+                }
+                None => format!("{line}\n"),
+            })
+            .collect();
+        let text = format!("o one\n{cube}o two\n{shifted}");
+        let groups = groups_from_bytes("two.obj", text.as_bytes(), 2.0).unwrap();
+        assert_eq!(groups.iter().map(Vec::len).collect::<Vec<_>>(), [count; 2]);
+        assert!((groups[0][0].coords.norm() - 0.1).abs() < 1e-6);
+        assert!(groups_from_bytes("none.obj", b"", 1.0).is_err());
     }
 
     #[test]

@@ -18,6 +18,8 @@ pub struct Checked {
     pub kind: Option<Kind>,
     /// All faults found.
     pub faults: Vec<InputError>,
+    /// What somebody who wrote the file may want to know of it, a line each.
+    pub notes: Vec<String>,
 }
 
 /// Fields that only one kind of file has.
@@ -40,12 +42,12 @@ pub fn check(path: &Path) -> Checked {
         Ok(asset) => asset,
         Err(InputError { file, field, found, .. }) => {
             let expected = "a readable file: a scenario, robot, gripper, object, throw or rig";
-            return Checked { kind: None, faults: vec![InputError::new(file, field, found, expected)] };
+            return Checked::unreadable(InputError::new(file, field, found, expected));
         }
     };
     let table: toml::Table = match InputError::parse_toml(&asset.file, &asset.text) {
         Ok(table) => table,
-        Err(fault) => return Checked { kind: None, faults: vec![fault] },
+        Err(fault) => return Checked::unreadable(fault),
     };
     let kind = TELLTALES.iter().find(|(field, _)| table.contains_key(*field)).map(|&(_, kind)| kind);
     let faults = match kind {
@@ -61,7 +63,29 @@ pub fn check(path: &Path) -> Checked {
             vec![InputError::new(&asset.file, "the file", found, expected)]
         }
     };
-    Checked { kind, faults }
+    let notes = if kind == Some(Kind::Object) { notes_of_object(&asset) } else { Vec::new() };
+    Checked { kind, faults, notes }
+}
+
+impl Checked {
+    fn unreadable(fault: InputError) -> Self {
+        Self { kind: None, faults: vec![fault], notes: Vec::new() }
+    }
+}
+
+/// As what an object collides; nothing for one that cannot be read.
+fn notes_of_object(asset: &Asset) -> Vec<String> {
+    let Ok(object) = asset.thrown_object() else { return Vec::new() };
+    let parts = match object.parts.len() {
+        1 => "1 convex part".to_owned(),
+        count => format!("{count} convex parts"),
+    };
+    vec![format!(
+        "volume {:.1} cm³; its convex hull has {:.2} times that; it collides as {parts} of {:.2} times that",
+        object.mesh.volume() * 1e6,
+        object.hull_volume_ratio(),
+        object.parts_volume_ratio()
+    )]
 }
 
 /// A robot may be called by its folder or its URDF; what is checked is its `robot.toml` and what that stands beside.

@@ -35,7 +35,7 @@ use crate::{
 /// What every recording begins with.
 pub const FORMAT: &str = "catchingbot recording";
 /// Changes whenever older programs could not read the file.
-pub const FORMAT_VERSION: u32 = 3;
+pub const FORMAT_VERSION: u32 = 4;
 /// Ending of the files' names.
 pub const EXTENSION: &str = "catch";
 /// Bytes of a scenario's name that go into the name of a file.

@@ -1,5 +1,6 @@
 //! The referee: the only place where truth meets score.
 
+mod impact;
 mod measures;
 pub mod reason;
 
@@ -14,6 +15,7 @@ use crate::{
     setup::Setup,
     trial::{PAPER_LOOKS_AT_S, Thought, Trial},
 };
+use impact::impact;
 pub use measures::{LEADS_S, Measures};
 use reason::Reason;
 
@@ -216,8 +218,9 @@ impl<'a> Evidence<'a> {
         let plan = self.plan();
         let velocity_G =
             self.before_touch().map(|sample| sample.X_WG.rotation.inverse_transform_vector(&relative_velocity(sample)));
-        let forces =
-            self.truth.samples.iter().filter(|sample| touches_gripper(sample)).map(|it| it.contact.peak_force_n);
+        let impulses =
+            self.truth.samples.iter().filter(|sample| touches_gripper(sample)).map(|it| it.contact.peak_impulse_ns);
+        let impact = self.contact_s.map(|contact_s| impact(self.truth, contact_s, &setup.object, &setup.robot));
         Measures {
             prediction_error_m: self.prediction_error_m(),
             prediction_turn_rad: self
@@ -243,7 +246,9 @@ impl<'a> Evidence<'a> {
             grasp_strength_m: plan.map(|plan| plan.grasp.strength_m),
             lets_in: plan.map(|plan| plan.lets_in),
             joint_travel_rad: self.at_catch.map(|sample| (sample.q - setup.robot.ready_q).abs().sum()),
-            peak_contact_force_n: forces.fold(0.0, f64::max),
+            peak_contact_impulse_ns: impulses.fold(0.0, f64::max),
+            catch_impulse_ns: impact.map(|it| it.impulse_ns),
+            catch_joint_impulse_nms: impact.map(|it| it.joint_impulse_nms),
             peak_velocity_ratio: servo.peak_velocity_ratio,
             peak_acceleration_ratio: servo.peak_acceleration_ratio,
             peak_torque_ratio: servo.peak_torque_ratio,

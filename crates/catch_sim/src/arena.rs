@@ -152,29 +152,27 @@ impl Arena {
         if self.is_alone { config.substeps_alone } else { config.substeps }
     }
 
-    /// Force of the air on the object during the step to come, by its velocity in the middle of it. The engine's velocity is
-    /// half a substep of gravity behind.
+    /// Force of the air on the object during the step to come, by its velocity in the middle of it.
     fn drag(&self, v_WO: &Vector3<f64>) -> Vector3<f64> {
-        let Shared { config, object, .. } = &*self.equipment.shared;
-        let ahead_s = (config.step_s + config.step_s / self.substeps() as f64) / 2.0;
-        let start = v_WO + dynamics::gravity() * ahead_s;
-        let middle = start + self.conditions.air_mps2(&start) * (config.step_s / 2.0);
-        self.conditions.air_mps2(&middle) * object.mass_kg
+        let half_s = self.config().step_s / 2.0;
+        let middle = v_WO + (dynamics::gravity() + self.conditions.air_mps2(v_WO)) * half_s;
+        self.conditions.air_mps2(&middle) * self.equipment.shared.object.mass_kg
     }
 
-    /// Torque on a soft ball by the fingers' patches, against its turning about their normal; it stops the turning at most. What the
-    /// gripper feels of it is less than a thousandth of its own weight.
+    /// Torque on a soft object by the fingers' patches, against its rotation about their normal; it stops the rotation at most. What
+    /// the gripper feels of it is less than a thousandth of its own weight.
     fn spin_friction(&self) -> Vector3<f64> {
         let object = &self.equipment.shared.object;
         let Some(last) = self.truth.samples.last() else { return Vector3::zeros() };
-        let friction = self.conditions.friction;
-        let most: f64 = last.finger_force_n.iter().map(|force_n| object.spin_friction_nm(friction, *force_n)).sum();
+        let of_finger = |force_n: &f64| object.spin_friction_nm(self.conditions.friction, *force_n, last.width_m);
+        let most: f64 = last.finger_force_n.iter().map(of_finger).sum();
         if most == 0.0 {
             return Vector3::zeros();
         }
         let normal_W = last.X_WG.rotation * Vector3::x();
+        let normal_O = last.X_WO.rotation.inverse() * normal_W;
         let rate = (last.V_WO.angular - last.V_WG.angular).dot(&normal_W);
-        let stopping = object.inertia_kgm2[(0, 0)] * rate.abs() / self.config().step_s;
+        let stopping = normal_O.dot(&(object.inertia_kgm2 * normal_O)) * rate.abs() / self.config().step_s;
         -normal_W * (rate.signum() * most.min(stopping))
     }
 

@@ -61,7 +61,7 @@ impl Conditions {
         let offset = tools.direction().into_inner() * errors.tool_position_m;
         let turn = UnitQuaternion::from_axis_angle(&tools.direction(), errors.tool_rotation_deg.to_radians());
         Self {
-            friction: draws(Stream::Friction).between(config.friction.bounds()),
+            friction: draws(Stream::Friction).between(object.friction.unwrap_or(config.friction).bounds()),
             restitution: restitution.min(1.0),
             drag_per_m,
             wind_mps,

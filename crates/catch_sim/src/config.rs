@@ -18,7 +18,8 @@ pub struct ArenaConfig {
     /// How the gripper is driven.
     pub gripper: GripperDriveKind,
     /// Coulomb friction coefficient of all contacts: a number, or `{ min, max }` from which every throw draws one. Default
-    /// 0.667, to which the paper's simulator combines its materials; there is no sourced value for rubber on felt.
+    /// 0.667, to which the paper's simulator combines its materials; there is no sourced value for rubber on felt. An object whose
+    /// own file has a friction coefficient keeps that.
     pub friction: Drawn,
     /// Multiplies the object's own restitution.
     pub restitution_scale: f64,
@@ -131,6 +132,20 @@ impl Drawn {
             Self::Between(Between { min, max }) => [min, max],
         }
     }
+
+    /// Whether this can be a friction coefficient.
+    ///
+    /// # Errors
+    /// If it cannot.
+    pub fn check_friction(self, file: &str, field: &str) -> Result<(), InputError> {
+        let [least, most] = self.bounds();
+        let possible = 0.0..=MOST_FRICTION;
+        match [least, most].into_iter().find(|value| !possible.contains(value)) {
+            Some(value) => Err(InputError::new(file, field, value, "0 to 100")),
+            None if least > most => Err(InputError::new(file, field, least, "a min that is not above the max")),
+            None => Ok(()),
+        }
+    }
 }
 
 /// How the air moves.
@@ -195,17 +210,14 @@ impl ArenaConfig {
     /// Everything that cannot be used; `file` and `table` name the place: values out of range, or a frame interval that is not
     /// a whole number of steps.
     pub fn faults(&self, file: &str, table: &str) -> Vec<InputError> {
-        let mut faults = Vec::new();
+        let friction = self.friction.check_friction(file, &format!("{table}.friction"));
+        let mut faults: Vec<InputError> = friction.err().into_iter().collect();
         let mut expect = |is_right: bool, field: &str, value: f64, expected: &str| {
             let field_is_new = faults.iter().all(|it: &InputError| it.field != format!("{table}.{field}"));
             if !is_right && field_is_new {
                 faults.push(InputError::new(file, format!("{table}.{field}"), value, expected));
             }
         };
-        let [least, most] = self.friction.bounds();
-        expect((0.0..=MOST_FRICTION).contains(&least), "friction", least, "0 to 100");
-        expect(least >= most || most <= MOST_FRICTION, "friction", most, "0 to 100");
-        expect(least <= most, "friction", least, "a min that is not above the max");
         let RobotErrors { encoder_sd_rad, encoder_sd_radps, link_mass_spread, tool_position_m, tool_rotation_deg } =
             self.robot_errors;
         let wind = match self.wind {

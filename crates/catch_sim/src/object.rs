@@ -2,11 +2,14 @@
 
 use std::ops::RangeInclusive;
 
-use catch_body::{InputError, TriangleMesh};
-use nalgebra::{Matrix3, Vector3};
+use catch_body::{InputError, TriangleMesh, shape::Cuboid};
+use nalgebra::{Matrix3, Point3};
 use serde::Deserialize;
 
-use crate::object_shape::{ColliderPart, ShapeFields, Solid};
+use crate::{
+    config::Drawn,
+    object_shape::{ColliderPart, ShapeFields, Solid},
+};
 
 /// What an object is like. Its frame O has its origin at the centre of mass and the axes of its file.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,11 +24,13 @@ pub struct ThrownObject {
     pub restitution: f64,
     /// Drag constant k of a = −k·|v|·v, in 1/m.
     pub drag_per_m: f64,
+    /// Coulomb friction coefficient of its contacts, if it has one of its own; the arena's otherwise.
+    pub friction: Option<Drawn>,
     /// Stiffness of its surface under a finger in N/m, if it is soft enough to matter.
     pub stiffness_npm: Option<f64>,
     /// Its surface in O.
     pub mesh: TriangleMesh,
-    /// Convex parts in O that make up the solid.
+    /// Convex parts in O as which it collides.
     pub parts: Vec<ColliderPart>,
     /// Radius of the ball around the centre of mass that holds the object.
     pub bounding_radius_m: f64,
@@ -78,6 +83,12 @@ struct TruthFields {
     mass_kg: f64,
     restitution: f64,
     drag_per_m: f64,
+    /// Centre of mass in the axes of the shape; that of uniform density otherwise.
+    com_m: Option<[f64; 3]>,
+    /// Inertia about the centre of mass along the axes of the shape: ixx, ixy, ixz, iyy, iyz, izz, in the order of URDF; that of
+    /// uniform density otherwise.
+    inertia_kgm2: Option<[f64; 6]>,
+    friction: Option<Drawn>,
     stiffness_npm: Option<f64>,
     shape: ShapeFields,
 }
@@ -109,9 +120,18 @@ impl ThrownObject {
             within("prior.drag_sd_per_m", prior.drag_sd_per_m, &not_negative, "zero or more"),
             InputError::positive(file, "truth.stiffness_npm", truth.stiffness_npm.unwrap_or(1.0)).map(drop),
         ])?;
-        let Solid { mesh, parts, inertia } = truth.shape.solid(file, mass_kg, load)?;
+        if let Some(friction) = truth.friction {
+            friction.check_friction(file, "truth.friction")?;
+        }
+        let Solid { mesh, parts, mut inertia } = truth.shape.solid(file, mass_kg, load)?;
         let advice = "a mesh in millimetres needs `scale = 0.001`";
         check_length(file, "truth.shape", mesh.aabb().size.max(), advice)?;
+        if let Some(com_m) = truth.com_m {
+            inertia.com = checked_com(file, com_m, &mesh.aabb())?;
+        }
+        if let Some(moments) = truth.inertia_kgm2 {
+            inertia.about_com = checked_inertia(file, moments, mass_kg, mesh.aabb().size.norm())?;
+        }
         let to_com = -inertia.com.coords;
         let mesh = mesh.translated(&to_com);
         let parts = parts.into_iter().map(|part| part.translated(&to_com)).collect();
@@ -121,6 +141,7 @@ impl ThrownObject {
             inertia_kgm2: inertia.about_com,
             restitution: truth.restitution,
             drag_per_m: truth.drag_per_m,
+            friction: truth.friction,
             stiffness_npm: truth.stiffness_npm,
             bounding_radius_m: mesh.bounding_radius(),
             mesh,
@@ -129,32 +150,67 @@ impl ThrownObject {
         })
     }
 
-    /// The largest torque in N·m with which a finger that presses with `force_n` resists the object's turning about the normal.
+    /// The largest torque in N·m with which a finger that presses with `force_n` resists the object's rotation about the normal,
+    /// where the object is `width_m` wide between the fingers.
     ///
-    /// The engine finds several points of contact on flat surfaces, but one on a ball, which resists nothing. A soft ball is
-    /// flattened by N/k over a patch of radius a = √(r·N/k) (Hertz), which resists up to ⅔·μ·N·a if the pressure is even (Howe &
-    /// Cutkosky, Practical force-motion models for sliding manipulation, 1996).
-    pub fn spin_friction_nm(&self, friction: f64, force_n: f64) -> f64 {
-        let (Some(stiffness_npm), [ColliderPart::Ball { radius_m, .. }]) = (self.stiffness_npm, &self.parts[..]) else {
-            return 0.0;
-        };
-        2.0 / 3.0 * friction * force_n * (radius_m * force_n.max(0.0) / stiffness_npm).sqrt()
+    /// The engine finds several points of contact on flat surfaces, but one where a surface is round, which resists nothing. A soft
+    /// surface of radius r is flattened by N/k over a patch of radius a = √(r·N/k) (Hertz), which resists up to ⅔·μ·N·a if the
+    /// pressure is even (Howe & Cutkosky, Practical force-motion models for sliding manipulation, 1996). Half the width stands for r.
+    pub fn spin_friction_nm(&self, friction: f64, force_n: f64, width_m: f64) -> f64 {
+        let Some(stiffness_npm) = self.stiffness_npm else { return 0.0 };
+        2.0 / 3.0 * friction * force_n * (width_m / 2.0 * force_n.max(0.0) / stiffness_npm).sqrt()
+    }
+
+    /// Volume of the convex parts over that of the mesh. Parts may overlap where they meet.
+    pub fn parts_volume_ratio(&self) -> f64 {
+        self.parts.iter().map(ColliderPart::volume_m3).sum::<f64>() / self.mesh.volume()
+    }
+
+    /// Volume of the mesh's convex hull over that of the mesh: how concave the object is.
+    pub fn hull_volume_ratio(&self) -> f64 {
+        ColliderPart::Hull(self.mesh.vertices.clone()).volume_m3() / self.mesh.volume()
     }
 }
 
-impl ColliderPart {
-    fn translated(self, offset: &Vector3<f64>) -> Self {
-        match self {
-            Self::Ball { centre, radius_m } => Self::Ball { centre: centre + offset, radius_m },
-            Self::Hull(points) => Self::Hull(points.into_iter().map(|point| point + offset).collect()),
-        }
+/// A centre of mass within the box around the shape.
+fn checked_com(file: &str, com_m: [f64; 3], bounds: &Cuboid) -> Result<Point3<f64>, InputError> {
+    let com = Point3::from(InputError::finite(file, "truth.com_m", com_m)?);
+    if (com - bounds.centre).abs().iter().zip(bounds.size.iter()).all(|(offset, size)| 2.0 * offset <= *size) {
+        return Ok(com);
     }
+    let [low, high] = [-0.5, 0.5].map(|side| bounds.centre + bounds.size * side);
+    let expected = format!(
+        "a point of the shape, between [{:.4}, {:.4}, {:.4}] and [{:.4}, {:.4}, {:.4}] m",
+        low.x, low.y, low.z, high.x, high.y, high.z
+    );
+    Err(InputError::new(file, "truth.com_m", format!("{com_m:?}"), expected))
+}
+
+/// An inertia that a body of this mass within `length_m` can have.
+fn checked_inertia(file: &str, moments: [f64; 6], mass_kg: f64, length_m: f64) -> Result<Matrix3<f64>, InputError> {
+    let field = "truth.inertia_kgm2";
+    let [xx, xy, xz, yy, yz, zz] = InputError::finite(file, field, moments)?;
+    let inertia = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+    let principal = inertia.symmetric_eigenvalues();
+    // No moment is larger than the sum of the other two, by rounding for flat bodies.
+    let is_possible = principal.min() > 0.0 && 2.0 * principal.max() <= principal.sum() * (1.0 + 1e-6);
+    // All mass lies within that length of the centre of mass.
+    let most = mass_kg * length_m * length_m;
+    if is_possible && principal.max() <= most {
+        return Ok(inertia);
+    }
+    let expected = format!(
+        "ixx, ixy, ixz, iyy, iyz, izz about the centre of mass: positive definite, no principal moment above the sum of the other \
+         two, none above {most:.2e} kg·m² for this mass and size"
+    );
+    Err(InputError::new(file, field, format!("{moments:?}"), expected))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
+    use nalgebra::Vector3;
 
     const FILES: [(&str, &str); 3] = [
         ("tennis_ball", include_str!("../../../assets/objects/tennis_ball.toml")),
@@ -230,15 +286,47 @@ mod tests {
     }
 
     #[test]
-    fn a_pressed_ball_resists_turning_and_what_has_edges_is_left_to_the_engine() {
-        let object = |name: &str| {
-            let (name, text) = FILES.iter().find(|file| file.0 == name).unwrap();
-            ThrownObject::from_toml(name, text, &|_| unreachable!()).unwrap()
-        };
+    fn a_pressed_soft_surface_resists_rotation_and_a_hard_one_is_left_to_the_engine() {
         let ball = object("tennis_ball");
         // √(0.0336·80/24000) = 10.6 mm; ⅔·0.667·80·0.0106 = 0.376.
-        assert_relative_eq!(ball.spin_friction_nm(0.667, 80.0), 0.3765, epsilon = 1e-3);
-        assert_eq!(ball.spin_friction_nm(0.667, 0.0), 0.0);
-        assert_eq!(object("pill_bottle").spin_friction_nm(0.667, 80.0), 0.0);
+        assert_relative_eq!(ball.spin_friction_nm(0.667, 80.0, 0.0672), 0.3765, epsilon = 1e-3);
+        assert_eq!(ball.spin_friction_nm(0.667, 0.0, 0.0672), 0.0);
+        assert_eq!(object("pill_bottle").spin_friction_nm(0.667, 80.0, 0.05), 0.0);
+        let soft = FILES[2].1.replace("mass_kg = 0.100", "mass_kg = 0.100\nstiffness_npm = 24000");
+        assert!(read("soft.toml", &soft).unwrap().spin_friction_nm(0.667, 80.0, 0.05) > 0.3);
+    }
+
+    #[test]
+    fn centre_of_mass_inertia_and_friction_may_be_given() {
+        let with =
+            |lines: &str| read("b.toml", &FILES[2].1.replace("mass_kg = 0.100", &format!("mass_kg = 0.1\n{lines}")));
+        let bottle =
+            with("com_m = [0.0, 0.001, 0.03]\ninertia_kgm2 = [6e-5, 1e-6, 0, 6e-5, 0, 3e-5]\nfriction = 0.3").unwrap();
+        // The bottom of the shape, at z = 0, lies 30 mm below the centre of mass.
+        let low = bottle.mesh.vertices.iter().map(|vertex| vertex.z).fold(f64::INFINITY, f64::min);
+        assert_relative_eq!(low, -0.03, epsilon = 1e-12);
+        assert_eq!((bottle.inertia_kgm2[(0, 1)], bottle.inertia_kgm2[(1, 0)]), (1e-6, 1e-6));
+        assert_eq!(bottle.friction, Some(Drawn::Always(0.3)));
+        for (lines, field) in [
+            ("com_m = [0.0, 0.3, 0.0]", "truth.com_m"),
+            ("com_m = [nan, 0.0, 0.0]", "truth.com_m"),
+            ("inertia_kgm2 = [1e-5, 0, 0, 1e-5, 0, 9e-5]", "truth.inertia_kgm2"),
+            ("inertia_kgm2 = [0.16, 0, 0, 0.16, 0, 0.16]", "truth.inertia_kgm2"),
+            ("inertia_kgm2 = [1e-5, 0, 0, 1e-5, 0, -1e-5]", "truth.inertia_kgm2"),
+            ("friction = { min = 0.5, max = 0.4 }", "truth.friction"),
+            ("friction = -0.1", "truth.friction"),
+        ] {
+            let fault = with(lines).unwrap_err().to_string();
+            assert!(fault.starts_with(&format!("b.toml: {field}")), "{fault}");
+        }
+    }
+
+    #[test]
+    fn a_body_that_nearly_fills_its_hull_is_told_from_one_that_does_not() {
+        for (name, hull, parts) in [("tennis_ball", 1.0, 1.0), ("pill_bottle", 1.035, 1.0), ("banana", 1.67, 1.0)] {
+            let object = object(name);
+            assert!((object.hull_volume_ratio() - hull).abs() < 0.02, "{name}: {}", object.hull_volume_ratio());
+            assert!((object.parts_volume_ratio() - parts).abs() < 0.02, "{name}: {}", object.parts_volume_ratio());
+        }
     }
 }

@@ -1,8 +1,15 @@
 //! From the few numbers of an object's file to its surface, its convex parts and its inertia.
 
-use catch_body::{InputError, TriangleMesh, mesh::TubeRing, mesh_file::mesh_from_bytes, robot::Inertia};
+use catch_body::{
+    InputError, TriangleMesh,
+    mesh::TubeRing,
+    mesh_file::{groups_from_bytes, mesh_from_bytes},
+    robot::Inertia,
+};
 use nalgebra::{Matrix3, Point3, Vector3};
 use serde::Deserialize;
+
+use crate::convex_parts::{convex_parts, hull_volume_m3};
 
 /// Flat strips around a solid of revolution or a tube: at 32 a radius of 25 mm is 0.12 mm short between them.
 const SEGMENTS: u32 = 32;
@@ -23,6 +30,24 @@ pub enum ColliderPart {
     Hull(Vec<Point3<f64>>),
 }
 
+impl ColliderPart {
+    /// The same part, moved.
+    pub(crate) fn translated(self, offset: &Vector3<f64>) -> Self {
+        match self {
+            Self::Ball { centre, radius_m } => Self::Ball { centre: centre + offset, radius_m },
+            Self::Hull(points) => Self::Hull(points.into_iter().map(|point| point + offset).collect()),
+        }
+    }
+
+    /// Its volume in m³; zero for points that span none.
+    pub fn volume_m3(&self) -> f64 {
+        match self {
+            Self::Ball { radius_m, .. } => 4.0 / 3.0 * std::f64::consts::PI * radius_m.powi(3),
+            Self::Hull(points) => hull_volume_m3(points),
+        }
+    }
+}
+
 /// How an object's file describes its shape.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
@@ -33,7 +58,8 @@ pub(crate) enum ShapeFields {
     Revolution { profile_m: Vec<[f64; 2]> },
     /// A round tube along an arc in the y–z plane, its radii evenly spaced along it.
     BentTube { arc_radius_m: f64, arc_angle_deg: f64, radii_m: Vec<f64> },
-    /// A mesh from a file beside this one. It collides as its convex `parts`, or as its convex hull if none are named.
+    /// A mesh from a file beside this one. It collides as the groups of the `parts` files, the convex hull of each; without them it
+    /// is cut into convex parts.
     Mesh {
         file: String,
         #[serde(default)]
@@ -79,15 +105,27 @@ impl ShapeFields {
             }
             Self::Mesh { file: mesh_file, parts, scale } => {
                 let scale = InputError::positive(file, "truth.shape.scale", *scale)?;
-                let read = |name: &String| mesh_from_bytes(name, &load(name)?, scale);
-                let mesh = read(mesh_file)?;
-                let hulls = if parts.is_empty() { vec![mesh_file] } else { parts.iter().collect() };
-                let parts = hulls.into_iter().map(|name| Ok(ColliderPart::Hull(read(name)?.vertices)));
-                let parts = parts.collect::<Result<_, InputError>>()?;
+                let mesh = mesh_from_bytes(mesh_file, &load(mesh_file)?, scale)?;
+                let parts = if parts.is_empty() { convex_parts(&mesh) } else { named_parts(parts, scale, load)? };
                 Ok(Solid { inertia: mesh.mass_properties(mass_kg), parts, mesh })
             }
         }
     }
+}
+
+/// The convex hulls of all groups of the `files`.
+fn named_parts(files: &[String], scale: f64, load: Load) -> Result<Vec<ColliderPart>, InputError> {
+    let mut parts = Vec::new();
+    for file in files {
+        for (i, points) in groups_from_bytes(file, &load(file)?, scale)?.into_iter().enumerate() {
+            let part = ColliderPart::Hull(points);
+            if part.volume_m3() <= 0.0 {
+                return Err(InputError::new(file, format!("group {}", i + 1), "a flat part", "one that has a volume"));
+            }
+            parts.push(part);
+        }
+    }
+    Ok(parts)
 }
 
 fn revolution(file: &str, mass_kg: f64, profile_m: &[[f64; 2]]) -> Result<Solid, InputError> {

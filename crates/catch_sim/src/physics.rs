@@ -8,16 +8,21 @@
 //! * contacts as critically damped springs of 150 Hz. Their stiffness follows the mass, k = m·(2πf)²: some 50 kN/m for a
 //!   tennis ball. The default would let a finger sink 23 mm into it;
 //! * nothing falls asleep; masses are given and not derived from the colliders.
+//!
+//! While nothing touches the object its motion is not the engine's but that of a free rigid body ([`free_motion`]).
 
 mod assembly;
 mod convert;
+mod free_motion;
+mod restitution;
 
-use catch_body::{Gripper, JointVector, Pose, Robot, Twist, dynamics};
-use nalgebra::Vector3;
+use catch_body::{Gripper, JointVector, Pose, Robot, Twist};
+use nalgebra::{Matrix3, Vector3};
 use rapier3d_f64::prelude as engine;
 
 use crate::{object::ThrownObject, throw::Release, truth::Contact};
-use convert::{from_pose, from_vector, to_vector};
+use convert::{from_pose, from_vector, to_pose, to_vector};
+use free_motion::FreeBody;
 
 /// What the gripper is mounted on.
 #[derive(Debug, Clone, Copy)]
@@ -90,12 +95,12 @@ impl WorldState {
     }
 }
 
-/// Forces between the object and its surroundings during the last step.
+/// Contact between the object and its surroundings during the last step.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ContactForces {
     /// What touched.
     pub contact: Contact,
-    /// Sums of the normal forces at left and right finger, in N.
+    /// Sums of the normal forces at left and right finger, in N, averaged over the step.
     pub finger_n: [f64; 2],
 }
 
@@ -112,6 +117,20 @@ enum Part {
 }
 
 const PARTS: [Part; 6] = [Part::Object, Part::LeftFinger, Part::RightFinger, Part::Palm, Part::Arm, Part::Floor];
+
+impl Contact {
+    /// Whether this part touched the object.
+    fn has(&self, part: Part) -> bool {
+        match part {
+            Part::Object => false,
+            Part::LeftFinger => self.left_finger,
+            Part::RightFinger => self.right_finger,
+            Part::Palm => self.palm,
+            Part::Arm => self.arm,
+            Part::Floor => self.floor,
+        }
+    }
+}
 
 /// A joint of the tree: the moved body, its parent and the axis in the moved body's frame.
 struct Axis {
@@ -139,6 +158,10 @@ pub struct World {
     /// The left and the right finger.
     fingers: [Axis; 2],
     object: engine::RigidBodyHandle,
+    /// The object without its contacts.
+    free: FreeBody,
+    /// Of the last step.
+    contact_forces: ContactForces,
 }
 
 impl World {
@@ -155,21 +178,15 @@ impl World {
     }
 
     /// Takes another number of substeps from now on.
-    ///
-    /// The object's velocity is kept half a substep behind (see where it is added), which is half of another substep then. For
-    /// an object that touches nothing; it goes on along the same parabola.
     pub fn set_substeps(&mut self, substeps: usize) {
-        let before_s = self.settings.step_s / self.parameters.num_solver_iterations as f64;
-        let after_s = self.settings.step_s / substeps as f64;
         self.parameters.num_solver_iterations = substeps;
-        let object = &mut self.bodies[self.object];
-        let velocity = object.linvel() + to_vector(&dynamics::gravity()) * ((before_s - after_s) / 2.0);
-        object.set_linvel(velocity, true);
     }
 
     /// Lets one step pass and tells whether all went well. If not, a body's state was no longer finite; the engine has taken that
     /// body out of the world, and what follows means nothing.
     pub fn step(&mut self, loads: &Loads) -> bool {
+        let (X_WO, V_WO) = self.object_state();
+        let before = self.velocities_before();
         self.apply(loads);
         self.pipeline.step(
             to_vector(&loads.gravity),
@@ -186,7 +203,36 @@ impl World {
             &(),
             &(),
         );
+        let touched_before = self.contact_forces.contact;
+        self.contact_forces = self.forces_of_step();
+        if self.settings.restitution > 0.0 {
+            self.let_rebound(&before, &touched_before);
+        }
+        if !self.contact_forces.contact.any() {
+            let wrench = (&loads.object_force_n, &loads.object_torque_nm);
+            let (X_WO, V_WO) = self.free.advanced((&X_WO, &V_WO), &loads.gravity, wrench, self.settings.step_s);
+            self.set_object_state(&X_WO, &V_WO);
+        }
         self.pipeline.quarantine().is_empty()
+    }
+
+    fn object_state(&self) -> (Pose, Twist) {
+        let object = &self.bodies[self.object];
+        let V_WO = Twist { angular: from_vector(object.angvel()), linear: from_vector(object.linvel()) };
+        (from_pose(object.position()), V_WO)
+    }
+
+    /// Rotational inertia of the object as the engine has it, about its centre of mass along the axes of O, in kg·m².
+    pub fn object_inertia(&self) -> Matrix3<f64> {
+        let inertia = self.bodies[self.object].mass_properties().local_mprops.reconstruct_inertia_matrix();
+        Matrix3::from_columns(&[inertia.x_axis, inertia.y_axis, inertia.z_axis].map(from_vector))
+    }
+
+    fn set_object_state(&mut self, X_WO: &Pose, V_WO: &Twist) {
+        let object = &mut self.bodies[self.object];
+        object.set_position(to_pose(X_WO), true);
+        object.set_linvel(to_vector(&V_WO.linear), true);
+        object.set_angvel(to_vector(&V_WO.angular), true);
     }
 
     /// Replaces the forces on all bodies.
@@ -220,16 +266,14 @@ impl World {
 
     /// The state after the last step.
     pub fn state(&self) -> WorldState {
+        let (X_WO, V_WO) = self.object_state();
         let mut state = WorldState {
             q: JointVector::zeros(),
             dq: JointVector::zeros(),
             finger_m: [0.0; 2],
             finger_mps: [0.0; 2],
-            X_WO: from_pose(self.bodies[self.object].position()),
-            V_WO: Twist {
-                angular: from_vector(self.bodies[self.object].angvel()),
-                linear: from_vector(self.bodies[self.object].linvel()),
-            },
+            X_WO,
+            V_WO,
         };
         for (i, axis) in self.joints.iter().enumerate() {
             [state.q[i], state.dq[i]] = self.coordinate(axis, 3);
@@ -250,15 +294,19 @@ impl World {
 
     /// Forces on the object during the last step.
     pub fn contact_forces(&self) -> ContactForces {
-        let mut forces = [0.0; PARTS.len()];
+        self.contact_forces
+    }
+
+    fn forces_of_step(&self) -> ContactForces {
+        let mut impulses = [0.0; PARTS.len()];
         for &collider in self.bodies[self.object].colliders() {
             for pair in self.narrow_phase.contact_pairs_with(collider) {
                 let other = if pair.collider1 == collider { pair.collider2 } else { pair.collider1 };
-                forces[self.colliders[other].user_data as usize] += normal_impulse(pair) / self.settings.step_s;
+                impulses[self.colliders[other].user_data as usize] += normal_impulse(pair);
             }
         }
-        let force = |part: Part| forces[part as usize];
-        let touches = |part: Part| force(part) > 0.0;
+        let force = |part: Part| impulses[part as usize] / self.settings.step_s;
+        let touches = |part: Part| impulses[part as usize] > 0.0;
         ContactForces {
             contact: Contact {
                 left_finger: touches(Part::LeftFinger),
@@ -266,7 +314,7 @@ impl World {
                 palm: touches(Part::Palm),
                 arm: touches(Part::Arm),
                 floor: touches(Part::Floor),
-                peak_force_n: forces.iter().copied().fold(0.0, f64::max),
+                peak_impulse_ns: impulses.iter().copied().fold(0.0, f64::max),
             },
             finger_n: [force(Part::LeftFinger), force(Part::RightFinger)],
         }
@@ -276,14 +324,18 @@ impl World {
 /// The engine marks new contacts in this bit of their index.
 const NEW_CONTACT: u64 = 1 << 31;
 
-/// Sum of the normal impulses of a pair during the last step.
-///
-/// Only the points that were solved count: a manifold may list a point twice, and the duplicate keeps an impulse that nothing
-/// felt.
-fn normal_impulse(pair: &engine::ContactPair) -> f64 {
-    let solved = pair.solver_manifolds().iter().flat_map(|manifold| {
+/// The points of a pair that were solved in the last step, each with its manifold: one may list a point twice, and the duplicate
+/// keeps an impulse that nothing felt.
+fn solved_points(
+    pair: &engine::ContactPair,
+) -> impl Iterator<Item = (&engine::ContactManifold, &engine::TrackedContact<engine::ContactData>)> {
+    pair.solver_manifolds().iter().flat_map(|manifold| {
         let indices = manifold.data.solver_contacts.iter().map(|contact| contact.contact_id[0] & !NEW_CONTACT);
-        indices.filter_map(|index| manifold.points.get(index as usize)).map(|point| point.data.impulse)
-    });
-    solved.sum()
+        indices.filter_map(move |index| Some((manifold, manifold.points.get(index as usize)?)))
+    })
+}
+
+/// Sum of the normal impulses of a pair during the last step.
+fn normal_impulse(pair: &engine::ContactPair) -> f64 {
+    solved_points(pair).map(|(_, point)| point.data.impulse).sum()
 }

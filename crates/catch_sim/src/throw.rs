@@ -117,14 +117,17 @@ impl Throw {
         Self { motion, attitudes: self.attitudes.clone() }
     }
 
-    /// The throw number `index` of `seed`. An object whose attitude the file does not give starts upright, but for random throws,
-    /// where every attitude is as likely as any other. `conditions` are those of the same throw.
+    /// The throw number `index` of `seed`. Where the file does not give the object's orientation, a fixed throw has the axes of the
+    /// object's file along those of W; of all others every orientation is as likely as any other. `conditions` are those of the
+    /// same throw.
     pub fn release(&self, object_name: &str, conditions: &Conditions, seed: u64, index: u64) -> Release {
         let given = self.attitudes.get(object_name).copied();
+        let is_fixed = matches!(self.motion, Motion::Fixed { .. });
+        let drawn = || Draws::new(Stream::Attitude, seed, index).attitude();
         let mut release = Release {
             p_WO: Point3::origin(),
             v_WO: Vector3::zeros(),
-            q_WO: given.unwrap_or_default(),
+            q_WO: given.unwrap_or_else(|| if is_fixed { UnitQuaternion::identity() } else { drawn() }),
             omega_WO: conditions.spin_radps,
         };
         match &self.motion {
@@ -148,9 +151,6 @@ impl Throw {
             }
             Motion::Random(motion) => {
                 (release.p_WO, release.v_WO) = motion.draw(conditions, &mut Draws::new(Stream::Throw, seed, index));
-                if given.is_none() {
-                    release.q_WO = Draws::new(Stream::Attitude, seed, index).attitude();
-                }
             }
         }
         release
@@ -250,6 +250,19 @@ mod tests {
         let expected = about(Axis::Z, -45.0) * about(Axis::X, -45.0) * about(Axis::Z, -90.0);
         assert_relative_eq!(release.q_WO, expected, epsilon = 1e-12);
         assert_eq!(throw("near").release("tennis_ball", &calm(), 0, 0).q_WO, UnitQuaternion::identity());
+    }
+
+    /// Whatever an object is called, no orientation of its own file is preferred in throws that differ.
+    #[test]
+    fn objects_that_a_sampled_throw_does_not_name_have_random_orientations() {
+        let orientation = |throw: &str, object: &str, index| self::throw(throw).release(object, &calm(), 3, index).q_WO;
+        for throw in ["near_sampled", "far_sampled"] {
+            assert_eq!(orientation(throw, "mug", 0), orientation(throw, "kettle", 0));
+            assert!(orientation(throw, "mug", 0).angle_to(&orientation(throw, "mug", 1)) > 1e-3);
+            assert_eq!(orientation(throw, "banana", 0), orientation(throw, "banana", 1));
+            assert_eq!(orientation(throw, "tennis_ball", 1), UnitQuaternion::identity());
+        }
+        assert_eq!(orientation("near", "mug", 1), UnitQuaternion::identity());
     }
 
     #[test]

@@ -34,7 +34,7 @@ pub struct TruthSample {
     pub V_WG: Twist,
     /// Distance between the fingers' inner faces in metres.
     pub width_m: f64,
-    /// Force between left and right finger and the object in N.
+    /// Force between left and right finger and the object in N, averaged over the step.
     pub finger_force_n: [f64; 2],
     /// Pose of the object.
     pub X_WO: Pose,
@@ -57,8 +57,9 @@ pub struct Contact {
     pub arm: bool,
     /// The floor.
     pub floor: bool,
-    /// The largest of these forces in N, averaged over the step.
-    pub peak_force_n: f64,
+    /// The largest normal impulse of one of these during the step, in N·s. An impact is over within a step.
+    #[serde(default)]
+    pub peak_impulse_ns: f64,
 }
 
 impl Contact {

@@ -43,6 +43,7 @@ struct Document {
     file: PathBuf,
     kind: Option<String>,
     faults: Vec<String>,
+    notes: Vec<String>,
 }
 
 /// Checks files and lists their faults.
@@ -55,16 +56,17 @@ pub fn run(arguments: &CheckArguments) -> anyhow::Result<()> {
     if arguments.json {
         let documents: Vec<Document> = checked
             .into_iter()
-            .map(|(file, Checked { kind, faults })| Document {
+            .map(|(file, Checked { kind, faults, notes })| Document {
                 version: VERSION,
                 file: file.clone(),
                 kind: kind.map(|it| it.to_string()),
                 faults: faults.iter().map(ToString::to_string).collect(),
+                notes,
             })
             .collect();
         screen::json(&documents)?;
     } else {
-        for (file, Checked { kind, faults }) in &checked {
+        for (file, Checked { kind, faults, notes }) in &checked {
             let kind = kind.map_or("file".to_owned(), |it| it.to_string());
             match faults.len() {
                 0 => screen::line(&format!("{GOOD}right{GOOD:#}  {kind} {}", file.display()))?,
@@ -72,6 +74,9 @@ pub fn run(arguments: &CheckArguments) -> anyhow::Result<()> {
             }
             for fault in faults {
                 screen::line(&format!("       {fault}"))?;
+            }
+            for note in notes {
+                screen::line(&format!("       {note}"))?;
             }
         }
     }

@@ -48,8 +48,15 @@ pub struct Measures {
     pub lets_in: Option<bool>,
     /// Sum over the joints of how far each moved from the ready pose to the catch.
     pub joint_travel_rad: Option<f64>,
-    /// The largest force on the object while the gripper touched it.
-    pub peak_contact_force_n: f64,
+    /// The largest impulse of a contact in one step of the physics, 1 ms, while the gripper touched the object, in N·s.
+    #[serde(default)]
+    pub peak_contact_impulse_ns: f64,
+    /// The object's impulse on the gripper in the first 20 ms after the first contact, in N·s.
+    #[serde(default)]
+    pub catch_impulse_ns: Option<f64>,
+    /// What that is at the joints, the largest of any joint, in N·m·s.
+    #[serde(default)]
+    pub catch_joint_impulse_nms: Option<f64>,
     /// Highest velocity of a joint over its limit.
     pub peak_velocity_ratio: f64,
     /// Highest acceleration of a joint over its limit, impacts included.

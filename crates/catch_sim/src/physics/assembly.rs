@@ -1,12 +1,12 @@
 //! Builds the engine's bodies, joints and colliders.
 
-use catch_body::{Gripper, JointVector, Pose, Robot, dynamics, robot::Inertia, shape::Cuboid};
+use catch_body::{Gripper, JointVector, Pose, Robot, robot::Inertia, shape::Cuboid};
 use engine::{Group, InteractionGroups, InteractionTestMode, JointAxesMask, JointAxis, SpringCoefficients};
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use rapier3d_f64::prelude as engine;
 
-use super::convert::{to_matrix, to_pose, to_vector};
-use super::{Axis, Mount, Part, World, WorldSettings};
+use super::convert::{to_pose, to_rotation, to_vector};
+use super::{Axis, ContactForces, Mount, Part, World, WorldSettings, free_motion::FreeBody};
 use crate::{object::ThrownObject, object_shape::ColliderPart, throw::Release};
 
 /// Stiffness of contacts, see the module's documentation: natural frequency in Hz and damping ratio.
@@ -36,6 +36,7 @@ pub(super) fn assemble(
     };
     builder.attach_box(hand, &X_HG, &gripper.body(), Part::Palm);
     let fingers = builder.add_fingers(gripper, hand, &X_HG);
+    let free = FreeBody::new(object.mass_kg, &object.inertia_kgm2).expect("an object's inertia is positive definite");
     let object = builder.add_object(object, release);
     // The engine would take the masses into account in the first step only, but the kinematics below need them.
     for (_, body) in builder.bodies.iter_mut() {
@@ -71,6 +72,8 @@ pub(super) fn assemble(
         joints,
         fingers,
         object,
+        free,
+        contact_forces: ContactForces::default(),
     }
 }
 
@@ -172,14 +175,10 @@ impl Builder {
     }
 
     fn add_object(&mut self, object: &ThrownObject, release: &Release) -> engine::RigidBodyHandle {
-        // The engine adds gravity to the velocity before it moves the body, which puts it g·h·t/2 ahead of the parabola
-        // (h: substep). Starting g·h/2 slower makes every position exact (leapfrog integration).
-        let substep_s = self.settings.step_s / self.settings.substeps as f64;
-        let v_WO = release.v_WO - dynamics::gravity() * (substep_s / 2.0);
         let X_WO = Pose::from_parts(release.p_WO.into(), release.q_WO);
         let inertia = Inertia { mass: object.mass_kg, com: nalgebra::Point3::origin(), about_com: object.inertia_kgm2 };
         let handle = self.add_body(&X_WO, &inertia);
-        self.bodies[handle].set_linvel(to_vector(&v_WO), true);
+        self.bodies[handle].set_linvel(to_vector(&release.v_WO), true);
         self.bodies[handle].set_angvel(to_vector(&release.omega_WO), true);
         for part in &object.parts {
             let shape = match part {
@@ -198,7 +197,19 @@ impl Builder {
 
     fn add_body(&mut self, X_WL: &Pose, inertia: &Inertia) -> engine::RigidBodyHandle {
         let com = to_vector(&inertia.com.coords);
-        let mass = engine::MassProperties::with_inertia_matrix(com, inertia.mass, to_matrix(&inertia.about_com));
+        // Not the engine's own: it takes an inertia below some 1e-5 kg·m² for a multiple of the identity.
+        let principal = inertia.about_com.symmetric_eigen();
+        let mut axes = principal.eigenvectors;
+        if axes.determinant() < 0.0 {
+            axes.neg_mut();
+        }
+        let axes = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
+        let mass = engine::MassProperties::with_principal_inertia_frame(
+            com,
+            inertia.mass,
+            to_vector(&principal.eigenvalues),
+            to_rotation(&axes),
+        );
         let body = engine::RigidBodyBuilder::dynamic()
             .pose(to_pose(X_WL))
             .additional_mass_properties(mass)

@@ -1,7 +1,7 @@
 //! Between the project's linear algebra and the engine's.
 
 use catch_body::Pose;
-use nalgebra::{Isometry3, Matrix3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use rapier3d_f64::math;
 
 pub fn to_vector(vector: &Vector3<f64>) -> math::Vector {
@@ -26,9 +26,4 @@ pub fn from_pose(pose: &math::Pose) -> Pose {
         Translation3::from(from_vector(pose.translation)),
         UnitQuaternion::new_normalize(Quaternion::new(q.w, q.x, q.y, q.z)),
     )
-}
-
-pub fn to_matrix(matrix: &Matrix3<f64>) -> math::Matrix {
-    let column = |i: usize| to_vector(&matrix.column(i).into_owned());
-    math::Matrix::from_cols(column(0), column(1), column(2))
 }

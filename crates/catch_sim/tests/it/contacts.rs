@@ -129,6 +129,41 @@ fn restitution_is_exact() {
     }
 }
 
+/// Two fingers that close without a motor meet a ball at once: each rebounds at e times its speed, and the ball stays where it is.
+#[test]
+fn restitution_of_a_ball_between_two_closing_fingers_is_exact() {
+    let mut worst = 0.0f64;
+    for restitution in [0.3, 0.5, 0.75] {
+        for speed in [0.2, 0.6, 2.0] {
+            let gripper = setting::gripper();
+            let ball = setting::object("tennis_ball");
+            let hand = Point3::new(0.0, 0.0, 2.0);
+            let release = setting::release([0.0, gripper.grasp_centre_y_m, 2.0], [0.0; 3]);
+            let settings = setting::settings(0.6, restitution);
+            let mut world = setting::fixed_hand(settings, hand, &gripper, 0.1, &ball, &release);
+            let mut loads = setting::no_loads();
+            loads.gravity = Vector3::zeros();
+            // One push, and then nothing but the ball in their way.
+            loads.finger_force_n = [-gripper.finger_mass_kg * speed / 1e-3; 2];
+            world.step(&loads);
+            loads.finger_force_n = [0.0; 2];
+            let closing = world.state().finger_mps;
+            while world.contact_forces().finger_n == [0.0; 2] {
+                world.step(&loads);
+            }
+            let state = world.state();
+            for (after, before) in state.finger_mps.into_iter().zip(closing) {
+                let rebound = -after / before;
+                let error = (rebound / restitution - 1.0).abs();
+                worst = worst.max(error);
+                assert!(error < 1e-3, "{rebound} instead of {restitution} at {speed} m/s");
+            }
+            assert!(state.V_WO.linear.norm() < 1e-6 * speed, "{}", state.V_WO.linear);
+        }
+    }
+    println!("restitution between two fingers off by {worst:.1e} at most");
+}
+
 /// The fingers of the ideal drive: about 5 ms from wide open to a tennis ball.
 #[test]
 fn ideal_fingers_reach_a_tennis_ball_in_five_milliseconds() {

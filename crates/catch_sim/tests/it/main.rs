@@ -4,6 +4,7 @@ mod catch_table;
 mod chance;
 mod contacts;
 mod free_motion;
+mod free_rotation;
 mod gripper;
 mod scenes;
 mod servo;

@@ -1,0 +1,90 @@
+//! Cuts a concave solid into convex parts, as which it collides.
+
+use catch_body::TriangleMesh;
+use nalgebra::Point3;
+use rapier3d_f64::{
+    math::Vector,
+    parry::{
+        shape::ConvexPolyhedron,
+        transformation::vhacd::{VHACD, VHACDParameters},
+    },
+};
+
+use crate::object_shape::ColliderPart;
+
+/// A solid whose convex hull has at most this times its volume collides as that.
+const NEARLY_CONVEX: f64 = 1.02;
+
+/// The convex parts of a closed mesh: its hull where it is convex, else an approximate decomposition (Mamou, Volumetric
+/// hierarchical approximate convex decomposition, Game Engine Gems 3, 2016).
+pub(crate) fn convex_parts(mesh: &TriangleMesh) -> Vec<ColliderPart> {
+    let hull = || vec![ColliderPart::Hull(mesh.vertices.clone())];
+    if hull_volume_m3(&mesh.vertices) <= NEARLY_CONVEX * mesh.volume() {
+        return hull();
+    }
+    let parameters =
+        VHACDParameters { concavity: 0.005, resolution: 64, max_convex_hulls: 32, ..VHACDParameters::default() };
+    let points = to_vectors(&mesh.vertices);
+    let pieces = VHACD::decompose(&parameters, &points, &mesh.triangles, true)
+        .compute_exact_convex_hulls(&points, &mesh.triangles);
+    let parts = pieces.into_iter().map(|(points, _)| points.iter().map(|it| Point3::new(it.x, it.y, it.z)).collect());
+    let parts: Vec<ColliderPart> = parts.map(ColliderPart::Hull).filter(|part| part.volume_m3() > 0.0).collect();
+    if parts.is_empty() { hull() } else { parts }
+}
+
+/// Volume of the convex hull of points; zero where they span none.
+pub(crate) fn hull_volume_m3(points: &[Point3<f64>]) -> f64 {
+    let hull = ConvexPolyhedron::from_convex_hull(&to_vectors(points));
+    hull.map_or(0.0, |hull| {
+        let (points, triangles) = hull.to_trimesh();
+        let vertices = points.iter().map(|it| Point3::new(it.x, it.y, it.z)).collect();
+        TriangleMesh { vertices, triangles }.volume()
+    })
+}
+
+fn to_vectors(points: &[Point3<f64>]) -> Vec<Vector> {
+    points.iter().map(|point| Vector::new(point.x, point.y, point.z)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use catch_body::{mesh::TubeRing, shape::Cuboid};
+    use nalgebra::Vector3;
+
+    /// A horseshoe: most of its convex hull is air.
+    fn horseshoe() -> TriangleMesh {
+        let rings: Vec<TubeRing> = (0..=40)
+            .map(|i| {
+                let (sin, cos) = (f64::from(i) / 40.0 * 4.0).sin_cos();
+                let outwards = Vector3::new(cos, sin, 0.0);
+                TubeRing { centre: (outwards * 0.05).into(), axes: [outwards, Vector3::z()], semi_axes_m: [0.008; 2] }
+            })
+            .collect();
+        TriangleMesh::tube(&rings, 24)
+    }
+
+    #[test]
+    fn a_concave_solid_is_cut_into_parts_that_fill_it_and_little_more() {
+        let mesh = horseshoe();
+        assert!(hull_volume_m3(&mesh.vertices) > 2.0 * mesh.volume());
+        let parts = convex_parts(&mesh);
+        let volume: f64 = parts.iter().map(ColliderPart::volume_m3).sum();
+        let ratio = volume / mesh.volume();
+        assert!((0.98..1.15).contains(&ratio) && (4..=32).contains(&parts.len()), "{} parts, {ratio}", parts.len());
+        // Nothing fills the gap in the middle.
+        let reaches_middle = |part: &ColliderPart| match part {
+            ColliderPart::Hull(points) => points.iter().any(|point| point.coords.xy().norm() < 0.035),
+            ColliderPart::Ball { .. } => true,
+        };
+        assert!(!parts.iter().any(reaches_middle));
+    }
+
+    #[test]
+    fn a_convex_solid_stays_one_part() {
+        let brick = TriangleMesh::cuboid(&Cuboid { centre: Point3::origin(), size: Vector3::new(0.1, 0.05, 0.02) });
+        assert_eq!(convex_parts(&brick), [ColliderPart::Hull(brick.vertices.clone())]);
+        assert!((hull_volume_m3(&brick.vertices) - 1e-4).abs() < 1e-12);
+        assert_eq!(hull_volume_m3(&brick.vertices[..3]), 0.0);
+    }
+}

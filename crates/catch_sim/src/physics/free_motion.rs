@@ -1,0 +1,79 @@
+//! Motion of the object while nothing touches it.
+//!
+//! The engine integrates orientation to first order, which puts a tumbling banana 12 mrad off at the catch in the median and
+//! 159 mrad at most. Between contacts the object is a single rigid body whose motion is known almost in closed form, so it is
+//! integrated here instead.
+
+use catch_body::{Pose, Twist};
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+
+/// Longest rotation of one integration step, in radians; the error of a step is of its fifth power.
+const STEP_RAD: f64 = 0.05;
+/// Most integration steps: a spin that needs more is not one of a thrown object.
+const MOST_STEPS: f64 = 1000.0;
+
+/// A rigid body without contact.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct FreeBody {
+    mass_kg: f64,
+    /// Inertia about the centre of mass, along the axes of O, and its inverse.
+    inertia_kgm2: Matrix3<f64>,
+    inverse_inertia: Matrix3<f64>,
+}
+
+impl FreeBody {
+    /// `None` if the inertia has no inverse.
+    pub fn new(mass_kg: f64, inertia_kgm2: &Matrix3<f64>) -> Option<Self> {
+        let inverse_inertia = inertia_kgm2.try_inverse()?;
+        Some(Self { mass_kg, inertia_kgm2: *inertia_kgm2, inverse_inertia })
+    }
+
+    /// Pose and velocity after `duration_s`, under constant gravity, force and torque in W; the force acts on the centre of mass,
+    /// which is the origin of O.
+    ///
+    /// Translation is exact. Rotation follows q̇ = ½·ω·q with ω = R·I⁻¹·Rᵀ·L and L(t) = L₀ + τ·t, by Runge and Kutta's method of
+    /// fourth order: momentum is kept to rounding, whatever the error of the orientation.
+    pub fn advanced(
+        &self,
+        (X_WO, V_WO): (&Pose, &Twist),
+        gravity: &Vector3<f64>,
+        (force_n, torque_nm): (&Vector3<f64>, &Vector3<f64>),
+        duration_s: f64,
+    ) -> (Pose, Twist) {
+        let acceleration = gravity + force_n / self.mass_kg;
+        let p_WO = X_WO.translation.vector + (V_WO.linear + acceleration * (duration_s / 2.0)) * duration_s;
+        let q_WO = X_WO.rotation;
+        let L_W = q_WO * (self.inertia_kgm2 * (q_WO.inverse() * V_WO.angular));
+        let steps = (V_WO.angular.norm() * duration_s / STEP_RAD).ceil().clamp(1.0, MOST_STEPS);
+        let step_s = duration_s / steps;
+        let mut q = q_WO.into_inner();
+        for step in 0..steps as usize {
+            q = self.rotated(&q, &(L_W + torque_nm * (step as f64 * step_s)), torque_nm, step_s);
+        }
+        let q_WO = UnitQuaternion::new_normalize(q);
+        let angular = q_WO * (self.inverse_inertia * (q_WO.inverse() * (L_W + torque_nm * duration_s)));
+        let linear = V_WO.linear + acceleration * duration_s;
+        (Pose::from_parts(p_WO.into(), q_WO), Twist { angular, linear })
+    }
+
+    /// One step of the rotation from `q`, at whose beginning the angular momentum in W is `L_W`.
+    fn rotated(
+        &self,
+        q: &Quaternion<f64>,
+        L_W: &Vector3<f64>,
+        torque_nm: &Vector3<f64>,
+        step_s: f64,
+    ) -> Quaternion<f64> {
+        let rate = |q: Quaternion<f64>, time_s: f64| {
+            let R_WO = UnitQuaternion::new_normalize(q);
+            let omega = R_WO * (self.inverse_inertia * (R_WO.inverse() * (L_W + torque_nm * time_s)));
+            Quaternion::from_imag(omega) * q * 0.5
+        };
+        let half_s = step_s / 2.0;
+        let k1 = rate(*q, 0.0);
+        let k2 = rate(q + k1 * half_s, half_s);
+        let k3 = rate(q + k2 * half_s, half_s);
+        let k4 = rate(q + k3 * step_s, step_s);
+        (q + (k1 + (k2 + k3) * 2.0 + k4) * (step_s / 6.0)).normalize()
+    }
+}
