@@ -9,7 +9,7 @@ mod synthetic;
 
 use catch_body::Pose;
 use catch_bot::{
-    perception::{Config, Method, ReferenceModel, Workspace, find_object},
+    perception::{Config, ReferenceModel, Workspace, find_object},
     trajectory_prediction::{self, predict},
 };
 use criterion::{Criterion, criterion_group, criterion_main};
@@ -40,9 +40,6 @@ fn tracking(criterion: &mut Criterion) {
             };
             update("tracking", Some(&prior), &config);
             update("cold start", None, &config);
-            if noise == Noise::Clean {
-                update("paper's ICP", Some(&prior), &Config { method: Method::IcpPointToPoint, ..config.clone() });
-            }
         }
     }
 }

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     assets::{Kind, nearest},
+    brain::BrainSettings,
     brain_settings::{self, fields},
     setup::COMMAND_LINE,
 };
@@ -58,7 +59,7 @@ pub struct Scenario {
     pub arena: ArenaConfig,
     /// The brain.
     #[serde(default)]
-    pub brain: catch_bot::Config,
+    pub brain: BrainSettings,
 }
 
 impl Scenario {
@@ -168,8 +169,8 @@ fn field_meant(path: &str, tree: &toml::Table) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::brain::Method;
     use crate::setup::{Choice, Setup};
-    use catch_bot::Method;
 
     fn set(settings: &[&str]) -> Result<Scenario, InputError> {
         let settings: Vec<String> = settings.iter().map(|&it| it.to_owned()).collect();
@@ -180,7 +181,7 @@ mod tests {
     fn single_fields_can_be_changed() {
         let scenario = set(&["arena.restitution_scale = 0.5", "brain.method=paper", "arena.substeps=8"]).unwrap();
         assert_eq!((scenario.arena.restitution_scale, scenario.arena.substeps), (0.5, 8));
-        assert_eq!(scenario.brain.method, catch_bot::Method::Paper);
+        assert_eq!(scenario.brain.method, Method::Paper);
         assert!(scenario.name.starts_with("paper+arena.restitution_scale=0.5+"), "{}", scenario.name);
     }
 

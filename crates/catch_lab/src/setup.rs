@@ -6,7 +6,7 @@ use std::{
 };
 
 use catch_body::{Gripper, InputError, Robot, robot::LimitScale, robot_file::RobotFiles};
-use catch_bot::{CatchingBot, Method, Preparation, grasp_selection, perception::DepthNoise};
+use catch_bot::{Preparation, grasp_selection, perception::DepthNoise};
 use catch_cell::{CameraModel, ReferenceScan};
 use catch_sim::{
     Arena, Conditions, Equipment, GripperDriveKind, Release, Throw, ThrownObject,
@@ -18,6 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     assets::{Asset, Kind, Origin},
+    brain::{BrainSettings, ChosenBrain, Method},
     scenario::{Clock, Scenario},
 };
 
@@ -293,7 +294,7 @@ impl Setup {
     }
 
     /// The brain's settings in one scene: those of the scenario, what is known of the object beforehand, and a seed.
-    pub fn brain_config(&self, seed: u64, index: u64) -> catch_bot::Config {
+    pub fn brain_config(&self, seed: u64, index: u64) -> BrainSettings {
         let mut config = self.scenario.brain.clone();
         config.seed = seed_for(Stream::Brain, seed, index);
         // What is known beforehand, unless the scenario tells the brain otherwise: whether there is air, and how much it brakes the
@@ -325,14 +326,15 @@ impl Setup {
     pub fn known(&self) -> &Arc<Preparation> {
         self.known.get_or_init(|| {
             let Self { robot, gripper, cameras, .. } = self.clone();
-            let config = self.brain_config(0, 0);
+            let config = self.brain_config(0, 0).config();
             Arc::new(Preparation::new(config, robot, gripper, cameras, &self.reference_scan))
         })
     }
 
     /// A brain that has seen nothing yet.
-    pub fn brain(&self, seed: u64, index: u64) -> CatchingBot {
-        CatchingBot::prepared(self.known().clone(), self.brain_config(seed, index).seed)
+    pub fn brain(&self, seed: u64, index: u64) -> ChosenBrain {
+        let settings = self.brain_config(seed, index);
+        settings.brain(self.known().clone(), settings.seed)
     }
 }
 

@@ -1,9 +1,15 @@
-//! Control: when the gripper closes, and how plans become commands.
+//! Control: what to do about a flight, when the gripper closes, and how plans become commands.
 
-pub(crate) mod decision;
+mod controller;
+mod decision;
+mod time_grid_search;
 
 use catch_cell::GripperMove;
 use serde::{Deserialize, Serialize};
+
+pub use controller::Controller;
+pub use decision::{CatchPlanner, Decision, Progress, Situation, Status};
+pub use time_grid_search::TimeGridSearch;
 
 use crate::{grasp_selection, trajectory_optimization::CatchPlan, trajectory_prediction::FlightTrajectory};
 use catch_body::{Gripper, Robot};

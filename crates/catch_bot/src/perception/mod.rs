@@ -8,7 +8,7 @@ pub mod camera_alignment;
 mod cloud;
 mod cold_start;
 mod distance_field;
-mod icp;
+mod estimator;
 mod neighbours;
 mod normal_equations;
 pub mod point_cloud;
@@ -25,39 +25,23 @@ mod tests;
 pub(crate) mod unlabelled;
 
 use catch_body::Pose;
-use catch_cell::{CameraModel, DepthFrame};
-use nalgebra::{Matrix6, UnitQuaternion};
+use catch_cell::CameraModel;
+use nalgebra::Matrix6;
 use serde::{Deserialize, Serialize};
 
 pub use cloud::register_cloud;
 pub use distance_field::DistanceField;
+pub use estimator::{PoseEstimator, SdfEstimator, View, estimate_with, find_object};
 pub use point_cloud::{DepthNoise, SceneCloud};
 pub use reference::ReferenceModel;
 pub use registration::Fit;
 pub use segmentation::Surroundings;
 pub use symmetry::Symmetry;
 
-/// How the reference is brought onto the points.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Method {
-    /// Gauss–Newton on the reference's signed distance field, with outlines where depths are noisy.
-    #[default]
-    Sdf,
-    /// The paper's: iterative closest points, point to point.
-    IcpPointToPoint,
-}
-
 /// Settings of perception.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// How the reference is brought onto the points.
-    pub method: Method,
-    /// Iterations of ICP at most.
-    pub max_icp_iterations: usize,
-    /// ICP has converged when a step is shorter than this in metres, at the object's surface.
-    pub icp_tolerance_m: f64,
     /// Points of the reference scan closer than this to each other are thinned, in metres. 1.5 mm keeps nearly all points of
     /// a scan with 200×150 pixels per camera and bounds the work for denser ones.
     pub reference_spacing_m: f64,
@@ -112,9 +96,6 @@ pub struct Config {
 impl Default for Config {
     fn default() -> Self {
         Self {
-            method: Method::Sdf,
-            max_icp_iterations: 50,
-            icp_tolerance_m: 1e-5,
             reference_spacing_m: 0.0015,
             grasp_spacing_m: 0.0025,
             distance_grid_m: 0.002,
@@ -179,8 +160,6 @@ pub struct Workspace {
     scene: SceneCloud,
     thinned: SceneCloud,
     acquisition: acquisition::Scratch,
-    /// Whether the pose that is being looked at is only a place.
-    is_place_only: bool,
 }
 
 impl Workspace {
@@ -195,99 +174,4 @@ impl Workspace {
     pub fn scene(&self) -> &SceneCloud {
         &self.scene
     }
-}
-
-/// Finds the object in all depth images of one capture time.
-///
-/// `prior` is the predicted X_WO, from which registration starts; without one, or when it leads nowhere, the object is looked
-/// for everywhere and all attitudes are tried. `surroundings` matter where images come without masks. Frames of unknown cameras
-/// are passed over.
-pub fn find_object(
-    frames: &[DepthFrame],
-    cameras: &[CameraModel],
-    reference: &ReferenceModel,
-    prior: Option<&Pose>,
-    surroundings: Option<&Surroundings<'_>>,
-    config: &Config,
-    workspace: &mut Workspace,
-) -> Result<ObjectPose, PerceptionStatus> {
-    if reference.points.is_empty() {
-        return Err(PerceptionStatus::NoReference);
-    }
-    let prior = prior.filter(|X_WO| X_WO.to_homogeneous().iter().all(|value| value.is_finite()));
-    let tracked = prior.map(|_| find_at(frames, cameras, reference, prior, surroundings, config, workspace));
-    let unlabelled = frames.iter().any(|frame| frame.mask.is_none());
-    match tracked {
-        Some(Ok(pose)) => Ok(pose),
-        Some(Err(status)) if !unlabelled && status != PerceptionStatus::NoPoints => Err(status),
-        _ if !unlabelled => find_at(frames, cameras, reference, None, surroundings, config, workspace),
-        _ => {
-            let place = acquisition::find(frames, cameras, reference, surroundings, config, &mut workspace.acquisition);
-            let place = place.ok_or(PerceptionStatus::NoPoints)?;
-            let X_WO =
-                Pose::from_parts(place.coords.into(), prior.map_or(UnitQuaternion::identity(), |X_WO| X_WO.rotation));
-            workspace.is_place_only = true;
-            let found = find_at(frames, cameras, reference, Some(&X_WO), surroundings, config, workspace);
-            workspace.is_place_only = false;
-            found
-        }
-    }
-}
-
-/// Finds the object near `prior`, or anywhere in images with masks if there is none.
-fn find_at(
-    frames: &[DepthFrame],
-    cameras: &[CameraModel],
-    reference: &ReferenceModel,
-    prior: Option<&Pose>,
-    surroundings: Option<&Surroundings<'_>>,
-    config: &Config,
-    workspace: &mut Workspace,
-) -> Result<ObjectPose, PerceptionStatus> {
-    let Workspace { scene, thinned, is_place_only, .. } = workspace;
-    scene.collect(frames, cameras, reference, prior, surroundings, config);
-    match scene.points.len() {
-        0 => return Err(PerceptionStatus::NoPoints),
-        few if few < config.min_points => return Err(PerceptionStatus::TooFewPoints),
-        _ => {}
-    }
-
-    // Where depths are told to be noisy outlines are needed; else a registration without them tells.
-    let from_points_alone = scene.mean_noise_m() <= config.outline_above_m;
-    if !from_points_alone {
-        scene.collect_outline(frames, cameras, reference, config);
-    }
-    let mut from = |X_WO: &Pose| match config.method {
-        Method::Sdf => {
-            let fit = registration::register(scene, reference, X_WO, config, !from_points_alone);
-            let good = fit.as_ref().is_ok_and(|fit| fit.residual_m <= config.outline_above_m);
-            if good || !from_points_alone {
-                return fit;
-            }
-            scene.collect_outline(frames, cameras, reference, config);
-            if scene.outline.is_empty() { fit } else { registration::register(scene, reference, X_WO, config, true) }
-        }
-        Method::IcpPointToPoint => icp::register(scene, reference, X_WO, config),
-    };
-    let tracked = prior.filter(|_| !*is_place_only).and_then(|X_WO| from(X_WO).ok());
-    let cold_started = tracked.is_none();
-    let fit = match tracked {
-        Some(fit) => fit,
-        None => {
-            if scene.outline.is_empty() {
-                scene.collect_outline(frames, cameras, reference, config);
-            }
-            cold_start::register(scene, thinned, reference, prior, config)?
-        }
-    };
-    let capture_s = frames.iter().map(|frame| frame.capture_s).find(|time| time.is_finite()).unwrap_or(0.0);
-    Ok(ObjectPose {
-        capture_s,
-        X_WO: fit.X_WO,
-        information: fit.information,
-        points: fit.points,
-        residual_m: fit.residual_m,
-        iterations: fit.iterations,
-        cold_started,
-    })
 }

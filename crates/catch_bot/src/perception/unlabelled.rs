@@ -3,7 +3,7 @@
 #![allow(clippy::print_stdout, reason = "tests tell what they measured")]
 
 use catch_body::{Gripper, JointVector, Pose, Robot, ray_cast::ArmSurface, robot_file::RobotFiles};
-use catch_cell::PixelWindow;
+use catch_cell::{DepthFrame, PixelWindow};
 use nalgebra::{Point3, UnitQuaternion};
 
 use super::{

@@ -9,11 +9,9 @@
 //! * [`joint_spline`]: the motion, one small quadratic program per joint ([`quadratic_program`]), and the braking after it;
 //! * [`motion`]: both put together and checked against torque limits and collision.
 //!
-//! [`posed`] answers for a catch whose time and pose are given, [`throw_proof`] proves whole throws out of reach, and
-//! [`sqp`] is the general nonlinear form over all joints, for arms and demands that the steps above do not know.
+//! [`posed`] answers for a catch whose time and pose are given.
 
 pub mod arrival;
-mod general;
 pub mod joint_spline;
 pub mod motion;
 pub mod posed;
@@ -23,8 +21,6 @@ pub mod reachability;
 mod reaching;
 mod retarget;
 pub mod search;
-pub mod sqp;
-pub mod throw_proof;
 mod unreachable;
 mod way_in;
 
@@ -222,6 +218,11 @@ impl Planner {
             standing_splines,
             brake_spline,
         }
+    }
+
+    /// Its settings.
+    pub fn config(&self) -> &Config {
+        &self.config
     }
 
     /// The gripper that it plans for.

@@ -18,7 +18,7 @@ const CHECKS: usize = 40;
 /// Instants at which torque is checked on the way to the catch: at each of its spans' ends and in the middle.
 const TORQUE_CHECKS: usize = 20;
 /// Distance from the acceleration limits that rounding needs, relative.
-pub(super) const ROUNDING: f64 = 1e-7;
+pub const ROUNDING: f64 = 1e-7;
 /// The same for positions, in radians.
 const HULL_ROUNDING: f64 = 1e-9;
 
@@ -125,7 +125,7 @@ impl Planner {
     }
 
     /// What a motion of joint `i` may use. A joint that starts closer to the end of its range than the margin may stay there.
-    pub(super) fn limits(&self, i: usize, state: &Setpoint, shares: Shares) -> JointLimits {
+    pub fn limits(&self, i: usize, state: &Setpoint, shares: Shares) -> JointLimits {
         let limits = &self.robot.joints[i].limits;
         JointLimits {
             lower: (limits.lower + self.config.position_margin_rad).min(state.q[i]),
@@ -169,7 +169,7 @@ impl Planner {
     }
 
     /// Whether torque limits hold along a motion.
-    pub(super) fn keeps_torque(&self, spline: &BSpline) -> bool {
+    pub fn keeps_torque(&self, spline: &BSpline) -> bool {
         let (start_s, length_s) = (spline.start_s(), spline.end_s() - spline.start_s());
         (0..=TORQUE_CHECKS).all(|i| {
             let [q, dq, ddq] = spline.evaluate(start_s + length_s * i as f64 / TORQUE_CHECKS as f64);

@@ -14,8 +14,8 @@ use super::{
     arrival::{Arrival, Weights},
     motion::{ROUNDING, Shares},
     posture::Posture,
-    reachability::{Interval, JointReach},
-    reaching::{Reaching, effort},
+    reachability::{Interval, JointReach, fraction_used},
+    reaching::Reaching,
 };
 
 /// Where the gripper is to be, and where the object goes.
@@ -142,7 +142,7 @@ impl Task<'_> {
     }
 
     fn effort(&self, q: &JointVector) -> f64 {
-        effort(&self.reaches, &self.start.state.q, q, self.planner.robot.dof()).unwrap_or(2.0)
+        fraction_used(&self.reaches, &self.start.state.q, q, self.planner.robot.dof()).unwrap_or(2.0)
     }
 
     pub fn jacobian(&self, q: &JointVector) -> Jacobian {

@@ -136,7 +136,7 @@ fn set(points: &mut [JointVector], i: usize, joint: &JointPoints) {
 
 impl Planner {
     /// What each joint can reach in `time_s` from the start.
-    pub(super) fn reaches(&self, start: &Start, time_s: f64, shares: Shares) -> [JointReach; MAX_JOINTS] {
+    pub fn reaches(&self, start: &Start, time_s: f64, shares: Shares) -> [JointReach; MAX_JOINTS] {
         std::array::from_fn(|i| {
             let limits = self.robot.joints.get(i).map(|joint| joint.limits);
             let velocity = limits.map_or(0.0, |it| it.velocity * shares.velocity);
@@ -150,7 +150,7 @@ impl Planner {
     }
 
     /// Positions that the joints can have within their ranges, reaching what they can.
-    pub(super) fn ranges(&self, joints: &[JointReach; MAX_JOINTS], q: &JointVector) -> [[f64; 2]; MAX_JOINTS] {
+    pub fn ranges(&self, joints: &[JointReach; MAX_JOINTS], q: &JointVector) -> [[f64; 2]; MAX_JOINTS] {
         let margin = self.config.position_margin_rad;
         std::array::from_fn(|i| {
             let Some(joint) = self.robot.joints.get(i) else { return [0.0; 2] };
@@ -215,24 +215,4 @@ impl Planner {
         }
         Some(bounds)
     }
-}
-
-/// The largest share of its reach that a joint must use to get from `start` to `q`, `None` if one cannot.
-pub(super) fn effort(
-    joints: &[JointReach; MAX_JOINTS],
-    start: &JointVector,
-    q: &JointVector,
-    dof: usize,
-) -> Option<f64> {
-    let mut most: f64 = 0.0;
-    for i in 0..dof {
-        let far = joints[i].displacements();
-        let (middle, half) = ((far.low + far.high) / 2.0, (far.high - far.low) / 2.0);
-        let share = ((q[i] - start[i] - middle) / half).abs();
-        if share > 1.0 {
-            return None;
-        }
-        most = most.max(share);
-    }
-    Some(most)
 }

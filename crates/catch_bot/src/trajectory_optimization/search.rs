@@ -18,8 +18,8 @@ use super::{
     CatchPlan, Incoming, Planner, Refusal, Start,
     arrival::{Arrival, Weights as ArrivalWeights},
     posture::Posture,
-    reachability::JointReach,
-    reaching::{Reached, Reaching, effort},
+    reachability::{JointReach, fraction_used},
+    reaching::{Reached, Reaching},
     way_in::{Entering, Obstacle},
 };
 use frontier::{Frontier, Node, Stage};
@@ -229,7 +229,9 @@ impl Planner {
                         };
                     }
                     for posture in postures {
-                        let Some(effort) = effort(&at.joints, from, &posture.q, self.robot.dof()) else { continue };
+                        let Some(effort) = fraction_used(&at.joints, from, &posture.q, self.robot.dof()) else {
+                            continue;
+                        };
                         let cost = cost
                             + weights.effort * effort.powi(4)
                             + weights.comfort * (posture.q - self.robot.comfortable_q).norm();

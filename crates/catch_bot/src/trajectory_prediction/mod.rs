@@ -18,28 +18,16 @@ use serde::{Deserialize, Serialize};
 
 pub use flight::{Course, FlightTrajectory};
 pub use passage::Passage;
+use ransac::Rotation;
 pub use track::{Track, TrackSample};
 
 use crate::perception::{ObjectPose, Symmetry};
-
-/// How the flight is found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Method {
-    /// Sampling to start and to restart, then a fit to all poses that agree, weighted by their information.
-    #[default]
-    Fit,
-    /// The paper's: the best of the sampled two-pose flights as it is.
-    Ransac,
-}
 
 /// Settings of trajectory prediction.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// How the flight is found.
-    pub method: Method,
-    /// Two-pose flights that are sampled at least: 20 (paper, III-B). The paper's variant samples just as many.
+    /// Two-pose flights that are sampled at least: 20 (paper, III-B).
     pub samples: usize,
     /// And at most. With 40 % outliers one start in 7,000 sees no good pair in 20 samples, so sampling goes on until a better
     /// pair can hardly have been missed.
@@ -71,7 +59,6 @@ pub struct Config {
 impl Default for Config {
     fn default() -> Self {
         Self {
-            method: Method::Fit,
             samples: 20,
             max_samples: 500,
             window: 30,
@@ -89,6 +76,14 @@ impl Default for Config {
     }
 }
 
+impl Config {
+    /// The newest poses, at which sampling looks, oldest first; `None` before there are enough for a first flight.
+    pub fn sampled<'a>(&self, poses: &'a [ObjectPose]) -> Option<&'a [ObjectPose]> {
+        let window = &poses[poses.len() - self.window.max(2).min(poses.len())..];
+        (window.len() >= self.first_after.max(2)).then_some(window)
+    }
+}
+
 /// Why there is no flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -99,6 +94,57 @@ pub enum PredictionStatus {
     NoAgreement,
     /// The fit came to nothing.
     NotConverged,
+}
+
+/// Predicts the object's flight from its poses (paper, III-B).
+pub trait FlightPredictor {
+    /// The flight that the poses seen so far agree on, oldest first.
+    ///
+    /// `previous` is the flight that was predicted last.
+    ///
+    /// # Errors
+    /// Why there is no flight.
+    fn predict(
+        &mut self,
+        poses: &[ObjectPose],
+        previous: Option<&FlightTrajectory>,
+    ) -> Result<FlightTrajectory, PredictionStatus>;
+}
+
+impl<T: FlightPredictor + ?Sized> FlightPredictor for Box<T> {
+    fn predict(
+        &mut self,
+        poses: &[ObjectPose],
+        previous: Option<&FlightTrajectory>,
+    ) -> Result<FlightTrajectory, PredictionStatus> {
+        (**self).predict(poses, previous)
+    }
+}
+
+/// Sampling to start and to restart, then a robust fit to all poses that agree, weighted by their information.
+#[derive(Debug, Clone)]
+pub struct InformationFit {
+    config: Config,
+    symmetry: Symmetry,
+    seed: u64,
+    workspace: Workspace,
+}
+
+impl InformationFit {
+    /// For an object of some symmetry; poses are sampled at random by `seed`.
+    pub fn new(config: Config, symmetry: Symmetry, seed: u64) -> Self {
+        Self { config, symmetry, seed, workspace: Workspace::default() }
+    }
+}
+
+impl FlightPredictor for InformationFit {
+    fn predict(
+        &mut self,
+        poses: &[ObjectPose],
+        previous: Option<&FlightTrajectory>,
+    ) -> Result<FlightTrajectory, PredictionStatus> {
+        predict(poses, previous, self.symmetry, &self.config, self.seed, &mut self.workspace)
+    }
 }
 
 /// Buffers of [`predict`], kept so that predicting need not allocate. They carry nothing from one call to the next.
@@ -120,14 +166,8 @@ pub fn predict(
     workspace: &mut Workspace,
 ) -> Result<FlightTrajectory, PredictionStatus> {
     let newest = |count: usize| &poses[poses.len() - count.min(poses.len())..];
-    let window = newest(config.window.max(2));
-    if window.len() < config.first_after.max(2) {
-        return Err(PredictionStatus::TooFewPoses);
-    }
+    let window = config.sampled(poses).ok_or(PredictionStatus::TooFewPoses)?;
     let Workspace { fit: fitting, ransac: sampling } = workspace;
-    if config.method == Method::Ransac {
-        return ransac::best_flight(window, &symmetry, config, seed, sampling);
-    }
     let enough = |inliers: usize| inliers >= 3 && inliers as f64 >= config.min_inlier_share * window.len() as f64;
     if let Some(previous) = previous
         && let Ok((flight, agreeing)) = fit::fit(newest(config.fit_window), previous, &symmetry, config, fitting)
@@ -135,7 +175,7 @@ pub fn predict(
     {
         return Ok(flight);
     }
-    let start = ransac::best_flight(window, &symmetry, config, seed, sampling)?;
+    let start = ransac::best_flight(window, &symmetry, Rotation::Free, config, seed, sampling)?;
     if !enough(start.inliers) {
         return Err(PredictionStatus::NoAgreement);
     }

@@ -138,7 +138,7 @@ fn planner(robot: Robot, mut gripper: Gripper, grasp_centre_y_m: f64) -> Planner
 fn row(planner: &Planner, start: &Start, case: &PlannerCase, general: bool) -> Row {
     let plan = || {
         if general {
-            return planner.catch_generally(start, &case.target).ok_or(Refusal::NoMotion);
+            return catch_paper::general::catch_at(planner, start, &case.target).ok_or(Refusal::NoMotion);
         }
         planner.catch_at(start, &case.target)
     };

@@ -115,9 +115,10 @@ pub(crate) fn why_not_caught(evidence: &Evidence) -> Option<Reason> {
     Some(with_a_plan(evidence))
 }
 
-/// The brain never had a plan: the reason is how far it got.
+/// The brain never had a plan: the reason is how far it got, or, if it does not tell, what the truth shows.
 fn without_a_plan(evidence: &Evidence) -> Reason {
-    match evidence.furthest_status() {
+    let Some(status) = evidence.furthest_status() else { return with_a_plan(evidence) };
+    match status {
         Status::NoObject => Reason::Perception,
         Status::NoTrajectory if evidence.pose_error_m().is_some_and(|error| error > LARGE_ERROR_M) => {
             Reason::Perception

@@ -15,6 +15,7 @@ use catch_bot::{
 };
 use catch_cell::{ArmTrajectory, arm::Setpoint};
 use catch_lab::{
+    brain::BrainSettings,
     planner_cases,
     setup::{Choice, Setup},
     trial,
@@ -30,7 +31,7 @@ const KNOWN_S: f64 = 0.07;
 /// Everything for planning catches of one object.
 pub struct Desk {
     pub setup: Setup,
-    pub config: catch_bot::Config,
+    pub config: BrainSettings,
     pub grasps: GraspSet,
     pub planner: Planner,
 }

@@ -7,7 +7,7 @@
 //! ```
 //! P are the control points of a cubic B-spline, s the share of the object's velocity at which the gripper moves along, e the
 //! errors at the waypoints ([`Waypoint`]): pose of the gripper and velocity of one of its points. The arm may have any
-//! kinematics; no closed form is asked for. What the closed forms of [`search`](super::search) solve exactly and faster, this
+//! kinematics; no closed form is asked for. What the closed forms of [`Planner`](catch_bot::trajectory_optimization::Planner) solve exactly and faster, this
 //! solves for everything else.
 //!
 //! Sequential quadratic programming with an exact penalty in a trust region (Fletcher, Practical Methods of Optimization, section
@@ -399,7 +399,7 @@ pub fn clamped_knots(start_s: f64, end_s: f64, points: usize) -> Vec<f64> {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+pub(crate) mod tests {
     use super::*;
     use catch_body::robot_file::RobotFiles;
     use nalgebra::Vector3;
@@ -408,9 +408,9 @@ pub(super) mod tests {
     pub fn iiwa() -> Robot {
         Robot::from_files(&RobotFiles {
             urdf_file: "robot.urdf",
-            urdf: include_str!("../../../../assets/robots/iiwa14/robot.urdf"),
+            urdf: include_str!("../../../assets/robots/iiwa14/robot.urdf"),
             toml_file: "robot.toml",
-            toml: include_str!("../../../../assets/robots/iiwa14/robot.toml"),
+            toml: include_str!("../../../assets/robots/iiwa14/robot.toml"),
         })
         .unwrap()
     }

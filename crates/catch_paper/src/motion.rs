@@ -8,19 +8,16 @@
 //! than the running one, and none that breaks a limit or collides.
 
 use catch_body::{JointVector, MAX_JOINTS};
+use catch_bot::{
+    grasp_selection::{Approach, Grasp},
+    trajectory_optimization::{CatchPlan, Planner, Start, arrival},
+    trajectory_prediction::FlightTrajectory,
+};
 use catch_cell::{ArmTrajectory, BSpline};
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
-use super::{Tolerances, between};
-use crate::{
-    grasp_selection::{Approach, Grasp},
-    trajectory_optimization::{
-        CatchPlan, Planner, Start, arrival,
-        sqp::{MET, Problem, Solution, Tolerance, Waypoint, clamped_knots},
-    },
-    trajectory_prediction::FlightTrajectory,
-};
+use crate::sqp::{MET, Problem, Solution, Tolerance, Waypoint, clamped_knots};
 
 /// Settings of the paper's trajectory optimization.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -196,6 +193,29 @@ fn catch_plan(
         holding_cost: 0.0,
         trajectory,
     }
+}
+
+/// The tolerances of one optimization, as files have them.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tolerances {
+    /// Along each axis, in metres.
+    pub position_m: f64,
+    /// About each axis, in radians.
+    pub rotation_rad: f64,
+    /// Along each axis, in m/s.
+    pub velocity_mps: f64,
+}
+
+impl From<Tolerances> for Tolerance {
+    fn from(it: Tolerances) -> Self {
+        Self { position_m: it.position_m, rotation_rad: it.rotation_rad, velocity_mps: it.velocity_mps }
+    }
+}
+
+/// Joint positions between two, evenly spaced.
+fn between(from: &JointVector, to: &JointVector, count: usize) -> Vec<JointVector> {
+    (0..count).map(|i| from.lerp(to, i as f64 / (count - 1) as f64)).collect()
 }
 
 #[cfg(test)]

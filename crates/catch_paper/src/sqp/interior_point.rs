@@ -5,7 +5,7 @@
 //!      x
 //! ```
 //! Mehrotra's predictor and corrector (Nocedal & Wright, Numerical Optimization, section 16.6). Unlike the active-set method of
-//! [`quadratic_program`](super::super::quadratic_program) its number of steps hardly depends on how many rows bind.
+//! [`quadratic_program`](catch_bot::trajectory_optimization::quadratic_program) its number of steps hardly depends on how many rows bind.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
