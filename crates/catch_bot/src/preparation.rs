@@ -11,7 +11,7 @@ use crate::{
     grasp_selection::GraspSet,
     perception::{self, ReferenceModel, SdfEstimator, Surroundings, camera_alignment::CameraAlignment},
     tracker::Tracker,
-    trajectory_optimization::Planner,
+    trajectory_optimization::{CatchSearch, MotionPlanner},
     trajectory_prediction::InformationFit,
 };
 
@@ -23,7 +23,7 @@ pub struct Preparation {
     cameras: Vec<CameraModel>,
     reference: Arc<ReferenceModel>,
     grasps: Arc<GraspSet>,
-    planner: Arc<Planner>,
+    search: Arc<CatchSearch>,
     arm_surface: ArmSurface,
     alignment: CameraAlignment,
     workspace: perception::Workspace,
@@ -47,8 +47,9 @@ impl Preparation {
         let waiting = Surroundings { arm: &arm_surface, X_WL, width_m: gripper.max_width_m };
         let alignment = CameraAlignment::before_flight(&cameras, &waiting, &config.perception);
         let workspace = perception::Workspace::before_flight(&cameras, &waiting, &config.perception);
-        let planner = Arc::new(Planner::new(robot, gripper, config.trajectory_optimization.clone()));
-        Self { config, cameras, reference, grasps, planner, arm_surface, alignment, workspace }
+        let motion = MotionPlanner::new(robot, gripper, config.trajectory_optimization.clone());
+        let search = Arc::new(CatchSearch::new(motion));
+        Self { config, cameras, reference, grasps, search, arm_surface, alignment, workspace }
     }
 
     /// The settings.
@@ -71,9 +72,9 @@ impl Preparation {
         &self.grasps
     }
 
-    /// What moves the arm.
-    pub fn planner(&self) -> &Arc<Planner> {
-        &self.planner
+    /// What finds catches and moves the arm to them.
+    pub fn search(&self) -> &Arc<CatchSearch> {
+        &self.search
     }
 
     /// Buffers of perception, with what the cameras see of the waiting arm.
@@ -94,7 +95,7 @@ impl Preparation {
     /// Our catch planner.
     pub fn catch_planner(&self) -> TimeGridSearch {
         let Config { control, grasp_selection, .. } = &self.config;
-        TimeGridSearch::new(control.clone(), grasp_selection.clone(), self.grasps.clone(), self.planner.clone())
+        TimeGridSearch::new(control.clone(), grasp_selection.clone(), self.grasps.clone(), self.search.clone())
     }
 
     pub(crate) fn arm_surface(&self) -> &ArmSurface {
@@ -107,6 +108,11 @@ impl Preparation {
 
     pub(crate) fn controller(&self) -> Controller {
         let Config { control, grasp_selection, .. } = self.config.clone();
-        Controller::new(control, grasp_selection, self.planner.robot().clone(), self.planner.gripper().clone())
+        Controller::new(
+            control,
+            grasp_selection,
+            self.search.motion().robot().clone(),
+            self.search.motion().gripper().clone(),
+        )
     }
 }

@@ -11,8 +11,6 @@ use crate::{
     trajectory_prediction::FlightTrajectory,
 };
 
-/// An object that has not been seen for this long is looked for everywhere.
-const LOST_S: f64 = 0.05;
 /// Observations whose joint angles are remembered: longer than images can take to arrive.
 const SENSED: usize = 64;
 /// Poses that are remembered, more than any prediction looks back at.
@@ -101,7 +99,7 @@ impl Tracker {
     ) -> Option<Vec<PixelWindow>> {
         let unlabelled = observation.frames.iter().any(|frame| frame.mask.is_none());
         let newest_s = observation.frames.iter().map(|frame| frame.capture_s).fold(f64::NEG_INFINITY, f64::max);
-        if !unlabelled || newest_s > flight.time_s + LOST_S {
+        if !unlabelled || newest_s > flight.time_s + known.config().perception.lost_after_s {
             return None;
         }
         let (now_s, before_s) = self.observed_s();
@@ -130,6 +128,6 @@ impl Tracker {
         let fraction = if span_s > 0.0 { ((time_s - before.time_s) / span_s).clamp(0.0, 1.0) } else { 1.0 };
         let q = before.q + (after.q - before.q) * fraction;
         let width_m = before.width_m + (after.width_m - before.width_m) * fraction;
-        Some(Surroundings { arm: known.arm_surface(), X_WL: known.planner().robot().link_poses(&q), width_m })
+        Some(Surroundings { arm: known.arm_surface(), X_WL: known.search().motion().robot().link_poses(&q), width_m })
     }
 }

@@ -80,7 +80,7 @@ impl Corridor {
         let start = Start { time_s: FIRST_ESTIMATE_S, state: Setpoint::at_rest(*q) };
         let ask = |part: &Part, flight| {
             let incoming = Incoming { flight, grasps: part.known.grasps(), config: &part.grasping };
-            part.known.planner().search(&start, &incoming).ok()
+            part.known.search().search(&start, &incoming).ok()
         };
         self.parts.iter().flat_map(|part| part.flights.iter().map(move |flight| ask(part, flight))).collect()
     }

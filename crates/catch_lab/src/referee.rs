@@ -296,7 +296,8 @@ impl<'a> Evidence<'a> {
             Status::NoGrasp => 3,
             Status::Blocked => 4,
             Status::NoPlan => 5,
-            Status::PlanKept | Status::Approached | Status::Planned | Status::Committed => 6,
+            Status::OutOfBudget => 6,
+            Status::PlanKept | Status::Approached | Status::Planned | Status::Committed => 7,
         };
         self.thoughts.iter().filter_map(|it| Some(it.report.as_ref()?.status)).max_by_key(|&status| rank(status))
     }

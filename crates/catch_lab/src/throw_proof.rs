@@ -18,7 +18,7 @@
 use catch_body::{JointVector, MAX_JOINTS, dynamics::gravity, robot::Jacobian};
 use catch_bot::{
     trajectory_optimization::{
-        Planner, Start,
+        MotionPlanner, Start,
         arrival::shortfall,
         motion::Shares,
         reachability::{Interval, JointReach},
@@ -72,7 +72,7 @@ pub struct AnyCatch<'a> {
 /// # Panics
 /// If the times are not finite or not in order.
 pub fn prove_out_of_reach(
-    planner: &Planner,
+    planner: &MotionPlanner,
     start_s: f64,
     q: &JointVector,
     any: &AnyCatch<'_>,
@@ -130,7 +130,7 @@ struct Flown {
 }
 
 struct Proof<'a> {
-    planner: &'a Planner,
+    planner: &'a MotionPlanner,
     start: &'a Start,
     any: &'a AnyCatch<'a>,
 }
@@ -290,7 +290,7 @@ mod tests {
             asides in prop::array::uniform8(0.0f64..=1.0),
         ) {
             let (robot, gripper) = planner_cases::arm(None, ("test", "robot")).unwrap();
-            let planner = Planner::new(robot, gripper, Config::default());
+            let planner = MotionPlanner::new(robot, gripper, Config::default());
             let start = Start { time_s: 0.05, state: Setpoint::at_rest(planner.robot().ready_q) };
             let (from, catch_s) = (start.state.q, start.time_s + lead_s);
             let reaches = planner.reaches(&start, lead_s, Shares { velocity: 1.0, acceleration: 1.0 });

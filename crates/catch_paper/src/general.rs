@@ -1,9 +1,9 @@
-//! A catch whose time and pose are given, by the general form ([`crate::sqp`]): what [`Planner::catch_at`] does by closed forms
+//! A catch whose time and pose are given, by the general form ([`crate::sqp`]): what [`MotionPlanner::catch_at`] does by closed forms
 //! and one small program per joint, for arms and demands that have none.
 
 use catch_body::JointVector;
 use catch_bot::trajectory_optimization::{
-    Planner, Start,
+    MotionPlanner, Start,
     motion::{ROUNDING, Shares},
     posed::{PosedCatch, Target},
     posture::Posture,
@@ -24,7 +24,7 @@ const GOOD_ENOUGH: f64 = 0.99;
 
 /// The motion to `target` with the highest speed fraction that was found, the acceleration at the start being free; `None` if
 /// none was found, which proves nothing.
-pub fn catch_at(planner: &Planner, start: &Start, target: &Target) -> Option<PosedCatch> {
+pub fn catch_at(planner: &MotionPlanner, start: &Start, target: &Target) -> Option<PosedCatch> {
     let (robot, config) = (planner.robot(), planner.config());
     let shares = Shares { velocity: config.velocity_share, acceleration: 1.0 - ROUNDING };
     let reaches = planner.reaches(start, target.catch_s - start.time_s, shares);
@@ -55,7 +55,7 @@ pub fn catch_at(planner: &Planner, start: &Start, target: &Target) -> Option<Pos
         // Straight ahead in time to a posture that is right: the limits are what is left to be found.
         let last = (CONTROL_POINTS - 1) as f64;
         let guess: Vec<_> = (0..CONTROL_POINTS).map(|i| start.state.q.lerp(q, i as f64 / last)).collect();
-        let Some(found) = problem.solve(&guess).filter(|it| it.excess < MET) else { continue };
+        let Some(found) = problem.solve(&guess).ok().filter(|it| it.excess < MET) else { continue };
         if best.as_ref().is_some_and(|best| best.speed_fraction >= found.speed_fraction)
             || !planner.keeps_torque(&found.spline)
         {

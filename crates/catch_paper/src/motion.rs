@@ -10,7 +10,7 @@
 use catch_body::{JointVector, MAX_JOINTS};
 use catch_bot::{
     grasp_selection::{Approach, Grasp},
-    trajectory_optimization::{CatchPlan, Planner, Start, arrival},
+    trajectory_optimization::{CatchPlan, MotionPlanner, Start, arrival},
     trajectory_prediction::FlightTrajectory,
 };
 use catch_cell::{ArmTrajectory, BSpline};
@@ -65,7 +65,7 @@ impl Default for Config {
 
 /// The first plan: round by round, until one cannot be met.
 pub fn plan(
-    planner: &Planner,
+    planner: &MotionPlanner,
     start: &Start,
     flight: &FlightTrajectory,
     catch_s: f64,
@@ -78,7 +78,7 @@ pub fn plan(
     let mut best: Option<(Solution, ArmTrajectory)> = None;
     for _ in 0..config.rounds {
         let problem = problem(planner, start, flight, catch_s, &grasp, tolerance, config);
-        let Some(found) = problem.solve(&guess).filter(|found| found.excess < MET) else { break };
+        let Some(found) = problem.solve(&guess).ok().filter(|found| found.excess < MET) else { break };
         guess.clone_from(&found.spline.control_points);
         if let Some(trajectory) = completed(planner, &found.spline, &grasp) {
             best = Some((found, trajectory));
@@ -91,7 +91,7 @@ pub fn plan(
 
 /// The running plan for a flight that is known better: `None` if nothing comes closer to it.
 pub fn follow(
-    planner: &Planner,
+    planner: &MotionPlanner,
     start: &Start,
     flight: &FlightTrajectory,
     plan: &CatchPlan,
@@ -103,7 +103,7 @@ pub fn follow(
     let running = |time_s: f64| plan.trajectory.setpoint(time_s);
     let places = problem.knots_s[1..].windows(3).take(config.control_points);
     let guess: Vec<JointVector> = places.map(|knots| running(knots.iter().sum::<f64>() / 3.0).q).collect();
-    let found = problem.solve(&guess)?;
+    let found = problem.solve(&guess).ok()?;
     if found.excess >= MET && found.excess >= problem.excess_of(running, config.speed_fraction) {
         return None;
     }
@@ -112,12 +112,12 @@ pub fn follow(
 }
 
 /// A motion with braking after it, `None` if that breaks any limit or collides.
-fn completed(planner: &Planner, to_catch: &BSpline, grasp: &Grasp) -> Option<ArmTrajectory> {
+fn completed(planner: &MotionPlanner, to_catch: &BSpline, grasp: &Grasp) -> Option<ArmTrajectory> {
     planner.completed(to_catch.clone(), grasp).filter(|trajectory| planner.keeps_limits(trajectory))
 }
 
 /// Joint positions that put the gripper at `X_WG`, near the comfortable pose.
-fn inverse_kinematics(planner: &Planner, X_WG: &catch_body::Pose) -> Option<JointVector> {
+fn inverse_kinematics(planner: &MotionPlanner, X_WG: &catch_body::Pose) -> Option<JointVector> {
     let robot = planner.robot();
     let mut ranges = [[0.0; 2]; MAX_JOINTS];
     for (range, joint) in ranges.iter_mut().zip(&robot.joints) {
@@ -133,7 +133,7 @@ fn inverse_kinematics(planner: &Planner, X_WG: &catch_body::Pose) -> Option<Join
 
 /// Both poses of the gripper, before the grasp and at it, and the velocities there.
 fn problem<'a>(
-    planner: &'a Planner,
+    planner: &'a MotionPlanner,
     start: &Start,
     flight: &FlightTrajectory,
     catch_s: f64,
@@ -167,7 +167,7 @@ fn problem<'a>(
 }
 
 fn catch_plan(
-    planner: &Planner,
+    planner: &MotionPlanner,
     flight: &FlightTrajectory,
     catch_s: f64,
     grasp: Grasp,

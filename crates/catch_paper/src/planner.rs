@@ -7,7 +7,7 @@ use catch_bot::{
     Preparation, Status,
     control::{CatchPlanner, Decision, Situation},
     perception::ReferenceModel,
-    trajectory_optimization::{CatchPlan, Planner},
+    trajectory_optimization::{CatchPlan, CatchSearch},
     trajectory_prediction::FlightTrajectory,
 };
 use nalgebra::Point3;
@@ -19,19 +19,19 @@ use crate::{Config, grasp, motion};
 pub struct PaperPlanner {
     config: Config,
     reference: Arc<ReferenceModel>,
-    planner: Arc<Planner>,
+    search: Arc<CatchSearch>,
     seed: u64,
 }
 
 impl PaperPlanner {
     /// For the arm and the object of a preparation; grasps are drawn by `seed`.
     pub fn new(config: Config, known: &Preparation, seed: u64) -> Self {
-        Self { config, reference: known.reference().clone(), planner: known.planner().clone(), seed }
+        Self { config, reference: known.reference().clone(), search: known.search().clone(), seed }
     }
 
     /// Grasp, catch time and a first motion.
     fn first(&self, situation: &Situation<'_>) -> (Status, Option<CatchPlan>) {
-        let Self { config, planner, .. } = self;
+        let (config, planner) = (&self.config, self.search.motion());
         let (time_s, flight) = (situation.observed_s.0 + ROUNDING_S, situation.flight);
         let base = Point3::from(planner.robot().X_WB.translation.vector);
         let Some(catch_s) = catch_time_s(flight, situation.first_seen_s, &base, config) else {
@@ -66,7 +66,7 @@ impl CatchPlanner for PaperPlanner {
         let (status, plan) = match situation.running {
             Some(running) => {
                 let again = if is_due && time_s <= running.catch_s - config.freeze_s {
-                    motion::follow(&self.planner, &situation.start, situation.flight, running, &config.motion)
+                    motion::follow(self.search.motion(), &situation.start, situation.flight, running, &config.motion)
                 } else {
                     None
                 };

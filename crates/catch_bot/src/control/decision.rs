@@ -25,6 +25,8 @@ pub enum Status {
     Blocked,
     /// A catch was chosen, but no motion to it that keeps all limits.
     NoPlan,
+    /// The search for a catch was cut short by its bound on the work, and goes on with the next image.
+    OutOfBudget,
     /// A plan is being executed; the newest flight gave no better one.
     PlanKept,
     /// The newest flight cannot be met exactly any more; the arm goes as near to it as it can.

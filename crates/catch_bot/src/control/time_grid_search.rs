@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::{CatchPlanner, Config, Decision, Progress, Situation, Status, is_still_good};
 use crate::{
     grasp_selection::{self, GraspSet},
-    trajectory_optimization::{CatchPlan, Incoming, Planner, Refusal},
+    trajectory_optimization::{CatchPlan, CatchSearch, Incoming, PlanningFailure},
 };
 
 /// Best-first search over a grid of catch times, and replans with switching hysteresis.
@@ -14,7 +14,7 @@ pub struct TimeGridSearch {
     config: Config,
     grasping: grasp_selection::Config,
     grasps: Arc<GraspSet>,
-    planner: Arc<Planner>,
+    search: Arc<CatchSearch>,
 }
 
 impl TimeGridSearch {
@@ -23,19 +23,19 @@ impl TimeGridSearch {
         config: Config,
         grasping: grasp_selection::Config,
         grasps: Arc<GraspSet>,
-        planner: Arc<Planner>,
+        search: Arc<CatchSearch>,
     ) -> Self {
-        Self { config, grasping, grasps, planner }
+        Self { config, grasping, grasps, search }
     }
 
     /// As many search passes as an image allows.
-    fn search(
+    fn pass(
         &self,
         situation: &Situation<'_>,
         incoming: &Incoming<'_>,
         progress: &mut Progress,
-    ) -> Result<CatchPlan, Refusal> {
-        let found = self.planner.look(&mut progress.passes, &situation.start, incoming);
+    ) -> Result<CatchPlan, PlanningFailure> {
+        let found = self.search.search_in_passes(&mut progress.passes, &situation.start, incoming);
         if found.is_ok() {
             progress.passes = 0;
         }
@@ -45,17 +45,18 @@ impl TimeGridSearch {
     /// A first catch.
     fn first(&self, situation: &Situation<'_>, incoming: &Incoming<'_>) -> Decision {
         let mut progress = situation.progress;
-        match self.search(situation, incoming, &mut progress) {
+        match self.pass(situation, incoming, &mut progress) {
             Ok(plan) => {
                 progress.reference_cost = Some(plan.holding_cost);
                 Decision { status: Status::Planned, plan: Some(plan), progress }
             }
             Err(refusal) => {
                 let status = match refusal {
-                    Refusal::NoGrasp => Status::NoGrasp,
-                    Refusal::OutOfReach => Status::OutOfReach,
-                    Refusal::Blocked => Status::Blocked,
-                    Refusal::NoMotion => Status::NoPlan,
+                    PlanningFailure::NoGrasp => Status::NoGrasp,
+                    PlanningFailure::OutOfReach => Status::OutOfReach,
+                    PlanningFailure::Blocked => Status::Blocked,
+                    PlanningFailure::NoMotion => Status::NoPlan,
+                    PlanningFailure::OutOfBudget => Status::OutOfBudget,
                 };
                 Decision { status, plan: None, progress }
             }
@@ -66,17 +67,17 @@ impl TimeGridSearch {
     /// else as near to it as the arm can still come. Another catch also takes the place of one that promised more than it now
     /// does.
     fn replan(&self, situation: &Situation<'_>, incoming: &Incoming<'_>, running: &CatchPlan) -> Decision {
-        let (start, flight, planner) = (&situation.start, incoming.flight, &self.planner);
+        let (start, flight, search) = (&situation.start, incoming.flight, &self.search);
         let mut progress = situation.progress;
         // Fingers that have begun to close are timed for this catch.
         let is_closing = situation.is_closing();
-        let mut adjusted = planner.retarget(start, incoming, running);
+        let mut adjusted = search.retarget(start, incoming, running);
         if !is_closing && !adjusted.as_ref().is_some_and(|it| it.lets_in) {
-            adjusted = planner.shifted(start, incoming, running).or(adjusted);
+            adjusted = search.shifted(start, incoming, running).or(adjusted);
         }
         let is_good = match &adjusted {
             Some(adjusted) => adjusted.lets_in,
-            None => is_still_good(running, flight, planner.gripper(), &self.config),
+            None => is_still_good(running, flight, search.motion().gripper(), &self.config),
         };
         // A catch that the flight, known better, has made worse is compared with the best there is now.
         let gain = self.config.switch_gain;
@@ -87,7 +88,7 @@ impl TimeGridSearch {
         let another = if is_closing || (is_good && !has_worsened) {
             None
         } else {
-            self.search(situation, incoming, &mut progress).ok()
+            self.pass(situation, incoming, &mut progress).ok()
         };
         let is_better = |it: &CatchPlan| {
             !is_good || adjusted.as_ref().is_some_and(|adjusted| it.holding_cost + gain < adjusted.holding_cost)
@@ -100,11 +101,11 @@ impl TimeGridSearch {
         if let Some(plan) = another.or(adjusted) {
             return Decision { status: Status::Planned, plan: Some(plan), progress };
         }
-        let (status, plan) = match planner.nearest(start, incoming, running) {
+        let (status, plan) = match search.nearest(start, incoming, running) {
             Some(plan) => (Status::Approached, plan),
             None => {
                 let passage = flight.passage_at(running.catch_s);
-                let plan = planner.opened(running.clone(), running.open_width_m, start.time_s, incoming, &passage);
+                let plan = search.opened(running.clone(), running.open_width_m, start.time_s, incoming, &passage);
                 (Status::PlanKept, plan)
             }
         };

@@ -79,6 +79,8 @@ pub struct Config {
     pub rotation_floor_rad: f64,
     /// How far from the predicted position the object's pixels are looked for, in metres, beside its own size.
     pub gate_m: f64,
+    /// An object that has not been seen for this long is looked for everywhere, in seconds.
+    pub lost_after_s: f64,
     /// Standard deviation in radians by which cameras may be turned about each axis from how they are said to stand: they are
     /// aligned on the arm that they see. Zero where they are known exactly.
     pub camera_sd_rad: f64,
@@ -112,6 +114,7 @@ impl Default for Config {
             position_floor_m: 5e-5,
             rotation_floor_rad: 1e-3,
             gate_m: 0.05,
+            lost_after_s: 0.05,
             camera_sd_rad: 0.0,
             floor_visible: false,
             depth_dropout: false,

@@ -5,7 +5,7 @@
 use std::thread;
 
 use catch_bot::{
-    trajectory_optimization::{Refusal, Start},
+    trajectory_optimization::{PlanningFailure, Start},
     trajectory_prediction::FlightTrajectory,
 };
 use catch_cell::arm::Setpoint;
@@ -21,7 +21,7 @@ use crate::planning::{Desk, random_flight};
 #[test]
 fn the_papers_near_throw_is_out_of_reach_from_its_pose() {
     let desk = Desk::new("tennis_ball", |_| {});
-    let planner = &desk.planner;
+    let planner = desk.search.motion();
     let q = planner.robot().joint_vector(&[1.57, 0.5, 0.0, -1.2, 0.0, 0.8, 1.57]).unwrap();
     let start = Start { time_s: 0.05, state: Setpoint::at_rest(q) };
     let flight = FlightTrajectory {
@@ -29,7 +29,7 @@ fn the_papers_near_throw_is_out_of_reach_from_its_pose() {
         v_WO: Vector3::new(-1.58705, -2.68301, 3.75643),
         ..FlightTrajectory::default()
     };
-    assert_eq!(desk.search(&start, &flight).err(), Some(Refusal::OutOfReach));
+    assert_eq!(desk.search(&start, &flight).err(), Some(PlanningFailure::OutOfReach));
 
     // It falls to the floor after 0.84 s.
     let proven = &|begin: i32| {
@@ -61,7 +61,7 @@ fn no_catch_is_proven_out_of_reach() {
         let off_m = (plan.grasp.X_OG * desk.setup.gripper.grasp_centre()).coords.norm();
         let times_s = [plan.catch_s - 1e-6, plan.catch_s + 1e-6];
         let any = AnyCatch { flight: &flight, times_s, within_m: off_m + 1e-4 };
-        let proof = prove_out_of_reach(&desk.planner, start.time_s, &start.state.q, &any, 10_000);
+        let proof = prove_out_of_reach(desk.search.motion(), start.time_s, &start.state.q, &any, 10_000);
         assert!(matches!(proof, ThrowProof::Open { .. }), "{plan:?}");
     }
     assert!(found > 50, "{found}");
