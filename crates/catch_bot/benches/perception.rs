@@ -49,7 +49,7 @@ fn prediction(criterion: &mut Criterion) {
     let cameras = synthetic::flight_rig();
     let shape = Shape::banana();
     let reference = ReferenceModel::from_scan(&synthetic::scan(&shape, 200), &Config::default());
-    let config = trajectory_prediction::Config { drag_prior_sd_per_m: 0.02, ..Default::default() };
+    let config = trajectory_prediction::Config { drag_prior_sd_per_m: Some(0.02), ..Default::default() };
     let mut normal = Normal::new(1);
     let mut workspace = Workspace::default();
     let mut poses = Vec::new();

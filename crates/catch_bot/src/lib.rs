@@ -16,6 +16,7 @@ pub mod control;
 pub mod grasp_selection;
 pub mod perception;
 mod preparation;
+pub mod settings;
 mod tracker;
 pub mod trajectory_optimization;
 pub mod trajectory_prediction;
@@ -28,6 +29,7 @@ use serde::{Deserialize, Serialize};
 
 use control::{CatchPlanner, Controller, GripperPlan, Situation, TimeGridSearch};
 use perception::{ObjectPose, PoseEstimator, SdfEstimator};
+use settings::{Faults, SettingError, Settings};
 use tracker::Tracker;
 use trajectory_optimization::CatchPlan;
 use trajectory_prediction::{FlightPredictor, FlightTrajectory, InformationFit};
@@ -51,6 +53,18 @@ pub struct Config {
     pub trajectory_optimization: trajectory_optimization::Config,
     /// Commands and their timing.
     pub control: control::Config,
+}
+
+impl Settings for Config {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .table("perception", &self.perception)
+            .table("trajectory_prediction", &self.trajectory_prediction)
+            .table("grasp_selection", &self.grasp_selection)
+            .table("trajectory_optimization", &self.trajectory_optimization)
+            .table("control", &self.control)
+            .all()
+    }
 }
 
 /// What the brain knew and decided in its last tick, for observers.
@@ -85,15 +99,19 @@ pub struct CatchingBot<E = SdfEstimator, P = InformationFit, C = TimeGridSearch>
 
 impl CatchingBot {
     /// A brain for an arm with a gripper, cameras at known places, and an object known from a scan.
+    ///
+    /// # Errors
+    /// A setting that is out of its range.
     pub fn new(
         config: Config,
         robot: Robot,
         gripper: Gripper,
         cameras: Vec<CameraModel>,
         reference_scan: &ReferenceScan,
-    ) -> Self {
+    ) -> Result<Self, SettingError> {
         let seed = config.seed;
-        Self::prepared(Arc::new(Preparation::new(config, robot, gripper, cameras, reference_scan)), seed)
+        let known = Preparation::new(config, robot, gripper, cameras, reference_scan)?;
+        Ok(Self::prepared(Arc::new(known), seed))
     }
 
     /// A brain that shares what was worked out beforehand; it draws at random from `seed` instead of [`Config::seed`].

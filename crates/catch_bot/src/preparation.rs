@@ -10,6 +10,7 @@ use crate::{
     control::{Controller, TimeGridSearch},
     grasp_selection::GraspSet,
     perception::{self, ReferenceModel, SdfEstimator, Surroundings, camera_alignment::CameraAlignment},
+    settings::{SettingError, Settings},
     tracker::Tracker,
     trajectory_optimization::{CatchSearch, MotionPlanner},
     trajectory_prediction::InformationFit,
@@ -33,13 +34,17 @@ impl Preparation {
     /// For an arm with a gripper, cameras at known places, and an object known from a scan.
     ///
     /// The arm is expected to wait at [`Robot::ready_q`] with its gripper open; if it waits elsewhere, the first images take longer.
+    ///
+    /// # Errors
+    /// A setting that is out of its range.
     pub fn new(
         config: Config,
         robot: Robot,
         gripper: Gripper,
         cameras: Vec<CameraModel>,
         reference_scan: &ReferenceScan,
-    ) -> Self {
+    ) -> Result<Self, SettingError> {
+        config.check()?;
         let reference = Arc::new(ReferenceModel::from_scan(reference_scan, &config.perception));
         let grasps = Arc::new(GraspSet::sample(&reference, &gripper, &config.grasp_selection));
         let arm_surface = ArmSurface::new(&robot, &gripper);
@@ -49,7 +54,7 @@ impl Preparation {
         let workspace = perception::Workspace::before_flight(&cameras, &waiting, &config.perception);
         let motion = MotionPlanner::new(robot, gripper, config.trajectory_optimization.clone());
         let search = Arc::new(CatchSearch::new(motion));
-        Self { config, cameras, reference, grasps, search, arm_surface, alignment, workspace }
+        Ok(Self { config, cameras, reference, grasps, search, arm_surface, alignment, workspace })
     }
 
     /// The settings.

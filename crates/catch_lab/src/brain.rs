@@ -6,8 +6,13 @@ use std::{
 };
 
 use catch_bot::{
-    CatchingBot, Config, Preparation, Report, control, control::CatchPlanner, grasp_selection, perception,
-    perception::PoseEstimator, trajectory_optimization, trajectory_prediction, trajectory_prediction::FlightPredictor,
+    CatchingBot, Config, Preparation, Report, control,
+    control::CatchPlanner,
+    grasp_selection, perception,
+    perception::PoseEstimator,
+    settings::{Faults, SettingError, Settings},
+    trajectory_optimization, trajectory_prediction,
+    trajectory_prediction::FlightPredictor,
 };
 use catch_cell::Brain;
 use catch_paper::{IcpEstimator, PaperPlanner, RansacPredictor};
@@ -72,7 +77,10 @@ impl BrainSettings {
     }
 
     /// A brain of the stages that the settings choose; it draws at random from `seed`.
-    pub fn brain(&self, known: Arc<Preparation>, seed: u64) -> ChosenBrain {
+    ///
+    /// # Errors
+    /// A setting that is out of its range.
+    pub fn brain(&self, known: Arc<Preparation>, seed: u64) -> Result<ChosenBrain, SettingError> {
         let Config { perception, trajectory_prediction, .. } = known.config().clone();
         let paper = self.paper_method.clone();
         let estimator: Box<dyn PoseEstimator> = match self.pose_estimation.unwrap_or(self.method) {
@@ -82,7 +90,7 @@ impl BrainSettings {
                 perception,
                 known.reference().clone(),
                 known.workspace().clone(),
-            )),
+            )?),
         };
         let predictor: Box<dyn FlightPredictor> = match self.flight_prediction.unwrap_or(self.method) {
             Method::Ours => Box::new(known.flight_predictor(seed)),
@@ -90,9 +98,16 @@ impl BrainSettings {
         };
         let planner: Box<dyn CatchPlanner> = match self.catch_planning.unwrap_or(self.method) {
             Method::Ours => Box::new(known.catch_planner()),
-            Method::Paper => Box::new(PaperPlanner::new(paper, &known, seed)),
+            Method::Paper => Box::new(PaperPlanner::new(paper, &known, seed)?),
         };
-        CatchingBot::with_stages(known, estimator, predictor, planner)
+        Ok(CatchingBot::with_stages(known, estimator, predictor, planner))
+    }
+}
+
+impl Settings for BrainSettings {
+    fn faults(&self) -> Vec<SettingError> {
+        let paper = Faults::default().table("paper_method", &self.paper_method);
+        self.config().faults().into_iter().chain(paper.all()).collect()
     }
 }
 

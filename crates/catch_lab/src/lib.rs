@@ -28,7 +28,6 @@
 
 pub mod assets;
 pub mod brain;
-pub mod brain_settings;
 pub mod catch_page;
 pub mod check;
 pub mod cloud_file;

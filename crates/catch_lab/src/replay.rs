@@ -3,7 +3,7 @@
 use std::{path::Path, sync::Arc};
 
 use catch_body::InputError;
-use catch_bot::Preparation;
+use catch_bot::{Preparation, settings::SettingError};
 use catch_cell::{Brain, Command};
 use serde::Serialize;
 use serde_json::Value;
@@ -93,8 +93,10 @@ pub(crate) fn brain_of(header: &Header) -> Result<ChosenBrain, InputError> {
         robot.ready_q = robot.checked_pose("the scenario in the recording", "ready_rad", values)?;
     }
     let (config, cameras) = (header.brain.config(), header.cameras.clone());
-    let known = Preparation::new(config, robot, gripper, cameras, &header.reference_scan);
-    Ok(header.brain.brain(Arc::new(known), header.brain.seed))
+    let fault =
+        |it: SettingError| InputError::new("the recording", format!("brain.{}", it.field), it.found, it.expected);
+    let known = Preparation::new(config, robot, gripper, cameras, &header.reference_scan).map_err(fault)?;
+    header.brain.brain(Arc::new(known), header.brain.seed).map_err(fault)
 }
 
 /// Compares two commands bit for bit: as equal numbers, −0 and 0 would pass.

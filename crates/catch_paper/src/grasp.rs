@@ -2,6 +2,7 @@
 //! by thresholds on the three heuristics, the cheapest taken.
 
 use catch_body::{Gripper, Pose};
+use catch_bot::settings::{Faults, NOT_NEGATIVE, SettingError, Settings};
 use catch_bot::{
     grasp_selection::{
         Grasp,
@@ -55,6 +56,27 @@ impl Default for Config {
             max_misalignment: 0.1,
             strength_weight: 10.0,
         }
+    }
+}
+
+impl Settings for Config {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .counts([("samples", self.samples)])
+            .values(
+                &NOT_NEGATIVE,
+                [
+                    ("darboux_radius_m", self.darboux_radius_m),
+                    ("standoff_m", self.standoff_m),
+                    ("long_standoff_m", self.long_standoff_m),
+                    ("long_radius_m", self.long_radius_m),
+                    ("max_strength_m", self.max_strength_m),
+                    ("max_discomfort", self.max_discomfort),
+                    ("max_misalignment", self.max_misalignment),
+                    ("strength_weight", self.strength_weight),
+                ],
+            )
+            .all()
     }
 }
 

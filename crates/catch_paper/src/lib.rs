@@ -19,6 +19,7 @@ pub mod prediction;
 pub mod registration;
 pub mod sqp;
 
+use catch_bot::settings::{DURATION_S, Faults, LIMIT_SCALE, NOT_NEGATIVE, PERIOD_S, SettingError, Settings};
 use serde::{Deserialize, Serialize};
 
 pub use planner::PaperPlanner;
@@ -62,5 +63,21 @@ impl Default for Config {
             period_s: 0.025,
             freeze_s: 0.2,
         }
+    }
+}
+
+impl Settings for Config {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .lists(&NOT_NEGATIVE, [("reach_m", &self.reach_m[..])])
+            .lists(&DURATION_S, [("sought_s", &self.sought_s[..])])
+            .counts([("sought", self.sought)])
+            .values(&LIMIT_SCALE, [("catch_share", self.catch_share)])
+            .values(&PERIOD_S, [("period_s", self.period_s)])
+            .values(&DURATION_S, [("freeze_s", self.freeze_s)])
+            .table("registration", &self.registration)
+            .table("grasp", &self.grasp)
+            .table("motion", &self.motion)
+            .all()
     }
 }

@@ -8,6 +8,7 @@
 //! than the running one, and none that breaks a limit or collides.
 
 use catch_body::{JointVector, MAX_JOINTS};
+use catch_bot::settings::{DURATION_S, FRACTION, Faults, NOT_NEGATIVE, SettingError, Settings};
 use catch_bot::{
     grasp_selection::{Approach, Grasp},
     trajectory_optimization::{CatchPlan, MotionPlanner, Start, arrival},
@@ -60,6 +61,23 @@ impl Default for Config {
             comfort_weight: 1e-4,
             stops_when_met: true,
         }
+    }
+}
+
+impl Settings for Config {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .counts([("rounds", self.rounds)])
+            .values(&(7.0..=40.0), [("control_points", self.control_points as f64)])
+            .values(&FRACTION, [("speed_fraction", self.speed_fraction), ("tightening", self.tightening)])
+            .values(&DURATION_S, [("pre_grasp_s", self.pre_grasp_s)])
+            .values(
+                &NOT_NEGATIVE,
+                [("pre_grasp_loosening", self.pre_grasp_loosening), ("comfort_weight", self.comfort_weight)],
+            )
+            .table("loosest", &self.loosest)
+            .table("replan", &self.replan)
+            .all()
     }
 }
 
@@ -205,6 +223,21 @@ pub struct Tolerances {
     pub rotation_rad: f64,
     /// Along each axis, in m/s.
     pub velocity_mps: f64,
+}
+
+impl Settings for Tolerances {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .values(
+                &NOT_NEGATIVE,
+                [
+                    ("position_m", self.position_m),
+                    ("rotation_rad", self.rotation_rad),
+                    ("velocity_mps", self.velocity_mps),
+                ],
+            )
+            .all()
+    }
 }
 
 impl From<Tolerances> for Tolerance {

@@ -7,6 +7,7 @@ use catch_bot::{
     Preparation, Status,
     control::{CatchPlanner, Decision, Situation},
     perception::ReferenceModel,
+    settings::{SettingError, Settings},
     trajectory_optimization::{CatchPlan, CatchSearch},
     trajectory_prediction::FlightTrajectory,
 };
@@ -25,8 +26,12 @@ pub struct PaperPlanner {
 
 impl PaperPlanner {
     /// For the arm and the object of a preparation; grasps are drawn by `seed`.
-    pub fn new(config: Config, known: &Preparation, seed: u64) -> Self {
-        Self { config, reference: known.reference().clone(), search: known.search().clone(), seed }
+    ///
+    /// # Errors
+    /// A setting that is out of its range.
+    pub fn new(config: Config, known: &Preparation, seed: u64) -> Result<Self, SettingError> {
+        config.check()?;
+        Ok(Self { config, reference: known.reference().clone(), search: known.search().clone(), seed })
     }
 
     /// Grasp, catch time and a first motion.

@@ -10,6 +10,7 @@ use catch_body::Pose;
 use catch_bot::perception::{
     self, Fit, ObjectPose, PerceptionStatus, PoseEstimator, ReferenceModel, SceneCloud, View, Workspace, estimate_with,
 };
+use catch_bot::settings::{Faults, NOT_NEGATIVE, SettingError, Settings};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use nalgebra::{Matrix3, Matrix6, Point3, Rotation3, Translation3, UnitQuaternion, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
@@ -30,6 +31,15 @@ impl Default for Config {
     }
 }
 
+impl Settings for Config {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .counts([("max_iterations", self.max_iterations)])
+            .values(&NOT_NEGATIVE, [("tolerance_m", self.tolerance_m)])
+            .all()
+    }
+}
+
 /// Point-to-point ICP near the predicted pose. Images are segmented, and the pose is initialized without a prior, as our
 /// own estimator does it.
 #[derive(Debug, Clone)]
@@ -43,14 +53,19 @@ pub struct IcpEstimator {
 
 impl IcpEstimator {
     /// For a known object. The workspace holds the buffers, best those of [`Workspace::before_flight`].
+    ///
+    /// # Errors
+    /// A setting that is out of its range.
     pub fn new(
         config: Config,
         perception: perception::Config,
         reference: Arc<ReferenceModel>,
         workspace: Workspace,
-    ) -> Self {
+    ) -> Result<Self, SettingError> {
+        config.check()?;
+        perception.check()?;
         let nearest = NearestPoints::new(&reference.points);
-        Self { config, perception, reference, nearest, workspace }
+        Ok(Self { config, perception, reference, nearest, workspace })
     }
 }
 

@@ -29,6 +29,7 @@ use catch_cell::CameraModel;
 use nalgebra::Matrix6;
 use serde::{Deserialize, Serialize};
 
+use crate::settings::{DURATION_S, Faults, NOT_NEGATIVE, SettingError, Settings};
 pub use cloud::register_cloud;
 pub use distance_field::DistanceField;
 pub use estimator::{PoseEstimator, SdfEstimator, View, estimate_with, find_object};
@@ -52,8 +53,8 @@ pub struct Config {
     /// Root mean square distance up to which a turned object counts as looking the same. Measured for turns by any angle:
     /// ≤ 0.3 mm on symmetric objects, ≥ 8 mm on others.
     pub symmetry_tolerance_m: f64,
-    /// Depth noise of the cameras, as their data sheet has it.
-    pub depth_noise: DepthNoise,
+    /// Depth noise of the cameras, as their data sheet has it; none if it is not set.
+    pub depth_noise: Option<DepthNoise>,
     /// Standard deviation in pixels by which the object's outline in an image may be off: not by the pixels' size, which is
     /// allowed for, but by the mask's and the cameras' own errors.
     pub outline_sd_px: f64,
@@ -84,10 +85,10 @@ pub struct Config {
     /// Standard deviation in radians by which cameras may be turned about each axis from how they are said to stand: they are
     /// aligned on the arm that they see. Zero where they are known exactly.
     pub camera_sd_rad: f64,
-    /// Whether the cameras see the floor, the plane z = 0.
-    pub floor_visible: bool,
-    /// Whether depths may be missing where there is something.
-    pub depth_dropout: bool,
+    /// Whether the cameras see the floor, the plane z = 0; not, if it is not set.
+    pub floor_visible: Option<bool>,
+    /// Whether depths may be missing where there is something; not, if it is not set.
+    pub depth_dropout: Option<bool>,
     /// Standard deviations of depth noise by which a pixel must be nearer than what is known to be there. Of 2.4 million pixels
     /// 76 exceed four by chance, which are too few to hang together.
     pub background_sd: f64,
@@ -102,7 +103,7 @@ impl Default for Config {
             grasp_spacing_m: 0.0025,
             distance_grid_m: 0.002,
             symmetry_tolerance_m: 0.0008,
-            depth_noise: DepthNoise::default(),
+            depth_noise: None,
             outline_sd_px: 0.015,
             outline_above_m: 0.001,
             model_sd_m: 0.0002,
@@ -116,11 +117,65 @@ impl Default for Config {
             gate_m: 0.05,
             lost_after_s: 0.05,
             camera_sd_rad: 0.0,
-            floor_visible: false,
-            depth_dropout: false,
+            floor_visible: None,
+            depth_dropout: None,
             background_sd: 4.0,
             background_margin_m: 0.01,
         }
+    }
+}
+
+impl Config {
+    /// Standard deviation of a depth of `z_m`, in metres.
+    pub fn depth_sd_m(&self, z_m: f64) -> f64 {
+        self.depth_noise.unwrap_or_default().sd_m(z_m)
+    }
+
+    fn sees_floor(&self) -> bool {
+        self.floor_visible.unwrap_or_default()
+    }
+
+    fn misses_depths(&self) -> bool {
+        self.depth_dropout.unwrap_or_default()
+    }
+}
+
+impl Settings for Config {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .values(
+                &(1e-4..=0.05),
+                [("reference_spacing_m", self.reference_spacing_m), ("grasp_spacing_m", self.grasp_spacing_m)],
+            )
+            .values(&(5e-4..=0.05), [("distance_grid_m", self.distance_grid_m)])
+            .values(
+                &NOT_NEGATIVE,
+                [
+                    ("symmetry_tolerance_m", self.symmetry_tolerance_m),
+                    ("outline_sd_px", self.outline_sd_px),
+                    ("outline_above_m", self.outline_above_m),
+                    ("model_sd_m", self.model_sd_m),
+                    ("step_tolerance_m", self.step_tolerance_m),
+                    ("step_tolerance_sd", self.step_tolerance_sd),
+                    ("max_residual_m", self.max_residual_m),
+                    ("position_floor_m", self.position_floor_m),
+                    ("rotation_floor_rad", self.rotation_floor_rad),
+                    ("gate_m", self.gate_m),
+                    ("camera_sd_rad", self.camera_sd_rad),
+                    ("background_sd", self.background_sd),
+                    ("background_margin_m", self.background_margin_m),
+                ],
+            )
+            .values(&DURATION_S, [("lost_after_s", self.lost_after_s)])
+            .options(
+                &NOT_NEGATIVE,
+                [
+                    ("depth_noise.constant_m", self.depth_noise.map(|it| it.constant_m)),
+                    ("depth_noise.quadratic_per_m", self.depth_noise.map(|it| it.quadratic_per_m)),
+                ],
+            )
+            .counts([("min_points", self.min_points), ("max_iterations", self.max_iterations)])
+            .all()
     }
 }
 

@@ -42,7 +42,7 @@ fn tracking_errors(shape: &Shape, noise: Noise, config: &Config, trials: u64) ->
 /// Perception that knows its cameras' noise.
 fn told(noise: Noise) -> Config {
     let (constant_m, quadratic_per_m) = synthetic::data_sheet(noise);
-    Config { depth_noise: DepthNoise { constant_m, quadratic_per_m }, ..Config::default() }
+    Config { depth_noise: Some(DepthNoise { constant_m, quadratic_per_m }), ..Config::default() }
 }
 
 #[test]

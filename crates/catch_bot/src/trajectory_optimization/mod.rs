@@ -30,6 +30,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     grasp_selection::{self, Approach, Grasp, GraspSet},
+    settings::{DURATION_S, FRACTION, Faults, LIMIT_SCALE, NOT_NEGATIVE, PERIOD_S, SettingError, Settings},
     trajectory_prediction::FlightTrajectory,
 };
 use joint_spline::{EndKind, Ends, JointSpline};
@@ -98,6 +99,40 @@ impl Default for Config {
             search: search::Config::default(),
             replan: retarget::Config::default(),
         }
+    }
+}
+
+impl Settings for Config {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .values(&FRACTION, [("max_speed_fraction", self.max_speed_fraction)])
+            .values(
+                &NOT_NEGATIVE,
+                [
+                    ("comfort_weight", self.comfort_weight),
+                    ("steady_end_weight", self.steady_end_weight),
+                    ("position_margin_rad", self.position_margin_rad),
+                ],
+            )
+            .values(
+                &LIMIT_SCALE,
+                [
+                    ("velocity_share", self.velocity_share),
+                    ("arrival_velocity_share", self.arrival_velocity_share),
+                    ("replan_velocity_share", self.replan_velocity_share),
+                    ("replan_acceleration_share", self.replan_acceleration_share),
+                    ("torque_share", self.torque_share),
+                    ("braking_acceleration_fraction", self.braking_acceleration_fraction),
+                ],
+            )
+            // Motions are followed in steps as long as the clearance that is left.
+            .values(&(1e-3..=1.0), [("clearance_m", self.clearance_m)])
+            .values(&PERIOD_S, [("time_step_s", self.time_step_s), ("min_braking_s", self.min_braking_s)])
+            .values(&DURATION_S, [("min_lead_s", self.min_lead_s)])
+            .table("weights", &self.weights)
+            .table("search", &self.search)
+            .table("replan", &self.replan)
+            .all()
     }
 }
 

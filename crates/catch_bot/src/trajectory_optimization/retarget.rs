@@ -7,7 +7,11 @@ use serde::{Deserialize, Serialize};
 use super::{
     CatchPlan, CatchSearch, Incoming, Start, motion::Shares, posture::Posture, reaching::Reaching, search::Candidate,
 };
-use crate::{grasp_selection::heuristics, trajectory_prediction::Passage};
+use crate::{
+    grasp_selection::heuristics,
+    settings::{ANGLE_RAD, FRACTION, Faults, SettingError, Settings},
+    trajectory_prediction::Passage,
+};
 
 /// Settings of replans, each a list of what is tried, in this order.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -32,6 +36,22 @@ impl Default for Config {
             shifts_s: vec![0.01, -0.01, 0.02, -0.02, 0.04, 0.06],
             correction_fractions: vec![0.75, 0.5, 0.25],
         }
+    }
+}
+
+impl Settings for Config {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .lists(
+                &ANGLE_RAD,
+                [
+                    ("arm_angles_rad", &self.arm_angles_rad[..]),
+                    ("shifted_arm_angles_rad", &self.shifted_arm_angles_rad[..]),
+                ],
+            )
+            .lists(&(-1.0..=1.0), [("shifts_s", &self.shifts_s[..])])
+            .lists(&FRACTION, [("correction_fractions", &self.correction_fractions[..])])
+            .all()
     }
 }
 

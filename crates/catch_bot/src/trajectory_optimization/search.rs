@@ -26,6 +26,7 @@ use frontier::{Frontier, Node, Stage};
 
 use crate::{
     grasp_selection::{Approach, Grasp, RankedGrasp, heuristics},
+    settings::{DURATION_S, Faults, NOT_NEGATIVE, SettingError, Settings},
     trajectory_prediction::{Course, Passage},
 };
 
@@ -48,6 +49,23 @@ pub struct Weights {
 impl Default for Weights {
     fn default() -> Self {
         Self { effort: 1.0, comfort: 0.02, speed: 0.35, spin: 0.2, delay: 0.5 }
+    }
+}
+
+impl Settings for Weights {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .values(
+                &NOT_NEGATIVE,
+                [
+                    ("effort", self.effort),
+                    ("comfort", self.comfort),
+                    ("speed", self.speed),
+                    ("spin", self.spin),
+                    ("delay", self.delay),
+                ],
+            )
+            .all()
     }
 }
 
@@ -85,6 +103,22 @@ impl Default for Config {
             max_numerical_poses: 16,
             nearby_s: vec![-0.001, -0.0005, 0.0005, 0.001],
         }
+    }
+}
+
+impl Settings for Config {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .values(&DURATION_S, [("latest_catch_s", self.latest_catch_s)])
+            .values(&NOT_NEGATIVE, [("failure_penalty", self.failure_penalty)])
+            .counts([
+                ("max_work", self.max_work),
+                ("max_velocity_trials", self.max_velocity_trials),
+                ("max_motion_trials", self.max_motion_trials),
+                ("max_numerical_poses", self.max_numerical_poses),
+            ])
+            .lists(&(-0.1..=0.1), [("nearby_s", &self.nearby_s[..])])
+            .all()
     }
 }
 

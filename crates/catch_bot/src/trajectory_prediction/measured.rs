@@ -74,7 +74,7 @@ impl Variant {
 /// Perception that knows its cameras' noise, as a data sheet has it.
 fn told(noise: Noise) -> perception::Config {
     let (constant_m, quadratic_per_m) = synthetic::data_sheet(noise);
-    let depth_noise = DepthNoise { constant_m, quadratic_per_m };
+    let depth_noise = Some(DepthNoise { constant_m, quadratic_per_m });
     perception::Config { depth_noise, ..Default::default() }
 }
 
@@ -255,7 +255,7 @@ fn without_drag() -> Setting {
 }
 
 fn with_spin_and_drag() -> Setting {
-    let prediction = Config { drag_prior_per_m: 0.06, drag_prior_sd_per_m: 0.02, ..Config::default() };
+    let prediction = Config { drag_prior_per_m: Some(0.06), drag_prior_sd_per_m: Some(0.02), ..Config::default() };
     Setting { frames: [10, 20], outliers: 0.1, spin_radps: 6.0, drag_per_m: [0.06, 0.02], prediction }
 }
 

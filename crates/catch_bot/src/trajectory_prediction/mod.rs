@@ -21,7 +21,10 @@ pub use passage::Passage;
 use ransac::Rotation;
 pub use track::{Track, TrackSample};
 
-use crate::perception::{ObjectPose, Symmetry};
+use crate::{
+    perception::{ObjectPose, Symmetry},
+    settings::{Faults, LIMIT_SCALE, NOT_NEGATIVE, SettingError, Settings},
+};
 
 /// Settings of trajectory prediction.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -44,10 +47,10 @@ pub struct Config {
     pub inlier_rad: f64,
     /// A flight that fewer than this share of the newest poses agree with is given up, and searched for anew.
     pub min_inlier_share: f64,
-    /// Drag constant k that is expected, in 1/m.
-    pub drag_prior_per_m: f64,
-    /// Its standard deviation. Zero, as in the paper's simulator: there is no drag, or exactly as much as expected.
-    pub drag_prior_sd_per_m: f64,
+    /// Drag constant k that is expected, in 1/m; zero if it is not set.
+    pub drag_prior_per_m: Option<f64>,
+    /// Its standard deviation. Zero, as in the paper's simulator: there is no drag, or exactly as much as expected; so it is if it is not set.
+    pub drag_prior_sd_per_m: Option<f64>,
     /// Standard deviation of each component of the angular velocity around zero before anything is seen, rad/s.
     pub spin_prior_sd_radps: f64,
     /// Error in metres that all poses may share (calibration of the cameras).
@@ -67,8 +70,8 @@ impl Default for Config {
             inlier_m: 0.01,
             inlier_rad: 0.1,
             min_inlier_share: 0.25,
-            drag_prior_per_m: 0.0,
-            drag_prior_sd_per_m: 0.0,
+            drag_prior_per_m: None,
+            drag_prior_sd_per_m: None,
             spin_prior_sd_radps: 10.0,
             systematic_sd_m: 0.0,
             max_iterations: 10,
@@ -76,7 +79,46 @@ impl Default for Config {
     }
 }
 
+impl Settings for Config {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .counts([
+                ("samples", self.samples),
+                ("max_samples", self.max_samples),
+                ("window", self.window),
+                ("fit_window", self.fit_window),
+                ("first_after", self.first_after),
+                ("max_iterations", self.max_iterations),
+            ])
+            .values(
+                &NOT_NEGATIVE,
+                [
+                    ("inlier_m", self.inlier_m),
+                    ("inlier_rad", self.inlier_rad),
+                    ("spin_prior_sd_radps", self.spin_prior_sd_radps),
+                    ("systematic_sd_m", self.systematic_sd_m),
+                ],
+            )
+            .values(&LIMIT_SCALE, [("min_inlier_share", self.min_inlier_share)])
+            .options(
+                &NOT_NEGATIVE,
+                [("drag_prior_per_m", self.drag_prior_per_m), ("drag_prior_sd_per_m", self.drag_prior_sd_per_m)],
+            )
+            .all()
+    }
+}
+
 impl Config {
+    /// Drag constant that is expected, in 1/m.
+    fn drag_per_m(&self) -> f64 {
+        self.drag_prior_per_m.unwrap_or_default()
+    }
+
+    /// Its standard deviation.
+    fn drag_sd_per_m(&self) -> f64 {
+        self.drag_prior_sd_per_m.unwrap_or_default()
+    }
+
     /// The newest poses, at which sampling looks, oldest first; `None` before there are enough for a first flight.
     pub fn sampled<'a>(&self, poses: &'a [ObjectPose]) -> Option<&'a [ObjectPose]> {
         let window = &poses[poses.len() - self.window.max(2).min(poses.len())..];

@@ -100,10 +100,10 @@ fn through(
     }
     let (p1, p2) = (earlier.X_WO.translation.vector, later.X_WO.translation.vector);
     let mut v_WO = (p2 - p1) / elapsed_s + gravity() * (0.5 * elapsed_s);
-    if config.drag_prior_per_m != 0.0 {
+    if config.drag_per_m() != 0.0 {
         // Flown backwards from the later pose, the flight must meet the earlier one.
         for _ in 0..3 {
-            let missed = Motion::new(p2, v_WO).after(-elapsed_s, config.drag_prior_per_m, false).p - p1;
+            let missed = Motion::new(p2, v_WO).after(-elapsed_s, config.drag_per_m(), false).p - p1;
             v_WO += missed / elapsed_s;
         }
     }
@@ -114,7 +114,7 @@ fn through(
         v_WO,
         R_WO: later.X_WO.rotation,
         w_WO,
-        drag_per_m: config.drag_prior_per_m,
+        drag_per_m: config.drag_per_m(),
         inertia_per_kg: tumbling::inertia(symmetry).filter(|_| rotation == Rotation::Free),
         covariance: SMatrix::zeros(),
         rotation_covariance: Matrix6::zeros(),

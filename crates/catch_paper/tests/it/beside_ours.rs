@@ -16,7 +16,7 @@ fn median(values: &mut [f64]) -> f64 {
 }
 
 fn icp(perception: perception::Config, reference: &Arc<ReferenceModel>) -> IcpEstimator {
-    IcpEstimator::new(registration::Config::default(), perception, reference.clone(), Workspace::default())
+    IcpEstimator::new(registration::Config::default(), perception, reference.clone(), Workspace::default()).unwrap()
 }
 
 /// From a start that is off by 2 cm and 10°.
@@ -68,7 +68,7 @@ impl Method {
 /// Ours and the paper's, told how noisy the cameras are.
 fn both(noise: Noise, reference: &Arc<ReferenceModel>, seed: u64) -> [Method; 2] {
     let (constant_m, quadratic_per_m) = synthetic::data_sheet(noise);
-    let depth_noise = DepthNoise { constant_m, quadratic_per_m };
+    let depth_noise = Some(DepthNoise { constant_m, quadratic_per_m });
     let perception = perception::Config { depth_noise, ..Default::default() };
     let prediction = Config { spin_prior_sd_radps: 0.1, ..Config::default() };
     let symmetry = reference.symmetry;
