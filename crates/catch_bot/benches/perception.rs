@@ -9,7 +9,7 @@ mod synthetic;
 
 use catch_body::Pose;
 use catch_bot::{
-    perception::{Config, Method, ReferenceModel, Workspace, find_object},
+    perception::{Config, ReferenceModel, Workspace, find_object},
     trajectory_prediction::{self, predict},
 };
 use criterion::{Criterion, criterion_group, criterion_main};
@@ -40,9 +40,6 @@ fn tracking(criterion: &mut Criterion) {
             };
             update("tracking", Some(&prior), &config);
             update("cold start", None, &config);
-            if noise == Noise::Clean {
-                update("paper's ICP", Some(&prior), &Config { method: Method::IcpPointToPoint, ..config.clone() });
-            }
         }
     }
 }
@@ -52,7 +49,7 @@ fn prediction(criterion: &mut Criterion) {
     let cameras = synthetic::flight_rig();
     let shape = Shape::banana();
     let reference = ReferenceModel::from_scan(&synthetic::scan(&shape, 200), &Config::default());
-    let config = trajectory_prediction::Config { drag_prior_sd_per_m: 0.02, ..Default::default() };
+    let config = trajectory_prediction::Config { drag_prior_sd_per_m: Some(0.02), ..Default::default() };
     let mut normal = Normal::new(1);
     let mut workspace = Workspace::default();
     let mut poses = Vec::new();

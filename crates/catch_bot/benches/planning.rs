@@ -11,7 +11,7 @@ use catch_body::{Gripper, Pose, Robot, robot_file::RobotFiles};
 use catch_bot::{
     grasp_selection::{self, GraspSet},
     perception::{self, ReferenceModel},
-    trajectory_optimization::{Config, Incoming, Planner, Start, posed::Target},
+    trajectory_optimization::{CatchSearch, Config, Incoming, MotionPlanner, Start, posed::Target},
     trajectory_prediction::FlightTrajectory,
 };
 use catch_cell::arm::Setpoint;
@@ -25,14 +25,14 @@ const GRIPPER: &str = include_str!("../../../assets/grippers/wsg50.toml");
 /// Where the arm waits in the scenario of the paper.
 const READY: [f64; 7] = [-1.308, 1.236, 1.116, -1.523, 1.648, 1.472, 0.272];
 
-fn planner(change: impl Fn(&mut Config)) -> Planner {
+fn planner(change: impl Fn(&mut Config)) -> MotionPlanner {
     let files = RobotFiles { urdf_file: "robot.urdf", urdf: URDF, toml_file: "robot.toml", toml: TOML };
     let mut config = Config::default();
     change(&mut config);
-    Planner::new(Robot::from_files(&files).unwrap(), Gripper::from_toml("gripper.toml", GRIPPER).unwrap(), config)
+    MotionPlanner::new(Robot::from_files(&files).unwrap(), Gripper::from_toml("gripper.toml", GRIPPER).unwrap(), config)
 }
 
-fn at_rest(planner: &Planner, q: &[f64], time_s: f64) -> Start {
+fn at_rest(planner: &MotionPlanner, q: &[f64], time_s: f64) -> Start {
     Start { time_s, state: Setpoint::at_rest(planner.robot().joint_vector(q).unwrap()) }
 }
 
@@ -69,12 +69,12 @@ fn given_pose(criterion: &mut Criterion) {
 
 /// The paper's near throw from the waiting pose: time, grasp and redundancy are sought, then the flight changes by 5 mm.
 fn everything(criterion: &mut Criterion) {
-    let planner = planner(|_| {});
-    let start = at_rest(&planner, &READY, 0.07);
+    let search = CatchSearch::new(planner(|_| {}));
+    let start = at_rest(search.motion(), &READY, 0.07);
     let config = grasp_selection::Config::default();
     for (name, shape) in Shape::all() {
         let reference = ReferenceModel::from_scan(&synthetic::scan(&shape, 200), &perception::Config::default());
-        let grasps = GraspSet::sample(&reference, planner.gripper(), &config);
+        let grasps = GraspSet::sample(&reference, search.motion().gripper(), &config);
         let flight = FlightTrajectory {
             p_WO: Point3::new(1.66613, 1.63277, 0.3),
             v_WO: Vector3::new(-1.58705, -2.68301, 3.75643),
@@ -82,14 +82,14 @@ fn everything(criterion: &mut Criterion) {
         };
         let incoming = Incoming { flight: &flight, grasps: &grasps, config: &config };
         criterion.bench_function(&format!("search/{name}"), |bencher| {
-            bencher.iter(|| planner.search(&start, &incoming));
+            bencher.iter(|| search.search(&start, &incoming));
         });
-        let Ok(plan) = planner.search(&start, &incoming) else { continue };
+        let Ok(plan) = search.search(&start, &incoming) else { continue };
         let later = Start { time_s: 0.2, state: plan.trajectory.setpoint(0.2) };
         let aside = FlightTrajectory { p_WO: flight.p_WO + Vector3::x() * 5e-3, ..flight.clone() };
         let aside = Incoming { flight: &aside, ..incoming };
         criterion.bench_function(&format!("replan/{name}"), |bencher| {
-            bencher.iter(|| planner.retarget(&later, &aside, &plan));
+            bencher.iter(|| search.retarget(&later, &aside, &plan));
         });
     }
 }

@@ -2,33 +2,40 @@
 //!
 //! The folders bear the headings of the paper (Cieślar, Zeng, Tedrake: CatchingBot, section III): [`perception`] finds the
 //! object's pose in each set of images (III-B), [`trajectory_prediction`] its flight (III-B), [`grasp_selection`] where to hold
-//! it (III-C), [`trajectory_optimization`] how to get there (III-D), and [`control`] turns that into commands. Each stage is
-//! a function of values; all state is in [`CatchingBot`], and its [`tick`](CatchingBot::tick) reads like the paper's figure 2.
+//! it (III-C), [`trajectory_optimization`] how to get there (III-D), and [`control`] turns that into commands.
+//!
+//! Three stages can be exchanged: [`PoseEstimator`](perception::PoseEstimator),
+//! [`FlightPredictor`](trajectory_prediction::FlightPredictor) and [`CatchPlanner`](control::CatchPlanner). Each owns its settings
+//! and buffers, its inputs are values. What lasts from tick to tick is in the tracker, the last flight and the controller of
+//! [`CatchingBot`], whose [`tick`](CatchingBot::tick) reads like the paper's figure 2.
 //!
 //! The brain does no I/O, reads no clock and draws no random numbers but from its own seed: the same observations give the
 //! same commands, bit for bit.
 
 pub mod control;
 pub mod grasp_selection;
-mod method;
-pub mod paper_method;
 pub mod perception;
+mod preparation;
+pub mod settings;
+mod tracker;
 pub mod trajectory_optimization;
 pub mod trajectory_prediction;
 
-use std::{collections::VecDeque, sync::Arc};
+use std::sync::Arc;
 
-use catch_body::{Gripper, JointVector, Pose, Robot, ray_cast::ArmSurface};
+use catch_body::{Gripper, Robot};
 use catch_cell::{Brain, CameraModel, Command, Observation, PixelWindow, Probe, ReferenceScan};
 use serde::{Deserialize, Serialize};
 
-use control::GripperPlan;
-use grasp_selection::GraspSet;
-pub use method::Method;
+use control::{CatchPlanner, Controller, GripperPlan, Situation, TimeGridSearch};
+use perception::{ObjectPose, PoseEstimator, SdfEstimator};
+use settings::{Faults, SettingError, Settings};
+use tracker::Tracker;
+use trajectory_optimization::CatchPlan;
+use trajectory_prediction::{FlightPredictor, FlightTrajectory, InformationFit};
 
-use perception::{ObjectPose, ReferenceModel, Surroundings, camera_alignment::CameraAlignment};
-use trajectory_optimization::{CatchPlan, Planner};
-use trajectory_prediction::FlightTrajectory;
+pub use control::Status;
+pub use preparation::Preparation;
 
 /// All settings of the brain, stage by stage.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -46,47 +53,21 @@ pub struct Config {
     pub trajectory_optimization: trajectory_optimization::Config,
     /// Commands and their timing.
     pub control: control::Config,
-    /// Whose method it is.
-    pub method: Method,
-    /// What only the paper's method knows.
-    pub paper_method: paper_method::Config,
 }
 
-/// How far the brain got in a tick: what it has, or what it lacks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Status {
-    /// Nothing that could be the object is in the images.
-    #[default]
-    NoObject,
-    /// Too few poses agree on a flight.
-    NoTrajectory,
-    /// The object does not pass where the arm could be in time.
-    OutOfReach,
-    /// The object passes within reach, but no way of holding it was found.
-    NoGrasp,
-    /// It passes within reach, but would hit the open gripper on its way in, whatever the grasp.
-    Blocked,
-    /// A catch was chosen, but no motion to it that keeps all limits.
-    NoPlan,
-    /// A plan is being executed; the newest flight gave no better one.
-    PlanKept,
-    /// The newest flight cannot be met exactly any more; the arm goes as near to it as it can.
-    Approached,
-    /// A new plan was made.
-    Planned,
-    /// Too late to change anything: the plan runs to its end.
-    Committed,
-}
-
-impl Status {
-    /// Whether the arm was sent a new motion.
-    pub fn is_new_motion(self) -> bool {
-        matches!(self, Self::Planned | Self::Approached)
+impl Settings for Config {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .table("perception", &self.perception)
+            .table("trajectory_prediction", &self.trajectory_prediction)
+            .table("grasp_selection", &self.grasp_selection)
+            .table("trajectory_optimization", &self.trajectory_optimization)
+            .table("control", &self.control)
+            .all()
     }
 }
 
-/// What the brain knew and decided in its last tick, for whoever wants to look on.
+/// What the brain knew and decided in its last tick, for observers.
 #[derive(Debug, Clone, Default)]
 pub struct Report {
     /// How far the tick got.
@@ -101,122 +82,50 @@ pub struct Report {
     pub closing: Option<GripperPlan>,
 }
 
-/// What is worked out before anything flies, once for any number of throws: the object's model from its scan, the ways of
-/// holding it, the planner for the arm, and what the cameras see of the arm while it waits.
+/// The catching robot's brain, made of a pose estimator, a flight predictor and a catch planner.
 #[derive(Debug)]
-pub struct Preparation {
-    config: Config,
-    cameras: Vec<CameraModel>,
-    reference: ReferenceModel,
-    grasps: GraspSet,
-    planner: Planner,
-    arm_surface: ArmSurface,
-    alignment: CameraAlignment,
-    workspace: perception::Workspace,
-}
-
-impl Preparation {
-    /// For an arm with a gripper, cameras at known places, and an object known from a scan.
-    ///
-    /// The arm is expected to wait at [`Robot::ready_q`] with its gripper open; if it waits elsewhere, the first images take longer.
-    pub fn new(
-        config: Config,
-        robot: Robot,
-        gripper: Gripper,
-        cameras: Vec<CameraModel>,
-        reference_scan: &ReferenceScan,
-    ) -> Self {
-        let config = if config.method == Method::Paper { paper_method::with_its_stages(config) } else { config };
-        let reference = ReferenceModel::from_scan(reference_scan, &config.perception);
-        let grasps = GraspSet::sample(&reference, &gripper, &config.grasp_selection);
-        let arm_surface = ArmSurface::new(&robot, &gripper);
-        let X_WL = robot.link_poses(&robot.ready_q);
-        let waiting = Surroundings { arm: &arm_surface, X_WL, width_m: gripper.max_width_m };
-        let alignment = CameraAlignment::before_flight(&cameras, &waiting, &config.perception);
-        let workspace = perception::Workspace::before_flight(&cameras, &waiting, &config.perception);
-        let planner = Planner::new(robot, gripper, config.trajectory_optimization.clone());
-        Self { config, cameras, reference, grasps, planner, arm_surface, alignment, workspace }
-    }
-
-    /// The object as the brain knows it.
-    pub fn reference(&self) -> &ReferenceModel {
-        &self.reference
-    }
-
-    /// The ways of holding it.
-    pub fn grasps(&self) -> &GraspSet {
-        &self.grasps
-    }
-
-    /// What moves the arm.
-    pub fn planner(&self) -> &Planner {
-        &self.planner
-    }
-}
-
-/// An object that has not been seen for this long is looked for everywhere.
-const LOST_S: f64 = 0.05;
-/// Observations whose joint angles are remembered: longer than images can take to arrive.
-const SENSED: usize = 64;
-/// Poses that are remembered, more than any prediction looks back at.
-const POSES: usize = 1024;
-
-/// The catching robot's brain.
-#[derive(Debug)]
-pub struct CatchingBot {
+pub struct CatchingBot<E = SdfEstimator, P = InformationFit, C = TimeGridSearch> {
     known: Arc<Preparation>,
-    seed: u64,
+    estimator: E,
+    predictor: P,
+    planner: C,
 
-    /// The cameras, as far as images of the arm have told where they look.
-    alignment: CameraAlignment,
-    /// What the encoders said lately: (time, arm, opening of the gripper), oldest first.
-    sensed: VecDeque<(f64, JointVector, f64)>,
-    poses: Vec<ObjectPose>,
+    tracker: Tracker,
+    /// As predicted last.
     flight: Option<FlightTrajectory>,
-    plan: Option<CatchPlan>,
-    /// Looks for a plan in a row that found none.
-    refusals: usize,
-    /// Cost of holding at which the running catch was chosen, or compared last.
-    settled_cost: f64,
-    /// The plans that were sent last, the running one included, oldest first.
-    sent: VecDeque<CatchPlan>,
-    workspace: perception::Workspace,
-    prediction_workspace: trajectory_prediction::Workspace,
-    closing: Option<GripperPlan>,
+    controller: Controller,
     report: Report,
 }
 
 impl CatchingBot {
     /// A brain for an arm with a gripper, cameras at known places, and an object known from a scan.
+    ///
+    /// # Errors
+    /// A setting that is out of its range.
     pub fn new(
         config: Config,
         robot: Robot,
         gripper: Gripper,
         cameras: Vec<CameraModel>,
         reference_scan: &ReferenceScan,
-    ) -> Self {
+    ) -> Result<Self, SettingError> {
         let seed = config.seed;
-        Self::prepared(Arc::new(Preparation::new(config, robot, gripper, cameras, reference_scan)), seed)
+        let known = Preparation::new(config, robot, gripper, cameras, reference_scan)?;
+        Ok(Self::prepared(Arc::new(known), seed))
     }
 
     /// A brain that shares what was worked out beforehand; it draws at random from `seed` instead of [`Config::seed`].
     pub fn prepared(known: Arc<Preparation>, seed: u64) -> Self {
-        Self {
-            alignment: known.alignment.clone(),
-            workspace: known.workspace.clone(),
-            known,
-            seed,
-            sensed: VecDeque::with_capacity(SENSED),
-            poses: Vec::with_capacity(POSES),
-            flight: None,
-            plan: None,
-            refusals: 0,
-            settled_cost: 0.0,
-            sent: VecDeque::with_capacity(control::decision::SENT),
-            prediction_workspace: trajectory_prediction::Workspace::default(),
-            closing: None,
-            report: Report::default(),
-        }
+        let stages = (known.pose_estimator(), known.flight_predictor(seed), known.catch_planner());
+        Self::with_stages(known, stages.0, stages.1, stages.2)
+    }
+}
+
+impl<E, P, C> CatchingBot<E, P, C> {
+    /// A brain of these stages. Those of [`Preparation`] are ours.
+    pub fn with_stages(known: Arc<Preparation>, estimator: E, predictor: P, planner: C) -> Self {
+        let (tracker, controller) = (known.tracker(), known.controller());
+        Self { known, estimator, predictor, planner, tracker, flight: None, controller, report: Report::default() }
     }
 
     /// What the last tick knew and decided.
@@ -224,149 +133,67 @@ impl CatchingBot {
         &self.report
     }
 
-    /// The object as the brain knows it.
-    pub fn reference(&self) -> &ReferenceModel {
-        self.known.reference()
+    /// What was worked out beforehand.
+    pub fn known(&self) -> &Arc<Preparation> {
+        &self.known
     }
 
-    /// All ways of holding it that its shape allows.
-    pub fn grasps(&self) -> &GraspSet {
-        self.known.grasps()
+    fn close_report(&mut self, status: Status, pose: Option<ObjectPose>, command: Command) -> Command {
+        let Self { flight, controller, .. } = self;
+        self.report.flight.clone_from(flight);
+        (self.report.status, self.report.pose, self.report.closing) = (status, pose, controller.closing());
+        self.report.plan = controller.plan().cloned();
+        command
     }
 }
 
-/// The arm as it was at a time, between what was sensed before and after.
-fn surroundings<'a>(
-    known: &'a Preparation,
-    sensed: &VecDeque<(f64, JointVector, f64)>,
-    time_s: f64,
-) -> Option<Surroundings<'a>> {
-    let after = sensed.iter().position(|sensed| sensed.0 >= time_s).unwrap_or(sensed.len().saturating_sub(1));
-    let (before, after) = (sensed.get(after.saturating_sub(1))?, sensed.get(after)?);
-    let span_s = after.0 - before.0;
-    let share = if span_s > 0.0 { ((time_s - before.0) / span_s).clamp(0.0, 1.0) } else { 1.0 };
-    let q = before.1 + (after.1 - before.1) * share;
-    let X_WL = known.planner.robot().link_poses(&q);
-    Some(Surroundings { arm: &known.arm_surface, X_WL, width_m: before.2 + (after.2 - before.2) * share })
-}
-
-impl Brain for CatchingBot {
+impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Brain for CatchingBot<E, P, C> {
     /// The paper's figure 2: images → pose → flight → grasp and plan → command.
     fn tick(&mut self, observation: &Observation, probe: &mut dyn Probe) -> Command {
-        self.report = Report::default();
         let now_s = observation.time_s;
-        if self.is_committed(now_s) {
+        if self.controller.is_committed(now_s) {
             // Nothing that may still be seen changes anything: no camera needs to read out a pixel.
-            let windows = Some(vec![PixelWindow::default(); self.known.cameras.len()]);
-            return self.close_report(Status::Committed, Command { windows, ..Command::default() });
+            let windows = Some(vec![PixelWindow::default(); self.known.cameras().len()]);
+            return self.close_report(Status::Committed, None, Command { windows, ..Command::default() });
         }
-
-        if self.sensed.len() == SENSED {
-            self.sensed.pop_front();
-        }
-        self.sensed.push_back((now_s, observation.arm.q, observation.gripper.width_m));
-        self.drop_refused(observation);
+        self.tracker.sense(observation);
+        self.controller.drop_refused(observation);
 
         // III-B: pose of the object in the newest images, started from where the last flight says it is.
-        for frames in observation.frames.chunk_by(|a, b| a.capture_s == b.capture_s) {
-            let expected = self.expected_pose(frames[0].capture_s);
-            let surroundings = surroundings(&self.known, &self.sensed, frames[0].capture_s);
-            let config = &self.known.config.perception;
-            self.alignment.observe(frames, &self.known.cameras, surroundings.as_ref(), config);
-            let found = perception::find_object(
-                frames,
-                self.alignment.cameras(),
-                &self.known.reference,
-                expected.as_ref(),
-                surroundings.as_ref(),
-                config,
-                &mut self.workspace,
-            );
-            if let Ok(mut pose) = found {
-                if let Some(X_WO) = &expected {
-                    pose.X_WO.rotation =
-                        self.known.reference.symmetry.nearest_alike(&X_WO.rotation, &pose.X_WO.rotation);
-                }
-                if self.poses.len() == POSES {
-                    self.poses.drain(..POSES / 2);
-                }
-                self.poses.push(pose);
-                self.report.pose = Some(pose);
-            }
-        }
+        let pose = self.tracker.track(&observation.frames, self.flight.as_ref(), &self.known, &mut self.estimator);
         probe.stage_ended("perception");
-        if self.poses.is_empty() {
-            return self.close_report(Status::NoObject, Command::default());
-        }
+        let Some(first) = self.tracker.poses().first() else {
+            return self.close_report(Status::NoObject, pose, Command::default());
+        };
 
         // III-B: the flight that the poses agree on.
-        let flight = trajectory_prediction::predict(
-            &self.poses,
-            self.flight.as_ref(),
-            self.known.reference.symmetry,
-            &self.known.config.trajectory_prediction,
-            self.seed,
-            &mut self.prediction_workspace,
-        );
+        let flight = self.predictor.predict(self.tracker.poses(), self.flight.as_ref());
         probe.stage_ended("trajectory_prediction");
         let Ok(mut flight) = flight else {
-            return self.close_report(Status::NoTrajectory, Command::default());
+            return self.close_report(Status::NoTrajectory, pose, Command::default());
         };
         if let Some(previous) = &self.flight {
             let R_WO = previous.pose_at(flight.time_s).rotation;
-            flight.R_WO = self.known.reference.symmetry.nearest_alike(&R_WO, &flight.R_WO);
+            flight.R_WO = self.known.reference().symmetry.nearest_alike(&R_WO, &flight.R_WO);
         }
 
         // III-C and III-D: the running plan for the new flight, or a new grasp and plan.
-        let start = self.start(observation);
-        let (status, plan) = self.decide(&start, &flight);
+        let decision = self.planner.plan(&Situation {
+            observed_s: self.tracker.observed_s(),
+            first_seen_s: first.capture_s,
+            start: self.controller.start(observation),
+            flight: &flight,
+            running: self.controller.plan(),
+            closing: self.controller.closing(),
+            progress: self.controller.progress(),
+        });
         probe.stage_ended("trajectory_optimization");
 
-        let mut command = self.command(now_s, status, plan, &flight);
-        command.windows = self.windows(observation, &flight);
+        let status = decision.status;
+        let mut command = self.controller.command(now_s, decision, &flight);
+        command.windows = self.tracker.windows(observation, &flight, &self.known);
         self.flight = Some(flight);
         probe.stage_ended("control");
-        self.close_report(status, command)
-    }
-}
-
-impl CatchingBot {
-    /// Too late to change anything.
-    fn is_committed(&self, now_s: f64) -> bool {
-        self.plan.as_ref().is_some_and(|plan| now_s > plan.catch_s - self.known.config.control.commit_s)
-    }
-
-    /// The part of each camera's next images that may show the object, once it is tracked in images without masks (sensors that
-    /// tell objects apart read out the right pixels by themselves). Full images if it has been lost.
-    fn windows(&self, observation: &Observation, flight: &FlightTrajectory) -> Option<Vec<PixelWindow>> {
-        let unlabelled = observation.frames.iter().any(|frame| frame.mask.is_none());
-        let newest_s = observation.frames.iter().map(|frame| frame.capture_s).fold(f64::NEG_INFINITY, f64::max);
-        if !unlabelled || newest_s > flight.time_s + LOST_S {
-            return None;
-        }
-        let count = self.sensed.len();
-        let period_s = if count > 1 { self.sensed[count - 1].0 - self.sensed[count - 2].0 } else { 0.0 };
-        let next_s = observation.time_s + period_s;
-        let (p_WO, v_WO) = (flight.pose_at(next_s).translation.vector, flight.twist_at(next_s).linear);
-        let doubt_m = 3.0 * flight.position_sd_at(next_s) + v_WO.norm() * period_s;
-        let radius_m = self.known.reference.radius_m + self.known.config.perception.gate_m + doubt_m;
-        let window =
-            |camera: &CameraModel| camera.window_around(&camera.X_WC.inverse_transform_point(&p_WO.into()), radius_m);
-        Some(self.alignment.cameras().iter().map(window).collect())
-    }
-
-    /// Where the object should be: on the last flight, or, before there is one, where it was seen last. The latter keeps an
-    /// object that looks the same from two sides from turning over between the first images.
-    fn expected_pose(&self, time_s: f64) -> Option<Pose> {
-        let flight = self.flight.as_ref().map(|flight| flight.pose_at(time_s));
-        flight.or_else(|| self.poses.last().map(|pose| pose.X_WO))
-    }
-
-    fn close_report(&mut self, status: Status, command: Command) -> Command {
-        self.report.status = status;
-        self.report.flight.clone_from(&self.flight);
-        self.report.plan.clone_from(&self.plan);
-        self.report.closing = self.closing;
-        command
+        self.close_report(status, pose, command)
     }
 }

@@ -99,7 +99,7 @@ fn main() -> anyhow::Result<()> {
     let motion = ArmTrajectory::at_rest(0.0, robot.ready_q);
     let mut cell = OwnCell { time_s: 0.0, motion, fingers: vec![open], cameras: looking.to_vec() };
     let centre = gripper.grasp_centre();
-    let mut brain = CatchingBot::new(Config::default(), robot.clone(), gripper, looking.to_vec(), &scan);
+    let mut brain = CatchingBot::new(Config::default(), robot.clone(), gripper, looking.to_vec(), &scan)?;
     let mut told = None;
     while cell.time_s < 1.0 {
         let observation = cell.sense();

@@ -17,10 +17,12 @@ pub mod view;
 
 use std::path::PathBuf;
 
-use catch_bot::Method;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use catch_lab::setup::{Choice, DEFAULT_SCENARIO};
+use catch_lab::{
+    brain::Method,
+    setup::{Choice, DEFAULT_SCENARIO},
+};
 
 /// Throws things at a robot arm that catches them from depth images alone.
 ///

@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     VERSION,
+    brain::BrainFactory,
     oracle::Oracle,
     referee::{self, Verdict},
     scenario::Scenario,
@@ -31,13 +32,20 @@ pub struct Cell {
     pub setup: Setup,
     /// Whether every trial sees the same throw under the same conditions.
     pub throw_is_fixed: bool,
+    /// What catches.
+    pub brain: BrainFactory,
 }
 
 impl Cell {
-    /// A cell of trials that share a setup.
+    /// A cell of trials that share a setup, with the brain of its scenario.
     pub fn new(setup: Setup) -> Self {
+        Self::with_brain(setup, BrainFactory::default())
+    }
+
+    /// The same with any brain.
+    pub fn with_brain(setup: Setup, brain: BrainFactory) -> Self {
         let throw_is_fixed = setup.repeats_itself();
-        Self { setup, throw_is_fixed }
+        Self { setup, throw_is_fixed, brain }
     }
 }
 
@@ -134,8 +142,9 @@ impl Evaluation {
 
     fn trial(&self, job: usize) -> (Verdict, Stopwatch) {
         let (cell, index) = self.job(job);
-        let trial =
-            trial::run(&cell.setup, self.seed, index, &mut |_, _| Ok(())).expect("this onlooker has no objections");
+        let mut brain = cell.brain.make(&cell.setup, self.seed, index);
+        let trial = trial::run_brain(&mut *brain, &cell.setup, self.seed, index, &mut |_, _| Ok(()))
+            .expect("this onlooker has no objections");
         let mut verdict = referee::judge(&cell.setup, &trial);
         if !verdict.caught {
             verdict.reach = Oracle::of(&cell.setup).map(|oracle| oracle.reach(&cell.setup, self.seed, index));

@@ -19,7 +19,7 @@
 //! # What is where
 //!
 //! Here, and only here, the brain and the arena meet: [`setup`] reads what a scenario names ([`assets`], [`scenario`]),
-//! [`trial`] lets the brain play one throw, [`referee`] judges it by the truth, [`timeline`] tells its story, [`recording`]
+//! [`brain`] makes the brain, [`trial`] lets it play one throw, [`referee`] judges it by the truth, [`timeline`] tells its story, [`recording`]
 //! keeps it and [`replay`] checks that the brain would do it again. An [`evaluation`] is many trials, [`results`] keeps their
 //! rows, [`statistics`] sums them up; [`trial_table`] and [`summary_table`] are what others read.
 //!
@@ -27,7 +27,7 @@
 //! other tools ([`mcap_file`]); an evaluation as a page ([`report_page`]) and as [`plots`].
 
 pub mod assets;
-pub mod brain_settings;
+pub mod brain;
 pub mod catch_page;
 pub mod check;
 pub mod cloud_file;
@@ -54,6 +54,7 @@ pub mod stopwatch;
 pub mod summary_table;
 pub mod sweep;
 pub mod templates;
+pub mod throw_proof;
 pub mod throw_times;
 pub mod timeline;
 pub mod track_file;

@@ -1,9 +1,9 @@
 //! A recording, read whole: what pictures of a throw are made from.
 
-use std::path::Path;
+use std::{path::Path, sync::Arc};
 
 use catch_body::{Gripper, InputError, JointVector, Robot};
-use catch_bot::CatchingBot;
+use catch_bot::Preparation;
 use catch_cell::{ArmTrajectory, arm::Setpoint};
 use catch_sim::TruthSample;
 use nalgebra::Point3;
@@ -28,8 +28,8 @@ pub struct Playback {
     pub robot: Robot,
     /// The gripper.
     pub gripper: Gripper,
-    /// A brain that knows what the recorded one knew before the throw.
-    pub brain: CatchingBot,
+    /// What the recorded brain knew before the throw.
+    pub known: Arc<Preparation>,
     /// Wall times, if their file still lies beside the recording.
     pub times: Option<ThrowTimes>,
 }
@@ -60,9 +60,9 @@ impl Playback {
             }
         };
         let header = reader.header;
-        let brain = brain_of(&header)?;
+        let known = brain_of(&header)?.known().clone();
         let (robot, gripper) = header.sources.parse(&crate::replay::RECORDED)?;
-        Ok(Self { header, ticks, ending, robot, gripper, brain, times: ThrowTimes::read(path) })
+        Ok(Self { header, ticks, ending, robot, gripper, known, times: ThrowTimes::read(path) })
     }
 
     /// The true state nearest to `time_s`.

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use catch_body::{JointVector, clearance::ArmClearance};
 use catch_bot::{
-    Config, Preparation,
+    Preparation, grasp_selection,
     trajectory_optimization::{CatchPlan, Incoming, Start},
     trajectory_prediction::FlightTrajectory,
 };
@@ -51,7 +51,7 @@ pub struct Corridor {
 
 struct Part {
     known: Arc<Preparation>,
-    config: Config,
+    grasping: grasp_selection::Config,
     flights: Vec<FlightTrajectory>,
 }
 
@@ -63,7 +63,7 @@ impl Corridor {
     pub fn new(setups: &[Setup], throws: u64, seed: u64) -> Self {
         let parts = setups.iter().map(|setup| Part {
             known: setup.known().clone(),
-            config: setup.brain_config(seed, 0),
+            grasping: setup.brain_config(seed, 0).grasp_selection,
             flights: (0..throws).map(|index| flight(&setup.release(seed, index))).collect(),
         });
         let Setup { robot, gripper, .. } = &setups[0];
@@ -79,8 +79,8 @@ impl Corridor {
     pub fn catches(&self, q: &JointVector) -> Vec<Option<CatchPlan>> {
         let start = Start { time_s: FIRST_ESTIMATE_S, state: Setpoint::at_rest(*q) };
         let ask = |part: &Part, flight| {
-            let incoming = Incoming { flight, grasps: part.known.grasps(), config: &part.config.grasp_selection };
-            part.known.planner().search(&start, &incoming).ok()
+            let incoming = Incoming { flight, grasps: part.known.grasps(), config: &part.grasping };
+            part.known.search().search(&start, &incoming).ok()
         };
         self.parts.iter().flat_map(|part| part.flights.iter().map(move |flight| ask(part, flight))).collect()
     }

@@ -25,6 +25,7 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use crate::{
     VERSION,
+    brain::BrainSettings,
     referee::Verdict,
     scenario::Scenario,
     setup::{Scene, Setup, Sources},
@@ -55,7 +56,7 @@ pub struct Header {
     /// The scenario, all choices made.
     pub scenario: Scenario,
     /// The brain's settings as it was given them.
-    pub brain: catch_bot::Config,
+    pub brain: BrainSettings,
     /// Texts of robot and gripper.
     pub sources: Sources,
     /// The cameras as the brain believes them to be.
@@ -217,7 +218,9 @@ impl Recorder {
     /// If it cannot be written.
     pub fn ticked(&mut self, tick: &Tick) -> io::Result<()> {
         let Tick { observation, command, report } = *tick;
-        self.write(&Written::Tick { observation, command, report: &report.into() })
+        // A brain that tells nothing is recorded as one that has seen nothing.
+        let report = report.map_or_else(|| (&Report::default()).into(), RecordedReport::from);
+        self.write(&Written::Tick { observation, command, report: &report })
     }
 
     /// Adds the ending and gives the file its name, which is returned.

@@ -113,9 +113,10 @@ pub(crate) struct Evidence<'a> {
 impl<'a> Evidence<'a> {
     fn new(setup: &'a Setup, trial: &'a Trial, contact_s: Option<f64>) -> Self {
         let (truth, thoughts) = (&trial.truth, &trial.thoughts[..]);
-        let catch_s = thoughts.iter().rev().find_map(|thought| thought.report.plan.as_ref()).map(|plan| plan.catch_s);
+        let catch_s =
+            thoughts.iter().rev().find_map(|thought| thought.report.as_ref()?.plan.as_ref()).map(|plan| plan.catch_s);
         let before = |thought: &&Thought| catch_s.is_none_or(|catch_s| thought.time_s <= catch_s);
-        let last = thoughts.iter().rfind(before).map(|thought| &thought.report);
+        let last = thoughts.iter().rfind(before).and_then(|thought| thought.report.as_ref());
         Self {
             truth,
             thoughts,
@@ -137,7 +138,7 @@ impl<'a> Evidence<'a> {
     /// How far off the newest prediction was that the brain had some time before the catch.
     fn earlier_prediction_error_m(&self, lead_s: f64) -> Option<f64> {
         let by_s = self.catch_s? - lead_s + 1e-9;
-        self.error_of(&self.thoughts.iter().rfind(|thought| thought.time_s <= by_s)?.report)
+        self.error_of(self.thoughts.iter().rfind(|thought| thought.time_s <= by_s)?.report.as_ref()?)
     }
 
     fn error_of(&self, report: &Report) -> Option<f64> {
@@ -149,7 +150,7 @@ impl<'a> Evidence<'a> {
     /// How far off the newest pose was when it was taken.
     pub fn pose_error_m(&self) -> Option<f64> {
         let (pose, sample) = self.thoughts.iter().rev().find_map(|thought| {
-            let pose = thought.report.pose.as_ref()?;
+            let pose = thought.report.as_ref()?.pose.as_ref()?;
             let undisturbed = |sample: &TruthSample| self.first_touch_s().is_none_or(|touch| sample.time_s < touch);
             Some((pose, sample_at(self.truth, pose.capture_s).filter(|sample| undisturbed(sample))?))
         })?;
@@ -291,8 +292,8 @@ impl<'a> Evidence<'a> {
         (p_GO(now) - p_GO(before)).norm() / (now.time_s - before.time_s)
     }
 
-    /// The furthest that the brain got.
-    pub fn furthest_status(&self) -> Status {
+    /// The furthest that the brain got, if it tells.
+    pub fn furthest_status(&self) -> Option<Status> {
         let rank = |status: Status| match status {
             Status::NoObject => 0,
             Status::NoTrajectory => 1,
@@ -300,9 +301,10 @@ impl<'a> Evidence<'a> {
             Status::NoGrasp => 3,
             Status::Blocked => 4,
             Status::NoPlan => 5,
-            Status::PlanKept | Status::Approached | Status::Planned | Status::Committed => 6,
+            Status::OutOfBudget => 6,
+            Status::PlanKept | Status::Approached | Status::Planned | Status::Committed => 7,
         };
-        self.thoughts.iter().map(|thought| thought.report.status).max_by_key(|&status| rank(status)).unwrap_or_default()
+        self.thoughts.iter().filter_map(|it| Some(it.report.as_ref()?.status)).max_by_key(|&status| rank(status))
     }
 }
 

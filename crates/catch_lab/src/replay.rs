@@ -1,15 +1,16 @@
 //! Replays: the brain on recorded observations. Does it still want the same, bit for bit?
 
-use std::path::Path;
+use std::{path::Path, sync::Arc};
 
 use catch_body::InputError;
-use catch_bot::CatchingBot;
+use catch_bot::{Preparation, settings::SettingError};
 use catch_cell::{Brain, Command};
 use serde::Serialize;
 use serde_json::Value;
 
 use crate::{
     VERSION,
+    brain::ChosenBrain,
     recording::{Ending, Header, Part, RecordingReader},
     setup::{Scene, SourceNames},
 };
@@ -86,12 +87,16 @@ pub(crate) const RECORDED: SourceNames = SourceNames {
 };
 
 /// The brain as it was before the recorded throw.
-pub(crate) fn brain_of(header: &Header) -> Result<CatchingBot, InputError> {
+pub(crate) fn brain_of(header: &Header) -> Result<ChosenBrain, InputError> {
     let (mut robot, gripper) = header.sources.parse(&RECORDED)?;
     if let Some(values) = &header.scenario.ready_rad {
         robot.ready_q = robot.checked_pose("the scenario in the recording", "ready_rad", values)?;
     }
-    Ok(CatchingBot::new(header.brain.clone(), robot, gripper, header.cameras.clone(), &header.reference_scan))
+    let (config, cameras) = (header.brain.config(), header.cameras.clone());
+    let fault =
+        |it: SettingError| InputError::new("the recording", format!("brain.{}", it.field), it.found, it.expected);
+    let known = Preparation::new(config, robot, gripper, cameras, &header.reference_scan).map_err(fault)?;
+    header.brain.brain(Arc::new(known), header.brain.seed).map_err(fault)
 }
 
 /// Compares two commands bit for bit: as equal numbers, −0 and 0 would pass.

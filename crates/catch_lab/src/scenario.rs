@@ -1,12 +1,13 @@
 //! Scenarios: everything that a set of trials shares, in one file.
 
 use catch_body::{InputError, robot::LimitScale};
+use catch_bot::settings::{SettingError, Settings};
 use catch_sim::{ArenaConfig, config::MOST_LATENCY_S};
 use serde::{Deserialize, Serialize};
 
 use crate::{
     assets::{Kind, nearest},
-    brain_settings::{self, fields},
+    brain::BrainSettings,
     setup::COMMAND_LINE,
 };
 
@@ -58,7 +59,7 @@ pub struct Scenario {
     pub arena: ArenaConfig,
     /// The brain.
     #[serde(default)]
-    pub brain: catch_bot::Config,
+    pub brain: BrainSettings,
 }
 
 impl Scenario {
@@ -92,7 +93,8 @@ impl Scenario {
                 "nothing: every trial has its own, from --seed",
             ));
         }
-        faults.extend(toml::Value::try_from(&self.brain).iter().flat_map(|brain| brain_settings::faults(file, brain)));
+        let of_brain = |it: SettingError| InputError::new(file, format!("brain.{}", it.field), it.found, it.expected);
+        faults.extend(self.brain.faults().into_iter().map(of_brain));
         if let Ok(tree) = toml::Value::try_from(self) {
             let mut all = Vec::new();
             fields("", &tree, &mut all);
@@ -165,11 +167,29 @@ fn field_meant(path: &str, tree: &toml::Table) -> Option<String> {
     elsewhere.or_else(|| nearest(path, &known)).map(str::to_owned)
 }
 
+/// All fields of a value with their paths, tables and elements of arrays included.
+fn fields<'a>(path: &str, value: &'a toml::Value, found: &mut Vec<(String, &'a toml::Value)>) {
+    let mut field = |path: String, value: &'a toml::Value| {
+        fields(&path, value, found);
+        found.push((path, value));
+    };
+    match value {
+        toml::Value::Table(table) => {
+            let of = |name: &String| if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
+            table.iter().for_each(|(name, value)| field(of(name), value));
+        }
+        toml::Value::Array(values) => {
+            values.iter().enumerate().for_each(|(i, value)| field(format!("{path}[{i}]"), value));
+        }
+        _ => {}
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::brain::Method;
     use crate::setup::{Choice, Setup};
-    use catch_bot::Method;
 
     fn set(settings: &[&str]) -> Result<Scenario, InputError> {
         let settings: Vec<String> = settings.iter().map(|&it| it.to_owned()).collect();
@@ -180,7 +200,7 @@ mod tests {
     fn single_fields_can_be_changed() {
         let scenario = set(&["arena.restitution_scale = 0.5", "brain.method=paper", "arena.substeps=8"]).unwrap();
         assert_eq!((scenario.arena.restitution_scale, scenario.arena.substeps), (0.5, 8));
-        assert_eq!(scenario.brain.method, catch_bot::Method::Paper);
+        assert_eq!(scenario.brain.method, Method::Paper);
         assert!(scenario.name.starts_with("paper+arena.restitution_scale=0.5+"), "{}", scenario.name);
     }
 
@@ -197,6 +217,43 @@ mod tests {
             let fault = set(&[setting]).unwrap_err().to_string();
             assert!(fault.contains(expected), "{fault}");
         }
+    }
+
+    /// Each number among the brain's settings has a range.
+    #[test]
+    fn every_setting_of_the_brain_is_checked() {
+        let mut brain = BrainSettings::default();
+        brain.perception.depth_noise = Some(Default::default());
+        (brain.perception.floor_visible, brain.perception.depth_dropout) = (Some(true), Some(true));
+        brain.trajectory_prediction.drag_prior_per_m = Some(0.0);
+        brain.trajectory_prediction.drag_prior_sd_per_m = Some(0.0);
+        brain.grasp_selection.restitution = Some(0.5);
+        brain.grasp_selection.closing_speed_mps = Some(1.0);
+        brain.grasp_selection.closing_acceleration_mps2 = Some(1.0);
+        brain.grasp_selection.turns_rad = vec![0.1];
+        assert_eq!(brain.faults(), []);
+        let whole = toml::Value::try_from(&brain).unwrap();
+        let mut all = Vec::new();
+        fields("", &whole, &mut all);
+        let (mut values, mut counts) = (0, 0);
+        for (path, value) in all {
+            let wrong = match value {
+                toml::Value::Float(_) => toml::Value::Float(f64::NAN),
+                toml::Value::Integer(_) if !path.ends_with("seed") => toml::Value::Integer(0),
+                _ => continue,
+            };
+            (values, counts) = (values + usize::from(wrong.is_float()), counts + usize::from(wrong.is_integer()));
+            let mut spoilt = whole.clone();
+            let keys = path.replace('[', ".").replace(']', "");
+            let at = keys.split('.').fold(&mut spoilt, |at, key| match key.parse::<usize>() {
+                Ok(index) => &mut at[index],
+                Err(_) => &mut at[key],
+            });
+            *at = wrong;
+            let faults = spoilt.try_into::<BrainSettings>().unwrap().faults();
+            assert!(faults.iter().any(|fault| fault.field == path), "{path} may be anything: {faults:?}");
+        }
+        assert!(values > 80 && counts > 15, "{values} {counts}");
     }
 
     #[test]

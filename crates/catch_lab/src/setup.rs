@@ -6,11 +6,14 @@ use std::{
 };
 
 use catch_body::{Gripper, InputError, Robot, robot::LimitScale, robot_file::RobotFiles};
-use catch_bot::{CatchingBot, Method, Preparation, grasp_selection, perception::DepthNoise};
+use catch_bot::{Preparation, perception::DepthNoise};
 use catch_cell::{CameraModel, ReferenceScan};
 use catch_sim::{
     Arena, Conditions, Equipment, GripperDriveKind, Release, Throw, ThrownObject,
-    cameras::{self, depth_noise::DepthConfig},
+    cameras::{
+        self,
+        depth_noise::{DataSheet, DepthConfig},
+    },
     config::RobotErrors,
     random_streams::{Stream, seed_for},
 };
@@ -18,6 +21,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     assets::{Asset, Kind, Origin},
+    brain::{BrainSettings, ChosenBrain, Method},
     scenario::{Clock, Scenario},
 };
 
@@ -293,48 +297,54 @@ impl Setup {
     }
 
     /// The brain's settings in one scene: those of the scenario, what is known of the object beforehand, and a seed.
-    pub fn brain_config(&self, seed: u64, index: u64) -> catch_bot::Config {
+    pub fn brain_config(&self, seed: u64, index: u64) -> BrainSettings {
         let mut config = self.scenario.brain.clone();
         config.seed = seed_for(Stream::Brain, seed, index);
         // What is known beforehand, unless the scenario tells the brain otherwise: whether there is air, and how much it brakes the
         // object; how the object bounces; whether the cameras see the floor, and what their data sheet says.
         let (prior, prediction) = (&self.object.prior, &mut config.trajectory_prediction);
         let drag = [&mut prediction.drag_prior_per_m, &mut prediction.drag_prior_sd_per_m];
-        for (told, known) in drag.into_iter().zip([prior.drag_per_m, prior.drag_sd_per_m]) {
-            if self.scenario.arena.drag && *told == 0.0 {
-                *told = known;
+        for (set, known) in drag.into_iter().zip([prior.drag_per_m, prior.drag_sd_per_m]) {
+            if self.scenario.arena.drag {
+                set.get_or_insert(known);
             }
         }
         let grasping = &mut config.grasp_selection;
-        if grasping.restitution == grasp_selection::Config::default().restitution {
-            grasping.restitution = prior.restitution.unwrap_or(grasping.restitution);
-        }
+        grasping.restitution = grasping.restitution.or(prior.restitution);
         let perception = &mut config.perception;
-        perception.floor_visible |= self.scenario.arena.floor_visible;
-        if perception.depth_noise == DepthNoise::default() {
-            let focal_px = self.cameras.first().map_or(1.0, |camera| camera.focal_px);
-            let sheet = self.scenario.arena.depth.model.data_sheet(focal_px);
-            perception.depth_noise =
-                DepthNoise { constant_m: sheet.constant_m, quadratic_per_m: sheet.quadratic_per_m };
-            perception.depth_dropout |= sheet.dropout;
-        }
+        perception.floor_visible.get_or_insert(self.scenario.arena.floor_visible);
+        let focal_px = self.cameras.first().map_or(1.0, |camera| camera.focal_px);
+        let sheet = self.scenario.arena.depth.model.data_sheet(focal_px);
+        let DataSheet { constant_m, quadratic_per_m, dropout, .. } = sheet;
+        perception.depth_noise.get_or_insert(DepthNoise { constant_m, quadratic_per_m });
+        perception.depth_dropout.get_or_insert(dropout);
         config
     }
 
     /// What the brain works out before anything flies.
+    ///
+    /// # Panics
+    /// If settings were changed in code to values out of their ranges.
     pub fn known(&self) -> &Arc<Preparation> {
         self.known.get_or_init(|| {
             let Self { robot, gripper, cameras, .. } = self.clone();
-            let config = self.brain_config(0, 0);
-            Arc::new(Preparation::new(config, robot, gripper, cameras, &self.reference_scan))
+            let config = self.brain_config(0, 0).config();
+            Arc::new(Preparation::new(config, robot, gripper, cameras, &self.reference_scan).expect(CHECKED))
         })
     }
 
     /// A brain that has seen nothing yet.
-    pub fn brain(&self, seed: u64, index: u64) -> CatchingBot {
-        CatchingBot::prepared(self.known().clone(), self.brain_config(seed, index).seed)
+    ///
+    /// # Panics
+    /// As [`known`](Self::known).
+    pub fn brain(&self, seed: u64, index: u64) -> ChosenBrain {
+        let settings = self.brain_config(seed, index);
+        settings.brain(self.known().clone(), settings.seed).expect(CHECKED)
     }
 }
+
+/// Why a setup's settings are right.
+const CHECKED: &str = "settings are checked when a scenario is read";
 
 /// Whether the brain expects fingers that are no faster than those of a gripper with limits.
 ///

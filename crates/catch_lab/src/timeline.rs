@@ -95,7 +95,8 @@ impl Timeline {
     }
 
     fn follow_brain(&mut self, tick: &Tick) {
-        let (now, report) = (tick.observation.time_s, tick.report);
+        let Some(report) = tick.report else { return };
+        let now = tick.observation.time_s;
         if let Some(pose) = report.pose.as_ref().filter(|_| !self.seen) {
             self.seen = true;
             self.tell(now, Event::FirstSeen, format!("{} points on its surface", pose.points));

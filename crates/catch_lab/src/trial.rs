@@ -3,10 +3,10 @@
 use std::io;
 
 use catch_bot::Report;
-use catch_cell::{Brain, Cell, Command, Observation};
+use catch_cell::{Cell, Command, Observation};
 use catch_sim::{Arena, Truth};
 
-use crate::{scenario::Clock, setup::Setup, stopwatch::Stopwatch};
+use crate::{brain::ObservedBrain, scenario::Clock, setup::Setup, stopwatch::Stopwatch};
 
 /// From the first contact with the gripper on: how long until the world shakes.
 const SHAKING_AFTER_S: f64 = 1.0;
@@ -26,8 +26,8 @@ pub struct Tick<'a> {
     pub observation: &'a Observation,
     /// What it wants.
     pub command: &'a Command,
-    /// What it thinks.
-    pub report: &'a Report,
+    /// What it tells of its state.
+    pub report: Option<&'a Report>,
 }
 
 /// What the brain thought at one time.
@@ -35,8 +35,8 @@ pub struct Tick<'a> {
 pub struct Thought {
     /// When, on the cell's clock.
     pub time_s: f64,
-    /// What.
-    pub report: Report,
+    /// What, if it tells.
+    pub report: Option<Report>,
     /// Wall time of each stage that ran, in milliseconds.
     pub stage_ms: Vec<(&'static str, f64)>,
 }
@@ -52,7 +52,7 @@ pub struct Trial {
     pub stopwatch: Stopwatch,
 }
 
-/// Runs one trial. `onlooker` is shown every tick, with the truth up to then; it ends the trial by an error.
+/// Runs one trial with the brain of the scenario. `onlooker` is shown every tick, with the truth up to then; it ends the trial by an error.
 ///
 /// # Errors
 /// Those of the onlooker.
@@ -62,8 +62,21 @@ pub fn run(
     index: u64,
     onlooker: &mut dyn FnMut(&Tick, &Truth) -> io::Result<()>,
 ) -> io::Result<Trial> {
+    run_brain(&mut setup.brain(seed, index), setup, seed, index, onlooker)
+}
+
+/// The same with any brain that has seen nothing yet.
+///
+/// # Errors
+/// Those of the onlooker.
+pub fn run_brain(
+    brain: &mut dyn ObservedBrain,
+    setup: &Setup,
+    seed: u64,
+    index: u64,
+    onlooker: &mut dyn FnMut(&Tick, &Truth) -> io::Result<()>,
+) -> io::Result<Trial> {
     let mut arena = setup.arena(seed, index);
-    let mut brain = setup.brain(seed, index);
     let mut stopwatch = Stopwatch::default();
     let mut thoughts = Vec::new();
     let mut watch = EndWatch::default();
@@ -76,7 +89,7 @@ pub fn run(
         onlooker(&Tick { observation: &observation, command: &command, report }, arena.truth())?;
         thoughts.push(Thought {
             time_s: observation.time_s,
-            report: report.clone(),
+            report: report.cloned(),
             stage_ms: stopwatch.last_tick_ms(),
         });
         let delay_s = match setup.scenario.clock {

@@ -1,138 +1,104 @@
-//! What to do now: keep to the plan, adjust it, or make another; and the command that follows.
+//! Catch planning as a stage that can be exchanged: what it is asked, and what it answers.
 
-use catch_cell::{Command, Observation, arm::Setpoint};
+use serde::{Deserialize, Serialize};
 
-use super::{closing, gripper_moves, is_still_good};
+use super::GripperPlan;
 use crate::{
-    CatchingBot, Status,
-    method::Method,
-    paper_method,
-    trajectory_optimization::{CatchPlan, Incoming, Refusal, Start},
+    trajectory_optimization::{CatchPlan, Start},
     trajectory_prediction::FlightTrajectory,
 };
 
-/// Plans that are remembered: more than can be under way.
-pub(crate) const SENT: usize = 8;
-/// Where a trajectory is followed the cabinet's setpoint is its own, but for rounding, in radians.
-const SAME_SETPOINT_RAD: f64 = 1e-7;
+/// How far the brain got in a tick: what it has, or what it lacks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Status {
+    /// Nothing that could be the object is in the images.
+    #[default]
+    NoObject,
+    /// Too few poses agree on a flight.
+    NoTrajectory,
+    /// The object does not pass where the arm could be in time.
+    OutOfReach,
+    /// The object passes within reach, but no way of holding it was found.
+    NoGrasp,
+    /// It passes within reach, but would hit the open gripper on its way in, whatever the grasp.
+    Blocked,
+    /// A catch was chosen, but no motion to it that keeps all limits.
+    NoPlan,
+    /// The search for a catch was cut short by its bound on the work, and goes on with the next image.
+    OutOfBudget,
+    /// A plan is being executed; the newest flight gave no better one.
+    PlanKept,
+    /// The newest flight cannot be met exactly any more; the arm goes as near to it as it can.
+    Approached,
+    /// A new plan was made.
+    Planned,
+    /// Too late to change anything: the plan runs to its end.
+    Committed,
+}
 
-impl CatchingBot {
-    /// A trajectory that came too late was refused, and so was every one that went on from it: the plan is then the one that
-    /// the arm follows.
-    pub(crate) fn drop_refused(&mut self, observation: &Observation) {
-        let now_s = observation.time_s;
-        let is_followed = |plan: &CatchPlan| {
-            let setpoint = plan.trajectory.setpoint(now_s);
-            (setpoint.q - observation.arm.setpoint_q).amax() < SAME_SETPOINT_RAD
-        };
-        let begun = self.sent.iter().rposition(|plan| plan.trajectory.start_s() < now_s);
-        let Some(begun) = begun.filter(|&begun| !is_followed(&self.sent[begun])) else { return };
-        let followed = self.sent.iter().take(begun).rposition(is_followed);
-        self.sent.truncate(followed.map_or(0, |at| at + 1));
-        self.plan = self.sent.back().cloned();
+impl Status {
+    /// Whether the arm was sent a new motion.
+    pub fn is_new_motion(self) -> bool {
+        matches!(self, Self::Planned | Self::Approached)
     }
+}
 
-    /// Where the arm will be when a motion that is planned now takes over.
-    pub(crate) fn start(&self, observation: &Observation) -> Start {
-        let time_s = observation.time_s + self.known.config.control.expected_latency_s;
-        let state = match &self.plan {
-            Some(plan) => plan.trajectory.setpoint(time_s),
-            // Encoders are noisy and a loaded arm sags; what is executing is known exactly.
-            None => Setpoint::at_rest(observation.arm.setpoint_q),
-        };
-        Start { time_s, state }
+/// What a planner wants to know again with the next image.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Progress {
+    /// Search passes in a row that found no catch.
+    pub passes: usize,
+    /// Holding cost at which the running catch was chosen or last compared with others; `None` before there is one.
+    pub reference_cost: Option<f64>,
+}
+
+/// What a catch is planned from.
+#[derive(Debug, Clone, Copy)]
+pub struct Situation<'a> {
+    /// Times of this observation and, if there was one, of the one before, on the cell's clock.
+    pub observed_s: (f64, Option<f64>),
+    /// When the object was seen first.
+    pub first_seen_s: f64,
+    /// Where the arm is when a motion that is planned now takes over.
+    pub start: Start,
+    /// The flight as predicted now.
+    pub flight: &'a FlightTrajectory,
+    /// The plan that is being executed.
+    pub running: Option<&'a CatchPlan>,
+    /// The closing of the gripper as commanded last.
+    pub closing: Option<GripperPlan>,
+    /// What the planner answered last time.
+    pub progress: Progress,
+}
+
+impl Situation<'_> {
+    /// Whether the fingers begin to close before a motion that is planned now could take over.
+    pub fn is_closing(&self) -> bool {
+        self.closing.is_some_and(|closing| closing.start_s <= self.start.time_s)
     }
+}
 
-    /// The ladder of replans: the same catch adjusted, else a little sooner or later, else the old motion while it is good enough,
-    /// else another catch, else as near to it as the arm can still come. Another catch also takes the place of one that promised
-    /// more than it now does.
-    pub(crate) fn decide(&mut self, start: &Start, flight: &FlightTrajectory) -> (Status, Option<CatchPlan>) {
-        if self.known.config.method == Method::Paper {
-            return paper_method::decide(self, start, flight);
-        }
-        let incoming = Incoming { flight, grasps: &self.known.grasps, config: &self.known.config.grasp_selection };
-        let refusals = &mut self.refusals;
-        let mut look = || {
-            let found = self.known.planner.look(refusals, start, &incoming);
-            if found.is_ok() {
-                *refusals = 0;
-            }
-            found
-        };
-        let Some(plan) = &self.plan else {
-            return match look() {
-                Ok(plan) => {
-                    self.settled_cost = plan.holding_cost;
-                    (Status::Planned, Some(plan))
-                }
-                Err(Refusal::NoGrasp) => (Status::NoGrasp, None),
-                Err(Refusal::OutOfReach) => (Status::OutOfReach, None),
-                Err(Refusal::Blocked) => (Status::Blocked, None),
-                Err(Refusal::NoMotion) => (Status::NoPlan, None),
-            };
-        };
-        let planner = &self.known.planner;
-        // Fingers that have begun to close are timed for this catch.
-        let is_closing = self.closing.is_some_and(|closing| closing.start_s <= start.time_s);
-        let mut adjusted = planner.retarget(start, &incoming, plan);
-        if !is_closing && !adjusted.as_ref().is_some_and(|it| it.lets_in) {
-            adjusted = planner.shifted(start, &incoming, plan).or(adjusted);
-        }
-        let is_good = match &adjusted {
-            Some(adjusted) => adjusted.lets_in,
-            None => is_still_good(plan, flight, planner.gripper(), &self.known.config.control),
-        };
-        // A catch that the flight, known better, has made worse is compared with the best there is now.
-        let gain = self.known.config.control.switch_gain;
-        let has_worsened = adjusted.as_ref().is_some_and(|it| it.holding_cost > self.settled_cost + gain);
-        let another = if is_closing || (is_good && !has_worsened) { None } else { look().ok() };
-        let is_better = |it: &CatchPlan| {
-            !is_good || adjusted.as_ref().is_some_and(|adjusted| it.holding_cost + gain < adjusted.holding_cost)
-        };
-        let another = another.filter(is_better);
-        if has_worsened || another.is_some() {
-            let settled = another.as_ref().or(adjusted.as_ref());
-            self.settled_cost = settled.map_or(self.settled_cost, |it| it.holding_cost);
-        }
-        if let Some(plan) = another.or(adjusted) {
-            return (Status::Planned, Some(plan));
-        }
-        match planner.nearest(start, &incoming, plan) {
-            Some(plan) => (Status::Approached, Some(plan)),
-            None => {
-                let passage = flight.passage_at(plan.catch_s);
-                let plan = planner.opened(plan.clone(), plan.open_width_m, start.time_s, &incoming, &passage);
-                (Status::PlanKept, Some(plan))
-            }
-        }
-    }
+/// What a planner decided.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Decision {
+    /// How far it got.
+    pub status: Status,
+    /// The plan to be executed from now on: a new one if the [status](Status::is_new_motion) says so, else the running one,
+    /// perhaps with another gripper aperture.
+    pub plan: Option<CatchPlan>,
+    /// What it wants to know again.
+    pub progress: Progress,
+}
 
-    /// Takes over the plan, and times the gripper by the newest flight.
-    pub(crate) fn command(
-        &mut self,
-        now_s: f64,
-        status: Status,
-        plan: Option<CatchPlan>,
-        flight: &FlightTrajectory,
-    ) -> Command {
-        let Some(plan) = plan else { return Command::default() };
-        let gripper = self.known.planner.gripper();
-        let grasping = &self.known.config.grasp_selection;
-        let closing = closing(&plan, flight, self.known.planner.robot(), gripper, grasping, &self.known.config.control);
-        // Fingers that have started to close go on: a new list of moves would open them again.
-        let is_closing = self.closing.is_some_and(|closing| closing.start_s <= now_s);
-        let moves = gripper_moves(now_s, plan.open_width_m, &closing, gripper, &self.known.config.control);
-        let arm = status.is_new_motion().then(|| plan.trajectory.clone());
-        if arm.is_some() {
-            if self.sent.len() == SENT {
-                self.sent.pop_front();
-            }
-            self.sent.push_back(plan.clone());
-        }
-        if !is_closing {
-            self.closing = Some(closing);
-        }
-        self.plan = Some(plan);
-        Command { arm, gripper: (!is_closing).then_some(moves), windows: None }
+/// Chooses the catch and the arm's motion to it (paper, III-C and III-D).
+pub trait CatchPlanner {
+    /// What to do about the flight as it is known now.
+    fn plan(&mut self, situation: &Situation<'_>) -> Decision;
+}
+
+impl<T: CatchPlanner + ?Sized> CatchPlanner for Box<T> {
+    fn plan(&mut self, situation: &Situation<'_>) -> Decision {
+        (**self).plan(situation)
     }
 }

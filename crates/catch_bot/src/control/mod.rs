@@ -1,11 +1,22 @@
-//! Control: when the gripper closes, and how plans become commands.
+//! Control: what to do about a flight, when the gripper closes, and how plans become commands.
 
-pub(crate) mod decision;
+mod controller;
+mod decision;
+mod time_grid_search;
 
 use catch_cell::GripperMove;
 use serde::{Deserialize, Serialize};
 
-use crate::{grasp_selection, trajectory_optimization::CatchPlan, trajectory_prediction::FlightTrajectory};
+pub use controller::Controller;
+pub use decision::{CatchPlanner, Decision, Progress, Situation, Status};
+pub use time_grid_search::TimeGridSearch;
+
+use crate::{
+    grasp_selection,
+    settings::{DURATION_S, Faults, NOT_NEGATIVE, SettingError, Settings},
+    trajectory_optimization::CatchPlan,
+    trajectory_prediction::FlightTrajectory,
+};
 use catch_body::{Gripper, Robot};
 
 /// Settings of control.
@@ -41,6 +52,30 @@ impl Default for Config {
             tolerated_miss_rad: 0.03,
             switch_gain: 0.5,
         }
+    }
+}
+
+impl Settings for Config {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .values(
+                &DURATION_S,
+                [
+                    ("expected_latency_s", self.expected_latency_s),
+                    ("gripper_latency_s", self.gripper_latency_s),
+                    ("commit_s", self.commit_s),
+                ],
+            )
+            .values(
+                &NOT_NEGATIVE,
+                [
+                    ("closing_force_n", self.closing_force_n),
+                    ("tolerated_miss_m", self.tolerated_miss_m),
+                    ("tolerated_miss_rad", self.tolerated_miss_rad),
+                    ("switch_gain", self.switch_gain),
+                ],
+            )
+            .all()
     }
 }
 

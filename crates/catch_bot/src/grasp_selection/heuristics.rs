@@ -9,6 +9,7 @@ use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::Grasp;
+use crate::settings::{Faults, NOT_NEGATIVE, SettingError, Settings};
 
 /// How much each heuristic counts. All terms are costs between 0 and about 1.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -44,6 +45,25 @@ impl Default for Weights {
             max_sideways: 0.17,
             max_from_behind: 0.1,
         }
+    }
+}
+
+impl Settings for Weights {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .values(
+                &NOT_NEGATIVE,
+                [
+                    ("catchability", self.catchability),
+                    ("strength", self.strength),
+                    ("overhang", self.overhang),
+                    ("width", self.width),
+                    ("comfort", self.comfort),
+                    ("pass_through", self.pass_through),
+                ],
+            )
+            .values(&(-1.0..=1.0), [("max_sideways", self.max_sideways), ("max_from_behind", self.max_from_behind)])
+            .all()
     }
 }
 

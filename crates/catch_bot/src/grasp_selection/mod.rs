@@ -16,7 +16,10 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
-use crate::perception::{ReferenceModel, Symmetry};
+use crate::{
+    perception::{ReferenceModel, Symmetry},
+    settings::{ANGLE_RAD, DURATION_S, FRACTION, Faults, NOT_NEGATIVE, POSITIVE, SettingError, Settings},
+};
 pub use closing::Closing;
 use darboux::darboux_frame;
 pub use heuristics::{Approach, RankedGrasp};
@@ -66,8 +69,9 @@ pub struct Config {
     /// its way back, when all of it is between the fingers. The way is [`Config::palm_braking_way_m`] less this times 1/e − 1, in
     /// metres, e being [`Config::restitution`], at least 0.25; it may be negative.
     pub palm_return_way_m: f64,
-    /// How the object is expected to bounce off the gripper: its coefficient of restitution, 0 to 1.
-    pub restitution: f64,
+    /// How the object is expected to bounce off the gripper: its coefficient of restitution, 0 to 1; a typical 0.5 if it is not
+    /// set.
+    pub restitution: Option<f64>,
     /// Weights of the heuristics.
     pub weights: heuristics::Weights,
     /// Grasps that are handed on for each catch time.
@@ -93,10 +97,44 @@ impl Default for Config {
             braking_way_m: 0.007,
             palm_braking_way_m: 0.025,
             palm_return_way_m: 0.0,
-            restitution: 0.5,
+            restitution: None,
             weights: heuristics::Weights::default(),
             kept: 60,
         }
+    }
+}
+
+impl Settings for Config {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .counts([("samples", self.samples), ("kept", self.kept)])
+            .values(
+                &NOT_NEGATIVE,
+                [
+                    ("darboux_radius_m", self.darboux_radius_m),
+                    ("max_strength_m", self.max_strength_m),
+                    ("max_overhang_m", self.max_overhang_m),
+                    ("max_contact_angle_rad", self.max_contact_angle_rad),
+                    ("finger_margin_m", self.finger_margin_m),
+                    ("way_in_margin_m", self.way_in_margin_m),
+                    ("palm_margin_m", self.palm_margin_m),
+                    ("braking_way_m", self.braking_way_m),
+                    ("palm_braking_way_m", self.palm_braking_way_m),
+                    ("palm_return_way_m", self.palm_return_way_m),
+                ],
+            )
+            .values(&DURATION_S, [("settling_s", self.settling_s)])
+            .options(
+                &POSITIVE,
+                [
+                    ("closing_speed_mps", self.closing_speed_mps),
+                    ("closing_acceleration_mps2", self.closing_acceleration_mps2),
+                ],
+            )
+            .options(&FRACTION, [("restitution", self.restitution)])
+            .lists(&ANGLE_RAD, [("turns_rad", &self.turns_rad[..])])
+            .table("weights", &self.weights)
+            .all()
     }
 }
 
@@ -116,13 +154,16 @@ impl Config {
     /// What is squeezed where its centre is stays; what has passed with its centre hangs out on the other side. Along the fingers
     /// the centre does not count: the palm may be in its way.
     pub fn contact_lead_s(&self, v_G: &Vector3<f64>, past_G: &Vector3<f64>) -> f64 {
-        let return_way_m = self.palm_return_way_m * (1.0 / self.restitution.max(SOFTEST) - 1.0);
+        let return_way_m =
+            self.palm_return_way_m * (1.0 / self.restitution.unwrap_or(TYPICAL_RESTITUTION).max(SOFTEST) - 1.0);
         let palm_way_m = self.palm_braking_way_m - return_way_m;
         let braking = self.braking_way_m * v_G.z.abs() + palm_way_m * (-v_G.y).max(0.0);
         (past_G.xz().dot(&v_G.xz()) + braking) / v_G.norm_squared().max(1.0)
     }
 }
 
+/// How objects bounce of which nothing is known.
+const TYPICAL_RESTITUTION: f64 = 0.5;
 /// What bounces less than this does not stay any longer, but falls.
 const SOFTEST: f64 = 0.25;
 
@@ -276,7 +317,7 @@ mod tests {
         let config = |restitution: f64| Config {
             palm_braking_way_m: 0.02,
             palm_return_way_m: 0.025,
-            restitution,
+            restitution: Some(restitution),
             ..Config::default()
         };
         let toward_palm = Vector3::new(0.0, -4.0, 0.0);

@@ -134,7 +134,7 @@ impl Scratch {
             X_WL: surroundings.X_WL,
             width_m: surroundings.width_m,
             with_arm_m: limits_m(Some(surroundings)),
-            without_arm_m: if config.floor_visible { limits_m(None) } else { Vec::new() },
+            without_arm_m: if config.sees_floor() { limits_m(None) } else { Vec::new() },
         };
         Self { waiting: Some(Arc::new(waiting)), ..Self::default() }
     }
@@ -227,7 +227,7 @@ impl Scratch {
                 p_WC: Point3::from(camera.X_WC.translation.vector),
                 direction_W: camera.X_WC.rotation * (ray_C / length),
                 along_m: depth_m * length,
-                along_sd_m: (spread_m2.max(config.depth_noise.sd_m(depth_m).powi(2)) / count).sqrt() * length,
+                along_sd_m: (spread_m2.max(config.depth_sd_m(depth_m).powi(2)) / count).sqrt() * length,
             });
         }
     }

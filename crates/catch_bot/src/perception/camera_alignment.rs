@@ -148,7 +148,7 @@ impl CameraAlignment {
 
 /// Whether cameras can be aligned and need to be.
 fn is_wanted(config: &Config) -> bool {
-    config.camera_sd_rad > 0.0 && !config.floor_visible
+    config.camera_sd_rad > 0.0 && !config.sees_floor()
 }
 
 /// The outline of what `still` shows, between pixels by asking whether something `is_there`.

@@ -8,7 +8,7 @@ pub mod camera_alignment;
 mod cloud;
 mod cold_start;
 mod distance_field;
-mod icp;
+mod estimator;
 mod neighbours;
 mod normal_equations;
 pub mod point_cloud;
@@ -25,39 +25,24 @@ mod tests;
 pub(crate) mod unlabelled;
 
 use catch_body::Pose;
-use catch_cell::{CameraModel, DepthFrame};
-use nalgebra::{Matrix6, UnitQuaternion};
+use catch_cell::CameraModel;
+use nalgebra::Matrix6;
 use serde::{Deserialize, Serialize};
 
+use crate::settings::{DURATION_S, Faults, NOT_NEGATIVE, SettingError, Settings};
 pub use cloud::register_cloud;
 pub use distance_field::DistanceField;
+pub use estimator::{PoseEstimator, SdfEstimator, View, estimate_with, find_object};
 pub use point_cloud::{DepthNoise, SceneCloud};
 pub use reference::ReferenceModel;
 pub use registration::Fit;
 pub use segmentation::Surroundings;
 pub use symmetry::Symmetry;
 
-/// How the reference is brought onto the points.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Method {
-    /// Gauss–Newton on the reference's signed distance field, with outlines where depths are noisy.
-    #[default]
-    Sdf,
-    /// The paper's: iterative closest points, point to point.
-    IcpPointToPoint,
-}
-
 /// Settings of perception.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// How the reference is brought onto the points.
-    pub method: Method,
-    /// Iterations of ICP at most.
-    pub max_icp_iterations: usize,
-    /// ICP has converged when a step is shorter than this in metres, at the object's surface.
-    pub icp_tolerance_m: f64,
     /// Points of the reference scan closer than this to each other are thinned, in metres. 1.5 mm keeps nearly all points of
     /// a scan with 200×150 pixels per camera and bounds the work for denser ones.
     pub reference_spacing_m: f64,
@@ -68,8 +53,8 @@ pub struct Config {
     /// Root mean square distance up to which a turned object counts as looking the same. Measured for turns by any angle:
     /// ≤ 0.3 mm on symmetric objects, ≥ 8 mm on others.
     pub symmetry_tolerance_m: f64,
-    /// Depth noise of the cameras, as their data sheet has it.
-    pub depth_noise: DepthNoise,
+    /// Depth noise of the cameras, as their data sheet has it; none if it is not set.
+    pub depth_noise: Option<DepthNoise>,
     /// Standard deviation in pixels by which the object's outline in an image may be off: not by the pixels' size, which is
     /// allowed for, but by the mask's and the cameras' own errors.
     pub outline_sd_px: f64,
@@ -95,13 +80,15 @@ pub struct Config {
     pub rotation_floor_rad: f64,
     /// How far from the predicted position the object's pixels are looked for, in metres, beside its own size.
     pub gate_m: f64,
+    /// An object that has not been seen for this long is looked for everywhere, in seconds.
+    pub lost_after_s: f64,
     /// Standard deviation in radians by which cameras may be turned about each axis from how they are said to stand: they are
     /// aligned on the arm that they see. Zero where they are known exactly.
     pub camera_sd_rad: f64,
-    /// Whether the cameras see the floor, the plane z = 0.
-    pub floor_visible: bool,
-    /// Whether depths may be missing where there is something.
-    pub depth_dropout: bool,
+    /// Whether the cameras see the floor, the plane z = 0; not, if it is not set.
+    pub floor_visible: Option<bool>,
+    /// Whether depths may be missing where there is something; not, if it is not set.
+    pub depth_dropout: Option<bool>,
     /// Standard deviations of depth noise by which a pixel must be nearer than what is known to be there. Of 2.4 million pixels
     /// 76 exceed four by chance, which are too few to hang together.
     pub background_sd: f64,
@@ -112,14 +99,11 @@ pub struct Config {
 impl Default for Config {
     fn default() -> Self {
         Self {
-            method: Method::Sdf,
-            max_icp_iterations: 50,
-            icp_tolerance_m: 1e-5,
             reference_spacing_m: 0.0015,
             grasp_spacing_m: 0.0025,
             distance_grid_m: 0.002,
             symmetry_tolerance_m: 0.0008,
-            depth_noise: DepthNoise::default(),
+            depth_noise: None,
             outline_sd_px: 0.015,
             outline_above_m: 0.001,
             model_sd_m: 0.0002,
@@ -131,12 +115,67 @@ impl Default for Config {
             position_floor_m: 5e-5,
             rotation_floor_rad: 1e-3,
             gate_m: 0.05,
+            lost_after_s: 0.05,
             camera_sd_rad: 0.0,
-            floor_visible: false,
-            depth_dropout: false,
+            floor_visible: None,
+            depth_dropout: None,
             background_sd: 4.0,
             background_margin_m: 0.01,
         }
+    }
+}
+
+impl Config {
+    /// Standard deviation of a depth of `z_m`, in metres.
+    pub fn depth_sd_m(&self, z_m: f64) -> f64 {
+        self.depth_noise.unwrap_or_default().sd_m(z_m)
+    }
+
+    fn sees_floor(&self) -> bool {
+        self.floor_visible.unwrap_or_default()
+    }
+
+    fn misses_depths(&self) -> bool {
+        self.depth_dropout.unwrap_or_default()
+    }
+}
+
+impl Settings for Config {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .values(
+                &(1e-4..=0.05),
+                [("reference_spacing_m", self.reference_spacing_m), ("grasp_spacing_m", self.grasp_spacing_m)],
+            )
+            .values(&(5e-4..=0.05), [("distance_grid_m", self.distance_grid_m)])
+            .values(
+                &NOT_NEGATIVE,
+                [
+                    ("symmetry_tolerance_m", self.symmetry_tolerance_m),
+                    ("outline_sd_px", self.outline_sd_px),
+                    ("outline_above_m", self.outline_above_m),
+                    ("model_sd_m", self.model_sd_m),
+                    ("step_tolerance_m", self.step_tolerance_m),
+                    ("step_tolerance_sd", self.step_tolerance_sd),
+                    ("max_residual_m", self.max_residual_m),
+                    ("position_floor_m", self.position_floor_m),
+                    ("rotation_floor_rad", self.rotation_floor_rad),
+                    ("gate_m", self.gate_m),
+                    ("camera_sd_rad", self.camera_sd_rad),
+                    ("background_sd", self.background_sd),
+                    ("background_margin_m", self.background_margin_m),
+                ],
+            )
+            .values(&DURATION_S, [("lost_after_s", self.lost_after_s)])
+            .options(
+                &NOT_NEGATIVE,
+                [
+                    ("depth_noise.constant_m", self.depth_noise.map(|it| it.constant_m)),
+                    ("depth_noise.quadratic_per_m", self.depth_noise.map(|it| it.quadratic_per_m)),
+                ],
+            )
+            .counts([("min_points", self.min_points), ("max_iterations", self.max_iterations)])
+            .all()
     }
 }
 
@@ -179,8 +218,6 @@ pub struct Workspace {
     scene: SceneCloud,
     thinned: SceneCloud,
     acquisition: acquisition::Scratch,
-    /// Whether the pose that is being looked at is only a place.
-    is_place_only: bool,
 }
 
 impl Workspace {
@@ -195,99 +232,4 @@ impl Workspace {
     pub fn scene(&self) -> &SceneCloud {
         &self.scene
     }
-}
-
-/// Finds the object in all depth images of one capture time.
-///
-/// `prior` is the predicted X_WO, from which registration starts; without one, or when it leads nowhere, the object is looked
-/// for everywhere and all attitudes are tried. `surroundings` matter where images come without masks. Frames of unknown cameras
-/// are passed over.
-pub fn find_object(
-    frames: &[DepthFrame],
-    cameras: &[CameraModel],
-    reference: &ReferenceModel,
-    prior: Option<&Pose>,
-    surroundings: Option<&Surroundings<'_>>,
-    config: &Config,
-    workspace: &mut Workspace,
-) -> Result<ObjectPose, PerceptionStatus> {
-    if reference.points.is_empty() {
-        return Err(PerceptionStatus::NoReference);
-    }
-    let prior = prior.filter(|X_WO| X_WO.to_homogeneous().iter().all(|value| value.is_finite()));
-    let tracked = prior.map(|_| find_at(frames, cameras, reference, prior, surroundings, config, workspace));
-    let unlabelled = frames.iter().any(|frame| frame.mask.is_none());
-    match tracked {
-        Some(Ok(pose)) => Ok(pose),
-        Some(Err(status)) if !unlabelled && status != PerceptionStatus::NoPoints => Err(status),
-        _ if !unlabelled => find_at(frames, cameras, reference, None, surroundings, config, workspace),
-        _ => {
-            let place = acquisition::find(frames, cameras, reference, surroundings, config, &mut workspace.acquisition);
-            let place = place.ok_or(PerceptionStatus::NoPoints)?;
-            let X_WO =
-                Pose::from_parts(place.coords.into(), prior.map_or(UnitQuaternion::identity(), |X_WO| X_WO.rotation));
-            workspace.is_place_only = true;
-            let found = find_at(frames, cameras, reference, Some(&X_WO), surroundings, config, workspace);
-            workspace.is_place_only = false;
-            found
-        }
-    }
-}
-
-/// Finds the object near `prior`, or anywhere in images with masks if there is none.
-fn find_at(
-    frames: &[DepthFrame],
-    cameras: &[CameraModel],
-    reference: &ReferenceModel,
-    prior: Option<&Pose>,
-    surroundings: Option<&Surroundings<'_>>,
-    config: &Config,
-    workspace: &mut Workspace,
-) -> Result<ObjectPose, PerceptionStatus> {
-    let Workspace { scene, thinned, is_place_only, .. } = workspace;
-    scene.collect(frames, cameras, reference, prior, surroundings, config);
-    match scene.points.len() {
-        0 => return Err(PerceptionStatus::NoPoints),
-        few if few < config.min_points => return Err(PerceptionStatus::TooFewPoints),
-        _ => {}
-    }
-
-    // Where depths are told to be noisy outlines are needed; else a registration without them tells.
-    let from_points_alone = scene.mean_noise_m() <= config.outline_above_m;
-    if !from_points_alone {
-        scene.collect_outline(frames, cameras, reference, config);
-    }
-    let mut from = |X_WO: &Pose| match config.method {
-        Method::Sdf => {
-            let fit = registration::register(scene, reference, X_WO, config, !from_points_alone);
-            let good = fit.as_ref().is_ok_and(|fit| fit.residual_m <= config.outline_above_m);
-            if good || !from_points_alone {
-                return fit;
-            }
-            scene.collect_outline(frames, cameras, reference, config);
-            if scene.outline.is_empty() { fit } else { registration::register(scene, reference, X_WO, config, true) }
-        }
-        Method::IcpPointToPoint => icp::register(scene, reference, X_WO, config),
-    };
-    let tracked = prior.filter(|_| !*is_place_only).and_then(|X_WO| from(X_WO).ok());
-    let cold_started = tracked.is_none();
-    let fit = match tracked {
-        Some(fit) => fit,
-        None => {
-            if scene.outline.is_empty() {
-                scene.collect_outline(frames, cameras, reference, config);
-            }
-            cold_start::register(scene, thinned, reference, prior, config)?
-        }
-    };
-    let capture_s = frames.iter().map(|frame| frame.capture_s).find(|time| time.is_finite()).unwrap_or(0.0);
-    Ok(ObjectPose {
-        capture_s,
-        X_WO: fit.X_WO,
-        information: fit.information,
-        points: fit.points,
-        residual_m: fit.residual_m,
-        iterations: fit.iterations,
-        cold_started,
-    })
 }

@@ -144,7 +144,7 @@ impl SceneCloud {
             let frame = &frames[shown.frame];
             let Some(camera) = cameras.get(frame.camera) else { continue };
             let depth_m = camera.X_WC.inverse_transform_point(&centroid_W).z;
-            let nearest_m = depth_m - reference.radius_m - 3.0 * config.depth_noise.sd_m(depth_m);
+            let nearest_m = depth_m - reference.radius_m - 3.0 * config.depth_sd_m(depth_m);
             let columns = frame.window.width as usize;
             match (&frame.mask, shown.labelled) {
                 (Some(mask), _) => outline(&mut self.outline, frame.window, camera, &shown.pixels, |column, row| {
@@ -215,7 +215,7 @@ impl SceneCloud {
                 self.points.push(ScenePoint {
                     p_W: Point3::from(p_WC + per_depth_W * depth_m),
                     per_depth_W,
-                    depth_sd_m: config.depth_noise.sd_m(depth_m),
+                    depth_sd_m: config.depth_sd_m(depth_m),
                 });
             }
         }

@@ -7,7 +7,6 @@ use nalgebra::{Matrix3, Matrix6, Point3, SymmetricEigen, Translation3, UnitQuate
 use super::{
     Config,
     distance_field::{DistanceField, OrientedPoints},
-    icp::NearestPoints,
     neighbours::PointGrid,
     symmetry::Symmetry,
 };
@@ -34,8 +33,6 @@ pub struct ReferenceModel {
     pub symmetry: Symmetry,
     /// Signed distance from the surface, in O.
     pub distance: DistanceField,
-    /// The points, to be searched for the nearest.
-    pub(super) nearest: NearestPoints,
 }
 
 impl ReferenceModel {
@@ -73,9 +70,8 @@ impl ReferenceModel {
         let radius_m = sharp_O.iter().map(|point| point.coords.norm()).fold(0.0, f64::max);
         let symmetry = Symmetry::find(&points, &distance, &second_moment, config.symmetry_tolerance_m);
         let X_RO = Pose::from_parts(Translation3::from(centre.coords), UnitQuaternion::identity());
-        let nearest = NearestPoints::new(&points);
         let inner_radius_m = distance.deepest_m().max(1e-4);
-        Self { points, normals, X_RO, radius_m, inner_radius_m, volume_m3, symmetry, distance, nearest }
+        Self { points, normals, X_RO, radius_m, inner_radius_m, volume_m3, symmetry, distance }
     }
 }
 

@@ -76,7 +76,7 @@ impl<'a> Background<'a> {
             }
         }
         let up_C = camera.X_WC.rotation.inverse() * Vector3::z();
-        let floor = config.floor_visible.then_some((camera.X_WC.translation.z, up_C));
+        let floor = config.sees_floor().then_some((camera.X_WC.translation.z, up_C));
         Self { camera, bodies, floor }
     }
 
@@ -136,7 +136,7 @@ fn body_m((centre_C, radius_m, X_BC, caster): &BodyInSight<'_>, ray_C: &Vector3<
 
 /// By how much a pixel must be nearer than what is known to be there: the depth noise there, and errors of the model.
 pub(super) fn threshold_m(depth_m: f64, config: &Config) -> f64 {
-    config.background_margin_m + config.background_sd * config.depth_noise.sd_m(depth_m)
+    config.background_margin_m + config.background_sd * config.depth_sd_m(depth_m)
 }
 
 /// Labels the pixels of a part of a frame, row by row, for an object expected within a ball of radius `reach_m` around
@@ -161,7 +161,7 @@ pub(super) fn label(
     let at = |x: usize, y: usize| f64::from(frame.depth_m[(top + y) * frame.window.width as usize + left + x]);
     let is_measured = |found_m: f64| found_m > 0.0 && found_m.is_finite();
     let is_near =
-        |found_m: f64| (found_m - depth_m).abs() < reach_m + config.background_sd * config.depth_noise.sd_m(found_m);
+        |found_m: f64| (found_m - depth_m).abs() < reach_m + config.background_sd * config.depth_sd_m(found_m);
     let judge = |x: usize, y: usize| {
         let found_m = at(x, y);
         let uv = Point2::new(f64::from(part.left) + x as f64 + 0.5, f64::from(part.top) + y as f64 + 0.5);
@@ -175,7 +175,7 @@ pub(super) fn label(
         let is_behind = behind_m.is_finite() && found_m > behind_m - threshold_m(behind_m, config);
         match is_measured(found_m) {
             false if behind_m.is_infinite() => Label::Elsewhere,
-            false if is_hidden || config.depth_dropout => Label::Unknown,
+            false if is_hidden || config.misses_depths() => Label::Unknown,
             false => Label::Elsewhere,
             true if is_behind && is_hidden => Label::Unknown,
             true if is_behind => Label::Elsewhere,
@@ -220,7 +220,7 @@ pub(super) fn label(
             }
         }
     }
-    if config.depth_dropout {
+    if config.misses_depths() {
         doubt_holes(labels, part, |column, row| {
             is_measured(at((column - part.left) as usize, (row - part.top) as usize))
         });

@@ -3,7 +3,7 @@
 #![allow(clippy::print_stdout, reason = "tests tell what they measured")]
 
 use catch_body::{Gripper, JointVector, Pose, Robot, ray_cast::ArmSurface, robot_file::RobotFiles};
-use catch_cell::PixelWindow;
+use catch_cell::{DepthFrame, PixelWindow};
 use nalgebra::{Point3, UnitQuaternion};
 
 use super::{
@@ -96,7 +96,11 @@ fn segment(noise: Noise, floor_visible: bool, at_gripper: bool, tracked: bool, t
     let surroundings = Surroundings { arm: &surface, X_WL, width_m: 0.1 };
     let shape = Shape::banana();
     let (constant_m, quadratic_per_m) = synthetic::data_sheet(noise);
-    let config = Config { depth_noise: DepthNoise { constant_m, quadratic_per_m }, floor_visible, ..Config::default() };
+    let config = Config {
+        depth_noise: Some(DepthNoise { constant_m, quadratic_per_m }),
+        floor_visible: Some(floor_visible),
+        ..Config::default()
+    };
     let reference = synthetic::reference(&shape, 200);
     let cameras = synthetic::flight_rig();
     let scene = Scene { cameras: &cameras, surroundings, config: &config, noise };

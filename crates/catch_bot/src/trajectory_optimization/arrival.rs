@@ -88,7 +88,7 @@ pub fn arrival(
     }
     rows[3 + S] = Row::new(Variables::ith(S, 1.0));
     limits[3 + S] = [0.0, max_speed_fraction];
-    let x = Hessian::new(&H)?.minimize(&gradient, &rows, &limits, 3)?;
+    let x = Hessian::new(&H)?.minimize(&gradient, &rows, &limits, 3).ok()?;
     let dq: JointVector = x.fixed_rows::<MAX_JOINTS>(0).into_owned();
     Some(Arrival { dq, speed_fraction: x[S].max(0.0), w_WG: angular * dq })
 }
@@ -110,7 +110,7 @@ pub fn shortfall(
     let rows: [Row; S + 1] = std::array::from_fn(|i| Row::new(Variables::ith(i, 1.0)));
     let limits: [_; S + 1] =
         std::array::from_fn(|i| bounds.get(i).map_or([0.0, max_speed_fraction], |it| [it.low, it.high]));
-    let x = Hessian::new(&H)?.minimize(&Variables::zeros(), &rows, &limits, 0)?;
+    let x = Hessian::new(&H)?.minimize(&Variables::zeros(), &rows, &limits, 0).ok()?;
     Some(-A * x)
 }
 

@@ -15,7 +15,7 @@
 use catch_body::robot::JointLimits;
 use catch_cell::spline::{DEGREE, basis};
 
-use super::quadratic_program::{Hessian, MAX_VARIABLES, Row, Square, Variables};
+use super::quadratic_program::{Hessian, MAX_VARIABLES, ProgramFailure, Row, Square, Variables};
 
 /// Most control points of one spline.
 const MAX_POINTS: usize = 16;
@@ -245,7 +245,10 @@ impl JointSpline {
         spline
     }
 
-    /// Control points of the best motion of a joint over `duration_s`, `None` if no spline of this kind keeps the limits.
+    /// Control points of the best motion of a joint over `duration_s`.
+    ///
+    /// # Errors
+    /// If no spline of this kind keeps the limits, or none was found that does.
     pub fn solve(
         &self,
         start: &JointState,
@@ -253,7 +256,7 @@ impl JointSpline {
         duration_s: f64,
         limits: &JointLimits,
         comfortable: f64,
-    ) -> Option<JointPoints> {
+    ) -> Result<JointPoints, ProgramFailure> {
         let fixed = self.fixed_points(start, end, duration_s);
         let mut gradient = Variables::zeros();
         for variable in 0..self.free() {
@@ -282,7 +285,7 @@ impl JointSpline {
             value >= low - rounding && value <= high + rounding
         });
         if !holds {
-            return None;
+            return Err(ProgramFailure::Infeasible);
         }
         let mut bounds = [[0.0; 2]; 4 * MAX_POINTS];
         for (bound, quantity) in bounds.iter_mut().zip(&self.bounded) {
@@ -309,14 +312,23 @@ impl JointSpline {
                 points[index] += x[variable];
             }
         }
-        Some(points)
+        Ok(points)
     }
 
     /// Velocity at the end of the best motion.
-    pub fn end_velocity(&self, start: &JointState, end: &End, duration_s: f64, limits: &JointLimits) -> Option<f64> {
+    ///
+    /// # Errors
+    /// Those of [`solve`](Self::solve).
+    pub fn end_velocity(
+        &self,
+        start: &JointState,
+        end: &End,
+        duration_s: f64,
+        limits: &JointLimits,
+    ) -> Result<f64, ProgramFailure> {
         let points = self.solve(start, end, duration_s, limits, start.q)?;
         let h = (1.0 - self.knots[self.points - 1]) * duration_s;
-        Some((points[self.points - 1] - points[self.points - 2]) * DEGREE as f64 / h)
+        Ok((points[self.points - 1] - points[self.points - 2]) * DEGREE as f64 / h)
     }
 
     /// Number of control points.
@@ -429,7 +441,7 @@ mod tests {
                 (JointSpline::new(&[0.4, 0.6, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5], MOVING, 0.1, 0.01), End::At { q: to, dq: at, ddq: [-20.0, 3.0] }),
                 (JointSpline::new(&[1.0; 6], Ends { end: EndKind::Rest, ..MOVING }, 0.0, 0.0), End::Rest),
             ] {
-                let Some(points) = spline.solve(&start, &end, duration, &LIMITS, 0.0) else { continue };
+                let Ok(points) = spline.solve(&start, &end, duration, &LIMITS, 0.0) else { continue };
                 let curve = as_spline(&spline, &points, duration);
                 let near = |value: f64, wanted: f64| (value - wanted).abs() < 1e-8 * (1.0 + wanted.abs());
                 let [a, b, c] = curve.evaluate(0.0).map(|it| it[0]);
@@ -462,16 +474,16 @@ mod tests {
             let free = JointSpline::new(&spans, Ends { start_acceleration: false, end: EndKind::Position }, 0.1, 0.0);
             let given = JointSpline::new(&spans, Ends { start_acceleration: false, end: EndKind::At }, 0.1, 0.0);
             let to = q + by;
-            let Some(points) = free.solve(&start, &End::Extreme { q: to, sign, onset: None }, duration, &LIMITS, 0.0) else {
+            let Ok(points) = free.solve(&start, &End::Extreme { q: to, sign, onset: None }, duration, &LIMITS, 0.0) else {
                 for step in -15..=15 {
                     let end = End::At { q: to, dq: f64::from(step) * 0.1, ddq: [-99.0, 99.0] };
-                    prop_assert!(given.solve(&start, &end, duration, &LIMITS, 0.0).is_none());
+                    prop_assert!(given.solve(&start, &end, duration, &LIMITS, 0.0).is_err());
                 }
                 return Ok(());
             };
             let extreme = as_spline(&free, &points, duration).evaluate(duration)[1][0];
             let at = |dq: f64| given.solve(&start, &End::At { q: to, dq, ddq: [-99.0, 99.0] }, duration, &LIMITS, 0.0);
-            prop_assert!(at(extreme - sign * 1e-6).is_some() && at(extreme + sign * 1e-4).is_none(), "{extreme}");
+            prop_assert!(at(extreme - sign * 1e-6).is_ok() && at(extreme + sign * 1e-4).is_err(), "{extreme}");
         }
     }
 
@@ -479,7 +491,8 @@ mod tests {
     fn a_gentle_motion_has_a_solution_and_an_impossible_one_has_none() {
         let spline = JointSpline::new(&[1.0; 9], MOVING, 0.1, 0.0);
         let start = JointState { q: 0.0, dq: 0.0, ddq: 0.0 };
-        assert!(spline.solve(&start, &End::At { q: 0.3, dq: 0.2, ddq: [-9.0, 9.0] }, 0.6, &LIMITS, 0.0).is_some());
-        assert!(spline.solve(&start, &End::At { q: 1.5, dq: 0.2, ddq: [-9.0, 9.0] }, 0.6, &LIMITS, 0.0).is_none());
+        assert!(spline.solve(&start, &End::At { q: 0.3, dq: 0.2, ddq: [-9.0, 9.0] }, 0.6, &LIMITS, 0.0).is_ok());
+        let impossible = End::At { q: 1.5, dq: 0.2, ddq: [-9.0, 9.0] };
+        assert_eq!(spline.solve(&start, &impossible, 0.6, &LIMITS, 0.0), Err(ProgramFailure::Infeasible));
     }
 }

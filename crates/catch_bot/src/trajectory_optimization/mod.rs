@@ -1,19 +1,17 @@
 //! Trajectory optimization (paper, III-D): how the arm gets to a catch.
 //!
-//! A [`Planner`] answers two questions. [`Planner::search`]: which catch time, grasp and redundancy can the arm reach, and how
-//! does it get there? [`Planner::retarget`]: the flight is known better now, how does the running motion change? Both go through
-//! the same steps, each in its module:
+//! A [`CatchSearch`] answers two questions. [`CatchSearch::search`]: which catch time, grasp and redundancy can the arm reach?
+//! [`CatchSearch::retarget`]: the flight is known better now, how does the running motion change? A [`MotionPlanner`] generates
+//! the motions for both. Its steps are each in a module:
 //!
 //! * [`reachability`]: what each joint can reach in the time left, exactly;
 //! * [`arrival`]: the joint velocities at the catch, so that the gripper moves along with the object;
 //! * [`joint_spline`]: the motion, one small quadratic program per joint ([`quadratic_program`]), and the braking after it;
 //! * [`motion`]: both put together and checked against torque limits and collision.
 //!
-//! [`posed`] answers for a catch whose time and pose are given, [`throw_proof`] proves whole throws out of reach, and
-//! [`sqp`] is the general nonlinear form over all joints, for arms and demands that the steps above do not know.
+//! [`posed`] answers for a catch whose time and pose are given, without a search.
 
 pub mod arrival;
-mod general;
 pub mod joint_spline;
 pub mod motion;
 pub mod posed;
@@ -21,10 +19,8 @@ pub mod posture;
 pub mod quadratic_program;
 pub mod reachability;
 mod reaching;
-mod retarget;
+pub mod retarget;
 pub mod search;
-pub mod sqp;
-pub mod throw_proof;
 mod unreachable;
 mod way_in;
 
@@ -34,6 +30,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     grasp_selection::{self, Approach, Grasp, GraspSet},
+    settings::{DURATION_S, FRACTION, Faults, LIMIT_SCALE, NOT_NEGATIVE, PERIOD_S, SettingError, Settings},
     trajectory_prediction::FlightTrajectory,
 };
 use joint_spline::{EndKind, Ends, JointSpline};
@@ -64,12 +61,21 @@ pub struct Config {
     pub torque_share: f64,
     /// The arm keeps this far from itself and from the floor, in metres.
     pub clearance_m: f64,
+    /// Braking after the catch uses this fraction of the acceleration limits when its duration is chosen; the spline needs room
+    /// to ramp.
+    pub braking_acceleration_fraction: f64,
+    /// Shortest braking in seconds.
+    pub min_braking_s: f64,
     /// Distance between the catch times that are tried, in seconds.
     pub time_step_s: f64,
     /// A new search must leave at least this much time until the catch, in seconds.
     pub min_lead_s: f64,
     /// Weights of the choice among reachable catches.
     pub weights: search::Weights,
+    /// How long and how far catches are searched.
+    pub search: search::Config,
+    /// How a running catch may be changed.
+    pub replan: retarget::Config,
 }
 
 impl Default for Config {
@@ -85,10 +91,48 @@ impl Default for Config {
             replan_acceleration_share: 0.9,
             torque_share: 0.95,
             clearance_m: 0.02,
+            braking_acceleration_fraction: 0.5,
+            min_braking_s: 0.2,
             time_step_s: 0.02,
             min_lead_s: 0.12,
             weights: search::Weights::default(),
+            search: search::Config::default(),
+            replan: retarget::Config::default(),
         }
+    }
+}
+
+impl Settings for Config {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .values(&FRACTION, [("max_speed_fraction", self.max_speed_fraction)])
+            .values(
+                &NOT_NEGATIVE,
+                [
+                    ("comfort_weight", self.comfort_weight),
+                    ("steady_end_weight", self.steady_end_weight),
+                    ("position_margin_rad", self.position_margin_rad),
+                ],
+            )
+            .values(
+                &LIMIT_SCALE,
+                [
+                    ("velocity_share", self.velocity_share),
+                    ("arrival_velocity_share", self.arrival_velocity_share),
+                    ("replan_velocity_share", self.replan_velocity_share),
+                    ("replan_acceleration_share", self.replan_acceleration_share),
+                    ("torque_share", self.torque_share),
+                    ("braking_acceleration_fraction", self.braking_acceleration_fraction),
+                ],
+            )
+            // Motions are followed in steps as long as the clearance that is left.
+            .values(&(1e-3..=1.0), [("clearance_m", self.clearance_m)])
+            .values(&PERIOD_S, [("time_step_s", self.time_step_s), ("min_braking_s", self.min_braking_s)])
+            .values(&DURATION_S, [("min_lead_s", self.min_lead_s)])
+            .table("weights", &self.weights)
+            .table("search", &self.search)
+            .table("replan", &self.replan)
+            .all()
     }
 }
 
@@ -128,15 +172,17 @@ pub struct CatchPlan {
 
 /// Why there is no plan, from the least to the most that was possible.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Refusal {
+pub enum PlanningFailure {
     /// No grasp suits the flight's direction.
     NoGrasp,
     /// The arm cannot be anywhere on the flight in time.
     OutOfReach,
     /// Catches are within reach, but the object would hit the open gripper on its way in.
     Blocked,
-    /// Catches are within reach, but no motion to one keeps all limits.
+    /// Catches are within reach, but no motion to one keeps all limits: infeasible.
     NoMotion,
+    /// The search was cut short by its bound on the work: there may be a catch.
+    OutOfBudget,
 }
 
 /// Where and how the arm is when a new motion takes over.
@@ -162,9 +208,9 @@ pub struct Incoming<'a> {
 /// No object is held farther from its centre of mass than this, in metres.
 const HELD_BEYOND_M: f64 = 0.1;
 
-/// Plans motions of one arm with one gripper.
+/// Generates motions of one arm with one gripper.
 #[derive(Debug)]
-pub struct Planner {
+pub struct MotionPlanner {
     config: Config,
     /// The arm with the gripper's mass on it.
     robot: Robot,
@@ -198,7 +244,7 @@ impl CatchSplines {
     }
 }
 
-impl Planner {
+impl MotionPlanner {
     /// Prepares what does not depend on any catch.
     pub fn new(robot: Robot, gripper: Gripper, config: Config) -> Self {
         // Short first spans take up the acceleration at a replan, short last ones steady the velocity before the catch.
@@ -224,6 +270,11 @@ impl Planner {
         }
     }
 
+    /// Its settings.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
     /// The gripper that it plans for.
     pub fn gripper(&self) -> &Gripper {
         &self.gripper
@@ -232,5 +283,23 @@ impl Planner {
     /// The arm that it plans for, carrying the gripper.
     pub fn robot(&self) -> &Robot {
         &self.robot
+    }
+}
+
+/// Searches catches for one arm with one gripper, and adapts them to flights that are known better.
+#[derive(Debug)]
+pub struct CatchSearch {
+    motion: MotionPlanner,
+}
+
+impl CatchSearch {
+    /// Over the motions that can be generated.
+    pub fn new(motion: MotionPlanner) -> Self {
+        Self { motion }
+    }
+
+    /// What generates the motions.
+    pub fn motion(&self) -> &MotionPlanner {
+        &self.motion
     }
 }

@@ -4,21 +4,17 @@ use catch_body::{JointVector, kinematics::LinkPoses, robot::JointLimits};
 use catch_cell::{ArmTrajectory, BSpline, arm::Setpoint, spline::DEGREE};
 
 use super::{
-    Planner, Start,
+    MotionPlanner, Start,
     joint_spline::{End, JointState},
 };
 use crate::grasp_selection::Grasp;
 
-/// Braking uses this share of the acceleration limits when its duration is chosen; the spline needs room to ramp.
-pub(super) const BRAKE_SHARE: f64 = 0.5;
-/// Shortest braking in seconds.
-const MIN_BRAKE_S: f64 = 0.2;
 /// Instants at which torque is checked along a motion.
 const CHECKS: usize = 40;
 /// Instants at which torque is checked on the way to the catch: at each of its spans' ends and in the middle.
 const TORQUE_CHECKS: usize = 20;
 /// Distance from the acceleration limits that rounding needs, relative.
-pub(super) const ROUNDING: f64 = 1e-7;
+pub const ROUNDING: f64 = 1e-7;
 /// The same for positions, in radians.
 const HULL_ROUNDING: f64 = 1e-9;
 
@@ -42,7 +38,7 @@ impl Shares {
     }
 }
 
-impl Planner {
+impl MotionPlanner {
     /// Where this much does, a plan leaves room for replans.
     pub(super) fn replan_shares(&self) -> Shares {
         Shares { velocity: self.config.replan_velocity_share, acceleration: self.config.replan_acceleration_share }
@@ -55,7 +51,7 @@ impl Planner {
 
     /// The motion to the catch over these control points, and braking after it; `None` if it does not keep the torque limits and
     /// the clearances, the hand holding the object from the catch on.
-    pub(super) fn motion(
+    pub(super) fn through(
         &self,
         start_s: f64,
         catch_s: f64,
@@ -104,8 +100,10 @@ impl Planner {
 
     /// How long braking from `dq` should take.
     fn braking_s(&self, dq: &JointVector) -> f64 {
-        let needed = |i: usize| dq[i].abs() / (BRAKE_SHARE * self.robot.joints[i].limits.acceleration);
-        (0..self.robot.dof()).map(needed).fold(MIN_BRAKE_S, f64::max)
+        let needed = |i: usize| {
+            dq[i].abs() / (self.config.braking_acceleration_fraction * self.robot.joints[i].limits.acceleration)
+        };
+        (0..self.robot.dof()).map(needed).fold(self.config.min_braking_s, f64::max)
     }
 
     /// One spline per joint, put together.
@@ -115,7 +113,7 @@ impl Planner {
         for i in 0..self.robot.dof() {
             let limits = self.limits(i, state, self.moving_shares());
             let start = JointState { q: state.q[i], dq: state.dq[i], ddq: state.ddq[i] };
-            let points = kind.solve(&start, &End::Rest, duration_s, &limits, 0.0)?;
+            let points = kind.solve(&start, &End::Rest, duration_s, &limits, 0.0).ok()?;
             for (row, point) in control_points.iter_mut().zip(points) {
                 row[i] = point;
             }
@@ -125,7 +123,7 @@ impl Planner {
     }
 
     /// What a motion of joint `i` may use. A joint that starts closer to the end of its range than the margin may stay there.
-    pub(super) fn limits(&self, i: usize, state: &Setpoint, shares: Shares) -> JointLimits {
+    pub fn limits(&self, i: usize, state: &Setpoint, shares: Shares) -> JointLimits {
         let limits = &self.robot.joints[i].limits;
         JointLimits {
             lower: (limits.lower + self.config.position_margin_rad).min(state.q[i]),
@@ -169,7 +167,7 @@ impl Planner {
     }
 
     /// Whether torque limits hold along a motion.
-    pub(super) fn keeps_torque(&self, spline: &BSpline) -> bool {
+    pub fn keeps_torque(&self, spline: &BSpline) -> bool {
         let (start_s, length_s) = (spline.start_s(), spline.end_s() - spline.start_s());
         (0..=TORQUE_CHECKS).all(|i| {
             let [q, dq, ddq] = spline.evaluate(start_s + length_s * i as f64 / TORQUE_CHECKS as f64);

@@ -10,12 +10,12 @@ use catch_cell::BSpline;
 use nalgebra::{Point3, Vector3};
 
 use super::{
-    Planner, Refusal, Start,
+    MotionPlanner, PlanningFailure, Start,
     arrival::{Arrival, Weights},
     motion::{ROUNDING, Shares},
     posture::Posture,
-    reachability::{Interval, JointReach},
-    reaching::{Reaching, effort},
+    reachability::{Interval, JointReach, fraction_used},
+    reaching::Reaching,
 };
 
 /// Where the gripper is to be, and where the object goes.
@@ -51,23 +51,23 @@ const EASY_SHARE: f64 = 0.9;
 
 /// One call's circumstances.
 pub(super) struct Task<'a> {
-    pub planner: &'a Planner,
+    pub planner: &'a MotionPlanner,
     pub start: &'a Start,
     pub target: &'a Target,
     pub reaches: [JointReach; MAX_JOINTS],
 }
 
-impl Planner {
+impl MotionPlanner {
     /// The motion to `target` with the highest speed fraction over all redundancy. The acceleration at the start is free.
     ///
     /// # Errors
-    /// [`Refusal::OutOfReach`] where no motion within the velocity and acceleration limits exists, whatever the redundancy;
-    /// [`Refusal::NoMotion`] where none was found.
-    pub fn catch_at(&self, start: &Start, target: &Target) -> Result<PosedCatch, Refusal> {
+    /// [`PlanningFailure::OutOfReach`] where no motion within the velocity and acceleration limits exists, whatever the redundancy;
+    /// [`PlanningFailure::NoMotion`] where none was found.
+    pub fn catch_at(&self, start: &Start, target: &Target) -> Result<PosedCatch, PlanningFailure> {
         let task = self.task(start, target);
         let mut postures = task.postures();
         if postures.is_empty() {
-            return Err(if task.is_too_far() { Refusal::OutOfReach } else { Refusal::NoMotion });
+            return Err(if task.is_too_far() { PlanningFailure::OutOfReach } else { PlanningFailure::NoMotion });
         }
         // Where the arm need not hurry, the first posture will do.
         postures.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -98,13 +98,18 @@ impl Planner {
         }
         match best {
             Some(found) => Ok(found),
-            None if promising.is_empty() && task.is_proven_unreachable() => Err(Refusal::OutOfReach),
-            None => Err(Refusal::NoMotion),
+            None if promising.is_empty() && task.is_proven_unreachable() => Err(PlanningFailure::OutOfReach),
+            None => Err(PlanningFailure::NoMotion),
         }
     }
 
     /// The same catch for a target that has moved a little: the elbow stays where it is.
-    pub fn retarget_at(&self, start: &Start, target: &Target, known: &PosedCatch) -> Result<PosedCatch, Refusal> {
+    pub fn retarget_at(
+        &self,
+        start: &Start,
+        target: &Target,
+        known: &PosedCatch,
+    ) -> Result<PosedCatch, PlanningFailure> {
         let task = self.task(start, target);
         let adjusted = self.finder.adjusted(&self.robot, &target.X_WG, &known.posture, 0.0);
         let found = adjusted
@@ -136,13 +141,13 @@ impl Task<'_> {
 
     /// Postures that the arm can reach, with the largest share of its reach that a joint uses.
     fn postures(&self) -> Vec<(f64, Posture)> {
-        let Planner { finder, robot, .. } = self.planner;
+        let MotionPlanner { finder, robot, .. } = self.planner;
         let found = finder.postures(robot, &self.target.X_WG, &self.start.state.q, &self.ranges());
         found.into_iter().map(|posture| (self.effort(&posture.q), posture)).collect()
     }
 
     fn effort(&self, q: &JointVector) -> f64 {
-        effort(&self.reaches, &self.start.state.q, q, self.planner.robot.dof()).unwrap_or(2.0)
+        fraction_used(&self.reaches, &self.start.state.q, q, self.planner.robot.dof()).unwrap_or(2.0)
     }
 
     pub fn jacobian(&self, q: &JointVector) -> Jacobian {

@@ -47,12 +47,9 @@ impl PostureFinder {
         SrsArm::of(robot).map_or(Self::Numerical, Self::Srs)
     }
 
-    /// Poses for which one search looks for postures: all that there are, or few where each takes an iteration.
-    pub fn most_poses(&self) -> usize {
-        match self {
-            Self::Srs(_) => usize::MAX,
-            Self::Numerical => 16,
-        }
+    /// Whether postures take iterations.
+    pub fn is_numerical(&self) -> bool {
+        matches!(self, Self::Numerical)
     }
 
     /// Whether the gripper may hold an object at `X_WO` by a grasp at `X_OG` at all, as far as that is quick to tell.

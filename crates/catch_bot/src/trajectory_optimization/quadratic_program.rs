@@ -11,6 +11,17 @@
 
 use nalgebra::{SMatrix, SVector};
 
+/// Why a quadratic program has no solution.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ProgramFailure {
+    /// No point keeps all bounds.
+    Infeasible,
+    /// The solver was not done after as many steps as it may take.
+    IterationLimit,
+    /// Rounding errors left no way on.
+    Numerical,
+}
+
 /// The most variables a program may have. Unused ones must have a unit diagonal in H and appear in no constraint.
 pub const MAX_VARIABLES: usize = 10;
 
@@ -65,14 +76,17 @@ impl Hessian {
         Some(Self { factor: inverse.transpose() })
     }
 
-    /// The minimum, `None` if no x keeps all bounds. Rows that are equalities come first: `equalities` of them.
+    /// The minimum. Rows that are equalities come first: `equalities` of them.
+    ///
+    /// # Errors
+    /// If no x keeps all bounds, or none was found that does.
     pub fn minimize(
         &self,
         gradient: &Variables,
         rows: &[Row],
         bounds: &[Bounds],
         equalities: usize,
-    ) -> Option<Variables> {
+    ) -> Result<Variables, ProgramFailure> {
         let mut active = ActiveSet {
             J: self.factor,
             R: Square::zeros(),
@@ -84,14 +98,12 @@ impl Hessian {
         // Each constraint that enters and leaves again costs a pass; a cycle means numerical trouble.
         for _ in 0..20 * (rows.len() + 1) {
             let Some((index, sign)) = most_violated(&x, rows, bounds, equalities, &active) else {
-                return x.iter().all(|value| value.is_finite()).then_some(x);
+                return if x.iter().all(|value| value.is_finite()) { Ok(x) } else { Err(ProgramFailure::Numerical) };
             };
             let bound = if sign > 0.0 { bounds[index][0] } else { -bounds[index][1] };
-            if !active.enter(&mut x, &rows[index], bound, index, sign, equalities) {
-                return None;
-            }
+            active.enter(&mut x, &rows[index], bound, index, sign, equalities)?;
         }
-        None
+        Err(ProgramFailure::IterationLimit)
     }
 }
 
@@ -145,8 +157,16 @@ impl ActiveSet {
         self.indices[..self.count].contains(&index)
     }
 
-    /// Moves `x` until sign·aᵀx ≥ `bound` holds, dropping what stands in the way. False: the constraints contradict.
-    fn enter(&mut self, x: &mut Variables, row: &Row, bound: f64, index: usize, sign: f64, equalities: usize) -> bool {
+    /// Moves `x` until sign·aᵀx ≥ `bound` holds, dropping what stands in the way.
+    fn enter(
+        &mut self,
+        x: &mut Variables,
+        row: &Row,
+        bound: f64,
+        index: usize,
+        sign: f64,
+        equalities: usize,
+    ) -> Result<(), ProgramFailure> {
         let mut multiplier = 0.0;
         loop {
             let mut d = Variables::zeros();
@@ -187,7 +207,11 @@ impl ActiveSet {
             let step = partial.min(full);
             if !step.is_finite() {
                 // No direction is left: redundant if it already holds, else infeasible.
-                return index < equalities && slack.abs() < 1e-9;
+                return match index < equalities && slack.abs() < 1e-9 {
+                    true => Ok(()),
+                    false if step.is_nan() => Err(ProgramFailure::Numerical),
+                    false => Err(ProgramFailure::Infeasible),
+                };
             }
             multiplier += step;
             for slot in 0..self.count {
@@ -199,15 +223,15 @@ impl ActiveSet {
             if full <= partial {
                 return self.add(index, &d, multiplier);
             }
-            let Some(slot) = blocking else { return false };
+            let Some(slot) = blocking else { return Err(ProgramFailure::Numerical) };
             self.drop(slot);
         }
     }
 
     /// Appends a constraint: rotates J's free columns so that only the first of them meets its normal.
-    fn add(&mut self, index: usize, d: &Variables, multiplier: f64) -> bool {
+    fn add(&mut self, index: usize, d: &Variables, multiplier: f64) -> Result<(), ProgramFailure> {
         if self.count == MAX_VARIABLES {
-            return false;
+            return Err(ProgramFailure::Numerical);
         }
         let mut d = *d;
         for column in (self.count + 1..MAX_VARIABLES).rev() {
@@ -222,7 +246,7 @@ impl ActiveSet {
         self.indices[self.count] = index;
         self.multipliers[self.count] = multiplier;
         self.count += 1;
-        true
+        Ok(())
     }
 
     /// Removes a constraint and makes R triangular again.
@@ -309,8 +333,7 @@ mod tests {
     fn contradictions_are_reported() {
         let row = Row::new(Variables::ith(0, 1.0));
         let bounds = [[1.0, 2.0], [0.0, 0.5]];
-        assert!(
-            Hessian::new(&Square::identity()).unwrap().minimize(&Variables::zeros(), &[row; 2], &bounds, 0).is_none()
-        );
+        let found = Hessian::new(&Square::identity()).unwrap().minimize(&Variables::zeros(), &[row; 2], &bounds, 0);
+        assert_eq!(found, Err(ProgramFailure::Infeasible));
     }
 }

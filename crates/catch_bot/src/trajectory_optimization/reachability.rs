@@ -4,6 +4,8 @@
 //! velocities on arrival. The extremes are bang-bang: brake (or back up) as late as possible, then accelerate without pause.
 //! Position limits on the way are left to the spline that follows.
 
+use catch_body::{JointVector, MAX_JOINTS};
+
 /// A closed interval; empty if `low` exceeds `high`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Interval {
@@ -89,6 +91,27 @@ impl JointReach {
         let rest = displacement + V * T - (v0 + V).powi(2) / (2.0 * A);
         (-V + (2.0 * A * rest.max(0.0)).sqrt()).min(V)
     }
+}
+
+/// The largest fraction of its reachability interval that a joint must use to get from `start` to `q`, from its middle on;
+/// `None` if one cannot get there.
+pub fn fraction_used(
+    joints: &[JointReach; MAX_JOINTS],
+    start: &JointVector,
+    q: &JointVector,
+    dof: usize,
+) -> Option<f64> {
+    let mut most: f64 = 0.0;
+    for i in 0..dof {
+        let far = joints[i].displacements();
+        let (middle, half) = ((far.low + far.high) / 2.0, (far.high - far.low) / 2.0);
+        let fraction = ((q[i] - start[i] - middle) / half).abs();
+        if fraction > 1.0 {
+            return None;
+        }
+        most = most.max(fraction);
+    }
+    Some(most)
 }
 
 #[cfg(test)]

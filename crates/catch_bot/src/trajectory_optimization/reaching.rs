@@ -9,10 +9,11 @@ use catch_body::{JointVector, MAX_JOINTS, Pose, robot::Jacobian};
 use nalgebra::Vector3;
 
 use super::{
-    CatchSplines, Planner, Start,
+    CatchSplines, MotionPlanner, Start,
     arrival::{Arrival, Weights, arrival},
     joint_spline::{End, JointPoints, JointState, Onset},
-    motion::{BRAKE_SHARE, Shares},
+    motion::Shares,
+    quadratic_program::ProgramFailure,
     reachability::{Interval, JointReach},
 };
 
@@ -21,7 +22,7 @@ const INSIDE: f64 = 1e-7;
 
 /// Where to be and how, from where.
 pub(super) struct Reaching<'a> {
-    pub planner: &'a Planner,
+    pub planner: &'a MotionPlanner,
     pub splines: &'a CatchSplines,
     pub start: &'a Start,
     pub catch_s: f64,
@@ -55,7 +56,7 @@ impl Reaching<'_> {
             let onset_s = self.brakes.then(|| self.planner.braking_onset_s(&arrival.dq));
             let mut all = true;
             for (i, bound) in bounds.iter_mut().enumerate().take(dof) {
-                if let Some(joint) = self.joint(i, arrival.dq[i], onset_s) {
+                if let Ok(joint) = self.joint(i, arrival.dq[i], onset_s) {
                     set(&mut points, i, &joint);
                 } else {
                     all = false;
@@ -73,7 +74,7 @@ impl Reaching<'_> {
     pub fn splines_for(&self, arrival: &Arrival) -> Option<Vec<JointVector>> {
         let mut points = vec![JointVector::zeros(); self.splines.at.control_points()];
         for i in 0..self.planner.robot.dof() {
-            set(&mut points, i, &self.joint(i, arrival.dq[i], None)?);
+            set(&mut points, i, &self.joint(i, arrival.dq[i], None).ok()?);
         }
         Some(points)
     }
@@ -83,7 +84,7 @@ impl Reaching<'_> {
         let (start, limits, onset) = (self.state(i), self.limits(i), self.onset(i, onset_s));
         let extreme = |sign: f64| {
             let end = End::Extreme { q: self.q[i], sign, onset };
-            let found = self.splines.range.end_velocity(&start, &end, self.duration_s(), &limits)?;
+            let found = self.splines.range.end_velocity(&start, &end, self.duration_s(), &limits).ok()?;
             // A hair inside, so that rounding cannot make the program for this end infeasible.
             Some(found - sign * INSIDE)
         };
@@ -100,7 +101,7 @@ impl Reaching<'_> {
         None
     }
 
-    fn joint(&self, i: usize, dq: f64, onset_s: Option<f64>) -> Option<JointPoints> {
+    fn joint(&self, i: usize, dq: f64, onset_s: Option<f64>) -> Result<JointPoints, ProgramFailure> {
         let ddq = self.onset(i, onset_s).map_or([f64::NEG_INFINITY, f64::INFINITY], |it| {
             [(-it.velocity - dq) / it.duration_s, (it.velocity - dq) / it.duration_s]
         });
@@ -134,9 +135,9 @@ fn set(points: &mut [JointVector], i: usize, joint: &JointPoints) {
     }
 }
 
-impl Planner {
+impl MotionPlanner {
     /// What each joint can reach in `time_s` from the start.
-    pub(super) fn reaches(&self, start: &Start, time_s: f64, shares: Shares) -> [JointReach; MAX_JOINTS] {
+    pub fn reaches(&self, start: &Start, time_s: f64, shares: Shares) -> [JointReach; MAX_JOINTS] {
         std::array::from_fn(|i| {
             let limits = self.robot.joints.get(i).map(|joint| joint.limits);
             let velocity = limits.map_or(0.0, |it| it.velocity * shares.velocity);
@@ -150,7 +151,7 @@ impl Planner {
     }
 
     /// Positions that the joints can have within their ranges, reaching what they can.
-    pub(super) fn ranges(&self, joints: &[JointReach; MAX_JOINTS], q: &JointVector) -> [[f64; 2]; MAX_JOINTS] {
+    pub fn ranges(&self, joints: &[JointReach; MAX_JOINTS], q: &JointVector) -> [[f64; 2]; MAX_JOINTS] {
         let margin = self.config.position_margin_rad;
         std::array::from_fn(|i| {
             let Some(joint) = self.robot.joints.get(i) else { return [0.0; 2] };
@@ -200,7 +201,7 @@ impl Planner {
                 return None;
             }
             // v² = 2·a·s leaves room to brake before the end of the joint's range.
-            let braking = BRAKE_SHARE * joint.limits.acceleration;
+            let braking = self.config.braking_acceleration_fraction * joint.limits.acceleration;
             let room = |distance: f64| (2.0 * braking * distance.max(0.0)).sqrt();
             let margin = self.config.position_margin_rad;
             let below = q[i] - joint.limits.lower - margin;
@@ -215,24 +216,4 @@ impl Planner {
         }
         Some(bounds)
     }
-}
-
-/// The largest share of its reach that a joint must use to get from `start` to `q`, `None` if one cannot.
-pub(super) fn effort(
-    joints: &[JointReach; MAX_JOINTS],
-    start: &JointVector,
-    q: &JointVector,
-    dof: usize,
-) -> Option<f64> {
-    let mut most: f64 = 0.0;
-    for i in 0..dof {
-        let far = joints[i].displacements();
-        let (middle, half) = ((far.low + far.high) / 2.0, (far.high - far.low) / 2.0);
-        let share = ((q[i] - start[i] - middle) / half).abs();
-        if share > 1.0 {
-            return None;
-        }
-        most = most.max(share);
-    }
-    Some(most)
 }

@@ -2,40 +2,90 @@
 
 use catch_body::Pose;
 use nalgebra::Point3;
+use serde::{Deserialize, Serialize};
 
 use super::{
-    CatchPlan, Incoming, Planner, Start, motion::Shares, posture::Posture, reaching::Reaching, search::Candidate,
+    CatchPlan, CatchSearch, Incoming, Start, motion::Shares, posture::Posture, reaching::Reaching, search::Candidate,
 };
-use crate::{grasp_selection::heuristics, trajectory_prediction::Passage};
+use crate::{
+    grasp_selection::heuristics,
+    settings::{ANGLE_RAD, FRACTION, Faults, SettingError, Settings},
+    trajectory_prediction::Passage,
+};
 
-/// How far the elbow may move along its circle, in radians.
-const ELBOW_RAD: [f64; 5] = [0.0, 0.2, -0.2, 0.4, -0.4];
-/// How much later or sooner a catch may be made where it cannot be made when it was meant to be, in seconds. The object moves by some 50 mm in 10 ms.
-const LATER_S: [f64; 6] = [0.01, -0.01, 0.02, -0.02, 0.04, 0.06];
-/// Shares of a correction that are tried where the whole is too much.
-const PARTS: [f64; 3] = [0.75, 0.5, 0.25];
+/// Settings of replans, each a list of what is tried, in this order.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Config {
+    /// Changes of the arm angle for the same catch, in radians.
+    pub arm_angles_rad: Vec<f64>,
+    /// The same where the catch is shifted in time.
+    pub shifted_arm_angles_rad: Vec<f64>,
+    /// How much later a catch may be made where it cannot be made when it was meant to be, in seconds; negative for sooner. The
+    /// object moves by some 50 mm in 10 ms.
+    pub shifts_s: Vec<f64>,
+    /// Fractions of a correction where the whole is too much.
+    pub correction_fractions: Vec<f64>,
+}
 
-impl Planner {
+impl Default for Config {
+    fn default() -> Self {
+        Self {
+            arm_angles_rad: vec![0.0, 0.2, -0.2, 0.4, -0.4],
+            shifted_arm_angles_rad: vec![0.0, 0.2, -0.2],
+            shifts_s: vec![0.01, -0.01, 0.02, -0.02, 0.04, 0.06],
+            correction_fractions: vec![0.75, 0.5, 0.25],
+        }
+    }
+}
+
+impl Settings for Config {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .lists(
+                &ANGLE_RAD,
+                [
+                    ("arm_angles_rad", &self.arm_angles_rad[..]),
+                    ("shifted_arm_angles_rad", &self.shifted_arm_angles_rad[..]),
+                ],
+            )
+            .lists(&(-1.0..=1.0), [("shifts_s", &self.shifts_s[..])])
+            .lists(&FRACTION, [("correction_fractions", &self.correction_fractions[..])])
+            .all()
+    }
+}
+
+impl CatchSearch {
     /// The same catch for a flight that is known better: same time and grasp, the elbow where it was or close by.
     pub fn retarget(&self, start: &Start, incoming: &Incoming, plan: &CatchPlan) -> Option<CatchPlan> {
         let passage = incoming.flight.passage_at(plan.catch_s);
         let X_WG = passage.X_WO * plan.grasp.X_OG;
+        let replan = &self.motion.config.replan;
         // What a motion leaves of the limits, the next replan can use: more is taken only where less does not do.
-        let shares = [0.0, 0.5, 1.0].map(|more| self.replan_shares().toward(self.moving_shares(), more));
-        let found = shares
-            .iter()
-            .find_map(|shares| self.adjusted(start, incoming, plan, &passage, &X_WG, *shares, &ELBOW_RAD))?;
+        let shares = [0.0, 0.5, 1.0].map(|more| self.motion.replan_shares().toward(self.motion.moving_shares(), more));
+        let found = shares.iter().find_map(|shares| {
+            self.adjusted(start, incoming, plan, &passage, &X_WG, *shares, &replan.arm_angles_rad)
+        })?;
         Some(self.opened(found, plan.open_width_m, start.time_s, incoming, &passage))
     }
 
     /// The same grasp a little sooner or later, where the arm is in time and the object can come in.
     pub fn shifted(&self, start: &Start, incoming: &Incoming, plan: &CatchPlan) -> Option<CatchPlan> {
         let in_time =
-            |later_s: &&f64| **later_s > 0.0 || plan.catch_s + **later_s > start.time_s + self.config.min_lead_s;
-        LATER_S.iter().filter(in_time).find_map(|later_s| {
+            |later_s: &&f64| **later_s > 0.0 || plan.catch_s + **later_s > start.time_s + self.motion.config.min_lead_s;
+        let replan = &self.motion.config.replan;
+        replan.shifts_s.iter().filter(in_time).find_map(|later_s| {
             let passage = incoming.flight.passage_at(plan.catch_s + later_s);
             let X_WG = passage.X_WO * plan.grasp.X_OG;
-            let found = self.adjusted(start, incoming, plan, &passage, &X_WG, self.moving_shares(), &ELBOW_RAD[..3])?;
+            let found = self.adjusted(
+                start,
+                incoming,
+                plan,
+                &passage,
+                &X_WG,
+                self.motion.moving_shares(),
+                &replan.shifted_arm_angles_rad,
+            )?;
             let found = self.opened(found, plan.open_width_m, start.time_s, incoming, &passage);
             found.lets_in.then_some(found)
         })
@@ -45,9 +95,9 @@ impl Planner {
     pub fn nearest(&self, start: &Start, incoming: &Incoming, plan: &CatchPlan) -> Option<CatchPlan> {
         let passage = incoming.flight.passage_at(plan.catch_s);
         let wanted = passage.X_WO * plan.grasp.X_OG;
-        let found = PARTS.iter().find_map(|part| {
+        let found = self.motion.config.replan.correction_fractions.iter().find_map(|part| {
             let X_WG = plan.X_WG.try_lerp_slerp(&wanted, *part, 1e-9)?;
-            self.adjusted(start, incoming, plan, &passage, &X_WG, self.moving_shares(), &ELBOW_RAD[..1])
+            self.adjusted(start, incoming, plan, &passage, &X_WG, self.motion.moving_shares(), &[0.0])
         })?;
         Some(self.opened(found, plan.open_width_m, start.time_s, incoming, &passage))
     }
@@ -66,16 +116,16 @@ impl Planner {
     ) -> Option<CatchPlan> {
         let Passage { time_s: catch_s, X_WO, V_WO, .. } = *passage;
         let v_WO = V_WO.linear;
-        let base = Point3::from(self.robot.X_WB.translation.vector);
+        let base = Point3::from(self.motion.robot.X_WB.translation.vector);
         let grasp_cost = heuristics::rank_alone(0, &plan.grasp, &X_WO, &v_WO, &base, &incoming.config.weights).cost;
         let known = Posture { q: plan.q, elbow: plan.elbow };
         elbows_rad.iter().find_map(|offset| {
-            let posture = self.finder.adjusted(&self.robot, X_WG, &known, *offset)?;
+            let posture = self.motion.finder.adjusted(&self.motion.robot, X_WG, &known, *offset)?;
             let q = posture.q;
-            let reaching = self.reaching(start, catch_s, X_WG, &q, &v_WO, shares);
+            let reaching = self.motion.reaching(start, catch_s, X_WG, &q, &v_WO, shares);
             let reaching = Reaching { weights: plan.weights, ..reaching };
-            let joints = self.reaches(start, catch_s - start.time_s, shares);
-            let bounds = self.arrival_bounds(&joints, &start.state.q, &q)?;
+            let joints = self.motion.reaches(start, catch_s - start.time_s, shares);
+            let bounds = self.motion.arrival_bounds(&joints, &start.state.q, &q)?;
             let CatchPlan { approach, cost, .. } = *plan;
             let candidate = Candidate { catch_s, approach, X_WG: *X_WG, posture, cost, grasp_cost };
             self.finish(&candidate, &plan.grasp, reaching.best(bounds, -1.0)?, &reaching)
@@ -89,8 +139,8 @@ impl Planner {
             return CatchPlan { open_width_m: had_m, lets_in: true, ..plan };
         }
         let opening = self.opening(&plan, incoming, passage);
-        let open_width_m = opening.unwrap_or(self.gripper.max_width_m);
-        let fingers = incoming.config.closing(&self.gripper);
+        let open_width_m = opening.unwrap_or(self.motion.gripper.max_width_m);
+        let fingers = incoming.config.closing(&self.motion.gripper);
         let takes_s = fingers.duration_s((open_width_m - had_m).abs())
             + fingers.duration_s(open_width_m - plan.grasp.object_width_m)
             + incoming.config.settling_s;

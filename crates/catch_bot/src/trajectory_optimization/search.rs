@@ -15,17 +15,18 @@ use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    CatchPlan, Incoming, Planner, Refusal, Start,
+    CatchPlan, CatchSearch, Incoming, PlanningFailure, Start,
     arrival::{Arrival, Weights as ArrivalWeights},
     posture::Posture,
-    reachability::JointReach,
-    reaching::{Reached, Reaching, effort},
+    reachability::{JointReach, fraction_used},
+    reaching::{Reached, Reaching},
     way_in::{Entering, Obstacle},
 };
 use frontier::{Frontier, Node, Stage};
 
 use crate::{
     grasp_selection::{Approach, Grasp, RankedGrasp, heuristics},
+    settings::{DURATION_S, Faults, NOT_NEGATIVE, SettingError, Settings},
     trajectory_prediction::{Course, Passage},
 };
 
@@ -51,20 +52,82 @@ impl Default for Weights {
     }
 }
 
-/// Latest catch, in seconds from the start.
-const LATEST_S: f64 = 2.0;
+impl Settings for Weights {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .values(
+                &NOT_NEGATIVE,
+                [
+                    ("effort", self.effort),
+                    ("comfort", self.comfort),
+                    ("speed", self.speed),
+                    ("spin", self.spin),
+                    ("delay", self.delay),
+                ],
+            )
+            .all()
+    }
+}
+
+/// Settings of the search's extent and work.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Config {
+    /// Latest catch, in seconds from the start.
+    pub latest_catch_s: f64,
+    /// What a failure of a grasp adds to the cost of all of its catches in the order of the search: what fails at one time mostly
+    /// fails at the next as well, and a pass may not do more than so much work.
+    pub failure_penalty: f64,
+    /// The work of all passes at one image, in units of 1 to 2 µs.
+    pub max_work: usize,
+    /// Postures of a catch time and a grasp whose terminal velocities are sought: what a few could not do, similar ones usually
+    /// cannot either.
+    pub max_velocity_trials: usize,
+    /// Those for which a motion is tried.
+    pub max_motion_trials: usize,
+    /// Poses whose postures one pass looks for where each takes iterations, for arms without closed form.
+    pub max_numerical_poses: usize,
+    /// How much later than on the grid the second round tries what got as far as the swept-volume check or a motion, in seconds;
+    /// negative for sooner.
+    pub nearby_s: Vec<f64>,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self {
+            latest_catch_s: 2.0,
+            failure_penalty: 0.2,
+            max_work: 4000,
+            max_velocity_trials: 3,
+            max_motion_trials: 2,
+            max_numerical_poses: 16,
+            nearby_s: vec![-0.001, -0.0005, 0.0005, 0.001],
+        }
+    }
+}
+
+impl Settings for Config {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .values(&DURATION_S, [("latest_catch_s", self.latest_catch_s)])
+            .values(&NOT_NEGATIVE, [("failure_penalty", self.failure_penalty)])
+            .counts([
+                ("max_work", self.max_work),
+                ("max_velocity_trials", self.max_velocity_trials),
+                ("max_motion_trials", self.max_motion_trials),
+                ("max_numerical_poses", self.max_numerical_poses),
+            ])
+            .lists(&(-0.1..=0.1), [("nearby_s", &self.nearby_s[..])])
+            .all()
+    }
+}
+
 /// Where the catch times of the looks lie, in shares of the step between them.
 const OFFSETS: [f64; 8] = [0.5, 0.0, 0.25, 0.75, 0.125, 0.625, 0.375, 0.875];
-/// Looks that make up a search. In the second round what got as far as the way in or a motion is tried a little sooner and
-/// later, too, in seconds.
-pub const LOOKS: usize = 2 * OFFSETS.len();
-const NEARBY_S: [f64; 4] = [-0.001, -0.0005, 0.0005, 0.001];
-/// Postures of a catch time and a grasp whose velocities are looked for, and those for which a motion is tried: what a few could
-/// not do, similar ones usually cannot either.
-const ARRIVALS_PER_PAIR: usize = 3;
-const ATTEMPTS_PER_PAIR: usize = 2;
-/// The work of all looks at one image, in units of 1 to 2 µs, that of a way in and a motion, and of its openings.
-const MOST_WORK: usize = 4000;
+/// Passes that make up a search. In the second round what got as far as the way in or a motion is tried a little sooner and
+/// later, too ([`Config::nearby_s`]).
+pub const PASSES: usize = 2 * OFFSETS.len();
+/// The work of a way in and a motion, and of its openings, in the units of [`Config::max_work`].
 const WORK_OF_A_MOTION: usize = 80;
 const WORK_OF_OPENINGS: usize = 30;
 
@@ -120,16 +183,16 @@ impl<'a> Search<'a> {
     }
 }
 
-impl Planner {
+impl CatchSearch {
     /// The best catch of an object on `flight` that the arm can reach from `start`, without a bound on the work.
     ///
     /// # Errors
     /// Why there is none.
-    pub fn search(&self, start: &Start, incoming: &Incoming) -> Result<CatchPlan, Refusal> {
+    pub fn search(&self, start: &Start, incoming: &Incoming) -> Result<CatchPlan, PlanningFailure> {
         let mut search = Search::new(start, incoming);
-        let mut refusal = Refusal::NoGrasp;
-        for turn in 0..LOOKS {
-            match self.best_first(&mut search, turn, usize::MAX) {
+        let mut refusal = PlanningFailure::NoGrasp;
+        for pass in 0..PASSES {
+            match self.best_first(&mut search, pass, usize::MAX) {
                 Err(why) => refusal = refusal.max(why),
                 found => return found,
             }
@@ -143,37 +206,44 @@ impl Planner {
     ///
     /// # Errors
     /// Why they found none.
-    pub fn look(&self, turn: &mut usize, start: &Start, incoming: &Incoming) -> Result<CatchPlan, Refusal> {
+    pub fn search_in_passes(
+        &self,
+        pass: &mut usize,
+        start: &Start,
+        incoming: &Incoming,
+    ) -> Result<CatchPlan, PlanningFailure> {
         let mut search = Search::new(start, incoming);
-        let mut refusal = Refusal::NoGrasp;
-        for _ in 0..LOOKS {
-            let left = MOST_WORK.saturating_sub(search.work);
+        let mut refusal = PlanningFailure::NoGrasp;
+        for _ in 0..PASSES {
+            let left = self.motion.config.search.max_work.saturating_sub(search.work);
             if left == 0 {
                 break;
             }
-            match self.best_first(&mut search, *turn, left) {
+            match self.best_first(&mut search, *pass, left) {
                 Err(why) => refusal = refusal.max(why),
                 found => return found,
             }
-            *turn += 1;
+            *pass += 1;
         }
         Err(refusal)
     }
 
     /// The cheapest catch that one look finds, doing no more than `most_work`.
-    fn best_first(&self, search: &mut Search, turn: usize, most_work: usize) -> Result<CatchPlan, Refusal> {
-        let (mut moments, mut pairs, any_grasp) = self.pairs(search, OFFSETS[turn % OFFSETS.len()]);
-        let mut goes_nearby = turn % LOOKS >= OFFSETS.len();
+    fn best_first(&self, search: &mut Search, pass: usize, most_work: usize) -> Result<CatchPlan, PlanningFailure> {
+        let (mut moments, mut pairs, any_grasp) = self.pairs(search, OFFSETS[pass % OFFSETS.len()]);
+        let mut goes_nearby = pass % PASSES >= OFFSETS.len();
         let Search { start, incoming, ref mut obstacles, ref mut work } = *search;
         let grasps = &incoming.grasps.grasps;
         // Ranking grasps is work as well, a fiftieth of a unit each.
         *work += moments.len() * grasps.len() / 50;
         let before = *work;
-        let (weights, from, shares) = (&self.config.weights, &start.state.q, self.moving_shares());
-        let mut frontier = Frontier::default();
+        let (weights, from, shares) = (&self.motion.config.weights, &start.state.q, self.motion.moving_shares());
+        let config = &self.motion.config.search;
+        let most_poses = if self.motion.finder.is_numerical() { config.max_numerical_poses } else { usize::MAX };
+        let mut frontier = Frontier::new(config.failure_penalty);
         let unseen = |pair: usize, it: &Pair, moments: &[Moment]| {
             let Passage { time_s, V_WO, .. } = &moments[it.moment].passage;
-            let holding = self.holding_cost(it.ranked.cost, &V_WO.linear, self.config.max_speed_fraction, 0.0);
+            let holding = self.holding_cost(it.ranked.cost, &V_WO.linear, self.motion.config.max_speed_fraction, 0.0);
             let cost = holding + weights.delay * (time_s - start.time_s);
             Node { pair, stage: Stage::Pose, cost, failures: 0 }
         };
@@ -181,7 +251,7 @@ impl Planner {
             frontier.push(unseen(pair, it, &moments));
         }
         let is_near = !moments.is_empty();
-        let mut refusal = if is_near && !any_grasp { Refusal::NoGrasp } else { Refusal::OutOfReach };
+        let mut refusal = if is_near && !any_grasp { PlanningFailure::NoGrasp } else { PlanningFailure::OutOfReach };
         let mut looked_at = 0;
         let mut failures = vec![0; grasps.len()];
         loop {
@@ -208,56 +278,58 @@ impl Planner {
             }
             *work += stage.work();
             if *work - before > most_work {
-                return Err(refusal.max(Refusal::NoMotion));
+                return Err(PlanningFailure::OutOfBudget);
             }
             let (catch_s, v_WO) = (at.passage.time_s, at.passage.V_WO.linear);
             let entering = Entering { incoming, passage: &at.passage, grasp: &grasps[index] };
-            let reaching = |q: &JointVector| self.reaching(start, catch_s, &X_WG, q, &v_WO, shares);
+            let reaching = |q: &JointVector| self.motion.reaching(start, catch_s, &X_WG, q, &v_WO, shares);
             let obstacle = &mut obstacles[index];
             let v_GO = X_WG.rotation.inverse_transform_vector(&v_WO);
             match stage {
-                Stage::Pose if looked_at == self.finder.most_poses() => {}
+                Stage::Pose if looked_at == most_poses => {}
                 Stage::Pose => {
                     looked_at += 1;
-                    let postures = self.finder.postures(&self.robot, &X_WG, from, &at.ranges);
+                    let postures = self.motion.finder.postures(&self.motion.robot, &X_WG, from, &at.ranges);
                     // The object's way in is costly to look at; here it only tells why there is no catch.
-                    if !postures.is_empty() && refusal < Refusal::NoMotion {
+                    if !postures.is_empty() && refusal < PlanningFailure::NoMotion {
                         refusal = if self.enters_straight(&v_GO, &entering, obstacle) {
-                            Refusal::NoMotion
+                            PlanningFailure::NoMotion
                         } else {
-                            Refusal::Blocked
+                            PlanningFailure::Blocked
                         };
                     }
                     for posture in postures {
-                        let Some(effort) = effort(&at.joints, from, &posture.q, self.robot.dof()) else { continue };
+                        let Some(effort) = fraction_used(&at.joints, from, &posture.q, self.motion.robot.dof()) else {
+                            continue;
+                        };
                         let cost = cost
                             + weights.effort * effort.powi(4)
-                            + weights.comfort * (posture.q - self.robot.comfortable_q).norm();
+                            + weights.comfort * (posture.q - self.motion.robot.comfortable_q).norm();
                         frontier.push(Node { stage: Stage::Posture(posture), cost, ..node });
                     }
                 }
-                Stage::Posture(_) if *arrivals == ARRIVALS_PER_PAIR => {}
-                Stage::Posture(_) | Stage::Arrival(..) if *failed == ATTEMPTS_PER_PAIR => {}
+                Stage::Posture(_) if *arrivals == config.max_velocity_trials => {}
+                Stage::Posture(_) | Stage::Arrival(..) if *failed == config.max_motion_trials => {}
                 Stage::Posture(posture) => {
                     let q = posture.q;
-                    if !self.stands_clear(&q, entering.grasp.open_width_m) {
+                    if !self.motion.stands_clear(&q, entering.grasp.open_width_m) {
                         continue;
                     }
                     *arrivals += 1;
-                    let bounds = self.arrival_bounds(&at.joints, from, &q);
+                    let bounds = self.motion.arrival_bounds(&at.joints, from, &q);
                     let Some(arrival) = bounds.and_then(|bounds| reaching(&q).arrival(&bounds)) else {
-                        *failures += usize::from(*arrivals == ARRIVALS_PER_PAIR);
+                        *failures += usize::from(*arrivals == config.max_velocity_trials);
                         continue;
                     };
                     let holding = |fraction, spin| self.holding_cost(ranked.cost, &v_WO, fraction, spin);
-                    let least = holding(self.config.max_speed_fraction, 0.0);
+                    let least = holding(self.motion.config.max_speed_fraction, 0.0);
                     let cost = cost + holding(arrival.speed_fraction, arrival.w_WG.norm()) - least;
                     frontier.push(Node { stage: Stage::Arrival(posture, arrival), cost, ..node });
                 }
                 Stage::Arrival(posture, balanced) => {
                     let q = posture.q;
                     let candidate = Candidate { catch_s, approach, X_WG, posture, cost, grasp_cost: ranked.cost };
-                    let Some(bounds) = self.arrival_bounds(&at.joints, from, &q) else { continue };
+                    let Some(bounds) = self.motion.arrival_bounds(&at.joints, from, &q) else { continue };
                     for weights in [ArrivalWeights::BALANCED, ArrivalWeights::STEADY] {
                         let reaching = Reaching { weights, ..reaching(&q) };
                         let known = (weights == ArrivalWeights::BALANCED).then_some(balanced);
@@ -286,23 +358,23 @@ impl Planner {
     /// Every catch time on the flight, and with every grasp that suits it there and that the elbow can reach; and whether any suits it
     /// anywhere.
     fn pairs(&self, task: &Search, offset: f64) -> (Vec<Moment>, Vec<Pair>, bool) {
-        let base = Point3::from(self.robot.X_WB.translation.vector);
+        let base = Point3::from(self.motion.robot.X_WB.translation.vector);
         let (mut moments, mut pairs, mut any_grasp) = (Vec::new(), Vec::new(), false);
         let mut course = task.incoming.flight.course();
-        let steps = (LATEST_S / self.config.time_step_s) as usize;
+        let steps = (self.motion.config.search.latest_catch_s / self.motion.config.time_step_s) as usize;
         for step in 0..steps {
-            let lead_s = self.config.min_lead_s + (step as f64 + offset) * self.config.time_step_s;
+            let lead_s = self.motion.config.min_lead_s + (step as f64 + offset) * self.motion.config.time_step_s;
             let catch_s = task.start.time_s + lead_s;
             let p_WO = course.position_at(catch_s);
             if p_WO.z < 0.0 {
                 break;
             }
-            if (p_WO - base).norm() > self.longest_reach_m {
+            if (p_WO - base).norm() > self.motion.longest_reach_m {
                 continue;
             }
             let at = self.moment(task.start, &mut course, catch_s);
             let (X_WO, v_WO) = (&at.passage.X_WO, &at.passage.V_WO.linear);
-            let may_reach = self.finder.may_reach(X_WO, &at.ranges);
+            let may_reach = self.motion.finder.may_reach(X_WO, &at.ranges);
             let (ranked, any) = task.incoming.grasps.rank(X_WO, v_WO, &base, task.incoming.config, may_reach);
             any_grasp |= any;
             pairs.extend(ranked.into_iter().map(|ranked| Pair::new(moments.len(), ranked)));
@@ -313,14 +385,14 @@ impl Planner {
 
     /// Adds what got as far as the way in or a motion, a little sooner and later.
     fn add_nearby(&self, start: &Start, incoming: &Incoming, moments: &mut Vec<Moment>, pairs: &mut Vec<Pair>) {
-        let base = Point3::from(self.robot.X_WB.translation.vector);
+        let base = Point3::from(self.motion.robot.X_WB.translation.vector);
         let mut course = incoming.flight.course();
         for at in 0..moments.len() {
             let close: Vec<usize> =
                 pairs.iter().filter(|it| it.moment == at && it.failed > 0).map(|it| it.ranked.index).collect();
-            for by_s in NEARBY_S.into_iter().filter(|_| !close.is_empty()) {
+            for by_s in self.motion.config.search.nearby_s.iter().filter(|_| !close.is_empty()) {
                 let catch_s = moments[at].passage.time_s + by_s;
-                if catch_s < start.time_s + self.config.min_lead_s {
+                if catch_s < start.time_s + self.motion.config.min_lead_s {
                     continue;
                 }
                 let moment = self.moment(start, &mut course, catch_s);
@@ -337,14 +409,14 @@ impl Planner {
 
     /// What can be reached by a catch time.
     fn moment(&self, start: &Start, course: &mut Course, catch_s: f64) -> Moment {
-        let joints = self.reaches(start, catch_s - start.time_s, self.moving_shares());
-        let ranges = self.ranges(&joints, &start.state.q);
+        let joints = self.motion.reaches(start, catch_s - start.time_s, self.motion.moving_shares());
+        let ranges = self.motion.ranges(&joints, &start.state.q);
         Moment { passage: course.passage_at(catch_s), joints, ranges }
     }
 
     /// What tells how well an object will be held: its grasp's heuristics, how fast it passes the fingers and how fast they turn.
     fn holding_cost(&self, grasp_cost: f64, v_WO: &Vector3<f64>, speed_fraction: f64, spin_radps: f64) -> f64 {
-        let weights = &self.config.weights;
+        let weights = &self.motion.config.weights;
         grasp_cost + weights.speed * v_WO.norm() * (1.0 - speed_fraction) + weights.spin * spin_radps
     }
 
@@ -356,7 +428,7 @@ impl Planner {
         (arrival, control_points): Reached,
         reaching: &Reaching,
     ) -> Option<CatchPlan> {
-        let trajectory = self.motion(reaching.start.time_s, candidate.catch_s, control_points, grasp)?;
+        let trajectory = self.motion.through(reaching.start.time_s, candidate.catch_s, control_points, grasp)?;
         let Candidate { catch_s, approach, X_WG, posture: Posture { q, elbow }, cost, grasp_cost } = *candidate;
         let spin_radps = arrival.w_WG.norm();
         Some(CatchPlan {

@@ -3,7 +3,7 @@
 use catch_body::{Gripper, Pose, shape::Cuboid};
 use nalgebra::{Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-use super::{CatchPlan, Incoming, Planner, arrival::Arrival};
+use super::{CatchPlan, CatchSearch, Incoming, arrival::Arrival};
 use crate::{
     grasp_selection::{Grasp, GraspSet},
     trajectory_prediction::Passage,
@@ -37,12 +37,12 @@ pub(super) struct Obstacle {
     point: usize,
 }
 
-impl Planner {
+impl CatchSearch {
     /// Whether the object can come into a gripper that is fully open and does not turn, at `v_GO` in G, without touching it.
     pub(super) fn enters_straight(&self, v_GO: &Vector3<f64>, entering: &Entering, last: &mut Obstacle) -> bool {
         let Some(direction) = v_GO.try_normalize(1e-6) else { return true };
         let Incoming { grasps, config, .. } = *entering.incoming;
-        let open = Hand::new(&self.gripper, self.gripper.max_width_m, config.way_in_margin_m);
+        let open = Hand::new(&self.motion.gripper, self.motion.gripper.max_width_m, config.way_in_margin_m);
         let end = entering.grasp.X_OG.inverse();
         let start = Translation3::from(direction * -WAY_IN_M) * end;
         let [start, end] = [start, end].map(|X_GO| Place::new(&X_GO));
@@ -66,20 +66,20 @@ impl Planner {
         passage: &Passage,
     ) -> Option<f64> {
         let entering = Entering { incoming, passage, grasp: &plan.grasp };
-        let X_WG = |time_s: f64| self.robot.gripper_pose(&plan.trajectory.setpoint(time_s).q);
+        let X_WG = |time_s: f64| self.motion.robot.gripper_pose(&plan.trajectory.setpoint(time_s).q);
         self.first_of(openings, X_WG, &entering, &mut Obstacle::default())
     }
 
     /// Openings that are tried, the narrowest first.
     fn openings(&self, grasp: &Grasp) -> [f64; 4] {
-        let (narrow, wide) = (grasp.open_width_m, self.gripper.max_width_m);
+        let (narrow, wide) = (grasp.open_width_m, self.motion.gripper.max_width_m);
         [0.0, 0.25, 0.5, 1.0].map(|share| narrow + share * (wide - narrow))
     }
 
     /// Whether there is such an opening if the gripper passes through `X_WG` at the catch as `arrival` wants it to, at an even
     /// velocity: most motions that would fail in the end are told from that alone.
     pub(super) fn lets_in(&self, X_WG: &Pose, arrival: &Arrival, entering: &Entering, last: &mut Obstacle) -> bool {
-        let centre = X_WG * self.gripper.grasp_centre();
+        let centre = X_WG * self.motion.gripper.grasp_centre();
         let v_WG = entering.passage.V_WO.linear * arrival.speed_fraction;
         let passing = |time_s: f64| {
             let after_s = time_s - entering.passage.time_s;
@@ -100,9 +100,9 @@ impl Planner {
     ) -> Option<f64> {
         let Entering { incoming: Incoming { grasps, config, .. }, passage, grasp } = *entering;
         let catch_s = passage.time_s;
-        let closing = config.closing(&self.gripper);
-        let v_G = passage.velocity_in(&X_WG, &(grasp.X_OG * self.gripper.grasp_centre()));
-        let lead_s = config.contact_lead_s(&v_G, &grasp.centre_past_G(&self.gripper));
+        let closing = config.closing(&self.motion.gripper);
+        let v_G = passage.velocity_in(&X_WG, &(grasp.X_OG * self.motion.gripper.grasp_centre()));
+        let lead_s = config.contact_lead_s(&v_G, &grasp.centre_past_G(&self.motion.gripper));
         let mut way = [None; STRETCHES + 1];
         openings.iter().copied().find(|open_m| {
             let way_m = open_m - grasp.object_width_m;
@@ -111,7 +111,7 @@ impl Planner {
             let hand = |before_s: f64| {
                 let width_m = grasp.object_width_m + closing.remaining_m(way_m, before_s - lead_s);
                 let margin_m = config.way_in_margin_m.min((width_m - grasp.object_width_m) / 4.0);
-                Hand::new(&self.gripper, width_m, margin_m - 1e-4)
+                Hand::new(&self.motion.gripper, width_m, margin_m - 1e-4)
             };
             let mut knot = |number: usize| {
                 let before_s = STRETCH_S * number as f64;

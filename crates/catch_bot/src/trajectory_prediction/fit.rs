@@ -183,12 +183,12 @@ impl State {
     fn moved(&self, step: &SVector<f64, N>, config: &Config) -> Self {
         let turn = step.fixed_rows::<3>(TURN).into_owned();
         // Drag never accelerates; half the prior's width below zero is left to noise. One that is known stays as it is.
-        let least = -0.5 * config.drag_prior_sd_per_m;
-        let drag_step = if config.drag_prior_sd_per_m > 0.0 { step[DRAG] } else { 0.0 };
+        let least = -0.5 * config.drag_sd_per_m();
+        let drag_step = if config.drag_sd_per_m() > 0.0 { step[DRAG] } else { 0.0 };
         Self {
             p: self.p + step.fixed_rows::<3>(0),
             v: self.v + step.fixed_rows::<3>(3),
-            drag_per_m: (self.drag_per_m + drag_step).clamp(least.min(config.drag_prior_per_m), 1.0),
+            drag_per_m: (self.drag_per_m + drag_step).clamp(least.min(config.drag_per_m()), 1.0),
             R_WO: UnitQuaternion::from_scaled_axis(turn * (0.5 / turn.norm()).min(1.0)) * self.R_WO,
             w: self.w + step.fixed_rows::<3>(SPIN),
         }
@@ -338,9 +338,9 @@ impl Problem<'_> {
             information[(i, i)] += if i < TURN { 1e-6 } else { 1e-3 };
         }
         // A drag that is known is held by a width of 10⁻⁷ 1/m.
-        let drag = self.config.drag_prior_sd_per_m.max(1e-7).powi(-2);
+        let drag = self.config.drag_sd_per_m().max(1e-7).powi(-2);
         information[(DRAG, DRAG)] += drag;
-        gradient[DRAG] += drag * (state.drag_per_m - self.config.drag_prior_per_m);
+        gradient[DRAG] += drag * (state.drag_per_m - self.config.drag_per_m());
         let spin = self.config.spin_prior_sd_radps.max(1e-6).powi(-2);
         for i in 0..3 {
             information[(SPIN + i, SPIN + i)] += spin;

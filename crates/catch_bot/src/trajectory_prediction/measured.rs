@@ -59,7 +59,6 @@ struct Setting {
 /// What looks at the images.
 #[derive(Clone)]
 struct Variant {
-    name: &'static str,
     noise: Noise,
     perception: perception::Config,
     prediction: Config,
@@ -68,20 +67,14 @@ struct Variant {
 impl Variant {
     /// The defaults, told how noisy the cameras are.
     fn ours(noise: Noise, prediction: &Config) -> Self {
-        Self { name: "ours", noise, perception: told(noise), prediction: prediction.clone() }
-    }
-
-    /// The paper's point-to-point ICP and its RANSAC. It gets the same reference, and its attitude at the start.
-    fn papers(noise: Noise, prediction: &Config) -> Self {
-        let perception = perception::Config { method: perception::Method::IcpPointToPoint, ..told(noise) };
-        Self { name: "paper", noise, perception, prediction: Config { method: Method::Ransac, ..prediction.clone() } }
+        Self { noise, perception: told(noise), prediction: prediction.clone() }
     }
 }
 
 /// Perception that knows its cameras' noise, as a data sheet has it.
 fn told(noise: Noise) -> perception::Config {
     let (constant_m, quadratic_per_m) = synthetic::data_sheet(noise);
-    let depth_noise = DepthNoise { constant_m, quadratic_per_m };
+    let depth_noise = Some(DepthNoise { constant_m, quadratic_per_m });
     perception::Config { depth_noise, ..Default::default() }
 }
 
@@ -227,12 +220,7 @@ fn report(throws: u64, variants: &[Variant], setting: &Setting) {
     for (name, shape) in Shape::all() {
         for (variant, both) in variants.iter().zip(measure(&shape, variants, setting, 0..throws)) {
             for (frames, errors) in setting.frames.iter().zip(&both) {
-                println!(
-                    "{name:7} {:5} {:16} {frames:3} frames: {}",
-                    variant.name,
-                    format!("{:?}", variant.noise),
-                    errors.summary()
-                );
+                println!("{name:7} {:16} {frames:3} frames: {}", format!("{:?}", variant.noise), errors.summary());
             }
         }
     }
@@ -267,7 +255,7 @@ fn without_drag() -> Setting {
 }
 
 fn with_spin_and_drag() -> Setting {
-    let prediction = Config { drag_prior_per_m: 0.06, drag_prior_sd_per_m: 0.02, ..Config::default() };
+    let prediction = Config { drag_prior_per_m: Some(0.06), drag_prior_sd_per_m: Some(0.02), ..Config::default() };
     Setting { frames: [10, 20], outliers: 0.1, spin_radps: 6.0, drag_per_m: [0.06, 0.02], prediction }
 }
 
@@ -297,14 +285,6 @@ fn measured_prediction_with_spin() {
 fn measured_prediction_with_spin_and_drag() {
     let setting = with_spin_and_drag();
     report(48, &NOISES.map(|noise| Variant::ours(noise, &setting.prediction)), &setting);
-}
-
-#[test]
-#[ignore = "takes minutes"]
-fn measured_against_the_papers_method() {
-    let setting = without_drag();
-    let both = |noise| [Variant::ours(noise, &setting.prediction), Variant::papers(noise, &setting.prediction)];
-    report(24, &NOISES.map(both).concat(), &setting);
 }
 
 /// Coverage over the whole chain from images on, a third of the throws for each object.

@@ -18,28 +18,19 @@ use serde::{Deserialize, Serialize};
 
 pub use flight::{Course, FlightTrajectory};
 pub use passage::Passage;
+use ransac::Rotation;
 pub use track::{Track, TrackSample};
 
-use crate::perception::{ObjectPose, Symmetry};
-
-/// How the flight is found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Method {
-    /// Sampling to start and to restart, then a fit to all poses that agree, weighted by their information.
-    #[default]
-    Fit,
-    /// The paper's: the best of the sampled two-pose flights as it is.
-    Ransac,
-}
+use crate::{
+    perception::{ObjectPose, Symmetry},
+    settings::{Faults, LIMIT_SCALE, NOT_NEGATIVE, SettingError, Settings},
+};
 
 /// Settings of trajectory prediction.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// How the flight is found.
-    pub method: Method,
-    /// Two-pose flights that are sampled at least: 20 (paper, III-B). The paper's variant samples just as many.
+    /// Two-pose flights that are sampled at least: 20 (paper, III-B).
     pub samples: usize,
     /// And at most. With 40 % outliers one start in 7,000 sees no good pair in 20 samples, so sampling goes on until a better
     /// pair can hardly have been missed.
@@ -56,10 +47,10 @@ pub struct Config {
     pub inlier_rad: f64,
     /// A flight that fewer than this share of the newest poses agree with is given up, and searched for anew.
     pub min_inlier_share: f64,
-    /// Drag constant k that is expected, in 1/m.
-    pub drag_prior_per_m: f64,
-    /// Its standard deviation. Zero, as in the paper's simulator: there is no drag, or exactly as much as expected.
-    pub drag_prior_sd_per_m: f64,
+    /// Drag constant k that is expected, in 1/m; zero if it is not set.
+    pub drag_prior_per_m: Option<f64>,
+    /// Its standard deviation. Zero, as in the paper's simulator: there is no drag, or exactly as much as expected; so it is if it is not set.
+    pub drag_prior_sd_per_m: Option<f64>,
     /// Standard deviation of each component of the angular velocity around zero before anything is seen, rad/s.
     pub spin_prior_sd_radps: f64,
     /// Error in metres that all poses may share (calibration of the cameras).
@@ -71,7 +62,6 @@ pub struct Config {
 impl Default for Config {
     fn default() -> Self {
         Self {
-            method: Method::Fit,
             samples: 20,
             max_samples: 500,
             window: 30,
@@ -80,12 +70,59 @@ impl Default for Config {
             inlier_m: 0.01,
             inlier_rad: 0.1,
             min_inlier_share: 0.25,
-            drag_prior_per_m: 0.0,
-            drag_prior_sd_per_m: 0.0,
+            drag_prior_per_m: None,
+            drag_prior_sd_per_m: None,
             spin_prior_sd_radps: 10.0,
             systematic_sd_m: 0.0,
             max_iterations: 10,
         }
+    }
+}
+
+impl Settings for Config {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .counts([
+                ("samples", self.samples),
+                ("max_samples", self.max_samples),
+                ("window", self.window),
+                ("fit_window", self.fit_window),
+                ("first_after", self.first_after),
+                ("max_iterations", self.max_iterations),
+            ])
+            .values(
+                &NOT_NEGATIVE,
+                [
+                    ("inlier_m", self.inlier_m),
+                    ("inlier_rad", self.inlier_rad),
+                    ("spin_prior_sd_radps", self.spin_prior_sd_radps),
+                    ("systematic_sd_m", self.systematic_sd_m),
+                ],
+            )
+            .values(&LIMIT_SCALE, [("min_inlier_share", self.min_inlier_share)])
+            .options(
+                &NOT_NEGATIVE,
+                [("drag_prior_per_m", self.drag_prior_per_m), ("drag_prior_sd_per_m", self.drag_prior_sd_per_m)],
+            )
+            .all()
+    }
+}
+
+impl Config {
+    /// Drag constant that is expected, in 1/m.
+    fn drag_per_m(&self) -> f64 {
+        self.drag_prior_per_m.unwrap_or_default()
+    }
+
+    /// Its standard deviation.
+    fn drag_sd_per_m(&self) -> f64 {
+        self.drag_prior_sd_per_m.unwrap_or_default()
+    }
+
+    /// The newest poses, at which sampling looks, oldest first; `None` before there are enough for a first flight.
+    pub fn sampled<'a>(&self, poses: &'a [ObjectPose]) -> Option<&'a [ObjectPose]> {
+        let window = &poses[poses.len() - self.window.max(2).min(poses.len())..];
+        (window.len() >= self.first_after.max(2)).then_some(window)
     }
 }
 
@@ -99,6 +136,57 @@ pub enum PredictionStatus {
     NoAgreement,
     /// The fit came to nothing.
     NotConverged,
+}
+
+/// Predicts the object's flight from its poses (paper, III-B).
+pub trait FlightPredictor {
+    /// The flight that the poses seen so far agree on, oldest first.
+    ///
+    /// `previous` is the flight that was predicted last.
+    ///
+    /// # Errors
+    /// Why there is no flight.
+    fn predict(
+        &mut self,
+        poses: &[ObjectPose],
+        previous: Option<&FlightTrajectory>,
+    ) -> Result<FlightTrajectory, PredictionStatus>;
+}
+
+impl<T: FlightPredictor + ?Sized> FlightPredictor for Box<T> {
+    fn predict(
+        &mut self,
+        poses: &[ObjectPose],
+        previous: Option<&FlightTrajectory>,
+    ) -> Result<FlightTrajectory, PredictionStatus> {
+        (**self).predict(poses, previous)
+    }
+}
+
+/// Sampling to start and to restart, then a robust fit to all poses that agree, weighted by their information.
+#[derive(Debug, Clone)]
+pub struct InformationFit {
+    config: Config,
+    symmetry: Symmetry,
+    seed: u64,
+    workspace: Workspace,
+}
+
+impl InformationFit {
+    /// For an object of some symmetry; poses are sampled at random by `seed`.
+    pub fn new(config: Config, symmetry: Symmetry, seed: u64) -> Self {
+        Self { config, symmetry, seed, workspace: Workspace::default() }
+    }
+}
+
+impl FlightPredictor for InformationFit {
+    fn predict(
+        &mut self,
+        poses: &[ObjectPose],
+        previous: Option<&FlightTrajectory>,
+    ) -> Result<FlightTrajectory, PredictionStatus> {
+        predict(poses, previous, self.symmetry, &self.config, self.seed, &mut self.workspace)
+    }
 }
 
 /// Buffers of [`predict`], kept so that predicting need not allocate. They carry nothing from one call to the next.
@@ -120,14 +208,8 @@ pub fn predict(
     workspace: &mut Workspace,
 ) -> Result<FlightTrajectory, PredictionStatus> {
     let newest = |count: usize| &poses[poses.len() - count.min(poses.len())..];
-    let window = newest(config.window.max(2));
-    if window.len() < config.first_after.max(2) {
-        return Err(PredictionStatus::TooFewPoses);
-    }
+    let window = config.sampled(poses).ok_or(PredictionStatus::TooFewPoses)?;
     let Workspace { fit: fitting, ransac: sampling } = workspace;
-    if config.method == Method::Ransac {
-        return ransac::best_flight(window, &symmetry, config, seed, sampling);
-    }
     let enough = |inliers: usize| inliers >= 3 && inliers as f64 >= config.min_inlier_share * window.len() as f64;
     if let Some(previous) = previous
         && let Ok((flight, agreeing)) = fit::fit(newest(config.fit_window), previous, &symmetry, config, fitting)
@@ -135,7 +217,7 @@ pub fn predict(
     {
         return Ok(flight);
     }
-    let start = ransac::best_flight(window, &symmetry, config, seed, sampling)?;
+    let start = ransac::best_flight(window, &symmetry, Rotation::Free, config, seed, sampling)?;
     if !enough(start.inliers) {
         return Err(PredictionStatus::NoAgreement);
     }

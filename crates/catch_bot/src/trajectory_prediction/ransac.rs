@@ -5,7 +5,7 @@ use nalgebra::{Matrix6, Point3, SMatrix, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::{Config, FlightTrajectory, Method, PredictionStatus, flight::Motion, tumbling};
+use super::{Config, FlightTrajectory, PredictionStatus, flight::Motion, tumbling};
 use crate::perception::{ObjectPose, Symmetry};
 
 /// Buffers of the search.
@@ -14,10 +14,24 @@ pub struct Scratch {
     turn_rates: [Vec<f64>; 3],
 }
 
+/// How a sampled flight rotates.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Rotation {
+    /// As a free rigid body, at the median of the rates between neighbouring poses. Poses agree by their positions alone: the
+    /// shortest rotation between the two poses of a tumbling object is often not the way it rotated.
+    Free,
+    /// At a constant rate by the shortest rotation between its two poses, to which the other poses must agree (paper).
+    Constant,
+}
+
 /// The sampled flight that most poses agree with and, of several, the one they lie closest to in the mean square.
+///
+/// # Errors
+/// Fewer than two poses, or no two that agree.
 pub fn best_flight(
     poses: &[ObjectPose],
     symmetry: &Symmetry,
+    rotation: Rotation,
     config: &Config,
     seed: u64,
     scratch: &mut Scratch,
@@ -28,16 +42,15 @@ pub fn best_flight(
     let mut random = Pcg64Mcg::seed_from_u64(seed ^ poses.len() as u64);
     let mut best: Option<(usize, f64, FlightTrajectory)> = None;
     for sample in 0..config.max_samples.max(config.samples) {
-        if sample >= config.samples
-            && best.as_ref().is_some_and(|(inliers, ..)| enough(sample, *inliers, poses.len(), config))
+        if sample >= config.samples && best.as_ref().is_some_and(|(inliers, ..)| enough(sample, *inliers, poses.len()))
         {
             break;
         }
         let first = random.random_range(0..poses.len());
         let second = (first + random.random_range(1..poses.len())) % poses.len();
         let (from, to) = (first.min(second), first.max(second));
-        let Some(flight) = through(&poses[from], &poses[to], symmetry, config) else { continue };
-        let (inliers, mean_square_m2) = agreement(poses, &flight, symmetry, config);
+        let Some(flight) = through(&poses[from], &poses[to], symmetry, rotation, config) else { continue };
+        let (inliers, mean_square_m2) = agreement(poses, &flight, symmetry, rotation, config);
         let better =
             best.as_ref().is_none_or(|(most, least, _)| inliers > *most || inliers == *most && mean_square_m2 < *least);
         if better {
@@ -48,7 +61,7 @@ pub fn best_flight(
     if inliers < 2 {
         return Err(PredictionStatus::NoAgreement);
     }
-    if config.method != Method::Ransac {
+    if rotation == Rotation::Free {
         flight.w_WO = typical_spin(poses, &flight, symmetry, config, &mut scratch.turn_rates);
     }
     // What can be said of its uncertainty without a fit: two points, each as far off as the inliers on average.
@@ -67,24 +80,30 @@ pub fn best_flight(
 const MISS: f64 = 1e-6;
 
 /// Whether `samples` pairs are enough when a share w of the poses agrees with the best: (1 − w²)^samples ≤ [`MISS`].
-fn enough(samples: usize, inliers: usize, poses: usize, config: &Config) -> bool {
+fn enough(samples: usize, inliers: usize, poses: usize) -> bool {
     let share = inliers as f64 / poses as f64;
-    config.method == Method::Ransac || samples as f64 * (1.0 - share * share).ln() <= MISS.ln()
+    samples as f64 * (1.0 - share * share).ln() <= MISS.ln()
 }
 
 /// The flight through two poses, at the time of the later one: p₂ = p₁ + v₁Δt + ½gΔt², shortened by the drag that is
 /// expected, and the shortest turn between the attitudes.
-fn through(earlier: &ObjectPose, later: &ObjectPose, symmetry: &Symmetry, config: &Config) -> Option<FlightTrajectory> {
+fn through(
+    earlier: &ObjectPose,
+    later: &ObjectPose,
+    symmetry: &Symmetry,
+    rotation: Rotation,
+    config: &Config,
+) -> Option<FlightTrajectory> {
     let elapsed_s = later.capture_s - earlier.capture_s;
     if elapsed_s.is_nan() || elapsed_s <= 1e-6 {
         return None;
     }
     let (p1, p2) = (earlier.X_WO.translation.vector, later.X_WO.translation.vector);
     let mut v_WO = (p2 - p1) / elapsed_s + gravity() * (0.5 * elapsed_s);
-    if config.drag_prior_per_m != 0.0 {
+    if config.drag_per_m() != 0.0 {
         // Flown backwards from the later pose, the flight must meet the earlier one.
         for _ in 0..3 {
-            let missed = Motion::new(p2, v_WO).after(-elapsed_s, config.drag_prior_per_m, false).p - p1;
+            let missed = Motion::new(p2, v_WO).after(-elapsed_s, config.drag_per_m(), false).p - p1;
             v_WO += missed / elapsed_s;
         }
     }
@@ -95,8 +114,8 @@ fn through(earlier: &ObjectPose, later: &ObjectPose, symmetry: &Symmetry, config
         v_WO,
         R_WO: later.X_WO.rotation,
         w_WO,
-        drag_per_m: config.drag_prior_per_m,
-        inertia_per_kg: tumbling::inertia(symmetry).filter(|_| config.method != Method::Ransac),
+        drag_per_m: config.drag_per_m(),
+        inertia_per_kg: tumbling::inertia(symmetry).filter(|_| rotation == Rotation::Free),
         covariance: SMatrix::zeros(),
         rotation_covariance: Matrix6::zeros(),
         systematic_sd_m: config.systematic_sd_m,
@@ -156,10 +175,13 @@ fn each_position<'a>(
 }
 
 /// Number of poses that agree with a flight, and their mean squared distance from it.
-///
-/// The start of a fit is judged by positions alone: the shortest turn between two poses of a tumbling object is often not
-/// the way it turned.
-fn agreement(poses: &[ObjectPose], flight: &FlightTrajectory, symmetry: &Symmetry, config: &Config) -> (usize, f64) {
+fn agreement(
+    poses: &[ObjectPose],
+    flight: &FlightTrajectory,
+    symmetry: &Symmetry,
+    rotation: Rotation,
+    config: &Config,
+) -> (usize, f64) {
     let (mut inliers, mut squares) = (0, 0.0);
     each_position(poses, flight, |pose, p_WO| {
         let distance = (pose.X_WO.translation.vector - p_WO).norm();
@@ -167,7 +189,7 @@ fn agreement(poses: &[ObjectPose], flight: &FlightTrajectory, symmetry: &Symmetr
             let R_WO = flight.pose_at(pose.capture_s).rotation;
             symmetry.turn_between(&R_WO, &pose.X_WO.rotation).norm() < config.inlier_rad
         };
-        if distance < reach_m(pose, config) && (config.method != Method::Ransac || turned_alike()) {
+        if distance < reach_m(pose, config) && (rotation == Rotation::Free || turned_alike()) {
             inliers += 1;
             squares += distance * distance;
         }

@@ -62,7 +62,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 #[test]
 fn clean_poses_give_the_flight() {
-    let config = Config { drag_prior_per_m: 0.05, ..Config::default() };
+    let config = Config { drag_prior_per_m: Some(0.05), ..Config::default() };
     for seed in 0..50 {
         let mut normal = Normal::new(seed);
         let throw = throw(&mut normal, 6.0, 0.05, &banana());
@@ -96,7 +96,7 @@ fn claimed_uncertainty_holds() {
     for (symmetry, sd_m, drag_sd) in
         [(Symmetry::Sphere, 0.0003, 0.0), (banana(), 0.0015, 0.0), (banana(), 0.0005, 0.02)]
     {
-        let config = Config { drag_prior_per_m: 0.05, drag_prior_sd_per_m: drag_sd, ..Config::default() };
+        let config = Config { drag_prior_per_m: Some(0.05), drag_prior_sd_per_m: Some(drag_sd), ..Config::default() };
         let mut inside = 0;
         let mut errors = Vec::new();
         for seed in 0..300 {
@@ -149,7 +149,7 @@ fn too_little_or_nonsense_gives_a_status() {
 /// along each axis; (p, v, k) unknown, nothing known beforehand.
 fn drag_against_the_bound(throws: u64) -> f64 {
     let sd_m = 0.0005;
-    let config = Config { drag_prior_per_m: 0.1, drag_prior_sd_per_m: 0.06, ..Config::default() };
+    let config = Config { drag_prior_per_m: Some(0.1), drag_prior_sd_per_m: Some(0.06), ..Config::default() };
     let (mut squares, mut bounds) = (0.0, 0.0);
     for seed in 0..throws {
         let mut normal = Normal::new(seed);

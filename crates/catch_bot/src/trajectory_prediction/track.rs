@@ -127,7 +127,7 @@ mod tests {
 
     #[test]
     fn tracks_in_any_axes_with_gaps_and_rows_of_nothing_are_fitted() {
-        let config = Config { drag_prior_per_m: 0.05, drag_prior_sd_per_m: 0.05, ..Config::default() };
+        let config = Config { drag_prior_per_m: Some(0.05), drag_prior_sd_per_m: Some(0.05), ..Config::default() };
         for up in
             [Vector3::y_axis(), Vector3::z_axis(), -Vector3::z_axis(), Unit::new_normalize(Vector3::new(1.0, 2.0, 3.0))]
         {

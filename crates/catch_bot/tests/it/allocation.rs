@@ -11,10 +11,10 @@ use crate::synthetic::{self, Noise, Normal, Shape};
 #[test]
 fn tracking_and_predicting_allocate_nothing() {
     let cameras = synthetic::flight_rig();
-    let prediction = trajectory_prediction::Config { drag_prior_sd_per_m: 0.02, ..Default::default() };
+    let prediction = trajectory_prediction::Config { drag_prior_sd_per_m: Some(0.02), ..Default::default() };
     for ((name, shape), noise) in Shape::all().into_iter().zip([Noise::Clean, Noise::Constant(0.002), Noise::Stereo7]) {
         let (constant_m, quadratic_per_m) = synthetic::data_sheet(noise);
-        let config = Config { depth_noise: DepthNoise { constant_m, quadratic_per_m }, ..Config::default() };
+        let config = Config { depth_noise: Some(DepthNoise { constant_m, quadratic_per_m }), ..Config::default() };
         let reference = ReferenceModel::from_scan(&synthetic::scan(&shape, 100), &config);
         for labelled in [true, false] {
             let (mut workspace, mut space) = (Workspace::default(), trajectory_prediction::Workspace::default());

@@ -3,7 +3,7 @@
 use std::{path::PathBuf, time::Instant};
 
 use catch_body::{Gripper, JointVector, Robot};
-use catch_bot::trajectory_optimization::{Config, Planner, Refusal, Start, posed::PosedCatch};
+use catch_bot::trajectory_optimization::{Config, MotionPlanner, PlanningFailure, Start, posed::PosedCatch};
 use catch_cell::arm::Setpoint;
 use catch_lab::{
     VERSION,
@@ -106,7 +106,7 @@ struct LimitRatio {
 pub fn run(arguments: &PlanArguments) -> anyhow::Result<()> {
     let cases = planner_cases::read(&arguments.cases)?;
     let file = arguments.cases.display().to_string();
-    let mut planners: Vec<(Option<&str>, f64, Planner)> = Vec::new();
+    let mut planners: Vec<(Option<&str>, f64, MotionPlanner)> = Vec::new();
     let mut rows = Vec::new();
     for case in &cases {
         let name = arguments.robot.as_deref().or(case.robot.as_deref());
@@ -129,23 +129,23 @@ pub fn run(arguments: &PlanArguments) -> anyhow::Result<()> {
 }
 
 /// A planner that may use all of the limits: nothing is held back for replans here.
-fn planner(robot: Robot, mut gripper: Gripper, grasp_centre_y_m: f64) -> Planner {
+fn planner(robot: Robot, mut gripper: Gripper, grasp_centre_y_m: f64) -> MotionPlanner {
     gripper.grasp_centre_y_m = grasp_centre_y_m;
     let all = Config { position_margin_rad: 0.0, velocity_share: 1.0, torque_share: 1.0, ..Config::default() };
-    Planner::new(robot, gripper, all)
+    MotionPlanner::new(robot, gripper, all)
 }
 
-fn row(planner: &Planner, start: &Start, case: &PlannerCase, general: bool) -> Row {
+fn row(planner: &MotionPlanner, start: &Start, case: &PlannerCase, general: bool) -> Row {
     let plan = || {
         if general {
-            return planner.catch_generally(start, &case.target).ok_or(Refusal::NoMotion);
+            return catch_paper::general::catch_at(planner, start, &case.target).ok_or(PlanningFailure::NoMotion);
         }
         planner.catch_at(start, &case.target)
     };
     let (found, time_ms) = timed(plan);
     let status = match &found {
         Ok(_) => "solved",
-        Err(Refusal::OutOfReach) => "out_of_reach",
+        Err(PlanningFailure::OutOfReach) => "out_of_reach",
         Err(_) => "no_motion",
     };
     let plan = found.ok().map(|plan| figures(planner, start, case, &plan));
@@ -166,7 +166,7 @@ fn timed<T>(mut run: impl FnMut() -> T) -> (T, f64) {
     (result, times[RUNS / 2])
 }
 
-fn figures(planner: &Planner, start: &Start, case: &PlannerCase, plan: &PosedCatch) -> PlanFigures {
+fn figures(planner: &MotionPlanner, start: &Start, case: &PlannerCase, plan: &PosedCatch) -> PlanFigures {
     let (robot, target, spline) = (planner.robot(), &case.target, &plan.spline);
     let [q, dq, _] = spline.evaluate(target.catch_s);
     let X_WL = robot.link_poses(&q);

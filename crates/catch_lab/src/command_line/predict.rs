@@ -215,8 +215,8 @@ fn fit(
     let with_noise = |noise_m: f64| {
         let samples: Vec<TrackSample> = seen.iter().map(|it| sample(it, noise_m)).collect();
         let config = Config {
-            drag_prior_per_m: drag,
-            drag_prior_sd_per_m: drag_sd,
+            drag_prior_per_m: Some(drag),
+            drag_prior_sd_per_m: Some(drag_sd),
             first_after: LEAST_SIGHTINGS,
             window: samples.len(),
             fit_window: samples.len(),

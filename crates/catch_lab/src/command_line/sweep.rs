@@ -2,7 +2,7 @@
 
 use anyhow::Context;
 use catch_body::InputError;
-use catch_bot::Method;
+use catch_lab::brain::Method;
 use catch_lab::{
     VERSION,
     evaluation::{Cell, Evaluation},

@@ -38,6 +38,8 @@ pub enum Reason {
     Blocked,
     /// No motion within the limits was found.
     NoPlan,
+    /// The search for a catch was cut short by its bound on the work.
+    OutOfBudget,
     /// Motions were planned but came too late.
     Late,
     /// The object met the arm.
@@ -72,6 +74,7 @@ impl Display for Reason {
             Self::NoGrasp => "no way of holding it was found",
             Self::Blocked => "it could not come into the open gripper",
             Self::NoPlan => "no motion within the limits was found",
+            Self::OutOfBudget => "the search for a catch ran out of budget",
             Self::Late => "the motion came too late",
             Self::HitArm => "it hit the arm",
             Self::HitFinger => "it hit a finger",
@@ -115,9 +118,10 @@ pub(crate) fn why_not_caught(evidence: &Evidence) -> Option<Reason> {
     Some(with_a_plan(evidence))
 }
 
-/// The brain never had a plan: the reason is how far it got.
+/// The brain never had a plan: the reason is how far it got, or, if it does not tell, what the truth shows.
 fn without_a_plan(evidence: &Evidence) -> Reason {
-    match evidence.furthest_status() {
+    let Some(status) = evidence.furthest_status() else { return with_a_plan(evidence) };
+    match status {
         Status::NoObject => Reason::Perception,
         Status::NoTrajectory if evidence.pose_error_m().is_some_and(|error| error > LARGE_ERROR_M) => {
             Reason::Perception
@@ -126,6 +130,7 @@ fn without_a_plan(evidence: &Evidence) -> Reason {
         Status::OutOfReach => Reason::OutOfReach,
         Status::NoGrasp => Reason::NoGrasp,
         Status::Blocked => Reason::Blocked,
+        Status::OutOfBudget => Reason::OutOfBudget,
         Status::NoPlan | Status::PlanKept | Status::Approached | Status::Planned | Status::Committed => Reason::NoPlan,
     }
 }

@@ -1,6 +1,5 @@
 //! The brain sees only through its cameras: once they are dark, it does not notice where the object goes.
 
-use catch_bot::CatchingBot;
 use catch_cell::{Brain, Cell, Command, DepthFrame, Observation, PixelWindow};
 use catch_lab::setup::{Choice, Setup};
 use catch_sim::Arena;
@@ -60,7 +59,7 @@ fn commands(setup: &Setup, offset: Vector3<f64>, cameras: Cameras) -> Vec<Comman
         Arena::new(setup.equipment(), &release, &setup.robot.ready_q, seed, index)
     };
     let mut cell = MovedObject { before: setup.arena(seed, index), after: elsewhere(), moved: false, cameras };
-    let mut brain: CatchingBot = setup.brain(seed, index);
+    let mut brain = setup.brain(seed, index);
     let mut commands = Vec::new();
     while commands.len() < 120 {
         let plan = brain.report().plan.as_ref();

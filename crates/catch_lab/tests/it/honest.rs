@@ -177,7 +177,8 @@ fn changes_of_catch(switch_gain: f64) -> usize {
     let setup = Setup::load(&choice).unwrap();
     let changes = (0..10).map(|index| {
         let trial = trial::run(&setup, 1, index, &mut |_, _| Ok(())).unwrap();
-        let grasps: Vec<_> = trial.thoughts.iter().filter_map(|it| Some(it.report.plan.as_ref()?.grasp.X_OG)).collect();
+        let grasps: Vec<_> =
+            trial.thoughts.iter().filter_map(|it| Some(it.report.as_ref()?.plan.as_ref()?.grasp.X_OG)).collect();
         grasps.windows(2).filter(|pair| pair[0] != pair[1]).count()
     });
     changes.sum()

@@ -9,12 +9,14 @@ use catch_bot::{
     grasp_selection::GraspSet,
     perception::ReferenceModel,
     trajectory_optimization::{
-        CatchPlan, Config, Incoming, Planner, Refusal, Start, posed::Target, reachability::JointReach,
+        CatchPlan, CatchSearch, Config, Incoming, MotionPlanner, PlanningFailure, Start, posed::Target,
+        reachability::JointReach,
     },
     trajectory_prediction::FlightTrajectory,
 };
 use catch_cell::{ArmTrajectory, arm::Setpoint};
 use catch_lab::{
+    brain::BrainSettings,
     planner_cases,
     setup::{Choice, Setup},
     trial,
@@ -30,9 +32,9 @@ const KNOWN_S: f64 = 0.07;
 /// Everything for planning catches of one object.
 pub struct Desk {
     pub setup: Setup,
-    pub config: catch_bot::Config,
+    pub config: BrainSettings,
     pub grasps: GraspSet,
-    pub planner: Planner,
+    pub search: CatchSearch,
 }
 
 impl Desk {
@@ -42,20 +44,26 @@ impl Desk {
         change(&mut config.trajectory_optimization);
         let reference = ReferenceModel::from_scan(&setup.reference_scan, &config.perception);
         let grasps = GraspSet::sample(&reference, &setup.gripper, &config.grasp_selection);
-        let planner = Planner::new(setup.robot.clone(), setup.gripper.clone(), config.trajectory_optimization.clone());
-        Self { setup, config, grasps, planner }
+        let motion =
+            MotionPlanner::new(setup.robot.clone(), setup.gripper.clone(), config.trajectory_optimization.clone());
+        Self { setup, config, grasps, search: CatchSearch::new(motion) }
     }
 
     fn incoming<'a>(&'a self, flight: &'a FlightTrajectory) -> Incoming<'a> {
         Incoming { flight, grasps: &self.grasps, config: &self.config.grasp_selection }
     }
 
-    pub fn search(&self, start: &Start, flight: &FlightTrajectory) -> Result<CatchPlan, Refusal> {
-        self.planner.search(start, &self.incoming(flight))
+    pub fn search(&self, start: &Start, flight: &FlightTrajectory) -> Result<CatchPlan, PlanningFailure> {
+        self.search.search(start, &self.incoming(flight))
     }
 
-    pub fn look(&self, turn: &mut usize, start: &Start, flight: &FlightTrajectory) -> Result<CatchPlan, Refusal> {
-        self.planner.look(turn, start, &self.incoming(flight))
+    pub fn search_in_passes(
+        &self,
+        pass: &mut usize,
+        start: &Start,
+        flight: &FlightTrajectory,
+    ) -> Result<CatchPlan, PlanningFailure> {
+        self.search.search_in_passes(pass, start, &self.incoming(flight))
     }
 
     pub fn waiting(&self) -> Start {
@@ -123,7 +131,7 @@ fn keeps_its_word(
     flight: &FlightTrajectory,
     plan: &CatchPlan,
 ) -> Result<(), String> {
-    let (robot, gripper) = (desk.planner.robot(), &desk.setup.gripper);
+    let (robot, gripper) = (desk.search.motion().robot(), &desk.setup.gripper);
     let trajectory = &plan.trajectory;
     must(trajectory.spline.is_valid(), || "the spline is not valid".into())?;
     let first = trajectory.setpoint(start.time_s);
@@ -165,7 +173,7 @@ fn keeps_its_word(
 
 /// The object touches neither fingers nor housing before the fingers close.
 fn lets_in(desk: &Desk, flight: &FlightTrajectory, plan: &CatchPlan) -> Result<(), String> {
-    let (robot, gripper) = (desk.planner.robot(), &desk.setup.gripper);
+    let (robot, gripper) = (desk.search.motion().robot(), &desk.setup.gripper);
     let closes_s = plan.catch_s
         - desk.config.grasp_selection.closing(gripper).duration_s(plan.open_width_m - plan.grasp.object_width_m);
     for step in 0..=40 {
@@ -197,7 +205,7 @@ fn many(catches: usize, seed: u64) -> (usize, usize, Vec<String>) {
         let mut seen = flight.clone();
         for _ in 0..4 {
             asked += 1;
-            let again = known.as_ref().and_then(|plan| desk.planner.retarget(&start, &desk.incoming(&seen), plan));
+            let again = known.as_ref().and_then(|plan| desk.search.retarget(&start, &desk.incoming(&seen), plan));
             // Replans keep an opening although a changed flight may scratch it; searches promise a free way in.
             let (found, searched) = match again {
                 Some(plan) => (Ok(plan), false),
@@ -232,7 +240,7 @@ fn many(catches: usize, seed: u64) -> (usize, usize, Vec<String>) {
 #[test]
 fn catches_that_cannot_be_adjusted_are_shifted_or_approached() {
     let desk = Desk::new("banana", |_| {});
-    let planner = &desk.planner;
+    let search = &desk.search;
     let mut rng = Pcg64::seed_from_u64(6);
     let (mut shifted, mut approached) = (0, 0);
     for _ in 0..150 {
@@ -244,14 +252,14 @@ fn catches_that_cannot_be_adjusted_are_shifted_or_approached() {
         let aside = Vector3::new(between(0.06), between(0.06), between(0.06));
         let seen = FlightTrajectory { p_WO: flight.p_WO + aside, ..flight };
         let incoming = desk.incoming(&seen);
-        if planner.retarget(&start, &incoming, &plan).is_some() {
+        if search.retarget(&start, &incoming, &plan).is_some() {
             continue;
         }
-        if let Some(plan) = planner.shifted(&start, &incoming, &plan) {
+        if let Some(plan) = search.shifted(&start, &incoming, &plan) {
             check(&desk, &start, &seen, &plan).unwrap();
             shifted += 1;
         }
-        if let Some(near) = planner.nearest(&start, &incoming, &plan) {
+        if let Some(near) = search.nearest(&start, &incoming, &plan) {
             keeps_its_word(&desk, &start, &near.X_WG, &seen, &near).unwrap();
             let wanted = seen.pose_at(plan.catch_s) * plan.grasp.X_OG;
             let missed_m = |it: &CatchPlan| (wanted.translation.vector - it.X_WG.translation.vector).norm();
@@ -282,7 +290,7 @@ fn a_hundred_thousand_random_catches_hold_when_recomputed() {
 /// along with them. Returns how many of how many are solved.
 fn solved_by(robot: &str, count: usize) -> (usize, usize) {
     let (robot, gripper) = planner_cases::arm(Some(robot), ("test", "robot")).unwrap();
-    let planner = Planner::new(robot, gripper.clone(), Config::default());
+    let planner = MotionPlanner::new(robot, gripper.clone(), Config::default());
     let robot = planner.robot();
     let mut rng = Pcg64::seed_from_u64(11);
     let start = Start { time_s: 0.0, state: Setpoint::at_rest(robot.ready_q) };
@@ -347,10 +355,10 @@ fn arms_of_other_kinds_catch_what_sampling_shows_feasible() {
 }
 
 /// The files of cases that stand beside the benches.
-fn cases(text: &str) -> (Planner, Vec<planner_cases::PlannerCase>) {
+fn cases(text: &str) -> (MotionPlanner, Vec<planner_cases::PlannerCase>) {
     let (robot, gripper) = planner_cases::arm(None, ("test", "robot")).unwrap();
     let all = Config { position_margin_rad: 0.0, velocity_share: 1.0, torque_share: 1.0, ..Config::default() };
-    (Planner::new(robot, gripper, all), planner_cases::parse("test", text).unwrap())
+    (MotionPlanner::new(robot, gripper, all), planner_cases::parse("test", text).unwrap())
 }
 
 #[test]
@@ -373,7 +381,7 @@ fn feasible_cases_are_solved_and_unreachable_ones_proven_so() {
     for case in &unreachable {
         let (q, dq) = case.start("test", planner.robot()).unwrap();
         let start = Start { time_s: 0.0, state: Setpoint { q, dq, ddq: JointVector::zeros() } };
-        assert_eq!(planner.catch_at(&start, &case.target), Err(Refusal::OutOfReach), "{}", case.id);
+        assert_eq!(planner.catch_at(&start, &case.target), Err(PlanningFailure::OutOfReach), "{}", case.id);
     }
     assert_eq!(unreachable.len(), 30);
 }

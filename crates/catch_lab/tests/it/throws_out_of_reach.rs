@@ -5,13 +5,11 @@
 use std::thread;
 
 use catch_bot::{
-    trajectory_optimization::{
-        Refusal, Start,
-        throw_proof::{AnyCatch, ThrowProof},
-    },
+    trajectory_optimization::{PlanningFailure, Start},
     trajectory_prediction::FlightTrajectory,
 };
 use catch_cell::arm::Setpoint;
+use catch_lab::throw_proof::{AnyCatch, ThrowProof, prove_out_of_reach};
 use nalgebra::{Point3, Vector3};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
@@ -23,7 +21,7 @@ use crate::planning::{Desk, random_flight};
 #[test]
 fn the_papers_near_throw_is_out_of_reach_from_its_pose() {
     let desk = Desk::new("tennis_ball", |_| {});
-    let planner = &desk.planner;
+    let planner = desk.search.motion();
     let q = planner.robot().joint_vector(&[1.57, 0.5, 0.0, -1.2, 0.0, 0.8, 1.57]).unwrap();
     let start = Start { time_s: 0.05, state: Setpoint::at_rest(q) };
     let flight = FlightTrajectory {
@@ -31,12 +29,12 @@ fn the_papers_near_throw_is_out_of_reach_from_its_pose() {
         v_WO: Vector3::new(-1.58705, -2.68301, 3.75643),
         ..FlightTrajectory::default()
     };
-    assert_eq!(desk.search(&start, &flight).err(), Some(Refusal::OutOfReach));
+    assert_eq!(desk.search(&start, &flight).err(), Some(PlanningFailure::OutOfReach));
 
     // It falls to the floor after 0.84 s.
     let proven = &|begin: i32| {
         let times_s = [0.05, 0.06].map(|it| it + f64::from(begin) * 0.01);
-        planner.prove_out_of_reach(0.05, &q, &AnyCatch { flight: &flight, times_s, within_m: 0.002 }, 10_000_000)
+        prove_out_of_reach(planner, 0.05, &q, &AnyCatch { flight: &flight, times_s, within_m: 0.002 }, 10_000_000)
     };
     let proofs = thread::scope(|scope| {
         let threads: Vec<_> = (0..80).map(|begin| scope.spawn(move || proven(begin))).collect();
@@ -63,7 +61,7 @@ fn no_catch_is_proven_out_of_reach() {
         let off_m = (plan.grasp.X_OG * desk.setup.gripper.grasp_centre()).coords.norm();
         let times_s = [plan.catch_s - 1e-6, plan.catch_s + 1e-6];
         let any = AnyCatch { flight: &flight, times_s, within_m: off_m + 1e-4 };
-        let proof = desk.planner.prove_out_of_reach(start.time_s, &start.state.q, &any, 10_000);
+        let proof = prove_out_of_reach(desk.search.motion(), start.time_s, &start.state.q, &any, 10_000);
         assert!(matches!(proof, ThrowProof::Open { .. }), "{plan:?}");
     }
     assert!(found > 50, "{found}");

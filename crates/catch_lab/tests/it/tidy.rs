@@ -15,8 +15,9 @@ const CRATES: &[(&str, &[&str])] = &[
     ("catch_body", &[]),
     ("catch_cell", &["catch_body"]),
     ("catch_bot", &["catch_body", "catch_cell"]),
+    ("catch_paper", &["catch_body", "catch_cell", "catch_bot"]),
     ("catch_sim", &["catch_body", "catch_cell"]),
-    ("catch_lab", &["catch_body", "catch_cell", "catch_bot", "catch_sim"]),
+    ("catch_lab", &["catch_body", "catch_cell", "catch_bot", "catch_paper", "catch_sim"]),
 ];
 
 /// Stages of the brain in the order in which data flows; a stage may use only those above it.

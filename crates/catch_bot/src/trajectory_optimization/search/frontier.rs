@@ -36,13 +36,10 @@ impl Stage {
     }
 }
 
-/// What a failure of a grasp puts all of its catches off by, in units of cost: what fails at one time mostly fails at the next
-/// as well, and a look may not do more than so much work.
-const PUT_OFF: f64 = 0.2;
-
 /// Nodes, the one that promises most on top.
-#[derive(Default)]
 pub struct Frontier {
+    /// What a failure of a grasp adds to the cost of all of its catches.
+    failure_penalty: f64,
     nodes: Vec<Node>,
     heap: BinaryHeap<Ticket>,
 }
@@ -54,9 +51,15 @@ struct Ticket {
 }
 
 impl Frontier {
+    /// Without nodes.
+    pub fn new(failure_penalty: f64) -> Self {
+        Self { failure_penalty, nodes: Vec::new(), heap: BinaryHeap::new() }
+    }
+
     /// Adds a node.
     pub fn push(&mut self, node: Node) {
-        self.heap.push(Ticket { order: node.cost + PUT_OFF * node.failures as f64, node: self.nodes.len() });
+        let order = node.cost + self.failure_penalty * node.failures as f64;
+        self.heap.push(Ticket { order, node: self.nodes.len() });
         self.nodes.push(node);
     }
 

@@ -163,7 +163,7 @@ fn measured_cold_starts() {
                     off_m < 0.01 && reference.symmetry.turn_between(&found.X_WO.rotation, &X_WO.rotation).norm() < 0.2
                 }));
             }
-            let is_told = if config.depth_noise == DepthNoise::default() { "untold" } else { "told" };
+            let is_told = if config.depth_noise.is_none() { "untold" } else { "told" };
             println!("{name:7} {noise:?} {is_told}: {right} of {} right, {}", find_ms.len(), percentiles(find_ms));
         }
     }

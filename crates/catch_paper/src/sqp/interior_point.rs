@@ -5,8 +5,9 @@
 //!      x
 //! ```
 //! Mehrotra's predictor and corrector (Nocedal & Wright, Numerical Optimization, section 16.6). Unlike the active-set method of
-//! [`quadratic_program`](super::super::quadratic_program) its number of steps hardly depends on how many rows bind.
+//! [`quadratic_program`](catch_bot::trajectory_optimization::quadratic_program) its number of steps hardly depends on how many rows bind.
 
+use catch_bot::trajectory_optimization::quadratic_program::ProgramFailure;
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 /// One row aᵀx ≤ b. Its entries stand together, but for one slack variable, which enters with −1.
@@ -73,8 +74,11 @@ const TOLERANCE: f64 = 1e-9;
 const TO_BOUNDARY: f64 = 0.995;
 
 impl Program {
-    /// The minimum, sought from `x`, which need not keep the rows; `None` if there is none or it was not found.
-    pub fn minimize(&self, mut x: DVector<f64>) -> Option<DVector<f64>> {
+    /// The minimum, sought from `x`, which need not keep the rows.
+    ///
+    /// # Errors
+    /// If it was not found: where no x keeps the rows, the steps come to their limit.
+    pub fn minimize(&self, mut x: DVector<f64>) -> Result<DVector<f64>, ProgramFailure> {
         let rows = &self.rows;
         let count = rows.len() as f64;
         let mut s: Vec<f64> = rows.iter().map(|row| (row.bound - row.dot(&x)).max(1e-2)).collect();
@@ -88,14 +92,14 @@ impl Program {
             let gap = s.iter().zip(&z).map(|(s, z)| s * z).sum::<f64>() / count;
             let broken = r_primal.iter().fold(0.0, |most: f64, r| most.max(r.abs()));
             if broken < TOLERANCE && gap < TOLERANCE && r_dual.amax() < 1e3 * TOLERANCE {
-                return Some(x);
+                return Ok(x);
             }
 
             let mut matrix = self.hessian.clone();
             for ((row, s), z) in rows.iter().zip(&s).zip(&z) {
                 row.add_square_to(&mut matrix, z / s);
             }
-            let factor = Cholesky::new(matrix)?;
+            let factor = Cholesky::new(matrix).ok_or(ProgramFailure::Numerical)?;
             // Predictor: straight for the optimum. Corrector: toward the centre, as far as the predictor fell short, and with the
             // predictor's second-order error.
             let products: Vec<f64> = s.iter().zip(&z).map(|(s, z)| s * z).collect();
@@ -116,10 +120,10 @@ impl Program {
                 z[i] += by * dz[i];
             }
             if !x.iter().all(|value| value.is_finite()) {
-                return None;
+                return Err(ProgramFailure::Numerical);
             }
         }
-        None
+        Err(ProgramFailure::IterationLimit)
     }
 
     /// Solves (H + Gᵀ(z/s)G)·Δx = −r_d + Gᵀ(r_c − z·r_p)/s, Δs = −r_p − G·Δx, Δz = (−r_c − z·Δs)/s.
@@ -177,7 +181,7 @@ mod tests {
             gradient: DVector::zeros(1),
             rows: vec![row(&[1.0], -1.0), row(&[-1.0], -1.0)],
         };
-        assert_eq!(program.minimize(DVector::zeros(1)), None);
+        assert!(program.minimize(DVector::zeros(1)).is_err());
     }
 
     #[test]

@@ -129,7 +129,7 @@ fn rate_of_rotation_vector(turn: &Vector3<f64>) -> Matrix3<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::trajectory_optimization::sqp::tests::iiwa;
+    use crate::sqp::tests::iiwa;
     use proptest::prelude::*;
 
     proptest! {

@@ -11,21 +11,22 @@
 //!   ```
 //!   since ∂Jᵢ/∂qⱼ = zᵢ × Jⱼ for i ≤ j. Along any direction this also narrows each joint to what the others can make up for.
 //! * *velocity*: J·q̇ = s·v_O with 0 ≤ s ≤ s_max, and for each joint the velocities that it can have on arrival
-//!   ([`super::reachability`]). A direction λ separates both sides if max λᵀ·J·q̇ < min λᵀ·s·v_O over the piece.
+//!   ([`reachability`](catch_bot::trajectory_optimization::reachability)). A direction λ separates both sides if max λᵀ·J·q̇ < min λᵀ·s·v_O over the piece.
 //!
 //! What is left is halved. Torque, the arm itself, the floor and the object's shape bar more, and are not asked.
 
 use catch_body::{JointVector, MAX_JOINTS, dynamics::gravity, robot::Jacobian};
+use catch_bot::{
+    trajectory_optimization::{
+        MotionPlanner, Start,
+        arrival::shortfall,
+        motion::Shares,
+        reachability::{Interval, JointReach},
+    },
+    trajectory_prediction::FlightTrajectory,
+};
 use catch_cell::arm::Setpoint;
 use nalgebra::{Point3, Vector3};
-
-use super::{
-    Planner, Start,
-    arrival::shortfall,
-    motion::Shares,
-    reachability::{Interval, JointReach},
-};
-use crate::trajectory_prediction::FlightTrajectory;
 
 /// Times of the first pieces, in seconds.
 const FIRST_PIECE_S: f64 = 0.01;
@@ -65,48 +66,46 @@ pub struct AnyCatch<'a> {
     pub within_m: f64,
 }
 
-impl Planner {
-    /// Tries to prove that the arm, at rest at `q` until `start_s`, can make no catch after that within its position, velocity and
-    /// acceleration limits. It gives up with the first piece beyond `most_pieces` that may hold one.
-    ///
-    /// # Panics
-    /// If the times are not finite or not in order.
-    pub fn prove_out_of_reach(
-        &self,
-        start_s: f64,
-        q: &JointVector,
-        any: &AnyCatch<'_>,
-        most_pieces: usize,
-    ) -> ThrowProof {
-        let at_rest = Start { time_s: start_s, state: Setpoint::at_rest(*q) };
-        let proof = Proof { planner: self, start: &at_rest, any };
-        let [begin_s, end_s] = any.times_s;
-        assert!(begin_s.is_finite() && end_s.is_finite() && begin_s <= end_s, "times in order: {:?}", any.times_s);
-        let mut begin_s = begin_s.max(start_s);
-        let mut pieces = 0;
-        let mut left = Vec::new();
-        while begin_s <= end_s {
-            let until_s = (begin_s + FIRST_PIECE_S).min(end_s);
-            let mut piece = [Interval { low: f64::NEG_INFINITY, high: f64::INFINITY }; UNKNOWNS];
-            piece[TIME] = Interval { low: begin_s, high: until_s };
-            left.push(piece);
-            while let Some(piece) = left.pop() {
-                pieces += 1;
-                let Some((piece, longest)) = proof.narrowed(piece) else { continue };
-                let middle = piece.map(|it| it.middle());
-                if pieces >= most_pieces {
-                    return ThrowProof::Open { catch_s: middle[TIME], q: JointVector::from_fn(|i, _| middle[i]) };
-                }
-                let mut halves = [piece; 2];
-                halves[0][longest].high = middle[longest];
-                halves[1][longest].low = middle[longest];
-                left.extend(halves);
+/// Tries to prove that the arm, at rest at `q` until `start_s`, can make no catch after that within its position, velocity and
+/// acceleration limits. It gives up with the first piece beyond `most_pieces` that may hold one.
+///
+/// # Panics
+/// If the times are not finite or not in order.
+pub fn prove_out_of_reach(
+    planner: &MotionPlanner,
+    start_s: f64,
+    q: &JointVector,
+    any: &AnyCatch<'_>,
+    most_pieces: usize,
+) -> ThrowProof {
+    let at_rest = Start { time_s: start_s, state: Setpoint::at_rest(*q) };
+    let proof = Proof { planner, start: &at_rest, any };
+    let [begin_s, end_s] = any.times_s;
+    assert!(begin_s.is_finite() && end_s.is_finite() && begin_s <= end_s, "times in order: {:?}", any.times_s);
+    let mut begin_s = begin_s.max(start_s);
+    let mut pieces = 0;
+    let mut left = Vec::new();
+    while begin_s <= end_s {
+        let until_s = (begin_s + FIRST_PIECE_S).min(end_s);
+        let mut piece = [Interval { low: f64::NEG_INFINITY, high: f64::INFINITY }; UNKNOWNS];
+        piece[TIME] = Interval { low: begin_s, high: until_s };
+        left.push(piece);
+        while let Some(piece) = left.pop() {
+            pieces += 1;
+            let Some((piece, longest)) = proof.narrowed(piece) else { continue };
+            let middle = piece.map(|it| it.middle());
+            if pieces >= most_pieces {
+                return ThrowProof::Open { catch_s: middle[TIME], q: JointVector::from_fn(|i, _| middle[i]) };
             }
-            // The last piece ends with the times, which may be an instant.
-            begin_s = if until_s < end_s { until_s } else { f64::INFINITY };
+            let mut halves = [piece; 2];
+            halves[0][longest].high = middle[longest];
+            halves[1][longest].low = middle[longest];
+            left.extend(halves);
         }
-        ThrowProof::OutOfReach { pieces }
+        // The last piece ends with the times, which may be an instant.
+        begin_s = if until_s < end_s { until_s } else { f64::INFINITY };
     }
+    ThrowProof::OutOfReach { pieces }
 }
 
 /// Times and joint positions.
@@ -131,7 +130,7 @@ struct Flown {
 }
 
 struct Proof<'a> {
-    planner: &'a Planner,
+    planner: &'a MotionPlanner,
     start: &'a Start,
     any: &'a AnyCatch<'a>,
 }
@@ -144,7 +143,7 @@ impl Proof<'_> {
         let shares = Shares { velocity: 1.0, acceleration: 1.0 };
         let reaches = self.planner.reaches(self.start, piece[TIME].high - self.start.time_s, shares);
         for i in 0..MAX_JOINTS {
-            let Some(joint) = self.planner.robot.joints.get(i) else {
+            let Some(joint) = self.planner.robot().joints.get(i) else {
                 piece[i] = Interval { low: 0.0, high: 0.0 };
                 continue;
             };
@@ -167,11 +166,11 @@ impl Proof<'_> {
     }
 
     fn middle(&self, piece: &Piece) -> Middle {
-        let robot = &self.planner.robot;
+        let robot = self.planner.robot();
         let q = JointVector::from_fn(|i, _| piece[i].middle());
         let half = piece.map(|it| it.half_width());
         let X_WL = robot.link_poses(&q);
-        let p_G = robot.gripper_in(&X_WL) * self.planner.gripper.grasp_centre();
+        let p_G = robot.gripper_in(&X_WL) * self.planner.gripper().grasp_centre();
         let J = robot.jacobian(&X_WL, &p_G);
         // The length of a column is changed by the joints after it only, by no more than their columns each.
         let (mut columns, mut changed) = ([0.0; MAX_JOINTS], 0.0);
@@ -225,7 +224,7 @@ impl Proof<'_> {
         flown: &Flown,
         reaches: &[JointReach; MAX_JOINTS],
     ) -> bool {
-        let most = self.planner.config.max_speed_fraction;
+        let most = self.planner.config().max_speed_fraction;
         let bounds = std::array::from_fn(|i| {
             let far = reaches[i].displacements();
             let at = |q: f64| reaches[i].arrival_velocities((q - self.start.state.q[i]).clamp(far.low, far.high));
@@ -274,11 +273,9 @@ fn narrow(row: &[f64; UNKNOWNS], rest: Interval, unknowns: &mut [Interval; UNKNO
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::trajectory_optimization::{Config, sqp::tests::iiwa};
-    use catch_body::Gripper;
+    use crate::planner_cases;
+    use catch_bot::trajectory_optimization::Config;
     use proptest::prelude::*;
-
-    const WSG50: &str = include_str!("../../../../assets/grippers/wsg50.toml");
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(2000))]
@@ -292,32 +289,32 @@ mod tests {
             smallness in 0.0f64..14.0, sizes in prop::array::uniform8(-4.0f64..1.0),
             asides in prop::array::uniform8(0.0f64..=1.0),
         ) {
-            let gripper = Gripper::from_toml("wsg50.toml", WSG50).unwrap();
-            let planner = Planner::new(iiwa(), gripper, Config::default());
-            let start = Start { time_s: 0.05, state: Setpoint::at_rest(planner.robot.ready_q) };
+            let (robot, gripper) = planner_cases::arm(None, ("test", "robot")).unwrap();
+            let planner = MotionPlanner::new(robot, gripper, Config::default());
+            let start = Start { time_s: 0.05, state: Setpoint::at_rest(planner.robot().ready_q) };
             let (from, catch_s) = (start.state.q, start.time_s + lead_s);
             let reaches = planner.reaches(&start, lead_s, Shares { velocity: 1.0, acceleration: 1.0 });
             let mut q = from;
-            for (i, joint) in planner.robot.joints.iter().enumerate() {
+            for (i, joint) in planner.robot().joints.iter().enumerate() {
                 let far = reaches[i].displacements();
                 let (low, high) = (far.low.max(joint.limits.lower - q[i]), far.high.min(joint.limits.upper - q[i]));
                 q[i] += low + ways[i] * (high - low);
             }
-            let X_WL = planner.robot.link_poses(&q);
-            let p_WO = planner.robot.gripper_in(&X_WL) * planner.gripper.grasp_centre();
-            let J = planner.robot.jacobian(&X_WL, &p_WO).fixed_rows::<3>(3).into_owned();
+            let X_WL = planner.robot().link_poses(&q);
+            let p_WO = planner.robot().gripper_in(&X_WL) * planner.gripper().grasp_centre();
+            let J = planner.robot().jacobian(&X_WL, &p_WO).fixed_rows::<3>(3).into_owned();
             let dq = JointVector::from_fn(|i, _| {
                 let fast = reaches[i].arrival_velocities(q[i] - from[i]);
                 if J.column(i).dot(&Vector3::from(toward)) > 0.0 { fast.high } else { fast.low }
             });
-            let v_WO = J * dq / (share.min(1.0) * planner.config.max_speed_fraction);
+            let v_WO = J * dq / (share.min(1.0) * planner.config().max_speed_fraction);
             let flight = FlightTrajectory { time_s: catch_s, p_WO, v_WO, drag_per_m, ..FlightTrajectory::default() };
 
             let any = AnyCatch { flight: &flight, times_s: [0.0, 1.0], within_m: 0.0 };
             let proof = Proof { planner: &planner, start: &start, any: &any };
             let catch: [f64; UNKNOWNS] = std::array::from_fn(|i| if i == TIME { catch_s } else { q[i] });
             let mut piece = catch.map(|at| Interval { low: at, high: at });
-            for (k, i) in (0..planner.robot.dof()).chain([TIME]).enumerate() {
+            for (k, i) in (0..planner.robot().dof()).chain([TIME]).enumerate() {
                 let most = if i == TIME { FIRST_PIECE_S } else { (-smallness).exp2() };
                 let size = most * sizes[k].min(0.0).exp2();
                 piece[i] = Interval { low: catch[i] - asides[k] * size, high: catch[i] + (1.0 - asides[k]) * size };

@@ -1,8 +1,8 @@
-//! A search in bounded looks: what it costs, and what it misses.
+//! A search in bounded passes: what it costs, and what it misses.
 
 #![allow(clippy::print_stdout, reason = "figures for the docs, shown by --nocapture")]
 
-use catch_bot::trajectory_optimization::{Refusal, search::LOOKS};
+use catch_bot::trajectory_optimization::{PlanningFailure, search::PASSES};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
@@ -18,8 +18,8 @@ fn cpu_ms() -> f64 {
     0.0
 }
 
-/// Throws that a search on a grid five times finer catches and the looks for a catch, one after the other, do not.
-fn lost(throws: usize) -> (usize, usize, Vec<(usize, Refusal)>) {
+/// Throws that a search on a grid five times finer catches and the passes of a search, one after the other, do not.
+fn lost(throws: usize) -> (usize, usize, Vec<(usize, PlanningFailure)>) {
     let (mut caught, mut caught_finer, mut lost) = (0, 0, Vec::new());
     let mut times = [Vec::new(), Vec::new()];
     for (o, object) in OBJECTS.iter().enumerate() {
@@ -28,10 +28,10 @@ fn lost(throws: usize) -> (usize, usize, Vec<(usize, Refusal)>) {
         let mut rng = Pcg64::seed_from_u64(o as u64);
         for i in (o..throws).step_by(OBJECTS.len()) {
             let flight = random_flight(&mut rng);
-            let (mut turn, mut found) = (0, None);
-            while turn < LOOKS && !matches!(found, Some(Ok(_))) {
-                let (before, is_later) = (cpu_ms(), turn > 0);
-                found = Some(desk.look(&mut turn, &desk.waiting(), &flight));
+            let (mut pass, mut found) = (0, None);
+            while pass < PASSES && !matches!(found, Some(Ok(_))) {
+                let (before, is_later) = (cpu_ms(), pass > 0);
+                found = Some(desk.search_in_passes(&mut pass, &desk.waiting(), &flight));
                 times[usize::from(is_later)].push(cpu_ms() - before);
             }
             let found_finer = finer.search(&finer.waiting(), &flight);
@@ -49,7 +49,7 @@ fn lost(throws: usize) -> (usize, usize, Vec<(usize, Refusal)>) {
         let [half, most, nearly, max] = [0.5, 0.9, 0.99, 1.0].map(share);
         let count = times.len();
         println!(
-            "{count} {which} looks: median {half:.2} ms, 90 % {most:.2} ms, 99 % {nearly:.2} ms, max {max:.2} ms of CPU time"
+            "{count} {which} passes: median {half:.2} ms, 90 % {most:.2} ms, 99 % {nearly:.2} ms, max {max:.2} ms of CPU time"
         );
     }
     (caught, caught_finer, lost)
@@ -62,7 +62,7 @@ fn a_finer_grid_finds_no_catch_that_was_missed() {
     assert!(lost.is_empty(), "{lost:?}");
 }
 
-/// The whole of it: `cargo test --release --workspace --test it looks::a_thousand -- --ignored --nocapture`.
+/// The whole of it: `cargo test --release --workspace --test it search_passes::a_thousand -- --ignored --nocapture`.
 #[test]
 #[ignore = "takes a minute"]
 fn a_thousand_throws_lose_nothing() {

@@ -7,7 +7,7 @@
 //! ```
 //! P are the control points of a cubic B-spline, s the share of the object's velocity at which the gripper moves along, e the
 //! errors at the waypoints ([`Waypoint`]): pose of the gripper and velocity of one of its points. The arm may have any
-//! kinematics; no closed form is asked for. What the closed forms of [`search`](super::search) solve exactly and faster, this
+//! kinematics; no closed form is asked for. What the closed forms of [`MotionPlanner`](catch_bot::trajectory_optimization::MotionPlanner) solve exactly and faster, this
 //! solves for everything else.
 //!
 //! Sequential quadratic programming with an exact penalty in a trust region (Fletcher, Practical Methods of Optimization, section
@@ -18,6 +18,7 @@ pub mod interior_point;
 pub mod waypoint;
 
 use catch_body::{JointVector, Robot, robot::JointLimits};
+use catch_bot::trajectory_optimization::quadratic_program::ProgramFailure;
 use catch_cell::{
     BSpline,
     arm::Setpoint,
@@ -69,6 +70,8 @@ pub struct Solution {
     pub excess: f64,
     /// Quadratic programs that were solved.
     pub iterations: usize,
+    /// Whether it came to rest before as many of them as there may be.
+    pub converged: bool,
 }
 
 /// Price of an error, ρ: above any multiplier that was seen (about 1 per radian, metre or m/s).
@@ -99,10 +102,13 @@ impl Problem<'_> {
         self.knots_s.len() - DEGREE - 1
     }
 
-    /// The motion, sought from a guess of its control points; `None` if no motion from this start keeps the limits.
-    pub fn solve(&self, guess: &[JointVector]) -> Option<Solution> {
+    /// The motion, sought from a guess of its control points.
+    ///
+    /// # Errors
+    /// If no motion from this start keeps the limits, or none was found that does.
+    pub fn solve(&self, guess: &[JointVector]) -> Result<Solution, ProgramFailure> {
         let layout = Layout::new(self);
-        let limits = layout.limit_rows(self)?;
+        let limits = layout.limit_rows(self).ok_or(ProgramFailure::Infeasible)?;
         let mut x = layout.feasible(&limits, guess, self.speed_fraction)?;
         let mut now = layout.linearize(self, &x);
         let mut radius = RADIUS;
@@ -112,7 +118,7 @@ impl Problem<'_> {
                 break;
             }
             iterations += 1;
-            let Some(candidate) = layout.program(self, &limits, &x, &now, radius).minimize(layout.padded(&x)) else {
+            let Ok(candidate) = layout.program(self, &limits, &x, &now, radius).minimize(layout.padded(&x)) else {
                 radius *= 0.25;
                 continue;
             };
@@ -139,20 +145,22 @@ impl Problem<'_> {
                 radius = 0.3 * step.amax().min(radius);
             }
         }
+        let converged = iterations < ITERATIONS;
         // Steps along a curved constraint leave behind what its curvature costs (Maratos 1978); short ones take it away.
         let most = iterations + CORRECTIONS;
         while iterations < most && (MET..CORRECTABLE).contains(&layout.excess(self, &now)) {
             iterations += 1;
             let radius = CORRECTION_RADIUS * layout.excess(self, &now);
             let found = layout.program(self, &limits, &x, &now, radius).minimize(layout.padded(&x));
-            let Some(candidate) = found.map(|it| it.rows(0, layout.variables()).into_owned()) else { break };
+            let Ok(candidate) = found.map(|it| it.rows(0, layout.variables()).into_owned()) else { break };
             let next = layout.linearize(self, &candidate);
             if layout.excess(self, &next) < layout.excess(self, &now) {
                 (x, now) = (candidate, next);
             }
         }
         let spline = BSpline { knots_s: self.knots_s.clone(), control_points: layout.control_points(&x) };
-        Some(Solution { spline, speed_fraction: x[layout.fraction()], excess: layout.excess(self, &now), iterations })
+        let (speed_fraction, excess) = (x[layout.fraction()], layout.excess(self, &now));
+        Ok(Solution { spline, speed_fraction, excess, iterations, converged })
     }
 
     /// By how much the worst error of some motion exceeds its tolerance.
@@ -284,7 +292,12 @@ impl Layout {
     }
 
     /// The motion within the limits that is nearest to a guess.
-    fn feasible(&self, limits: &[Row], guess: &[JointVector], fraction: [f64; 2]) -> Option<DVector<f64>> {
+    fn feasible(
+        &self,
+        limits: &[Row],
+        guess: &[JointVector],
+        fraction: [f64; 2],
+    ) -> Result<DVector<f64>, ProgramFailure> {
         let mut x = DVector::zeros(self.variables());
         for joint in 0..self.dof {
             for k in 0..self.free {
@@ -399,7 +412,7 @@ pub fn clamped_knots(start_s: f64, end_s: f64, points: usize) -> Vec<f64> {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+pub(crate) mod tests {
     use super::*;
     use catch_body::robot_file::RobotFiles;
     use nalgebra::Vector3;
@@ -408,9 +421,9 @@ pub(super) mod tests {
     pub fn iiwa() -> Robot {
         Robot::from_files(&RobotFiles {
             urdf_file: "robot.urdf",
-            urdf: include_str!("../../../../assets/robots/iiwa14/robot.urdf"),
+            urdf: include_str!("../../../assets/robots/iiwa14/robot.urdf"),
             toml_file: "robot.toml",
-            toml: include_str!("../../../../assets/robots/iiwa14/robot.toml"),
+            toml: include_str!("../../../assets/robots/iiwa14/robot.toml"),
         })
         .unwrap()
     }

@@ -8,19 +8,17 @@
 //! than the running one, and none that breaks a limit or collides.
 
 use catch_body::{JointVector, MAX_JOINTS};
+use catch_bot::settings::{DURATION_S, FRACTION, Faults, NOT_NEGATIVE, SettingError, Settings};
+use catch_bot::{
+    grasp_selection::{Approach, Grasp},
+    trajectory_optimization::{CatchPlan, MotionPlanner, Start, arrival},
+    trajectory_prediction::FlightTrajectory,
+};
 use catch_cell::{ArmTrajectory, BSpline};
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
-use super::{Tolerances, between};
-use crate::{
-    grasp_selection::{Approach, Grasp},
-    trajectory_optimization::{
-        CatchPlan, Planner, Start, arrival,
-        sqp::{MET, Problem, Solution, Tolerance, Waypoint, clamped_knots},
-    },
-    trajectory_prediction::FlightTrajectory,
-};
+use crate::sqp::{MET, Problem, Solution, Tolerance, Waypoint, clamped_knots};
 
 /// Settings of the paper's trajectory optimization.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -66,9 +64,26 @@ impl Default for Config {
     }
 }
 
+impl Settings for Config {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .counts([("rounds", self.rounds)])
+            .values(&(7.0..=40.0), [("control_points", self.control_points as f64)])
+            .values(&FRACTION, [("speed_fraction", self.speed_fraction), ("tightening", self.tightening)])
+            .values(&DURATION_S, [("pre_grasp_s", self.pre_grasp_s)])
+            .values(
+                &NOT_NEGATIVE,
+                [("pre_grasp_loosening", self.pre_grasp_loosening), ("comfort_weight", self.comfort_weight)],
+            )
+            .table("loosest", &self.loosest)
+            .table("replan", &self.replan)
+            .all()
+    }
+}
+
 /// The first plan: round by round, until one cannot be met.
 pub fn plan(
-    planner: &Planner,
+    planner: &MotionPlanner,
     start: &Start,
     flight: &FlightTrajectory,
     catch_s: f64,
@@ -81,7 +96,7 @@ pub fn plan(
     let mut best: Option<(Solution, ArmTrajectory)> = None;
     for _ in 0..config.rounds {
         let problem = problem(planner, start, flight, catch_s, &grasp, tolerance, config);
-        let Some(found) = problem.solve(&guess).filter(|found| found.excess < MET) else { break };
+        let Some(found) = problem.solve(&guess).ok().filter(|found| found.excess < MET) else { break };
         guess.clone_from(&found.spline.control_points);
         if let Some(trajectory) = completed(planner, &found.spline, &grasp) {
             best = Some((found, trajectory));
@@ -94,7 +109,7 @@ pub fn plan(
 
 /// The running plan for a flight that is known better: `None` if nothing comes closer to it.
 pub fn follow(
-    planner: &Planner,
+    planner: &MotionPlanner,
     start: &Start,
     flight: &FlightTrajectory,
     plan: &CatchPlan,
@@ -106,7 +121,7 @@ pub fn follow(
     let running = |time_s: f64| plan.trajectory.setpoint(time_s);
     let places = problem.knots_s[1..].windows(3).take(config.control_points);
     let guess: Vec<JointVector> = places.map(|knots| running(knots.iter().sum::<f64>() / 3.0).q).collect();
-    let found = problem.solve(&guess)?;
+    let found = problem.solve(&guess).ok()?;
     if found.excess >= MET && found.excess >= problem.excess_of(running, config.speed_fraction) {
         return None;
     }
@@ -115,12 +130,12 @@ pub fn follow(
 }
 
 /// A motion with braking after it, `None` if that breaks any limit or collides.
-fn completed(planner: &Planner, to_catch: &BSpline, grasp: &Grasp) -> Option<ArmTrajectory> {
+fn completed(planner: &MotionPlanner, to_catch: &BSpline, grasp: &Grasp) -> Option<ArmTrajectory> {
     planner.completed(to_catch.clone(), grasp).filter(|trajectory| planner.keeps_limits(trajectory))
 }
 
 /// Joint positions that put the gripper at `X_WG`, near the comfortable pose.
-fn inverse_kinematics(planner: &Planner, X_WG: &catch_body::Pose) -> Option<JointVector> {
+fn inverse_kinematics(planner: &MotionPlanner, X_WG: &catch_body::Pose) -> Option<JointVector> {
     let robot = planner.robot();
     let mut ranges = [[0.0; 2]; MAX_JOINTS];
     for (range, joint) in ranges.iter_mut().zip(&robot.joints) {
@@ -136,7 +151,7 @@ fn inverse_kinematics(planner: &Planner, X_WG: &catch_body::Pose) -> Option<Join
 
 /// Both poses of the gripper, before the grasp and at it, and the velocities there.
 fn problem<'a>(
-    planner: &'a Planner,
+    planner: &'a MotionPlanner,
     start: &Start,
     flight: &FlightTrajectory,
     catch_s: f64,
@@ -170,7 +185,7 @@ fn problem<'a>(
 }
 
 fn catch_plan(
-    planner: &Planner,
+    planner: &MotionPlanner,
     flight: &FlightTrajectory,
     catch_s: f64,
     grasp: Grasp,
@@ -196,6 +211,44 @@ fn catch_plan(
         holding_cost: 0.0,
         trajectory,
     }
+}
+
+/// The tolerances of one optimization, as files have them.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tolerances {
+    /// Along each axis, in metres.
+    pub position_m: f64,
+    /// About each axis, in radians.
+    pub rotation_rad: f64,
+    /// Along each axis, in m/s.
+    pub velocity_mps: f64,
+}
+
+impl Settings for Tolerances {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .values(
+                &NOT_NEGATIVE,
+                [
+                    ("position_m", self.position_m),
+                    ("rotation_rad", self.rotation_rad),
+                    ("velocity_mps", self.velocity_mps),
+                ],
+            )
+            .all()
+    }
+}
+
+impl From<Tolerances> for Tolerance {
+    fn from(it: Tolerances) -> Self {
+        Self { position_m: it.position_m, rotation_rad: it.rotation_rad, velocity_mps: it.velocity_mps }
+    }
+}
+
+/// Joint positions between two, evenly spaced.
+fn between(from: &JointVector, to: &JointVector, count: usize) -> Vec<JointVector> {
+    (0..count).map(|i| from.lerp(to, i as f64 / (count - 1) as f64)).collect()
 }
 
 #[cfg(test)]

@@ -2,12 +2,8 @@
 //! by thresholds on the three heuristics, the cheapest taken.
 
 use catch_body::{Gripper, Pose};
-use nalgebra::{Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64;
-use serde::{Deserialize, Serialize};
-
-use crate::{
+use catch_bot::settings::{Faults, NOT_NEGATIVE, SettingError, Settings};
+use catch_bot::{
     grasp_selection::{
         Grasp,
         darboux::darboux_frame,
@@ -16,6 +12,10 @@ use crate::{
     perception::ReferenceModel,
     trajectory_prediction::FlightTrajectory,
 };
+use nalgebra::{Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use serde::{Deserialize, Serialize};
 
 /// Settings of the paper's grasp selection. All figures are the code's.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -56,6 +56,27 @@ impl Default for Config {
             max_misalignment: 0.1,
             strength_weight: 10.0,
         }
+    }
+}
+
+impl Settings for Config {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .counts([("samples", self.samples)])
+            .values(
+                &NOT_NEGATIVE,
+                [
+                    ("darboux_radius_m", self.darboux_radius_m),
+                    ("standoff_m", self.standoff_m),
+                    ("long_standoff_m", self.long_standoff_m),
+                    ("long_radius_m", self.long_radius_m),
+                    ("max_strength_m", self.max_strength_m),
+                    ("max_discomfort", self.max_discomfort),
+                    ("max_misalignment", self.max_misalignment),
+                    ("strength_weight", self.strength_weight),
+                ],
+            )
+            .all()
     }
 }
 
@@ -175,7 +196,7 @@ mod tests {
             v_WO: Vector3::new(0.0, -4.0, -1.0),
             ..FlightTrajectory::default()
         };
-        let toml = include_str!("../../../../assets/grippers/wsg50.toml");
+        let toml = include_str!("../../../assets/grippers/wsg50.toml");
         let gripper = Gripper::from_toml("wsg50.toml", toml).unwrap();
         let config = Config::default();
         let grasp = select(&reference, &gripper, &flight, 0.6, &Point3::origin(), 7, &config).unwrap();

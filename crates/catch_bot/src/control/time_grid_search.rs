@@ -1,0 +1,124 @@
+//! Our catch planner: a search over catch times, grasps and arm angles, and replans of the catch that it chose.
+
+use std::sync::Arc;
+
+use super::{CatchPlanner, Config, Decision, Progress, Situation, Status, is_still_good};
+use crate::{
+    grasp_selection::{self, GraspSet},
+    trajectory_optimization::{CatchPlan, CatchSearch, Incoming, PlanningFailure},
+};
+
+/// Best-first search over a grid of catch times, and replans with switching hysteresis.
+#[derive(Debug, Clone)]
+pub struct TimeGridSearch {
+    config: Config,
+    grasping: grasp_selection::Config,
+    grasps: Arc<GraspSet>,
+    search: Arc<CatchSearch>,
+}
+
+impl TimeGridSearch {
+    /// For an arm with a gripper, and an object by its grasp candidates.
+    pub fn new(
+        config: Config,
+        grasping: grasp_selection::Config,
+        grasps: Arc<GraspSet>,
+        search: Arc<CatchSearch>,
+    ) -> Self {
+        Self { config, grasping, grasps, search }
+    }
+
+    /// As many search passes as an image allows.
+    fn pass(
+        &self,
+        situation: &Situation<'_>,
+        incoming: &Incoming<'_>,
+        progress: &mut Progress,
+    ) -> Result<CatchPlan, PlanningFailure> {
+        let found = self.search.search_in_passes(&mut progress.passes, &situation.start, incoming);
+        if found.is_ok() {
+            progress.passes = 0;
+        }
+        found
+    }
+
+    /// A first catch.
+    fn first(&self, situation: &Situation<'_>, incoming: &Incoming<'_>) -> Decision {
+        let mut progress = situation.progress;
+        match self.pass(situation, incoming, &mut progress) {
+            Ok(plan) => {
+                progress.reference_cost = Some(plan.holding_cost);
+                Decision { status: Status::Planned, plan: Some(plan), progress }
+            }
+            Err(refusal) => {
+                let status = match refusal {
+                    PlanningFailure::NoGrasp => Status::NoGrasp,
+                    PlanningFailure::OutOfReach => Status::OutOfReach,
+                    PlanningFailure::Blocked => Status::Blocked,
+                    PlanningFailure::NoMotion => Status::NoPlan,
+                    PlanningFailure::OutOfBudget => Status::OutOfBudget,
+                };
+                Decision { status, plan: None, progress }
+            }
+        }
+    }
+
+    /// The same catch adjusted, else a little sooner or later, else the old motion while it is good enough, else another catch,
+    /// else as near to it as the arm can still come. Another catch also takes the place of one that promised more than it now
+    /// does.
+    fn replan(&self, situation: &Situation<'_>, incoming: &Incoming<'_>, running: &CatchPlan) -> Decision {
+        let (start, flight, search) = (&situation.start, incoming.flight, &self.search);
+        let mut progress = situation.progress;
+        // Fingers that have begun to close are timed for this catch.
+        let is_closing = situation.is_closing();
+        let mut adjusted = search.retarget(start, incoming, running);
+        if !is_closing && !adjusted.as_ref().is_some_and(|it| it.lets_in) {
+            adjusted = search.shifted(start, incoming, running).or(adjusted);
+        }
+        let is_good = match &adjusted {
+            Some(adjusted) => adjusted.lets_in,
+            None => is_still_good(running, flight, search.motion().gripper(), &self.config),
+        };
+        // A catch that the flight, known better, has made worse is compared with the best there is now.
+        let gain = self.config.switch_gain;
+        let has_worsened = adjusted
+            .as_ref()
+            .zip(progress.reference_cost)
+            .is_some_and(|(it, reference)| it.holding_cost > reference + gain);
+        let another = if is_closing || (is_good && !has_worsened) {
+            None
+        } else {
+            self.pass(situation, incoming, &mut progress).ok()
+        };
+        let is_better = |it: &CatchPlan| {
+            !is_good || adjusted.as_ref().is_some_and(|adjusted| it.holding_cost + gain < adjusted.holding_cost)
+        };
+        let another = another.filter(is_better);
+        if has_worsened || another.is_some() {
+            let compared = another.as_ref().or(adjusted.as_ref());
+            progress.reference_cost = compared.map(|it| it.holding_cost).or(progress.reference_cost);
+        }
+        if let Some(plan) = another.or(adjusted) {
+            return Decision { status: Status::Planned, plan: Some(plan), progress };
+        }
+        let (status, plan) = match search.nearest(start, incoming, running) {
+            Some(plan) => (Status::Approached, plan),
+            None => {
+                let passage = flight.passage_at(running.catch_s);
+                let plan = search.opened(running.clone(), running.open_width_m, start.time_s, incoming, &passage);
+                (Status::PlanKept, plan)
+            }
+        };
+        Decision { status, plan: Some(plan), progress }
+    }
+}
+
+impl CatchPlanner for TimeGridSearch {
+    fn plan(&mut self, situation: &Situation<'_>) -> Decision {
+        let incoming = Incoming { flight: situation.flight, grasps: &self.grasps, config: &self.grasping };
+        match situation.running {
+            None => self.first(situation, &incoming),
+            Some(running) => self.replan(situation, &incoming, running),
+        }
+    }
+}

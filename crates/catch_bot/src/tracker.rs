@@ -1,0 +1,133 @@
+//! The tracker: what was sensed lately, the cameras as far as they are aligned, and the object's poses so far.
+
+use std::collections::VecDeque;
+
+use catch_body::{JointVector, Pose};
+use catch_cell::{CameraModel, DepthFrame, Observation, PixelWindow};
+
+use crate::{
+    Preparation,
+    perception::{ObjectPose, PoseEstimator, Surroundings, View, camera_alignment::CameraAlignment},
+    trajectory_prediction::FlightTrajectory,
+};
+
+/// Observations whose joint angles are remembered: longer than images can take to arrive.
+const SENSED: usize = 64;
+/// Poses that are remembered, more than any prediction looks back at.
+const POSES: usize = 1024;
+
+/// What the encoders said at one time.
+#[derive(Debug, Clone, Copy)]
+struct Sensed {
+    time_s: f64,
+    q: JointVector,
+    /// Aperture of the gripper.
+    width_m: f64,
+}
+
+/// What the brain has seen of the arm and of the object.
+#[derive(Debug, Clone)]
+pub(crate) struct Tracker {
+    /// The cameras, as far as images of the arm have told where they look.
+    alignment: CameraAlignment,
+    /// Oldest first.
+    sensed: VecDeque<Sensed>,
+    /// Oldest first.
+    poses: Vec<ObjectPose>,
+}
+
+impl Tracker {
+    pub fn new(alignment: CameraAlignment) -> Self {
+        Self { alignment, sensed: VecDeque::with_capacity(SENSED), poses: Vec::with_capacity(POSES) }
+    }
+
+    /// The object's poses so far, oldest first.
+    pub fn poses(&self) -> &[ObjectPose] {
+        &self.poses
+    }
+
+    /// Times of the newest observation and of the one before.
+    pub fn observed_s(&self) -> (f64, Option<f64>) {
+        let mut newest = self.sensed.iter().rev().map(|sensed| sensed.time_s);
+        (newest.next().unwrap_or(f64::NAN), newest.next())
+    }
+
+    /// Takes in the state of the arm.
+    pub fn sense(&mut self, observation: &Observation) {
+        if self.sensed.len() == SENSED {
+            self.sensed.pop_front();
+        }
+        let (q, width_m) = (observation.arm.q, observation.gripper.width_m);
+        self.sensed.push_back(Sensed { time_s: observation.time_s, q, width_m });
+    }
+
+    /// Takes in new images, capture time by capture time. Returns the newest pose, if they show any.
+    pub fn track(
+        &mut self,
+        frames: &[DepthFrame],
+        flight: Option<&FlightTrajectory>,
+        known: &Preparation,
+        estimator: &mut impl PoseEstimator,
+    ) -> Option<ObjectPose> {
+        let mut newest = None;
+        for frames in frames.chunk_by(|a, b| a.capture_s == b.capture_s) {
+            let expected = self.expected_pose(flight, frames[0].capture_s);
+            let surroundings = self.surroundings(known, frames[0].capture_s);
+            let surroundings = surroundings.as_ref();
+            self.alignment.observe(frames, known.cameras(), surroundings, &known.config().perception);
+            let view = View { frames, cameras: self.alignment.cameras(), surroundings };
+            let Ok(mut pose) = estimator.estimate(&view, expected.as_ref()) else { continue };
+            if let Some(X_WO) = &expected {
+                pose.X_WO.rotation = known.reference().symmetry.nearest_alike(&X_WO.rotation, &pose.X_WO.rotation);
+            }
+            if self.poses.len() == POSES {
+                self.poses.drain(..POSES / 2);
+            }
+            self.poses.push(pose);
+            newest = Some(pose);
+        }
+        newest
+    }
+
+    /// The part of each camera's next images that may show the object, once it is tracked in images without masks (sensors that
+    /// tell objects apart read out the right pixels by themselves). Full images if it has been lost.
+    pub fn windows(
+        &self,
+        observation: &Observation,
+        flight: &FlightTrajectory,
+        known: &Preparation,
+    ) -> Option<Vec<PixelWindow>> {
+        let unlabelled = observation.frames.iter().any(|frame| frame.mask.is_none());
+        let newest_s = observation.frames.iter().map(|frame| frame.capture_s).fold(f64::NEG_INFINITY, f64::max);
+        if !unlabelled || newest_s > flight.time_s + known.config().perception.lost_after_s {
+            return None;
+        }
+        let (now_s, before_s) = self.observed_s();
+        let period_s = before_s.map_or(0.0, |before_s| now_s - before_s);
+        let next_s = observation.time_s + period_s;
+        let (p_WO, v_WO) = (flight.pose_at(next_s).translation.vector, flight.twist_at(next_s).linear);
+        let uncertainty_m = 3.0 * flight.position_sd_at(next_s) + v_WO.norm() * period_s;
+        let radius_m = known.reference().radius_m + known.config().perception.gate_m + uncertainty_m;
+        let window =
+            |camera: &CameraModel| camera.window_around(&camera.X_WC.inverse_transform_point(&p_WO.into()), radius_m);
+        Some(self.alignment.cameras().iter().map(window).collect())
+    }
+
+    /// Where the object should be: on the last flight, or, before there is one, where it was seen last. The latter keeps an
+    /// object that looks the same from two sides from turning over between the first images.
+    fn expected_pose(&self, flight: Option<&FlightTrajectory>, time_s: f64) -> Option<Pose> {
+        flight.map(|flight| flight.pose_at(time_s)).or_else(|| self.poses.last().map(|pose| pose.X_WO))
+    }
+
+    /// The arm as it was at a time, between what was sensed before and after.
+    fn surroundings<'a>(&self, known: &'a Preparation, time_s: f64) -> Option<Surroundings<'a>> {
+        let sensed = &self.sensed;
+        let after = sensed.iter().position(|it| it.time_s >= time_s).unwrap_or(sensed.len().saturating_sub(1));
+        let (before, after) = (sensed.get(after.saturating_sub(1))?, sensed.get(after)?);
+        let span_s = after.time_s - before.time_s;
+        let fraction = if span_s > 0.0 { ((time_s - before.time_s) / span_s).clamp(0.0, 1.0) } else { 1.0 };
+        let q = before.q + (after.q - before.q) * fraction;
+        let width_m = before.width_m + (after.width_m - before.width_m) * fraction;
+        Some(Surroundings { arm: known.arm_surface(), X_WL: known.search().motion().robot().link_poses(&q), width_m })
+    }
+}

@@ -1,0 +1,161 @@
+//! Which brain: whose method each stage follows, and brains of one's own.
+
+use std::{
+    fmt::{self, Display},
+    sync::Arc,
+};
+
+use catch_bot::{
+    CatchingBot, Config, Preparation, Report, control,
+    control::CatchPlanner,
+    grasp_selection, perception,
+    perception::PoseEstimator,
+    settings::{Faults, SettingError, Settings},
+    trajectory_optimization, trajectory_prediction,
+    trajectory_prediction::FlightPredictor,
+};
+use catch_cell::Brain;
+use catch_paper::{IcpEstimator, PaperPlanner, RansacPredictor};
+use serde::{Deserialize, Serialize};
+
+use crate::setup::Setup;
+
+/// Whose method catches.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// What this project makes of the paper ([`catch_bot`]).
+    #[default]
+    Ours,
+    /// The paper's own, for comparison ([`catch_paper`]).
+    Paper,
+}
+
+impl Display for Method {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Ours => "ours",
+            Self::Paper => "paper",
+        })
+    }
+}
+
+/// The table `brain` of a scenario.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct BrainSettings {
+    /// Seed of everything that is drawn at random.
+    pub seed: u64,
+    /// From images to the object's pose.
+    pub perception: perception::Config,
+    /// From poses to a flight.
+    pub trajectory_prediction: trajectory_prediction::Config,
+    /// Where and how to hold the object.
+    pub grasp_selection: grasp_selection::Config,
+    /// How the arm gets there.
+    pub trajectory_optimization: trajectory_optimization::Config,
+    /// Commands and their timing.
+    pub control: control::Config,
+    /// Whose method it is.
+    pub method: Method,
+    /// Whose pose estimation, if not that of `method`.
+    pub pose_estimation: Option<Method>,
+    /// Whose flight prediction, if not that of `method`.
+    pub flight_prediction: Option<Method>,
+    /// Whose catch planning, if not that of `method`.
+    pub catch_planning: Option<Method>,
+    /// What only the paper's method knows.
+    pub paper_method: catch_paper::Config,
+}
+
+impl BrainSettings {
+    /// What every brain is prepared by, whoever's stages it has.
+    pub fn config(&self) -> Config {
+        let Self { seed, perception, trajectory_prediction, grasp_selection, trajectory_optimization, control, .. } =
+            self.clone();
+        Config { seed, perception, trajectory_prediction, grasp_selection, trajectory_optimization, control }
+    }
+
+    /// A brain of the stages that the settings choose; it draws at random from `seed`.
+    ///
+    /// # Errors
+    /// A setting that is out of its range.
+    pub fn brain(&self, known: Arc<Preparation>, seed: u64) -> Result<ChosenBrain, SettingError> {
+        let Config { perception, trajectory_prediction, .. } = known.config().clone();
+        let paper = self.paper_method.clone();
+        let estimator: Box<dyn PoseEstimator> = match self.pose_estimation.unwrap_or(self.method) {
+            Method::Ours => Box::new(known.pose_estimator()),
+            Method::Paper => Box::new(IcpEstimator::new(
+                paper.registration.clone(),
+                perception,
+                known.reference().clone(),
+                known.workspace().clone(),
+            )?),
+        };
+        let predictor: Box<dyn FlightPredictor> = match self.flight_prediction.unwrap_or(self.method) {
+            Method::Ours => Box::new(known.flight_predictor(seed)),
+            Method::Paper => Box::new(RansacPredictor::new(trajectory_prediction, known.reference().symmetry, seed)),
+        };
+        let planner: Box<dyn CatchPlanner> = match self.catch_planning.unwrap_or(self.method) {
+            Method::Ours => Box::new(known.catch_planner()),
+            Method::Paper => Box::new(PaperPlanner::new(paper, &known, seed)?),
+        };
+        Ok(CatchingBot::with_stages(known, estimator, predictor, planner))
+    }
+}
+
+impl Settings for BrainSettings {
+    fn faults(&self) -> Vec<SettingError> {
+        let paper = Faults::default().table("paper_method", &self.paper_method);
+        self.config().faults().into_iter().chain(paper.all()).collect()
+    }
+}
+
+/// A brain whose stages were chosen by settings.
+pub type ChosenBrain = CatchingBot<Box<dyn PoseEstimator>, Box<dyn FlightPredictor>, Box<dyn CatchPlanner>>;
+
+/// A brain in a trial.
+pub trait ObservedBrain: Brain {
+    /// What it knew and decided in its last tick, if it tells. Without it the referee still judges what was caught, but not
+    /// how well the flight was predicted.
+    fn report(&self) -> Option<&Report> {
+        None
+    }
+}
+
+impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> ObservedBrain for CatchingBot<E, P, C> {
+    fn report(&self) -> Option<&Report> {
+        Some(self.report())
+    }
+}
+
+/// Makes a brain for each trial: of a setup, for a seed and the number of the throw.
+#[derive(Clone)]
+pub struct BrainFactory(Arc<MakeBrain>);
+
+type MakeBrain = dyn Fn(&Setup, u64, u64) -> Box<dyn ObservedBrain> + Send + Sync;
+
+impl BrainFactory {
+    /// By a function of setup, seed and number of the throw.
+    pub fn new(make: impl Fn(&Setup, u64, u64) -> Box<dyn ObservedBrain> + Send + Sync + 'static) -> Self {
+        Self(Arc::new(make))
+    }
+
+    /// A brain that has seen nothing yet.
+    pub fn make(&self, setup: &Setup, seed: u64, index: u64) -> Box<dyn ObservedBrain> {
+        (self.0)(setup, seed, index)
+    }
+}
+
+impl Default for BrainFactory {
+    /// The brain of the scenario.
+    fn default() -> Self {
+        Self::new(|setup, seed, index| Box::new(setup.brain(seed, index)))
+    }
+}
+
+impl fmt::Debug for BrainFactory {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("BrainFactory")
+    }
+}

@@ -1,0 +1,183 @@
+//! Pose estimation as in the paper (III-B): iterative closest points (Besl and McKay, A method for registration of 3-D shapes,
+//! 1992).
+//!
+//! Alternates between pairing each point of the scene with the nearest point of the reference, found by a k-d tree, and the
+//! rigid motion that brings the pairs together best in the least squares (Kabsch; Arun, Huang and Blostein, 1987).
+
+use std::sync::Arc;
+
+use catch_body::Pose;
+use catch_bot::perception::{
+    self, Fit, ObjectPose, PerceptionStatus, PoseEstimator, ReferenceModel, SceneCloud, View, Workspace, estimate_with,
+};
+use catch_bot::settings::{Faults, NOT_NEGATIVE, SettingError, Settings};
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use nalgebra::{Matrix3, Matrix6, Point3, Rotation3, Translation3, UnitQuaternion, Vector3, Vector6};
+use serde::{Deserialize, Serialize};
+
+/// Settings of the registration.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Config {
+    /// Iterations at most.
+    pub max_iterations: usize,
+    /// It has converged when a step is shorter than this in metres, at the object's surface.
+    pub tolerance_m: f64,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self { max_iterations: 50, tolerance_m: 1e-5 }
+    }
+}
+
+impl Settings for Config {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .counts([("max_iterations", self.max_iterations)])
+            .values(&NOT_NEGATIVE, [("tolerance_m", self.tolerance_m)])
+            .all()
+    }
+}
+
+/// Point-to-point ICP near the predicted pose. Images are segmented, and the pose is initialized without a prior, as our
+/// own estimator does it.
+#[derive(Debug, Clone)]
+pub struct IcpEstimator {
+    config: Config,
+    perception: perception::Config,
+    reference: Arc<ReferenceModel>,
+    nearest: NearestPoints,
+    workspace: Workspace,
+}
+
+impl IcpEstimator {
+    /// For a known object. The workspace holds the buffers, best those of [`Workspace::before_flight`].
+    ///
+    /// # Errors
+    /// A setting that is out of its range.
+    pub fn new(
+        config: Config,
+        perception: perception::Config,
+        reference: Arc<ReferenceModel>,
+        workspace: Workspace,
+    ) -> Result<Self, SettingError> {
+        config.check()?;
+        perception.check()?;
+        let nearest = NearestPoints::new(&reference.points);
+        Ok(Self { config, perception, reference, nearest, workspace })
+    }
+}
+
+impl PoseEstimator for IcpEstimator {
+    fn estimate(&mut self, view: &View<'_>, prior: Option<&Pose>) -> Result<ObjectPose, PerceptionStatus> {
+        let icp = Icp {
+            config: &self.config,
+            perception: &self.perception,
+            reference: &self.reference,
+            nearest: &self.nearest,
+        };
+        estimate_with(view, &self.reference, prior, &self.perception, &mut self.workspace, |scene, X_WO| {
+            icp.register(scene, X_WO)
+        })
+    }
+}
+
+/// The reference's points, to be searched for the nearest.
+#[derive(Clone)]
+struct NearestPoints(Option<Arc<ImmutableKdTree<f64, 3>>>);
+
+impl std::fmt::Debug for NearestPoints {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str("NearestPoints")
+    }
+}
+
+impl NearestPoints {
+    /// Sorts points for searching.
+    fn new(points: &[Point3<f64>]) -> Self {
+        let points: Vec<[f64; 3]> = points.iter().map(|point| [point.x, point.y, point.z]).collect();
+        Self(ImmutableKdTree::new_from_slice(&points).ok().map(Arc::new))
+    }
+
+    fn nearest(&self, point: &Point3<f64>) -> Option<usize> {
+        let query = [point.x, point.y, point.z];
+        let found = self.0.as_ref()?.query(&query).nearest_one::<SquaredEuclidean<f64>>().execute();
+        Some(found.item as usize)
+    }
+}
+
+/// What a registration works with.
+struct Icp<'a> {
+    config: &'a Config,
+    perception: &'a perception::Config,
+    reference: &'a ReferenceModel,
+    nearest: &'a NearestPoints,
+}
+
+impl Icp<'_> {
+    /// Brings the reference from `X_WO` onto the scene's points, point to point.
+    fn register(&self, scene: &SceneCloud, X_WO: &Pose) -> Result<Fit, PerceptionStatus> {
+        let Self { config, perception, reference, nearest: tree } = *self;
+        let mut X_WO = *X_WO;
+        let count = scene.points.len() as f64;
+        let mut iterations = 0;
+        let mut converged = false;
+        let mut squares = 0.0;
+        while iterations < config.max_iterations && !converged {
+            iterations += 1;
+            // Sums over all pairs: means, and the covariance Σ (o − ō)(w − w̄)ᵀ = Σ o·wᵀ − n·ō·w̄ᵀ.
+            let (mut mean_O, mut mean_W, mut products) = (Vector3::zeros(), Vector3::zeros(), Matrix3::zeros());
+            squares = 0.0;
+            let origin = X_WO.translation.vector;
+            for point in &scene.points {
+                let p_O = X_WO.inverse_transform_point(&point.p_W);
+                let Some(nearest) = tree.nearest(&p_O) else { return Err(PerceptionStatus::NoReference) };
+                let paired = reference.points[nearest];
+                let from_origin = point.p_W.coords - origin;
+                mean_O += paired.coords;
+                mean_W += from_origin;
+                products += paired.coords * from_origin.transpose();
+                squares += (p_O - paired).norm_squared();
+            }
+            mean_O /= count;
+            mean_W /= count;
+            // R = V·diag(1, 1, det)·Uᵀ for the covariance U·S·Vᵀ.
+            let svd = (products - mean_O * mean_W.transpose() * count).svd(true, true);
+            let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return Err(PerceptionStatus::NotConverged) };
+            let handed = (v_t.transpose() * u.transpose()).determinant().signum();
+            let R = v_t.transpose() * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, handed)) * u.transpose();
+            let R_WO = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(R));
+            let moved = Pose::from_parts(Translation3::from(origin + mean_W - R_WO * mean_O), R_WO);
+            let length =
+                (moved.translation.vector - origin).norm() + R_WO.angle_to(&X_WO.rotation) * reference.radius_m;
+            converged = length < config.tolerance_m;
+            X_WO = moved;
+        }
+        let residual_m = (squares / count).sqrt();
+        let finite = X_WO.to_homogeneous().iter().all(|value| value.is_finite());
+        if !finite || residual_m > perception.max_residual_m + 3.0 * mean_noise(scene) {
+            return Err(PerceptionStatus::NotConverged);
+        }
+        // Each pair tells of all three coordinates as much as it is off by.
+        let along = count / residual_m.max(perception.model_sd_m).powi(2);
+        let turn = along * reference.radius_m.powi(2) / 3.0;
+        let observable = X_WO.rotation.to_rotation_matrix() * reference.symmetry.observable();
+        let mut information = Matrix6::from_diagonal(&Vector6::new(0.0, 0.0, 0.0, along, along, along));
+        information.fixed_view_mut::<3, 3>(0, 0).copy_from(&(observable * observable.transpose() * turn));
+        Ok(Fit {
+            X_WO,
+            information,
+            points: scene.points.len(),
+            residual_m,
+            noise_m: mean_noise(scene),
+            outline_residual_m: None,
+            misfit: count * residual_m.max(1e-9).ln(),
+            iterations,
+        })
+    }
+}
+
+fn mean_noise(scene: &SceneCloud) -> f64 {
+    scene.points.iter().map(|point| point.depth_sd_m).sum::<f64>() / scene.points.len().max(1) as f64
+}
