@@ -22,7 +22,7 @@ use catch_body::{Gripper, JointVector, Pose, Robot, ray_cast::ArmSurface};
 use catch_cell::{Brain, CameraModel, Command, Observation, PixelWindow, Probe, ReferenceScan};
 use serde::{Deserialize, Serialize};
 
-use control::GripperPlan;
+use control::{GripperPlan, sent_plans::SentPlans};
 use grasp_selection::GraspSet;
 pub use method::Method;
 
@@ -178,8 +178,8 @@ pub struct CatchingBot {
     refusals: usize,
     /// Cost of holding at which the running catch was chosen, or compared last.
     settled_cost: f64,
-    /// The plans that were sent last, the running one included, oldest first.
-    sent: VecDeque<CatchPlan>,
+    /// The plans that the arm was sent and has not rejected.
+    sent: SentPlans,
     workspace: perception::Workspace,
     prediction_workspace: trajectory_prediction::Workspace,
     closing: Option<GripperPlan>,
@@ -212,7 +212,7 @@ impl CatchingBot {
             plan: None,
             refusals: 0,
             settled_cost: 0.0,
-            sent: VecDeque::with_capacity(control::decision::SENT),
+            sent: SentPlans::default(),
             prediction_workspace: trajectory_prediction::Workspace::default(),
             closing: None,
             report: Report::default(),
@@ -255,6 +255,9 @@ impl Brain for CatchingBot {
     fn tick(&mut self, observation: &Observation, probe: &mut dyn Probe) -> Command {
         self.report = Report::default();
         let now_s = observation.time_s;
+        if self.sent.acknowledge(&observation.arm) {
+            self.plan = self.sent.last().cloned();
+        }
         if self.is_committed(now_s) {
             // Nothing that may still be seen changes anything: no camera needs to read out a pixel.
             let windows = Some(vec![PixelWindow::default(); self.known.cameras.len()]);
@@ -264,8 +267,7 @@ impl Brain for CatchingBot {
         if self.sensed.len() == SENSED {
             self.sensed.pop_front();
         }
-        self.sensed.push_back((now_s, observation.arm.q, observation.gripper.width_m));
-        self.drop_refused(observation);
+        self.sensed.push_back((observation.arm.time_s, observation.arm.q, observation.gripper.width_m));
 
         // III-B: pose of the object in the newest images, started from where the last flight says it is.
         for frames in observation.frames.chunk_by(|a, b| a.capture_s == b.capture_s) {
@@ -327,6 +329,12 @@ impl Brain for CatchingBot {
         self.flight = Some(flight);
         probe.stage_ended("control");
         self.close_report(status, command)
+    }
+
+    fn reset(&mut self) {
+        let mut sent = std::mem::take(&mut self.sent);
+        sent.clear();
+        *self = Self { sent, ..Self::prepared(self.known.clone(), self.seed) };
     }
 }
 

@@ -1,6 +1,6 @@
 //! What to do now: keep to the plan, adjust it, or make another; and the command that follows.
 
-use catch_cell::{Command, Observation, arm::Setpoint};
+use catch_cell::{Command, Observation};
 
 use super::{closing, gripper_moves, is_still_good};
 use crate::{
@@ -11,36 +11,12 @@ use crate::{
     trajectory_prediction::FlightTrajectory,
 };
 
-/// Plans that are remembered: more than can be under way.
-pub(crate) const SENT: usize = 8;
-/// Where a trajectory is followed the cabinet's setpoint is its own, but for rounding, in radians.
-const SAME_SETPOINT_RAD: f64 = 1e-7;
-
 impl CatchingBot {
-    /// A trajectory that came too late was refused, and so was every one that went on from it: the plan is then the one that
-    /// the arm follows.
-    pub(crate) fn drop_refused(&mut self, observation: &Observation) {
-        let now_s = observation.time_s;
-        let is_followed = |plan: &CatchPlan| {
-            let setpoint = plan.trajectory.setpoint(now_s);
-            (setpoint.q - observation.arm.setpoint_q).amax() < SAME_SETPOINT_RAD
-        };
-        let begun = self.sent.iter().rposition(|plan| plan.trajectory.start_s() < now_s);
-        let Some(begun) = begun.filter(|&begun| !is_followed(&self.sent[begun])) else { return };
-        let followed = self.sent.iter().take(begun).rposition(is_followed);
-        self.sent.truncate(followed.map_or(0, |at| at + 1));
-        self.plan = self.sent.back().cloned();
-    }
-
-    /// Where the arm will be when a motion that is planned now takes over.
+    /// Where the arm will be when a motion that is planned now takes over. Encoders are noisy and a loaded arm sags; what it is
+    /// commanded is known exactly.
     pub(crate) fn start(&self, observation: &Observation) -> Start {
         let time_s = observation.time_s + self.known.config.control.expected_latency_s;
-        let state = match &self.plan {
-            Some(plan) => plan.trajectory.setpoint(time_s),
-            // Encoders are noisy and a loaded arm sags; what is executing is known exactly.
-            None => Setpoint::at_rest(observation.arm.setpoint_q),
-        };
-        Start { time_s, state }
+        Start { time_s, state: self.sent.setpoint(time_s, &observation.arm) }
     }
 
     /// The ladder of replans: the same catch adjusted, else a little sooner or later, else the old motion while it is good enough,
@@ -122,13 +98,7 @@ impl CatchingBot {
         // Fingers that have started to close go on: a new list of moves would open them again.
         let is_closing = self.closing.is_some_and(|closing| closing.start_s <= now_s);
         let moves = gripper_moves(now_s, plan.open_width_m, &closing, gripper, &self.known.config.control);
-        let arm = status.is_new_motion().then(|| plan.trajectory.clone());
-        if arm.is_some() {
-            if self.sent.len() == SENT {
-                self.sent.pop_front();
-            }
-            self.sent.push_back(plan.clone());
-        }
+        let arm = status.is_new_motion().then(|| self.sent.send(plan.clone()));
         if !is_closing {
             self.closing = Some(closing);
         }

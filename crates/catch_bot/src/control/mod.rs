@@ -1,6 +1,7 @@
 //! Control: when the gripper closes, and how plans become commands.
 
 pub(crate) mod decision;
+pub mod sent_plans;
 
 use catch_cell::GripperMove;
 use serde::{Deserialize, Serialize};

@@ -8,7 +8,7 @@
 //! than the running one, and none that breaks a limit or collides.
 
 use catch_body::{JointVector, MAX_JOINTS};
-use catch_cell::{ArmTrajectory, BSpline};
+use catch_cell::BSpline;
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
@@ -78,7 +78,7 @@ pub fn plan(
     let q = inverse_kinematics(planner, &(flight.pose_at(catch_s) * grasp.X_OG))?;
     let mut guess = between(&start.state.q, &q, config.control_points);
     let mut tolerance: Tolerance = config.loosest.into();
-    let mut best: Option<(Solution, ArmTrajectory)> = None;
+    let mut best: Option<(Solution, BSpline)> = None;
     for _ in 0..config.rounds {
         let problem = problem(planner, start, flight, catch_s, &grasp, tolerance, config);
         let Some(found) = problem.solve(&guess).filter(|found| found.excess < MET) else { break };
@@ -115,7 +115,7 @@ pub fn follow(
 }
 
 /// A motion with braking after it, `None` if that breaks any limit or collides.
-fn completed(planner: &Planner, to_catch: &BSpline, grasp: &Grasp) -> Option<ArmTrajectory> {
+fn completed(planner: &Planner, to_catch: &BSpline, grasp: &Grasp) -> Option<BSpline> {
     planner.completed(to_catch.clone(), grasp).filter(|trajectory| planner.keeps_limits(trajectory))
 }
 
@@ -175,7 +175,7 @@ fn catch_plan(
     catch_s: f64,
     grasp: Grasp,
     spline: &BSpline,
-    trajectory: ArmTrajectory,
+    trajectory: BSpline,
 ) -> CatchPlan {
     let [q, dq, _] = spline.evaluate(catch_s);
     let V_WG = planner.robot().gripper_twist(&q, &dq);
