@@ -179,11 +179,13 @@ impl Executor {
     /// `time_s`.
     pub fn arm_state(&mut self, time_s: f64, q: JointVector, dq: JointVector) -> ArmState {
         let (executing, spline) = &self.queue[self.executing(time_s)];
+        let commanded = spline.setpoint(time_s);
         ArmState {
             time_s,
             q,
             dq,
-            commanded: spline.setpoint(time_s),
+            // What holds the arm at the beginning stands still, whatever rounding makes of its derivatives.
+            commanded: if executing.is_some() { commanded } else { Setpoint::at_rest(commanded.q) },
             executing: *executing,
             rejected: std::mem::take(&mut self.rejected),
         }

@@ -35,7 +35,7 @@ use crate::{
 /// What every recording begins with.
 pub const FORMAT: &str = "catchingbot recording";
 /// Changes whenever older programs could not read the file.
-pub const FORMAT_VERSION: u32 = 3;
+pub const FORMAT_VERSION: u32 = 4;
 /// Ending of the files' names.
 pub const EXTENSION: &str = "catch";
 /// Bytes of a scenario's name that go into the name of a file.
@@ -62,6 +62,14 @@ pub struct Header {
     pub cameras: Vec<CameraModel>,
     /// What it knows of the object's shape.
     pub reference_scan: ReferenceScan,
+}
+
+/// What the headers of all versions have: whether the rest can be read is known before it is.
+#[derive(Deserialize)]
+struct Preamble {
+    format: String,
+    format_version: u32,
+    version: String,
 }
 
 /// One tick of the brain.
@@ -311,17 +319,22 @@ impl RecordingReader {
     /// If there is no such file, it is not a recording, or a recording of another version.
     pub fn open(path: &Path) -> Result<Self, InputError> {
         let file = path.display().to_string();
-        let opened = File::open(path)
-            .map_err(|fault| InputError::new(&file, "the file", fault, "a recording written by `catchingbot catch`"))?;
-        let mut input = BufReader::new(GzDecoder::new(BufReader::new(opened)));
-        let header: Header = read(&file, &mut input, true)?;
-        if header.format != FORMAT {
-            return Err(InputError::new(&file, "format", header.format, FORMAT));
+        let input = || {
+            let opened = File::open(path).map_err(|fault| {
+                InputError::new(&file, "the file", fault, "a recording written by `catchingbot catch`")
+            })?;
+            Ok(BufReader::new(GzDecoder::new(BufReader::new(opened))))
+        };
+        let Preamble { format, format_version, version } = read(&file, &mut input()?, true)?;
+        if format != FORMAT {
+            return Err(InputError::new(&file, "format", format, FORMAT));
         }
-        if header.format_version != FORMAT_VERSION {
-            let found = format!("{}, written by version {}", header.format_version, header.version);
+        if format_version != FORMAT_VERSION {
+            let found = format!("{format_version}, written by version {version}");
             return Err(InputError::new(&file, "format_version", found, FORMAT_VERSION));
         }
+        let mut input = input()?;
+        let header = read(&file, &mut input, true)?;
         Ok(Self { file, input, header })
     }
 

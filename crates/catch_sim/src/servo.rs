@@ -32,8 +32,10 @@ impl Servo {
     /// random about the controller comes from `draws`.
     pub fn new(model: Robot, q: JointVector, config: RobotController, draws: Draws) -> Self {
         let excursions = [vec![None; model.dof()], vec![None; model.dof()]];
-        // What breaks a limit is counted and executed as well as the torque limits allow.
-        let checks = ExecutorConfig { limit_check: LimitCheck::Report, ..ExecutorConfig::default() };
+        // What breaks a limit is counted and executed as well as the torque limits allow, and so are accelerations that jump along
+        // a trajectory, as those of the paper's method do at the catch.
+        let checks =
+            ExecutorConfig { limit_check: LimitCheck::Report, continuous_inside: false, ..ExecutorConfig::default() };
         Self { config, draws, executor: Executor::new(model, q, checks), excursions, report: ServoReport::default() }
     }
 

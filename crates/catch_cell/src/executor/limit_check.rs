@@ -2,6 +2,7 @@
 
 use catch_body::{JointVector, Robot};
 
+use super::CONTINUITY;
 use crate::{
     BSpline,
     rejection::{LimitKind, LimitViolation},
@@ -26,13 +27,19 @@ pub struct PeakRatios {
 impl PeakRatios {
     /// Of a valid spline. Positions, velocities, accelerations and jerks are exact: between knots they are polynomials. Torques are
     /// those of inverse dynamics, sampled at the knots, on both sides of them, and densely between; `robot` should carry its gripper.
-    /// The jerk counts between knots: where the acceleration jumps, the spline is not continuous enough to be executed at all.
+    /// Where the acceleration jumps the jerk is infinite.
     pub fn of(robot: &Robot, spline: &BSpline) -> Self {
         let nothing = [JointVector::zeros(); KINDS.len()];
         let mut peaks = Self { dof: robot.dof(), ratio: nothing, time_s: nothing };
+        let mut before: Option<JointVector> = None;
         for [start_s, end_s] in spline.spans() {
             let ends = [start_s, end_s].map(|time_s| spline.evaluate(time_s));
+            let before = before.replace(ends[1][2]);
             for i in 0..peaks.dof {
+                let has_jumped = before.is_some_and(|before| (ends[0][2][i] - before[i]).abs() > CONTINUITY);
+                if has_jumped && robot.joints[i].limits.jerk.is_some() {
+                    peaks.note(4, i, f64::INFINITY, start_s);
+                }
                 let of_joint = ends.map(|state| state.map(|values| values[i]));
                 peaks.note_span(robot, i, start_s, end_s - start_s, of_joint);
             }
