@@ -28,6 +28,8 @@ pub struct JointLimits {
     pub acceleration: f64,
     /// Highest torque in N·m.
     pub torque: f64,
+    /// Highest jerk in rad/s³, where the robot states one.
+    pub jerk: Option<f64>,
 }
 
 /// What an arm's limits are multiplied by; 1 is the arm as it is.
@@ -40,11 +42,13 @@ pub struct LimitScale {
     pub acceleration: f64,
     /// Factor on torques.
     pub torque: f64,
+    /// Factor on jerks, where the arm states them.
+    pub jerk: f64,
 }
 
 impl Default for LimitScale {
     fn default() -> Self {
-        Self { velocity: 1.0, acceleration: 1.0, torque: 1.0 }
+        Self { velocity: 1.0, acceleration: 1.0, torque: 1.0, jerk: 1.0 }
     }
 }
 
@@ -100,7 +104,7 @@ pub struct Joint {
     pub X_PL: Pose,
     /// Axis in the link's frame.
     pub axis: Unit<Vector3<f64>>,
-    /// Position, velocity, acceleration and torque limits.
+    /// Position, velocity, acceleration and torque limits, and that of the jerk where there is one.
     pub limits: JointLimits,
     /// Rotor inertia reflected to the joint, in kg·m².
     pub rotor_inertia: f64,
@@ -156,6 +160,7 @@ impl Robot {
             joint.limits.velocity *= by.velocity;
             joint.limits.acceleration *= by.acceleration;
             joint.limits.torque *= by.torque;
+            joint.limits.jerk = joint.limits.jerk.map(|jerk| jerk * by.jerk);
         }
         self
     }

@@ -33,6 +33,7 @@ struct PosesFields {
 #[serde(deny_unknown_fields)]
 struct JointFields {
     max_acceleration_radps2: f64,
+    max_jerk_radps3: Option<f64>,
     rotor_inertia_kgm2: f64,
 }
 
@@ -224,6 +225,10 @@ fn revolute_joint(
             fields.max_acceleration_radps2,
         )?,
         torque: InputError::positive(files.urdf_file, field("limit effort"), limit.effort)?,
+        jerk: fields
+            .max_jerk_radps3
+            .map(|jerk| InputError::positive(files.toml_file, toml_field("max_jerk_radps3"), jerk))
+            .transpose()?,
     };
     let rotor_inertia = fields.rotor_inertia_kgm2;
     if !(rotor_inertia.is_finite() && rotor_inertia >= 0.0) {
@@ -315,5 +320,17 @@ pub(crate) mod tests {
         );
         assert_eq!(robot.joints[3].limits.acceleration, 11.36);
         assert_eq!(robot.joints[6].rotor_inertia, 1.162);
+        assert!(robot.joints.iter().all(|joint| joint.limits.jerk.is_none()));
+    }
+
+    #[test]
+    fn a_jerk_limit_may_be_stated() {
+        let with_jerk = |jerk: &str| {
+            TOML.replacen("[joints.iiwa_joint_2]", &format!("[joints.iiwa_joint_2]\nmax_jerk_radps3 = {jerk}"), 1)
+        };
+        let robot = read(URDF, &with_jerk("5000.0")).unwrap();
+        assert_eq!((robot.joints[0].limits.jerk, robot.joints[1].limits.jerk), (None, Some(5000.0)));
+        let fault = read(URDF, &with_jerk("0.0")).unwrap_err().to_string();
+        assert!(fault.contains("robot.toml: joints.iiwa_joint_2.max_jerk_radps3"), "{fault}");
     }
 }

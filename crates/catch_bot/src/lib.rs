@@ -151,13 +151,13 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Brain for CatchingBo
     /// The paper's figure 2: images → pose → flight → grasp and plan → command.
     fn tick(&mut self, observation: &Observation, probe: &mut dyn Probe) -> Command {
         let now_s = observation.time_s;
+        self.controller.acknowledge(&observation.arm);
         if self.controller.is_committed(now_s) {
             // Nothing that may still be seen changes anything: no camera needs to read out a pixel.
             let windows = Some(vec![PixelWindow::default(); self.known.cameras().len()]);
             return self.close_report(Status::Committed, None, Command { windows, ..Command::default() });
         }
         self.tracker.sense(observation);
-        self.controller.drop_refused(observation);
 
         // III-B: pose of the object in the newest images, started from where the last flight says it is.
         let pose = self.tracker.track(&observation.frames, self.flight.as_ref(), &self.known, &mut self.estimator);
@@ -195,5 +195,15 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Brain for CatchingBo
         self.flight = Some(flight);
         probe.stage_ended("control");
         self.close_report(status, pose, command)
+    }
+
+    fn reset(&mut self) {
+        self.estimator.reset();
+        self.predictor.reset();
+        self.planner.reset();
+        self.tracker = self.known.tracker();
+        self.flight = None;
+        self.controller.reset();
+        self.report = Report::default();
     }
 }

@@ -58,7 +58,7 @@ impl Tracker {
             self.sensed.pop_front();
         }
         let (q, width_m) = (observation.arm.q, observation.gripper.width_m);
-        self.sensed.push_back(Sensed { time_s: observation.time_s, q, width_m });
+        self.sensed.push_back(Sensed { time_s: observation.arm.time_s, q, width_m });
     }
 
     /// Takes in new images, capture time by capture time. Returns the newest pose, if they show any.

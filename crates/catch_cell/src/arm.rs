@@ -1,57 +1,73 @@
 //! The arm's state and the trajectories it is sent.
 
+use std::fmt;
+
 use catch_body::JointVector;
 use serde::{Deserialize, Serialize};
 
-use crate::BSpline;
+use crate::{BSpline, rejection::Rejection};
 
-/// The arm as its drive cabinet reports it.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub use crate::spline::Setpoint;
+
+/// Identifier of a trajectory, higher than those of all trajectories that were sent before it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct TrajectoryId(pub u64);
+
+impl fmt::Display for TrajectoryId {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(f, "{}", self.0)
+    }
+}
+
+/// The arm as its robot controller reports it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ArmState {
+    /// When it was sampled, on the cell's clock as well as the controller knows it.
+    pub time_s: f64,
     /// Positions in radians as the encoders give them.
     pub q: JointVector,
     /// Velocities in rad/s as the encoders give them.
     pub dq: JointVector,
-    /// Where the cabinet wants the joints to be at this instant, in radians: free of noise, and what a new trajectory has to
-    /// continue.
-    pub setpoint_q: JointVector,
+    /// What the controller asks of the joints at this instant, free of the encoders' noise.
+    pub commanded: Setpoint,
+    /// The trajectory that is being executed, or that ended last and is held; `None` before the first one.
+    pub executing: Option<TrajectoryId>,
+    /// The trajectories that were rejected since the last observation, in the order in which they arrived.
+    pub rejected: Vec<RejectedTrajectory>,
 }
 
-/// Position, velocity and acceleration that a trajectory asks for at one instant.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Setpoint {
-    /// Positions in radians.
-    pub q: JointVector,
-    /// Velocities in rad/s.
-    pub dq: JointVector,
-    /// Accelerations in rad/s².
-    pub ddq: JointVector,
-}
-
-impl Setpoint {
-    /// Standing still at `q`.
-    pub fn at_rest(q: JointVector) -> Self {
-        Self { q, dq: JointVector::zeros(), ddq: JointVector::zeros() }
+impl ArmState {
+    /// What the controller will ask for at `time_s` if its acceleration stays as it is.
+    pub fn extrapolated(&self, time_s: f64) -> Setpoint {
+        let Setpoint { q, dq, ddq } = self.commanded;
+        let ahead_s = time_s - self.time_s;
+        Setpoint { q: q + (dq + ddq * (ahead_s / 2.0)) * ahead_s, dq: dq + ddq * ahead_s, ddq }
     }
 }
 
-/// A motion of the arm, sampled by the cell's servo at its own rate by absolute time.
+/// A trajectory that was not taken.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct RejectedTrajectory {
+    /// Which one.
+    pub id: TrajectoryId,
+    /// Why.
+    pub reason: Rejection,
+}
+
+/// A motion of the arm, sampled by the robot controller at its own rate by absolute time.
 ///
-/// At its start it must equal the trajectory that is executing then, in position, velocity and acceleration; it must end at
-/// rest and stays there. One that arrives after its start is refused as late and the old one goes on.
+/// It is twice continuously differentiable (C²). At its start it must equal the trajectory that is executing then, in position,
+/// velocity and acceleration; it must end at rest and stays there. One that arrives after its start is rejected as late and
+/// the old one goes on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ArmTrajectory {
+    /// What the controller calls it when it tells what became of it.
+    pub id: TrajectoryId,
     /// Joint positions over absolute time; the first knot is the start.
     pub spline: BSpline,
 }
 
 impl ArmTrajectory {
-    /// A trajectory that stays at `q` from `start_s` on.
-    pub fn at_rest(start_s: f64, q: JointVector) -> Self {
-        let knots_s = [[start_s; 4], [start_s + 1.0; 4]].concat();
-        Self { spline: BSpline { knots_s, control_points: vec![q; 4] } }
-    }
-
     /// When it takes over.
     pub fn start_s(&self) -> f64 {
         self.spline.start_s()
@@ -64,10 +80,23 @@ impl ArmTrajectory {
 
     /// What it asks for at `time_s`: its first point before the start, its last, at rest, after the end.
     pub fn setpoint(&self, time_s: f64) -> Setpoint {
-        if time_s >= self.end_s() {
-            return Setpoint::at_rest(self.spline.control_points.last().copied().unwrap_or_default());
-        }
-        let [q, dq, ddq] = self.spline.evaluate(time_s.max(self.start_s()));
-        Setpoint { q, dq, ddq }
+        self.spline.setpoint(time_s)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_moving_arm_is_extrapolated_at_constant_acceleration() {
+        let [q, dq, ddq] = [1.0, 2.0, 4.0].map(JointVector::repeat);
+        let state =
+            ArmState { time_s: 0.5, q, dq, commanded: Setpoint { q, dq, ddq }, executing: None, rejected: Vec::new() };
+        let ahead = state.extrapolated(0.6);
+        assert!((ahead.q - JointVector::repeat(1.22)).amax() < 1e-12);
+        assert!((ahead.dq - JointVector::repeat(2.4)).amax() < 1e-12);
+        assert_eq!(ahead.ddq, ddq);
+        assert_eq!(state.extrapolated(0.5), state.commanded);
     }
 }

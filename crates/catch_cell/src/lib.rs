@@ -2,19 +2,32 @@
 //!
 //! A cell (a simulated arena, or the driver of a real robot) hands out [`Observation`]s and takes [`Command`]s. A brain
 //! turns one into the other. Everything here is what a driver of a real arm, gripper and set of depth cameras would need,
-//! and nothing else: no truth, no score, no simulator.
+//! and nothing else: no truth, no score, no simulator. All times are seconds on the cell's clock.
+
 //!
-//! All times are seconds on the cell's clock.
+//! [`executor`] is how commands are carried out, in the arena as in a driver, and [`run`] the loop that both share.
 
 pub mod arm;
 pub mod camera;
+mod cell_fault;
+pub mod executor;
 pub mod gripper;
+mod reference_scan;
+mod rejection;
+mod rig;
+mod run;
 pub mod spline;
 
-pub use arm::{ArmState, ArmTrajectory};
+pub use arm::{ArmState, ArmTrajectory, RejectedTrajectory, TrajectoryId};
 pub use camera::{CameraModel, DepthFrame, PixelWindow, ReferenceScan};
+pub use cell_fault::CellFault;
+pub use executor::{Executor, ExecutorConfig, GripperQueue, LimitCheck};
 pub use gripper::{GraspState, GripperMove, GripperState};
-pub use spline::BSpline;
+pub use reference_scan::reference_scan;
+pub use rejection::{LimitKind, LimitViolation, Rejection};
+pub use rig::rig_from_toml;
+pub use run::{Call, RunError, run};
+pub use spline::{BSpline, Setpoint};
 
 use serde::{Deserialize, Serialize};
 
@@ -35,7 +48,7 @@ pub struct Observation {
 /// What the brain wants.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Command {
-    /// Replaces the executing trajectory from its `start_s` on; `None` changes nothing.
+    /// Replaces the executing trajectory from its start on; `None` changes nothing.
     pub arm: Option<ArmTrajectory>,
     /// Replaces all gripper moves that have not started, an empty list by none; `None` changes nothing.
     pub gripper: Option<Vec<GripperMove>>,
@@ -46,10 +59,20 @@ pub struct Command {
 
 /// A place where things are caught: a simulation or real hardware.
 pub trait Cell {
+    /// What can go wrong: [`CellFault`] for real hardware, [`Infallible`](std::convert::Infallible) for what cannot fail.
+    type Error;
+
     /// Waits for the next sensor tick and tells what was sensed.
-    fn sense(&mut self) -> Observation;
-    /// Passes a command on to arm, gripper and cameras.
-    fn act(&mut self, command: Command);
+    ///
+    /// # Errors
+    /// If a device cannot be reached or has stopped.
+    fn sense(&mut self) -> Result<Observation, Self::Error>;
+
+    /// Passes a command on to arm, gripper and cameras. What becomes of its trajectory is told in the next observations.
+    ///
+    /// # Errors
+    /// If a device cannot be reached or has stopped.
+    fn act(&mut self, command: &Command) -> Result<(), Self::Error>;
 }
 
 /// Something that decides what to do about what was sensed.
@@ -58,6 +81,9 @@ pub trait Brain {
     ///
     /// `probe` is told of every stage as it ends; it is how times are taken without the brain reading a clock.
     fn tick(&mut self, observation: &Observation, probe: &mut dyn Probe) -> Command;
+
+    /// Forgets all that was seen and decided, for another throw in the same cell.
+    fn reset(&mut self);
 }
 
 /// Is told when a stage of the brain ends.

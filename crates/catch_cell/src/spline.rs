@@ -6,6 +6,29 @@ use serde::{Deserialize, Serialize};
 /// Degree of all splines here: position is C², acceleration is piecewise linear.
 pub const DEGREE: usize = 3;
 
+/// Position, velocity and acceleration of the joints at one instant.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Setpoint {
+    /// Positions in radians.
+    pub q: JointVector,
+    /// Velocities in rad/s.
+    pub dq: JointVector,
+    /// Accelerations in rad/s².
+    pub ddq: JointVector,
+}
+
+impl Setpoint {
+    /// Standing still at `q`.
+    pub fn at_rest(q: JointVector) -> Self {
+        Self { q, dq: JointVector::zeros(), ddq: JointVector::zeros() }
+    }
+
+    /// Per joint, the largest difference of positions, velocities or accelerations.
+    pub fn distance(&self, other: &Self) -> JointVector {
+        (self.q - other.q).abs().sup(&(self.dq - other.dq).abs()).sup(&(self.ddq - other.ddq).abs())
+    }
+}
+
 /// A clamped cubic B-spline q(t) (de Boor, A Practical Guide to Splines, ch. IX).
 ///
 /// Its knots are non-decreasing, the first and the last repeated four times, four more than there are control points. A knot
@@ -33,6 +56,26 @@ impl BSpline {
     pub fn evaluate(&self, time_s: f64) -> [JointVector; 3] {
         let (first, weights) = basis(&self.knots_s, time_s);
         weights.map(|row| row.iter().zip(&self.control_points[first..]).map(|(&weight, point)| point * weight).sum())
+    }
+
+    /// A spline over one second that stays at `q`.
+    pub fn at_rest(start_s: f64, q: JointVector) -> Self {
+        let knots_s = [[start_s; 4], [start_s + 1.0; 4]].concat();
+        Self { knots_s, control_points: vec![q; 4] }
+    }
+
+    /// As a motion that ends at rest: the first point before the start, the last, standing still, after the end.
+    pub fn setpoint(&self, time_s: f64) -> Setpoint {
+        if time_s >= self.end_s() {
+            return Setpoint::at_rest(self.control_points.last().copied().unwrap_or_default());
+        }
+        let [q, dq, ddq] = self.evaluate(time_s.max(self.start_s()));
+        Setpoint { q, dq, ddq }
+    }
+
+    /// The spans between distinct knots: start, end just before the next knot. A knot that is repeated may let derivatives jump.
+    pub fn spans(&self) -> impl Iterator<Item = [f64; 2]> {
+        self.knots_s.windows(2).map(|pair| [pair[0], pair[1].next_down()]).filter(|[start_s, end_s]| start_s < end_s)
     }
 
     /// Whether knots and control points fit together and every number is finite.

@@ -5,7 +5,9 @@
 
 #![expect(clippy::print_stdout, reason = "examples speak to whoever runs them")]
 
-use catch_cell::{Brain, CameraModel, Cell, Command, GripperMove, Observation, Probe};
+use std::ops::ControlFlow;
+
+use catch_cell::{Brain, CameraModel, Command, GripperMove, Observation, Probe};
 use catch_lab::setup::{Choice, Setup};
 
 struct Watcher {
@@ -30,17 +32,19 @@ impl Brain for Watcher {
         let closing = GripperMove { start_s: observation.time_s, width_m: 0.0, speed_mps: 0.4, force_n: 40.0 };
         Command { gripper: closes.then(|| vec![closing]), ..Command::default() }
     }
+
+    fn reset(&mut self) {
+        self.has_closed = false;
+    }
 }
 
 fn main() -> anyhow::Result<()> {
     let setup = Setup::load(&Choice::default())?;
     let mut arena = setup.arena(1, 0);
     let mut brain = Watcher { cameras: setup.cameras.clone(), has_closed: false };
-    while arena.time_s() < 1.0 {
-        let observation = arena.sense();
-        let command = brain.tick(&observation, &mut ());
-        arena.act(command);
-    }
+    let Ok(()) = catch_cell::run(&mut arena, &mut brain, |arena, _, _, _| {
+        if arena.time_s() < 1.0 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    });
     let last = arena.truth().samples.last().copied();
     let Some(sample) = last else { return Ok(()) };
     println!("after {:.2} s the object is at {:.3?} m", sample.time_s, sample.X_WO.translation.vector.as_slice());

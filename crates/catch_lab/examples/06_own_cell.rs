@@ -1,27 +1,35 @@
 //! The brain in a cell of one's own, without the arena: `cargo run --release --example 06_own_cell`.
 //!
-//! A real cell's driver fills in the same [`Observation`] from its encoders, its gripper and its cameras, and passes the same
-//! [`Command`] on. Here the arm does exactly what it is told, and the images are those of a ball on a parabola.
+//! A real cell's driver fills in the same [`Observation`] from its encoders, its gripper and its cameras, and hands the same
+//! [`Command`]s to the same [`Executor`], which takes or rejects trajectories and samples the set-point for the drives. Here the
+//! arm is exactly where its set-point is, commands arrive 4 ms late, and the images are those of a ball on a parabola.
 
 #![expect(clippy::print_stdout, reason = "examples speak to whoever runs them")]
+
+use std::ops::ControlFlow;
 
 use catch_body::{Gripper, Pose, Robot, TriangleMesh, robot_file::RobotFiles};
 use catch_bot::{CatchingBot, Config};
 use catch_cell::{
-    ArmState, ArmTrajectory, Brain, CameraModel, Cell, Command, DepthFrame, GraspState, GripperMove, GripperState,
-    Observation,
+    CameraModel, Cell, CellFault, Command, DepthFrame, Executor, ExecutorConfig, GraspState, GripperMove, GripperQueue,
+    GripperState, Observation, reference_scan, rig_from_toml, run,
 };
-use catch_sim::cameras;
 use nalgebra::{Point3, Vector3};
 
 const RADIUS_M: f64 = 0.0336;
 const FRAME_S: f64 = 0.01;
+/// Time from an observation until the command that answers it arrives, and what the brain expects it to be.
+const LATENCY_S: f64 = 0.004;
+const EXPECTED_LATENCY_S: f64 = 0.005;
 
-/// What is known of the cell: the clock, the motion that the drives execute, and where the cameras are.
+/// What is known of the cell: the clock, what the drives execute, and where the cameras are.
 struct OwnCell {
     time_s: f64,
-    motion: ArmTrajectory,
-    fingers: Vec<GripperMove>,
+    arm: Executor,
+    gripper: GripperQueue,
+    fingers: GripperMove,
+    /// Under way, with its time of arrival.
+    command: Option<(f64, Command)>,
     cameras: Vec<CameraModel>,
 }
 
@@ -47,35 +55,37 @@ fn image(camera: usize, model: &CameraModel, time_s: f64) -> DepthFrame {
     DepthFrame { camera, capture_s: time_s, window, depth_m, mask }
 }
 
-impl OwnCell {
-    /// Fingers that are at once where they are told to be.
-    fn width_m(&self) -> f64 {
-        let begun = self.fingers.iter().rev().find(|step| step.start_s <= self.time_s);
-        begun.unwrap_or(&self.fingers[0]).width_m
-    }
-}
-
 impl Cell for OwnCell {
-    fn sense(&mut self) -> Observation {
-        let now = self.motion.setpoint(self.time_s);
-        let frames = self.cameras.iter().enumerate().map(|(i, model)| image(i, model, self.time_s));
-        Observation {
-            time_s: self.time_s,
-            arm: ArmState { q: now.q, dq: now.dq, setpoint_q: now.q },
-            gripper: GripperState { width_m: self.width_m(), speed_mps: 0.0, force_n: 0.0, grasp: GraspState::Idle },
-            frames: frames.collect(),
+    /// What a driver returns when a device does not answer; nothing fails here.
+    type Error = CellFault;
+
+    fn sense(&mut self) -> Result<Observation, CellFault> {
+        if let Some((arrival_s, command)) = self.command.take() {
+            if let Some(trajectory) = &command.arm
+                && let Err(reason) = self.arm.receive(trajectory, arrival_s)
+            {
+                println!("{arrival_s:.3} s: trajectory {} is rejected, {reason}", trajectory.id);
+            }
+            if let Some(moves) = &command.gripper {
+                self.gripper.receive(moves, arrival_s);
+            }
+            self.time_s += FRAME_S;
         }
+        // Fingers that are at once where they are told to be.
+        while let Some(step) = self.gripper.take_due(self.time_s, |start_s| start_s) {
+            self.fingers = step;
+        }
+        let now = self.arm.advance(self.time_s);
+        let frames = self.cameras.iter().enumerate().map(|(i, model)| image(i, model, self.time_s)).collect();
+        let gripper =
+            GripperState { width_m: self.fingers.width_m, speed_mps: 0.0, force_n: 0.0, grasp: GraspState::Idle };
+        let arm = self.arm.arm_state(self.time_s, now.q, now.dq);
+        Ok(Observation { time_s: self.time_s, arm, gripper, frames })
     }
 
-    fn act(&mut self, command: Command) {
-        // The new motion continues the old one at its start.
-        self.motion = command.arm.unwrap_or_else(|| self.motion.clone());
-        if let Some(moves) = command.gripper {
-            // They replace those that have not begun.
-            self.fingers.retain(|step| step.start_s <= self.time_s);
-            self.fingers.extend(moves);
-        }
-        self.time_s += FRAME_S;
+    fn act(&mut self, command: &Command) -> Result<(), CellFault> {
+        self.command = Some((self.time_s + LATENCY_S, command.clone()));
+        Ok(())
     }
 }
 
@@ -88,32 +98,37 @@ fn main() -> anyhow::Result<()> {
     })?;
     let gripper = Gripper::from_toml("wsg50.toml", include_str!("../../../assets/grippers/wsg50.toml"))?;
     // Images of the object from all around, taken beforehand; a real cell takes its own.
-    let scanners = cameras::rig_from_toml("reference.toml", include_str!("../../../assets/rigs/reference.toml"))?;
-    let scan = cameras::reference_scan(&TriangleMesh::sphere(RADIUS_M, 4), &scanners);
+    let scanners = rig_from_toml("reference.toml", include_str!("../../../assets/rigs/reference.toml"))?;
+    let scan = reference_scan(&TriangleMesh::sphere(RADIUS_M, 4), &scanners);
     let looking = [[3.0, 0.0, 1.5], [0.0, 3.0, 1.5], [-2.0, 2.0, 2.0]].map(|eye| {
         let X_WC = Pose::face_towards(&eye.into(), &Point3::new(0.6, 0.6, 0.8), &-Vector3::z());
         CameraModel::with_field_of_view(X_WC, 640, 480, 1.2)
     });
 
-    let open = GripperMove { start_s: 0.0, width_m: gripper.max_width_m, speed_mps: 0.4, force_n: 40.0 };
-    let motion = ArmTrajectory::at_rest(0.0, robot.ready_q);
-    let mut cell = OwnCell { time_s: 0.0, motion, fingers: vec![open], cameras: looking.to_vec() };
+    let mut cell = OwnCell {
+        time_s: 0.0,
+        arm: Executor::new(robot.clone().carrying(&gripper), robot.ready_q, ExecutorConfig::default()),
+        gripper: GripperQueue::default(),
+        fingers: GripperMove { start_s: 0.0, width_m: gripper.max_width_m, speed_mps: 0.4, force_n: 40.0 },
+        command: None,
+        cameras: looking.to_vec(),
+    };
     let centre = gripper.grasp_centre();
-    let mut brain = CatchingBot::new(Config::default(), robot.clone(), gripper, looking.to_vec(), &scan)?;
+    let mut config = Config::default();
+    config.control.expected_latency_s = EXPECTED_LATENCY_S;
+    let mut brain = CatchingBot::new(config, robot.clone(), gripper, looking.to_vec(), &scan)?;
     let mut told = None;
-    while cell.time_s < 1.0 {
-        let observation = cell.sense();
-        let command = brain.tick(&observation, &mut ());
-        if told != Some(brain.report().status) {
-            told = Some(brain.report().status);
-            println!("{:.2} s: {:?}", cell.time_s, brain.report().status);
+    run(&mut cell, &mut brain, |_, brain, observation, _| {
+        let (now_s, status) = (observation.time_s, brain.report().status);
+        if told.replace(status) != Some(status) {
+            println!("{now_s:.2} s: {status:?}");
         }
-        cell.act(command);
-    }
+        if now_s < 1.0 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    })?;
     let plan = brain.report().plan.as_ref().ok_or_else(|| anyhow::anyhow!("no plan"))?;
-    let hand = robot.gripper_in(&robot.link_poses(&cell.motion.setpoint(plan.catch_s).q)) * centre;
+    let hand = robot.gripper_in(&robot.link_poses(&cell.arm.setpoint(plan.catch_s).q)) * centre;
     let off_mm = (hand - ball(plan.catch_s)).norm() * 1e3;
-    let closing_s = cell.fingers.last().map_or(f64::NAN, |step| step.start_s);
+    let closing_s = cell.fingers.start_s;
     println!(
         "the fingers close from {closing_s:.3} s on; at {:.3} s the hand is {off_mm:.1} mm from the ball",
         plan.catch_s

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use catch_body::{Gripper, InputError};
-use catch_sim::{Throw, cameras};
+use catch_sim::Throw;
 
 use crate::{
     assets::{Asset, Kind},
@@ -119,7 +119,7 @@ fn faults_of(kind: Kind, asset: &Asset) -> Vec<InputError> {
         Kind::Gripper => Gripper::from_toml(file, text).map(drop),
         Kind::Object => asset.thrown_object().map(drop),
         Kind::Throw => Throw::from_toml(file, text).map(drop),
-        Kind::Rig => cameras::rig_from_toml(file, text).map(drop),
+        Kind::Rig => catch_cell::rig_from_toml(file, text).map(drop),
     };
     result.err().into_iter().flat_map(InputError::all).collect()
 }

@@ -199,7 +199,7 @@ mod tests {
 
     #[test]
     fn arrival_speeds_lie_between_standing_and_the_fastest() {
-        let limits = JointLimits { lower: -3.0, upper: 3.0, velocity: 1.5, acceleration: 9.0, torque: 1.0 };
+        let limits = JointLimits { lower: -3.0, upper: 3.0, velocity: 1.5, acceleration: 9.0, torque: 1.0, jerk: None };
         for time_s in [0.05, 0.2, 0.7] {
             let most = farthest(&limits, time_s);
             let speed = least_arrival_speed(most, time_s, 1.5, 9.0);

@@ -1,10 +1,10 @@
 //! A recording, read whole: what pictures of a throw are made from.
 
-use std::{path::Path, sync::Arc};
+use std::{collections::HashSet, path::Path, sync::Arc};
 
 use catch_body::{Gripper, InputError, JointVector, Robot};
 use catch_bot::Preparation;
-use catch_cell::{ArmTrajectory, arm::Setpoint};
+use catch_cell::{ArmTrajectory, Setpoint, TrajectoryId};
 use catch_sim::TruthSample;
 use nalgebra::Point3;
 
@@ -96,11 +96,10 @@ impl Playback {
 
     /// Joint accelerations in rad/s² that the executing trajectory asks for at each of some rising times.
     pub fn commanded_accelerations(&self, times_s: &[f64]) -> Vec<JointVector> {
-        let mut pending = self.ticks.iter().filter_map(|tick| {
-            let trajectory = tick.command.arm.as_ref()?;
-            // One that came too late was refused.
-            (trajectory.start_s() >= tick.observation.time_s - 1e-9).then_some(trajectory)
-        });
+        let rejected: HashSet<TrajectoryId> =
+            self.ticks.iter().flat_map(|tick| &tick.observation.arm.rejected).map(|it| it.id).collect();
+        let mut pending =
+            self.ticks.iter().filter_map(|tick| tick.command.arm.as_ref()).filter(|it| !rejected.contains(&it.id));
         let mut next = pending.next();
         let mut executing: Option<&ArmTrajectory> = None;
         let mut at = |time_s: f64| {

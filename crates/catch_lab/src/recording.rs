@@ -65,6 +65,14 @@ pub struct Header {
     pub reference_scan: ReferenceScan,
 }
 
+/// What the headers of all versions have: whether the rest can be read is known before it is.
+#[derive(Deserialize)]
+struct Preamble {
+    format: String,
+    format_version: u32,
+    version: String,
+}
+
 /// One tick of the brain.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RecordedTick {
@@ -314,17 +322,22 @@ impl RecordingReader {
     /// If there is no such file, it is not a recording, or a recording of another version.
     pub fn open(path: &Path) -> Result<Self, InputError> {
         let file = path.display().to_string();
-        let opened = File::open(path)
-            .map_err(|fault| InputError::new(&file, "the file", fault, "a recording written by `catchingbot catch`"))?;
-        let mut input = BufReader::new(GzDecoder::new(BufReader::new(opened)));
-        let header: Header = read(&file, &mut input, true)?;
-        if header.format != FORMAT {
-            return Err(InputError::new(&file, "format", header.format, FORMAT));
+        let input = || {
+            let opened = File::open(path).map_err(|fault| {
+                InputError::new(&file, "the file", fault, "a recording written by `catchingbot catch`")
+            })?;
+            Ok(BufReader::new(GzDecoder::new(BufReader::new(opened))))
+        };
+        let Preamble { format, format_version, version } = read(&file, &mut input()?, true)?;
+        if format != FORMAT {
+            return Err(InputError::new(&file, "format", format, FORMAT));
         }
-        if header.format_version != FORMAT_VERSION {
-            let found = format!("{}, written by version {}", header.format_version, header.version);
+        if format_version != FORMAT_VERSION {
+            let found = format!("{format_version}, written by version {version}");
             return Err(InputError::new(&file, "format_version", found, FORMAT_VERSION));
         }
+        let mut input = input()?;
+        let header = read(&file, &mut input, true)?;
         Ok(Self { file, input, header })
     }
 

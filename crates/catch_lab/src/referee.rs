@@ -6,7 +6,8 @@ pub mod reason;
 
 use catch_body::dynamics::gravity;
 use catch_bot::{Report, Status, perception::Symmetry, trajectory_optimization::CatchPlan};
-use catch_sim::{Truth, TruthSample, truth::LimitViolation};
+use catch_cell::LimitViolation;
+use catch_sim::{Truth, TruthSample};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -256,6 +257,7 @@ impl<'a> Evidence<'a> {
             torque_clamped_s: servo.torque_clamped_s,
             late_trajectories: servo.late_trajectories,
             refused_trajectories: servo.refused_trajectories,
+            discontinuous_trajectories: servo.discontinuous_trajectories,
             min_self_clearance_m: servo.min_self_clearance_m,
             min_floor_clearance_m: servo.min_floor_clearance_m,
         }

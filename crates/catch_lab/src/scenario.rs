@@ -81,8 +81,10 @@ impl Scenario {
             let expected = format!("0 to {} ms, a time within a flight", 1e3 * MOST_LATENCY_S);
             faults.push(InputError::new(file, "clock.fixed_ms", delay_ms, expected));
         }
-        let LimitScale { velocity, acceleration, torque } = self.limit_scale;
-        for (field, value) in [("velocity", velocity), ("acceleration", acceleration), ("torque", torque)] {
+        let LimitScale { velocity, acceleration, torque, jerk } = self.limit_scale;
+        for (field, value) in
+            [("velocity", velocity), ("acceleration", acceleration), ("torque", torque), ("jerk", jerk)]
+        {
             faults.extend(InputError::positive(file, format!("limit_scale.{field}"), value).err());
         }
         if self.brain.seed != 0 {

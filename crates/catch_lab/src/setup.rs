@@ -7,14 +7,11 @@ use std::{
 
 use catch_body::{Gripper, InputError, Robot, robot::LimitScale, robot_file::RobotFiles};
 use catch_bot::{Preparation, perception::DepthNoise};
-use catch_cell::{CameraModel, ReferenceScan};
+use catch_cell::{CameraModel, ReferenceScan, reference_scan, rig_from_toml};
 use catch_sim::{
     Arena, Conditions, Equipment, GripperDriveKind, Release, Throw, ThrownObject,
-    cameras::{
-        self,
-        depth_noise::{DataSheet, DepthConfig},
-    },
-    config::RobotErrors,
+    cameras::depth_noise::{DataSheet, DepthConfig},
+    config::{RobotController, RobotErrors},
     random_streams::{Stream, seed_for},
 };
 use serde::{Deserialize, Serialize};
@@ -182,9 +179,9 @@ impl Setup {
         }
         let thrown = object.thrown_object()?;
         check_closing(&asset.file, &scenario, &hand, &gripper.file)?;
-        let cameras = cameras::rig_from_toml(&flight_rig.file, &flight_rig.text)?;
-        let scanners = cameras::rig_from_toml(&reference_rig.file, &reference_rig.text)?;
-        let reference_scan = cameras::reference_scan(&thrown.mesh, &scanners);
+        let cameras = rig_from_toml(&flight_rig.file, &flight_rig.text)?;
+        let scanners = rig_from_toml(&reference_rig.file, &reference_rig.text)?;
+        let reference_scan = reference_scan(&thrown.mesh, &scanners);
 
         // Names only: results of the same content are the same wherever the files lie.
         if is_other_robot {
@@ -287,6 +284,7 @@ impl Setup {
         let has_own_chance = arena.depth != DepthConfig::default()
             || arena.gripper != GripperDriveKind::default()
             || arena.robot_errors != RobotErrors::default()
+            || arena.robot_controller != RobotController::default()
             || *clock == Clock::Charged;
         !has_own_chance && scene(0) == scene(1)
     }

@@ -81,7 +81,7 @@ pub fn run_brain(
     let mut thoughts = Vec::new();
     let mut watch = EndWatch::default();
     loop {
-        let observation = arena.sense();
+        let Ok(observation) = arena.sense();
         stopwatch.start();
         let command = brain.tick(&observation, &mut stopwatch);
         stopwatch.stop();
@@ -97,7 +97,7 @@ pub fn run_brain(
             Clock::FixedMs(delay_ms) => delay_ms / 1e3,
             Clock::Charged => stopwatch.last_tick_s(),
         };
-        arena.act_after(delay_s, command);
+        arena.act_after(delay_s, &command);
         if watch.is_over(&mut arena) {
             return Ok(Trial { truth: arena.truth().clone(), thoughts, stopwatch });
         }

@@ -82,6 +82,7 @@ const COLUMNS: &[(&str, Kind)] = &[
     ("torque_clamped_s", Kind::Number),
     ("late_trajectories", Kind::Count),
     ("refused_trajectories", Kind::Count),
+    ("discontinuous_trajectories", Kind::Count),
     ("min_self_clearance_m", Kind::Number),
     ("min_floor_clearance_m", Kind::Number),
 ];

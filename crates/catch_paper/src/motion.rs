@@ -14,7 +14,7 @@ use catch_bot::{
     trajectory_optimization::{CatchPlan, MotionPlanner, Start, arrival},
     trajectory_prediction::FlightTrajectory,
 };
-use catch_cell::{ArmTrajectory, BSpline};
+use catch_cell::BSpline;
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
@@ -93,7 +93,7 @@ pub fn plan(
     let q = inverse_kinematics(planner, &(flight.pose_at(catch_s) * grasp.X_OG))?;
     let mut guess = between(&start.state.q, &q, config.control_points);
     let mut tolerance: Tolerance = config.loosest.into();
-    let mut best: Option<(Solution, ArmTrajectory)> = None;
+    let mut best: Option<(Solution, BSpline)> = None;
     for _ in 0..config.rounds {
         let problem = problem(planner, start, flight, catch_s, &grasp, tolerance, config);
         let Some(found) = problem.solve(&guess).ok().filter(|found| found.excess < MET) else { break };
@@ -130,7 +130,7 @@ pub fn follow(
 }
 
 /// A motion with braking after it, `None` if that breaks any limit or collides.
-fn completed(planner: &MotionPlanner, to_catch: &BSpline, grasp: &Grasp) -> Option<ArmTrajectory> {
+fn completed(planner: &MotionPlanner, to_catch: &BSpline, grasp: &Grasp) -> Option<BSpline> {
     planner.completed(to_catch.clone(), grasp).filter(|trajectory| planner.keeps_limits(trajectory))
 }
 
@@ -190,7 +190,7 @@ fn catch_plan(
     catch_s: f64,
     grasp: Grasp,
     spline: &BSpline,
-    trajectory: ArmTrajectory,
+    trajectory: BSpline,
 ) -> CatchPlan {
     let [q, dq, _] = spline.evaluate(catch_s);
     let V_WG = planner.robot().gripper_twist(&q, &dq);

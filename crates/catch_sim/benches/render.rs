@@ -6,11 +6,10 @@
 use std::time::{Duration, Instant};
 
 use catch_body::{Gripper, Pose, Robot, TriangleMesh, robot_file::RobotFiles};
-use catch_cell::PixelWindow;
+use catch_cell::{PixelWindow, reference_scan, rig_from_toml};
 use catch_sim::cameras::{
     DepthCameras, Readout, Renderer, Scene,
     depth_noise::{DepthConfig, DepthModel, GaussianNoise},
-    reference_scan, rig_from_toml,
 };
 use criterion::{Criterion, criterion_group, criterion_main};
 

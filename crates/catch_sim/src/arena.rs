@@ -1,5 +1,7 @@
 //! The simulated cell.
 
+use std::convert::Infallible;
+
 use catch_body::{JointVector, MAX_JOINTS, Pose, Robot, dynamics, kinematics::LinkPoses};
 use catch_cell::{ArmState, Cell, Command, Observation};
 use nalgebra::Vector3;
@@ -31,7 +33,7 @@ const ALONE_M: f64 = 0.15;
 pub struct Arena {
     equipment: Equipment,
     conditions: Conditions,
-    /// The arm as it is, without the gripper's mass; the cabinet and the brain know another one.
+    /// The arm as it is, without the gripper's mass; the robot controller and the brain know another one.
     true_robot: Robot,
     /// Noise of the encoders.
     encoders: Draws,
@@ -71,7 +73,12 @@ impl Arena {
         let mut arena = Self {
             state: world.state(),
             world,
-            servo: Servo::new(robot_with_gripper.clone(), *ready_q),
+            servo: Servo::new(
+                robot_with_gripper.clone(),
+                *ready_q,
+                config.robot_controller,
+                Draws::new(Stream::RobotController, seed, index),
+            ),
             drive: GripperDrive::of_kind(&config.gripper, gripper, gripper.max_width_m, &mut gripper_draws),
             sensors: Sensors::new(config, cameras, seed, index),
             conditions,
@@ -109,8 +116,8 @@ impl Arena {
     }
 
     /// Like [`Cell::act`], but the command arrives `delay_s` from now: what it takes to compute it.
-    pub fn act_after(&mut self, delay_s: f64, command: Command) {
-        self.under_way.push((self.time_s() + delay_s.max(0.0), command));
+    pub fn act_after(&mut self, delay_s: f64, command: &Command) {
+        self.under_way.push((self.time_s() + delay_s.max(0.0), command.clone()));
         self.deliver();
         self.update_report();
     }
@@ -128,10 +135,10 @@ impl Arena {
         self.under_way = under_way;
         for (at_s, command) in arrived {
             if let Some(trajectory) = command.arm {
-                self.servo.receive(trajectory, at_s);
+                self.servo.receive(&trajectory, at_s);
             }
             if let Some(moves) = command.gripper {
-                self.drive.receive(moves, at_s);
+                self.drive.receive(&moves, at_s);
             }
             self.sensors.set_windows(command.windows);
         }
@@ -186,16 +193,15 @@ impl Arena {
         X_WL
     }
 
-    /// The arm as its cabinet reports it.
+    /// The arm as its robot controller reports it.
     fn arm_state(&mut self) -> ArmState {
-        let setpoint_q = self.servo.setpoint(self.time_s()).q;
         let errors = self.config().robot_errors;
         let (mut q, mut dq) = (self.state.q, self.state.dq);
         for i in 0..self.true_robot.dof() {
             q[i] += errors.encoder_sd_rad * self.encoders.normal();
             dq[i] += errors.encoder_sd_radps * self.encoders.normal();
         }
-        ArmState { q, dq, setpoint_q }
+        self.servo.arm_state(self.time_s(), q, dq)
     }
 
     /// One step of servo, gripper and physics.
@@ -255,7 +261,10 @@ impl Arena {
 }
 
 impl Cell for Arena {
-    fn sense(&mut self) -> Observation {
+    /// Where the physics diverges, everything stands still from then on; the truth tells.
+    type Error = Infallible;
+
+    fn sense(&mut self) -> Result<Observation, Infallible> {
         if std::mem::replace(&mut self.has_sensed, true) {
             for _ in 0..self.config().steps_per_frame() {
                 self.step();
@@ -268,15 +277,16 @@ impl Cell for Arena {
         let scene = Scene { capture_s: now_s, X_WL: &X_WL, width_m, X_WO: &state.X_WO };
         self.sensors.expose(renderer, &scene);
         self.update_report();
-        Observation {
+        Ok(Observation {
             time_s: now_s,
             arm: self.arm_state(),
             gripper: self.drive.state(state.finger_m, state.finger_mps),
             frames: self.sensors.arrived(now_s),
-        }
+        })
     }
 
-    fn act(&mut self, command: Command) {
+    fn act(&mut self, command: &Command) -> Result<(), Infallible> {
         self.act_after(0.0, command);
+        Ok(())
     }
 }

@@ -11,6 +11,9 @@ const MOST_FRICTION: f64 = 100.0;
 /// Longest time in seconds that an image or a command may be under way: most of a flight.
 pub const MOST_LATENCY_S: f64 = 0.5;
 
+/// Longest time in seconds by which the robot controller may be off.
+const MOST_CONTROLLER_TIME_S: f64 = 0.05;
+
 /// What the arena is like. The defaults are the paper's where the paper says something.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -37,6 +40,8 @@ pub struct ArenaConfig {
     pub max_spin_radps: f64,
     /// What the robot does not know of itself.
     pub robot_errors: RobotErrors,
+    /// How far the robot controller is from an ideal one.
+    pub robot_controller: RobotController,
     /// Whether the cameras tell which pixels show the object. On by default: the paper segments by the renderer's labels.
     pub labels: bool,
     /// Whether the cameras see the floor, which always collides. Off by default: the paper has none, and its lower cameras look
@@ -170,16 +175,30 @@ pub struct DrawnWind {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RobotErrors {
-    /// Standard deviation of the joint positions that the brain is told, in radians. The drive cabinet has its own, exact ones.
+    /// Standard deviation of the joint positions that the brain is told, in radians. The robot controller has its own, exact ones.
     pub encoder_sd_rad: f64,
     /// The same of the joint velocities, in rad/s.
     pub encoder_sd_radps: f64,
-    /// Every link's mass and inertia are drawn uniformly within this share around the model that the cabinet computes with.
+    /// Every link's mass and inertia are drawn uniformly within this share around the model that the robot controller computes with.
     pub link_mass_spread: f64,
     /// How far the gripper is from where the model has it mounted, in a random direction, in metres.
     pub tool_position_m: f64,
     /// How far it is turned from that, about a random axis, in degrees.
     pub tool_rotation_deg: f64,
+}
+
+/// How far the robot controller is from an ideal one. Nothing by default, as in the paper.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RobotController {
+    /// The time stamps of the arm's states are off by up to this, uniformly, in seconds.
+    pub stamp_error_s: f64,
+    /// Whether the arm's state is told in single precision.
+    pub single_precision: bool,
+    /// How long after the time that a trajectory has for it the controller follows each of its points, in seconds.
+    pub interpolator_lag_s: f64,
+    /// Trajectories that it declines at random, as a fraction of all.
+    pub declined_fraction: f64,
 }
 
 impl Default for ArenaConfig {
@@ -194,6 +213,7 @@ impl Default for ArenaConfig {
             wind: Wind::Always([0.0; 3]),
             max_spin_radps: 0.0,
             robot_errors: RobotErrors::default(),
+            robot_controller: RobotController::default(),
             labels: true,
             floor_visible: false,
             depth: DepthConfig::default(),
@@ -220,6 +240,8 @@ impl ArenaConfig {
         };
         let RobotErrors { encoder_sd_rad, encoder_sd_radps, link_mass_spread, tool_position_m, tool_rotation_deg } =
             self.robot_errors;
+        let RobotController { stamp_error_s, interpolator_lag_s, declined_fraction, single_precision: _ } =
+            self.robot_controller;
         let wind = match self.wind {
             Wind::Always(wind) => wind.map(f64::abs).into_iter().fold(0.0, |sum, part| sum + part),
             Wind::Drawn(DrawnWind { max_mps }) => max_mps,
@@ -235,6 +257,12 @@ impl ArenaConfig {
         ] {
             expect(value.is_finite() && value >= 0.0, field, value, "zero or more");
         }
+        for (field, value) in [("stamp_error_s", stamp_error_s), ("interpolator_lag_s", interpolator_lag_s)] {
+            let field = format!("robot_controller.{field}");
+            expect((0.0..=MOST_CONTROLLER_TIME_S).contains(&value), &field, value, "0 to 0.05 s");
+        }
+        let is_fraction = (0.0..=1.0).contains(&declined_fraction);
+        expect(is_fraction, "robot_controller.declined_fraction", declined_fraction, "0 to 1");
         for (field, share) in [
             ("restitution_spread", self.restitution_spread),
             ("drag_spread", self.drag_spread),

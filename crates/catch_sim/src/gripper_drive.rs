@@ -4,7 +4,7 @@ mod grasp_watch;
 mod wsg50;
 
 use catch_body::Gripper;
-use catch_cell::{GripperMove, GripperState};
+use catch_cell::{GripperMove, GripperQueue, GripperState};
 
 use crate::{
     config::{GripperDriveKind, Wsg50},
@@ -33,9 +33,6 @@ impl Gains {
     }
 }
 
-/// Times closer than this are the same.
-const SAME_TIME_S: f64 = 1e-9;
-
 /// Executes gripper moves.
 #[derive(Debug, Clone)]
 pub struct GripperDrive {
@@ -43,20 +40,10 @@ pub struct GripperDrive {
     max_width_m: f64,
     max_force_n: f64,
     active: ActiveMove,
-    /// Moves that the fingers have not begun, soonest first.
-    pending: Vec<Pending>,
-    refused_moves: u32,
+    queue: GripperQueue,
     squeeze_n: f64,
     watch: GraspWatch,
     law: Law,
-}
-
-/// A move that is waited for.
-#[derive(Debug, Clone, Copy)]
-struct Pending {
-    order: GripperMove,
-    /// When it was sent to the gripper or will be; it cannot be taken back from then on.
-    sent_s: f64,
 }
 
 /// A move and where it started from.
@@ -91,8 +78,7 @@ impl GripperDrive {
             max_width_m: gripper.max_width_m,
             max_force_n: gripper.max_force_n,
             active: ActiveMove { order, from_m: width_m, since_s: 0.0 },
-            pending: Vec::new(),
-            refused_moves: 0,
+            queue: GripperQueue::default(),
             squeeze_n: 0.0,
             watch: GraspWatch::default(),
             law: Law::Ideal,
@@ -115,27 +101,14 @@ impl GripperDrive {
         }
     }
 
-    /// Moves that were refused because a number was not finite, or speed or force not above zero.
+    /// Moves that were rejected because a number was not finite, or speed or force not above zero.
     pub fn refused_moves(&self) -> u32 {
-        self.refused_moves
+        self.queue.rejected()
     }
 
     /// Replaces all moves that have not started at `now_s`. One that should have started begins at once.
-    pub fn receive(&mut self, moves: Vec<GripperMove>, now_s: f64) {
-        // What the interface is busy with cannot be taken back.
-        self.pending.retain(|pending| matches!(self.law, Law::Real(..)) && pending.sent_s < now_s - SAME_TIME_S);
-        for order in moves {
-            // An infinite speed is a jump of the setpoint, which an ideal drive may be asked for.
-            let finite = order.start_s.is_finite() && order.width_m.is_finite();
-            if finite && order.speed_mps > 0.0 && order.force_n > 0.0 {
-                self.pending.push(Pending { order, sent_s: order.start_s.max(now_s) });
-            } else {
-                self.refused_moves += 1;
-            }
-        }
-        // Of those that should have started already the last one wins.
-        let started = |a: &Pending, b: &Pending| a.order.start_s.total_cmp(&b.order.start_s);
-        self.pending.sort_by(|a, b| a.sent_s.total_cmp(&b.sent_s).then_with(|| started(a, b)));
+    pub fn receive(&mut self, moves: &[GripperMove], now_s: f64) {
+        self.queue.receive(moves, now_s);
     }
 
     /// Forces that open the left and the right finger during the step that begins at `time_s`, from their distances to the
@@ -170,15 +143,11 @@ impl GripperDrive {
     }
 
     fn begin_due_moves(&mut self, time_s: f64, width_m: f64) {
-        while let Some(Pending { order, sent_s }) = self.pending.first().copied() {
-            let begins_s = match &self.law {
-                Law::Ideal => sent_s,
-                Law::Real(interface, _) => interface.takes_effect_s(sent_s),
-            };
-            if begins_s > time_s + SAME_TIME_S {
-                return;
-            }
-            self.pending.remove(0);
+        let begins_s = |sent_s: f64| match &self.law {
+            Law::Ideal => sent_s,
+            Law::Real(interface, _) => interface.takes_effect_s(sent_s),
+        };
+        while let Some(order) = self.queue.take_due(time_s, begins_s) {
             let order = GripperMove { width_m: order.width_m.clamp(0.0, self.max_width_m), ..order };
             self.active = ActiveMove { order, from_m: width_m, since_s: time_s };
             self.watch.begin(width_m, order.width_m);

@@ -9,7 +9,6 @@
 
 pub mod arena;
 pub mod cameras;
-pub mod command_check;
 pub mod conditions;
 pub mod config;
 mod convex_parts;

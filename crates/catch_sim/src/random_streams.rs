@@ -38,6 +38,8 @@ pub enum Stream {
     ToolMount = 22,
     /// Noise of the joint encoders.
     Encoders = 23,
+    /// Errors of the robot controller's time stamps, and which trajectories it declines.
+    RobotController = 24,
 }
 
 /// Uniform numbers.

@@ -1,6 +1,7 @@
 //! What really happened: for the referee, recordings and pictures, never for the brain.
 
 use catch_body::{JointVector, Pose, Twist};
+use catch_cell::LimitViolation;
 use serde::{Deserialize, Serialize};
 
 /// Everything that happened in a scene so far.
@@ -69,33 +70,6 @@ impl Contact {
     }
 }
 
-/// What a limit bounds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum LimitKind {
-    /// Joint position; the ratio is of the distance from the middle of the range to half the range.
-    Position,
-    /// Joint velocity.
-    Velocity,
-    /// Joint acceleration.
-    Acceleration,
-    /// Torque by inverse dynamics.
-    Torque,
-}
-
-/// A limit that was broken.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct LimitViolation {
-    /// Which joint, from zero.
-    pub joint: usize,
-    /// Which limit.
-    pub kind: LimitKind,
-    /// The value over its limit.
-    pub ratio: f64,
-    /// When: for a command, the instant of its trajectory; for a motion, when it began.
-    pub time_s: f64,
-}
-
 /// What the drive cabinet noticed.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct ServoReport {
@@ -103,8 +77,10 @@ pub struct ServoReport {
     pub accepted_trajectories: u32,
     /// Trajectories refused because their start had passed.
     pub late_trajectories: u32,
-    /// Trajectories refused because they were invalid, did not end at rest, or did not continue the one being executed.
+    /// Trajectories rejected for any other reason: invalid, not ending at rest, discontinuous, declined by the controller.
     pub refused_trajectories: u32,
+    /// Those of them that did not continue the one being executed, or were not continuous themselves.
+    pub discontinuous_trajectories: u32,
     /// Gripper moves refused because a number was not finite, or speed or force not above zero.
     pub refused_gripper_moves: u32,
     /// Limits broken by accepted trajectories: the worst value per trajectory, joint and kind.

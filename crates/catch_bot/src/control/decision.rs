@@ -95,10 +95,17 @@ pub struct Decision {
 pub trait CatchPlanner {
     /// What to do about the flight as it is known now.
     fn plan(&mut self, situation: &Situation<'_>) -> Decision;
+
+    /// Forgets all that it knows of the throw; the next one is another.
+    fn reset(&mut self) {}
 }
 
 impl<T: CatchPlanner + ?Sized> CatchPlanner for Box<T> {
     fn plan(&mut self, situation: &Situation<'_>) -> Decision {
         (**self).plan(situation)
+    }
+
+    fn reset(&mut self) {
+        (**self).reset();
     }
 }

@@ -2,6 +2,7 @@
 
 mod controller;
 mod decision;
+pub mod sent_plans;
 mod time_grid_search;
 
 use catch_cell::GripperMove;

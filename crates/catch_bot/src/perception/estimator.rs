@@ -38,11 +38,18 @@ pub trait PoseEstimator {
     /// # Errors
     /// Why there is no pose.
     fn estimate(&mut self, view: &View<'_>, prior: Option<&Pose>) -> Result<ObjectPose, PerceptionStatus>;
+
+    /// Forgets all that it knows of the throw; the next one is another.
+    fn reset(&mut self) {}
 }
 
 impl<T: PoseEstimator + ?Sized> PoseEstimator for Box<T> {
     fn estimate(&mut self, view: &View<'_>, prior: Option<&Pose>) -> Result<ObjectPose, PerceptionStatus> {
         (**self).estimate(view, prior)
+    }
+
+    fn reset(&mut self) {
+        (**self).reset();
     }
 }
 

@@ -6,16 +6,19 @@
 //! ```text
 //!     min   ∫ q″(τ)² dτ + λ ∫ (q(τ) − q₀)² dτ + μ · (q″ at the last knots)²
 //!     s.t.  q, q′, q″ at the start as they are; q and q′ at the end as chosen
-//!           q_min ≤ q ≤ q_max,   |q′| ≤ v_max·T,   |q″| ≤ a_max·T²
+//!           q_min ≤ q ≤ q_max,   |q′| ≤ v_max·T,   |q″| ≤ a_max·T²,   |q‴| ≤ j_max·T³ where there is a limit
 //! ```
-//! Bounds are put on the control points of q, q′ and q″. The hull property makes them sufficient everywhere; for q″, which is
-//! piecewise linear, they are exact. The last term keeps the gripper's velocity steady before the catch: the paper's
+//! Bounds are put on the control points of q, q′, q″ and q‴. The hull property makes them sufficient everywhere; for q″, which is
+//! piecewise linear, and q‴, which is piecewise constant, they are exact. The last term keeps the gripper's velocity steady before the catch: the paper's
 //! pre-grasp constraints, 30 ms before the grasp, in a form that cannot make the problem infeasible.
 
 use catch_body::robot::JointLimits;
 use catch_cell::spline::{DEGREE, basis};
 
+mod bounded;
+
 use super::quadratic_program::{Hessian, MAX_VARIABLES, ProgramFailure, Row, Square, Variables};
+use bounded::{Bounded, Combination, Quantity};
 
 /// Most control points of one spline.
 const MAX_POINTS: usize = 16;
@@ -91,39 +94,6 @@ pub struct JointState {
     pub ddq: f64,
 }
 
-/// A derivative's control point as a combination of the spline's own.
-type Combination = [f64; MAX_POINTS];
-
-/// A bounded quantity as a combination of all control points.
-#[derive(Debug, Clone, Copy)]
-struct Bounded {
-    combination: Combination,
-    /// Beyond this range the combination vanishes.
-    first: usize,
-    last: usize,
-    of: Quantity,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Quantity {
-    Position,
-    Velocity,
-    Acceleration,
-    LastAcceleration,
-}
-
-impl Bounded {
-    fn new(combination: Combination, of: Quantity) -> Self {
-        let first = combination.iter().position(|it| *it != 0.0).unwrap_or(0);
-        let last = combination.iter().rposition(|it| *it != 0.0).map_or(0, |it| it + 1);
-        Self { combination, first, last, of }
-    }
-
-    fn dot(&self, points: &[f64; MAX_POINTS]) -> f64 {
-        (self.first..self.last).map(|i| self.combination[i] * points[i]).sum()
-    }
-}
-
 /// The quadratic program with everything that does not depend on the joint, factorized.
 #[derive(Debug, Clone)]
 pub struct JointSpline {
@@ -135,6 +105,8 @@ pub struct JointSpline {
     given: Vec<Bounded>,
     bounded: Vec<Bounded>,
     rows: Vec<Row>,
+    /// Rows before those of the jerk, which come last: arms without such a limit leave them out.
+    rows_without_jerk: usize,
     /// Velocity and acceleration at the end.
     last: [Combination; 2],
     /// Cost over control points, variable by variable, for the gradient.
@@ -168,6 +140,7 @@ impl JointSpline {
             (0..points).map(|i| std::array::from_fn(|j| f64::from(u8::from(i == j)))).collect();
         let velocity = differentiated(&identity, &knots, DEGREE);
         let acceleration = differentiated(&velocity, &knots[1..knots.len() - 1], DEGREE - 1);
+        let jerk = differentiated(&acceleration, &knots[2..knots.len() - 2], DEGREE - 2);
 
         let mut cost = [[0.0; MAX_POINTS]; MAX_POINTS];
         let mut comfort = [0.0; MAX_POINTS];
@@ -208,6 +181,7 @@ impl JointSpline {
             given: Vec::new(),
             bounded: Vec::new(),
             rows: Vec::new(),
+            rows_without_jerk: 0,
             last: [velocity[velocity.len() - 1], acceleration[acceleration.len() - 1]],
             cost_rows: Vec::new(),
             pulls: Vec::new(),
@@ -221,7 +195,8 @@ impl JointSpline {
             .map(|it| Bounded::new(*it, Quantity::Position))
             .chain(velocity.iter().map(|it| Bounded::new(*it, Quantity::Velocity)))
             .chain(acceleration.iter().map(|it| Bounded::new(*it, Quantity::Acceleration)))
-            .chain((ends.end == EndKind::At).then(|| Bounded::new(last, Quantity::LastAcceleration)));
+            .chain((ends.end == EndKind::At).then(|| Bounded::new(last, Quantity::LastAcceleration)))
+            .chain(jerk.iter().map(|it| Bounded::new(*it, Quantity::Jerk)));
         for quantity in quantities {
             let row = Row::new(reduced(&quantity.combination, &spline));
             // The lifted end of a spline at rest is one and the same point, bounded once.
@@ -232,6 +207,7 @@ impl JointSpline {
                 spline.rows.push(row);
             }
         }
+        spline.rows_without_jerk = spline.bounded.iter().filter(|it| it.of != Quantity::Jerk).count();
         spline.cost_rows = (0..spline.free()).map(|variable| spline.cost_row(variable)).collect();
         spline.pulls = (0..spline.free()).map(|variable| spline.lifted(variable).map(|i| comfort[i]).sum()).collect();
         let mut H = Square::identity();
@@ -268,6 +244,7 @@ impl JointSpline {
         }
 
         let (velocity, acceleration) = (limits.velocity * duration_s, limits.acceleration * duration_s * duration_s);
+        let jerk = limits.jerk.map_or(f64::INFINITY, |it| it * duration_s.powi(3));
         let last = match end {
             End::At { ddq, .. } => ddq.map(|it| it * duration_s * duration_s),
             End::Extreme { .. } | End::Rest => [f64::NEG_INFINITY, f64::INFINITY],
@@ -277,6 +254,7 @@ impl JointSpline {
             Quantity::Velocity => [-velocity, velocity],
             Quantity::Acceleration => [-acceleration, acceleration],
             Quantity::LastAcceleration => last,
+            Quantity::Jerk => [-jerk, jerk],
         };
         // Where nothing free enters, it holds, or no motion does.
         let holds = self.given.iter().all(|quantity| {
@@ -287,12 +265,12 @@ impl JointSpline {
         if !holds {
             return Err(ProgramFailure::Infeasible);
         }
+        let count = if limits.jerk.is_some() { self.rows.len() } else { self.rows_without_jerk };
         let mut bounds = [[0.0; 2]; 4 * MAX_POINTS];
-        for (bound, quantity) in bounds.iter_mut().zip(&self.bounded) {
+        for (bound, quantity) in bounds.iter_mut().zip(&self.bounded[..count]) {
             let offset = quantity.dot(&fixed);
             *bound = range(quantity.of).map(|it| it - offset);
         }
-        let count = self.rows.len();
         let x = if let End::Extreme { onset: Some(onset), .. } = end {
             // q̈ + q̇/d in ± v/d, times T².
             let share = duration_s / onset.duration_s;
@@ -300,11 +278,11 @@ impl JointSpline {
             let (most, offset) = (onset.velocity * duration_s * share, dot(&both, &fixed));
             bounds[count] = [-most - offset, most - offset];
             let mut rows = [Row::new(Variables::zeros()); 4 * MAX_POINTS];
-            rows[..count].copy_from_slice(&self.rows);
+            rows[..count].copy_from_slice(&self.rows[..count]);
             rows[count] = Row::new(reduced(&both, self));
             self.hessian.minimize(&gradient, &rows[..=count], &bounds[..=count], 0)?
         } else {
-            self.hessian.minimize(&gradient, &self.rows, &bounds[..count], 0)?
+            self.hessian.minimize(&gradient, &self.rows[..count], &bounds[..count], 0)?
         };
         let mut points = fixed;
         for variable in 0..self.free() {
@@ -416,7 +394,7 @@ mod tests {
     use proptest::prelude::*;
 
     const LIMITS: JointLimits =
-        JointLimits { lower: -2.0, upper: 2.0, velocity: 1.5, acceleration: 9.0, torque: 100.0 };
+        JointLimits { lower: -2.0, upper: 2.0, velocity: 1.5, acceleration: 9.0, torque: 100.0, jerk: None };
 
     const MOVING: Ends = Ends { start_acceleration: true, end: EndKind::At };
 
@@ -463,6 +441,35 @@ mod tests {
     }
 
     proptest! {
+        /// With a limit of the jerk every spline keeps it, whatever its ends, and without one it is the same as if it were high.
+        #[test]
+        fn solved_splines_keep_a_limit_of_the_jerk(
+            q in -1.5f64..1.5, dq in -1.0f64..1.0, ddq in -5.0f64..5.0,
+            to in -1.5f64..1.5, at in -1.0f64..1.0, duration in 0.1f64..0.8, most in 50.0f64..5000.0, sign in 0..2,
+        ) {
+            let start = JointState { q, dq, ddq };
+            let limits = JointLimits { jerk: Some(most), ..LIMITS };
+            let spans = [0.4, 0.6, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5];
+            let free = Ends { end: EndKind::Position, ..MOVING };
+            let onset = Some(Onset { duration_s: 0.01, velocity: 1.5 });
+            for (spline, end) in [
+                (JointSpline::new(&spans, MOVING, 0.1, 0.01), End::At { q: to, dq: at, ddq: [-20.0, 3.0] }),
+                (JointSpline::new(&spans, free, 0.1, 0.0), End::Extreme { q: to, sign: f64::from(2 * sign - 1), onset }),
+                (JointSpline::new(&[1.0; 6], Ends { end: EndKind::Rest, ..MOVING }, 0.0, 0.0), End::Rest),
+            ] {
+                let unlimited = spline.solve(&start, &end, duration, &LIMITS, 0.0);
+                let lenient = JointLimits { jerk: Some(1e12), ..LIMITS };
+                prop_assert_eq!(&unlimited, &spline.solve(&start, &end, duration, &lenient, 0.0));
+                let Ok(points) = spline.solve(&start, &end, duration, &limits, 0.0) else { continue };
+                let curve = as_spline(&spline, &points, duration);
+                for [start_s, end_s] in curve.spans() {
+                    let [one, two] = [start_s, end_s].map(|time_s| curve.evaluate(time_s)[2][0]);
+                    let jerk = (two - one) / (end_s - start_s);
+                    prop_assert!(jerk.abs() <= most * (1.0 + 1e-7), "{} of {}", jerk, most);
+                }
+            }
+        }
+
         /// The extreme velocity is one that a motion has, and no motion has a higher one.
         #[test]
         fn no_motion_is_faster_than_the_extreme(

@@ -25,7 +25,7 @@ mod unreachable;
 mod way_in;
 
 use catch_body::{Gripper, JointVector, Pose, Robot, clearance::ArmClearance};
-use catch_cell::{ArmTrajectory, arm::Setpoint};
+use catch_cell::{BSpline, Setpoint};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -167,7 +167,7 @@ pub struct CatchPlan {
     /// known now.
     pub holding_cost: f64,
     /// The motion: to the catch and on to rest.
-    pub trajectory: ArmTrajectory,
+    pub trajectory: BSpline,
 }
 
 /// Why there is no plan, from the least to the most that was possible.

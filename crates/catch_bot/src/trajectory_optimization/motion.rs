@@ -1,7 +1,7 @@
 //! A whole motion: to the catch, then braking to rest, within every limit.
 
 use catch_body::{JointVector, kinematics::LinkPoses, robot::JointLimits};
-use catch_cell::{ArmTrajectory, BSpline, arm::Setpoint, spline::DEGREE};
+use catch_cell::{BSpline, Setpoint, executor::CONTINUITY, spline::DEGREE};
 
 use super::{
     MotionPlanner, Start,
@@ -57,7 +57,7 @@ impl MotionPlanner {
         catch_s: f64,
         control_points: Vec<JointVector>,
         grasp: &Grasp,
-    ) -> Option<ArmTrajectory> {
+    ) -> Option<BSpline> {
         let knots_s = self.catch_splines.at.knots.iter().map(|knot| start_s + knot * (catch_s - start_s)).collect();
         let to_catch = BSpline { knots_s, control_points };
         let braking = self.braking(&end_of(&to_catch), catch_s)?;
@@ -66,16 +66,16 @@ impl MotionPlanner {
 
     /// A motion that ends at a catch, and braking after it; `None` if both do not keep the torque limits and the clearances.
     /// Where braking cannot take over the acceleration at the catch it starts without any.
-    pub fn completed(&self, to_catch: BSpline, grasp: &Grasp) -> Option<ArmTrajectory> {
+    pub fn completed(&self, to_catch: BSpline, grasp: &Grasp) -> Option<BSpline> {
         let (catch_s, end) = (to_catch.end_s(), end_of(&to_catch));
         let anew = Setpoint { q: end.q, dq: end.dq, ddq: JointVector::zeros() };
         let braking = self.braking(&end, catch_s).or_else(|| self.braking(&anew, catch_s))?;
         self.joined(to_catch, &braking, grasp)
     }
 
-    fn joined(&self, to_catch: BSpline, braking: &BSpline, grasp: &Grasp) -> Option<ArmTrajectory> {
+    fn joined(&self, to_catch: BSpline, braking: &BSpline, grasp: &Grasp) -> Option<BSpline> {
         let catch_s = to_catch.end_s();
-        let trajectory = ArmTrajectory { spline: to_catch.followed_by(braking) };
+        let trajectory = to_catch.followed_by(braking);
         self.is_safe(&trajectory, catch_s, grasp).then_some(trajectory)
     }
 
@@ -101,7 +101,10 @@ impl MotionPlanner {
     /// How long braking from `dq` should take.
     fn braking_s(&self, dq: &JointVector) -> f64 {
         let needed = |i: usize| {
-            dq[i].abs() / (self.config.braking_acceleration_fraction * self.robot.joints[i].limits.acceleration)
+            let limits = &self.robot.joints[i].limits;
+            let acceleration = self.config.braking_acceleration_fraction * limits.acceleration;
+            // The acceleration itself takes a while to build up and to vanish.
+            dq[i].abs() / acceleration + limits.jerk.map_or(0.0, |jerk| limits.acceleration / jerk)
         };
         (0..self.robot.dof()).map(needed).fold(self.config.min_braking_s, f64::max)
     }
@@ -130,14 +133,15 @@ impl MotionPlanner {
             upper: (limits.upper - self.config.position_margin_rad).max(state.q[i]),
             velocity: limits.velocity * shares.velocity,
             acceleration: limits.acceleration * shares.acceleration,
+            jerk: limits.jerk.map(|jerk| jerk * (1.0 - ROUNDING)),
             ..*limits
         }
     }
 
-    /// Whether position, velocity and acceleration stay within the arm's own limits, by the hulls of their control points, of
-    /// which that of the acceleration is exact.
-    pub fn keeps_limits(&self, trajectory: &ArmTrajectory) -> bool {
-        let ArmTrajectory { spline: BSpline { knots_s: t, control_points } } = trajectory;
+    /// Whether position, velocity, acceleration and jerk stay within the arm's own limits, by the hulls of their control points, of
+    /// which those of acceleration and jerk are exact.
+    pub fn keeps_limits(&self, trajectory: &BSpline) -> bool {
+        let BSpline { knots_s: t, control_points } = trajectory;
         let positions = control_points.iter().all(|point| {
             self.robot.joints.iter().enumerate().all(|(i, joint)| {
                 (joint.limits.lower - HULL_ROUNDING..=joint.limits.upper + HULL_ROUNDING).contains(&point[i])
@@ -156,7 +160,22 @@ impl MotionPlanner {
         let accelerations = differences(&velocities, DEGREE - 1, 2);
         let within =
             |values: &[JointVector], most: &JointVector| values.iter().all(|it| (most - it.abs()).min() >= 0.0);
-        positions && within(&velocities, &speed) && within(&accelerations, &rate)
+        positions && within(&velocities, &speed) && within(&accelerations, &rate) && self.keeps_jerk(trajectory)
+    }
+
+    /// Whether the jerk stays within its limit where there is one; a jump of the acceleration at a repeated knot does not.
+    fn keeps_jerk(&self, spline: &BSpline) -> bool {
+        let mut before = None;
+        spline.spans().all(|[start_s, end_s]| {
+            let [first, last] = [start_s, end_s].map(|time_s| spline.evaluate(time_s)[2]);
+            let jump = before.replace(last).map_or(JointVector::zeros(), |before| first - before);
+            self.robot.joints.iter().enumerate().all(|(i, joint)| {
+                joint.limits.jerk.is_none_or(|most| {
+                    let jerk = (last[i] - first[i]) / (end_s - start_s);
+                    jerk.abs() <= most * (1.0 + ROUNDING) && jump[i].abs() <= CONTINUITY
+                })
+            })
+        })
     }
 
     /// What a motion of each joint may use.
@@ -178,7 +197,7 @@ impl MotionPlanner {
     }
 
     /// Whether torque limits and clearances hold along a trajectory.
-    fn is_safe(&self, trajectory: &ArmTrajectory, catch_s: f64, grasp: &Grasp) -> bool {
+    fn is_safe(&self, trajectory: &BSpline, catch_s: f64, grasp: &Grasp) -> bool {
         let (start_s, end_s) = (trajectory.start_s(), trajectory.end_s());
         let keeps_torque = || {
             (0..=CHECKS).all(|i| {
@@ -207,8 +226,8 @@ impl MotionPlanner {
     ///
     /// No two of its parts approach each other faster than Σ |q̇ᵢ|·rᵢ, rᵢ being how far the arm can extend beyond joint i: from
     /// a clearance d there is none smaller than zero for a time of d over that speed.
-    fn keeps_clear(&self, trajectory: &ArmTrajectory, [start_s, end_s]: [f64; 2], grasp: &Grasp, holds: bool) -> bool {
-        let fastest_mps = self.fastest_mps(&trajectory.spline);
+    fn keeps_clear(&self, trajectory: &BSpline, [start_s, end_s]: [f64; 2], grasp: &Grasp, holds: bool) -> bool {
+        let fastest_mps = self.fastest_mps(trajectory);
         let mut time_s = start_s;
         loop {
             let X_WL = self.robot.link_poses(&trajectory.setpoint(time_s).q);

@@ -151,6 +151,9 @@ pub trait FlightPredictor {
         poses: &[ObjectPose],
         previous: Option<&FlightTrajectory>,
     ) -> Result<FlightTrajectory, PredictionStatus>;
+
+    /// Forgets all that it knows of the throw; the next one is another.
+    fn reset(&mut self) {}
 }
 
 impl<T: FlightPredictor + ?Sized> FlightPredictor for Box<T> {
@@ -160,6 +163,10 @@ impl<T: FlightPredictor + ?Sized> FlightPredictor for Box<T> {
         previous: Option<&FlightTrajectory>,
     ) -> Result<FlightTrajectory, PredictionStatus> {
         (**self).predict(poses, previous)
+    }
+
+    fn reset(&mut self) {
+        (**self).reset();
     }
 }
 

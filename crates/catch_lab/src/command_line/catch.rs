@@ -7,6 +7,7 @@ use std::{
 };
 
 use anyhow::Context;
+use catch_cell::LimitViolation;
 use catch_lab::{
     VERSION, gif_picture, mcap_file,
     playback::Playback,
@@ -18,7 +19,6 @@ use catch_lab::{
     stopwatch::{StageTimes, Stopwatch},
     timeline::{Entry, Event},
 };
-use catch_sim::truth::LimitViolation;
 use clap::Args;
 use serde::Serialize;
 

@@ -67,8 +67,11 @@ pub struct Measures {
     pub torque_clamped_s: f64,
     /// Trajectories that came too late.
     pub late_trajectories: u32,
-    /// Trajectories refused for other reasons.
+    /// Trajectories rejected for other reasons.
     pub refused_trajectories: u32,
+    /// Those of them that were discontinuous.
+    #[serde(default)]
+    pub discontinuous_trajectories: u32,
     /// Smallest distance of the arm from itself.
     pub min_self_clearance_m: Option<f64>,
     /// Smallest distance of the arm's moving parts from the floor.

@@ -1,5 +1,7 @@
 //! The brain sees only through its cameras: once they are dark, it does not notice where the object goes.
 
+use std::convert::Infallible;
+
 use catch_cell::{Brain, Cell, Command, DepthFrame, Observation, PixelWindow};
 use catch_lab::setup::{Choice, Setup};
 use catch_sim::Arena;
@@ -25,18 +27,20 @@ struct MovedObject {
 }
 
 impl Cell for MovedObject {
-    fn sense(&mut self) -> Observation {
-        let (before, after) = (self.before.sense(), self.after.sense());
+    type Error = Infallible;
+
+    fn sense(&mut self) -> Result<Observation, Infallible> {
+        let (before, after) = (self.before.sense()?, self.after.sense()?);
         let mut observation = if self.moved { after } else { before };
         if self.moved && self.cameras == Cameras::Dark {
             observation.frames.iter_mut().for_each(darken);
         }
-        observation
+        Ok(observation)
     }
 
-    fn act(&mut self, command: Command) {
-        self.before.act(command.clone());
-        self.after.act(command);
+    fn act(&mut self, command: &Command) -> Result<(), Infallible> {
+        self.before.act(command)?;
+        self.after.act(command)
     }
 }
 
@@ -64,10 +68,10 @@ fn commands(setup: &Setup, offset: Vector3<f64>, cameras: Cameras) -> Vec<Comman
     while commands.len() < 120 {
         let plan = brain.report().plan.as_ref();
         cell.moved |= plan.is_some_and(|plan| cell.after.time_s() >= plan.catch_s - DARK_FOR_S);
-        let observation = cell.sense();
+        let Ok(observation) = cell.sense();
         let command = brain.tick(&observation, &mut ());
-        commands.push(command.clone());
-        cell.act(command);
+        let Ok(()) = cell.act(&command);
+        commands.push(command);
     }
     assert!(cell.moved, "there was no plan");
     commands

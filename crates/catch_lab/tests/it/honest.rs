@@ -151,7 +151,7 @@ fn a_brain_whose_trajectory_was_refused_goes_on_from_what_the_arm_follows() {
     let (mut arena, mut brain) = (setup.arena(1, 0), setup.brain(1, 0));
     let mut sent_after = None;
     for _ in 0..60 {
-        let observation = arena.sense();
+        let Ok(observation) = arena.sense();
         let command = brain.tick(&observation, &mut ());
         let is_late = sent_after.is_none() && observation.time_s > 0.2 && command.arm.is_some();
         if is_late {
@@ -159,7 +159,7 @@ fn a_brain_whose_trajectory_was_refused_goes_on_from_what_the_arm_follows() {
         } else if let Some(sent) = &mut sent_after {
             *sent += u32::from(command.arm.is_some());
         }
-        arena.act_after(if is_late { 0.005 } else { 0.0 }, command);
+        arena.act_after(if is_late { 0.005 } else { 0.0 }, &command);
     }
     let (servo, sent_after) = (&arena.truth().servo, sent_after.unwrap());
     assert_eq!(servo.late_trajectories, 1);

@@ -133,12 +133,12 @@ fn keeps_its_word(
 ) -> Result<(), String> {
     let (robot, gripper) = (desk.search.motion().robot(), &desk.setup.gripper);
     let trajectory = &plan.trajectory;
-    must(trajectory.spline.is_valid(), || "the spline is not valid".into())?;
+    must(trajectory.is_valid(), || "the spline is not valid".into())?;
     let first = trajectory.setpoint(start.time_s);
     let jump =
         (first.q - start.state.q).amax() + (first.dq - start.state.dq).amax() + (first.ddq - start.state.ddq).amax();
     must(jump < 1e-8, || format!("jumps by {jump} at the start"))?;
-    let last = trajectory.spline.evaluate(trajectory.end_s());
+    let last = trajectory.evaluate(trajectory.end_s());
     must(last[1].amax() < 1e-8 && last[2].amax() < 1e-6, || "does not end at rest".into())?;
 
     let at = trajectory.setpoint(plan.catch_s);

@@ -271,7 +271,10 @@ fn every_asset_is_right_and_what_is_not_is_told() {
     assert!(verdicts.len() == files.len() && files.len() > 20, "{}", stdout(&output));
     assert!(verdicts.iter().all(|line| line.starts_with("right")), "{}", stdout(&output));
     let banana = stdout(&catchingbot(&["check", assets.path("objects/banana.toml").to_str().unwrap()]));
-    assert!(banana.contains("its convex hull has 1.67 times that; it collides as 9 convex parts of 1.00 times"), "{banana}");
+    assert!(
+        banana.contains("its convex hull has 1.67 times that; it collides as 9 convex parts of 1.00 times"),
+        "{banana}"
+    );
 
     fs::write(assets.path("empty.toml"), "").unwrap();
     for (file, right, wrong, hint) in [

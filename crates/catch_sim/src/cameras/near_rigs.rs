@@ -3,8 +3,9 @@
 #![allow(clippy::print_stdout, reason = "tests tell what they measured")]
 
 use catch_body::{Pose, dynamics};
+use catch_cell::rig_from_toml;
 
-use super::{Readout, Scene, rig_from_toml, tests::*};
+use super::{Readout, Scene, tests::*};
 use crate::{ArenaConfig, Throw, ThrownObject, conditions::Conditions};
 
 const RIGS: [&str; 4] = ["d435_1", "d435_2", "d435_3", "d435_4"];

@@ -5,10 +5,13 @@ use catch_body::{
     robot_file::RobotFiles,
     shape::{Capsule, Cuboid},
 };
-use catch_cell::{CameraModel, DepthFrame, PixelWindow};
+use catch_cell::{CameraModel, DepthFrame, PixelWindow, reference_scan, rig_from_toml};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 
-use super::{Readout, Renderer, Scene, reference_scan, rig::tests::*, rig_from_toml};
+use super::{Readout, Renderer, Scene};
+
+const PAPER_FLIGHT: &str = include_str!("../../../../assets/rigs/paper_flight.toml");
+const REFERENCE: &str = include_str!("../../../../assets/rigs/reference.toml");
 
 pub(super) fn iiwa() -> Robot {
     let files = RobotFiles {

@@ -33,7 +33,7 @@ fn is_caught(finger_mps: f64, delta_s: f64) -> bool {
     // The table was made with this controller.
     let gains = Gains { stiffness_npm: 2500.0, damping_nspm: 20.0 };
     let mut drive = GripperDrive::with_gains(&gripper, OPEN_M, gains);
-    drive.receive(vec![GripperMove { start_s: 0.0, width_m: 0.0, speed_mps: 2.0 * finger_mps, force_n: 80.0 }], 0.0);
+    drive.receive(&[GripperMove { start_s: 0.0, width_m: 0.0, speed_mps: 2.0 * finger_mps, force_n: 80.0 }], 0.0);
     for step in 0..600 {
         let state = world.state();
         let mut loads = setting::no_loads();

@@ -25,7 +25,7 @@ impl Grip {
         let settings = setting::settings(friction, 0.0);
         let world = setting::fixed_hand(settings, p_WG, &gripper, width_m, object, &release);
         let mut drive = GripperDrive::new(&gripper, width_m);
-        drive.receive(vec![GripperMove { start_s: 0.0, width_m: 0.0, speed_mps: 0.4, force_n }], 0.0);
+        drive.receive(&[GripperMove { start_s: 0.0, width_m: 0.0, speed_mps: 0.4, force_n }], 0.0);
         let mut grip = Self { world, drive, steps: 0 };
         grip.hold(0.3, &|_| (Vector3::zeros(), Vector3::zeros()));
         grip
@@ -173,7 +173,7 @@ fn ideal_fingers_reach_a_tennis_ball_in_five_milliseconds() {
     let hand = Point3::new(0.0, 0.0, 2.0);
     let mut world = setting::fixed_hand(setting::settings(0.6, 0.5), hand, &gripper, 0.11, &ball, &release);
     let mut drive = GripperDrive::new(&gripper, 0.11);
-    drive.receive(vec![GripperMove { start_s: 0.0, width_m: 0.0, speed_mps: f64::INFINITY, force_n: 80.0 }], 0.0);
+    drive.receive(&[GripperMove { start_s: 0.0, width_m: 0.0, speed_mps: f64::INFINITY, force_n: 80.0 }], 0.0);
     let mut steps = 0u32;
     while world.state().finger_m.iter().sum::<f64>() > 0.0672 {
         let state = world.state();

@@ -68,7 +68,7 @@ fn run(world: &mut World, drive: &mut GripperDrive, steps: u32) -> Vec<Moment> {
 #[test]
 fn it_closes_no_faster_than_the_real_one() {
     let (mut world, mut drive) = (hand(false), drive(0));
-    drive.receive(vec![close_at(0.0)], 0.0);
+    drive.receive(&[close_at(0.0)], 0.0);
     let moments = run(&mut world, &mut drive, 500);
     let passes = |width_m: f64| moments.iter().find(|it| it.width_m <= width_m).unwrap().time_s;
     let closing_s = passes(0.067) - passes(0.110 - 1e-6);
@@ -85,7 +85,7 @@ fn it_closes_no_faster_than_the_real_one() {
 #[test]
 fn it_presses_with_80_newtons_and_knows_that_it_holds_something() {
     let (mut world, mut drive) = (hand(true), drive(1));
-    drive.receive(vec![close_at(0.0)], 0.0);
+    drive.receive(&[close_at(0.0)], 0.0);
     let moments = run(&mut world, &mut drive, 600);
     let touched_s = moments.iter().find(|it| it.finger_n[0] > 0.0).unwrap().time_s;
     let told_s = moments.iter().find(|it| it.state.grasp == GraspState::Holding).unwrap().time_s;
@@ -110,7 +110,7 @@ fn it_presses_with_80_newtons_and_knows_that_it_holds_something() {
 #[test]
 fn a_part_that_slips_out_is_lost() {
     let mut drive = drive(2);
-    drive.receive(vec![close_at(0.0)], 0.0);
+    drive.receive(&[close_at(0.0)], 0.0);
     let mut grasps = Vec::new();
     for step in 0..400 {
         let half_m = match step {
@@ -135,7 +135,7 @@ fn latencies_are_spread_over_one_cycle() {
         let mut drive = drive(index);
         // Sent again and again until it is due, as a brain would.
         for tick in 0..=10 {
-            drive.receive(vec![close_at(SENT_S)], f64::from(tick) * 0.01);
+            drive.receive(&[close_at(SENT_S)], f64::from(tick) * 0.01);
         }
         let mut obeys = (0..).filter(|&step| {
             let [left, right] = drive.forces(f64::from(step) * 1e-4, [0.055; 2], [0.0; 2]);
@@ -156,7 +156,7 @@ fn latencies_are_spread_over_one_cycle() {
 fn states_come_at_140_hertz_in_hundredths_of_a_millimetre() {
     let (mut world, mut drive) = (hand(false), drive(3));
     // Slow enough to move all the time.
-    drive.receive(vec![GripperMove { speed_mps: 0.1, ..close_at(0.0) }], 0.0);
+    drive.receive(&[GripperMove { speed_mps: 0.1, ..close_at(0.0) }], 0.0);
     let moments = run(&mut world, &mut drive, 1000);
     let moving = &moments[50..950];
     let changes = moving.windows(2).filter(|pair| pair[0].state.width_m != pair[1].state.width_m).count();

@@ -1,8 +1,8 @@
 //! The drive cabinet: how well it follows, and what it refuses and counts.
 
 use catch_body::{JointVector, Robot};
-use catch_cell::{ArmTrajectory, BSpline, Cell, Command};
-use catch_sim::{Arena, ArenaConfig, Truth, truth::LimitKind};
+use catch_cell::{ArmTrajectory, BSpline, Cell, Command, LimitKind, TrajectoryId, executor::PeakRatios};
+use catch_sim::{Arena, ArenaConfig, Truth};
 
 use crate::setting;
 
@@ -12,7 +12,7 @@ fn arena(ready_q: &JointVector) -> Arena {
 }
 
 /// From rest to rest, close to a quintic polynomial: its values as control points, the ends three times.
-fn motion(start_s: f64, duration_s: f64, from: JointVector, to: JointVector) -> ArmTrajectory {
+fn motion(start_s: f64, duration_s: f64, from: JointVector, to: JointVector) -> BSpline {
     let count = 16;
     let control_points: Vec<JointVector> = (0..count)
         .map(|i| {
@@ -23,21 +23,25 @@ fn motion(start_s: f64, duration_s: f64, from: JointVector, to: JointVector) -> 
     let spans = control_points.len() - 3;
     let inner = (1..spans).map(|i| start_s + duration_s * i as f64 / spans as f64);
     let knots_s = [start_s; 4].into_iter().chain(inner).chain([start_s + duration_s; 4]).collect();
-    ArmTrajectory { spline: BSpline { knots_s, control_points } }
+    BSpline { knots_s, control_points }
 }
 
-fn send(arena: &mut Arena, trajectory: ArmTrajectory) {
-    arena.act(Command { arm: Some(trajectory), ..Default::default() });
+fn command(id: u64, spline: BSpline) -> Command {
+    Command { arm: Some(ArmTrajectory { id: TrajectoryId(id), spline }), ..Default::default() }
+}
+
+fn send(arena: &mut Arena, id: u64, spline: BSpline) {
+    let Ok(()) = arena.act(&command(id, spline));
 }
 
 fn senses(arena: &mut Arena, count: usize) {
     for _ in 0..count {
-        arena.sense();
+        let Ok(_) = arena.sense();
     }
 }
 
 /// The largest distance between the gripper where it was and where it should have been.
-fn largest_tool_error(robot: &Robot, truth: &Truth, trajectory: &ArmTrajectory) -> f64 {
+fn largest_tool_error(robot: &Robot, truth: &Truth, trajectory: &BSpline) -> f64 {
     let error = |sample: &catch_sim::TruthSample| {
         let wanted = robot.gripper_pose(&trajectory.setpoint(sample.time_s).q);
         (sample.X_WG.translation.vector - wanted.translation.vector).norm()
@@ -52,8 +56,8 @@ fn a_fast_motion_is_followed_within_a_tenth_of_a_millimetre() {
     let to = from + robot.joint_vector(&[0.27, -0.25, 0.27, 0.25, -0.39, -0.45, -0.45]).unwrap();
     let trajectory = motion(0.0, 0.5, from, to);
     let mut arena = arena(&from);
-    arena.sense();
-    send(&mut arena, trajectory.clone());
+    let Ok(_) = arena.sense();
+    send(&mut arena, 1, trajectory.clone());
     senses(&mut arena, 60);
     let truth = arena.truth();
     let fastest = truth.samples.iter().map(|sample| sample.dq.amax()).fold(0.0, f64::max);
@@ -73,10 +77,10 @@ fn a_command_that_breaks_a_limit_is_counted() {
     let from = robot.ready_q;
     let slow = robot.joint_vector(&[0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).unwrap();
     let mut arena = arena(&from);
-    arena.sense();
-    send(&mut arena, motion(0.0, 1.0, from, from + slow));
+    let Ok(_) = arena.sense();
+    send(&mut arena, 1, motion(0.0, 1.0, from, from + slow));
     assert_eq!(arena.truth().servo.command_violations, []);
-    send(&mut arena, motion(0.0, 0.05, from, from + slow));
+    send(&mut arena, 2, motion(0.0, 0.05, from, from + slow));
     let servo = &arena.truth().servo;
     assert_eq!(servo.accepted_trajectories, 2);
     for kind in [LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Torque] {
@@ -84,7 +88,7 @@ fn a_command_that_breaks_a_limit_is_counted() {
         assert_eq!(found, 1, "{kind:?} in {:?}", servo.command_violations);
     }
     let beyond = robot.joint_vector(&[0.0, 0.9, 0.0, 0.0, 0.0, 0.0, 0.0]).unwrap();
-    send(&mut arena, motion(0.0, 3.0, from, from + beyond));
+    send(&mut arena, 3, motion(0.0, 3.0, from, from + beyond));
     let last = arena.truth().servo.command_violations.last().unwrap();
     assert_eq!((last.joint, last.kind), (1, LimitKind::Position));
     assert!((last.ratio - (1.344 + 0.9) / 2.0944).abs() < 1e-9);
@@ -97,15 +101,14 @@ fn a_command_at_its_limits_is_not_counted() {
     let from = robot.ready_q;
     let to = from + robot.joint_vector(&[0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).unwrap();
     let trajectory = motion(0.0, 0.5, from, to);
-    let peak =
-        |kind: LimitKind, robot: &Robot| catch_sim::command_check::PeakRatios::of(robot, &trajectory).highest(kind);
+    let peak = |kind: LimitKind, robot: &Robot| PeakRatios::of(robot, &trajectory).highest(kind);
     let (velocity, acceleration) = (peak(LimitKind::Velocity, &robot), peak(LimitKind::Acceleration, &robot));
     robot.joints[0].limits.velocity *= velocity;
     robot.joints[0].limits.acceleration *= acceleration;
-    let peaks = catch_sim::command_check::PeakRatios::of(&robot, &trajectory);
+    let peaks = PeakRatios::of(&robot, &trajectory);
     assert_eq!(peaks.violations(), []);
     robot.joints[0].limits.velocity *= 1.0 - 1e-8;
-    assert_eq!(catch_sim::command_check::PeakRatios::of(&robot, &trajectory).violations().len(), 1);
+    assert_eq!(PeakRatios::of(&robot, &trajectory).violations().len(), 1);
 }
 
 #[test]
@@ -115,27 +118,27 @@ fn late_and_discontinuous_commands_are_refused_and_the_old_one_goes_on() {
     let to = from + robot.joint_vector(&[0.2, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0]).unwrap();
     let trajectory = motion(0.0, 0.6, from, to);
     let mut arena = arena(&from);
-    arena.sense();
-    send(&mut arena, trajectory.clone());
+    let Ok(_) = arena.sense();
+    send(&mut arena, 1, trajectory.clone());
     senses(&mut arena, 20);
     // Continuous, but 1 ms too late.
-    send(&mut arena, motion(0.199, 0.6, from, to));
+    send(&mut arena, 2, motion(0.199, 0.6, from, to));
     assert_eq!(arena.truth().servo.late_trajectories, 1);
     // Under way for 20 ms, so late on arrival.
-    arena.act_after(0.02, Command { arm: Some(ArmTrajectory::at_rest(0.21, from)), ..Default::default() });
+    arena.act_after(0.02, &command(3, BSpline::at_rest(0.21, from)));
     assert_eq!(arena.truth().servo.late_trajectories, 1);
     // In time, but 10 mrad away.
     let away = JointVector::ith(0, 0.01);
-    send(&mut arena, motion(0.7, 0.6, to + away, from));
+    send(&mut arena, 4, motion(0.7, 0.6, to + away, from));
     assert_eq!(arena.truth().servo.refused_trajectories, 1);
     // Does not end at rest.
     let mut endless = motion(0.7, 0.6, to, from);
-    *endless.spline.control_points.last_mut().unwrap() = from + JointVector::ith(0, 0.1);
-    send(&mut arena, endless);
+    *endless.control_points.last_mut().unwrap() = from + JointVector::ith(0, 0.1);
+    send(&mut arena, 5, endless);
     // Not a number.
     let mut broken = motion(0.7, 0.6, to, from);
-    broken.spline.control_points[4][0] = f64::NAN;
-    send(&mut arena, broken);
+    broken.control_points[4][0] = f64::NAN;
+    send(&mut arena, 6, broken);
     assert_eq!(arena.truth().servo.refused_trajectories, 3);
     senses(&mut arena, 45);
     let servo = &arena.truth().servo;
@@ -151,12 +154,12 @@ fn trajectories_are_spliced_where_the_next_one_starts() {
     let step = robot.joint_vector(&[0.2, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0]).unwrap();
     let (first, second) = (motion(0.0, 0.4, from, from + step), motion(0.4, 0.4, from + step, from + step * 2.0));
     let mut arena = arena(&from);
-    arena.sense();
-    send(&mut arena, first.clone());
+    let Ok(_) = arena.sense();
+    send(&mut arena, 1, first.clone());
     // Sent long before it starts; the third would continue the second and is dropped when another takes its place.
-    send(&mut arena, second.clone());
-    send(&mut arena, motion(0.8, 0.4, from + step * 2.0, from));
-    send(&mut arena, motion(0.8, 0.5, from + step * 2.0, from + step));
+    send(&mut arena, 2, second.clone());
+    send(&mut arena, 3, motion(0.8, 0.4, from + step * 2.0, from));
+    send(&mut arena, 4, motion(0.8, 0.5, from + step * 2.0, from + step));
     senses(&mut arena, 140);
     assert_eq!(arena.truth().servo.accepted_trajectories, 4);
     for sample in &arena.truth().samples {

@@ -1,37 +1,45 @@
 //! Whether a commanded trajectory keeps within the arm's limits.
 
 use catch_body::{JointVector, Robot};
-use catch_cell::ArmTrajectory;
 
-use crate::truth::{LimitKind, LimitViolation};
+use super::CONTINUITY;
+use crate::{
+    BSpline,
+    rejection::{LimitKind, LimitViolation},
+};
 
 /// What a ratio may exceed 1 by: rounding in whoever computed the trajectory.
 const ROUNDING: f64 = 1e-9;
 /// How finely torques are sampled between knots, where they are smooth.
 const TORQUE_INTERVAL_S: f64 = 4e-3;
 
-const KINDS: [LimitKind; 4] = [LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Torque];
+const KINDS: [LimitKind; 5] =
+    [LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Torque, LimitKind::Jerk];
 
 /// The highest ratio of value to limit along a trajectory.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PeakRatios {
     dof: usize,
-    ratio: [JointVector; 4],
-    time_s: [JointVector; 4],
+    ratio: [JointVector; KINDS.len()],
+    time_s: [JointVector; KINDS.len()],
 }
 
 impl PeakRatios {
-    /// Of a valid trajectory. Positions, velocities and accelerations are exact: between knots they are polynomials. Torques are those
-    /// of inverse dynamics, sampled at the knots, on both sides of them, and densely between; `robot` should carry its gripper.
-    pub fn of(robot: &Robot, trajectory: &ArmTrajectory) -> Self {
-        let nothing = [JointVector::zeros(); 4];
+    /// Of a valid spline. Positions, velocities, accelerations and jerks are exact: between knots they are polynomials. Torques are
+    /// those of inverse dynamics, sampled at the knots, on both sides of them, and densely between; `robot` should carry its gripper.
+    /// Where the acceleration jumps the jerk is infinite.
+    pub fn of(robot: &Robot, spline: &BSpline) -> Self {
+        let nothing = [JointVector::zeros(); KINDS.len()];
         let mut peaks = Self { dof: robot.dof(), ratio: nothing, time_s: nothing };
-        let spline = &trajectory.spline;
-        // A knot that is repeated lets the acceleration jump: the span before it ends before it.
-        let spans = spline.knots_s.windows(2).map(|knots_s| (knots_s[0], knots_s[1].next_down()));
-        for (start_s, end_s) in spans.filter(|(start_s, end_s)| start_s < end_s) {
+        let mut before: Option<JointVector> = None;
+        for [start_s, end_s] in spline.spans() {
             let ends = [start_s, end_s].map(|time_s| spline.evaluate(time_s));
+            let before = before.replace(ends[1][2]);
             for i in 0..peaks.dof {
+                let has_jumped = before.is_some_and(|before| (ends[0][2][i] - before[i]).abs() > CONTINUITY);
+                if has_jumped && robot.joints[i].limits.jerk.is_some() {
+                    peaks.note(4, i, f64::INFINITY, start_s);
+                }
                 let of_joint = ends.map(|state| state.map(|values| values[i]));
                 peaks.note_span(robot, i, start_s, end_s - start_s, of_joint);
             }
@@ -54,6 +62,9 @@ impl PeakRatios {
         let [q, v, a] = first;
         let j = (last[2] - a) / width_s;
         let middle = (limits.lower + limits.upper) / 2.0;
+        if let Some(jerk) = limits.jerk {
+            self.note(4, i, j / jerk, start_s);
+        }
         let root = (a * a - 2.0 * j * v).sqrt();
         let turns = [(-a - root) / j, (-a + root) / j, -v / a, -a / j];
         for s in turns.into_iter().filter(|s| (0.0..=width_s).contains(s)).chain([0.0, width_s]) {

@@ -1,9 +1,10 @@
 //! Rig files: the cameras of a cell.
 
 use catch_body::{InputError, Pose, pose::look_at};
-use catch_cell::CameraModel;
 use nalgebra::{Point3, Quaternion, Translation3, UnitQuaternion};
 use serde::Deserialize;
+
+use crate::CameraModel;
 
 /// The widest and the highest image that a rig may ask for.
 const MAX_PIXELS: u32 = 8192;
@@ -155,13 +156,13 @@ fn field_of_view(file: &str, table: &str, degrees: f64) -> Result<f64, InputErro
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
     use nalgebra::Vector3;
 
-    pub const PAPER_FLIGHT: &str = include_str!("../../../../assets/rigs/paper_flight.toml");
-    pub const PAPER_REFERENCE: &str = include_str!("../../../../assets/rigs/paper_reference.toml");
-    pub const REFERENCE: &str = include_str!("../../../../assets/rigs/reference.toml");
+    const PAPER_FLIGHT: &str = include_str!("../../../assets/rigs/paper_flight.toml");
+    const PAPER_REFERENCE: &str = include_str!("../../../assets/rigs/paper_reference.toml");
+    const REFERENCE: &str = include_str!("../../../assets/rigs/reference.toml");
 
     #[test]
     fn flight_rig_looks_at_the_origin_from_seven_metres() {

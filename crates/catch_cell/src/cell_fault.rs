@@ -1,0 +1,30 @@
+//! What a real cell can report instead of an observation.
+
+use thiserror::Error;
+
+/// A failure of a real cell, for the drivers of arms, grippers and cameras to return.
+///
+/// The arm is safe whenever one is returned: every trajectory ends at rest.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum CellFault {
+    /// A device does not answer any more.
+    #[error("lost connection to {device}: {cause}")]
+    LostConnection {
+        /// Which device, such as "arm" or an address.
+        device: String,
+        /// What the connection reported.
+        cause: String,
+    },
+    /// The arm has stopped by itself, and waits for somebody to release it.
+    #[error("protective stop of the arm: {cause}")]
+    ProtectiveStop {
+        /// What its controller reported.
+        cause: String,
+    },
+    /// The gripper has switched itself off, or does not do what it is asked to.
+    #[error("fault of the gripper: {cause}")]
+    GripperFault {
+        /// What the gripper reported.
+        cause: String,
+    },
+}
