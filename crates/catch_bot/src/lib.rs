@@ -25,47 +25,16 @@ use std::sync::Arc;
 
 use catch_body::{Gripper, Robot};
 use catch_cell::{Brain, CameraModel, Command, Observation, PixelWindow, Probe, ReferenceScan};
-use serde::{Deserialize, Serialize};
 
 use control::{CatchPlanner, Controller, GripperPlan, Situation, TimeGridSearch};
 use perception::{ObjectPose, PoseEstimator, SdfEstimator};
-use settings::{Faults, SettingError, Settings};
+use settings::SettingError;
 use tracker::Tracker;
 use trajectory_optimization::CatchPlan;
 use trajectory_prediction::{FlightPredictor, FlightTrajectory, InformationFit};
 
 pub use control::Status;
-pub use preparation::Preparation;
-
-/// All settings of the brain, stage by stage.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Config {
-    /// Seed of everything that is drawn at random.
-    pub seed: u64,
-    /// From images to the object's pose.
-    pub perception: perception::Config,
-    /// From poses to a flight.
-    pub trajectory_prediction: trajectory_prediction::Config,
-    /// Where and how to hold the object.
-    pub grasp_selection: grasp_selection::Config,
-    /// How the arm gets there.
-    pub trajectory_optimization: trajectory_optimization::Config,
-    /// Commands and their timing.
-    pub control: control::Config,
-}
-
-impl Settings for Config {
-    fn faults(&self) -> Vec<SettingError> {
-        Faults::default()
-            .table("perception", &self.perception)
-            .table("trajectory_prediction", &self.trajectory_prediction)
-            .table("grasp_selection", &self.grasp_selection)
-            .table("trajectory_optimization", &self.trajectory_optimization)
-            .table("control", &self.control)
-            .all()
-    }
-}
+pub use preparation::{Config, Preparation};
 
 /// What the brain knew and decided in its last tick, for observers.
 #[derive(Debug, Clone, Default)]
@@ -124,7 +93,10 @@ impl CatchingBot {
 impl<E, P, C> CatchingBot<E, P, C> {
     /// A brain of these stages. Those of [`Preparation`] are ours.
     pub fn with_stages(known: Arc<Preparation>, estimator: E, predictor: P, planner: C) -> Self {
-        let (tracker, controller) = (known.tracker(), known.controller());
+        let tracker = Tracker::new(&known);
+        let Config { control, grasp_selection, .. } = known.config().clone();
+        let motion = known.search().motion();
+        let controller = Controller::new(control, grasp_selection, motion.robot().clone(), motion.gripper().clone());
         Self { known, estimator, predictor, planner, tracker, flight: None, controller, report: Report::default() }
     }
 

@@ -1,20 +1,49 @@
-//! What is worked out before anything flies.
+//! The settings, and what is worked out from them before anything flies.
 
 use std::sync::Arc;
 
 use catch_body::{Gripper, Robot, ray_cast::ArmSurface};
 use catch_cell::{CameraModel, ReferenceScan};
+use serde::{Deserialize, Serialize};
 
 use crate::{
-    Config,
-    control::{Controller, TimeGridSearch},
-    grasp_selection::GraspSet,
+    control::{self, TimeGridSearch},
+    grasp_selection::{self, GraspSet},
     perception::{self, ReferenceModel, SdfEstimator, Surroundings, camera_alignment::CameraAlignment},
-    settings::{SettingError, Settings},
-    tracker::Tracker,
-    trajectory_optimization::{CatchSearch, MotionPlanner},
-    trajectory_prediction::InformationFit,
+    settings::{Faults, SettingError, Settings},
+    trajectory_optimization::{self, CatchSearch, MotionPlanner},
+    trajectory_prediction::{self, InformationFit},
 };
+
+/// All settings of the brain, stage by stage.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Config {
+    /// Seed of everything that is drawn at random.
+    pub seed: u64,
+    /// From images to the object's pose.
+    pub perception: perception::Config,
+    /// From poses to a flight.
+    pub trajectory_prediction: trajectory_prediction::Config,
+    /// Where and how to hold the object.
+    pub grasp_selection: grasp_selection::Config,
+    /// How the arm gets there.
+    pub trajectory_optimization: trajectory_optimization::Config,
+    /// Commands and their timing.
+    pub control: control::Config,
+}
+
+impl Settings for Config {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .table("perception", &self.perception)
+            .table("trajectory_prediction", &self.trajectory_prediction)
+            .table("grasp_selection", &self.grasp_selection)
+            .table("trajectory_optimization", &self.trajectory_optimization)
+            .table("control", &self.control)
+            .all()
+    }
+}
 
 /// What is worked out before anything flies, once for any number of throws: the object's model from its scan, its grasp
 /// candidates, the planner for the arm, and what the cameras see of the arm while it waits.
@@ -107,17 +136,8 @@ impl Preparation {
         &self.arm_surface
     }
 
-    pub(crate) fn tracker(&self) -> Tracker {
-        Tracker::new(self.alignment.clone())
-    }
-
-    pub(crate) fn controller(&self) -> Controller {
-        let Config { control, grasp_selection, .. } = self.config.clone();
-        Controller::new(
-            control,
-            grasp_selection,
-            self.search.motion().robot().clone(),
-            self.search.motion().gripper().clone(),
-        )
+    /// The cameras' alignment before anything has been seen.
+    pub(crate) fn alignment(&self) -> &CameraAlignment {
+        &self.alignment
     }
 }

@@ -6,8 +6,8 @@ use catch_body::{JointVector, Pose};
 use catch_cell::{CameraModel, DepthFrame, Observation, PixelWindow};
 
 use crate::{
-    Preparation,
     perception::{ObjectPose, PoseEstimator, Surroundings, View, camera_alignment::CameraAlignment},
+    preparation::Preparation,
     trajectory_prediction::FlightTrajectory,
 };
 
@@ -37,7 +37,8 @@ pub(crate) struct Tracker {
 }
 
 impl Tracker {
-    pub fn new(alignment: CameraAlignment) -> Self {
+    pub fn new(known: &Preparation) -> Self {
+        let alignment = known.alignment().clone();
         Self { alignment, sensed: VecDeque::with_capacity(SENSED), poses: Vec::with_capacity(POSES) }
     }
 

@@ -15,6 +15,9 @@ use include_dir::{Dir, include_dir};
 
 static BUILT_IN: Dir = include_dir!("$CARGO_MANIFEST_DIR/../../assets");
 
+/// What errors call the place where the program's arguments stand.
+pub const COMMAND_LINE: &str = "command line";
+
 /// What can be named.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {

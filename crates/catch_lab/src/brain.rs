@@ -18,8 +18,6 @@ use catch_cell::Brain;
 use catch_paper::{IcpEstimator, PaperPlanner, RansacPredictor};
 use serde::{Deserialize, Serialize};
 
-use crate::setup::Setup;
-
 /// Whose method catches.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -126,36 +124,5 @@ pub trait ObservedBrain: Brain {
 impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> ObservedBrain for CatchingBot<E, P, C> {
     fn report(&self) -> Option<&Report> {
         Some(self.report())
-    }
-}
-
-/// Makes a brain for each trial: of a setup, for a seed and the number of the throw.
-#[derive(Clone)]
-pub struct BrainFactory(Arc<MakeBrain>);
-
-type MakeBrain = dyn Fn(&Setup, u64, u64) -> Box<dyn ObservedBrain> + Send + Sync;
-
-impl BrainFactory {
-    /// By a function of setup, seed and number of the throw.
-    pub fn new(make: impl Fn(&Setup, u64, u64) -> Box<dyn ObservedBrain> + Send + Sync + 'static) -> Self {
-        Self(Arc::new(make))
-    }
-
-    /// A brain that has seen nothing yet.
-    pub fn make(&self, setup: &Setup, seed: u64, index: u64) -> Box<dyn ObservedBrain> {
-        (self.0)(setup, seed, index)
-    }
-}
-
-impl Default for BrainFactory {
-    /// The brain of the scenario.
-    fn default() -> Self {
-        Self::new(|setup, seed, index| Box::new(setup.brain(seed, index)))
-    }
-}
-
-impl fmt::Debug for BrainFactory {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("BrainFactory")
     }
 }

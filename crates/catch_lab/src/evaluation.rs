@@ -3,7 +3,9 @@
 
 use std::{
     collections::BTreeMap,
+    fmt,
     sync::{
+        Arc,
         atomic::{AtomicUsize, Ordering},
         mpsc,
     },
@@ -15,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     VERSION,
-    brain::BrainFactory,
+    brain::ObservedBrain,
     oracle::Oracle,
     referee::{self, Verdict},
     scenario::Scenario,
@@ -24,6 +26,39 @@ use crate::{
     stopwatch::Stopwatch,
     trial,
 };
+
+pub use crate::referee::Row;
+
+/// Makes a brain for each trial: of a setup, for a seed and the number of the throw.
+#[derive(Clone)]
+pub struct BrainFactory(Arc<MakeBrain>);
+
+type MakeBrain = dyn Fn(&Setup, u64, u64) -> Box<dyn ObservedBrain> + Send + Sync;
+
+impl BrainFactory {
+    /// By a function of setup, seed and number of the throw.
+    pub fn new(make: impl Fn(&Setup, u64, u64) -> Box<dyn ObservedBrain> + Send + Sync + 'static) -> Self {
+        Self(Arc::new(make))
+    }
+
+    /// A brain that has seen nothing yet.
+    pub fn make(&self, setup: &Setup, seed: u64, index: u64) -> Box<dyn ObservedBrain> {
+        (self.0)(setup, seed, index)
+    }
+}
+
+impl Default for BrainFactory {
+    /// The brain of the scenario.
+    fn default() -> Self {
+        Self::new(|setup, seed, index| Box::new(setup.brain(seed, index)))
+    }
+}
+
+impl fmt::Debug for BrainFactory {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("BrainFactory")
+    }
+}
 
 /// One object with one throw, many times.
 #[derive(Debug)]
@@ -94,17 +129,6 @@ impl Identity {
         };
         self.cells.iter().zip(&self.throws_are_fixed).map(of_cell).collect()
     }
-}
-
-/// The result of one trial.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Row {
-    /// Which throw.
-    #[serde(flatten)]
-    pub scene: Scene,
-    /// Its outcome.
-    #[serde(flatten)]
-    pub verdict: Verdict,
 }
 
 impl Evaluation {

@@ -13,6 +13,7 @@
 //! | `04_own_brain` | another brain in the same arena | [`catch_cell::Brain`], [`catch_cell::Cell`] |
 //! | `05_predict_a_track` | a flight fitted to measured poses | [`catch_bot::trajectory_prediction`] |
 //! | `06_own_cell` | a brain, and the driver of another cell than the arena | [`catch_bot::CatchingBot`], [`catch_cell::Cell`] |
+//! | `07_own_predictor` | another flight predictor in the brain, evaluated beside ours | [`catch_bot::trajectory_prediction::FlightPredictor`], [`evaluation`] |
 //!
 //! Each is run with `cargo run --release --example 01_first_throw`.
 //!

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     oracle::Reach,
-    setup::Setup,
+    setup::{Scene, Setup},
     trial::{PAPER_LOOKS_AT_S, Thought, Trial},
 };
 use impact::impact;
@@ -91,6 +91,17 @@ pub fn judge(setup: &Setup, trial: &Trial) -> Verdict {
         contact_s,
         measures: evidence.measures(setup),
     }
+}
+
+/// The result of one trial.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    /// Which throw.
+    #[serde(flatten)]
+    pub scene: Scene,
+    /// Its outcome.
+    #[serde(flatten)]
+    pub verdict: Verdict,
 }
 
 /// What the referee looks at.

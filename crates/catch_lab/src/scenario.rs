@@ -6,9 +6,8 @@ use catch_sim::{ArenaConfig, config::MOST_LATENCY_S};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    assets::{Kind, nearest},
+    assets::{COMMAND_LINE, Kind, nearest},
     brain::BrainSettings,
-    setup::COMMAND_LINE,
 };
 
 /// What it costs to compute a command.

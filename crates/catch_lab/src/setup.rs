@@ -42,8 +42,7 @@ pub struct Choice<'a> {
 /// The scenario that is meant when none is named.
 pub const DEFAULT_SCENARIO: &str = "paper";
 
-/// What errors call the place where the program's arguments stand.
-pub const COMMAND_LINE: &str = "command line";
+pub use crate::assets::COMMAND_LINE;
 
 /// One throw among all: with the scenario, all that its outcome depends on.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]

@@ -260,60 +260,6 @@ impl Crossing {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::perception::{
-        synthetic::{self, Normal},
-        unlabelled::arm,
-    };
-    use catch_body::{Pose, ray_cast::ArmSurface};
-
-    /// Mean angle in radians between where cameras look and where they are thought to look.
-    fn off_rad(cameras: &[CameraModel], truth: &[CameraModel]) -> f64 {
-        let off = |(a, b): (&CameraModel, &CameraModel)| a.X_WC.rotation.angle_to(&b.X_WC.rotation);
-        cameras.iter().zip(truth).map(off).sum::<f64>() / truth.len() as f64
-    }
-
-    /// Cameras that are turned by 0.05° about each axis across their own look at the arm, a tenth of whose pixels are missing; a
-    /// thing of 0.3 m beside it is none of the arm's.
-    #[test]
-    fn cameras_are_turned_to_where_they_look() {
-        const SD_RAD: f64 = 0.00087;
-        let (robot, gripper) = arm();
-        let surface = ArmSurface::new(&robot, &gripper);
-        let surroundings = Surroundings { arm: &surface, X_WL: robot.link_poses(&robot.ready_q), width_m: 0.1 };
-        let config = Config { camera_sd_rad: SD_RAD, ..Config::default() };
-        let told = synthetic::flight_rig();
-        let mut normal = Normal::new(1);
-        let turned = |camera: &CameraModel| {
-            let turn = normal.vector().component_mul(&Vector3::new(SD_RAD, SD_RAD, 0.0));
-            let X_CT = Pose::from_parts(Vector3::zeros().into(), UnitQuaternion::from_scaled_axis(turn));
-            CameraModel { X_WC: camera.X_WC * X_CT, ..camera.clone() }
-        };
-        let truth: Vec<CameraModel> = told.iter().map(turned).collect();
-        let mut alignment = CameraAlignment::new(&told);
-        let before = off_rad(alignment.cameras(), &truth);
-        let mut after = Vec::new();
-        for image in 0..4 {
-            let frame = |(i, camera): (usize, &CameraModel)| {
-                let window = camera.full_window();
-                let mut depth_m = Vec::new();
-                Background::new(camera, Some(&surroundings), &window, &config).cast_all(&mut depth_m);
-                for (pixel, depth_m) in depth_m.iter_mut().enumerate() {
-                    let uv = window.pixel_centre(pixel);
-                    if (uv.x - 160.0).abs() < 8.0 && (uv.y - 150.0).abs() < 8.0 {
-                        *depth_m = 6.0;
-                    } else if normal.uniform(0.0, 1.0) < 0.1 {
-                        *depth_m = f32::NAN;
-                    }
-                }
-                DepthFrame { camera: i, capture_s: 0.01 * f64::from(image), window, depth_m, mask: None }
-            };
-            let frames: Vec<DepthFrame> = truth.iter().enumerate().map(frame).collect();
-            alignment.observe(&frames, &told, Some(&surroundings), &config);
-            after.push(off_rad(alignment.cameras(), &truth));
-        }
-        assert!(before > SD_RAD, "{before}");
-        assert!(after[0] < before / 3.0 && after[3] < before / 6.0, "{before} → {after:?}");
-    }
 
     /// A line at 37.3 px between nothing and something, half of whose pixels beyond the first are missing.
     #[test]

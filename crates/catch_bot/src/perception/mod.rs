@@ -21,8 +21,6 @@ pub mod symmetry;
 pub(crate) mod synthetic;
 #[cfg(test)]
 mod tests;
-#[cfg(test)]
-pub(crate) mod unlabelled;
 
 use catch_body::Pose;
 use catch_cell::CameraModel;

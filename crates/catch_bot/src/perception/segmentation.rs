@@ -48,7 +48,7 @@ const MAX_BODIES: usize = 16;
 type BodyInSight<'a> = (Point3<f64>, f64, Pose, &'a RayCaster);
 
 /// What one camera would see without the object.
-pub(super) struct Background<'a> {
+pub struct Background<'a> {
     camera: &'a CameraModel,
     bodies: [Option<BodyInSight<'a>>; MAX_BODIES],
     /// Height of the camera over the floor and the vertical in C.

@@ -3,16 +3,16 @@
 //! Best first: every pair of catch time and grasp that the elbow could reach enters a heap with the least that it can cost. What
 //! is on top is looked at more closely: a pair becomes postures ([`SrsArm::swivels`](catch_body::inverse_kinematics::SrsArm::swivels)
 //! cut to what each joint can reach), a posture gets its arrival velocities, an arrival its motion, and each step adds what it
-//! costs. The first motion that keeps all limits and clearances is therefore the best there is, and most of the rest is
-//! never looked at. (So it would be if grasps that have failed were not put off a little at other times.) What is found nowhere
-//! is sought again at times in between, and what got as far as a motion or the way in a little sooner and later; only then is it
-//! refused. In flight each image brings as many such looks as a bounded amount of work allows.
+//! costs. The first motion that keeps all limits and clearances ends a pass, and most of the rest is never looked at. The search is
+//! weighted, not admissible: failures of a grasp add a penalty to its catches at all times, which may put a better one last. What
+//! is found nowhere is sought again at times in between, and what got as far as a motion or the way in a little sooner and
+//! later; only then has the search failed. In flight each image brings as many such passes as a bounded amount of work allows.
 
 mod frontier;
+mod settings;
 
 use catch_body::{JointVector, MAX_JOINTS, Pose};
 use nalgebra::{Point3, Vector3};
-use serde::{Deserialize, Serialize};
 
 use super::{
     CatchPlan, CatchSearch, Incoming, PlanningFailure, Start,
@@ -23,106 +23,14 @@ use super::{
     way_in::{Entering, Obstacle},
 };
 use frontier::{Frontier, Node, Stage};
+pub use settings::{Config, Weights};
 
 use crate::{
     grasp_selection::{Approach, Grasp, RankedGrasp, heuristics},
-    settings::{DURATION_S, Faults, NOT_NEGATIVE, SettingError, Settings},
     trajectory_prediction::{Course, Passage},
 };
 
-/// Weights of the choice among catches that the arm can reach. All terms are costs.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Weights {
-    /// On the effort: the largest share of a joint's reach that is used, raised to the fourth power.
-    pub effort: f64,
-    /// On the distance from the comfortable pose, per radian.
-    pub comfort: f64,
-    /// On the object's speed relative to the gripper, per m/s: what passes the fingers slowly stays.
-    pub speed: f64,
-    /// On the gripper's angular speed, per rad/s.
-    pub spin: f64,
-    /// On waiting longer, per second.
-    pub delay: f64,
-}
-
-impl Default for Weights {
-    fn default() -> Self {
-        Self { effort: 1.0, comfort: 0.02, speed: 0.35, spin: 0.2, delay: 0.5 }
-    }
-}
-
-impl Settings for Weights {
-    fn faults(&self) -> Vec<SettingError> {
-        Faults::default()
-            .values(
-                &NOT_NEGATIVE,
-                [
-                    ("effort", self.effort),
-                    ("comfort", self.comfort),
-                    ("speed", self.speed),
-                    ("spin", self.spin),
-                    ("delay", self.delay),
-                ],
-            )
-            .all()
-    }
-}
-
-/// Settings of the search's extent and work.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Config {
-    /// Latest catch, in seconds from the start.
-    pub latest_catch_s: f64,
-    /// What a failure of a grasp adds to the cost of all of its catches in the order of the search: what fails at one time mostly
-    /// fails at the next as well, and a pass may not do more than so much work.
-    pub failure_penalty: f64,
-    /// The work of all passes at one image, in units of 1 to 2 µs.
-    pub max_work: usize,
-    /// Postures of a catch time and a grasp whose terminal velocities are sought: what a few could not do, similar ones usually
-    /// cannot either.
-    pub max_velocity_trials: usize,
-    /// Those for which a motion is tried.
-    pub max_motion_trials: usize,
-    /// Poses whose postures one pass looks for where each takes iterations, for arms without closed form.
-    pub max_numerical_poses: usize,
-    /// How much later than on the grid the second round tries what got as far as the swept-volume check or a motion, in seconds;
-    /// negative for sooner.
-    pub nearby_s: Vec<f64>,
-}
-
-impl Default for Config {
-    fn default() -> Self {
-        Self {
-            latest_catch_s: 2.0,
-            failure_penalty: 0.2,
-            max_work: 4000,
-            max_velocity_trials: 3,
-            max_motion_trials: 2,
-            max_numerical_poses: 16,
-            nearby_s: vec![-0.001, -0.0005, 0.0005, 0.001],
-        }
-    }
-}
-
-impl Settings for Config {
-    fn faults(&self) -> Vec<SettingError> {
-        Faults::default()
-            .values(&DURATION_S, [("latest_catch_s", self.latest_catch_s)])
-            .values(&NOT_NEGATIVE, [("failure_penalty", self.failure_penalty)])
-            .counts([
-                ("max_work", self.max_work),
-                ("max_velocity_trials", self.max_velocity_trials),
-                ("max_motion_trials", self.max_motion_trials),
-                ("max_numerical_poses", self.max_numerical_poses),
-            ])
-            .lists(&(-0.1..=0.1), [("nearby_s", &self.nearby_s[..])])
-            .all()
-    }
-}
-
-/// Where the catch times of the looks lie, in shares of the step between them.
+/// Where the catch times of the passes lie, in shares of the step between them.
 const OFFSETS: [f64; 8] = [0.5, 0.0, 0.25, 0.75, 0.125, 0.625, 0.375, 0.875];
 /// Passes that make up a search. In the second round what got as far as the way in or a motion is tried a little sooner and
 /// later, too ([`Config::nearby_s`]).

@@ -114,7 +114,7 @@ pub(super) fn fit(
         Symmetry::Axis { .. } => 5.0,
         Symmetry::Sphere => 3.0,
     };
-    let problem = Problem { poses, newest_s, symmetry, inertia: tumbling::inertia(symmetry), freedom, config };
+    let problem = Problem { poses, newest_s, symmetry, inertia: tumbling::inertia_per_kg(symmetry), freedom, config };
 
     // The poses near the start are taken for the good ones; how far the nearer half of as many is off sets the scale.
     let near_start = problem.linearize(&state, poses.len(), scratch);

@@ -5,8 +5,6 @@
 
 mod fit;
 mod flight;
-#[cfg(test)]
-mod measured;
 mod passage;
 pub mod ransac;
 #[cfg(test)]
@@ -20,6 +18,7 @@ pub use flight::{Course, FlightTrajectory};
 pub use passage::Passage;
 use ransac::Rotation;
 pub use track::{Track, TrackSample};
+pub use tumbling::inertia_per_kg;
 
 use crate::{
     perception::{ObjectPose, Symmetry},

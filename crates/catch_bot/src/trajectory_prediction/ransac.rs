@@ -115,7 +115,7 @@ fn through(
         R_WO: later.X_WO.rotation,
         w_WO,
         drag_per_m: config.drag_per_m(),
-        inertia_per_kg: tumbling::inertia(symmetry).filter(|_| rotation == Rotation::Free),
+        inertia_per_kg: tumbling::inertia_per_kg(symmetry).filter(|_| rotation == Rotation::Free),
         covariance: SMatrix::zeros(),
         rotation_covariance: Matrix6::zeros(),
         systematic_sd_m: config.systematic_sd_m,

@@ -31,7 +31,7 @@ fn throw(normal: &mut Normal, spin_radps: f64, drag_per_m: f64, symmetry: &Symme
     let p_WO = Vector3::new(2.66, 2.61, 0.5) + normal.vector() * 0.05;
     let v_WO = Vector3::new(-2.96, -4.06, 3.59) + normal.vector() * 0.1;
     let w_WO = normal.vector().normalize() * spin_radps;
-    let inertia = tumbling::inertia(symmetry);
+    let inertia = tumbling::inertia_per_kg(symmetry);
     Throw { start: Motion::new(p_WO, v_WO), R_WO: normal.rotation(), w_WO, inertia, drag_per_m }
 }
 

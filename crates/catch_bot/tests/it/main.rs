@@ -1,7 +1,10 @@
 //! Tests of the brain's first half from outside.
 mod allocation;
+mod camera_alignment;
 mod edge_cases;
+mod measured;
 #[path = "../../src/perception/synthetic.rs"]
 mod synthetic;
+mod unlabelled;
 
 use catch_bot::perception::ReferenceModel;

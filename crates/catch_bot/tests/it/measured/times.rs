@@ -4,7 +4,8 @@ use catch_body::ray_cast::ArmSurface;
 use nalgebra::Point3;
 
 use super::*;
-use crate::perception::{Surroundings, camera_alignment::CameraAlignment, unlabelled};
+use crate::unlabelled;
+use catch_bot::perception::{Surroundings, camera_alignment::CameraAlignment};
 
 /// CPU time of this thread in milliseconds.
 fn cpu_ms() -> f64 {
@@ -61,9 +62,9 @@ fn measure_times(images: Images) {
             let (mut iterations, mut lost, mut before_arm) = (0, 0, 0);
             for seed in 0..12 {
                 let mut normal = Normal::new(seed);
-                let mut throw = Throw::new(seed % 2 == 1, 0.0, 0.0, &reference, &mut normal);
+                let mut throw = throw(seed % 2 == 1, 0.0, 0.0, &reference, &mut normal);
                 if images == Images::AtArm {
-                    throw.start.p += p_WG.coords - throw.pose_at(0.2).translation.vector;
+                    throw.p_WO += p_WG.coords - throw.pose_at(0.2).translation.vector;
                 }
                 let mut seen = Seen::default();
                 for i in 0..40 {

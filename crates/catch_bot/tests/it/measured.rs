@@ -1,6 +1,6 @@
 //! What perception and prediction achieve together, on images of throws: tables for `docs/perception.md`.
 //!
-//! `cargo test --release -p catch_bot -- --ignored --nocapture measured`
+//! `cargo test --release -p catch_bot --test it -- --ignored --nocapture measured`
 
 #![allow(clippy::print_stdout, reason = "tests tell what they measured")]
 
@@ -8,39 +8,38 @@
 mod times;
 
 use catch_body::Pose;
-use catch_cell::{CameraModel, DepthFrame};
-use nalgebra::{Matrix3, Translation3, Vector3};
-
-use super::{flight::Motion, tumbling::Tumbling, *};
-use crate::perception::{
-    self, DepthNoise, ReferenceModel, Workspace, find_object,
-    synthetic::{self, Noise, Normal, Shape},
+use catch_bot::{
+    perception::{self, DepthNoise, ObjectPose, ReferenceModel, Symmetry, Workspace, find_object},
+    trajectory_prediction::{Config, FlightTrajectory, inertia_per_kg, predict},
 };
+use catch_cell::{CameraModel, DepthFrame};
+use nalgebra::{Matrix3, Vector3};
+
+use crate::synthetic::{self, Noise, Normal, Shape};
 
 /// A throw as in the paper, with the spin and drag given.
-struct Throw {
-    start: Motion,
-    attitude: Tumbling,
+fn throw(
+    far: bool,
+    spin_radps: f64,
     drag_per_m: f64,
-}
-
-impl Throw {
-    fn new(far: bool, spin_radps: f64, drag_per_m: f64, reference: &ReferenceModel, normal: &mut Normal) -> Self {
-        let (p_WO, v_WO) = if far {
-            (Vector3::new(2.66613, 2.6152, 0.5), Vector3::new(-2.95994, -4.06236, 3.5882))
-        } else {
-            (Vector3::new(1.66613, 1.63277, 0.3), Vector3::new(-1.58705, -2.68301, 3.75643))
-        };
-        let (p_WO, v_WO) = (p_WO + normal.vector() * 0.05, v_WO + normal.vector() * 0.1);
-        let w_WO = normal.vector().normalize() * spin_radps;
-        let inertia = tumbling::inertia(&reference.symmetry);
-        let attitude = Tumbling::new(normal.rotation(), &w_WO, inertia.as_ref());
-        Self { start: Motion::new(p_WO, v_WO), attitude, drag_per_m }
-    }
-
-    fn pose_at(&self, time_s: f64) -> Pose {
-        let p_WO = self.start.after(time_s, self.drag_per_m, false).p;
-        Pose::from_parts(Translation3::from(p_WO), self.attitude.after(time_s, false).R_WO)
+    reference: &ReferenceModel,
+    normal: &mut Normal,
+) -> FlightTrajectory {
+    let (p_WO, v_WO) = if far {
+        (Vector3::new(2.66613, 2.6152, 0.5), Vector3::new(-2.95994, -4.06236, 3.5882))
+    } else {
+        (Vector3::new(1.66613, 1.63277, 0.3), Vector3::new(-1.58705, -2.68301, 3.75643))
+    };
+    let (p_WO, v_WO) = (p_WO + normal.vector() * 0.05, v_WO + normal.vector() * 0.1);
+    let w_WO = normal.vector().normalize() * spin_radps;
+    FlightTrajectory {
+        p_WO: p_WO.into(),
+        v_WO,
+        R_WO: normal.rotation(),
+        w_WO,
+        drag_per_m,
+        inertia_per_kg: inertia_per_kg(&reference.symmetry),
+        ..FlightTrajectory::default()
     }
 }
 
@@ -109,7 +108,7 @@ fn measure(shape: &Shape, variants: &[Variant], setting: &Setting, throws: std::
         let mut normal = Normal::new(seed);
         let [mean, sd] = setting.drag_per_m;
         let drag_per_m = (mean + sd * Normal::new(seed ^ 0xd7a6).draw()).max(0.0);
-        let throw = Throw::new(seed % 2 == 1, setting.spin_radps, drag_per_m, &reference, &mut normal);
+        let throw = throw(seed % 2 == 1, setting.spin_radps, drag_per_m, &reference, &mut normal);
         let mut seen: Vec<Seen> = variants.iter().map(|_| Seen::default()).collect();
         for i in 0..setting.frames[1] {
             let capture_s = 0.01 * i as f64;

@@ -3,16 +3,17 @@
 #![allow(clippy::print_stdout, reason = "tests tell what they measured")]
 
 use catch_body::{Gripper, JointVector, Pose, Robot, ray_cast::ArmSurface, robot_file::RobotFiles};
-use catch_cell::{DepthFrame, PixelWindow};
+use catch_cell::{CameraModel, DepthFrame, PixelWindow};
 use nalgebra::{Point3, UnitQuaternion};
 
-use super::{
+use catch_bot::perception::{
+    Config, DepthNoise, Surroundings, Workspace, find_object,
     segmentation::{Background, Label},
-    synthetic::{self, Noise, Normal, Shape},
-    *,
 };
 
-pub(crate) fn arm() -> (Robot, Gripper) {
+use crate::synthetic::{self, Noise, Normal, Shape};
+
+pub fn arm() -> (Robot, Gripper) {
     let files = RobotFiles {
         urdf_file: "robot.urdf",
         urdf: include_str!("../../../../assets/robots/iiwa14/robot.urdf"),
@@ -24,7 +25,7 @@ pub(crate) fn arm() -> (Robot, Gripper) {
 }
 
 /// Images of an object with what the brain knows behind and before it, noise on all of it, and the true masks.
-pub(crate) struct Scene<'a> {
+pub struct Scene<'a> {
     pub cameras: &'a [CameraModel],
     pub surroundings: Surroundings<'a>,
     pub config: &'a Config,
