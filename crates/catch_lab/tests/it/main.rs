@@ -14,6 +14,7 @@ mod mcap_file;
 mod own_data;
 mod pages;
 mod planning;
+mod robot_controller;
 mod source;
 mod throws_out_of_reach;
 mod tidy;
