@@ -255,7 +255,7 @@ impl Brain for CatchingBot {
     fn tick(&mut self, observation: &Observation, probe: &mut dyn Probe) -> Command {
         self.report = Report::default();
         let now_s = observation.time_s;
-        if self.sent.acknowledge(&observation.arm) {
+        if self.sent.acknowledge(&observation.arm, self.known.config.control.lost_after_s) {
             self.plan = self.sent.last().cloned();
         }
         if self.is_committed(now_s) {
