@@ -173,7 +173,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Brain for CatchingBo
         self.estimator.reset();
         self.predictor.reset();
         self.planner.reset();
-        self.tracker = self.known.tracker();
+        self.tracker = Tracker::new(&self.known);
         self.flight = None;
         self.controller.reset();
         self.report = Report::default();

@@ -407,6 +407,21 @@ mod tests {
         assert_eq!(folder.path().join(left).exists(), !Path::new("/proc/self").exists());
     }
 
+    /// The first format had neither trajectories with identifiers nor headers like these.
+    #[test]
+    fn an_old_recording_is_refused_by_its_version() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("old.catch");
+        let mut out = GzBuilder::new().write(File::create(&path).unwrap(), Compression::fast());
+        let header = serde_json::json!({
+            "format": FORMAT, "format_version": 3, "version": "0.0.9", "scenario": "something else"
+        });
+        rmp_serde::encode::write_named(&mut out, &header).unwrap();
+        out.finish().unwrap();
+        let fault = RecordingReader::open(&path).err().unwrap().to_string();
+        assert!(fault.contains("format_version: found 3, written by version 0.0.9") && fault.contains("4"), "{fault}");
+    }
+
     #[test]
     fn names_of_files_are_short_and_differ() {
         let stem = |scenario: &str| {

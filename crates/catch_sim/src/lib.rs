@@ -1,7 +1,7 @@
 //! The arena: a simulated cell in which things are thrown at an arm.
 //!
 //! [`Arena`] is a [`catch_cell::Cell`] like any other. Behind it stand the physics of arm, gripper and thrown object
-//! ([`physics`]), the drive cabinet that follows the commanded trajectories and watches the limits ([`servo`]), and the
+//! ([`physics`]), the robot controller that follows the commanded trajectories and watches the limits ([`servo`]), and the
 //! gripper's drive ([`gripper_drive`]). What really happened is in [`Truth`], which the brain cannot reach: it is not part of
 //! the contract.
 //!

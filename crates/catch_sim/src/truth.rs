@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 pub struct Truth {
     /// One sample per step of the physics, the first at t = 0.
     pub samples: Vec<TruthSample>,
-    /// What the drive cabinet noticed.
+    /// What the robot controller noticed.
     pub servo: ServoReport,
     /// Since when the physics has been out of its mind, if it ever was: a state was not finite, and the last good one has
     /// stood still from there on.
@@ -70,7 +70,7 @@ impl Contact {
     }
 }
 
-/// What the drive cabinet noticed.
+/// What the robot controller noticed.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct ServoReport {
     /// Trajectories that were taken.

@@ -54,7 +54,7 @@ impl Controller {
 
     /// Learns what became of the trajectories. If the running plan was rejected or lost, the one before it is running again.
     pub fn acknowledge(&mut self, arm: &ArmState) {
-        if self.sent.acknowledge(arm) {
+        if self.sent.acknowledge(arm, self.config.lost_after_s) {
             self.plan = self.sent.last().cloned();
         }
     }

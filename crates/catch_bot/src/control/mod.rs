@@ -26,6 +26,9 @@ use catch_body::{Gripper, Robot};
 pub struct Config {
     /// Time from an observation until a command takes effect, in seconds: new motions start that much later.
     pub expected_latency_s: f64,
+    /// A trajectory that does not execute this long after its start, by the arm's own clock, has been lost on its way, in seconds:
+    /// longer than time stamps are off and the robot controller lags.
+    pub lost_after_s: f64,
     /// Time from the start of a gripper move until the fingers move, in seconds.
     pub gripper_latency_s: f64,
     /// Force of closing in N per finger; the gripper's own limit if it is lower.
@@ -46,6 +49,7 @@ impl Default for Config {
     fn default() -> Self {
         Self {
             expected_latency_s: 0.0,
+            lost_after_s: 0.02,
             gripper_latency_s: 0.0,
             closing_force_n: 80.0,
             commit_s: 0.05,

@@ -6,10 +6,6 @@ use catch_cell::{ArmState, ArmTrajectory, Setpoint, TrajectoryId};
 
 use crate::trajectory_optimization::CatchPlan;
 
-/// A trajectory that does not execute this long after its start, by the arm's own clock, has been lost on its way.
-/// Time stamps may be off by less.
-const LOST_AFTER_S: f64 = 5e-3;
-
 /// The plans that are executed or will be, oldest first, each with the identifier of its trajectory.
 #[derive(Debug, Clone, Default)]
 pub struct SentPlans {
@@ -28,8 +24,8 @@ impl SentPlans {
     }
 
     /// Learns from the arm's state what became of the trajectories. A plan that was rejected or lost is dropped, and so are those
-    /// that went on from it. Returns whether any was.
-    pub fn acknowledge(&mut self, arm: &ArmState) -> bool {
+    /// that went on from it. Returns whether any was. `lost_after_s` is [`Config::lost_after_s`](super::Config::lost_after_s).
+    pub fn acknowledge(&mut self, arm: &ArmState, lost_after_s: f64) -> bool {
         // Identifiers must be higher than all before them, whoever used those.
         let told = arm.rejected.iter().map(|it| it.id).chain(arm.executing);
         self.last_id = told.map(|id| id.0).fold(self.last_id, u64::max);
@@ -39,7 +35,7 @@ impl SentPlans {
         let kept = self.plans.iter().position(|(id, _)| is_rejected(*id)).unwrap_or(before);
         self.plans.truncate(kept);
         let executing = self.plans.iter().position(|(id, _)| Some(*id) == arm.executing);
-        let is_due = |plan: &CatchPlan| plan.trajectory.start_s() + LOST_AFTER_S < arm.time_s;
+        let is_due = |plan: &CatchPlan| plan.trajectory.start_s() + lost_after_s < arm.time_s;
         // Where trajectories follow each other more quickly than observations, all up to the executing one were taken.
         let pending = executing.map_or(0, |at| at + 1);
         let kept = self.plans.iter().skip(pending).position(|(_, plan)| is_due(plan));
@@ -135,7 +131,7 @@ mod tests {
     #[test]
     fn a_rejected_plan_is_dropped_with_those_that_went_on_from_it() {
         let mut plans = sent(&[0.0, 0.1, 0.2]);
-        assert!(plans.acknowledge(&arm(0.05, Some(1), &[2])));
+        assert!(plans.acknowledge(&arm(0.05, Some(1), &[2]), 0.02));
         assert_eq!(catches(&plans), [1.0]);
         assert_eq!(plans.setpoint(0.3, &arm(0.05, Some(1), &[])).q[0], 1.0);
         // The next one goes on from what executes, under a new identifier.
@@ -145,19 +141,19 @@ mod tests {
     #[test]
     fn nothing_is_dropped_while_stamps_are_a_little_off() {
         let mut plans = sent(&[0.0, 0.1]);
-        assert!(!plans.acknowledge(&arm(0.1004, Some(1), &[])));
+        assert!(!plans.acknowledge(&arm(0.1004, Some(1), &[]), 0.02));
         assert_eq!(catches(&plans), [1.0, 2.0]);
-        assert!(!plans.acknowledge(&arm(0.11, Some(2), &[])));
+        assert!(!plans.acknowledge(&arm(0.11, Some(2), &[]), 0.02));
         assert_eq!(catches(&plans), [2.0], "what has been replaced is forgotten");
     }
 
     #[test]
     fn what_does_not_begin_has_been_lost() {
         let mut plans = sent(&[0.0, 0.1, 0.2]);
-        assert!(plans.acknowledge(&arm(0.15, Some(1), &[])));
+        assert!(plans.acknowledge(&arm(0.15, Some(1), &[]), 0.02));
         assert_eq!(catches(&plans), [1.0]);
         let mut plans = sent(&[0.1]);
-        assert!(plans.acknowledge(&arm(0.15, None, &[])));
+        assert!(plans.acknowledge(&arm(0.15, None, &[]), 0.02));
         assert_eq!(plans.last(), None);
     }
 
@@ -166,7 +162,7 @@ mod tests {
     fn what_somebody_else_has_sent_is_extrapolated() {
         let mut plans = SentPlans::default();
         let state = arm(0.5, Some(40), &[41]);
-        assert!(!plans.acknowledge(&state));
+        assert!(!plans.acknowledge(&state, 0.02));
         let ahead = plans.setpoint(0.51, &state);
         assert!((ahead.q[0] - 0.01).abs() < 1e-15 && ahead.dq[0] == 1.0);
         assert_eq!(plans.send(plan(0.51, 1.0)).id, TrajectoryId(42));

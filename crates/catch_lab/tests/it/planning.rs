@@ -14,7 +14,7 @@ use catch_bot::{
     },
     trajectory_prediction::FlightTrajectory,
 };
-use catch_cell::{ArmTrajectory, arm::Setpoint};
+use catch_cell::{ArmTrajectory, LimitKind, Setpoint, executor::PeakRatios};
 use catch_lab::{
     brain::BrainSettings,
     planner_cases,
@@ -39,7 +39,19 @@ pub struct Desk {
 
 impl Desk {
     pub fn new(object: &str, change: impl Fn(&mut Config)) -> Self {
-        let setup = Setup::load(&Choice { object: Some(object), ..Choice::default() }).unwrap();
+        Self::of(Setup::load(&Choice { object: Some(object), ..Choice::default() }).unwrap(), change)
+    }
+
+    /// For an arm that states this limit of the jerk, in rad/s³.
+    fn with_jerk(object: &str, most: f64) -> Self {
+        let mut setup = Setup::load(&Choice { object: Some(object), ..Choice::default() }).unwrap();
+        for joint in &mut setup.robot.joints {
+            joint.limits.jerk = Some(most);
+        }
+        Self::of(setup, |_| {})
+    }
+
+    fn of(setup: Setup, change: impl Fn(&mut Config)) -> Self {
         let mut config = setup.brain_config(1, 0);
         change(&mut config.trajectory_optimization);
         let reference = ReferenceModel::from_scan(&setup.reference_scan, &config.perception);
@@ -150,6 +162,8 @@ fn keeps_its_word(
     let off = (moved - flight.twist_at(plan.catch_s).linear * plan.speed_fraction).norm();
     must(off < 1e-6 && (0.0..=0.3 + 1e-9).contains(&plan.speed_fraction), || format!("the velocity is off by {off}"))?;
 
+    let most = PeakRatios::of(robot, trajectory).highest(LimitKind::Jerk);
+    must(most <= 1.0, || format!("{most} of a limit of the jerk"))?;
     let clearance = ArmClearance::new(&desk.setup.robot, gripper);
     let steps = ((trajectory.end_s() - start.time_s) / 0.002) as usize + 1;
     for step in 0..=steps {
@@ -192,8 +206,7 @@ fn lets_in(desk: &Desk, flight: &FlightTrajectory, plan: &CatchPlan) -> Result<(
 }
 
 /// Random throws from rest and, where there is a plan, changed flights on the move; returns plans, refusals and faults.
-fn many(catches: usize, seed: u64) -> (usize, usize, Vec<String>) {
-    let desks = OBJECTS.map(|object| Desk::new(object, |_| {}));
+fn many(desks: &[Desk], catches: usize, seed: u64) -> (usize, usize, Vec<String>) {
     let mut rng = Pcg64::seed_from_u64(seed);
     let (mut solved, mut refused, mut faults) = (0, 0, Vec::new());
     let mut asked = 0;
@@ -239,7 +252,11 @@ fn many(catches: usize, seed: u64) -> (usize, usize, Vec<String>) {
 /// Where a catch cannot be adjusted any more, it is made a little sooner or later, or missed by less than if nothing were done.
 #[test]
 fn catches_that_cannot_be_adjusted_are_shifted_or_approached() {
-    let desk = Desk::new("banana", |_| {});
+    shifts_or_approaches(&Desk::new("banana", |_| {}));
+    shifts_or_approaches(&Desk::with_jerk("banana", 2000.0));
+}
+
+fn shifts_or_approaches(desk: &Desk) {
     let search = &desk.search;
     let mut rng = Pcg64::seed_from_u64(6);
     let (mut shifted, mut approached) = (0, 0);
@@ -256,11 +273,11 @@ fn catches_that_cannot_be_adjusted_are_shifted_or_approached() {
             continue;
         }
         if let Some(plan) = search.shifted(&start, &incoming, &plan) {
-            check(&desk, &start, &seen, &plan).unwrap();
+            check(desk, &start, &seen, &plan).unwrap();
             shifted += 1;
         }
         if let Some(near) = search.nearest(&start, &incoming, &plan) {
-            keeps_its_word(&desk, &start, &near.X_WG, &seen, &near).unwrap();
+            keeps_its_word(desk, &start, &near.X_WG, &seen, &near).unwrap();
             let wanted = seen.pose_at(plan.catch_s) * plan.grasp.X_OG;
             let missed_m = |it: &CatchPlan| (wanted.translation.vector - it.X_WG.translation.vector).norm();
             assert!(missed_m(&near) < 0.76 * missed_m(&plan));
@@ -272,16 +289,27 @@ fn catches_that_cannot_be_adjusted_are_shifted_or_approached() {
 
 #[test]
 fn random_catches_hold_when_recomputed() {
-    let (solved, refused, faults) = many(600, 3);
+    let (solved, refused, faults) = many(&OBJECTS.map(|object| Desk::new(object, |_| {})), 600, 3);
     assert!(solved > 200 && refused > 20, "{solved} solved, {refused} refused");
     assert!(faults.is_empty(), "{faults:?}");
+}
+
+/// The same for arms that limit the jerk, tightly and as loosely as arms of today do; the tight limit costs catches.
+#[test]
+fn random_catches_keep_limits_of_the_jerk() {
+    for (most, least) in [(300.0, 30), (5000.0, 60)] {
+        let desks = OBJECTS.map(|object| Desk::with_jerk(object, most));
+        let (solved, refused, faults) = many(&desks, 180, 8);
+        assert!(solved > least, "{solved} solved, {refused} refused with {most} rad/s³");
+        assert!(faults.is_empty(), "{faults:?}");
+    }
 }
 
 /// The whole of it: `cargo test --release --workspace --test it a_hundred_thousand -- --ignored --nocapture`.
 #[test]
 #[ignore = "takes several minutes"]
 fn a_hundred_thousand_random_catches_hold_when_recomputed() {
-    let (solved, refused, faults) = many(100_000, 4);
+    let (solved, refused, faults) = many(&OBJECTS.map(|object| Desk::new(object, |_| {})), 100_000, 4);
     println!("{solved} solved, {refused} refused, {} faults", faults.len());
     assert!(faults.is_empty(), "{:?}", &faults[..faults.len().min(20)]);
 }

@@ -65,6 +65,21 @@ fn the_brain_and_the_simulator_never_meet() {
     }
 }
 
+/// What a driver of a real arm builds on, and the brain, need no physics engine.
+#[test]
+fn no_physics_engine_stands_below_the_contract() {
+    for name in ["catch_cell", "catch_bot"] {
+        let tree = Command::new(env!("CARGO"))
+            .args(["tree", "--package", name, "--edges", "normal", "--prefix", "none", "--offline"])
+            .current_dir(root())
+            .output()
+            .unwrap();
+        assert!(tree.status.success(), "{}", String::from_utf8_lossy(&tree.stderr));
+        let tree = String::from_utf8(tree.stdout).unwrap();
+        assert!(tree.contains("catch_body") && !tree.contains("rapier"), "{tree}");
+    }
+}
+
 /// Crate → the crates of the workspace that it depends on, by their real names whatever they are called inside.
 fn crate_graph() -> BTreeMap<String, BTreeSet<String>> {
     let metadata = Command::new(env!("CARGO"))

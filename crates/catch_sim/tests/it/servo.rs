@@ -1,4 +1,4 @@
-//! The drive cabinet: how well it follows, and what it refuses and counts.
+//! The robot controller: how well it follows, and what it rejects and counts.
 
 use catch_body::{JointVector, Robot};
 use catch_cell::{ArmTrajectory, BSpline, Cell, Command, LimitKind, TrajectoryId, executor::PeakRatios};
