@@ -13,6 +13,7 @@
 //! same commands, bit for bit.
 
 pub mod control;
+pub mod cycle;
 pub mod grasp_selection;
 pub mod perception;
 mod preparation;
@@ -129,11 +130,31 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Brain for CatchingBo
             let windows = Some(vec![PixelWindow::default(); self.known.cameras().len()]);
             return self.close_report(Status::Committed, None, Command { windows, ..Command::default() });
         }
-        self.tracker.sense(observation);
-
-        // III-B: pose of the object in the newest images, started from where the last flight says it is.
-        let pose = self.tracker.track(&observation.frames, self.flight.as_ref(), &self.known, &mut self.estimator);
+        let pose = self.perceive(observation);
         probe.stage_ended("perception");
+        self.act_on(observation, pose, probe)
+    }
+
+    fn reset(&mut self) {
+        self.estimator.reset();
+        self.predictor.reset();
+        self.planner.reset();
+        self.tracker = Tracker::new(&self.known);
+        self.flight = None;
+        self.controller.reset();
+        self.report = Report::default();
+    }
+}
+
+impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingBot<E, P, C> {
+    /// III-B: pose of the object in the newest images, started from where the last flight says it is.
+    fn perceive(&mut self, observation: &Observation) -> Option<ObjectPose> {
+        self.tracker.sense(observation);
+        self.tracker.track(&observation.frames, self.flight.as_ref(), &self.known, &mut self.estimator)
+    }
+
+    /// What follows from the poses so far; `pose` is the newest, if this tick found one.
+    fn act_on(&mut self, observation: &Observation, pose: Option<ObjectPose>, probe: &mut dyn Probe) -> Command {
         let Some(first) = self.tracker.poses().first() else {
             return self.close_report(Status::NoObject, pose, Command::default());
         };
@@ -162,20 +183,10 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Brain for CatchingBo
         probe.stage_ended("trajectory_optimization");
 
         let status = decision.status;
-        let mut command = self.controller.command(now_s, decision, &flight);
+        let mut command = self.controller.command(observation.time_s, decision, &flight);
         command.windows = self.tracker.windows(observation, &flight, &self.known);
         self.flight = Some(flight);
         probe.stage_ended("control");
         self.close_report(status, pose, command)
-    }
-
-    fn reset(&mut self) {
-        self.estimator.reset();
-        self.predictor.reset();
-        self.planner.reset();
-        self.tracker = Tracker::new(&self.known);
-        self.flight = None;
-        self.controller.reset();
-        self.report = Report::default();
     }
 }

@@ -42,6 +42,11 @@ impl Tracker {
         Self { alignment, sensed: VecDeque::with_capacity(SENSED), poses: Vec::with_capacity(POSES) }
     }
 
+    /// Forgets the object's poses but for the newest `count`.
+    pub fn keep_newest(&mut self, count: usize) {
+        self.poses.drain(..self.poses.len().saturating_sub(count));
+    }
+
     /// The object's poses so far, oldest first.
     pub fn poses(&self) -> &[ObjectPose] {
         &self.poses

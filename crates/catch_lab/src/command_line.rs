@@ -8,6 +8,7 @@ pub mod list;
 pub mod merge;
 pub mod new;
 pub mod plan;
+pub mod play;
 pub mod predict;
 pub mod ready;
 pub mod register;
@@ -56,6 +57,8 @@ enum Command {
     Catch(Box<catch::CatchArguments>),
     /// Many throws: a table, and a row per trial on disk
     Eval(Box<eval::EvalArguments>),
+    /// Many throws in one life: the arm catches, holds, puts down and returns until the next throw
+    Play(Box<play::PlayArguments>),
     /// Parts of an evaluation become one
     Merge(merge::MergeArguments),
     /// The scenarios, objects, throws, robots, grippers and camera rigs that are built in
@@ -163,6 +166,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<()> {
         None => catch::run(&arguments.catch),
         Some(Command::Catch(catch)) => catch::run(&catch),
         Some(Command::Eval(eval)) => eval::run(&eval),
+        Some(Command::Play(play)) => play::run(&play),
         Some(Command::Merge(merge)) => merge::run(&merge),
         Some(Command::List(list)) => list::run(&list),
         Some(Command::Plan(plan)) => plan::run(&plan),

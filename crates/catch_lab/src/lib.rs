@@ -39,6 +39,7 @@ pub mod mcap_file;
 pub mod oracle;
 pub mod packed;
 pub mod planner_cases;
+pub mod play;
 pub mod playback;
 pub mod plots;
 pub mod ready;

@@ -23,6 +23,17 @@ pub enum Clock {
     Charged,
 }
 
+impl Clock {
+    /// When a command arrives after the observation that it answers, in seconds; computing took `measured_s`.
+    pub fn delay_s(self, measured_s: f64) -> f64 {
+        match self {
+            Self::Free => 0.0,
+            Self::FixedMs(delay_ms) => delay_ms / 1e3,
+            Self::Charged => measured_s,
+        }
+    }
+}
+
 /// A scenario's file: a composition of each module's own settings. What it does not say is the module's default.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -42,6 +53,10 @@ pub struct Scenario {
     /// Joint positions in radians where the arm waits; the robot's own ready pose if left out.
     #[serde(default)]
     pub ready_rad: Option<Vec<f64>>,
+    /// Joint positions in radians in which the gripper opens to put down what was caught; needed where a brain lives for many
+    /// throws.
+    #[serde(default)]
+    pub place_rad: Option<Vec<f64>>,
     /// Multiplies the arm's limits. Anything but 1, the default, is not the real arm, and the scenario's name should say so.
     #[serde(default)]
     pub limit_scale: LimitScale,

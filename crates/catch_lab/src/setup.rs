@@ -5,7 +5,7 @@ use std::{
     sync::{Arc, OnceLock},
 };
 
-use catch_body::{Gripper, InputError, Robot, robot::LimitScale, robot_file::RobotFiles};
+use catch_body::{Gripper, InputError, JointVector, Robot, robot::LimitScale, robot_file::RobotFiles};
 use catch_bot::{Preparation, perception::DepthNoise};
 use catch_cell::{CameraModel, ReferenceScan, reference_scan, rig_from_toml};
 use catch_sim::{
@@ -148,7 +148,7 @@ impl Setup {
         let is_other_robot = choice.robot.is_some_and(|robot| robot != scenario.robot);
         if is_other_robot {
             // The scenario's pose is one of its own arm.
-            scenario.ready_rad = None;
+            (scenario.ready_rad, scenario.place_rad) = (None, None);
         }
         let mut scenario = scenario.with_settings(choice.settings)?;
         let find = |kind: Kind, asked: Option<&str>, named: &str, field: &str| match asked {
@@ -226,6 +226,18 @@ impl Setup {
                 if fits { sides } else { "" }
             )
         })
+    }
+
+    /// Joint positions in which the gripper opens to put down what was caught.
+    ///
+    /// # Errors
+    /// If the scenario names none, or none of this arm.
+    pub fn place_q(&self) -> Result<JointVector, InputError> {
+        let (file, field) = (&self.scenario.name, "place_rad");
+        let expected = "joint positions in which the gripper opens to put down what was caught";
+        let values = self.scenario.place_rad.as_ref();
+        let values = values.ok_or_else(|| InputError::new(file, field, "nothing", expected))?;
+        self.robot.checked_pose(file, field, values)
     }
 
     /// The scene of throw number `index`.

@@ -6,7 +6,7 @@ use catch_bot::Report;
 use catch_cell::{Cell, Command, Observation};
 use catch_sim::{Arena, Truth};
 
-use crate::{brain::ObservedBrain, scenario::Clock, setup::Setup, stopwatch::Stopwatch};
+use crate::{brain::ObservedBrain, setup::Setup, stopwatch::Stopwatch};
 
 /// From the first contact with the gripper on: how long until the world shakes.
 const SHAKING_AFTER_S: f64 = 1.0;
@@ -92,11 +92,7 @@ pub fn run_brain(
             report: report.cloned(),
             stage_ms: stopwatch.last_tick_ms(),
         });
-        let delay_s = match setup.scenario.clock {
-            Clock::Free => 0.0,
-            Clock::FixedMs(delay_ms) => delay_ms / 1e3,
-            Clock::Charged => stopwatch.last_tick_s(),
-        };
+        let delay_s = setup.scenario.clock.delay_s(stopwatch.last_tick_s());
         arena.act_after(delay_s, &command);
         if watch.is_over(&mut arena) {
             return Ok(Trial { truth: arena.truth().clone(), thoughts, stopwatch });
@@ -107,12 +103,18 @@ pub fn run_brain(
 /// Watches for the end of a trial, and shakes the world when it is time.
 #[derive(Debug, Default)]
 pub struct EndWatch {
+    released_s: f64,
     samples_seen: usize,
     gripper_touched_s: Option<f64>,
     floor_touched_s: Option<f64>,
 }
 
 impl EndWatch {
+    /// For an object that is released at `released_s`.
+    pub fn from(released_s: f64) -> Self {
+        Self { released_s, ..Self::default() }
+    }
+
     /// Whether the trial is over.
     pub fn is_over(&mut self, arena: &mut Arena) -> bool {
         let truth = arena.truth();
@@ -130,13 +132,13 @@ impl EndWatch {
         if truth.diverged_s.is_some() {
             return true;
         }
-        if now < PAPER_LOOKS_AT_S {
+        if now < self.released_s + PAPER_LOOKS_AT_S {
             return false;
         }
         if self.floor_touched_s.is_some_and(|touched| now >= touched + AFTER_FLOOR_S) {
             return true;
         }
-        let Some(touched) = self.gripper_touched_s else { return now >= LONGEST_FLIGHT_S };
+        let Some(touched) = self.gripper_touched_s else { return now >= self.released_s + LONGEST_FLIGHT_S };
         match truth.shaking_since_s {
             Some(since) => now >= since + SHAKING_FOR_S - 1e-9,
             None => {

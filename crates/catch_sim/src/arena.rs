@@ -104,6 +104,29 @@ impl Arena {
         &self.truth
     }
 
+    /// What really happened since the last call, or since the beginning. The world stops shaking.
+    pub fn take_truth(&mut self) -> Truth {
+        self.update_report();
+        self.servo.take_report();
+        let last = self.truth.samples.last().copied();
+        std::mem::replace(&mut self.truth, Truth { samples: last.into_iter().collect(), ..Truth::default() })
+    }
+
+    /// The object is taken away, and that of `equipment` is released now: throw number `index` of `seed`. All else stays as it is,
+    /// the robot's and the cameras' errors included; `equipment` must have the same arm, gripper and cameras. The next image is of
+    /// this instant.
+    pub fn throw_next(&mut self, equipment: &Equipment, release: &Release, seed: u64, index: u64) {
+        let Shared { config, object, .. } = &*equipment.shared;
+        self.conditions = Conditions::draw(config, object, seed, index);
+        self.world.exchange_object(object, release, self.conditions.friction, self.conditions.restitution);
+        self.equipment = equipment.clone();
+        self.state = self.world.state();
+        self.has_sensed = false;
+        self.take_truth();
+        self.truth.samples.clear();
+        self.record(JointVector::zeros(), &ContactForces::default());
+    }
+
     /// The cell's clock.
     pub fn time_s(&self) -> f64 {
         self.steps as f64 * self.config().step_s

@@ -40,6 +40,8 @@ pub enum Stream {
     Encoders = 23,
     /// Errors of the robot controller's time stamps, and which trajectories it declines.
     RobotController = 24,
+    /// Which of several objects is thrown.
+    Object = 25,
 }
 
 /// Uniform numbers.

@@ -44,6 +44,12 @@ impl Servo {
         &self.report
     }
 
+    /// What was noticed since the last call, or since the beginning.
+    pub fn take_report(&mut self) -> ServoReport {
+        self.excursions.iter_mut().for_each(|joints| joints.fill(None));
+        std::mem::take(&mut self.report)
+    }
+
     /// Takes or rejects a trajectory that arrives at `now_s`.
     pub fn receive(&mut self, trajectory: &ArmTrajectory, now_s: f64) {
         let is_declined = self.draws.unit() < self.config.declined_fraction;

@@ -1,7 +1,7 @@
 //! The controller: the plan that is being executed, and the commands that follow from decisions.
 
 use catch_body::{Gripper, Robot};
-use catch_cell::{ArmState, Command, Observation};
+use catch_cell::{ArmState, Command, Observation, TrajectoryId};
 
 use super::{Config, Decision, GripperPlan, Progress, closing, gripper_moves, sent_plans::SentPlans};
 use crate::{
@@ -64,6 +64,11 @@ impl Controller {
     pub fn start(&self, observation: &Observation) -> Start {
         let time_s = observation.time_s + self.config.expected_latency_s;
         Start { time_s, state: self.sent.setpoint(time_s, &observation.arm) }
+    }
+
+    /// An identifier for a motion that is no catch.
+    pub fn next_id(&mut self) -> TrajectoryId {
+        self.sent.next_id()
     }
 
     /// Forgets the catch. Identifiers of trajectories go on.

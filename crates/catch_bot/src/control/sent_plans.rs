@@ -17,10 +17,15 @@ pub struct SentPlans {
 impl SentPlans {
     /// The trajectory to send for a new plan.
     pub fn send(&mut self, plan: CatchPlan) -> ArmTrajectory {
-        self.last_id += 1;
-        let trajectory = ArmTrajectory { id: TrajectoryId(self.last_id), spline: plan.trajectory.clone() };
+        let trajectory = ArmTrajectory { id: self.next_id(), spline: plan.trajectory.clone() };
         self.plans.push_back((trajectory.id, plan));
         trajectory
+    }
+
+    /// An identifier that has not been used.
+    pub fn next_id(&mut self) -> TrajectoryId {
+        self.last_id += 1;
+        TrajectoryId(self.last_id)
     }
 
     /// Learns from the arm's state what became of the trajectories. A plan that was rejected or lost is dropped, and so are those

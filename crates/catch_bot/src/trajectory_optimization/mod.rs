@@ -19,6 +19,7 @@ pub mod posture;
 pub mod quadratic_program;
 pub mod reachability;
 mod reaching;
+mod rest_to_rest;
 pub mod retarget;
 pub mod search;
 mod unreachable;

@@ -1,6 +1,6 @@
 //! A whole motion: to the catch, then braking to rest, within every limit.
 
-use catch_body::{JointVector, kinematics::LinkPoses, robot::JointLimits};
+use catch_body::{JointVector, kinematics::LinkPoses, robot::JointLimits, shape::Cuboid};
 use catch_cell::{BSpline, Setpoint, executor::CONTINUITY, spline::DEGREE};
 
 use super::{
@@ -208,8 +208,8 @@ impl MotionPlanner {
             })
         };
         // What collides mostly does so while braking.
-        self.keeps_clear(trajectory, [catch_s, end_s], grasp, true)
-            && self.keeps_clear(trajectory, [start_s, catch_s], grasp, false)
+        self.keeps_clear(trajectory, [catch_s, end_s], grasp.open_width_m, Some(&grasp.held_G))
+            && self.keeps_clear(trajectory, [start_s, catch_s], grasp.open_width_m, None)
             && keeps_torque()
     }
 
@@ -222,18 +222,31 @@ impl MotionPlanner {
         self.clearance.self_clearance(X_WL, width_m).min(self.clearance.floor_clearance(X_WL, width_m))
     }
 
-    /// Whether the arm keeps clear of itself and of the floor from one time until another, and what it `holds` then as well.
+    /// Whether the arm keeps clear of itself and of the floor all along a motion, and what it holds as well.
+    pub(super) fn keeps_clear_with(&self, trajectory: &BSpline, grasp: Option<&Grasp>) -> bool {
+        let span_s = [trajectory.start_s(), trajectory.end_s()];
+        let held = grasp.map(|grasp| &grasp.held_G);
+        self.keeps_clear(trajectory, span_s, grasp.map_or(self.gripper.max_width_m, |it| it.object_width_m), held)
+    }
+
+    /// The same from one time until another, the gripper `width_m` open.
     ///
     /// No two of its parts approach each other faster than Σ |q̇ᵢ|·rᵢ, rᵢ being how far the arm can extend beyond joint i: from
     /// a clearance d there is none smaller than zero for a time of d over that speed.
-    fn keeps_clear(&self, trajectory: &BSpline, [start_s, end_s]: [f64; 2], grasp: &Grasp, holds: bool) -> bool {
+    fn keeps_clear(
+        &self,
+        trajectory: &BSpline,
+        [start_s, end_s]: [f64; 2],
+        width_m: f64,
+        held_G: Option<&Cuboid>,
+    ) -> bool {
         let fastest_mps = self.fastest_mps(trajectory);
         let mut time_s = start_s;
         loop {
             let X_WL = self.robot.link_poses(&trajectory.setpoint(time_s).q);
-            let mut clearance_m = self.clearance_m(&X_WL, grasp.open_width_m);
-            if holds {
-                clearance_m = clearance_m.min(self.clearance.held_clearance(&X_WL, &grasp.held_G));
+            let mut clearance_m = self.clearance_m(&X_WL, width_m);
+            if let Some(held_G) = held_G {
+                clearance_m = clearance_m.min(self.clearance.held_clearance(&X_WL, held_G));
             }
             if clearance_m < self.config.clearance_m {
                 return false;

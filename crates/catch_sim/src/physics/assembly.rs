@@ -36,7 +36,7 @@ pub(super) fn assemble(
     };
     builder.attach_box(hand, &X_HG, &gripper.body(), Part::Palm);
     let fingers = builder.add_fingers(gripper, hand, &X_HG);
-    let free = FreeBody::new(object.mass_kg, &object.inertia_kgm2).expect("an object's inertia is positive definite");
+    let free = free_body(object);
     let object = builder.add_object(object, release);
     // The engine would take the masses into account in the first step only, but the kinematics below need them.
     for (_, body) in builder.bodies.iter_mut() {
@@ -75,6 +75,43 @@ pub(super) fn assemble(
         free,
         contact_forces: ContactForces::default(),
     }
+}
+
+impl World {
+    /// Takes the object out and puts another one in, which has just been released. Friction and restitution of all contacts are
+    /// those of the new one from now on.
+    pub fn exchange_object(&mut self, object: &ThrownObject, release: &Release, friction: f64, restitution: f64) {
+        self.bodies.remove(
+            self.object,
+            &mut self.islands,
+            &mut self.colliders,
+            &mut self.impulse_joints,
+            &mut self.multibodies,
+            &mut self.soft_bodies,
+            true,
+        );
+        (self.settings.friction, self.settings.restitution) = (friction, restitution);
+        for (_, collider) in self.colliders.iter_mut() {
+            collider.set_friction(friction);
+            collider.set_restitution(restitution);
+        }
+        let mut builder = Builder {
+            settings: self.settings,
+            bodies: std::mem::take(&mut self.bodies),
+            colliders: std::mem::take(&mut self.colliders),
+            multibodies: engine::MultibodyJointSet::new(),
+        };
+        self.object = builder.add_object(object, release);
+        builder.bodies[self.object].recompute_mass_properties_from_colliders(&builder.colliders);
+        (self.bodies, self.colliders) = (builder.bodies, builder.colliders);
+        self.free = free_body(object);
+        self.contact_forces = ContactForces::default();
+    }
+}
+
+/// The object without its contacts.
+fn free_body(object: &ThrownObject) -> FreeBody {
+    FreeBody::new(object.mass_kg, &object.inertia_kgm2).expect("an object's inertia is positive definite")
 }
 
 struct Builder {

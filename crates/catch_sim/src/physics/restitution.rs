@@ -2,14 +2,17 @@
 //!
 //! The engine applies restitution in one sweep over the contacts after a step. That is exact for one contact; of two fingers that
 //! meet a ball together the second one undoes what the first was given, and both rebound too slowly. Here the sweeps go on
-//! until all contacts agree (Gauss–Seidel on the velocity at each point, impulses that only push).
+//! until all of them agree (Gauss–Seidel on the velocity at each point, impulses that only push).
+//!
+//! Only contacts that begin in the same step count. With one restitution for all of them no energy is gained; to ask a ball that
+//! bounces off one finger to stay at the other, which it touches already, would make that finger recoil with energy from nowhere.
 
 use catch_body::MAX_JOINTS;
 use nalgebra::{DVector, Vector3, Vector6};
 use rapier3d_f64::prelude as engine;
 
 use super::{
-    PARTS, World,
+    PARTS, Part, World,
     convert::{from_vector, to_vector},
     solved_points,
 };
@@ -39,7 +42,7 @@ struct Point {
     velocity_per_ns: DVector<f64>,
     /// Change of the normal velocity by a unit impulse.
     mobility: f64,
-    /// Normal velocity at which the object should leave; the least one for a contact that does not bounce.
+    /// Normal velocity at which the object should leave.
     wanted_mps: f64,
     /// Impulse so far.
     impulse_ns: f64,
@@ -59,15 +62,15 @@ impl World {
         VelocitiesBefore { object: velocities(&self.bodies[self.object]), links }
     }
 
-    /// Makes the velocities after a step those of Newton's law, if several parts touch the object and one of them is new;
-    /// `touched` is what did before the step.
+    /// Makes the velocities after a step those of Newton's law, if several parts have begun to touch the object in it; `touched` is
+    /// what did before.
     pub(super) fn let_rebound(&mut self, before: &VelocitiesBefore, touched: &Contact) {
         let touches = &self.contact_forces.contact;
-        let parts = PARTS.into_iter().filter(|&part| touches.has(part));
-        if parts.clone().count() < 2 || parts.clone().all(|part| touched.has(part)) {
+        let has_begun = |part: &Part| touches.has(*part) && !touched.has(*part);
+        if PARTS.iter().filter(|part| has_begun(part)).count() < 2 {
             return;
         }
-        let mut points = self.points(before, touched);
+        let mut points = self.new_points(before, touched);
         let object = &self.bodies[self.object];
         let inverse_mass = 1.0 / object.mass();
         let [mut angular, mut linear] = velocities(object);
@@ -98,37 +101,37 @@ impl World {
         object.set_angvel(to_vector(&angular), true);
     }
 
-    /// All points that pushed during the last step.
-    fn points(&self, before: &VelocitiesBefore, touched: &Contact) -> Vec<Point> {
+    /// The points of parts that have begun to touch the object in the last step and pushed it.
+    fn new_points(&self, before: &VelocitiesBefore, touched: &Contact) -> Vec<Point> {
         let mut points = Vec::new();
         for &collider in self.bodies[self.object].colliders() {
             for pair in self.narrow_phase.contact_pairs_with(collider) {
                 let is_first = pair.collider1 == collider;
                 let other = &self.colliders[if is_first { pair.collider2 } else { pair.collider1 }];
-                let is_new = !touched.has(PARTS[other.user_data as usize]);
+                if touched.has(PARTS[other.user_data as usize]) {
+                    continue;
+                }
                 for (manifold, point) in solved_points(pair).filter(|(_, point)| point.data.impulse > 0.0) {
                     let (normal, arms) = (manifold.data.normal, [point.data.solver_dp1, point.data.solver_dp2]);
                     let ([object_arm, link_arm], normal) =
                         if is_first { (arms, -normal) } else { ([arms[1], arms[0]], normal) };
                     let arms = [object_arm, link_arm].map(from_vector);
-                    points.extend(
-                        self.point(before, other.parent(), from_vector(normal), arms, is_new)
-                            .map(|built| Point { impulse_ns: point.data.impulse, ..built }),
-                    );
+                    let built = self.point(before, other.parent(), from_vector(normal), arms);
+                    points.extend(built.map(|built| Point { impulse_ns: point.data.impulse, ..built }));
                 }
             }
         }
         points
     }
 
-    /// A point where `link` pushes the object along `normal`, at these lever arms from the object's and the link's centres of mass.
+    /// A point where `link` pushes the object along `normal`, at these lever arms from the object's and the link's centres of mass;
+    /// `None` if they were not approaching each other there.
     fn point(
         &self,
         before: &VelocitiesBefore,
         link: Option<engine::RigidBodyHandle>,
         normal: Vector3<f64>,
         [object_arm, link_arm]: [Vector3<f64>; 2],
-        is_new: bool,
     ) -> Option<Point> {
         let object = &self.bodies[self.object];
         let turning = object_arm.cross(&normal);
@@ -152,8 +155,16 @@ impl World {
         let joint = self.joints.iter().chain(&self.fingers).position(|axis| Some(axis.child) == link);
         let link_mps = joint.map_or(Vector3::zeros(), |joint| at(&before.links[joint], &link_arm));
         let approach_mps = normal.dot(&(at(&before.object, &object_arm) - link_mps));
-        let bounces = is_new && approach_mps < 0.0;
-        let wanted_mps = if bounces { -self.settings.restitution * approach_mps } else { 0.0 };
-        Some(Point { normal, turning, spin_per_ns, jacobian, velocity_per_ns, mobility, wanted_mps, impulse_ns: 0.0 })
+        let wanted_mps = -self.settings.restitution * approach_mps;
+        (wanted_mps > 0.0).then_some(Point {
+            normal,
+            turning,
+            spin_per_ns,
+            jacobian,
+            velocity_per_ns,
+            mobility,
+            wanted_mps,
+            impulse_ns: 0.0,
+        })
     }
 }

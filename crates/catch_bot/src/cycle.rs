@@ -1,0 +1,315 @@
+//! A brain that lives for many throws, of several known objects: it waits, catches, holds, puts down, returns and waits again.
+
+use catch_body::JointVector;
+use catch_cell::{
+    ArmTrajectory, Brain, Command, GraspState, GripperMove, GripperState, Observation, Probe, TrajectoryId,
+};
+use nalgebra::Point3;
+
+use crate::{
+    CatchingBot, Report,
+    control::CatchPlanner,
+    grasp_selection::Grasp,
+    perception::{ObjectPose, PoseEstimator},
+    trajectory_optimization::CatchPlan,
+    trajectory_prediction::FlightPredictor,
+};
+
+/// What the brain is at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Phase {
+    /// The arm stands in its ready pose; nothing flies that is known.
+    Waiting,
+    /// An object flies, and has been told from the others.
+    Catching,
+    /// It is between the fingers, and the arm stands still.
+    Holding,
+    /// It is on its way to where it is put down.
+    Placing,
+    /// The hand is empty, and on its way to the ready pose.
+    Returning,
+}
+
+/// Settings of the cycle.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CycleConfig {
+    /// How long an object is held after the catch, in seconds.
+    pub hold_s: f64,
+    /// Where the arm puts objects down: joint positions in radians, in which the gripper opens.
+    pub place_q: JointVector,
+    /// How long the gripper is given to open, and the object to fall out of it, in seconds.
+    pub release_s: f64,
+    /// Images after which an object in flight is told from the others.
+    pub identify_images: usize,
+    /// An object that has been followed for so long without a plan is not caught any more, in seconds.
+    pub give_up_s: f64,
+}
+
+impl CycleConfig {
+    /// The defaults, and where objects are put down.
+    pub fn placing_at(place_q: JointVector) -> Self {
+        Self { hold_s: 1.6, place_q, release_s: 0.5, identify_images: 3, give_up_s: 1.5 }
+    }
+}
+
+/// From the catch on: how long the fingers are given to close upon the object, in seconds.
+const SQUEEZE_S: f64 = 0.3;
+/// What moves slower does not fly, and what seems faster has been exchanged for another, in m/s.
+const FLIGHT_MPS: std::ops::Range<f64> = 0.5..30.0;
+/// Longest time between two images of one flight, in seconds.
+const GAP_S: f64 = 0.1;
+/// Fingers that have closed to less than this fraction of the object's width hold nothing.
+const HELD_FRACTION: f64 = 0.5;
+/// How long a motion may be overdue before it is sent anew, in seconds.
+const OVERDUE_S: f64 = 0.05;
+
+/// A known object's brain, and how well the object explains what flies.
+#[derive(Debug)]
+struct Candidate<E, P, C> {
+    bot: CatchingBot<E, P, C>,
+    /// Sum of the distances of what was seen from the object's surface, root mean square of each image, in metres.
+    residuals_m: f64,
+    /// Images of the present flight.
+    images: usize,
+    /// Where and when the object was seen last.
+    seen: Option<(f64, Point3<f64>)>,
+}
+
+/// A motion from rest to rest.
+#[derive(Debug, Clone, Copy)]
+struct Motion {
+    id: TrajectoryId,
+    start_s: f64,
+    end_s: f64,
+}
+
+/// Brains of several objects, one for each, in one life.
+#[derive(Debug)]
+pub struct CatchingCycle<E, P, C> {
+    config: CycleConfig,
+    candidates: Vec<Candidate<E, P, C>>,
+    phase: Phase,
+    /// The object that flies or is held.
+    active: usize,
+    /// When the present phase began, or since when the gripper has been open while an object is put down.
+    since_s: f64,
+    motion: Option<Motion>,
+    has_released: bool,
+}
+
+impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, C> {
+    /// For objects that are known by their brains, which must be of the same arm, gripper and cameras.
+    ///
+    /// # Panics
+    /// Without any object.
+    pub fn new(config: CycleConfig, bots: Vec<CatchingBot<E, P, C>>) -> Self {
+        assert!(!bots.is_empty(), "a brain needs to know an object");
+        let candidate = |bot| Candidate { bot, residuals_m: 0.0, images: 0, seen: None };
+        let candidates = bots.into_iter().map(candidate).collect();
+        let (phase, active) = (Phase::Waiting, 0);
+        Self { config, candidates, phase, active, since_s: 0.0, motion: None, has_released: false }
+    }
+
+    /// What it is at.
+    pub fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// The object that flies or is held, by its place in the list of objects; while it waits the last one.
+    pub fn object(&self) -> usize {
+        self.active
+    }
+
+    /// What the brain of that object knew and decided in its last tick.
+    pub fn report(&self) -> &Report {
+        self.candidates[self.active].bot.report()
+    }
+
+    fn enter(&mut self, phase: Phase, now_s: f64) {
+        (self.phase, self.since_s, self.motion, self.has_released) = (phase, now_s, None, false);
+    }
+
+    /// Looks for what flies, with the eyes of all known objects.
+    fn wait(&mut self, observation: &Observation, probe: &mut dyn Probe) -> Command {
+        let mut newest = Vec::with_capacity(self.candidates.len());
+        for candidate in &mut self.candidates {
+            candidate.bot.controller.acknowledge(&observation.arm);
+            newest.push(candidate.look(observation));
+        }
+        probe.stage_ended("perception");
+        let most = self.candidates.iter().map(|it| it.images).max().unwrap_or(0);
+        if most < self.config.identify_images {
+            return Command::default();
+        }
+        // An object whose model cannot be brought to lie on what is seen in some images is not the one.
+        let seen = self.candidates.iter().enumerate().filter(|(_, it)| it.images + 1 >= most);
+        let mean_m = |it: &Candidate<E, P, C>| it.residuals_m / it.images as f64;
+        let best = seen.min_by(|a, b| mean_m(a.1).total_cmp(&mean_m(b.1))).map_or(self.active, |(i, _)| i);
+        self.active = best;
+        self.enter(Phase::Catching, observation.time_s);
+        self.candidates[best].bot.act_on(observation, newest[best], probe)
+    }
+
+    fn catch(&mut self, observation: &Observation, probe: &mut dyn Probe) -> Command {
+        let now_s = observation.time_s;
+        let bot = &mut self.candidates[self.active].bot;
+        let command = bot.tick(observation, probe);
+        match bot.controller.plan() {
+            Some(plan) if now_s > plan.catch_s + SQUEEZE_S && now_s > plan.trajectory.end_s() => {
+                let holds = is_held(&observation.gripper, plan);
+                self.enter(if holds { Phase::Holding } else { Phase::Returning }, now_s);
+            }
+            None if now_s > self.since_s + self.config.give_up_s => self.enter(Phase::Returning, now_s),
+            _ => {}
+        }
+        command
+    }
+
+    fn hold(&mut self, observation: &Observation) -> Command {
+        let plan = self.candidates[self.active].bot.controller.plan();
+        let caught_s = plan.map_or(self.since_s, |plan| plan.catch_s);
+        if !plan.is_some_and(|plan| is_held(&observation.gripper, plan)) {
+            self.enter(Phase::Returning, observation.time_s);
+        } else if observation.time_s > caught_s + self.config.hold_s {
+            self.enter(Phase::Placing, observation.time_s);
+        }
+        Command::default()
+    }
+
+    fn place(&mut self, observation: &Observation) -> Command {
+        let now_s = observation.time_s;
+        if self.has_released {
+            if now_s > self.since_s + self.config.release_s {
+                self.enter(Phase::Returning, now_s);
+            }
+            return Command::default();
+        }
+        let held = self.candidates[self.active].bot.controller.plan().map(|plan| plan.grasp.clone());
+        let to = self.config.place_q;
+        match self.go(observation, &to, held.as_ref()) {
+            Progress::Going(command) => command,
+            // Where there is no way the object is put down where the arm stands.
+            Progress::Arrived | Progress::NoWay => {
+                (self.has_released, self.since_s) = (true, now_s);
+                Command { gripper: Some(self.opening(now_s)), ..Command::default() }
+            }
+        }
+    }
+
+    fn go_back(&mut self, observation: &Observation) -> Command {
+        let now_s = observation.time_s;
+        let ready_q = self.candidates[self.active].bot.known().search().motion().robot().ready_q;
+        let must_open = !std::mem::replace(&mut self.has_released, true);
+        let mut command = match self.go(observation, &ready_q, None) {
+            Progress::Going(command) => command,
+            Progress::Arrived => {
+                for candidate in &mut self.candidates {
+                    candidate.bot.reset();
+                    candidate.forget();
+                }
+                self.enter(Phase::Waiting, now_s);
+                Command::default()
+            }
+            Progress::NoWay => Command::default(),
+        };
+        if must_open {
+            command.gripper = Some(self.opening(now_s));
+        }
+        command
+    }
+
+    fn opening(&self, now_s: f64) -> Vec<GripperMove> {
+        let gripper = self.candidates[self.active].bot.known().search().motion().gripper();
+        let (speed_mps, force_n) = (gripper.max_speed_mps, gripper.max_force_n);
+        vec![GripperMove { start_s: now_s, width_m: gripper.max_width_m, speed_mps, force_n }]
+    }
+
+    /// Towards `to`, and whether the arm is there. A motion that was rejected or lost is sent anew.
+    fn go(&mut self, observation: &Observation, to: &JointVector, held: Option<&Grasp>) -> Progress {
+        let (now_s, arm) = (observation.time_s, &observation.arm);
+        if let Some(motion) = self.motion {
+            let is_lost = arm.rejected.iter().any(|it| it.id == motion.id)
+                || (arm.executing != Some(motion.id) && now_s > motion.start_s + OVERDUE_S);
+            if !is_lost {
+                return if now_s > motion.end_s { Progress::Arrived } else { Progress::Going(Command::default()) };
+            }
+        }
+        let bot = &mut self.candidates[self.active].bot;
+        let (known, from) = (bot.known().clone(), arm.commanded.q);
+        if (from - to).amax() < 1e-9 {
+            return Progress::Arrived;
+        }
+        let planner = known.search().motion();
+        let start_s = now_s + known.config().control.expected_latency_s;
+        let ready_q = planner.robot().ready_q;
+        let spline = planner
+            .rest_to_rest(start_s, &from, None, to, held)
+            .or_else(|| planner.rest_to_rest(start_s, &from, Some(&ready_q), to, held));
+        let Some(spline) = spline else { return Progress::NoWay };
+        let id = bot.controller.next_id();
+        self.motion = Some(Motion { id, start_s, end_s: spline.end_s() });
+        Progress::Going(Command { arm: Some(ArmTrajectory { id, spline }), ..Command::default() })
+    }
+}
+
+/// Whether the fingers stand where the object of the plan keeps them apart. A gripper's own word does not do: one that squeezes
+/// a soft object further says that it has lost it.
+fn is_held(gripper: &GripperState, plan: &CatchPlan) -> bool {
+    gripper.grasp == GraspState::Holding || gripper.width_m > HELD_FRACTION * plan.grasp.object_width_m
+}
+
+/// How far a motion got.
+enum Progress {
+    /// On its way.
+    Going(Command),
+    /// There.
+    Arrived,
+    /// No motion keeps all limits and clearances.
+    NoWay,
+}
+
+impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Candidate<E, P, C> {
+    /// Takes in new images. What rests, and what was somewhere else a moment ago, begins anew.
+    fn look(&mut self, observation: &Observation) -> Option<ObjectPose> {
+        let pose = self.bot.perceive(observation)?;
+        let p_WO = Point3::from(pose.X_WO.translation.vector);
+        let before = self.seen.replace((pose.capture_s, p_WO));
+        let flies = before.is_some_and(|(before_s, before_W)| {
+            let span_s = pose.capture_s - before_s;
+            span_s < GAP_S && FLIGHT_MPS.contains(&((p_WO - before_W).norm() / span_s))
+        });
+        if !flies {
+            (self.images, self.residuals_m) = (0, 0.0);
+            // What rests is no help in finding it again once it has been thrown.
+            let is_new = before.is_none_or(|(_, before_W)| (p_WO - before_W).norm() > FLIGHT_MPS.start * GAP_S);
+            self.bot.tracker.keep_newest(usize::from(is_new));
+        }
+        self.images += 1;
+        self.residuals_m += pose.residual_m;
+        Some(pose)
+    }
+
+    fn forget(&mut self) {
+        (self.images, self.residuals_m, self.seen) = (0, 0.0, None);
+    }
+}
+
+impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Brain for CatchingCycle<E, P, C> {
+    fn tick(&mut self, observation: &Observation, probe: &mut dyn Probe) -> Command {
+        match self.phase {
+            Phase::Waiting => self.wait(observation, probe),
+            Phase::Catching => self.catch(observation, probe),
+            Phase::Holding => self.hold(observation),
+            Phase::Placing => self.place(observation),
+            Phase::Returning => self.go_back(observation),
+        }
+    }
+
+    fn reset(&mut self) {
+        for candidate in &mut self.candidates {
+            candidate.bot.reset();
+            candidate.forget();
+        }
+        self.enter(Phase::Waiting, 0.0);
+    }
+}

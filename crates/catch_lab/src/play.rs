@@ -1,0 +1,225 @@
+//! Many throws in one life: one arena, one brain that knows all objects, and a thrower who waits until the arm is ready.
+
+use std::io;
+
+use catch_body::InputError;
+use catch_bot::{
+    Report,
+    cycle::{CatchingCycle, CycleConfig, Phase},
+};
+use catch_cell::{Brain, Cell};
+use catch_sim::{
+    Arena, Truth,
+    random_streams::{Draws, Stream},
+};
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    referee::{self, Row},
+    setup::Setup,
+    stopwatch::Stopwatch,
+    trial::{EndWatch, Thought, Trial},
+};
+
+/// How long the thrower waits for the arm before it counts as stuck, in seconds of the cell's clock.
+const STUCK_AFTER_S: f64 = 60.0;
+/// An object has been put down if it is no farther from where the hand opens than this, seen from above, in metres.
+const PLACED_WITHIN_M: f64 = 0.4;
+
+/// One throw of many.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PlayRow {
+    /// What became of it, as in a trial of its own.
+    #[serde(flatten)]
+    pub row: Row,
+    /// When it was thrown, on the cell's clock.
+    pub thrown_s: f64,
+    /// The object for which the brain took it; `None` if it took it for none.
+    pub identified: Option<String>,
+    /// Whether the object lay where objects are put down when the next one was thrown; `None` if it was not caught.
+    pub placed: Option<bool>,
+}
+
+/// What came of a life.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Life {
+    /// The throws, in their order.
+    pub rows: Vec<PlayRow>,
+    /// How long it lasted on the cell's clock, in seconds.
+    pub duration_s: f64,
+    /// Limits broken between the throws.
+    pub violations_between: usize,
+    /// Whether the arm did not become ready again, which ended it.
+    pub stuck: bool,
+}
+
+/// Throws of several objects in random order, by one arm.
+#[derive(Debug)]
+pub struct Play {
+    /// One for each object; all else is the same.
+    pub setups: Vec<Setup>,
+    /// How many throws.
+    pub throws: u64,
+    /// Least interval between two of them, in seconds.
+    pub every_s: f64,
+    /// Seed of everything random.
+    pub seed: u64,
+}
+
+impl Play {
+    /// Which object throw number `index` is of.
+    pub fn object(&self, index: u64) -> usize {
+        let count = self.setups.len();
+        ((Draws::new(Stream::Object, self.seed, index).unit() * count as f64) as usize).min(count - 1)
+    }
+
+    /// The same throw as a trial of its own, in another arena and by another brain.
+    ///
+    /// # Errors
+    /// None but those of writing, which there is none of.
+    pub fn alone(&self, index: u64) -> io::Result<Row> {
+        let setup = &self.setups[self.object(index)];
+        let trial = crate::trial::run(setup, self.seed, index, &mut |_, _| Ok(()))?;
+        Ok(Row { scene: setup.scene(self.seed, index), verdict: referee::judge(setup, &trial) })
+    }
+
+    /// Lets all of it happen; `on_row` is told of each throw as soon as the next one flies.
+    ///
+    /// # Errors
+    /// If the scenario does not say where objects are put down.
+    pub fn run(&self, on_row: &mut dyn FnMut(&PlayRow)) -> Result<Life, InputError> {
+        let place_q = self.setups[0].place_q()?;
+        let bots = self.setups.iter().map(|setup| setup.brain(self.seed, 0)).collect();
+        let mut cell = LivingCell {
+            arena: self.setups[self.object(0)].arena(self.seed, 0),
+            brain: CatchingCycle::new(CycleConfig::placing_at(place_q), bots),
+            stopwatch: Stopwatch::default(),
+        };
+        let place_W = {
+            let Setup { robot, gripper, .. } = &self.setups[0];
+            robot.gripper_pose(&place_q) * gripper.grasp_centre()
+        };
+        let mut life = Life { rows: Vec::new(), duration_s: 0.0, violations_between: 0, stuck: false };
+        for index in 0..self.throws {
+            let setup = &self.setups[self.object(index)];
+            if index > 0 {
+                cell.arena.throw_next(setup.equipment(), &setup.release(self.seed, index), self.seed, index);
+            }
+            let thrown_s = cell.arena.time_s();
+            let (trial, identified) = cell.trial(setup, thrown_s);
+            let verdict = referee::judge(setup, &trial);
+            let ready = cell.until_ready(setup, thrown_s + self.every_s);
+            life.violations_between += ready.violations;
+            life.stuck = !ready.is_ready;
+            let caught = verdict.caught;
+            let row = PlayRow {
+                row: Row { scene: setup.scene(self.seed, index), verdict },
+                thrown_s,
+                identified: identified.map(|object| self.setups[object].scenario.object.clone()),
+                placed: caught.then(|| (ready.object_W.xy() - place_W.coords.xy()).norm() < PLACED_WITHIN_M),
+            };
+            on_row(&row);
+            life.rows.push(row);
+            life.duration_s = cell.arena.time_s();
+            if life.stuck {
+                break;
+            }
+        }
+        Ok(life)
+    }
+}
+
+/// The arena and the brain that lives in it.
+struct LivingCell {
+    arena: Arena,
+    brain: CatchingCycle<
+        Box<dyn catch_bot::perception::PoseEstimator>,
+        Box<dyn catch_bot::trajectory_prediction::FlightPredictor>,
+        Box<dyn catch_bot::control::CatchPlanner>,
+    >,
+    stopwatch: Stopwatch,
+}
+
+/// How a wait for the arm ended.
+struct Ready {
+    is_ready: bool,
+    violations: usize,
+    object_W: nalgebra::Vector3<f64>,
+}
+
+impl LivingCell {
+    fn tick(&mut self, setup: &Setup) -> f64 {
+        let Ok(observation) = self.arena.sense();
+        self.stopwatch.start();
+        let command = self.brain.tick(&observation, &mut self.stopwatch);
+        self.stopwatch.stop();
+        self.arena.act_after(setup.scenario.clock.delay_s(self.stopwatch.last_tick_s()), &command);
+        observation.time_s
+    }
+
+    /// From the release to the end of the referee's test, with the clock set to zero at the release; and the object for which the
+    /// brain took what flew.
+    fn trial(&mut self, setup: &Setup, released_s: f64) -> (Trial, Option<usize>) {
+        let mut watch = EndWatch::from(released_s);
+        let (mut thoughts, mut identified) = (Vec::new(), None);
+        loop {
+            let time_s = self.tick(setup);
+            if self.brain.phase() != Phase::Waiting {
+                identified.get_or_insert(self.brain.object());
+                let report = Some(since(self.brain.report(), released_s));
+                thoughts.push(Thought { time_s: time_s - released_s, report, stage_ms: Vec::new() });
+            }
+            if watch.is_over(&mut self.arena) {
+                let truth = truth_since(self.arena.take_truth(), released_s, setup.scenario.arena.step_s);
+                return (Trial { truth, thoughts, stopwatch: Stopwatch::default() }, identified);
+            }
+        }
+    }
+
+    /// Until the arm waits again, and at least until `earliest_s`.
+    fn until_ready(&mut self, setup: &Setup, earliest_s: f64) -> Ready {
+        let (begun_s, mut violations) = (self.arena.time_s(), 0);
+        loop {
+            let truth = self.arena.take_truth();
+            violations += truth.servo.command_violations.len() + truth.servo.motion_violations.len();
+            let object_W = truth.samples.last().map_or_else(Default::default, |it| it.X_WO.translation.vector);
+            let now_s = self.arena.time_s();
+            let is_ready = self.brain.phase() == Phase::Waiting && now_s >= earliest_s - 1e-9;
+            if is_ready || now_s > begun_s + STUCK_AFTER_S {
+                return Ready { is_ready, violations, object_W };
+            }
+            self.tick(setup);
+        }
+    }
+}
+
+/// What a brain tells, with the clock set to zero at `zero_s`.
+fn since(report: &Report, zero_s: f64) -> Report {
+    let mut report = report.clone();
+    if let Some(pose) = &mut report.pose {
+        pose.capture_s -= zero_s;
+    }
+    if let Some(flight) = &mut report.flight {
+        flight.time_s -= zero_s;
+    }
+    if let Some(plan) = &mut report.plan {
+        plan.catch_s -= zero_s;
+        plan.trajectory.knots_s.iter_mut().for_each(|knot_s| *knot_s -= zero_s);
+    }
+    if let Some(closing) = &mut report.closing {
+        closing.start_s -= zero_s;
+        closing.contact_s -= zero_s;
+    }
+    report
+}
+
+/// What happened, with the clock set to zero at `zero_s`; whole steps stay whole.
+fn truth_since(mut truth: Truth, zero_s: f64, step_s: f64) -> Truth {
+    let shifted = |time_s: f64| ((time_s - zero_s) / step_s).round() * step_s;
+    for sample in &mut truth.samples {
+        sample.time_s = shifted(sample.time_s);
+    }
+    truth.shaking_since_s = truth.shaking_since_s.map(shifted);
+    truth.diverged_s = truth.diverged_s.map(shifted);
+    truth
+}
