@@ -13,6 +13,7 @@ mod mcap_file;
 mod own_data;
 mod pages;
 mod planning;
+mod play;
 mod robot_controller;
 mod search_passes;
 mod source;

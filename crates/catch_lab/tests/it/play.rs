@@ -1,0 +1,92 @@
+//! Many throws in one life: what is caught, put down and told apart, and that the arm becomes ready again.
+
+use catch_body::JointVector;
+use catch_cell::executor::PeakRatios;
+use catch_lab::{
+    play::Play,
+    setup::{Choice, Setup},
+};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+fn setup(object: &str, throw: &str, settings: &[&str]) -> Setup {
+    let settings: Vec<String> = settings.iter().map(|&it| it.to_owned()).collect();
+    let choice = Choice { object: Some(object), throw: Some(throw), settings: &settings, ..Choice::default() };
+    Setup::load(&choice).unwrap()
+}
+
+fn play(throw: &str, settings: &[&str], throws: u64) -> Play {
+    let setups = ["tennis_ball", "banana", "pill_bottle"].map(|object| setup(object, throw, settings)).to_vec();
+    Play { setups, throws, every_s: 1.0, seed: 3 }
+}
+
+#[test]
+fn what_is_caught_in_one_life_is_told_apart_and_put_down() {
+    let play = play("near_sampled", &[], 7);
+    let mut told = 0;
+    let life = play.run(&mut |_| told += 1).unwrap();
+    assert_eq!((life.rows.len(), told, life.stuck, life.violations_between), (7, 7, false, 0));
+    let mut objects = Vec::new();
+    for (index, row) in life.rows.iter().enumerate() {
+        let verdict = &row.row.verdict;
+        assert!(verdict.caught, "{index}: {:?}", verdict.reason);
+        assert_eq!(row.identified.as_deref(), Some(row.row.scene.object.as_str()), "{index}");
+        assert_eq!(row.placed, Some(true), "{index}");
+        assert_eq!(verdict.limit_violations, 0);
+        objects.push(play.object(index as u64));
+        // The same throw as one of its own.
+        assert_eq!(row.row.scene, play.alone(index as u64).unwrap().scene);
+    }
+    objects.sort_unstable();
+    objects.dedup();
+    assert_eq!(objects.len(), 3, "each object is thrown");
+    for pair in life.rows.windows(2) {
+        assert!(pair[1].thrown_s >= pair[0].thrown_s + play.every_s - 1e-9);
+    }
+}
+
+/// Fingers that close much too early catch nothing; the objects fall to the floor, and the arm goes back.
+#[test]
+fn after_a_miss_the_arm_is_ready_again() {
+    let life = play("near_sampled", &["brain.control.gripper_latency_s=0.3"], 4).run(&mut |_| ()).unwrap();
+    assert!(!life.stuck && life.rows.len() == 4);
+    assert!(life.rows.iter().all(|row| row.row.verdict.reason.is_some() && row.placed.is_none()));
+    assert!(life.rows.iter().all(|row| row.identified.as_ref() == Some(&row.row.scene.object)));
+}
+
+#[test]
+fn a_scenario_without_a_place_is_told() {
+    let mut play = play("near_sampled", &[], 1);
+    play.setups[0].scenario.place_rad = None;
+    let fault = play.run(&mut |_| ()).unwrap_err().to_string();
+    assert!(fault.contains("place_rad: found nothing"), "{fault}");
+}
+
+/// Each motion from rest to rest keeps all limits by the executor's own check, and its ends stand still.
+#[test]
+fn motions_from_rest_to_rest_keep_all_limits() {
+    let setup = setup("banana", "near", &[]);
+    let planner = setup.known().search().motion();
+    let robot = planner.robot();
+    let mut random = Pcg64::seed_from_u64(5);
+    let mut found = 0;
+    for _ in 0..200 {
+        let mut pose = || {
+            JointVector::from_fn(|i, _| match robot.joints.get(i) {
+                Some(joint) => random.random_range(0.8 * joint.limits.lower..0.8 * joint.limits.upper),
+                None => 0.0,
+            })
+        };
+        let (from, to, via) = (pose(), pose(), robot.ready_q);
+        for via in [None, Some(&via)] {
+            let Some(motion) = planner.rest_to_rest(2.0, &from, via, &to, None) else { continue };
+            found += 1;
+            assert_eq!(PeakRatios::of(robot, &motion).violations(), []);
+            for (time_s, q) in [(2.0, from), (motion.end_s(), to)] {
+                let [position, velocity, acceleration] = motion.evaluate(time_s);
+                assert!((position - q).amax() < 1e-12 && velocity.amax() < 1e-9 && acceleration.amax() < 1e-6);
+            }
+        }
+    }
+    assert!(found > 20, "{found} motions");
+}
