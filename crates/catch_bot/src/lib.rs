@@ -4,9 +4,8 @@
 //! object's pose in each set of images (III-B), [`trajectory_prediction`] its flight (III-B), [`grasp_selection`] where to hold
 //! it (III-C), [`trajectory_optimization`] how to get there (III-D), and [`control`] turns that into commands.
 //!
-//! Three stages can be exchanged: [`PoseEstimator`](perception::PoseEstimator),
-//! [`FlightPredictor`](trajectory_prediction::FlightPredictor) and [`CatchPlanner`](control::CatchPlanner). Each owns its settings
-//! and buffers, its inputs are values. What lasts from tick to tick is in the tracker, the last flight and the controller of
+//! Three stages can be exchanged: [`PoseEstimator`], [`FlightPredictor`] and [`CatchPlanner`]. Each owns its settings and
+//! buffers, its inputs are values. What lasts from tick to tick is in the tracker, the last flight and the controller of
 //! [`CatchingBot`], whose [`tick`](CatchingBot::tick) reads like the paper's figure 2.
 //!
 //! The brain does no I/O, reads no clock and draws no random numbers but from its own seed: the same observations give the

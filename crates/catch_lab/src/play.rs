@@ -12,6 +12,7 @@ use catch_sim::{
     Arena, Truth,
     random_streams::{Draws, Stream},
 };
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -36,7 +37,7 @@ pub struct PlayRow {
     pub thrown_s: f64,
     /// The object for which the brain took it; `None` if it took it for none.
     pub identified: Option<String>,
-    /// Whether the object lay where objects are put down when the next one was thrown; `None` if it was not caught.
+    /// Whether the hand left the object where objects are put down; `None` if it was not caught.
     pub placed: Option<bool>,
 }
 
@@ -116,7 +117,10 @@ impl Play {
                 row: Row { scene: setup.scene(self.seed, index), verdict },
                 thrown_s,
                 identified: identified.map(|object| self.setups[object].scenario.object.clone()),
-                placed: caught.then(|| (ready.object_W.xy() - place_W.coords.xy()).norm() < PLACED_WITHIN_M),
+                placed: caught.then(|| {
+                    let off_m = ready.left_W.map(|left_W| (left_W.xy() - place_W.coords.xy()).norm());
+                    off_m.is_some_and(|off_m| off_m < PLACED_WITHIN_M)
+                }),
             };
             on_row(&row);
             life.rows.push(row);
@@ -144,7 +148,8 @@ struct LivingCell {
 struct Ready {
     is_ready: bool,
     violations: usize,
-    object_W: nalgebra::Vector3<f64>,
+    /// Where the object was when the hand went back from it.
+    left_W: Option<Vector3<f64>>,
 }
 
 impl LivingCell {
@@ -178,15 +183,18 @@ impl LivingCell {
 
     /// Until the arm waits again, and at least until `earliest_s`.
     fn until_ready(&mut self, setup: &Setup, earliest_s: f64) -> Ready {
-        let (begun_s, mut violations) = (self.arena.time_s(), 0);
+        let (begun_s, mut violations, mut left_W) = (self.arena.time_s(), 0, None);
         loop {
             let truth = self.arena.take_truth();
             violations += truth.servo.command_violations.len() + truth.servo.motion_violations.len();
-            let object_W = truth.samples.last().map_or_else(Default::default, |it| it.X_WO.translation.vector);
+            // Round things roll on: what counts is where the hand has left it.
+            if self.brain.phase() == Phase::Returning && left_W.is_none() {
+                left_W = truth.samples.last().map(|it| it.X_WO.translation.vector);
+            }
             let now_s = self.arena.time_s();
             let is_ready = self.brain.phase() == Phase::Waiting && now_s >= earliest_s - 1e-9;
             if is_ready || now_s > begun_s + STUCK_AFTER_S {
-                return Ready { is_ready, violations, object_W };
+                return Ready { is_ready, violations, left_W };
             }
             self.tick(setup);
         }

@@ -15,64 +15,22 @@
 //! So what comes out never breaks a limit, and where the waypoints cannot be met it comes as close as it can.
 
 pub mod interior_point;
+mod problem;
 pub mod waypoint;
 
-use catch_body::{JointVector, Robot, robot::JointLimits};
+use catch_body::JointVector;
 use catch_bot::trajectory_optimization::quadratic_program::ProgramFailure;
 use catch_cell::{
     BSpline,
     arm::Setpoint,
     spline::{DEGREE, basis},
 };
-use nalgebra::{DMatrix, DVector, Point3};
+use nalgebra::{DMatrix, DVector};
 
 use interior_point::{Program, Row};
+pub use problem::{Problem, Solution};
 use waypoint::{ERRORS, Linearized};
 pub use waypoint::{Tolerance, Waypoint};
-
-/// A motion that is wanted.
-#[derive(Debug, Clone)]
-pub struct Problem<'a> {
-    /// The arm.
-    pub robot: &'a Robot,
-    /// The point of the gripper whose position and velocity count, in G.
-    pub p_GP: Point3<f64>,
-    /// Knots of the motion, the first and the last four times.
-    pub knots_s: Vec<f64>,
-    /// Where it starts.
-    pub start: Setpoint,
-    /// Whether the acceleration at the start counts.
-    pub start_acceleration: bool,
-    /// What each joint may do.
-    pub limits: Vec<JointLimits>,
-    /// Where the gripper is to be, and when.
-    pub waypoints: Vec<Waypoint>,
-    /// Least and highest share of the object's velocity.
-    pub speed_fraction: [f64; 2],
-    /// The comfortable pose q₀.
-    pub comfortable_q: JointVector,
-    /// On the distance from it, w.
-    pub comfort_weight: f64,
-    /// On the share of the object's velocity, κ.
-    pub speed_weight: f64,
-    /// Whether any motion that meets the waypoints within their tolerances is as good as another.
-    pub first_will_do: bool,
-}
-
-/// A motion that was found.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Solution {
-    /// The motion.
-    pub spline: BSpline,
-    /// Share of the object's velocity.
-    pub speed_fraction: f64,
-    /// By how much the worst error exceeds its tolerance: m, rad or m/s.
-    pub excess: f64,
-    /// Quadratic programs that were solved.
-    pub iterations: usize,
-    /// Whether it came to rest before as many of them as there may be.
-    pub converged: bool,
-}
 
 /// Price of an error, ρ: above any multiplier that was seen (about 1 per radian, metre or m/s).
 const PRICE: f64 = 30.0;
@@ -414,8 +372,8 @@ pub fn clamped_knots(start_s: f64, end_s: f64, points: usize) -> Vec<f64> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use catch_body::robot_file::RobotFiles;
-    use nalgebra::Vector3;
+    use catch_body::{Robot, robot::JointLimits, robot_file::RobotFiles};
+    use nalgebra::{Point3, Vector3};
     use proptest::prelude::*;
 
     pub fn iiwa() -> Robot {

@@ -50,8 +50,8 @@ impl TimeGridSearch {
                 progress.reference_cost = Some(plan.holding_cost);
                 Decision { status: Status::Planned, plan: Some(plan), progress }
             }
-            Err(refusal) => {
-                let status = match refusal {
+            Err(failure) => {
+                let status = match failure {
                     PlanningFailure::NoGrasp => Status::NoGrasp,
                     PlanningFailure::OutOfReach => Status::OutOfReach,
                     PlanningFailure::Blocked => Status::Blocked,

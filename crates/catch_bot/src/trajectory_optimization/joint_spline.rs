@@ -12,13 +12,16 @@
 //! piecewise linear, and q‴, which is piecewise constant, they are exact. The last term keeps the gripper's velocity steady before the catch: the paper's
 //! pre-grasp constraints, 30 ms before the grasp, in a form that cannot make the problem infeasible.
 
+mod bounded;
+mod ends;
+
 use catch_body::robot::JointLimits;
 use catch_cell::spline::{DEGREE, basis};
 
-mod bounded;
-
 use super::quadratic_program::{Hessian, MAX_VARIABLES, ProgramFailure, Row, Square, Variables};
 use bounded::{Bounded, Combination, Quantity};
+
+pub use ends::{End, EndKind, Ends, JointState, Onset};
 
 /// Most control points of one spline.
 const MAX_POINTS: usize = 16;
@@ -28,71 +31,6 @@ pub type JointPoints = [f64; MAX_POINTS];
 
 /// Weight on the velocity at the end where nothing but it matters: above it the limits alone decide.
 const EXTREME: f64 = 1e4;
-
-/// Which ends of a spline are given, and so which of its control points are free.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Ends {
-    /// Whether the acceleration at the start is given, not only position and velocity.
-    pub start_acceleration: bool,
-    /// What is given at the end.
-    pub end: EndKind,
-}
-
-/// What is given at the end of a spline.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum EndKind {
-    /// Position and velocity.
-    At,
-    /// Position; the velocity is free.
-    Position,
-    /// Velocity and acceleration zero, anywhere.
-    Rest,
-}
-
-/// What the end of the spline must fulfil.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum End {
-    /// Position and velocity are given, acceleration within bounds.
-    At {
-        /// Radians.
-        q: f64,
-        /// Rad/s.
-        dq: f64,
-        /// Lowest and highest acceleration in rad/s², for what comes after.
-        ddq: [f64; 2],
-    },
-    /// At this position, as fast as the limits allow in one direction.
-    Extreme {
-        /// Radians.
-        q: f64,
-        /// 1 for the highest velocity, −1 for the lowest.
-        sign: f64,
-        /// What comes after.
-        onset: Option<Onset>,
-    },
-    /// At rest anywhere, with acceleration zero.
-    Rest,
-}
-
-/// How a motion goes on: q̇ + q̈·`duration_s` must keep within ± `velocity`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Onset {
-    /// Seconds.
-    pub duration_s: f64,
-    /// Rad/s.
-    pub velocity: f64,
-}
-
-/// Position, velocity and acceleration of one joint.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct JointState {
-    /// Radians.
-    pub q: f64,
-    /// Rad/s.
-    pub dq: f64,
-    /// Rad/s².
-    pub ddq: f64,
-}
 
 /// The quadratic program with everything that does not depend on the joint, factorized.
 #[derive(Debug, Clone)]

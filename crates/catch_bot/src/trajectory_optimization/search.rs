@@ -98,19 +98,19 @@ impl CatchSearch {
     /// Why there is none.
     pub fn search(&self, start: &Start, incoming: &Incoming) -> Result<CatchPlan, PlanningFailure> {
         let mut search = Search::new(start, incoming);
-        let mut refusal = PlanningFailure::NoGrasp;
+        let mut failure = PlanningFailure::NoGrasp;
         for pass in 0..PASSES {
             match self.best_first(&mut search, pass, usize::MAX) {
-                Err(why) => refusal = refusal.max(why),
+                Err(why) => failure = failure.max(why),
                 found => return found,
             }
         }
-        Err(refusal)
+        Err(failure)
     }
 
-    /// As many of the looks that make up the [search](Self::search) as a bounded amount of work allows, in turn from number
-    /// `turn` on, which is counted up by those that found nothing. A flight that nothing catches at first is looked at once more
-    /// with every new image.
+    /// As many of the passes that make up the [search](Self::search) as a bounded amount of work allows, from number `pass` on,
+    /// which is counted up by those that found nothing. A flight that nothing catches at first is searched once more with every
+    /// new image.
     ///
     /// # Errors
     /// Why they found none.
@@ -121,22 +121,22 @@ impl CatchSearch {
         incoming: &Incoming,
     ) -> Result<CatchPlan, PlanningFailure> {
         let mut search = Search::new(start, incoming);
-        let mut refusal = PlanningFailure::NoGrasp;
+        let mut failure = PlanningFailure::NoGrasp;
         for _ in 0..PASSES {
             let left = self.motion.config.search.max_work.saturating_sub(search.work);
             if left == 0 {
                 break;
             }
             match self.best_first(&mut search, *pass, left) {
-                Err(why) => refusal = refusal.max(why),
+                Err(why) => failure = failure.max(why),
                 found => return found,
             }
             *pass += 1;
         }
-        Err(refusal)
+        Err(failure)
     }
 
-    /// The cheapest catch that one look finds, doing no more than `most_work`.
+    /// The cheapest catch that one pass finds, doing no more than `most_work`.
     fn best_first(&self, search: &mut Search, pass: usize, most_work: usize) -> Result<CatchPlan, PlanningFailure> {
         let (mut moments, mut pairs, any_grasp) = self.pairs(search, OFFSETS[pass % OFFSETS.len()]);
         let mut goes_nearby = pass % PASSES >= OFFSETS.len();
@@ -159,13 +159,13 @@ impl CatchSearch {
             frontier.push(unseen(pair, it, &moments));
         }
         let is_near = !moments.is_empty();
-        let mut refusal = if is_near && !any_grasp { PlanningFailure::NoGrasp } else { PlanningFailure::OutOfReach };
+        let mut failure = if is_near && !any_grasp { PlanningFailure::NoGrasp } else { PlanningFailure::OutOfReach };
         let mut looked_at = 0;
         let mut failures = vec![0; grasps.len()];
         loop {
             let Some(node) = frontier.pop() else {
                 if !std::mem::take(&mut goes_nearby) {
-                    return Err(refusal);
+                    return Err(failure);
                 }
                 looked_at = 0;
                 let known = pairs.len();
@@ -199,8 +199,8 @@ impl CatchSearch {
                     looked_at += 1;
                     let postures = self.motion.finder.postures(&self.motion.robot, &X_WG, from, &at.ranges);
                     // The object's way in is costly to look at; here it only tells why there is no catch.
-                    if !postures.is_empty() && refusal < PlanningFailure::NoMotion {
-                        refusal = if self.enters_straight(&v_GO, &entering, obstacle) {
+                    if !postures.is_empty() && failure < PlanningFailure::NoMotion {
+                        failure = if self.enters_straight(&v_GO, &entering, obstacle) {
                             PlanningFailure::NoMotion
                         } else {
                             PlanningFailure::Blocked

@@ -152,7 +152,7 @@ fn paths_below(root: &str, code: &str) -> Vec<String> {
     let code: String = code.split_whitespace().collect::<Vec<_>>().join(" ");
     let identifier =
         |text: &str| text.trim_start().chars().take_while(|it| it.is_alphanumeric() || *it == '_').collect();
-    let mut found = Vec::new();
+    let mut found: Vec<String> = Vec::new();
     for (at, _) in code.match_indices(root) {
         let path = &code[at + root.len()..];
         let Some(group) = path.strip_prefix('{') else {
@@ -176,12 +176,14 @@ fn paths_below(root: &str, code: &str) -> Vec<String> {
             }
         }
     }
+    // After the last comma of a group there is nothing.
+    found.retain(|it| !it.is_empty());
     found
 }
 
 #[test]
 fn module_paths_are_found_in_groups() {
-    let code = "use crate::{a::{b, c}, d};\nfn f(x: crate::e::F) {}";
+    let code = "use crate::{a::{b, c}, d,};\nfn f(x: crate::e::F) {}";
     assert_eq!(paths_below("crate::", code), ["a", "d", "e"]);
 }
 

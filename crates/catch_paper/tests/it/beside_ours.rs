@@ -30,8 +30,8 @@ fn icp_gives_the_pose_less_well() {
         for seed in 0..30 {
             let mut normal = Normal::new(seed);
             let X_WO = synthetic::pose_in_flight(&mut normal);
-            let X_WS = X_WO * reference.X_RO.inverse();
-            let frames = synthetic::depth_frames(&cameras, &shape, &X_WS, Noise::Clean, &mut normal);
+            let X_WR = X_WO * reference.X_RO.inverse();
+            let frames = synthetic::depth_frames(&cameras, &shape, &X_WR, Noise::Clean, &mut normal);
             let turn = UnitQuaternion::from_scaled_axis(normal.vector() * 0.1);
             let prior =
                 Pose::from_parts((X_WO.translation.vector + normal.vector() * 0.012).into(), turn * X_WO.rotation);
@@ -106,8 +106,8 @@ fn measured_against_the_papers_method() {
                     if normal.uniform(0.0, 1.0) < 0.1 {
                         shown.translation.vector += away;
                     }
-                    let X_WS = shown * reference.X_RO.inverse();
-                    let mut frames = synthetic::depth_frames(&cameras, &shape, &X_WS, noise, &mut normal);
+                    let X_WR = shown * reference.X_RO.inverse();
+                    let mut frames = synthetic::depth_frames(&cameras, &shape, &X_WR, noise, &mut normal);
                     frames.iter_mut().for_each(|frame| frame.capture_s = capture_s);
                     let view = View { frames: &frames, cameras: &cameras, surroundings: None };
                     methods.iter_mut().for_each(|method| method.see(&view));

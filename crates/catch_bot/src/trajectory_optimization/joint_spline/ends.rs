@@ -1,0 +1,66 @@
+//! What is given at the ends of a joint's motion.
+
+/// Which ends of a spline are given, and so which of its control points are free.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Ends {
+    /// Whether the acceleration at the start is given, not only position and velocity.
+    pub start_acceleration: bool,
+    /// What is given at the end.
+    pub end: EndKind,
+}
+
+/// What is given at the end of a spline.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EndKind {
+    /// Position and velocity.
+    At,
+    /// Position; the velocity is free.
+    Position,
+    /// Velocity and acceleration zero, anywhere.
+    Rest,
+}
+
+/// What the end of the spline must fulfil.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum End {
+    /// Position and velocity are given, acceleration within bounds.
+    At {
+        /// Radians.
+        q: f64,
+        /// Rad/s.
+        dq: f64,
+        /// Lowest and highest acceleration in rad/s², for what comes after.
+        ddq: [f64; 2],
+    },
+    /// At this position, as fast as the limits allow in one direction.
+    Extreme {
+        /// Radians.
+        q: f64,
+        /// 1 for the highest velocity, −1 for the lowest.
+        sign: f64,
+        /// What comes after.
+        onset: Option<Onset>,
+    },
+    /// At rest anywhere, with acceleration zero.
+    Rest,
+}
+
+/// How a motion goes on: q̇ + q̈·`duration_s` must keep within ± `velocity`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Onset {
+    /// Seconds.
+    pub duration_s: f64,
+    /// Rad/s.
+    pub velocity: f64,
+}
+
+/// Position, velocity and acceleration of one joint.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointState {
+    /// Radians.
+    pub q: f64,
+    /// Rad/s.
+    pub dq: f64,
+    /// Rad/s².
+    pub ddq: f64,
+}
