@@ -120,9 +120,6 @@ impl Executor {
         if !spline.knots_s.iter().all(|&knot_s| is_finite(spline.evaluate(knot_s))) {
             return Err(Rejection::Malformed);
         }
-        if self.last_id.is_some_and(|last| id <= last) {
-            return Err(Rejection::RepeatedId);
-        }
         let [_, dq, ddq] = spline.evaluate(spline.end_s());
         let moves =
             |i: &usize| dq[*i].abs() > CONTINUITY || (self.config.continuous_inside && ddq[*i].abs() > CONTINUITY);
@@ -132,6 +129,9 @@ impl Executor {
         let start_s = spline.start_s();
         if start_s < now_s - SAME_TIME_S {
             return Err(Rejection::Late { by_s: now_s - start_s });
+        }
+        if self.last_id.is_some_and(|last| id <= last) {
+            return Err(Rejection::RepeatedId);
         }
         if self.config.continuous_start {
             self.check_jump(start_s, &self.setpoint(start_s), &spline.setpoint(start_s))?;

@@ -9,7 +9,7 @@
 //!   tennis ball. The default would let a finger sink 23 mm into it;
 //! * nothing falls asleep; masses are given and not derived from the colliders.
 //!
-//! While nothing touches the object its motion is not the engine's but that of a free rigid body ([`free_motion`]).
+//! While nothing touches the object its motion is not the engine's but that of a free rigid body (`free_motion.rs`).
 
 mod assembly;
 mod convert;

@@ -69,6 +69,7 @@ impl Settings for Config {
                     ("expected_latency_s", self.expected_latency_s),
                     ("gripper_latency_s", self.gripper_latency_s),
                     ("commit_s", self.commit_s),
+                    ("lost_after_s", self.lost_after_s),
                 ],
             )
             .values(

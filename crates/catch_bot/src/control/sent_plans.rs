@@ -24,7 +24,7 @@ impl SentPlans {
 
     /// An identifier that has not been used.
     pub fn next_id(&mut self) -> TrajectoryId {
-        self.last_id += 1;
+        self.last_id = self.last_id.saturating_add(1);
         TrajectoryId(self.last_id)
     }
 
@@ -138,7 +138,7 @@ mod tests {
         let mut plans = sent(&[0.0, 0.1, 0.2]);
         assert!(plans.acknowledge(&arm(0.05, Some(1), &[2]), 0.02));
         assert_eq!(catches(&plans), [1.0]);
-        assert_eq!(plans.setpoint(0.3, &arm(0.05, Some(1), &[])).q[0], 1.0);
+        assert!((plans.setpoint(0.3, &arm(0.05, Some(1), &[])).q[0] - 1.0).abs() < 1e-12);
         // The next one goes on from what executes, under a new identifier.
         assert_eq!(plans.send(plan(0.3, 9.0)).id, TrajectoryId(4));
     }

@@ -6,6 +6,7 @@ use anyhow::Context;
 use catch_body::InputError;
 use catch_lab::{
     VERSION,
+    assets::Kind,
     play::{Life, Play, PlayRow},
     referee::Row,
     scenario::Scenario,
@@ -19,11 +20,6 @@ use serde::Serialize;
 use super::{ChoiceArguments, MOST, whole};
 use crate::screen;
 
-/// What is thrown unless somebody asks for something else.
-const OBJECTS: [&str; 3] = ["tennis_ball", "banana", "pill_bottle"];
-/// How, likewise: another throw each time.
-const THROW: &str = "near_sampled";
-
 /// Arguments of `play`.
 #[derive(Debug, Args)]
 pub struct PlayArguments {
@@ -32,9 +28,9 @@ pub struct PlayArguments {
     /// Object: a built-in name or a file; may be given more than once [default: all that are built in]
     #[arg(long = "object", value_name = "NAME|FILE")]
     objects: Vec<String>,
-    /// Throw: a built-in name or a file
-    #[arg(long, value_name = "NAME|FILE", default_value = THROW)]
-    throw: String,
+    /// Throw: a built-in name or a file [default: the scenario's]
+    #[arg(long, value_name = "NAME|FILE")]
+    throw: Option<String>,
     /// Number of throws
     #[arg(long, value_name = "N", default_value_t = 50, allow_negative_numbers = true, value_parser = whole(1, 1_000_000))]
     throws: u64,
@@ -84,10 +80,12 @@ pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
         let expected = "0 to 3600 seconds";
         return Err(InputError::new(COMMAND_LINE, "--every", arguments.every, expected).into());
     }
-    let named = || OBJECTS.map(str::to_owned).to_vec();
-    let objects = if arguments.objects.is_empty() { named() } else { arguments.objects.clone() };
-    let load = |object: &String| Setup::load(&arguments.choice.with(Some(object), Some(&arguments.throw)));
-    let setups = objects.iter().map(load).collect::<Result<Vec<Setup>, InputError>>()?;
+    let mut objects: Vec<&str> = arguments.objects.iter().map(String::as_str).collect();
+    if objects.is_empty() {
+        objects = Kind::Object.names();
+    }
+    let load = |object: &str| Setup::load(&arguments.choice.with(Some(object), arguments.throw.as_deref()));
+    let setups = objects.into_iter().map(load).collect::<Result<Vec<Setup>, InputError>>()?;
     let play = Play { setups, throws: arguments.throws, every_s: arguments.every, seed: arguments.seed };
     let bar = screen::progress_bar(arguments.throws as usize, "throws");
     let mut caught = 0;

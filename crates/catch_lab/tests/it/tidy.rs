@@ -31,6 +31,8 @@ const STAGES: &[&str] = &[
     "preparation",
     "tracker",
 ];
+/// Modules that stand on the whole brain: they use its root and everything below.
+const ABOVE_THE_BRAIN: &[&str] = &["cycle"];
 /// Crates whose modules use each other in no circle. The arena's settings and cameras still do.
 const WITHOUT_CIRCLES: &[&str] = &["catch_body", "catch_cell", "catch_bot", "catch_paper", "catch_lab"];
 
@@ -104,8 +106,10 @@ fn crate_graph() -> BTreeMap<String, BTreeSet<String>> {
 #[test]
 fn data_flows_one_way() {
     let found: BTreeSet<String> = modules("catch_bot").into_keys().collect();
-    assert_eq!(found, STAGES.iter().map(|it| (*it).to_owned()).collect(), "modules of the brain and their order");
-    for (module, used) in modules("catch_bot") {
+    let known = STAGES.iter().chain(ABOVE_THE_BRAIN).map(|it| (*it).to_owned()).collect();
+    assert_eq!(found, known, "modules of the brain and their order");
+    let below = |(module, _): &(String, BTreeSet<String>)| !ABOVE_THE_BRAIN.contains(&module.as_str());
+    for (module, used) in modules("catch_bot").into_iter().filter(below) {
         let rank = STAGES.iter().position(|it| *it == module).unwrap();
         for used in used {
             let is_before = STAGES[..=rank].contains(&used.as_str());
