@@ -4,7 +4,7 @@
 
 #![allow(missing_docs, reason = "criterion's macro makes a public function")]
 
-#[path = "../src/perception/synthetic.rs"]
+#[path = "../tests/it/synthetic.rs"]
 mod synthetic;
 
 use catch_body::Pose;

@@ -18,9 +18,8 @@ pub mod segmentation;
 pub mod silhouette;
 pub mod symmetry;
 #[cfg(test)]
+#[path = "../../tests/it/synthetic.rs"]
 pub(crate) mod synthetic;
-#[cfg(test)]
-mod tests;
 
 use catch_body::Pose;
 use catch_cell::CameraModel;

@@ -3,7 +3,7 @@ mod allocation;
 mod camera_alignment;
 mod edge_cases;
 mod measured;
-#[path = "../../src/perception/synthetic.rs"]
+mod pose_estimation;
 mod synthetic;
 mod unlabelled;
 

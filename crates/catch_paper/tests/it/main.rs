@@ -3,7 +3,7 @@
 #![allow(clippy::print_stdout, reason = "tests tell what they measured")]
 
 mod beside_ours;
-#[path = "../../../catch_bot/src/perception/synthetic.rs"]
+#[path = "../../../catch_bot/tests/it/synthetic.rs"]
 mod synthetic;
 
 use catch_bot::perception::ReferenceModel;

@@ -1,11 +1,14 @@
+//! The pose estimator on synthetic images.
+
 #![allow(clippy::print_stdout, reason = "tests tell what they measured")]
 
 use catch_body::Pose;
 use catch_cell::DepthFrame;
 use nalgebra::UnitQuaternion;
 
-use super::*;
-use synthetic::{Noise, Normal, Shape};
+use catch_bot::perception::{Config, DepthNoise, PerceptionStatus, ReferenceModel, Symmetry, Workspace, find_object};
+
+use crate::synthetic::{self, Noise, Normal, Shape};
 
 fn median(values: &mut [f64]) -> f64 {
     let middle = values.len() / 2;
