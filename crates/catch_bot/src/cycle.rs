@@ -73,6 +73,8 @@ struct Candidate<E, P, C> {
     images: usize,
     /// Where and when the object was seen last.
     seen: Option<(f64, Point3<f64>)>,
+    /// Whether it stood still there.
+    rests: bool,
 }
 
 /// A motion from rest to rest.
@@ -104,7 +106,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
     /// Without any object.
     pub fn new(config: CycleConfig, bots: Vec<CatchingBot<E, P, C>>) -> Self {
         assert!(!bots.is_empty(), "a brain needs to know an object");
-        let candidate = |bot| Candidate { bot, residuals_m: 0.0, images: 0, seen: None };
+        let candidate = |bot| Candidate { bot, residuals_m: 0.0, images: 0, seen: None, rests: false };
         let candidates = bots.into_iter().map(candidate).collect();
         let (phase, active) = (Phase::Waiting, 0);
         Self { config, candidates, phase, active, since_s: 0.0, motion: None, has_released: false }
@@ -129,12 +131,18 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
         (self.phase, self.since_s, self.motion, self.has_released) = (phase, now_s, None, false);
     }
 
-    /// Looks for what flies, with the eyes of all known objects.
+    /// Looks for what flies, with the eyes of all known objects; as long as the last one lies still its own will do.
     fn wait(&mut self, observation: &Observation, probe: &mut dyn Probe) -> Command {
-        let mut newest = Vec::with_capacity(self.candidates.len());
-        for candidate in &mut self.candidates {
-            candidate.bot.controller.acknowledge(&observation.arm);
-            newest.push(candidate.look(observation));
+        let last = self.active;
+        let mut newest = vec![None; self.candidates.len()];
+        newest[last] = self.candidates[last].look(observation);
+        let rests = newest[last].is_some() && self.candidates[last].rests;
+        for (i, candidate) in self.candidates.iter_mut().enumerate().filter(|(i, _)| *i != last) {
+            if rests {
+                candidate.forget();
+            } else {
+                newest[i] = candidate.look(observation);
+            }
         }
         probe.stage_ended("perception");
         let most = self.candidates.iter().map(|it| it.images).max().unwrap_or(0);
@@ -271,6 +279,7 @@ enum Progress {
 impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Candidate<E, P, C> {
     /// Takes in new images. What rests, and what was somewhere else a moment ago, begins anew.
     fn look(&mut self, observation: &Observation) -> Option<ObjectPose> {
+        self.bot.controller.acknowledge(&observation.arm);
         let pose = self.bot.perceive(observation)?;
         let p_WO = Point3::from(pose.X_WO.translation.vector);
         let before = self.seen.replace((pose.capture_s, p_WO));
@@ -283,6 +292,9 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Candidate<E, P, C> {
             // What rests is no help in finding it again once it has been thrown.
             let is_new = before.is_none_or(|(_, before_W)| (p_WO - before_W).norm() > FLIGHT_MPS.start * GAP_S);
             self.bot.tracker.keep_newest(usize::from(is_new));
+            self.rests = !is_new;
+        } else {
+            self.rests = false;
         }
         self.images += 1;
         self.residuals_m += pose.residual_m;
@@ -290,7 +302,8 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Candidate<E, P, C> {
     }
 
     fn forget(&mut self) {
-        (self.images, self.residuals_m, self.seen) = (0, 0.0, None);
+        (self.images, self.residuals_m, self.seen, self.rests) = (0, 0.0, None, false);
+        self.bot.tracker.keep_newest(0);
     }
 }
 
