@@ -28,6 +28,8 @@ pub enum Phase {
     Placing,
     /// The hand is empty, and on its way to the ready pose.
     Returning,
+    /// No motion leads back that keeps all limits and is accepted. The arm stands still until somebody resets the brain.
+    Stranded,
 }
 
 /// Settings of the cycle.
@@ -60,6 +62,8 @@ const FLIGHT_MPS: std::ops::Range<f64> = 0.5..30.0;
 const GAP_S: f64 = 0.1;
 /// Fingers that have closed to less than this fraction of the object's width hold nothing.
 const HELD_FRACTION: f64 = 0.5;
+/// How often the motions of one phase are sent at most: one that is rejected again and again never will be accepted.
+const MOST_SENT: usize = 20;
 /// How long a motion may be overdue before it is sent anew, in seconds.
 const OVERDUE_S: f64 = 0.05;
 
@@ -67,7 +71,8 @@ const OVERDUE_S: f64 = 0.05;
 #[derive(Debug)]
 struct Candidate<E, P, C> {
     bot: CatchingBot<E, P, C>,
-    /// Sum of the distances of what was seen from the object's surface, root mean square of each image, in metres.
+    /// Sum of the distances of what was seen from the object's silhouette or else its surface, root mean square of each image, in
+    /// metres.
     residuals_m: f64,
     /// Images of the present flight.
     images: usize,
@@ -96,6 +101,8 @@ pub struct CatchingCycle<E, P, C> {
     /// When the present phase began, or since when the gripper has been open while an object is put down.
     since_s: f64,
     motion: Option<Motion>,
+    /// Motions of the present phase that were sent.
+    sent: usize,
     has_released: bool,
 }
 
@@ -103,13 +110,15 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
     /// For objects that are known by their brains, which must be of the same arm, gripper and cameras.
     ///
     /// # Panics
-    /// Without any object.
+    /// Without any object, or with times that are negative or longer than a minute.
     pub fn new(config: CycleConfig, bots: Vec<CatchingBot<E, P, C>>) -> Self {
         assert!(!bots.is_empty(), "a brain needs to know an object");
+        let spans_s = [config.hold_s, config.release_s, config.give_up_s];
+        assert!(spans_s.iter().all(|it| (0.0..=60.0).contains(it)), "times within a minute, not {spans_s:?}");
         let candidate = |bot| Candidate { bot, residuals_m: 0.0, images: 0, seen: None, rests: false };
         let candidates = bots.into_iter().map(candidate).collect();
         let (phase, active) = (Phase::Waiting, 0);
-        Self { config, candidates, phase, active, since_s: 0.0, motion: None, has_released: false }
+        Self { config, candidates, phase, active, since_s: 0.0, motion: None, sent: 0, has_released: false }
     }
 
     /// What it is at.
@@ -128,7 +137,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
     }
 
     fn enter(&mut self, phase: Phase, now_s: f64) {
-        (self.phase, self.since_s, self.motion, self.has_released) = (phase, now_s, None, false);
+        (self.phase, self.since_s, self.motion, self.sent, self.has_released) = (phase, now_s, None, 0, false);
     }
 
     /// Looks for what flies, with the eyes of all known objects; as long as the last one lies still its own will do.
@@ -146,7 +155,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
         }
         probe.stage_ended("perception");
         let most = self.candidates.iter().map(|it| it.images).max().unwrap_or(0);
-        if most < self.config.identify_images {
+        if most < self.config.identify_images.max(1) {
             return Command::default();
         }
         // An object whose model cannot be brought to lie on what is seen in some images is not the one.
@@ -218,7 +227,10 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
                 self.enter(Phase::Waiting, now_s);
                 Command::default()
             }
-            Progress::NoWay => Command::default(),
+            Progress::NoWay => {
+                self.enter(Phase::Stranded, now_s);
+                Command::default()
+            }
         };
         if must_open {
             command.gripper = Some(self.opening(now_s));
@@ -249,11 +261,11 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
         }
         let planner = known.search().motion();
         let start_s = now_s + known.config().control.expected_latency_s;
-        let ready_q = planner.robot().ready_q;
-        let spline = planner
-            .rest_to_rest(start_s, &from, None, to, held)
-            .or_else(|| planner.rest_to_rest(start_s, &from, Some(&ready_q), to, held));
-        let Some(spline) = spline else { return Progress::NoWay };
+        // Straight, else by way of a pose that is known to be clear.
+        let vias = [None, Some(planner.robot().ready_q), Some(self.config.place_q)];
+        let mut ways = vias.iter().filter_map(|via| planner.rest_to_rest(start_s, &from, via.as_ref(), to, held));
+        let Some(spline) = ways.next().filter(|_| self.sent < MOST_SENT) else { return Progress::NoWay };
+        self.sent += 1;
         let id = bot.controller.next_id();
         self.motion = Some(Motion { id, start_s, end_s: spline.end_s() });
         Progress::Going(Command { arm: Some(ArmTrajectory { id, spline }), ..Command::default() })
@@ -297,7 +309,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Candidate<E, P, C> {
             self.rests = false;
         }
         self.images += 1;
-        self.residuals_m += pose.residual_m;
+        self.residuals_m += pose.outline_residual_m.unwrap_or(pose.residual_m);
         Some(pose)
     }
 
@@ -315,6 +327,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Brain for CatchingCy
             Phase::Holding => self.hold(observation),
             Phase::Placing => self.place(observation),
             Phase::Returning => self.go_back(observation),
+            Phase::Stranded => Command::default(),
         }
     }
 

@@ -26,6 +26,7 @@ fn main() -> anyhow::Result<()> {
                 information,
                 points: 200,
                 residual_m: 0.0,
+                outline_residual_m: None,
                 iterations: 0,
                 cold_started: false,
             }

@@ -183,9 +183,10 @@ impl LivingCell {
 
     /// Until the arm waits again, and at least until `earliest_s`.
     fn until_ready(&mut self, setup: &Setup, earliest_s: f64) -> Ready {
-        let (begun_s, mut violations, mut left_W) = (self.arena.time_s(), 0, None);
+        let (begun_s, mut violations, mut left_W, mut has_diverged) = (self.arena.time_s(), 0, None, false);
         loop {
             let truth = self.arena.take_truth();
+            has_diverged |= truth.diverged_s.is_some();
             violations += truth.servo.command_violations.len() + truth.servo.motion_violations.len();
             // Round things roll on: what counts is where the hand has left it.
             if self.brain.phase() == Phase::Returning && left_W.is_none() {
@@ -193,7 +194,8 @@ impl LivingCell {
             }
             let now_s = self.arena.time_s();
             let is_ready = self.brain.phase() == Phase::Waiting && now_s >= earliest_s - 1e-9;
-            if is_ready || now_s > begun_s + STUCK_AFTER_S {
+            if is_ready || has_diverged || now_s > begun_s + STUCK_AFTER_S {
+                let is_ready = is_ready && !has_diverged;
                 return Ready { is_ready, violations, left_W };
             }
             self.tick(setup);

@@ -176,6 +176,9 @@ impl Setup {
         if let Some(values) = &scenario.ready_rad {
             arm.ready_q = arm.checked_pose(&asset.file, "ready_rad", values)?;
         }
+        if let Some(values) = &scenario.place_rad {
+            arm.checked_pose(&asset.file, "place_rad", values)?;
+        }
         let thrown = object.thrown_object()?;
         check_closing(&asset.file, &scenario, &hand, &gripper.file)?;
         let cameras = rig_from_toml(&flight_rig.file, &flight_rig.text)?;
@@ -234,7 +237,7 @@ impl Setup {
     /// If the scenario names none, or none of this arm.
     pub fn place_q(&self) -> Result<JointVector, InputError> {
         let (file, field) = (&self.scenario.name, "place_rad");
-        let expected = "joint positions in which the gripper opens to put down what was caught";
+        let expected = "joint positions in which the gripper opens to put down what was caught: --set place_rad=[…]";
         let values = self.scenario.place_rad.as_ref();
         let values = values.ok_or_else(|| InputError::new(file, field, "nothing", expected))?;
         self.robot.checked_pose(file, field, values)

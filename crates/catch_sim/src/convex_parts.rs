@@ -38,7 +38,7 @@ pub(crate) fn hull_volume_m3(points: &[Point3<f64>]) -> f64 {
     hull.map_or(0.0, |hull| {
         let (points, triangles) = hull.to_trimesh();
         let vertices = points.iter().map(|it| Point3::new(it.x, it.y, it.z)).collect();
-        TriangleMesh { vertices, triangles }.volume()
+        TriangleMesh { vertices, triangles }.volume().max(0.0)
     })
 }
 

@@ -55,6 +55,9 @@ const LENGTHS_M: RangeInclusive<f64> = 0.005..=0.5;
 /// How heavy it may be, likewise.
 const MASSES_KG: RangeInclusive<f64> = 0.001..=5.0;
 
+/// Radius of gyration of the thinnest needle.
+const LEAST_GYRATION_M: f64 = 1e-4;
+
 /// Whether a shape is as long as something that is thrown; `advice` says what to do if it is in millimetres.
 ///
 /// # Errors
@@ -195,13 +198,13 @@ fn checked_inertia(file: &str, moments: [f64; 6], mass_kg: f64, length_m: f64) -
     // No moment is larger than the sum of the other two, by rounding for flat bodies.
     let is_possible = principal.min() > 0.0 && 2.0 * principal.max() <= principal.sum() * (1.0 + 1e-6);
     // All mass lies within that length of the centre of mass.
-    let most = mass_kg * length_m * length_m;
-    if is_possible && principal.max() <= most {
+    let [least, most] = [LEAST_GYRATION_M, length_m].map(|radius_m| mass_kg * radius_m * radius_m);
+    if is_possible && principal.min() >= least && principal.max() <= most {
         return Ok(inertia);
     }
     let expected = format!(
         "ixx, ixy, ixz, iyy, iyz, izz about the centre of mass: positive definite, no principal moment above the sum of the other \
-         two, none above {most:.2e} kg·m² for this mass and size"
+         two, all from {least:.2e} to {most:.2e} kg·m² for this mass and size"
     );
     Err(InputError::new(file, field, format!("{moments:?}"), expected))
 }
@@ -313,6 +316,7 @@ mod tests {
             ("inertia_kgm2 = [1e-5, 0, 0, 1e-5, 0, 9e-5]", "truth.inertia_kgm2"),
             ("inertia_kgm2 = [0.16, 0, 0, 0.16, 0, 0.16]", "truth.inertia_kgm2"),
             ("inertia_kgm2 = [1e-5, 0, 0, 1e-5, 0, -1e-5]", "truth.inertia_kgm2"),
+            ("inertia_kgm2 = [1e-110, 0, 0, 1e-110, 0, 1e-110]", "truth.inertia_kgm2"),
             ("friction = { min = 0.5, max = 0.4 }", "truth.friction"),
             ("friction = -0.1", "truth.friction"),
         ] {

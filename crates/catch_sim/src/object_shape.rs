@@ -106,21 +106,45 @@ impl ShapeFields {
             Self::Mesh { file: mesh_file, parts, scale } => {
                 let scale = InputError::positive(file, "truth.shape.scale", *scale)?;
                 let mesh = mesh_from_bytes(mesh_file, &load(mesh_file)?, scale)?;
-                let parts = if parts.is_empty() { convex_parts(&mesh) } else { named_parts(parts, scale, load)? };
+                let parts =
+                    if parts.is_empty() { convex_parts(&mesh) } else { named_parts(parts, scale, &mesh, load)? };
                 Ok(Solid { inertia: mesh.mass_properties(mass_kg), parts, mesh })
             }
         }
     }
 }
 
-/// The convex hulls of all groups of the `files`.
-fn named_parts(files: &[String], scale: f64, load: Load) -> Result<Vec<ColliderPart>, InputError> {
+/// Most convex parts of an object.
+const MOST_PARTS: usize = 64;
+/// How far parts may stick out of the box around their mesh, as a fraction of its longest side.
+const STICKS_OUT: f64 = 0.05;
+
+/// The convex hulls of all groups of the `files`, which must lie where the mesh does.
+fn named_parts(files: &[String], scale: f64, mesh: &TriangleMesh, load: Load) -> Result<Vec<ColliderPart>, InputError> {
+    let bounds = mesh.aabb();
+    let most = bounds.size / 2.0 + Vector3::repeat(STICKS_OUT * bounds.size.max());
     let mut parts = Vec::new();
     for file in files {
         for (i, points) in groups_from_bytes(file, &load(file)?, scale)?.into_iter().enumerate() {
+            let outside = points
+                .iter()
+                .find(|point| (*point - bounds.centre).abs().zip_fold(&most, false, |is, at, most| is || at > most));
+            if let Some(point) = outside {
+                let found = format!("a vertex at [{:.3}, {:.3}, {:.3}] m", point.x, point.y, point.z);
+                return Err(InputError::new(
+                    file,
+                    format!("group {}", i + 1),
+                    found,
+                    "parts that fill the mesh and no more",
+                ));
+            }
             let part = ColliderPart::Hull(points);
             if part.volume_m3() <= 0.0 {
                 return Err(InputError::new(file, format!("group {}", i + 1), "a flat part", "one that has a volume"));
+            }
+            if parts.len() == MOST_PARTS {
+                let expected = format!("at most {MOST_PARTS} convex parts");
+                return Err(InputError::new(file, "groups", "more", expected));
             }
             parts.push(part);
         }

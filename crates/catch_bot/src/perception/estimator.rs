@@ -192,6 +192,7 @@ impl Search<'_> {
             information: fit.information,
             points: fit.points,
             residual_m: fit.residual_m,
+            outline_residual_m: fit.outline_residual_m,
             iterations: fit.iterations,
             cold_started,
         })

@@ -189,6 +189,8 @@ pub struct ObjectPose {
     pub points: usize,
     /// Root mean square distance of those points from the reference surface, in metres.
     pub residual_m: f64,
+    /// The same of the silhouette's rays, where they were needed: what tells shapes apart in noisy depths.
+    pub outline_residual_m: Option<f64>,
     /// Iterations that it took.
     pub iterations: usize,
     /// Whether it was found without regard to the predicted pose.

@@ -50,7 +50,16 @@ fn seen(throw: &Throw, count: usize, sd_m: f64, sd_rad: f64, outliers: f64, norm
             shift += away;
         }
         let X_WO = Pose::from_parts(Translation3::from(X_WO.translation.vector + shift), turn * X_WO.rotation);
-        ObjectPose { capture_s, X_WO, information, points: 200, residual_m: sd_m, iterations: 5, cold_started: false }
+        ObjectPose {
+            capture_s,
+            X_WO,
+            information,
+            points: 200,
+            residual_m: sd_m,
+            outline_residual_m: None,
+            iterations: 5,
+            cold_started: false,
+        }
     });
     poses.collect()
 }

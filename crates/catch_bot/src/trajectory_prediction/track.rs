@@ -111,6 +111,7 @@ impl TrackSample {
             information: Matrix6::from_diagonal(&nalgebra::Vector6::new(turn, turn, turn, shift, shift, shift)),
             points: 0,
             residual_m: 0.0,
+            outline_residual_m: None,
             iterations: 0,
             cold_started: false,
         }

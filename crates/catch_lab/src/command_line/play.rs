@@ -55,7 +55,9 @@ pub struct PlayArguments {
 #[derive(Debug, Serialize)]
 struct Document<'a> {
     version: &'static str,
+    /// That of the first object.
     scenario: &'a Scenario,
+    objects: Vec<&'a str>,
     throws: usize,
     caught: usize,
     wilson95: [f64; 2],
@@ -145,6 +147,7 @@ fn document<'a>(play: &'a Play, life: &'a Life, caught_alone: Option<usize>) -> 
     Document {
         version: VERSION,
         scenario: &play.setups[0].scenario,
+        objects: play.setups.iter().map(|setup| setup.scenario.object.as_str()).collect(),
         throws: rows.len(),
         caught,
         wilson95: wilson95(caught, rows.len()),
@@ -193,6 +196,11 @@ fn table(play: &Play, life: &Life) -> Table {
     table
 }
 
+/// Names come from files.
+fn escaped(name: &str) -> String {
+    name.replace('&', "&amp;").replace('<', "&lt;")
+}
+
 /// One file without network: a row for each throw.
 fn page(life: &Life) -> String {
     let mut rows = String::new();
@@ -204,8 +212,8 @@ fn page(life: &Life) -> String {
             rows,
             "<tr class={class}><td>{}<td>{thrown_s:.1}<td>{}<td>{}<td>{outcome}<td>{placed}",
             i + 1,
-            row.scene.object,
-            identified.as_deref().unwrap_or("–"),
+            escaped(&row.scene.object),
+            identified.as_deref().map_or_else(|| "–".to_owned(), escaped),
         );
     }
     let caught = life.rows.iter().filter(|it| it.row.verdict.caught).count();

@@ -46,6 +46,8 @@ struct Point {
     wanted_mps: f64,
     /// Impulse so far.
     impulse_ns: f64,
+    /// The part of the machine.
+    part: Part,
 }
 
 fn velocities(body: &engine::RigidBody) -> [Vector3<f64>; 2] {
@@ -96,6 +98,11 @@ impl World {
             }
         }
         multibody.generalized_velocity_mut().copy_from(&generalized);
+        for part in PARTS {
+            let of_part = points.iter().filter(|point| point.part == part).map(|point| point.impulse_ns);
+            let peak = &mut self.contact_forces.contact.peak_impulse_ns;
+            *peak = peak.max(of_part.sum());
+        }
         let object = &mut self.bodies[self.object];
         object.set_linvel(to_vector(&linear), true);
         object.set_angvel(to_vector(&angular), true);
@@ -108,7 +115,8 @@ impl World {
             for pair in self.narrow_phase.contact_pairs_with(collider) {
                 let is_first = pair.collider1 == collider;
                 let other = &self.colliders[if is_first { pair.collider2 } else { pair.collider1 }];
-                if touched.has(PARTS[other.user_data as usize]) {
+                let part = PARTS[other.user_data as usize];
+                if touched.has(part) {
                     continue;
                 }
                 for (manifold, point) in solved_points(pair).filter(|(_, point)| point.data.impulse > 0.0) {
@@ -116,8 +124,8 @@ impl World {
                     let ([object_arm, link_arm], normal) =
                         if is_first { (arms, -normal) } else { ([arms[1], arms[0]], normal) };
                     let arms = [object_arm, link_arm].map(from_vector);
-                    let built = self.point(before, other.parent(), from_vector(normal), arms);
-                    points.extend(built.map(|built| Point { impulse_ns: point.data.impulse, ..built }));
+                    let by_engine = (part, point.data.impulse);
+                    points.extend(self.point(before, other.parent(), from_vector(normal), arms, by_engine));
                 }
             }
         }
@@ -132,6 +140,7 @@ impl World {
         link: Option<engine::RigidBodyHandle>,
         normal: Vector3<f64>,
         [object_arm, link_arm]: [Vector3<f64>; 2],
+        (part, impulse_ns): (Part, f64),
     ) -> Option<Point> {
         let object = &self.bodies[self.object];
         let turning = object_arm.cross(&normal);
@@ -164,7 +173,8 @@ impl World {
             velocity_per_ns,
             mobility,
             wanted_mps,
-            impulse_ns: 0.0,
+            impulse_ns,
+            part,
         })
     }
 }

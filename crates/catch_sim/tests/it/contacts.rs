@@ -153,6 +153,9 @@ fn restitution_of_a_ball_between_two_closing_fingers_is_exact() {
                 world.step(&loads);
             }
             let state = world.state();
+            let impulse_ns = gripper.finger_mass_kg * (state.finger_mps[0] - closing[0]);
+            let told_ns = world.contact_forces().contact.peak_impulse_ns;
+            assert!((told_ns / impulse_ns - 1.0).abs() < 1e-2, "{told_ns} instead of {impulse_ns} N·s");
             for (after, before) in state.finger_mps.into_iter().zip(closing) {
                 let rebound = -after / before;
                 let error = (rebound / restitution - 1.0).abs();
