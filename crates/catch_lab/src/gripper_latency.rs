@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use catch_body::InputError;
 use catch_bot::grasp_selection::Closing;
-use catch_cell::{Command, GripperMove, GripperQueue};
+use catch_cell::{Command, GripperQueue};
 use serde::Serialize;
 
 use crate::{
@@ -106,10 +106,11 @@ struct SensedWidth {
     width_m: f64,
 }
 
-/// A gripper move that has started.
+/// A gripper move that has started, and goes elsewhere than the one before.
 #[derive(Debug, Clone, Copy)]
 struct StartedMove {
-    order: GripperMove,
+    start_s: f64,
+    width_m: f64,
     /// Whether its command arrived before its start.
     is_timely: bool,
 }
@@ -143,20 +144,20 @@ impl RecordedMoves {
         let step_m = self.width_step_m();
         let mut latencies = Vec::new();
         for (i, it) in self.started.iter().enumerate() {
-            let start_s = it.order.start_s;
+            let start_s = it.start_s;
             if !it.is_timely {
                 unused.late += 1;
                 continue;
             }
-            let before = i.checked_sub(1).map(|before| self.started[before].order.width_m);
+            let before = i.checked_sub(1).map(|before| self.started[before].width_m);
             let Some(rest_m) = self.width_at_rest(start_s, before) else {
                 unused.not_at_rest += 1;
                 continue;
             };
-            let until_s = self.started.get(i + 1).map_or(f64::INFINITY, |next| next.order.start_s);
+            let until_s = self.started.get(i + 1).map_or(f64::INFINITY, |next| next.start_s);
             let until_s = until_s.min(start_s + LONGEST_S);
-            let onset_s = self.onset_s([start_s, until_s], rest_m, it.order.width_m, step_m);
-            match onset_s.filter(|_| (it.order.width_m - rest_m).abs() > LEAST_TRAVEL_M) {
+            let onset_s = self.onset_s([start_s, until_s], rest_m, it.width_m, step_m);
+            match onset_s.filter(|_| (it.width_m - rest_m).abs() > LEAST_TRAVEL_M) {
                 Some(onset_s) => latencies.push((start_s, onset_s - start_s)),
                 None => unused.not_moved += 1,
             }
@@ -208,8 +209,14 @@ impl MoveFollower {
     fn tick(&mut self, time_s: f64, command: &Command) {
         let arrival_s = time_s + self.command_latency_s;
         while let Some(order) = self.queue.take_due(arrival_s, |start_s| start_s) {
-            // What had to start before the command arrived would have been taken out by then.
-            self.started.push(StartedMove { order, is_timely: order.start_s > self.arrived_s });
+            // What had to start before its command arrived would else have been taken out by then.
+            let is_timely = order.start_s > self.arrived_s;
+            let it = StartedMove { start_s: order.start_s.max(self.arrived_s), width_m: order.width_m, is_timely };
+            // Of those that start together the last one wins, and one that is commanded again changes nothing.
+            self.started.pop_if(|last| last.start_s >= it.start_s);
+            if self.started.last().is_none_or(|last| (last.width_m - it.width_m).abs() > REST_M) {
+                self.started.push(it);
+            }
         }
         if let Some(moves) = &command.gripper {
             self.queue.receive(moves, arrival_s);
@@ -221,6 +228,7 @@ impl MoveFollower {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use catch_cell::GripperMove;
 
     const FINGERS: Closing = Closing { speed_mps: 0.42, acceleration_mps2: 5.0 };
 
@@ -247,7 +255,7 @@ mod tests {
             let state_s = ((time_s - 0.0007) * state_rate_hz).floor() / state_rate_hz + 0.0007;
             SensedWidth { time_s, width_m: (width_m(0.237, state_s) / step_m).round() * step_m }
         });
-        let started = vec![StartedMove { order: step(0.2, 0.0), is_timely: true }];
+        let started = vec![StartedMove { start_s: 0.2, width_m: 0.0, is_timely: true }];
         RecordedMoves { fingers: FINGERS, widths: widths.collect(), started }
     }
 
@@ -267,9 +275,9 @@ mod tests {
         let mut unused = UnusedMoves::default();
         let mut it = recorded(140.0, 1e-5);
         it.started = vec![
-            StartedMove { order: step(0.1, 0.08), is_timely: true },
-            StartedMove { order: step(0.15, 0.07), is_timely: false },
-            StartedMove { order: step(0.28, 0.0), is_timely: true },
+            StartedMove { start_s: 0.1, width_m: 0.08, is_timely: true },
+            StartedMove { start_s: 0.15, width_m: 0.07, is_timely: false },
+            StartedMove { start_s: 0.28, width_m: 0.0, is_timely: true },
         ];
         assert_eq!(it.latencies(&mut unused), []);
         assert_eq!(unused, UnusedMoves { late: 1, not_at_rest: 1, not_moved: 1 });
@@ -284,8 +292,10 @@ mod tests {
         for time_s in [0.2, 0.3, 0.4] {
             moves.tick(time_s, &Command::default());
         }
-        let started: Vec<(f64, bool)> = moves.started.iter().map(|it| (it.order.start_s, it.is_timely)).collect();
-        assert_eq!(started, [(0.0, false), (0.3, true)]);
+        moves.tick(0.5, &command(&[step(0.5, 0.08), step(0.5, 0.0)]));
+        moves.tick(0.6, &Command::default());
+        let started: Vec<(f64, bool)> = moves.started.iter().map(|it| (it.start_s, it.is_timely)).collect();
+        assert_eq!(started, [(0.01, false), (0.3, true)]);
     }
 
     #[test]
