@@ -45,6 +45,7 @@ pub mod play;
 pub mod playback;
 pub mod plots;
 pub mod ready;
+pub mod recorded_surface;
 pub mod recorded_throw;
 pub mod recording;
 pub mod referee;

@@ -6,7 +6,8 @@ use std::{
 };
 
 use crate::{
-    recording::{Ending, GroundTruth, RecordedSurface, Recorder},
+    recorded_surface::RecordedSurface,
+    recording::{Ending, GroundTruth, Recorder},
     referee::{self, Verdict},
     setup::Setup,
     stopwatch::Stopwatch,

@@ -13,7 +13,7 @@ use std::{
     time::Duration,
 };
 
-use catch_body::{InputError, JointVector, Pose, TriangleMesh};
+use catch_body::{InputError, JointVector, Pose};
 use catch_bot::{
     Report, Status, control::GripperPlan, grasp_selection::Approach, perception::ObjectPose,
     trajectory_prediction::FlightTrajectory,
@@ -21,12 +21,12 @@ use catch_bot::{
 use catch_cell::{CameraModel, Command, Observation, ReferenceScan};
 use catch_sim::Truth;
 use flate2::{Compression, GzBuilder, read::GzDecoder, write::GzEncoder};
-use nalgebra::Point3;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use crate::{
     VERSION,
     brain::BrainSettings,
+    recorded_surface::RecordedSurface,
     referee::Verdict,
     scenario::Scenario,
     setup::{Scene, Setup, Sources},
@@ -157,30 +157,6 @@ pub struct GroundTruth {
     pub verdict: Verdict,
     /// The object's true surface in O, for pictures.
     pub surface: RecordedSurface,
-}
-
-/// A surface of triangles in single precision.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct RecordedSurface {
-    /// Corner points in metres.
-    pub vertices_m: Vec<[f32; 3]>,
-    /// Three indices into them per triangle, counter-clockwise from outside.
-    pub triangles: Vec<[u32; 3]>,
-}
-
-impl From<&TriangleMesh> for RecordedSurface {
-    fn from(mesh: &TriangleMesh) -> Self {
-        let single = |vertex: &Point3<f64>| vertex.coords.cast::<f32>().into();
-        Self { vertices_m: mesh.vertices.iter().map(single).collect(), triangles: mesh.triangles.clone() }
-    }
-}
-
-impl RecordedSurface {
-    /// The surface as a mesh.
-    pub fn mesh(&self) -> TriangleMesh {
-        let vertices = self.vertices_m.iter().map(|&vertex| Point3::from(vertex).cast()).collect();
-        TriangleMesh { vertices, triangles: self.triangles.clone() }
-    }
 }
 
 impl From<&Report> for RecordedReport {
