@@ -23,6 +23,6 @@ fn main() -> anyhow::Result<()> {
 
     let page = thrown.recording.with_extension("html");
     std::fs::write(&page, catch_page::page(&Playback::read(&thrown.recording)?))?;
-    println!("caught: {}; look at {}", thrown.ending.verdict.caught, page.display());
+    println!("caught: {}; look at {}", thrown.verdict.caught, page.display());
     Ok(())
 }

@@ -2,17 +2,27 @@
 //!
 //! A real cell's driver fills in the same [`Observation`] from its encoders, its gripper and its cameras, and hands the same
 //! [`Command`]s to the same [`Executor`], which takes or rejects trajectories and samples the set-point for the drives. Here the
-//! arm is exactly where its set-point is, commands arrive 4 ms late, and the images are those of a ball on a parabola.
+//! arm is exactly where its set-point is, commands arrive 4 ms late, and the images are those of a ball on a parabola. The run is
+//! recorded: `catchingbot view`, `replay` and `gripper-latency` open recordings of a real cell as well.
 
 #![expect(clippy::print_stdout, reason = "examples speak to whoever runs them")]
 
-use std::ops::ControlFlow;
+use std::{
+    io,
+    ops::ControlFlow,
+    path::{Path, PathBuf},
+};
 
-use catch_body::{Gripper, Pose, Robot, TriangleMesh, robot_file::RobotFiles};
+use catch_body::{Pose, TriangleMesh, robot::LimitScale};
 use catch_bot::{CatchingBot, Config};
 use catch_cell::{
     CameraModel, Cell, CellFault, Command, DepthFrame, Executor, ExecutorConfig, GraspState, GripperMove, GripperQueue,
     GripperState, Observation, reference_scan, rig_from_toml, run,
+};
+use catch_lab::{
+    cell_recorder::CellRecorder,
+    recording::RecordedCell,
+    setup::{SourceNames, Sources},
 };
 use nalgebra::{Point3, Vector3};
 
@@ -89,14 +99,16 @@ impl Cell for OwnCell {
     }
 }
 
-fn main() -> anyhow::Result<()> {
-    let robot = Robot::from_files(&RobotFiles {
-        urdf_file: "robot.urdf",
-        urdf: include_str!("../../../assets/robots/iiwa14/robot.urdf"),
-        toml_file: "robot.toml",
-        toml: include_str!("../../../assets/robots/iiwa14/robot.toml"),
-    })?;
-    let gripper = Gripper::from_toml("wsg50.toml", include_str!("../../../assets/grippers/wsg50.toml"))?;
+/// One throw in the cell; returns its recording in `folder`.
+pub fn record(folder: &Path) -> anyhow::Result<PathBuf> {
+    let sources = Sources {
+        robot_urdf: include_str!("../../../assets/robots/iiwa14/robot.urdf").to_owned(),
+        robot_toml: include_str!("../../../assets/robots/iiwa14/robot.toml").to_owned(),
+        gripper_toml: include_str!("../../../assets/grippers/wsg50.toml").to_owned(),
+        limit_scale: LimitScale::default(),
+    };
+    let names = SourceNames { robot_urdf: "robot.urdf", robot_toml: "robot.toml", gripper_toml: "wsg50.toml" };
+    let (robot, gripper) = sources.parse(&names)?;
     // Images of the object from all around, taken beforehand; a real cell takes its own.
     let scanners = rig_from_toml("reference.toml", include_str!("../../../assets/rigs/reference.toml"))?;
     let scan = reference_scan(&TriangleMesh::sphere(RADIUS_M, 4), &scanners);
@@ -116,15 +128,26 @@ fn main() -> anyhow::Result<()> {
     let centre = gripper.grasp_centre();
     let mut config = Config::default();
     config.control.expected_latency_s = EXPECTED_LATENCY_S;
-    let mut brain = CatchingBot::new(config, robot.clone(), gripper, looking.to_vec(), &scan)?;
+    let mut brain = CatchingBot::new(config.clone(), robot.clone(), gripper, looking.to_vec(), &scan)?;
+    let known = RecordedCell {
+        brain: config.into(),
+        sources,
+        ready_rad: robot.ready_q.as_slice()[..robot.dof()].to_vec(),
+        cameras: looking.to_vec(),
+        reference_scan: scan,
+    };
+    let mut recorder = CellRecorder::create(folder, "own_cell", known)?;
     let mut told = None;
-    run(&mut cell, &mut brain, |_, brain, observation, _| {
+    run(&mut cell, &mut brain, |_, brain, observation, command| {
+        if let Err(fault) = recorder.tick(observation, command, Some(brain.report())) {
+            return ControlFlow::Break(Err(fault));
+        }
         let (now_s, status) = (observation.time_s, brain.report().status);
         if told.replace(status) != Some(status) {
             println!("{now_s:.2} s: {status:?}");
         }
-        if now_s < 1.0 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
-    })?;
+        if now_s < 1.0 { ControlFlow::Continue(()) } else { ControlFlow::Break(io::Result::Ok(())) }
+    })??;
     let plan = brain.report().plan.as_ref().ok_or_else(|| anyhow::anyhow!("no plan"))?;
     let hand = robot.gripper_in(&robot.link_poses(&cell.arm.setpoint(plan.catch_s).q)) * centre;
     let off_mm = (hand - ball(plan.catch_s)).norm() * 1e3;
@@ -133,5 +156,11 @@ fn main() -> anyhow::Result<()> {
         "the fingers close from {closing_s:.3} s on; at {:.3} s the hand is {off_mm:.1} mm from the ball",
         plan.catch_s
     );
+    Ok(recorder.finish()?)
+}
+
+fn main() -> anyhow::Result<()> {
+    let recording = record(Path::new("target/examples-out"))?;
+    println!("catchingbot view {}", recording.display());
     Ok(())
 }

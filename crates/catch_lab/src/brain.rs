@@ -102,6 +102,23 @@ impl BrainSettings {
     }
 }
 
+impl From<Config> for BrainSettings {
+    /// The settings of a brain that has our stages.
+    fn from(config: Config) -> Self {
+        let Config { seed, perception, trajectory_prediction, grasp_selection, trajectory_optimization, control } =
+            config;
+        Self {
+            seed,
+            perception,
+            trajectory_prediction,
+            grasp_selection,
+            trajectory_optimization,
+            control,
+            ..Self::default()
+        }
+    }
+}
+
 impl Settings for BrainSettings {
     fn faults(&self) -> Vec<SettingError> {
         let paper = Faults::default().table("paper_method", &self.paper_method);

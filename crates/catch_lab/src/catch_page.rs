@@ -22,12 +22,10 @@ const SCRIPTS: [&str; 3] =
 /// The page of a throw.
 pub fn page(playback: &Playback) -> String {
     let data = PageData::of(playback);
-    let scene = &playback.header.scene;
-    let title = format!("{}, {} throw", scene.object, scene.throw).replace('_', " ");
     fill(
         PAGE,
         &[
-            ("title", &packed::text_in_html(&title)),
+            ("title", &packed::text_in_html(&playback.header.title)),
             ("style", STYLE),
             ("data", &packed::json_in_html(&data)),
             ("script", &SCRIPTS.concat()),

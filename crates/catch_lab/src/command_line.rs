@@ -3,6 +3,7 @@
 pub mod catch;
 pub mod check;
 pub mod eval;
+pub mod gripper_latency;
 pub mod ladder;
 pub mod list;
 pub mod merge;
@@ -75,6 +76,8 @@ enum Command {
     Replay(replay::ReplayArguments),
     /// A recording in the browser: three dimensions, a time slider, plots
     View(view::ViewArguments),
+    /// How long a gripper takes to begin a move, from recordings: the setting gripper_latency_s
+    GripperLatency(gripper_latency::GripperLatencyArguments),
     /// A commented file to start from: an own robot, object or scenario
     New(new::NewArguments),
     /// Is this robot, gripper, object, throw, rig or scenario file right?
@@ -175,6 +178,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<()> {
         Some(Command::Ready(ready)) => ready::run(&ready),
         Some(Command::Replay(replay)) => replay::run(&replay),
         Some(Command::View(view)) => view::run(&view),
+        Some(Command::GripperLatency(latency)) => gripper_latency::run(&latency),
         Some(Command::New(new)) => new::run(&new),
         Some(Command::Check(check)) => check::run(&check),
     }

@@ -1,7 +1,7 @@
 //! A throw as a small moving picture, for pages that show nothing else.
 //!
 //! The arena's ray caster draws it: arm, gripper and object shaded, their shadows on the floor, the object's true path behind
-//! it and the predicted one before it. All images share one palette, and each holds only the rectangle that changed.
+//! it and the predicted one before it. Without ground truth the arm is as it was sensed, and object and true path are absent. All images share one palette, and each holds only the rectangle that changed.
 
 mod camera;
 mod palette;
@@ -9,11 +9,10 @@ mod shading;
 
 use std::borrow::Cow;
 
-use catch_sim::TruthSample;
 use gif::{DisposalMethod, Encoder, EncodingError, Frame, Repeat};
 use nalgebra::Point3;
 
-use crate::playback::Playback;
+use crate::playback::{MotionSample, Playback};
 use palette::{Palette, TRANSPARENT};
 use shading::{Line, Shader};
 
@@ -29,6 +28,8 @@ const STEP_S: f64 = 0.0125;
 const DELAY_CS: u16 = 4;
 /// How long the last image stays.
 const LAST_DELAY_CS: u16 = 150;
+/// How much of a recording before the end of the flight is shown at most.
+const LONGEST_S: f64 = 4.0;
 /// How long the picture goes on after the contact.
 const AFTER_CONTACT_S: f64 = 0.3;
 /// How far a predicted path goes on after the planned catch.
@@ -55,15 +56,16 @@ pub fn gif(playback: &Playback) -> Result<Vec<u8>, EncodingError> {
 fn encode(playback: &Playback, shader: &Shader, step_s: f64) -> Result<Vec<u8>, EncodingError> {
     let palette = Palette::new();
     let until_s = (playback.flight_end_s() + AFTER_CONTACT_S).min(playback.end_s());
-    let images = (until_s / step_s).floor() as usize + 1;
+    let from_s = playback.start_s().max(playback.flight_end_s() - LONGEST_S);
+    let images = ((until_s - from_s) / step_s).floor() as usize + 1;
     let delay_cs = (f64::from(DELAY_CS) * step_s / STEP_S).round() as u16;
     let mut file = Vec::new();
     let mut encoder = Encoder::new(&mut file, WIDTH, HEIGHT, &palette.bytes())?;
     encoder.set_repeat(Repeat::Infinite)?;
     let mut before: Option<Vec<u8>> = None;
     for image in 0..images {
-        let Some(sample) = playback.truth_at(image as f64 * step_s) else { continue };
-        let colours = shader.image(sample, &lines(playback, sample));
+        let Some(sample) = playback.motion_at(from_s + image as f64 * step_s) else { continue };
+        let colours = shader.image(&sample, &lines(playback, &sample));
         let pixels: Vec<u8> = colours.iter().map(|colour| palette.nearest(colour)).collect();
         let mut frame = changes(before.as_deref(), &pixels);
         frame.delay = if image + 1 == images { LAST_DELAY_CS } else { delay_cs };
@@ -100,7 +102,7 @@ fn changes(before: Option<&[u8]>, pixels: &[u8]) -> Frame<'static> {
 }
 
 /// The true path up to a time, and the path that was predicted then.
-fn lines(playback: &Playback, sample: &TruthSample) -> Vec<Line> {
+fn lines(playback: &Playback, sample: &MotionSample) -> Vec<Line> {
     let now_s = sample.time_s;
     let mut lines = Vec::new();
     let tick = playback.ticks.iter().rev().find(|tick| tick.observation.time_s <= now_s);
@@ -109,6 +111,9 @@ fn lines(playback: &Playback, sample: &TruthSample) -> Vec<Line> {
         let path =
             path(now_s, plan.catch_s + BEYOND_CATCH_S, |at_s| Some(flight.pose_at(at_s).translation.vector.into()));
         lines.push(Line { path, colour: palette::PREDICTED, width_px: 2.0 });
+    }
+    if playback.ground_truth().is_none() {
+        return lines;
     }
     let until_s = now_s.min(playback.flight_end_s());
     let path = path(0.0, until_s, |at_s| Some(playback.truth_at(at_s)?.X_WO.translation.vector.into()));

@@ -21,7 +21,7 @@
 //!
 //! Here, and only here, the brain and the arena meet: [`setup`] reads what a scenario names ([`assets`], [`scenario`]),
 //! [`brain`] makes the brain, [`trial`] lets it play one throw, [`referee`] judges it by the truth, [`timeline`] tells its story, [`recording`]
-//! keeps it and [`replay`] checks that the brain would do it again. An [`evaluation`] is many trials, [`results`] keeps their
+//! keeps it, also of a real cell ([`cell_recorder`]), [`gripper_latency`] measures with it, and [`replay`] checks that the brain would do it again. An [`evaluation`] is many trials, [`results`] keeps their
 //! rows, [`statistics`] sums them up; [`trial_table`] and [`summary_table`] are what others read.
 //!
 //! A recording is looked at through a [`playback`]: as a page ([`catch_page`]), a small moving picture ([`gif_picture`]) or in
@@ -30,10 +30,12 @@
 pub mod assets;
 pub mod brain;
 pub mod catch_page;
+pub mod cell_recorder;
 pub mod check;
 pub mod cloud_file;
 pub mod evaluation;
 pub mod gif_picture;
+pub mod gripper_latency;
 pub mod ladder;
 pub mod mcap_file;
 pub mod oracle;
@@ -43,6 +45,7 @@ pub mod play;
 pub mod playback;
 pub mod plots;
 pub mod ready;
+pub mod recorded_surface;
 pub mod recorded_throw;
 pub mod recording;
 pub mod referee;

@@ -1,7 +1,7 @@
 //! A throw as an MCAP file with Foxglove's messages, for the tools that roboticists already use.
 //!
 //! Messages are Protocol Buffers, which both Foxglove and Rerun read (Rerun shows nothing of Foxglove's messages in JSON). Times
-//! count from the throw. The file is not compressed: pure Rust has no writer of the compressions that MCAP knows.
+//! count from the throw, or are those of a real cell's clock. The file is not compressed: pure Rust has no writer of the compressions that MCAP knows.
 //!
 //! | topic | message | what |
 //! |---|---|---|
@@ -13,6 +13,9 @@
 //! | `/object/true`, `/object/seen`, `/object/predicted` | `foxglove.PoseInFrame` | now, as perceived, and at the planned catch |
 //! | `/hand/planned` | `foxglove.PoseInFrame` | where the hand is meant to be at the catch |
 //! | `/log` | `foxglove.Log` | the story of the throw |
+//!
+//! Arm and object are as they truly were. In a recording without ground truth the arm is as it was sensed, and torques, `/object/true`
+//! and the object's frame are absent.
 
 mod protobuf;
 mod schemas;
@@ -52,7 +55,9 @@ pub fn mcap(playback: &Playback) -> Result<Vec<u8>, McapError> {
         log.tick(playback, tick)?;
         if i % images_every == 0 {
             for frame in tick.observation.frames.iter().filter(|frame| frame.window.area() > 0) {
-                log.image(frame, &playback.header.cameras[frame.camera])?;
+                if let Some(camera) = playback.header.cell.cameras.get(frame.camera) {
+                    log.image(frame, camera)?;
+                }
             }
         }
     }
@@ -115,15 +120,15 @@ impl Topics<'_> {
 
     fn tick(&mut self, playback: &Playback, tick: &RecordedTick) -> Result<(), McapError> {
         let now_s = tick.observation.time_s;
-        if let Some(sample) = playback.truth_at(now_s) {
+        if let Some(sample) = playback.motion_at(now_s) {
             let X_WL = playback.robot.link_poses(&sample.q);
-            let base = base_link(&playback.header.sources.robot_urdf);
+            let base = base_link(&playback.header.cell.sources.robot_urdf);
             let mut frames = vec![
                 transform(now_s, RERUN_ROOT, "world", &Pose::identity()),
-                transform(now_s, "world", "object", &sample.X_WO),
                 transform(now_s, "world", "gripper", &sample.X_WG),
                 transform(now_s, "world", &base, &X_WL[0]),
             ];
+            frames.extend(sample.X_WO.map(|X_WO| transform(now_s, "world", "object", &X_WO)));
             // Each link in the one before it, as in the URDF, so that both can be shown together.
             let joints = || playback.robot.joints.iter().enumerate();
             let parents = std::iter::once(base.as_str()).chain(joints().map(|(_, joint)| joint.link_name.as_str()));
@@ -131,21 +136,24 @@ impl Topics<'_> {
             frames.extend(links.map(|((i, joint), parent)| {
                 transform(now_s, parent, &joint.link_name, &(X_WL[i].inverse() * X_WL[i + 1]))
             }));
-            let cameras = playback.header.cameras.iter().enumerate();
+            let cameras = playback.header.cell.cameras.iter().enumerate();
             frames.extend(cameras.map(|(i, camera)| transform(now_s, "world", &camera_name(i), &camera.X_WC)));
             self.write("/tf", &schemas::FRAME_TRANSFORMS, now_s, &vec![("transforms", Content::Many(frames))])?;
 
             let joints = joints().map(|(i, joint)| {
-                vec![
+                let mut fields = vec![
                     ("name", text(&joint.name)),
                     ("position", Content::Number(sample.q[i])),
                     ("velocity", Content::Number(sample.dq[i])),
-                    ("effort", Content::Number(sample.torque[i])),
-                ]
+                ];
+                fields.extend(sample.torque.map(|torque| ("effort", Content::Number(torque[i]))));
+                fields
             });
             let content = vec![("timestamp", time(now_s)), ("joints", Content::Many(joints.collect()))];
             self.write("/joint_states", &schemas::JOINT_STATES, now_s, &content)?;
-            self.pose("/object/true", now_s, &sample.X_WO)?;
+            if let Some(X_WO) = &sample.X_WO {
+                self.pose("/object/true", now_s, X_WO)?;
+            }
         }
         let report = &tick.report;
         if let Some(pose) = &report.pose {
@@ -167,7 +175,7 @@ impl Topics<'_> {
 
     fn cloud(&mut self, playback: &Playback, tick: &RecordedTick) -> Result<(), McapError> {
         let frames = &tick.observation.frames;
-        let points = points_of(frames, &playback.header.cameras);
+        let points = points_of(frames, &playback.header.cell.cameras);
         let Some(capture_s) = frames.first().map(|frame| frame.capture_s).filter(|_| !points.is_empty()) else {
             return Ok(());
         };

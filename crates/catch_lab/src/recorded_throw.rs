@@ -6,8 +6,9 @@ use std::{
 };
 
 use crate::{
-    recording::{Ending, RecordedSurface, Recorder},
-    referee,
+    recorded_surface::RecordedSurface,
+    recording::{Ending, GroundTruth, Recorder},
+    referee::{self, Verdict},
     setup::Setup,
     stopwatch::Stopwatch,
     throw_times::ThrowTimes,
@@ -20,8 +21,10 @@ use crate::{
 pub struct RecordedThrow {
     /// The recording's file; the file of wall times lies beside it.
     pub recording: PathBuf,
-    /// What really happened, its story, and the verdict.
-    pub ending: Ending,
+    /// Its story.
+    pub timeline: Vec<Entry>,
+    /// The outcome.
+    pub verdict: Verdict,
     /// Wall time of the brain's stages.
     pub stopwatch: Stopwatch,
 }
@@ -41,15 +44,17 @@ pub fn record(
     let mut timeline = Timeline::default();
     let trial = trial::run(setup, seed, index, &mut |tick, truth| {
         recorder.ticked(tick)?;
-        timeline.ticked(tick, truth).iter().try_for_each(&mut *tell)
+        timeline.ticked(tick, Some(truth)).iter().try_for_each(&mut *tell)
     })?;
     let verdict = referee::judge(setup, &trial);
     let end_s = trial.truth.samples.last().map_or(0.0, |sample| sample.time_s);
     timeline.ended(&verdict, end_s).iter().try_for_each(&mut *tell)?;
     let times = ThrowTimes::of(&trial);
     let surface = RecordedSurface::from(&setup.object.mesh);
-    let ending = Ending { truth: trial.truth, timeline: timeline.entries().to_vec(), verdict, surface };
+    let ground_truth = Some(GroundTruth { truth: trial.truth, verdict: verdict.clone(), surface });
+    let timeline = timeline.entries().to_vec();
+    let ending = Ending { timeline, ground_truth };
     let recording = recorder.finish(&ending)?;
     times.write(&recording)?;
-    Ok(RecordedThrow { recording, ending, stopwatch: trial.stopwatch })
+    Ok(RecordedThrow { recording, timeline: ending.timeline, verdict, stopwatch: trial.stopwatch })
 }

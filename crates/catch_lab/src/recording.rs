@@ -1,7 +1,8 @@
-//! Recordings: one file per throw that holds all that was seen, wanted, thought and true.
+//! Recordings: one file that holds observations, commands and reports of a throw, and the ground truth where a simulation knows it.
 //!
 //! A gzip file of MessagePack maps with named fields, one after the other: a [`Header`], one [`RecordedTick`] per tick, and an
-//! [`Ending`]. Other tools read it so: `zcat FILE | msgpack2json -c`. It holds no wall time and no path: the same scene gives
+//! [`Ending`]. In a recording of a real cell ([`CellRecorder`](crate::cell_recorder::CellRecorder)) the parts that only a simulation knows are
+//! `None`. Other tools read it so: `zcat FILE | msgpack2json -c`. It holds no wall time and no path: the same scene gives
 //! the same bytes.
 
 use std::{
@@ -12,7 +13,7 @@ use std::{
     time::Duration,
 };
 
-use catch_body::{InputError, JointVector, Pose, TriangleMesh};
+use catch_body::{InputError, JointVector, Pose};
 use catch_bot::{
     Report, Status, control::GripperPlan, grasp_selection::Approach, perception::ObjectPose,
     trajectory_prediction::FlightTrajectory,
@@ -20,12 +21,12 @@ use catch_bot::{
 use catch_cell::{CameraModel, Command, Observation, ReferenceScan};
 use catch_sim::Truth;
 use flate2::{Compression, GzBuilder, read::GzDecoder, write::GzEncoder};
-use nalgebra::Point3;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use crate::{
     VERSION,
     brain::BrainSettings,
+    recorded_surface::RecordedSurface,
     referee::Verdict,
     scenario::Scenario,
     setup::{Scene, Setup, Sources},
@@ -39,10 +40,12 @@ pub const FORMAT: &str = "catchingbot recording";
 pub const FORMAT_VERSION: u32 = 4;
 /// Ending of the files' names.
 pub const EXTENSION: &str = "catch";
+/// What every reader wants.
+const EXPECTED: &str = "a recording (*.catch)";
 /// Bytes of a scenario's name that go into the name of a file.
 const LONGEST_NAME: usize = 80;
 
-/// What was known before the throw: enough to build the same brain again.
+/// What is known before anything is sensed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Header {
     /// [`FORMAT`].
@@ -51,14 +54,32 @@ pub struct Header {
     pub format_version: u32,
     /// Version of the program that wrote it.
     pub version: String,
+    /// What it is a recording of, for people.
+    pub title: String,
+    /// What the brain is made from.
+    pub cell: RecordedCell,
+    /// Which throw of which scenario; `None` for a real cell.
+    pub simulation: Option<Simulation>,
+}
+
+/// A throw in the arena.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Simulation {
     /// Which throw.
     pub scene: Scene,
     /// The scenario, all choices made.
     pub scenario: Scenario,
+}
+
+/// What a brain knows of its cell: enough to build the same brain again.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecordedCell {
     /// The brain's settings as it was given them.
     pub brain: BrainSettings,
     /// Texts of robot and gripper.
     pub sources: Sources,
+    /// Joint positions in which the arm waits.
+    pub ready_rad: Vec<f64>,
     /// The cameras as the brain believes them to be.
     pub cameras: Vec<CameraModel>,
     /// What it knows of the object's shape.
@@ -121,38 +142,21 @@ pub struct RecordedPlan {
 /// What is known afterwards.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Ending {
-    /// What really happened.
-    pub truth: Truth,
     /// The story.
     pub timeline: Vec<Entry>,
+    /// What only a simulation knows; `None` for a real cell.
+    pub ground_truth: Option<GroundTruth>,
+}
+
+/// The true motion and what the referee made of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GroundTruth {
+    /// What really happened.
+    pub truth: Truth,
     /// The outcome.
     pub verdict: Verdict,
     /// The object's true surface in O, for pictures.
     pub surface: RecordedSurface,
-}
-
-/// A surface of triangles in single precision.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct RecordedSurface {
-    /// Corner points in metres.
-    pub vertices_m: Vec<[f32; 3]>,
-    /// Three indices into them per triangle, counter-clockwise from outside.
-    pub triangles: Vec<[u32; 3]>,
-}
-
-impl From<&TriangleMesh> for RecordedSurface {
-    fn from(mesh: &TriangleMesh) -> Self {
-        let single = |vertex: &Point3<f64>| vertex.coords.cast::<f32>().into();
-        Self { vertices_m: mesh.vertices.iter().map(single).collect(), triangles: mesh.triangles.clone() }
-    }
-}
-
-impl RecordedSurface {
-    /// The surface as a mesh.
-    pub fn mesh(&self) -> TriangleMesh {
-        let vertices = self.vertices_m.iter().map(|&vertex| Point3::from(vertex).cast()).collect();
-        TriangleMesh { vertices, triangles: self.triangles.clone() }
-    }
 }
 
 impl From<&Report> for RecordedReport {
@@ -184,7 +188,7 @@ enum Found {
     Ending(Box<Ending>),
 }
 
-/// Writes a recording while the trial runs. The file appears under its name when it is complete, not before.
+/// Writes a recording tick by tick. The file appears under its name when it is complete, not before.
 pub struct Recorder {
     path: PathBuf,
     unfinished: PathBuf,
@@ -198,9 +202,28 @@ impl Recorder {
     /// # Errors
     /// If the folder or the file cannot be written.
     pub fn create(folder: &Path, setup: &Setup, scene: &Scene) -> io::Result<Self> {
+        let cell = RecordedCell {
+            brain: setup.brain_config(scene.seed, scene.index),
+            sources: setup.sources.clone(),
+            ready_rad: setup.robot.ready_q.as_slice()[..setup.robot.dof()].to_vec(),
+            cameras: setup.cameras.clone(),
+            reference_scan: setup.reference_scan.clone(),
+        };
+        let title = format!("{}, {} throw", scene.object, scene.throw).replace('_', " ");
+        let simulation = Simulation { scene: scene.clone(), scenario: setup.scenario.clone() };
+        Self::begin(folder, &file_stem(scene), title, cell, Some(simulation))
+    }
+
+    /// Begins a recording called `name`, a file name without ending.
+    pub(crate) fn begin(
+        folder: &Path,
+        name: &str,
+        title: String,
+        cell: RecordedCell,
+        simulation: Option<Simulation>,
+    ) -> io::Result<Self> {
         fs::create_dir_all(folder)?;
         sweep_out(folder)?;
-        let name = file_stem(scene);
         let path = folder.join(format!("{name}.{EXTENSION}"));
         let unfinished = folder.join(format!(".{name}.{}.unfinished", std::process::id()));
         let out = GzBuilder::new().write(BufWriter::new(File::create(&unfinished)?), Compression::fast());
@@ -210,12 +233,9 @@ impl Recorder {
             format: FORMAT.to_owned(),
             format_version: FORMAT_VERSION,
             version: VERSION.to_owned(),
-            scene: scene.clone(),
-            scenario: setup.scenario.clone(),
-            brain: setup.brain_config(scene.seed, scene.index),
-            sources: setup.sources.clone(),
-            cameras: setup.cameras.clone(),
-            reference_scan: setup.reference_scan.clone(),
+            title,
+            cell,
+            simulation,
         })?;
         Ok(recorder)
     }
@@ -323,9 +343,7 @@ impl RecordingReader {
     pub fn open(path: &Path) -> Result<Self, InputError> {
         let file = path.display().to_string();
         let input = || {
-            let opened = File::open(path).map_err(|fault| {
-                InputError::new(&file, "the file", fault, "a recording written by `catchingbot catch`")
-            })?;
+            let opened = File::open(path).map_err(|fault| InputError::new(&file, "the file", fault, EXPECTED))?;
             Ok(BufReader::new(GzDecoder::new(BufReader::new(opened))))
         };
         let Preamble { format, format_version, version } = read(&file, &mut input()?, true)?;
@@ -370,9 +388,7 @@ fn read<T: DeserializeOwned>(file: &str, input: &mut impl Read, first: bool) -> 
             _ => false,
         };
         match (first, cut_off) {
-            (true, false) => {
-                InputError::new(file, "the file", "something else", "a recording written by `catchingbot catch`")
-            }
+            (true, false) => InputError::new(file, "the file", "something else", EXPECTED),
             (_, true) => {
                 InputError::new(file, "the file", "an end too early", "a complete recording; this one was cut off")
             }

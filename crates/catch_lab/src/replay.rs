@@ -11,7 +11,7 @@ use serde_json::Value;
 use crate::{
     VERSION,
     brain::ChosenBrain,
-    recording::{Ending, Header, Part, RecordingReader},
+    recording::{Ending, Part, RecordedCell, RecordingReader},
     setup::{Scene, SourceNames},
 };
 
@@ -22,16 +22,18 @@ pub struct Replay {
     pub version: String,
     /// Version of the program that recorded.
     pub recorded_version: String,
-    /// Which throw.
-    pub scene: Scene,
+    /// What it is a recording of.
+    pub title: String,
+    /// Which throw; `None` for a real cell.
+    pub scene: Option<Scene>,
     /// Number of ticks that were compared.
     pub ticks: usize,
     /// Whether all commands are identical.
     pub identical: bool,
     /// The first difference.
     pub difference: Option<Difference>,
-    /// Outcome of the recorded trial.
-    pub caught: bool,
+    /// Outcome of the recorded trial; `None` where it is unknown.
+    pub caught: Option<bool>,
 }
 
 /// Where a replay first departs from its recording.
@@ -53,7 +55,7 @@ pub struct Difference {
 /// If the file cannot be read to its end.
 pub fn replay(path: &Path) -> Result<Replay, InputError> {
     let mut reader = RecordingReader::open(path)?;
-    let mut brain = brain_of(&reader.header)?;
+    let mut brain = brain_of(&reader.header.cell)?;
     let (mut ticks, mut difference) = (0, None);
     let ending: Box<Ending> = loop {
         match reader.next_part()? {
@@ -67,15 +69,16 @@ pub fn replay(path: &Path) -> Result<Replay, InputError> {
             Part::Ending(ending) => break ending,
         }
     };
-    let Header { version, scene, .. } = reader.header;
+    let header = reader.header;
     Ok(Replay {
         version: VERSION.to_owned(),
-        recorded_version: version,
-        scene,
+        recorded_version: header.version,
+        title: header.title,
+        scene: header.simulation.map(|it| it.scene),
         ticks,
         identical: difference.is_none(),
         difference,
-        caught: ending.verdict.caught,
+        caught: ending.ground_truth.map(|it| it.verdict.caught),
     })
 }
 
@@ -87,16 +90,14 @@ pub(crate) const RECORDED: SourceNames = SourceNames {
 };
 
 /// The brain as it was before the recorded throw.
-pub(crate) fn brain_of(header: &Header) -> Result<ChosenBrain, InputError> {
-    let (mut robot, gripper) = header.sources.parse(&RECORDED)?;
-    if let Some(values) = &header.scenario.ready_rad {
-        robot.ready_q = robot.checked_pose("the scenario in the recording", "ready_rad", values)?;
-    }
-    let (config, cameras) = (header.brain.config(), header.cameras.clone());
+pub(crate) fn brain_of(cell: &RecordedCell) -> Result<ChosenBrain, InputError> {
+    let (mut robot, gripper) = cell.sources.parse(&RECORDED)?;
+    robot.ready_q = robot.checked_pose("the recording", "ready_rad", &cell.ready_rad)?;
+    let (config, cameras) = (cell.brain.config(), cell.cameras.clone());
     let fault =
         |it: SettingError| InputError::new("the recording", format!("brain.{}", it.field), it.found, it.expected);
-    let known = Preparation::new(config, robot, gripper, cameras, &header.reference_scan).map_err(fault)?;
-    header.brain.brain(Arc::new(known), header.brain.seed).map_err(fault)
+    let known = Preparation::new(config, robot, gripper, cameras, &cell.reference_scan).map_err(fault)?;
+    cell.brain.brain(Arc::new(known), cell.brain.seed).map_err(fault)
 }
 
 /// Compares two commands bit for bit: as equal numbers, −0 and 0 would pass.

@@ -78,19 +78,20 @@ pub struct Timeline {
 }
 
 impl Timeline {
-    /// Takes note of a tick; returns what can be told now.
-    pub fn ticked(&mut self, tick: &Tick, truth: &Truth) -> &[Entry] {
+    /// Takes note of a tick; returns what can be told now. Without the true motion so far neither throw nor contact is told.
+    pub fn ticked(&mut self, tick: &Tick, truth: Option<&Truth>) -> &[Entry] {
         let told = self.entries.len();
-        if let Some(sample) = truth.samples.first().filter(|_| self.entries.is_empty()) {
+        let samples = truth.map_or(&[][..], |truth| &truth.samples);
+        if let Some(sample) = samples.first().filter(|_| self.entries.is_empty()) {
             self.tell(sample.time_s, Event::Thrown, thrown(sample));
         }
         self.follow_brain(tick);
-        let new = &truth.samples[self.samples_seen..];
-        if let Some(sample) = new.iter().find(|sample| touches_gripper(sample) && !self.touched) {
+        let mut new = samples[self.samples_seen..].iter();
+        if let Some(sample) = new.find(|sample| touches_gripper(sample) && !self.touched) {
             self.touched = true;
             self.tell(sample.time_s, Event::Contact, touched_by(sample));
         }
-        self.samples_seen = truth.samples.len();
+        self.samples_seen = samples.len();
         &self.entries[told..]
     }
 
@@ -135,6 +136,12 @@ impl Timeline {
             Some(reason) => self.tell(end_s, Event::Missed, reason.to_string()),
         }
         &self.entries[told..]
+    }
+
+    /// The whole story, without an end where that is unknown.
+    pub fn into_entries(mut self) -> Vec<Entry> {
+        self.entries.extend(self.replans.take());
+        self.entries
     }
 
     /// The whole story so far.

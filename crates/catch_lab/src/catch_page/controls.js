@@ -61,9 +61,12 @@ function placeEvents() {
 function layout() { placeEvents(); refresh(); clearTimeout(later); later = setTimeout(() => plots.forEach(drawPlot), 20); }
 function setTheme(name) { document.documentElement.dataset.theme = name; layout(); }
 
-$("outcome").textContent = data.caught ? "caught" : "not caught"; $("outcome").classList.add(data.caught ? "good" : "bad");
-const { scenario, seed, index } = data.scene;
-$("scene").textContent = `${data.reason ? `${data.reason} · ` : ""}scenario ${scenario}, seed ${seed}, throw ${index}`;
+$("outcome").textContent = { true: "caught", false: "not caught", null: "outcome unknown" }[data.caught];
+if (data.caught !== null) $("outcome").classList.add(data.caught ? "good" : "bad");
+if (data.scene) {
+  const { scenario, seed, index } = data.scene;
+  $("scene").textContent = `${data.reason ? `${data.reason} · ` : ""}scenario ${scenario}, seed ${seed}, throw ${index}`;
+}
 for (const [label, value] of data.facts) {
   const [term, detail] = [document.createElement("dt"), document.createElement("dd")];
   term.textContent = label; detail.textContent = value; $("facts").append(term, detail);
@@ -73,7 +76,7 @@ for (const { time_s: time, label, detail } of data.events) {
   mark.textContent = label; mark.title = `${time.toFixed(3)} s: ${detail}`; mark.onclick = () => seek(time); $("events").append(mark);
 }
 const LAYERS = [["truth", "true path", "--accent"], ["predicted", "predictions", "--blue"], ["plan", "planned hand", "--blue"],
-  ["points", "depth points", "--j6"], ["grasps", "grasp candidates", "--j2"], ["cameras", "cameras", "--j5"]];
+  ["points", "depth points", "--j6"], ["grasps", "grasp candidates", "--j2"], ["cameras", "cameras", "--j5"]].filter(([name]) => name !== "truth" || data.motion.p_WO);
 function toggle(name, on = !layers[name]) { layers[name] = on; $(`layer-${name}`).ariaPressed = on; refresh(); }
 LAYERS.forEach(([name, label, colour], i) => {
   const button = document.createElement("button");

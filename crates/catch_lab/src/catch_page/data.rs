@@ -2,12 +2,16 @@
 
 use catch_body::{Pose, Robot};
 use catch_bot::grasp_selection::RankedGrasp;
-use catch_sim::TruthSample;
 use nalgebra::Point3;
 use serde::Serialize;
 
 use crate::{
-    VERSION, packed::Packed, playback::Playback, recording::RecordedTick, referee::reason::Reason, setup::Scene,
+    VERSION,
+    packed::Packed,
+    playback::{MotionSample, Playback},
+    recording::RecordedTick,
+    referee::reason::Reason,
+    setup::Scene,
     throw_times::TickTimes,
 };
 
@@ -27,12 +31,14 @@ const WITHOUT_PLAN_S: f64 = 0.8;
 /// Candidates for a grasp that are shown of each tick.
 const CANDIDATES: usize = 16;
 
-/// All that the page's scripts read. Poses are (x, y, z, qx, qy, qz, qw).
+/// All that the page's scripts read. Poses are (x, y, z, qx, qy, qz, qw); times count from the beginning of the recording.
 #[derive(Debug, Serialize)]
 pub struct PageData {
     version: &'static str,
-    scene: Scene,
-    caught: bool,
+    /// Which throw; `None` for a real cell.
+    scene: Option<Scene>,
+    /// `None` where the outcome is unknown.
+    caught: Option<bool>,
     /// Why not.
     reason: Option<String>,
     facts: Vec<(&'static str, String)>,
@@ -76,20 +82,20 @@ struct JointData {
     axis: [f64; 3],
 }
 
-/// The true motion at even times.
+/// The true motion, or without ground truth the sensed one, at even times; what is unknown is `None`.
 #[derive(Debug, Serialize)]
 struct Motion {
     step_s: f64,
     q: Packed,
     width_m: Packed,
-    p_WO: Packed,
-    /// Attitude of the object as a quaternion.
-    R_WO: Packed,
+    p_WO: Option<Packed>,
+    /// Orientation of the object as a quaternion.
+    R_WO: Option<Packed>,
     /// Shares of the joints' limits, 1 being the limit.
     position_share: Packed,
     velocity_share: Packed,
     acceleration_share: Packed,
-    torque_share: Packed,
+    torque_share: Option<Packed>,
     finger_force_n: Packed,
 }
 
@@ -142,9 +148,11 @@ impl PageData {
     /// Gathers what the page of a throw shows.
     pub fn of(playback: &Playback) -> Self {
         let Playback { header, ending, robot, gripper, .. } = playback;
-        let verdict = &ending.verdict;
+        let ground_truth = playback.ground_truth();
+        let verdict = ground_truth.map(|it| &it.verdict);
+        let start_s = playback.start_s();
         let events = ending.timeline.iter().map(|entry| Event {
-            time_s: entry.time_s,
+            time_s: entry.time_s - start_s,
             label: entry.event.label(),
             detail: entry.detail.clone(),
         });
@@ -154,30 +162,33 @@ impl PageData {
         };
         Self {
             version: VERSION,
-            scene: header.scene.clone(),
-            caught: verdict.caught,
-            reason: verdict.reason.as_ref().map(Reason::to_string),
+            scene: header.simulation.as_ref().map(|it| it.scene.clone()),
+            caught: verdict.map(|it| it.caught),
+            reason: verdict.and_then(|it| it.reason.as_ref()).map(Reason::to_string),
             facts: facts(playback),
             events: events.collect(),
-            end_s: playback.end_s(),
-            flight_end_s: playback.flight_end_s(),
+            end_s: playback.end_s() - start_s,
+            flight_end_s: playback.flight_end_s() - start_s,
             robot: RobotData::of(robot, gripper),
-            surfaces: surfaces(robot, gripper, &ending.surface.mesh()),
+            surfaces: surfaces(robot, gripper, ground_truth.map(|it| it.surface.mesh()).as_ref()),
             motion: Motion::of(playback),
             predictions: Predictions::of(playback),
             errors: Errors::of(playback),
-            plans: playback.ticks.iter().filter_map(plan_of).collect(),
+            plans: playback.ticks.iter().filter_map(|tick| plan_of(tick, start_s)).collect(),
             candidates: candidates(playback),
             points: PackedPoints::of(playback),
-            cameras: header.cameras.iter().map(camera).collect(),
+            cameras: header.cell.cameras.iter().map(camera).collect(),
             stages: Stages::of(playback),
         }
     }
 }
 
-/// What the referee measured, for people.
+/// What the referee measured, for people; without ground truth, which clock the page's times are on.
 fn facts(playback: &Playback) -> Vec<(&'static str, String)> {
-    let measures = &playback.ending.verdict.measures;
+    let Some(verdict) = playback.ground_truth().map(|it| &it.verdict) else {
+        return vec![("Begins on the cell's clock at", format!("{:.3} s", playback.start_s()))];
+    };
+    let measures = &verdict.measures;
     let percent = |ratio: f64| format!("{:.0} %", ratio * 100.0);
     let mut facts = Vec::new();
     if let Some(error_m) = measures.prediction_error_m {
@@ -191,7 +202,7 @@ fn facts(playback: &Playback) -> Vec<(&'static str, String)> {
     }
     facts.push(("Peak joint velocity", percent(measures.peak_velocity_ratio)));
     facts.push(("Peak torque", percent(measures.peak_torque_ratio)));
-    facts.push(("Limits broken", playback.ending.verdict.limit_violations.to_string()));
+    facts.push(("Limits broken", verdict.limit_violations.to_string()));
     facts
 }
 
@@ -222,35 +233,56 @@ impl RobotData {
 
 impl Motion {
     fn of(playback: &Playback) -> Self {
-        let all = &playback.ending.truth.samples;
-        let stride = all.len().div_ceil(MOST_SAMPLES).max(2);
-        let samples: Vec<&TruthSample> = all.iter().step_by(stride).collect();
+        let samples: Vec<MotionSample> = match playback.ground_truth() {
+            Some(it) => {
+                let all = &it.truth.samples;
+                let stride = all.len().div_ceil(MOST_SAMPLES).max(2);
+                all.iter().step_by(stride).map(MotionSample::from).collect()
+            }
+            None => sensed(playback),
+        };
         let times_s: Vec<f64> = samples.iter().map(|sample| sample.time_s).collect();
         let ddq = playback.commanded_accelerations(&times_s);
         let joints = &playback.robot.joints;
-        let pack = |columns: usize, row: &dyn Fn(usize, &TruthSample) -> Vec<f64>| {
+        let pack = |columns: usize, row: &dyn Fn(usize, &MotionSample) -> Vec<f64>| {
             let values: Vec<f64> = samples.iter().enumerate().flat_map(|(i, sample)| row(i, sample)).collect();
             Packed::numbers(&values, columns)
         };
-        let per_joint = |value: &dyn Fn(usize, &TruthSample, usize) -> f64| {
+        let pack_poses = |columns: usize, row: &dyn Fn(&Pose) -> Vec<f64>| {
+            let poses: Option<Vec<Pose>> = samples.iter().map(|sample| sample.X_WO).collect();
+            let values = |poses: Vec<Pose>| poses.iter().flat_map(row).collect::<Vec<f64>>();
+            poses.map(|poses| Packed::numbers(&values(poses), columns))
+        };
+        let has_torque = samples.iter().all(|sample| sample.torque.is_some());
+        let torque = |sample: &MotionSample, joint: usize| sample.torque.map_or(0.0, |torque| torque[joint]);
+        let per_joint = |value: &dyn Fn(usize, &MotionSample, usize) -> f64| {
             pack(joints.len(), &|i, sample| (0..joints.len()).map(|joint| value(i, sample, joint)).collect())
         };
         Self {
             step_s: times_s.get(1).map_or(0.001, |second| second - times_s[0]),
             q: per_joint(&|_, sample, joint| sample.q[joint]),
             width_m: pack(1, &|_, sample| vec![sample.width_m]),
-            p_WO: pack(3, &|_, sample| sample.X_WO.translation.vector.as_slice().to_vec()),
-            R_WO: pack(4, &|_, sample| sample.X_WO.rotation.coords.as_slice().to_vec()),
+            p_WO: pack_poses(3, &|X_WO| X_WO.translation.vector.as_slice().to_vec()),
+            R_WO: pack_poses(4, &|X_WO| X_WO.rotation.coords.as_slice().to_vec()),
             position_share: per_joint(&|_, sample, joint| {
                 let limits = &joints[joint].limits;
                 (sample.q[joint] - f64::midpoint(limits.lower, limits.upper)) / ((limits.upper - limits.lower) / 2.0)
             }),
             velocity_share: per_joint(&|_, sample, joint| sample.dq[joint] / joints[joint].limits.velocity),
             acceleration_share: per_joint(&|i, _, joint| ddq[i][joint] / joints[joint].limits.acceleration),
-            torque_share: per_joint(&|_, sample, joint| sample.torque[joint] / joints[joint].limits.torque),
+            torque_share: has_torque
+                .then(|| per_joint(&|_, sample, joint| torque(sample, joint) / joints[joint].limits.torque)),
             finger_force_n: pack(2, &|_, sample| sample.finger_force_n.to_vec()),
         }
     }
+}
+
+/// The sensed motion at even times, no more than there are observations.
+fn sensed(playback: &Playback) -> Vec<MotionSample> {
+    let last = playback.ticks.len().clamp(2, MOST_SAMPLES) - 1;
+    let (start_s, end_s) = (playback.start_s(), playback.end_s());
+    let at = |i: usize| start_s + (end_s - start_s) * i as f64 / last as f64;
+    (0..=last).filter_map(|i| Some(MotionSample { time_s: at(i), ..playback.motion_at(at(i))? })).collect()
 }
 
 impl Predictions {
@@ -265,7 +297,7 @@ impl Predictions {
                 let at_s = from_s + (until_s - from_s) * i as f64 / (PATH_POINTS - 1) as f64;
                 values.extend_from_slice(flight.pose_at(at_s).translation.vector.as_slice());
             }
-            time_s.push(from_s);
+            time_s.push(from_s - playback.start_s());
         }
         Self { time_s, points: PATH_POINTS, p_WO: Packed::numbers(&values, 3) }
     }
@@ -280,21 +312,21 @@ impl Errors {
     fn of(playback: &Playback) -> Self {
         let errors = playback.prediction_errors();
         Self {
-            time_s: errors.iter().map(|it| it.time_s).collect(),
+            time_s: errors.iter().map(|it| it.time_s - playback.start_s()).collect(),
             error_mm: errors.iter().map(|it| it.error_m * 1e3).collect(),
             claimed_mm: errors.iter().map(|it| it.claimed_sd_m * 1e3).collect(),
         }
     }
 }
 
-fn plan_of(tick: &RecordedTick) -> Option<Plan> {
+fn plan_of(tick: &RecordedTick, start_s: f64) -> Option<Plan> {
     let plan = tick.report.plan.as_ref().filter(|_| tick.report.status.is_new_motion())?;
-    let time_s = tick.observation.time_s;
-    Some(Plan { time_s, catch_s: plan.catch_s, hand: seven(&plan.X_WG), width_m: plan.open_width_m })
+    let [time_s, catch_s] = [tick.observation.time_s, plan.catch_s].map(|time_s| time_s - start_s);
+    Some(Plan { time_s, catch_s, hand: seven(&plan.X_WG), width_m: plan.open_width_m })
 }
 
 fn candidates(playback: &Playback) -> Vec<Candidates> {
-    let config = &playback.header.brain.grasp_selection;
+    let config = &playback.header.cell.brain.grasp_selection;
     let base = Point3::from(playback.robot.X_WB.translation.vector);
     let of_tick = |tick: &RecordedTick| {
         let (flight, plan) = tick.report.flight.as_ref().filter(|_| is_news(tick)).zip(tick.report.plan.as_ref())?;
@@ -303,7 +335,7 @@ fn candidates(playback: &Playback) -> Vec<Candidates> {
         // A tenth of a millimetre is plenty for a picture.
         let rounded = |it: &RankedGrasp| seven(&it.X_WG).map(|value| (value * 1e4).round() as f32 / 1e4);
         let hands = ranked.iter().take(CANDIDATES).map(rounded).collect();
-        Some(Candidates { time_s: tick.observation.time_s, hands })
+        Some(Candidates { time_s: tick.observation.time_s - playback.start_s(), hands })
     };
     playback.ticks.iter().filter_map(of_tick).collect()
 }
@@ -322,7 +354,7 @@ impl Stages {
             names.iter().map(of).collect()
         };
         let ms: Vec<f64> = times.ticks.iter().flat_map(row).collect();
-        let time_s = times.ticks.iter().map(|tick| tick.time_s).collect();
+        let time_s = times.ticks.iter().map(|tick| tick.time_s - playback.start_s()).collect();
         Some(Self { ms: Packed::numbers(&ms, names.len().max(1)), names, time_s })
     }
 }

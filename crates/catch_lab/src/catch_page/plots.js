@@ -72,7 +72,7 @@ $("plots").append(legend(data.robot.joints.map((_, j) => [`J${j + 1}`, jointColo
 jointPlot("Position", "position_share", "of the joint's range");
 jointPlot("Velocity", "velocity_share", "of its limit");
 jointPlot("Acceleration", "acceleration_share", "commanded, of its limit");
-jointPlot("Torque", "torque_share", "of its limit");
+if (motion.torque_share.length) jointPlot("Torque", "torque_share", "of its limit");
 
 const { time_s: errorTime, error_mm: error, claimed_mm: claimed } = data.errors;
 const decades = (from, to, unit) => {

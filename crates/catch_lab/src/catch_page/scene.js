@@ -8,7 +8,7 @@ function unpack(packed) {
   return Float32Array.from(new Uint16Array(bytes.buffer), (integer) => packed.offset + packed.scale * integer);
 }
 const motion = {};
-for (const [name, packed] of Object.entries(data.motion)) motion[name] = packed.data === undefined ? packed : unpack(packed);
+for (const [name, packed] of Object.entries(data.motion)) motion[name] = packed === null ? new Float32Array(0) : packed.data === undefined ? packed : unpack(packed);
 
 // A row of a motion's table at a time, between its two neighbours.
 function rowAt(name, time) {
@@ -166,7 +166,8 @@ function frames(time) {
   const q = rowAt("q", time), links = [poseMatrix(data.robot.base)];
   data.robot.joints.forEach((joint, i) => links.push(multiply(multiply(links[i], poseMatrix(joint.parent)), turn(joint.axis, q[i]))));
   const hand = multiply(links[links.length - 1], poseMatrix(data.robot.gripper));
-  return { links, hand, object: poseMatrix([...rowAt("p_WO", time), ...rowAt("R_WO", time)]), width: rowAt("width_m", time)[0] };
+  const object = data.motion.p_WO && poseMatrix([...rowAt("p_WO", time), ...rowAt("R_WO", time)]);
+  return { links, hand, object, width: rowAt("width_m", time)[0] };
 }
 function placesOf(surface, { links, hand, object, width }) {
   if (surface.of === "link") return [links[surface.link]];
@@ -180,9 +181,11 @@ function placesOf(surface, { links, hand, object, width }) {
 const camera = { azimuth: 0, elevation: 0.3, distance: 3, target: [0, 0, 0.5], chosen: false };
 // Beside the flight and a little behind the arm, as near as shows all of both.
 function resetCamera() {
-  const end = Math.round(data.flight_end_s / motion.step_s) * 3, path = motion.p_WO.slice(0, end + 3), points = [];
+  // Without a true path the one that was predicted last.
+  const predicted = unpack(data.predictions.p_WO).slice(-3 * data.predictions.points), truth = motion.p_WO;
+  const end = Math.round(data.flight_end_s / motion.step_s) * 3, path = truth.length ? truth.slice(0, end + 3) : predicted, points = [];
   for (let i = 0; i + 2 < path.length; i += 30) points.push([...path.slice(i, i + 3)]);
-  const [first, last] = [points[0], points[points.length - 1]], base = data.robot.base;
+  const base = data.robot.base, [first, last] = points.length ? [points[0], points[points.length - 1]] : [base, base];
   for (const side of [-0.25, 0.25]) points.push([base[0] + side, base[1] + side, base[2]], [base[0] + side, base[1] - side, base[2]]);
   for (const { links, hand } of [0, data.flight_end_s].map(frames)) for (const m of [...links, hand]) points.push(moved(m, [0, 0, 0]));
   camera.azimuth = Math.atan2(first[1] - last[1], first[0] - last[0]) + 2.0; camera.elevation = 0.24; camera.distance = 4; camera.chosen = false;

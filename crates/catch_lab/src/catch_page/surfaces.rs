@@ -38,8 +38,8 @@ pub enum Part {
     Object,
 }
 
-/// Arm, gripper and object.
-pub fn surfaces(robot: &Robot, gripper: &Gripper, object: &TriangleMesh) -> Vec<PackedSurface> {
+/// Arm, gripper and, where its surface is known, object.
+pub fn surfaces(robot: &Robot, gripper: &Gripper, object: Option<&TriangleMesh>) -> Vec<PackedSurface> {
     let mut surfaces: Vec<PackedSurface> = robot
         .capsules
         .iter()
@@ -48,7 +48,7 @@ pub fn surfaces(robot: &Robot, gripper: &Gripper, object: &TriangleMesh) -> Vec<
     let finger = Cuboid { centre: Point3::origin(), size: gripper.finger_size_m.into() };
     surfaces.push(pack(Part::Housing, 0, &TriangleMesh::cuboid(&gripper.body())));
     surfaces.push(pack(Part::Finger, 0, &TriangleMesh::cuboid(&finger)));
-    surfaces.push(pack(Part::Object, 0, &thinned(object)));
+    surfaces.extend(object.map(|mesh| pack(Part::Object, 0, &thinned(mesh))));
     surfaces
 }
 

@@ -2,14 +2,14 @@
 
 use std::{
     collections::BTreeMap,
-    fs, io,
+    io,
     path::{Path, PathBuf},
 };
 
 use anyhow::Context;
 use catch_cell::LimitViolation;
 use catch_lab::{
-    VERSION, gif_picture, mcap_file,
+    VERSION,
     playback::Playback,
     recorded_throw::{RecordedThrow, record},
     referee::{Measures, Verdict, reason::Reason},
@@ -54,12 +54,8 @@ pub struct PictureArguments {
     /// Write the page that `view` shows: one file, no network
     #[arg(long)]
     html: bool,
-    /// Write a small moving picture
-    #[arg(long)]
-    gif: bool,
-    /// Write an MCAP file for Foxglove or Rerun, and the robot's URDF beside it
-    #[arg(long)]
-    mcap: bool,
+    #[command(flatten)]
+    files: view::FileArguments,
 }
 
 /// The JSON document.
@@ -96,14 +92,13 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
     if aloud {
         title(&scene)?;
     }
-    let RecordedThrow { recording, ending, stopwatch } =
+    let RecordedThrow { recording, timeline, verdict, stopwatch } =
         record(&setup, *seed, *index, &output.out, &mut |entry| if aloud { tell(entry) } else { Ok(()) })
             .with_context(|| format!("the recording in {}", output.out.display()))?;
     let written = pictures.write(&recording)?;
 
-    let verdict = &ending.verdict;
     if aloud {
-        summary(&setup, &scene, verdict, &stopwatch, &recording)?;
+        summary(&setup, &scene, &verdict, &stopwatch, &recording)?;
         for (kind, path) in &written {
             screen::fact(kind, &path.display().to_string())?;
         }
@@ -122,7 +117,7 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
         catch_time_s: verdict.catch_time_s,
         contact_s: verdict.contact_s,
         measures: &verdict.measures,
-        timeline: &ending.timeline,
+        timeline: &timeline,
         stages: stopwatch.summary().into_iter().collect(),
         recording: &recording,
         pictures: &written,
@@ -133,26 +128,13 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
 impl PictureArguments {
     /// Writes what was asked for beside the recording; returns the files by their kinds.
     fn write(&self, recording: &Path) -> anyhow::Result<BTreeMap<&'static str, PathBuf>> {
-        let mut written = BTreeMap::new();
-        if !(self.html || self.gif || self.mcap) {
-            return Ok(written);
+        if !(self.html || self.files.any()) {
+            return Ok(BTreeMap::new());
         }
         let playback = Playback::read(recording)?;
+        let mut written = self.files.write(recording, &playback)?;
         if self.html {
             written.insert("page", view::write_page(recording, &playback)?);
-        }
-        let mut write = |kind: &'static str, extension: &str, content: &[u8]| {
-            let path = recording.with_extension(extension);
-            fs::write(&path, content).with_context(|| format!("{}", path.display()))?;
-            written.insert(kind, path);
-            anyhow::Ok(())
-        };
-        if self.gif {
-            write("picture", "gif", &gif_picture::gif(&playback)?)?;
-        }
-        if self.mcap {
-            write("mcap", "mcap", &mcap_file::mcap(&playback)?)?;
-            write("urdf", "urdf", playback.header.sources.robot_urdf.as_bytes())?;
         }
         Ok(written)
     }

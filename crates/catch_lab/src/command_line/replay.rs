@@ -10,7 +10,7 @@ use crate::screen::{self, BAD, GOOD};
 /// Arguments of `replay`.
 #[derive(Debug, Args)]
 pub struct ReplayArguments {
-    /// A recording written by `catchingbot catch`
+    /// A recording (*.catch) of a simulated throw or of a real cell
     #[arg(value_name = "RECORDING")]
     recording: PathBuf,
     /// Print one JSON document
@@ -27,7 +27,7 @@ pub fn run(arguments: &ReplayArguments) -> anyhow::Result<()> {
     if arguments.json {
         return screen::json(&replay);
     }
-    let Replay { ticks, scene, recorded_version, version, .. } = &replay;
+    let Replay { ticks, title, scene, caught, recorded_version, version, .. } = &replay;
     match &replay.difference {
         None => screen::line(&format!("{GOOD}Identical:{GOOD:#} {ticks} ticks, every command the same bit for bit."))?,
         Some(it) => {
@@ -39,10 +39,11 @@ pub fn run(arguments: &ReplayArguments) -> anyhow::Result<()> {
     if recorded_version != version {
         screen::fact("versions", &format!("recorded with {recorded_version}, replayed with {version}"))?;
     }
-    let outcome = if replay.caught { "caught" } else { "not caught" };
-    screen::fact(
-        "scene",
-        &format!("{}, {} throw, seed {}, throw {}: {outcome}", scene.object, scene.throw, scene.seed, scene.index),
-    )?;
-    Ok(())
+    let outcome = match caught {
+        Some(true) => "caught",
+        Some(false) => "not caught",
+        None => "outcome unknown",
+    };
+    let which = scene.as_ref().map_or_else(String::new, |it| format!(", seed {}, throw {}", it.seed, it.index));
+    Ok(screen::fact("scene", &format!("{title}{which}: {outcome}"))?)
 }

@@ -1,6 +1,7 @@
 //! `catchingbot view`: a throw or a report in the browser.
 
 use std::{
+    collections::BTreeMap,
     fs,
     path::{Path, PathBuf},
     process::{Command, Stdio},
@@ -9,10 +10,11 @@ use std::{
 use anyhow::Context;
 use catch_body::InputError;
 use catch_lab::{
-    catch_page,
+    catch_page, gif_picture, mcap_file,
     playback::Playback,
     recording::EXTENSION,
     results::{REPORT_FILE, make_writable},
+    setup::COMMAND_LINE,
 };
 use clap::Args;
 
@@ -21,20 +23,63 @@ use crate::screen;
 /// Arguments of `view`.
 #[derive(Debug, Args)]
 pub struct ViewArguments {
-    /// A recording written by `catchingbot catch`, a page, or a folder of results with a report
+    /// A recording (*.catch) of a simulated throw or of a real cell, a page, or a folder of results with a report
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// Write the page and print its path, but open no browser
     #[arg(long)]
     no_open: bool,
+    #[command(flatten)]
+    files: FileArguments,
 }
 
-/// Writes the page of a recording beside it and opens it.
+/// What else can be written beside a recording.
+#[derive(Debug, Args)]
+pub struct FileArguments {
+    /// Write a small moving picture
+    #[arg(long)]
+    gif: bool,
+    /// Write an MCAP file for Foxglove or Rerun, and the robot's URDF beside it
+    #[arg(long)]
+    mcap: bool,
+}
+
+impl FileArguments {
+    /// Whether anything is asked for.
+    pub fn any(&self) -> bool {
+        self.gif || self.mcap
+    }
+
+    /// Writes what was asked for beside the recording; returns the files by their kinds.
+    ///
+    /// # Errors
+    /// If a file cannot be written.
+    pub fn write(&self, recording: &Path, playback: &Playback) -> anyhow::Result<BTreeMap<&'static str, PathBuf>> {
+        let mut written = BTreeMap::new();
+        let mut write = |kind: &'static str, extension: &str, content: &[u8]| {
+            let path = recording.with_extension(extension);
+            fs::write(&path, content).with_context(|| format!("{}", path.display()))?;
+            written.insert(kind, path);
+            anyhow::Ok(())
+        };
+        if self.gif {
+            write("picture", "gif", &gif_picture::gif(playback)?)?;
+        }
+        if self.mcap {
+            write("mcap", "mcap", &mcap_file::mcap(playback)?)?;
+            write("urdf", "urdf", playback.header.cell.sources.robot_urdf.as_bytes())?;
+        }
+        Ok(written)
+    }
+}
+
+/// Writes the page of a recording, and other files if asked for, beside it and opens the page.
 ///
 /// # Errors
 /// A file that is neither a complete recording nor a page; a page that cannot be written.
 pub fn run(arguments: &ViewArguments) -> anyhow::Result<()> {
-    let page = page_of(&arguments.file)?;
+    let ViewArguments { file, files, .. } = arguments;
+    let page = page_of(file, files)?;
     if arguments.no_open {
         return Ok(screen::line(&page.display().to_string())?);
     }
@@ -44,7 +89,12 @@ pub fn run(arguments: &ViewArguments) -> anyhow::Result<()> {
     Ok(screen::line(&page.display().to_string())?)
 }
 
-fn page_of(file: &Path) -> anyhow::Result<PathBuf> {
+fn page_of(file: &Path, files: &FileArguments) -> anyhow::Result<PathBuf> {
+    let is_page = file.is_file() && file.extension().is_some_and(|it| it == "html");
+    if files.any() && (file.is_dir() || is_page) {
+        let found = file.display().to_string();
+        return Err(InputError::new(COMMAND_LINE, "FILE", found, "a recording, for --gif and --mcap").into());
+    }
     if file.is_dir() {
         let report = file.join(REPORT_FILE);
         if report.is_file() {
@@ -55,13 +105,17 @@ fn page_of(file: &Path) -> anyhow::Result<PathBuf> {
             InputError::new(file.display().to_string(), "the folder", format!("no {REPORT_FILE}"), expected).into()
         );
     }
-    if file.is_file() && file.extension().is_some_and(|it| it == "html") {
+    if is_page {
         return Ok(file.to_owned());
     }
     if file.is_file() {
         make_writable(file.parent().unwrap_or(Path::new("")), "FILE")?;
     }
-    write_page(file, &Playback::read(file)?)
+    let playback = Playback::read(file)?;
+    for path in files.write(file, &playback)?.values() {
+        screen::line(&path.display().to_string())?;
+    }
+    write_page(file, &playback)
 }
 
 /// Writes the page of a recording beside it.

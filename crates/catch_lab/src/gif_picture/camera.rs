@@ -17,9 +17,13 @@ const FILL: f64 = 0.84;
 
 /// A camera beside the flight and a little behind the arm, as near as shows all of both.
 pub fn beside_the_flight(playback: &Playback, width_px: u16, height_px: u16) -> CameraModel {
-    let until_s = playback.flight_end_s();
-    let samples = || (0..=20).filter_map(|i| playback.truth_at(until_s * f64::from(i) / 20.0));
-    let path: Vec<Point3<f64>> = samples().map(|sample| sample.X_WO.translation.vector.into()).collect();
+    let (from_s, until_s) = (playback.start_s(), playback.flight_end_s());
+    let samples = || (0..=20).filter_map(|i| playback.motion_at(from_s + (until_s - from_s) * f64::from(i) / 20.0));
+    let seen = playback.ticks.iter().filter_map(|tick| tick.report.pose.map(|pose| pose.X_WO));
+    let path: Vec<Point3<f64>> = match playback.ground_truth() {
+        Some(_) => samples().filter_map(|it| it.X_WO).map(|X_WO| X_WO.translation.vector.into()).collect(),
+        None => seen.map(|X_WO| X_WO.translation.vector.into()).collect(),
+    };
     let base = Point3::from(playback.robot.X_WB.translation.vector);
     let mut points: Vec<Point3<f64>> =
         [[-0.2, -0.2], [-0.2, 0.2], [0.2, -0.2], [0.2, 0.2]].map(|[x, y]| base + Vector3::new(x, y, 0.0)).to_vec();

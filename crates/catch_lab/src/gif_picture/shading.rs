@@ -5,14 +5,13 @@ use catch_body::{
     ray_cast::{ArmSurface, RayCaster},
 };
 use catch_cell::{CameraModel, PixelWindow};
-use catch_sim::TruthSample;
 use nalgebra::{Matrix3, Point2, Point3, Vector3};
 
 use super::{
     camera::beside_the_flight,
     palette::{Colour, OBJECT, grey},
 };
-use crate::playback::Playback;
+use crate::playback::{MotionSample, Playback};
 
 const SKY: f64 = 0.93;
 const FLOOR: f64 = 0.89;
@@ -41,7 +40,7 @@ pub struct Line {
 pub struct Shader {
     camera: CameraModel,
     arm: ArmSurface,
-    object: RayCaster,
+    object: Option<RayCaster>,
     sun: Vector3<f64>,
     robot: Robot,
 }
@@ -76,14 +75,14 @@ impl Shader {
         Self {
             camera: beside_the_flight(playback, width_px, height_px),
             arm: ArmSurface::new(&playback.robot, &playback.gripper),
-            object: RayCaster::new(&playback.ending.surface.mesh()),
+            object: playback.ground_truth().map(|it| RayCaster::new(&it.surface.mesh())),
             sun: Vector3::new(0.35, -0.35, 0.87).normalize(),
             robot: playback.robot.clone(),
         }
     }
 
     /// One image, row by row.
-    pub fn image(&self, sample: &TruthSample, lines: &[Line]) -> Vec<Colour> {
+    pub fn image(&self, sample: &MotionSample, lines: &[Line]) -> Vec<Colour> {
         let X_WL = self.robot.link_poses(&sample.q);
         let parts: Vec<(Pose, &RayCaster)> = self.arm.parts(&X_WL, sample.width_m).collect();
         let links = parts.len().saturating_sub(3);
@@ -101,7 +100,8 @@ impl Shader {
                 self.body(X_WB, caster, grey(brightness))
             })
             .collect();
-        bodies.push(self.body(sample.X_WO, &self.object, OBJECT));
+        let object = sample.X_WO.zip(self.object.as_ref());
+        bodies.extend(object.map(|(X_WO, caster)| self.body(X_WO, caster, OBJECT)));
 
         let window = self.camera.full_window();
         let (width, count) = (window.width as usize, window.area());

@@ -14,6 +14,7 @@ mod own_data;
 mod pages;
 mod planning;
 mod play;
+mod recording;
 mod robot_controller;
 mod search_passes;
 mod source;

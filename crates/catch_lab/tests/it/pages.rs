@@ -30,8 +30,10 @@ fn names_cannot_break_out_of_a_page() {
     let mut playback = read(&record(folder.path(), &[]));
     let clean = catch_page::page(&playback);
     let hostile = "</script></title><script>alert(1)</script><img src=x onerror='alert(2)'>{{data}}\u{2028}<!--";
-    playback.header.scene.object = hostile.to_owned();
-    playback.header.scene.scenario = hostile.to_owned();
+    playback.header.title = hostile.to_owned();
+    let scene = &mut playback.header.simulation.as_mut().unwrap().scene;
+    scene.object = hostile.to_owned();
+    scene.scenario = hostile.to_owned();
     playback.ending.timeline[0].detail = hostile.to_owned();
     playback.robot.joints[0].name = hostile.to_owned();
     let page = catch_page::page(&playback);
