@@ -41,7 +41,7 @@ pub const FORMAT_VERSION: u32 = 4;
 /// Ending of the files' names.
 pub const EXTENSION: &str = "catch";
 /// What every reader wants.
-const EXPECTED: &str = "a recording (*.catch)";
+const EXPECTED: &str = "a recording written by `catchingbot catch` or by a cell's recorder (*.catch)";
 /// Bytes of a scenario's name that go into the name of a file.
 const LONGEST_NAME: usize = 80;
 
