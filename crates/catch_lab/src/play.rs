@@ -50,7 +50,7 @@ pub struct Life {
     pub duration_s: f64,
     /// Limits broken between the throws.
     pub violations_between: usize,
-    /// Whether the arm did not become ready again, which ended it.
+    /// Whether it ended early: the arm did not become ready again, or the physics diverged.
     pub stuck: bool,
 }
 
@@ -77,7 +77,7 @@ impl Play {
     /// The same throw as a trial of its own, in another arena and by another brain.
     ///
     /// # Errors
-    /// None but those of writing, which there is none of.
+    /// None: nothing is written.
     pub fn alone(&self, index: u64) -> io::Result<Row> {
         let setup = &self.setups[self.object(index)];
         let trial = crate::trial::run(setup, self.seed, index, &mut |_, _| Ok(()))?;
@@ -111,7 +111,8 @@ impl Play {
             let verdict = referee::judge(setup, &trial);
             let ready = cell.until_ready(setup, thrown_s + self.every_s);
             life.violations_between += ready.violations;
-            life.stuck = !ready.is_ready;
+            // A world that has diverged stands still for good.
+            life.stuck = !ready.is_ready || trial.truth.diverged_s.is_some();
             let caught = verdict.caught;
             let row = PlayRow {
                 row: Row { scene: setup.scene(self.seed, index), verdict },

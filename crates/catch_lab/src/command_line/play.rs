@@ -120,7 +120,7 @@ pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
     screen::fact("told from the others", &format!("{identified} of {throws}"))?;
     screen::fact("limits broken", &limit_violations.to_string())?;
     if life.stuck {
-        screen::fact("stuck", "the arm did not become ready again, which ended the life")?;
+        screen::fact("ended early", "the arm did not become ready again, or the physics diverged")?;
     }
     if let Some(path) = &arguments.html {
         screen::fact("page", &path.display().to_string())?;
