@@ -13,11 +13,11 @@ mod inputs;
 #[path = "../tests/it/synthetic.rs"]
 mod synthetic;
 
-use std::{collections::BTreeMap, fs, hint::black_box, process::Command};
+use std::{collections::BTreeMap, fs, hint::black_box, process::Command, sync::Arc};
 
 use catch_bot::{
     grasp_selection::{self, GraspSet},
-    perception::{self, DepthNoise, ReferenceModel, Workspace, find_object},
+    perception::{self, DepthNoise, PoseEstimator, ReferenceModel, SdfEstimator, View, Workspace},
     trajectory_optimization::{CatchSearch, Incoming, Start},
     trajectory_prediction::{self, FlightTrajectory, predict},
 };
@@ -67,18 +67,18 @@ fn perceive(noise: Noise, masks: bool, tracked: bool) {
     let depth_noise = Some(DepthNoise { constant_m, quadratic_per_m });
     let config = perception::Config { depth_noise, ..Default::default() };
     let shape = Shape::banana();
-    let reference = ReferenceModel::from_scan(&synthetic::scan(&shape, 64), &config);
+    let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(&shape, 64), &config));
     let Images { cameras, mut frames, prior } = Images::new(&shape, &reference, noise);
     frames.iter_mut().filter(|_| !masks).for_each(|frame| frame.mask = None);
-    let mut workspace = Workspace::default();
-    let prior = tracked.then_some(&prior);
-    run(|| find_object(&frames, &cameras, &reference, prior, None, &config, &mut workspace).expect("a pose"));
+    let view = View { frames: &frames, cameras: &cameras, surroundings: None };
+    let mut estimator = SdfEstimator::new(config, reference, Workspace::default());
+    run(|| estimator.estimate(&view, tracked.then_some(prior).into()).expect("a pose"));
 }
 
 /// A flight from thirty poses and the flight before.
 fn predict_flight() {
     let shape = Shape::ball();
-    let reference = ReferenceModel::from_scan(&synthetic::scan(&shape, 32), &perception::Config::default());
+    let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(&shape, 32), &perception::Config::default()));
     let poses = inputs::poses(&shape, &reference);
     let config = trajectory_prediction::Config { drag_prior_sd_per_m: Some(0.02), ..Default::default() };
     let mut space = trajectory_prediction::Workspace::default();

@@ -8,9 +8,10 @@ mod inputs;
 #[path = "../tests/it/synthetic.rs"]
 mod synthetic;
 
-use catch_body::Pose;
+use std::sync::Arc;
+
 use catch_bot::{
-    perception::{Config, ReferenceModel, Workspace, find_object},
+    perception::{Config, PoseEstimator, ReferenceModel, SdfEstimator, View, Workspace},
     trajectory_prediction::{self, predict},
 };
 use criterion::{Criterion, criterion_group, criterion_main};
@@ -21,17 +22,16 @@ use synthetic::{Noise, Shape};
 fn tracking(criterion: &mut Criterion) {
     let config = Config::default();
     for (name, shape) in Shape::all() {
-        let reference = ReferenceModel::from_scan(&synthetic::scan(&shape, 200), &config);
+        let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(&shape, 200), &config));
         for noise in [Noise::Clean, Noise::Constant(0.002), Noise::Stereo7] {
             let Images { cameras, frames, prior } = Images::new(&shape, &reference, noise);
-            let mut workspace = Workspace::default();
-            let mut update = |label: &str, prior: Option<&Pose>, config: &Config| {
+            let view = View { frames: &frames, cameras: &cameras, surroundings: None };
+            let mut estimator = SdfEstimator::new(config.clone(), reference.clone(), Workspace::default());
+            for (label, prior) in [("tracking", Some(prior)), ("cold start", None)] {
                 criterion.bench_function(&format!("{label}/{name}/{noise:?}"), |bencher| {
-                    bencher.iter(|| find_object(&frames, &cameras, &reference, prior, None, config, &mut workspace));
+                    bencher.iter(|| estimator.estimate(&view, prior.into()));
                 });
-            };
-            update("tracking", Some(&prior), &config);
-            update("cold start", None, &config);
+            }
         }
     }
 }
@@ -39,7 +39,7 @@ fn tracking(criterion: &mut Criterion) {
 /// A new flight from 30 poses, the last flight given or not.
 fn prediction(criterion: &mut Criterion) {
     let shape = Shape::banana();
-    let reference = ReferenceModel::from_scan(&synthetic::scan(&shape, 200), &Config::default());
+    let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(&shape, 200), &Config::default()));
     let poses = inputs::poses(&shape, &reference);
     let config = trajectory_prediction::Config { drag_prior_sd_per_m: Some(0.02), ..Default::default() };
     let mut space = trajectory_prediction::Workspace::default();

@@ -2,9 +2,11 @@
 
 #![allow(dead_code, reason = "shared by benches, of which each uses a part")]
 
+use std::sync::Arc;
+
 use catch_body::{Gripper, Pose, Robot, robot_file::RobotFiles};
 use catch_bot::{
-    perception::{Config, ObjectPose, ReferenceModel, Workspace, find_object},
+    perception::{Config, ObjectPose, PoseEstimator, Prior, ReferenceModel, SdfEstimator, View, Workspace},
     trajectory_optimization::{self, MotionPlanner, Start},
     trajectory_prediction::FlightTrajectory,
 };
@@ -37,10 +39,10 @@ impl Images {
 }
 
 /// Thirty poses of an object in flight, 10 ms apart.
-pub fn poses(shape: &Shape, reference: &ReferenceModel) -> Vec<ObjectPose> {
+pub fn poses(shape: &Shape, reference: &Arc<ReferenceModel>) -> Vec<ObjectPose> {
     let cameras = synthetic::flight_rig();
     let mut normal = Normal::new(1);
-    let mut workspace = Workspace::default();
+    let mut estimator = SdfEstimator::new(Config::default(), reference.clone(), Workspace::default());
     let mut poses = Vec::new();
     for i in 0..30 {
         let time_s = 0.01 * f64::from(i);
@@ -49,7 +51,8 @@ pub fn poses(shape: &Shape, reference: &ReferenceModel) -> Vec<ObjectPose> {
         let X_WR = X_WO * reference.X_RO.inverse();
         let mut frames = synthetic::depth_frames(&cameras, shape, &X_WR, Noise::Constant(0.002), &mut normal);
         frames.iter_mut().for_each(|frame| frame.capture_s = time_s);
-        poses.extend(find_object(&frames, &cameras, reference, Some(&X_WO), None, &Config::default(), &mut workspace));
+        let view = View { frames: &frames, cameras: &cameras, surroundings: None };
+        poses.extend(estimator.estimate(&view, Prior::Pose(X_WO)));
     }
     poses
 }
