@@ -7,8 +7,6 @@ mod fit;
 mod flight;
 mod local_flight;
 pub mod ransac;
-#[cfg(test)]
-mod tests;
 mod track;
 mod tumbling;
 
