@@ -15,6 +15,7 @@ mod settings;
 mod symmetry;
 mod synthetic;
 mod terminal_velocity;
+mod track;
 mod trajectory_prediction;
 mod unlabelled;
 

@@ -3,13 +3,14 @@
 use std::{path::PathBuf, time::Instant};
 
 use catch_body::{Gripper, JointVector, Robot};
-use catch_bot::trajectory_optimization::{Config, MotionPlanner, PlanningFailure, Start, posed::PosedCatch};
+use catch_bot::trajectory_optimization::{Config, MotionPlanner, PlanningFailure, Start};
 use catch_cell::arm::Setpoint;
 use catch_lab::{
     VERSION,
     planner_cases::{self, PlannerCase},
     setup::COMMAND_LINE,
 };
+use catch_paper::posed::{PosedCatch, PosedPlanner};
 use clap::Args;
 use comfy_table::{CellAlignment, ContentArrangement, Table, TableComponent, presets};
 use nalgebra::Point3;
@@ -106,7 +107,7 @@ struct LimitRatio {
 pub fn run(arguments: &PlanArguments) -> anyhow::Result<()> {
     let cases = planner_cases::read(&arguments.cases)?;
     let file = arguments.cases.display().to_string();
-    let mut planners: Vec<(Option<&str>, f64, MotionPlanner)> = Vec::new();
+    let mut planners: Vec<(Option<&str>, f64, PosedPlanner)> = Vec::new();
     let mut rows = Vec::new();
     for case in &cases {
         let name = arguments.robot.as_deref().or(case.robot.as_deref());
@@ -118,7 +119,7 @@ pub fn run(arguments: &PlanArguments) -> anyhow::Result<()> {
         }
         let planner = planners.iter().find(|(known, y, _)| (*known, *y) == (name, centre)).map(|it| &it.2);
         let planner = planner.expect("it was made just now");
-        let (q, dq) = case.start(&file, planner.robot())?;
+        let (q, dq) = case.start(&file, planner.motion().robot())?;
         let start = Start { time_s: 0.0, state: Setpoint { q, dq, ddq: JointVector::zeros() } };
         rows.push(row(planner, &start, case, arguments.general));
     }
@@ -129,16 +130,17 @@ pub fn run(arguments: &PlanArguments) -> anyhow::Result<()> {
 }
 
 /// A planner that may use all of the limits: nothing is held back for replans here.
-fn planner(robot: Robot, mut gripper: Gripper, grasp_centre_y_m: f64) -> MotionPlanner {
+fn planner(robot: Robot, mut gripper: Gripper, grasp_centre_y_m: f64) -> PosedPlanner {
     gripper.grasp_centre_y_m = grasp_centre_y_m;
     let all = Config { position_margin_rad: 0.0, velocity_scaling: 1.0, torque_scaling: 1.0, ..Config::default() };
-    MotionPlanner::new(robot, gripper, all)
+    PosedPlanner::new(MotionPlanner::new(robot, gripper, all))
 }
 
-fn row(planner: &MotionPlanner, start: &Start, case: &PlannerCase, general: bool) -> Row {
+fn row(planner: &PosedPlanner, start: &Start, case: &PlannerCase, general: bool) -> Row {
     let plan = || {
         if general {
-            return catch_paper::general::catch_at(planner, start, &case.target).ok_or(PlanningFailure::NoMotion);
+            return catch_paper::general::catch_at(planner.motion(), start, &case.target)
+                .ok_or(PlanningFailure::NoMotion);
         }
         planner.catch_at(start, &case.target)
     };
@@ -148,7 +150,7 @@ fn row(planner: &MotionPlanner, start: &Start, case: &PlannerCase, general: bool
         Err(PlanningFailure::OutOfReach) => "out_of_reach",
         Err(_) => "no_motion",
     };
-    let plan = found.ok().map(|plan| figures(planner, start, case, &plan));
+    let plan = found.ok().map(|plan| figures(planner.motion(), start, case, &plan));
     Row { id: case.id.clone(), status, time_ms, plan }
 }
 
