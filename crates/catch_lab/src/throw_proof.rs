@@ -21,7 +21,7 @@ use catch_bot::{
         MotionPlanner, Start,
         motion::LimitScaling,
         reachability::{Interval, ReachableSet},
-        terminal_velocity::shortfall,
+
     },
     trajectory_prediction::FlightTrajectory,
 };

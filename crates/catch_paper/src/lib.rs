@@ -19,7 +19,7 @@ pub mod posed;
 pub mod prediction;
 pub mod registration;
 pub mod sqp;
-mod unreachable;
+pub mod unreachable;
 
 use catch_bot::settings::{DURATION_S, Faults, LIMIT_SCALE, NOT_NEGATIVE, PERIOD_S, SettingError, Settings};
 use serde::{Deserialize, Serialize};

@@ -113,7 +113,7 @@ impl Proof<'_> {
 
 /// What is missing between the velocities that the grasp centre can have within `bounds` and those along the object's: the
 /// shortest difference s·v − J_v·q̇.
-fn shortfall(
+pub fn shortfall(
     jacobian: &Jacobian,
     v_WO: &Vector3<f64>,
     bounds: &[Interval; MAX_JOINTS],
