@@ -11,6 +11,7 @@ mod surfaces;
 use crate::{packed, playback::Playback};
 
 pub use data::PageData;
+#[cfg(feature = "mcap")]
 pub(crate) use points::points_of;
 
 const PAGE: &str = include_str!("catch_page/page.html");

@@ -1,4 +1,4 @@
-//! CatchingBot's lab: trials, their referee, their recordings, what they look like, and the program `catchingbot`.
+//! CatchingBot's lab: trials, their referee, their recordings, and what they look like.
 //!
 //! # Where to begin
 //!
@@ -34,15 +34,18 @@ pub mod cell_recorder;
 pub mod check;
 pub mod cloud_file;
 pub mod evaluation;
+#[cfg(feature = "gif")]
 pub mod gif_picture;
 pub mod gripper_latency;
 pub mod ladder;
+#[cfg(feature = "mcap")]
 pub mod mcap_file;
 pub mod oracle;
 pub mod packed;
 pub mod planner_cases;
 pub mod play;
 pub mod playback;
+#[cfg(feature = "plots")]
 pub mod plots;
 pub mod ready;
 pub mod recorded_surface;

@@ -18,6 +18,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("catch_paper", &["catch_body", "catch_cell", "catch_bot"]),
     ("catch_sim", &["catch_body", "catch_cell"]),
     ("catch_lab", &["catch_body", "catch_cell", "catch_bot", "catch_paper", "catch_sim"]),
+    ("catch_cli", &["catch_body", "catch_cell", "catch_bot", "catch_paper", "catch_sim", "catch_lab"]),
 ];
 
 /// Modules of the brain in the order in which data flows; a module may use only those above it, and nothing of the crate's root.
@@ -34,7 +35,7 @@ const STAGES: &[&str] = &[
 /// Modules that stand on the whole brain: they use its root and everything below.
 const ABOVE_THE_BRAIN: &[&str] = &["cycle"];
 /// Crates whose modules use each other in no circle. The arena's settings and cameras still do.
-const WITHOUT_CIRCLES: &[&str] = &["catch_body", "catch_cell", "catch_bot", "catch_paper", "catch_lab"];
+const WITHOUT_CIRCLES: &[&str] = &["catch_body", "catch_cell", "catch_bot", "catch_paper", "catch_lab", "catch_cli"];
 
 const MAX_LINES: usize = 400;
 const BANNED_NAMES: &[&str] = &["utils", "util", "helpers", "helper", "common", "misc", "types"];

@@ -2,13 +2,13 @@
 
 use std::{fs, path::Path};
 
-use catch_lab::{gif_picture, mcap_file, playback::Playback, replay};
+use catch_lab::{mcap_file, playback::Playback, replay};
 use serde_json::Value;
 
 use crate::{catchingbot, stderr, stdout};
 
 #[expect(dead_code, reason = "an example has a main function")]
-#[path = "../../examples/06_own_cell.rs"]
+#[path = "../../../catch_lab/examples/06_own_cell.rs"]
 mod own_cell;
 
 fn document(arguments: &[&str]) -> Value {
@@ -54,7 +54,8 @@ fn a_recording_without_ground_truth_is_viewed_replayed_and_converted() {
     assert_eq!(topics.iter().filter(|topic| *topic == "/joint_states").count(), playback.ticks.len());
     assert!(["/tf", "/object/seen", "/object/predicted"].iter().all(|it| topics.iter().any(|topic| topic == it)));
     assert!(!topics.iter().any(|topic| topic == "/object/true"));
-    assert!(gif_picture::gif(&playback).unwrap().len() > 1_000);
+    #[cfg(feature = "gif")]
+    assert!(catch_lab::gif_picture::gif(&playback).unwrap().len() > 1_000);
 }
 
 /// A cell's clock may be that of the day; pages count from the beginning of the recording.

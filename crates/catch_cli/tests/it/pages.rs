@@ -93,6 +93,16 @@ fn what_cannot_be_viewed_is_said_in_one_line() {
     }
 }
 
+/// Without the feature, asking for a picture is an error that tells of it.
+#[cfg(not(feature = "gif"))]
+#[test]
+fn a_program_without_pictures_says_so() {
+    let output = catchingbot(&["catch", "--gif", "--out", tempfile::tempdir().unwrap().path().to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("--features gif"), "{}", stderr(&output));
+}
+
+#[cfg(feature = "gif")]
 #[test]
 fn the_moving_picture_is_small_and_moves() {
     let folder = tempfile::tempdir().unwrap();

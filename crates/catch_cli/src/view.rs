@@ -10,7 +10,7 @@ use std::{
 use anyhow::Context;
 use catch_body::InputError;
 use catch_lab::{
-    catch_page, gif_picture, mcap_file,
+    catch_page, mcap_file,
     playback::Playback,
     recording::EXTENSION,
     results::{REPORT_FILE, make_writable},
@@ -36,7 +36,7 @@ pub struct ViewArguments {
 /// What else can be written beside a recording.
 #[derive(Debug, Args)]
 pub struct FileArguments {
-    /// Write a small moving picture
+    /// Write a small moving picture, if the program was built with `--features gif`
     #[arg(long)]
     gif: bool,
     /// Write an MCAP file for Foxglove or Rerun, and the robot's URDF beside it
@@ -63,7 +63,7 @@ impl FileArguments {
             anyhow::Ok(())
         };
         if self.gif {
-            write("picture", "gif", &gif_picture::gif(playback)?)?;
+            write("picture", "gif", &gif(playback)?)?;
         }
         if self.mcap {
             write("mcap", "mcap", &mcap_file::mcap(playback)?)?;
@@ -71,6 +71,17 @@ impl FileArguments {
         }
         Ok(written)
     }
+}
+
+#[cfg(feature = "gif")]
+fn gif(playback: &Playback) -> anyhow::Result<Vec<u8>> {
+    Ok(catch_lab::gif_picture::gif(playback)?)
+}
+
+#[cfg(not(feature = "gif"))]
+fn gif(_: &Playback) -> anyhow::Result<Vec<u8>> {
+    let (found, expected) = ("a program without its GIF maker", "one that was built with `--features gif`");
+    Err(InputError::new(COMMAND_LINE, "--gif", found, expected).into())
 }
 
 /// Writes the page of a recording, and other files if asked for, beside it and opens the page.

@@ -1,24 +1,31 @@
-//! What can be asked for on the command line.
+//! The command line of CatchingBot: one module per subcommand, each of which reads its arguments, calls [`catch_lab`] and prints.
+//!
+//! A program has this command line by calling [`main`]. Every arena that it runs is made by [`catch_lab::setup::Setup::arena`], the
+//! one place where another physics engine would come in.
+//!
+//! Exit code 0: it ran, whatever was caught; 2: something is wrong with what was asked for; 1: anything else.
 
-pub mod catch;
-pub mod check;
-pub mod eval;
-pub mod gripper_latency;
-pub mod ladder;
-pub mod list;
-pub mod merge;
-pub mod new;
-pub mod plan;
-pub mod play;
-pub mod predict;
-pub mod ready;
-pub mod register;
-pub mod replay;
+mod catch;
+mod check;
+mod eval;
+mod gripper_latency;
+mod ladder;
+mod list;
+mod merge;
+mod new;
+mod plan;
+mod play;
+mod predict;
+mod ready;
+mod register;
+mod replay;
+mod screen;
 mod sweep;
-pub mod view;
+mod view;
 
-use std::path::PathBuf;
+use std::{io, path::PathBuf, process::ExitCode};
 
+use catch_body::InputError;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use catch_lab::{
@@ -45,7 +52,7 @@ Examples:
                                                   would the brain do the same again?
 
 Exit codes: 0 it ran, whatever was caught; 2 something is wrong with what was asked for; 1 anything else.")]
-pub struct Arguments {
+struct Arguments {
     #[command(subcommand)]
     command: Option<Command>,
     #[command(flatten)]
@@ -160,11 +167,19 @@ pub struct OutputArguments {
     json: bool,
 }
 
-/// Does what was asked for.
-///
-/// # Errors
-/// Faults of the input as [`catch_body::InputError`]; anything else that went wrong.
-pub fn run(arguments: Arguments) -> anyhow::Result<()> {
+/// Reads the program's arguments, does what they ask for, and says on standard error what went wrong.
+pub fn main() -> ExitCode {
+    let Err(fault) = run(Arguments::parse()) else { return ExitCode::SUCCESS };
+    let of_output = fault.chain().find_map(|cause| cause.downcast_ref::<io::Error>());
+    if of_output.is_some_and(|it| it.kind() == io::ErrorKind::BrokenPipe) {
+        // Whoever read the output has seen enough.
+        return ExitCode::SUCCESS;
+    }
+    screen::error(&format!("{fault:#}"));
+    if fault.is::<InputError>() || fault.is::<check::Faulty>() { ExitCode::from(2) } else { ExitCode::FAILURE }
+}
+
+fn run(arguments: Arguments) -> anyhow::Result<()> {
     match arguments.command {
         None => catch::run(&arguments.catch),
         Some(Command::Catch(catch)) => catch::run(&catch),

@@ -7,7 +7,12 @@ use std::{
 
 use tempfile::TempDir;
 
-use crate::{catchingbot, source::root, stderr, stdout};
+use crate::{catchingbot, stderr, stdout};
+
+/// The workspace.
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
 
 /// Runs the program with arguments that are wrong; returns its one line of complaint.
 fn complaint(arguments: &[&str]) -> String {
