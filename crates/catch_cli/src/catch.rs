@@ -10,14 +10,18 @@ use anyhow::Context;
 use catch_cell::LimitViolation;
 use catch_lab::{
     VERSION,
-    playback::Playback,
-    recorded_throw::{RecordedThrow, record},
+    evaluation::results::make_writable,
+    recording::{
+        playback::Playback,
+        recorded_throw::{RecordedThrow, record},
+        timeline::{Entry, Event},
+    },
     referee::{Measures, Verdict, reason::Reason},
-    results::make_writable,
-    scenario::Scenario,
-    setup::{Scene, Setup},
-    stopwatch::{StageTimes, Stopwatch},
-    timeline::{Entry, Event},
+    scenario::{
+        Scenario,
+        setup::{Scene, Setup},
+    },
+    trial::stopwatch::{StageTimes, Stopwatch},
 };
 use clap::Args;
 use serde::Serialize;

@@ -4,7 +4,7 @@ use std::{fmt, path::PathBuf};
 
 use catch_lab::{
     VERSION,
-    check::{Checked, check},
+    own_data::check::{Checked, check},
 };
 use clap::Args;
 use serde::Serialize;

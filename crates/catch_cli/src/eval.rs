@@ -6,16 +6,19 @@ use anyhow::Context;
 use catch_body::InputError;
 use catch_lab::{
     VERSION,
-    evaluation::{Cell, Evaluation, Identity, Row},
-    plots,
-    report_page::{self, MOST_MISSES, Report, published_rate, published_rates},
-    results::{REPORT_FILE, Results},
-    scenario::Scenario,
-    setup::{COMMAND_LINE, Setup},
-    statistics::CellSummary,
-    stopwatch::{StageTimes, Stopwatch},
-    summary_table,
-    trial_table::{PARQUET_FILE, replace},
+    assets::COMMAND_LINE,
+    evaluation::{
+        Cell, Evaluation, Identity, Row,
+        published::{published_rate, published_rates},
+        results::{REPORT_FILE, Results},
+        statistics::CellSummary,
+        summary_table,
+        trial_table::{PARQUET_FILE, replace},
+    },
+    export::plots,
+    pages::report_page::{self, MOST_MISSES, Report},
+    scenario::{Scenario, setup::Setup},
+    trial::stopwatch::{StageTimes, Stopwatch},
 };
 use clap::{Args, ValueEnum};
 use comfy_table::{CellAlignment, ContentArrangement, Table, TableComponent, presets};

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use catch_lab::{
     VERSION,
-    gripper_latency::{self, GripperLatency, UnusedMoves},
+    recording::gripper_latency::{self, GripperLatency, UnusedMoves},
 };
 use clap::Args;
 use serde::Serialize;

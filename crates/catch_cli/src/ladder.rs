@@ -6,13 +6,14 @@ use anyhow::Context;
 use catch_body::InputError;
 use catch_lab::{
     VERSION,
-    assets::Kind,
-    evaluation::{Cell, Evaluation},
+    assets::{COMMAND_LINE, Kind},
+    evaluation::{
+        Cell, Evaluation,
+        results::{self, REPORT_FILE, Results},
+    },
     ladder::{self, Step, StepSummary},
-    report_page::{self, MOST_MISSES_OF_A_STEP},
-    results::{self, REPORT_FILE, Results},
-    setup::COMMAND_LINE,
-    stopwatch::Stopwatch,
+    pages::report_page::{self, MOST_MISSES_OF_A_STEP},
+    trial::stopwatch::Stopwatch,
 };
 use comfy_table::{CellAlignment, ContentArrangement, Table, TableComponent, presets};
 use serde::Serialize;

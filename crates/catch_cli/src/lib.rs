@@ -1,6 +1,6 @@
 //! The command line of CatchingBot: one module per subcommand, each of which reads its arguments, calls [`catch_lab`] and prints.
 //!
-//! A program has this command line by calling [`main`]. Every arena that it runs is made by [`catch_lab::setup::Setup::arena`], the
+//! A program has this command line by calling [`main`]. Every arena that it runs is made by [`catch_lab::scenario::setup::Setup::arena`], the
 //! one place where another physics engine would come in.
 //!
 //! Exit code 0: it ran, whatever was caught; 2: something is wrong with what was asked for; 1: anything else.
@@ -28,7 +28,7 @@ use std::{io, path::PathBuf, process::ExitCode};
 use catch_body::InputError;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use catch_lab::{
+use catch_lab::scenario::{
     brain::Method,
     setup::{Choice, DEFAULT_SCENARIO},
 };

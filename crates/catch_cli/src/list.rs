@@ -3,10 +3,7 @@
 use std::{collections::BTreeMap, path::PathBuf};
 
 use catch_body::InputError;
-use catch_lab::{
-    assets::{Asset, Kind, Origin, nearest},
-    setup::COMMAND_LINE,
-};
+use catch_lab::assets::{Asset, COMMAND_LINE, Kind, Origin, nearest};
 use clap::Args;
 
 use crate::screen::{self, FAINT, STRONG};

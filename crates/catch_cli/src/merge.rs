@@ -4,11 +4,13 @@ use std::{collections::BTreeMap, fs, path::PathBuf};
 
 use anyhow::Context;
 use catch_lab::{
-    report_page::{self, Report},
-    results::{self, REPORT_FILE},
-    stopwatch::Stopwatch,
-    summary_table,
-    trial_table::PARQUET_FILE,
+    evaluation::{
+        results::{self, REPORT_FILE},
+        summary_table,
+        trial_table::PARQUET_FILE,
+    },
+    pages::report_page::{self, Report},
+    trial::stopwatch::Stopwatch,
 };
 use clap::Args;
 

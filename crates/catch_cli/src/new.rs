@@ -4,7 +4,11 @@ use std::{fs, path::PathBuf};
 
 use anyhow::Context;
 use catch_body::InputError;
-use catch_lab::{assets::Kind, results::make_writable, setup::COMMAND_LINE, templates};
+use catch_lab::{
+    assets::{COMMAND_LINE, Kind},
+    evaluation::results::make_writable,
+    own_data::templates,
+};
 use clap::{Args, ValueEnum};
 
 use crate::screen;

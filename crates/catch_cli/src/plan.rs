@@ -7,8 +7,8 @@ use catch_bot::trajectory_optimization::{Config, MotionPlanner, PlanningFailure,
 use catch_cell::arm::Setpoint;
 use catch_lab::{
     VERSION,
-    planner_cases::{self, PlannerCase},
-    setup::COMMAND_LINE,
+    assets::COMMAND_LINE,
+    own_data::planner_cases::{self, PlannerCase},
 };
 use clap::Args;
 use comfy_table::{CellAlignment, ContentArrangement, Table, TableComponent, presets};

@@ -6,12 +6,11 @@ use anyhow::Context;
 use catch_body::InputError;
 use catch_lab::{
     VERSION,
-    assets::Kind,
+    assets::{COMMAND_LINE, Kind},
+    evaluation::statistics::wilson95,
     play::{Life, Play, PlayRow},
     referee::Row,
-    scenario::Scenario,
-    setup::{COMMAND_LINE, Setup},
-    statistics::wilson95,
+    scenario::{Scenario, setup::Setup},
 };
 use clap::Args;
 use comfy_table::{CellAlignment, Table, presets::NOTHING};

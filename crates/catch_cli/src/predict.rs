@@ -6,8 +6,8 @@ use catch_body::InputError;
 use catch_bot::trajectory_prediction::{Config, PredictionStatus, Track, TrackSample};
 use catch_lab::{
     VERSION,
-    setup::COMMAND_LINE,
-    track_file::{self, Sighting},
+    assets::COMMAND_LINE,
+    own_data::track_file::{self, Sighting},
 };
 use clap::{Args, ValueEnum};
 use nalgebra::{Unit, Vector3};
@@ -253,7 +253,7 @@ fn fit(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use catch_lab::track_file::parse;
+    use catch_lab::own_data::track_file::parse;
     use nalgebra::Point3;
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64;

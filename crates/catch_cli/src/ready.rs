@@ -3,9 +3,9 @@
 use catch_body::InputError;
 use catch_lab::{
     VERSION,
-    ready::Corridor,
-    scenario::Scenario,
-    setup::{COMMAND_LINE, Setup},
+    assets::COMMAND_LINE,
+    reachability::ready::Corridor,
+    scenario::{Scenario, setup::Setup},
 };
 use clap::Args;
 use serde::Serialize;

@@ -6,9 +6,8 @@ use catch_body::InputError;
 use catch_bot::perception::{Config, ReferenceModel, Symmetry, register_cloud};
 use catch_lab::{
     VERSION,
-    assets::{Asset, Kind, Origin},
-    cloud_file::{self, CloudFile},
-    setup::COMMAND_LINE,
+    assets::{Asset, COMMAND_LINE, Kind, Origin},
+    own_data::cloud_file::{self, CloudFile},
 };
 use catch_sim::object::check_length;
 use clap::Args;

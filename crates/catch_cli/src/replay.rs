@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use catch_lab::replay::{self, Replay};
+use catch_lab::recording::replay::{self, Replay};
 use clap::Args;
 
 use crate::screen::{self, BAD, GOOD};

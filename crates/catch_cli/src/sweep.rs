@@ -2,14 +2,17 @@
 
 use anyhow::Context;
 use catch_body::InputError;
-use catch_lab::brain::Method;
+use catch_lab::scenario::brain::Method;
 use catch_lab::{
     VERSION,
-    evaluation::{Cell, Evaluation},
-    plots,
-    results::Results,
-    setup::{COMMAND_LINE, Setup},
-    statistics::{CellSummary, median},
+    assets::COMMAND_LINE,
+    evaluation::{
+        Cell, Evaluation,
+        results::Results,
+        statistics::{CellSummary, median},
+    },
+    export::plots,
+    scenario::setup::Setup,
     sweep::{self, DISTANCES_M, SPEEDS_MPS},
 };
 use serde::Serialize;
@@ -90,7 +93,7 @@ fn of_method(arguments: &EvalArguments, method: Method) -> anyhow::Result<Grid> 
     };
     let (object, throw) = (one(&arguments.object, "--object")?, one(&arguments.throw, "--throw")?);
     let choice = arguments.choice.with(object.as_deref(), throw.as_deref());
-    let setup = Setup::load(&catch_lab::setup::Choice { method: Some(method), ..choice })?;
+    let setup = Setup::load(&catch_lab::scenario::setup::Choice { method: Some(method), ..choice })?;
     let grid = DISTANCES_M.iter().flat_map(|&distance_m| SPEEDS_MPS.map(|speed_mps| (distance_m, speed_mps)));
     let thrown = |(distance_m, speed_mps)| {
         let throw = sweep::throw(&setup, distance_m, speed_mps)?;

@@ -10,11 +10,11 @@ use std::{
 use anyhow::Context;
 use catch_body::InputError;
 use catch_lab::{
-    catch_page, mcap_file,
-    playback::Playback,
-    recording::EXTENSION,
-    results::{REPORT_FILE, make_writable},
-    setup::COMMAND_LINE,
+    assets::COMMAND_LINE,
+    evaluation::results::{REPORT_FILE, make_writable},
+    export::mcap_file,
+    pages::catch_page,
+    recording::{EXTENSION, playback::Playback},
 };
 use clap::Args;
 
@@ -75,7 +75,7 @@ impl FileArguments {
 
 #[cfg(feature = "gif")]
 fn gif(playback: &Playback) -> anyhow::Result<Vec<u8>> {
-    Ok(catch_lab::gif_picture::gif(playback)?)
+    Ok(catch_lab::export::gif_picture::gif(playback)?)
 }
 
 #[cfg(not(feature = "gif"))]

@@ -12,11 +12,12 @@ use catch_bot::perception;
 use serde::Serialize;
 
 use crate::{
-    assets::{Asset, Kind, Origin},
-    evaluation::{Cell, Row},
-    scenario::Scenario,
-    setup::{COMMAND_LINE, Choice, Setup},
-    statistics::CellSummary,
+    assets::{Asset, COMMAND_LINE, Kind, Origin},
+    evaluation::{Cell, Row, statistics::CellSummary},
+    scenario::{
+        Scenario,
+        setup::{Choice, Setup},
+    },
 };
 
 /// One assumption of the paper.

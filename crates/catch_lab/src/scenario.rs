@@ -1,5 +1,8 @@
 //! Scenarios: everything that a set of trials shares, in one file.
 
+pub mod brain;
+pub mod setup;
+
 use catch_body::{InputError, robot::LimitScale};
 use catch_bot::settings::{SettingError, Settings};
 use catch_sim::{ArenaConfig, config::MOST_LATENCY_S};
@@ -7,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     assets::{COMMAND_LINE, Kind, nearest},
-    brain::BrainSettings,
+    scenario::brain::BrainSettings,
 };
 
 /// What it costs to compute a command.
@@ -204,8 +207,8 @@ fn fields<'a>(path: &str, value: &'a toml::Value, found: &mut Vec<(String, &'a t
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::brain::Method;
-    use crate::setup::{Choice, Setup};
+    use crate::scenario::brain::Method;
+    use crate::scenario::setup::{Choice, Setup};
 
     fn set(settings: &[&str]) -> Result<Scenario, InputError> {
         let settings: Vec<String> = settings.iter().map(|&it| it.to_owned()).collect();

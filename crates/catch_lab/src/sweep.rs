@@ -8,7 +8,7 @@ use nalgebra::{Point3, Vector3};
 use catch_body::dynamics::gravity;
 use catch_sim::Throw;
 
-use crate::setup::Setup;
+use crate::scenario::setup::Setup;
 
 /// Distances from the axis of the base, in metres.
 pub const DISTANCES_M: [f64; 7] = [1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0];

@@ -4,12 +4,16 @@ use std::{fs, path::Path};
 
 use catch_cell::{Brain, Cell as _};
 use catch_lab::{
-    evaluation::{Cell, Evaluation},
-    oracle::Oracle,
+    evaluation::{
+        Cell, Evaluation,
+        results::{Results, TRIALS_FILE},
+    },
+    reachability::oracle::Oracle,
     referee,
-    results::{Results, TRIALS_FILE},
-    scenario::Clock,
-    setup::{Choice, Setup},
+    scenario::{
+        Clock,
+        setup::{Choice, Setup},
+    },
     trial,
 };
 use catch_sim::Throw;

@@ -2,6 +2,7 @@
 
 mod all_cells;
 mod blanked;
+mod circles;
 mod frames;
 mod holding;
 mod planning;

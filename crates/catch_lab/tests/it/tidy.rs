@@ -188,7 +188,7 @@ fn paths_below(root: &str, code: &str) -> Vec<String> {
 
 #[test]
 fn module_paths_are_found_in_groups() {
-    let code = "use crate::{a::{b, c}, d,};\nfn f(x: crate::e::F) {}";
+    let code = "use crate::{a::{b, c}, d};\nfn f(x: crate::e::F) {}";
     assert_eq!(paths_below("crate::", code), ["a", "d", "e"]);
 }
 
