@@ -20,11 +20,11 @@ use catch_lab::{
     scenario::{Scenario, setup::Setup},
     trial::stopwatch::{StageTimes, Stopwatch},
 };
-use clap::{Args, ValueEnum};
+use clap::Args;
 use comfy_table::{CellAlignment, ContentArrangement, Table, TableComponent, presets};
 use serde::Serialize;
 
-use super::{ChoiceArguments, MOST, sweep, whole};
+use super::{ChoiceArguments, MOST, whole};
 use crate::screen::{self, FAINT, STRONG};
 
 /// Name of the file with the wall times of the stages.
@@ -59,13 +59,10 @@ pub struct EvalArguments {
     /// Go on with the results that are in the folder
     #[arg(long)]
     pub(super) resume: bool,
-    /// The paper's assumptions, removed one after the other and one at a time, from the scenario `paper` to `honest`: catch rates with
-    /// intervals, of all throws and of those within reach
-    #[arg(long, conflicts_with_all = ["scenario", "method", "settings", "markdown"])]
-    ladder: bool,
-    /// Throw from a grid of distances and speeds at one place, by both methods
-    #[arg(long, value_enum, value_name = "WHAT", conflicts_with_all = ["ladder", "markdown"])]
-    sweep: Option<Sweep>,
+    /// Variants of a scenario: a built-in study or a file; `ablation` removes the paper's assumptions one after the other and one at a
+    /// time, from the scenario `paper` to `honest`
+    #[arg(long, value_name = "NAME|FILE", conflicts_with_all = ["scenario", "method", "settings", "markdown"])]
+    study: Option<String>,
     /// Write plots as SVG beside the report
     #[arg(long)]
     pub(super) plots: bool,
@@ -75,14 +72,6 @@ pub struct EvalArguments {
     /// Print the table in Markdown
     #[arg(long, conflicts_with = "json")]
     markdown: bool,
-}
-
-/// What can be swept.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum Sweep {
-    /// The distance and the speed of the throw
-    #[value(name = "distance,speed")]
-    DistanceSpeed,
 }
 
 /// The JSON document.
@@ -155,40 +144,18 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
         "interrupted: the trials that were finished are kept in {}; the same command with --resume goes on",
         arguments.out.display()
     ));
-    if arguments.ladder {
-        return super::ladder::run(arguments);
-    }
-    if let Some(Sweep::DistanceSpeed) = arguments.sweep {
-        return sweep::run(arguments);
+    if let Some(name) = &arguments.study {
+        return super::study::run(arguments, name);
     }
     let started = Instant::now();
-    let evaluation = evaluation(arguments)?;
-    let (mut results, mut rows) = Results::open(&arguments.out, &evaluation, arguments.resume)?;
-    let done_before = rows.len();
-    let threads = threads(arguments);
-    let mut stopwatch = Stopwatch::default();
-    let mut caught = rows.iter().filter(|row| row.verdict.caught).count();
-    let bar = screen::progress_bar(evaluation.len(), "trials");
-    bar.set_position(done_before as u64);
-    bar.reset_eta();
-    evaluation.run(done_before, threads, &mut |row, times| {
-        results.add(&row)?;
-        stopwatch.merge(times);
-        caught += usize::from(row.verdict.caught);
-        bar.inc(1);
-        bar.set_message(format!("{caught} caught"));
-        rows.push(row);
-        Ok(())
-    })?;
-    bar.finish_and_clear();
+    let (evaluation, folder) = (evaluation(arguments)?, &arguments.out);
+    let Done { rows, timed, stopwatch } = complete(arguments, &evaluation, folder, "trials")?;
 
     let wall_s = started.elapsed().as_secs_f64();
     let identity = evaluation.identity();
     let cells = identity.summarize(&rows);
-    results.finish(&rows)?;
     let times =
-        Times { wall_s, threads, trials: rows.len() - done_before, stages: stopwatch.summary().into_iter().collect() };
-    let folder = &arguments.out;
+        Times { wall_s, threads: threads(arguments), trials: timed, stages: stopwatch.summary().into_iter().collect() };
     // Where nothing was left to run, the times of the run that did it all stay, and so does the report that shows them.
     let is_new = times.trials > 0 || !folder.join(TIMES_FILE).exists();
     if is_new {
@@ -209,8 +176,48 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
     screen::json(&Document { outcome, wall_s, stages: times.stages })
 }
 
+/// An evaluation whose trials are all there.
+pub struct Done {
+    pub rows: Vec<Row>,
+    /// Trials that were run now.
+    pub timed: usize,
+    /// Their times.
+    pub stopwatch: Stopwatch,
+}
+
+/// Goes on with the results in a folder until all trials are done, or begins with them; `things` are what its progress counts.
+///
+/// # Errors
+/// A folder with results of something else, or one that cannot be written.
+pub fn complete(
+    arguments: &EvalArguments,
+    evaluation: &Evaluation,
+    folder: &Path,
+    things: &str,
+) -> Result<Done, InputError> {
+    let (mut results, mut rows) = Results::open(folder, evaluation, arguments.resume)?;
+    let done_before = rows.len();
+    let mut stopwatch = Stopwatch::default();
+    let mut caught = rows.iter().filter(|row| row.verdict.caught).count();
+    let bar = screen::progress_bar(evaluation.len(), things);
+    bar.set_position(done_before as u64);
+    bar.reset_eta();
+    evaluation.run(done_before, threads(arguments), &mut |row, times| {
+        results.add(&row)?;
+        stopwatch.merge(times);
+        caught += usize::from(row.verdict.caught);
+        bar.inc(1);
+        bar.set_message(format!("{caught} caught"));
+        rows.push(row);
+        Ok(())
+    })?;
+    bar.finish_and_clear();
+    results.finish(&rows)?;
+    Ok(Done { timed: rows.len() - done_before, rows, stopwatch })
+}
+
 /// Trials that run at the same time.
-pub fn threads(arguments: &EvalArguments) -> usize {
+fn threads(arguments: &EvalArguments) -> usize {
     let asked = arguments.threads.map(|threads| threads as usize);
     asked.unwrap_or_else(|| thread::available_parallelism().map_or(1, NonZero::get))
 }

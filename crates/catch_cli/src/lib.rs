@@ -9,7 +9,6 @@ mod catch;
 mod check;
 mod eval;
 mod gripper_latency;
-mod ladder;
 mod list;
 mod merge;
 mod new;
@@ -20,7 +19,7 @@ mod ready;
 mod register;
 mod replay;
 mod screen;
-mod sweep;
+mod study;
 mod view;
 
 use std::{io, path::PathBuf, process::ExitCode};
@@ -69,7 +68,7 @@ enum Command {
     Play(Box<play::PlayArguments>),
     /// Parts of an evaluation become one
     Merge(merge::MergeArguments),
-    /// The scenarios, objects, throws, robots, grippers and camera rigs that are built in
+    /// The scenarios, objects, throws, robots, grippers and camera rigs and studies that are built in
     List(list::ListArguments),
     /// Plans for catches that are described in a file, with residuals and times
     Plan(plan::PlanArguments),
@@ -85,9 +84,9 @@ enum Command {
     View(view::ViewArguments),
     /// How long a gripper takes to begin a move, from recordings: the setting gripper_latency_s
     GripperLatency(gripper_latency::GripperLatencyArguments),
-    /// A commented file to start from: an own robot, object or scenario
+    /// A commented file to start from: an own robot, object, scenario or study
     New(new::NewArguments),
-    /// Is this robot, gripper, object, throw, rig or scenario file right?
+    /// Is this robot, gripper, object, throw, rig, scenario or study file right?
     Check(check::CheckArguments),
 }
 

@@ -11,7 +11,7 @@ use crate::screen::{self, FAINT, STRONG};
 /// Arguments of `list`.
 #[derive(Debug, Args)]
 pub struct ListArguments {
-    /// Print the file of this scenario, object, throw, robot, gripper or rig, to read or to start an own one from
+    /// Print the file of this scenario, object, throw, robot, gripper, rig or study, to read or to start an own one from
     #[arg(long, value_name = "NAME")]
     show: Option<String>,
     /// Print one JSON document
@@ -36,12 +36,11 @@ fn built_in(kind: Kind, name: &str) -> Result<Asset, InputError> {
 
 fn list(json: bool) -> anyhow::Result<()> {
     if json {
-        let names: BTreeMap<String, Vec<&str>> =
-            Kind::ALL.iter().map(|kind| (format!("{kind}s"), kind.names())).collect();
+        let names: BTreeMap<&str, Vec<&str>> = Kind::ALL.iter().map(|kind| (kind.plural(), kind.names())).collect();
         return screen::json(&names);
     }
     for kind in Kind::ALL {
-        screen::line(&format!("{STRONG}{kind}s{STRONG:#}"))?;
+        screen::line(&format!("{STRONG}{}{STRONG:#}", kind.plural()))?;
         for name in kind.names() {
             let about = summary(&built_in(kind, name)?.text);
             screen::line(&format!("  {name:<18}{FAINT}{about}{FAINT:#}"))?;

@@ -1,20 +1,31 @@
 //! `catchingbot merge`: parts of an evaluation become one.
 
-use std::{collections::BTreeMap, fs, path::PathBuf};
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+};
 
 use anyhow::Context;
+use catch_body::InputError;
 use catch_lab::{
+    assets::COMMAND_LINE,
     evaluation::{
+        Identity, Row,
         results::{self, REPORT_FILE},
         summary_table,
         trial_table::PARQUET_FILE,
     },
     pages::report_page::{self, Report},
+    study::{Outline, StepSummary},
     trial::stopwatch::Stopwatch,
 };
 use clap::Args;
 
-use super::eval::{self, Outcome};
+use super::{
+    eval::{self, Outcome},
+    study,
+};
 use crate::screen;
 
 /// Arguments of `merge`.
@@ -39,16 +50,14 @@ pub struct MergeArguments {
 /// # Errors
 /// Parts that do not belong together; a folder that cannot be written.
 pub fn run(arguments: &MergeArguments) -> anyhow::Result<()> {
-    let (identity, rows) = results::merge(&arguments.parts, &arguments.out)?;
+    let out = &arguments.out;
+    if arguments.parts.iter().any(|part| Outline::is_in(part)) {
+        return run_study(arguments);
+    }
+    let (identity, rows) = merged(&arguments.parts, out)?;
     let cells = identity.summarize(&rows);
-    // Pages of misses and times are with the parts.
-    let (scenario, seed) = (&identity.cells[0].name, identity.seed);
-    let (stopwatch, pages) = (&Stopwatch::default(), &BTreeMap::new());
-    let page = report_page::page(&Report { scenario, seed, cells: &cells, rows: &rows, stopwatch, pages });
-    let report = arguments.out.join(REPORT_FILE);
-    fs::write(&report, page).with_context(|| report.display().to_string())?;
     if arguments.json {
-        return screen::json(&Outcome::new(&identity, &cells, &rows, &arguments.out));
+        return screen::json(&Outcome::new(&identity, &cells, &rows, out));
     }
     if arguments.markdown {
         return Ok(screen::text(&summary_table::markdown(&identity, &cells))?);
@@ -56,6 +65,40 @@ pub fn run(arguments: &MergeArguments) -> anyhow::Result<()> {
     screen::line("")?;
     screen::line(&eval::table(&cells).trim_fmt())?;
     screen::line("")?;
-    screen::fact("report", &format!("catchingbot view {}", arguments.out.display()))?;
-    Ok(screen::fact("results", &arguments.out.join(PARQUET_FILE).display().to_string())?)
+    screen::fact("report", &format!("catchingbot view {}", out.display()))?;
+    Ok(screen::fact("results", &out.join(PARQUET_FILE).display().to_string())?)
+}
+
+/// Puts parts of a study together, step by step.
+fn run_study(arguments: &MergeArguments) -> anyhow::Result<()> {
+    let MergeArguments { parts, out, json, markdown } = arguments;
+    if *markdown {
+        let expected = "no Markdown for a study; each of its steps has a table.md";
+        return Err(InputError::new(COMMAND_LINE, "--markdown", "a study", expected).into());
+    }
+    results::check_holds_none(out)?;
+    let outline = Outline::read(&parts[0])?;
+    parts[1..].iter().try_for_each(|part| outline.check_same(part))?;
+    let (mut steps, mut first) = (Vec::new(), 0);
+    for head in &outline.steps {
+        let parts: Vec<PathBuf> = parts.iter().map(|part| part.join(&head.name)).collect();
+        let (identity, rows) = merged(&parts, &out.join(&head.name))?;
+        first = identity.first;
+        steps.push(StepSummary::of(head, outline.throw_grid.as_ref(), &identity, &rows));
+    }
+    outline.write(out)?;
+    study::tell(&outline, &steps, first, *json, out)
+}
+
+/// The whole of the parts, in `out` with its report.
+fn merged(parts: &[PathBuf], out: &Path) -> anyhow::Result<(Identity, Vec<Row>)> {
+    let (identity, rows) = results::merge(parts, out)?;
+    let cells = &identity.summarize(&rows);
+    // Pages of misses and times are with the parts.
+    let (scenario, seed) = (&identity.cells[0].name, identity.seed);
+    let (stopwatch, pages) = (&Stopwatch::default(), &BTreeMap::new());
+    let page = report_page::page(&Report { scenario, seed, cells, rows: &rows, stopwatch, pages });
+    let report = out.join(REPORT_FILE);
+    fs::write(&report, page).with_context(|| report.display().to_string())?;
+    Ok((identity, rows))
 }

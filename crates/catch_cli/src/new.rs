@@ -35,6 +35,8 @@ enum NewKind {
     Object,
     /// Everything that a set of trials shares
     Scenario,
+    /// Variants of a scenario
+    Study,
 }
 
 /// Writes the files; none is overwritten.
@@ -46,6 +48,7 @@ pub fn run(arguments: &NewArguments) -> anyhow::Result<()> {
         NewKind::Robot => (Kind::Robot, "robot"),
         NewKind::Object => (Kind::Object, "object"),
         NewKind::Scenario => (Kind::Scenario, "scenario"),
+        NewKind::Study => (Kind::Study, "study"),
     };
     let files: Vec<(PathBuf, String)> = templates::files(kind, &arguments.name)?
         .into_iter()
@@ -63,5 +66,6 @@ pub fn run(arguments: &NewArguments) -> anyhow::Result<()> {
     }
     let first = files[0].0.display();
     screen::fact("is it right?", &format!("catchingbot check {first}"))?;
-    Ok(screen::fact("try it", &format!("catchingbot --{option} {first}"))?)
+    let subcommand = if kind == Kind::Study { "eval " } else { "" };
+    Ok(screen::fact("try it", &format!("catchingbot {subcommand}--{option} {first}"))?)
 }

@@ -39,7 +39,7 @@
 pub mod assets;
 pub mod evaluation;
 pub mod export;
-pub mod ladder;
+
 pub mod own_data;
 pub mod pages;
 pub mod play;
@@ -47,7 +47,8 @@ pub mod reachability;
 pub mod recording;
 pub mod referee;
 pub mod scenario;
-pub mod sweep;
+pub mod study;
+
 pub mod trial;
 
 /// Version of this program, as every result carries it.

@@ -156,12 +156,13 @@ fn the_report_opens_from_a_disk() {
 }
 
 #[test]
-fn the_ladder_opens_from_a_disk_and_each_step_leads_to_its_report() {
+fn a_study_opens_from_a_disk_and_each_step_leads_to_its_report() {
     let Some(browser) = Browser::find() else { return };
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().to_str().unwrap();
-    let climbed = catchingbot(&["eval", "--ladder", "--trials", "1", "--object", "tennis_ball", "--out", out]);
-    assert!(climbed.status.success(), "{}", stderr(&climbed));
+    let evaluated =
+        catchingbot(&["eval", "--study", "ablation", "--trials", "1", "--object", "tennis_ball", "--out", out]);
+    assert!(evaluated.status.success(), "{}", stderr(&evaluated));
     let page = folder.path().join("report.html");
     let text = fs::read_to_string(&page).unwrap();
     assert_refers_to_nothing(&text);
@@ -172,13 +173,13 @@ fn the_ladder_opens_from_a_disk_and_each_step_leads_to_its_report() {
         assert_refers_to_nothing(&fs::read_to_string(folder.path().join(link)).unwrap());
     }
 
-    let light = browser.screenshot(&page, "", [1000, 1500], "ladder");
-    let dark = browser.screenshot(&page, "theme=dark", [1000, 1500], "ladder-dark");
+    let light = browser.screenshot(&page, "", [1000, 1500], "study");
+    let dark = browser.screenshot(&page, "theme=dark", [1000, 1500], "study-dark");
     assert!(light != dark);
-    browser.screenshot(&page, "", [412, 915], "ladder-phone");
-    // Every rung stands in the window, and nothing is wider than a phone.
+    browser.screenshot(&page, "", [412, 915], "study-phone");
+    // Every step stands in the window, and nothing is wider than a phone.
     let driven = folder.path().join("driven.html");
-    let driver = "<script>const found = document.body.dataset, bars = [...document.querySelectorAll('.rung .bar')];
+    let driver = "<script>const found = document.body.dataset, bars = [...document.querySelectorAll('.step .bar')];
         found.bars = bars.filter((it) => it.parentElement.getBoundingClientRect().width > 40).length;
         found.wide = document.documentElement.scrollWidth - innerWidth;
         found.requests = performance.getEntriesByType('resource').length;</script></body>";

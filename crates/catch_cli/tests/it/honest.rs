@@ -119,17 +119,17 @@ fn a_thousand_throws_out_of_reach_break_nothing() {
 }
 
 #[test]
-fn the_ladder_climbs_and_goes_on_where_it_was() {
+fn a_study_goes_on_where_it_was() {
     let folder = tempfile::tempdir().unwrap();
-    let ladder = |more: &[&str]| {
-        let mut arguments = vec!["eval", "--ladder", "--json", "--object", "tennis_ball", "--trials", "1"];
+    let study = |more: &[&str]| {
+        let mut arguments = vec!["eval", "--study", "ablation", "--json", "--object", "tennis_ball", "--trials", "1"];
         arguments.extend(["--out", folder.path().to_str().unwrap()]);
         arguments.extend(more);
         let output = catchingbot(&arguments);
         assert!(output.status.success(), "{}", stderr(&output));
         serde_json::from_str::<serde_json::Value>(&stdout(&output)).unwrap()
     };
-    let first = ladder(&[]);
+    let first = study(&[]);
     let steps = first["steps"].as_array().unwrap();
     assert_eq!((steps.len(), &steps[0]["step"]), (19, &"01-paper".into()));
     for step in steps {
@@ -141,9 +141,9 @@ fn the_ladder_climbs_and_goes_on_where_it_was() {
     let (kept, lost) = (folder.path().join("01-paper/trials.jsonl"), folder.path().join("04-gripper"));
     let before = fs::metadata(&kept).unwrap().len();
     fs::remove_dir_all(&lost).unwrap();
-    assert_eq!(ladder(&["--resume"]), first);
+    assert_eq!(study(&["--resume"]), first);
     assert_eq!(fs::metadata(&kept).unwrap().len(), before);
-    let output = catchingbot(&["eval", "--ladder", "--throw", "near"]);
+    let output = catchingbot(&["eval", "--study", "ablation", "--throw", "near"]);
     assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
 }
 

@@ -245,8 +245,9 @@ fn arguments_that_cannot_be_right_say_what_would_be() {
         (&["register", "--cloud", "no.ply", "--reference", "banana"], &["no.ply"]),
         (&["catch", "--object", "cup.obj"], &["--object", "the mesh `cup.obj`", "`catchingbot new object cup`"]),
         (&["ready", "--robot", "ur10e", "--trials", "1", "--tries", "1"], &["no pose", "within reach"]),
-        (&["eval", "--ladder", "--method", "paper"], &["--ladder", "--method"]),
-        (&["eval", "--ladder", "--set", "arena.friction=1"], &["--ladder", "--set"]),
+        (&["eval", "--study", "ablation", "--method", "paper"], &["--study", "--method"]),
+        (&["eval", "--study", "ablation", "--set", "arena.friction=1"], &["--study", "--set"]),
+        (&["eval", "--study", "ablatoin"], &["--study", "did you mean `ablation`?"]),
         (&["catch", "--set", "brain.trajectory_optimization.velocity_scaling=1.5"], &["velocity_scaling", "0.01 to 1"]),
         (&["catch", "--set", "brain.perception.distance_grid_m=0"], &["distance_grid_m", "0.0005 to 0.05"]),
         (&["catch", "--set", "arena.step_s=1e-9"], &["arena.step_s", "0.00001 to 0.002"]),
@@ -262,7 +263,7 @@ fn arguments_that_cannot_be_right_say_what_would_be() {
 fn every_asset_is_right_and_what_is_not_is_told() {
     let assets = Spoilt::new();
     let mut files = Vec::new();
-    for kind in ["scenarios", "objects", "throws", "grippers", "rigs", "robots"] {
+    for kind in ["scenarios", "objects", "throws", "grippers", "rigs", "robots", "studies"] {
         let entries = fs::read_dir(assets.path(kind)).unwrap();
         files.extend(entries.map(|entry| entry.unwrap().path().to_str().unwrap().to_owned()));
     }

@@ -11,6 +11,7 @@ use crate::{
         Scenario,
         setup::{Choice, Setup, SourceNames, Sources},
     },
+    study::Study,
 };
 
 /// What a check found.
@@ -25,7 +26,8 @@ pub struct Checked {
 }
 
 /// Fields that only one kind of file has.
-const TELLTALES: [(&str, Kind); 8] = [
+const TELLTALES: [(&str, Kind); 9] = [
+    ("overlay", Kind::Study),
     ("flight_rig", Kind::Scenario),
     ("arena", Kind::Scenario),
     ("gripper_mount", Kind::Robot),
@@ -43,7 +45,7 @@ pub fn check(path: &Path) -> Checked {
     let asset = match Asset::on_disk(Kind::Scenario, &path) {
         Ok(asset) => asset,
         Err(InputError { file, field, found, .. }) => {
-            let expected = "a readable file: a scenario, robot, gripper, object, throw or rig";
+            let expected = "a readable file: a scenario, robot, gripper, object, throw, rig or study";
             return Checked::unreadable(InputError::new(file, field, found, expected));
         }
     };
@@ -61,7 +63,7 @@ pub fn check(path: &Path) -> Checked {
         None => {
             let fields: Vec<&str> = table.keys().map(String::as_str).collect();
             let found = if fields.is_empty() { "nothing".to_owned() } else { format!("fields {}", fields.join(", ")) };
-            let expected = "the fields of a scenario, robot, gripper, object, throw or rig (`catchingbot list --show NAME` prints one)";
+            let expected = "the fields of a scenario, robot, gripper, object, throw, rig or study (`catchingbot list --show NAME` prints one)";
             vec![InputError::new(&asset.file, "the file", found, expected)]
         }
     };
@@ -122,6 +124,11 @@ fn faults_of(kind: Kind, asset: &Asset) -> Vec<InputError> {
         Kind::Object => asset.thrown_object().map(drop),
         Kind::Throw => Throw::from_toml(file, text).map(drop),
         Kind::Rig => catch_cell::rig_from_toml(file, text).map(drop),
+        Kind::Study => Study::of(asset.clone()).and_then(|study| {
+            let objects = study.objects();
+            // Whatever a step names is read.
+            study.steps.iter().try_for_each(|step| study.cells(step, None, &objects[..1]).map(drop))
+        }),
     };
     result.err().into_iter().flat_map(InputError::all).collect()
 }
@@ -141,7 +148,7 @@ fn faults_of_scenario(asset: &Asset) -> Vec<InputError> {
     }
     if faults.is_empty() {
         // Each part is right; they may still not fit together.
-        faults = held(asset, Setup::of_scenario(asset, &Choice::default()));
+        faults = held(asset, Setup::of_asset(asset, &Choice::default()));
     }
     faults
 }

@@ -9,12 +9,14 @@ use crate::{
     scenario::setup::DEFAULT_SCENARIO,
 };
 
+/// Variants of the scenario that is meant when none is named.
+const STUDY: &str = include_str!("templates/study.toml");
 const OBJECT: &str = include_str!("templates/object.toml");
 
 /// A file: its name, and its content.
 pub type NewFile = (String, String);
 
-/// The files of a new thing of a kind, all of them right as they are: an object from a template, a scenario from the one that
+/// The files of a new thing of a kind, all of them right as they are: an object and a study from templates, a scenario from the one that
 /// is meant when none is named, a robot from the first that is built in.
 ///
 /// # Errors
@@ -27,6 +29,7 @@ pub fn files(kind: Kind, name: &str) -> Result<Vec<NewFile>, InputError> {
     }
     match kind {
         Kind::Object => Ok(vec![(format!("{name}.toml"), OBJECT.replace("{{name}}", name))]),
+        Kind::Study => Ok(vec![(format!("{name}.toml"), STUDY.to_owned())]),
         Kind::Robot => {
             let robot = Asset::any_built_in(Kind::Robot)?;
             let (_, urdf) = robot.read_text_beside("robot.urdf")?;

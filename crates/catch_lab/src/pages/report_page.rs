@@ -1,8 +1,8 @@
 //! An evaluation as one page: rates against the published ones, misses by reason, prediction, computing time.
 
-mod ladder;
 mod misses;
 mod rows;
+mod study;
 
 use std::{collections::BTreeMap, fmt::Write};
 
@@ -19,8 +19,8 @@ use crate::{
 };
 use rows::{Mark, Scale, row};
 
-pub use ladder::ladder_page;
 pub use misses::{MOST_MISSES, MOST_MISSES_OF_A_STEP, record_misses};
+pub use study::study_page;
 
 const PAGE: &str = include_str!("report_page/report.html");
 const REPORT_STYLE: &str = include_str!("report_page/report.css");

@@ -134,17 +134,30 @@ impl Setup {
         let nowhere = Origin::BuiltIn(PathBuf::new());
         let name = choice.scenario.unwrap_or(DEFAULT_SCENARIO);
         let asset = Asset::find(Kind::Scenario, name, &nowhere, (COMMAND_LINE, "--scenario"))?;
-        Self::of_scenario(&asset, choice)
+        Self::of_asset(&asset, choice)
     }
 
     /// Reads all that the scenario in `asset` and `choice` name.
     ///
     /// # Errors
     /// As [`load`](Self::load).
-    pub fn of_scenario(asset: &Asset, choice: &Choice) -> Result<Self, InputError> {
-        let mut scenario = Scenario::from_toml(&asset.file, &asset.text)?;
+    pub fn of_asset(asset: &Asset, choice: &Choice) -> Result<Self, InputError> {
         // Results call it by its file, as they do with objects and throws, and by what is different from it.
-        scenario.name.clone_from(&asset.name);
+        let scenario = Scenario { name: asset.name.clone(), ..Scenario::from_toml(&asset.file, &asset.text)? };
+        Self::of_scenario(scenario, &asset.file, &asset.origin, choice)
+    }
+
+    /// Reads all that a scenario and `choice` name; `file` names the scenario in errors, and what it names is looked for from
+    /// `origin` on.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn of_scenario(
+        mut scenario: Scenario,
+        file: &str,
+        origin: &Origin,
+        choice: &Choice,
+    ) -> Result<Self, InputError> {
         let is_other_robot = choice.robot.is_some_and(|robot| robot != scenario.robot);
         if is_other_robot {
             // The scenario's pose is one of its own arm.
@@ -155,7 +168,7 @@ impl Setup {
             Some(name) => {
                 Asset::find(kind, name, &Origin::BuiltIn(PathBuf::new()), (COMMAND_LINE, &format!("--{kind}")))
             }
-            None => Asset::find(kind, named, &asset.origin, (&asset.file, field)),
+            None => Asset::find(kind, named, origin, (file, field)),
         };
         let robot = find(Kind::Robot, choice.robot, &scenario.robot, "robot")?;
         let gripper = find(Kind::Gripper, None, &scenario.gripper, "gripper")?;
@@ -174,13 +187,13 @@ impl Setup {
         let names = SourceNames { robot_urdf: &urdf_file, robot_toml: &robot.file, gripper_toml: &gripper.file };
         let (mut arm, hand) = sources.parse(&names)?;
         if let Some(values) = &scenario.ready_rad {
-            arm.ready_q = arm.checked_pose(&asset.file, "ready_rad", values)?;
+            arm.ready_q = arm.checked_pose(file, "ready_rad", values)?;
         }
         if let Some(values) = &scenario.place_rad {
-            arm.checked_pose(&asset.file, "place_rad", values)?;
+            arm.checked_pose(file, "place_rad", values)?;
         }
         let thrown = object.thrown_object()?;
-        check_closing(&asset.file, &scenario, &hand, &gripper.file)?;
+        check_closing(file, &scenario, &hand, &gripper.file)?;
         let cameras = rig_from_toml(&flight_rig.file, &flight_rig.text)?;
         let scanners = rig_from_toml(&reference_rig.file, &reference_rig.text)?;
         let reference_scan = reference_scan(&thrown.mesh, &scanners);

@@ -12,7 +12,7 @@ use crate::{
 
 /// Misses of an evaluation that get a page, the first ones.
 pub const MOST_MISSES: usize = 20;
-/// The same for each step of a ladder, which has many steps.
+/// The same for each step of a study, which has many.
 pub const MOST_MISSES_OF_A_STEP: usize = 3;
 /// Their folder beside the report.
 const FOLDER: &str = "misses";
