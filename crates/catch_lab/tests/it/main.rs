@@ -10,5 +10,6 @@ mod play;
 mod robot_controller;
 mod search_passes;
 mod source;
+mod standard_terms;
 mod throws_out_of_reach;
 mod tidy;
