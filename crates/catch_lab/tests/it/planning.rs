@@ -15,9 +15,11 @@ use catch_bot::{
 };
 use catch_cell::{ArmTrajectory, LimitKind, Setpoint, executor::PeakRatios};
 use catch_lab::{
-    brain::BrainSettings,
-    planner_cases,
-    setup::{Choice, Setup},
+    own_data::planner_cases,
+    scenario::{
+        brain::BrainSettings,
+        setup::{Choice, Setup},
+    },
     trial,
 };
 use catch_paper::posed::{PosedPlanner, Target};
