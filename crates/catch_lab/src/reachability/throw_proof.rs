@@ -26,6 +26,7 @@ use catch_bot::{
     trajectory_prediction::FlightTrajectory,
 };
 use catch_cell::arm::Setpoint;
+use catch_paper::unreachable::shortfall;
 use nalgebra::{Point3, Vector3};
 
 /// Times of the first pieces, in seconds.
