@@ -21,7 +21,6 @@ use catch_bot::{
         MotionPlanner, Start,
         motion::LimitScaling,
         reachability::{Interval, ReachableSet},
-
     },
     trajectory_prediction::FlightTrajectory,
 };
