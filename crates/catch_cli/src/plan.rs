@@ -150,7 +150,7 @@ fn row(planner: &PosedPlanner, start: &Start, case: &PlannerCase, general: bool)
         Err(PlanningFailure::OutOfReach) => "out_of_reach",
         Err(_) => "no_motion",
     };
-    let plan = found.ok().map(|plan| figures(planner.motion(), start, case, &plan));
+    let plan = found.ok().map(|plan| figures(planner, start, case, &plan));
     Row { id: case.id.clone(), status, time_ms, plan }
 }
 
@@ -168,8 +168,8 @@ fn timed<T>(mut run: impl FnMut() -> T) -> (T, f64) {
     (result, times[RUNS / 2])
 }
 
-fn figures(planner: &MotionPlanner, start: &Start, case: &PlannerCase, plan: &PosedCatch) -> PlanFigures {
-    let (robot, target, spline) = (planner.robot(), &case.target, &plan.spline);
+fn figures(planner: &PosedPlanner, start: &Start, case: &PlannerCase, plan: &PosedCatch) -> PlanFigures {
+    let (robot, target, spline) = (planner.motion().robot(), &case.target, &plan.spline);
     let [q, dq, _] = spline.evaluate(target.catch_s);
     let X_WL = robot.link_poses(&q);
     let X_WG = robot.gripper_in(&X_WL);
