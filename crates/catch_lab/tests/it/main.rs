@@ -7,7 +7,6 @@ mod determinism;
 mod evaluation;
 mod frames;
 mod general_form;
-mod holding;
 mod honest;
 mod mcap_file;
 mod own_data;
