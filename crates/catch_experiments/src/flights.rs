@@ -5,8 +5,10 @@ use anyhow::Result;
 use catch_cell::{Brain, Cell, Command, Observation, PixelWindow};
 use catch_lab::{
     assets::Kind,
-    brain::ChosenBrain,
-    setup::{Choice, Setup},
+    scenario::{
+        brain::ChosenBrain,
+        setup::{Choice, Setup},
+    },
 };
 use catch_sim::{Truth, TruthSample};
 use nalgebra::Vector3;

@@ -4,7 +4,7 @@ use anyhow::{Context, Result};
 use catch_lab::{
     assets::Kind,
     referee::{self, Measures},
-    setup::{Choice, Setup},
+    scenario::setup::{Choice, Setup},
     trial,
 };
 use nalgebra::{DMatrix, DVector};

@@ -4,7 +4,7 @@ use anyhow::Result;
 use catch_cell::Cell;
 use catch_lab::{
     assets::Kind,
-    setup::{Choice, Setup},
+    scenario::setup::{Choice, Setup},
 };
 
 use crate::{

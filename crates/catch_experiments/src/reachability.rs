@@ -3,8 +3,8 @@
 use anyhow::{Context, Result};
 use catch_lab::{
     assets::Kind,
-    oracle::{Oracle, Reach},
-    setup::{Choice, Setup},
+    reachability::oracle::{Oracle, Reach},
+    scenario::setup::{Choice, Setup},
 };
 
 use crate::{

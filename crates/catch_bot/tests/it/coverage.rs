@@ -1,7 +1,9 @@
 //! Predicted uncertainty against true errors, from images on.
 
+use std::sync::Arc;
+
 use catch_bot::{
-    perception::{self, DepthNoise, ReferenceModel, Workspace, find_object},
+    perception::{self, DepthNoise, PoseEstimator, ReferenceModel, SdfEstimator, View, Workspace},
     trajectory_prediction::{Config, FlightTrajectory, inertia_per_kg, predict},
 };
 use nalgebra::Vector3;
@@ -30,7 +32,7 @@ fn throw(far: bool, reference: &ReferenceModel, normal: &mut Normal) -> FlightTr
 }
 
 /// eᵀΣ⁻¹e of the predicted position at the catch after each of [`FRAMES`], one image set in ten an outlier of 5 to 20 cm.
-fn squared_errors(shape: &Shape, reference: &ReferenceModel, noise: Noise, seed: u64) -> [f64; 2] {
+fn squared_errors(shape: &Shape, reference: &Arc<ReferenceModel>, noise: Noise, seed: u64) -> [f64; 2] {
     let (constant_m, quadratic_per_m) = synthetic::data_sheet(noise);
     let depth_noise = Some(DepthNoise { constant_m, quadratic_per_m });
     let perception = perception::Config { depth_noise, ..Default::default() };
@@ -38,7 +40,8 @@ fn squared_errors(shape: &Shape, reference: &ReferenceModel, noise: Noise, seed:
     let cameras = synthetic::flight_rig();
     let mut normal = Normal::new(seed);
     let throw = throw(seed % 2 == 1, reference, &mut normal);
-    let (mut workspace, mut space) = (Workspace::default(), Default::default());
+    let mut estimator = SdfEstimator::new(perception, reference.clone(), Workspace::default());
+    let mut space = Default::default();
     let (mut poses, mut flight) = (Vec::new(), None::<FlightTrajectory>);
     let mut squares = [f64::NAN; 2];
     for i in 0..FRAMES[1] {
@@ -52,8 +55,8 @@ fn squared_errors(shape: &Shape, reference: &ReferenceModel, noise: Noise, seed:
         let mut frames = synthetic::depth_frames(&cameras, shape, &X_WR, noise, &mut normal);
         frames.iter_mut().for_each(|frame| frame.capture_s = capture_s);
         let expected = flight.as_ref().map(|flight| flight.pose_at(capture_s));
-        let found = find_object(&frames, &cameras, reference, expected.as_ref(), None, &perception, &mut workspace);
-        poses.extend(found.ok());
+        let view = View { frames: &frames, cameras: &cameras, surroundings: None };
+        poses.extend(estimator.estimate(&view, expected.into()).ok());
         flight = predict(&poses, flight.as_ref(), reference.symmetry, &prediction, seed, &mut space).ok().or(flight);
         if let Some(at) = FRAMES.iter().position(|count| *count == i + 1) {
             let flight = flight.as_ref().unwrap_or_else(|| panic!("{seed}: no flight after {} image sets", i + 1));
@@ -70,7 +73,7 @@ fn squared_errors(shape: &Shape, reference: &ReferenceModel, noise: Noise, seed:
 fn catches_lie_where_they_are_claimed() {
     let mut squares = Vec::new();
     for (i, (_, shape)) in Shape::all().iter().enumerate() {
-        let reference = synthetic::reference(shape, 200);
+        let reference = Arc::new(synthetic::reference(shape, 200));
         let seeds = (0..10).map(|throw| 10_000 * i as u64 + throw);
         squares.extend(seeds.map(|seed| squared_errors(shape, &reference, Noise::Constant(0.002), seed)));
     }

@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use catch_body::Pose;
-use catch_bot::perception::{self, PoseEstimator, ReferenceModel, SdfEstimator, View, Workspace};
+use catch_bot::perception::{self, PoseEstimator, Prior, ReferenceModel, SdfEstimator, View, Workspace};
 use catch_paper::{IcpEstimator, registration};
 use nalgebra::UnitQuaternion;
 
@@ -21,7 +21,8 @@ fn errors(estimator: &mut dyn PoseEstimator, shape: &Shape, reference: &Referenc
         let turn = UnitQuaternion::from_scaled_axis(normal.vector() * 0.1);
         let prior = Pose::from_parts((X_WO.translation.vector + normal.vector() * 0.012).into(), turn * X_WO.rotation);
         let view = View { frames: &frames, cameras: &cameras, surroundings: None };
-        let found = estimator.estimate(&view, Some(&prior)).unwrap_or_else(|status| panic!("{seed}: {status:?}"));
+        let found =
+            estimator.estimate(&view, Prior::from(Some(prior))).unwrap_or_else(|status| panic!("{seed}: {status:?}"));
         errors[0].push((found.X_WO.translation.vector - X_WO.translation.vector).norm());
         errors[1].push(reference.symmetry.turn_between(&found.X_WO.rotation, &X_WO.rotation).norm());
     }
