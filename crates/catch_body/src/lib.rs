@@ -16,10 +16,12 @@ pub mod kinematics;
 pub mod mesh;
 pub mod mesh_file;
 pub mod pose;
+pub mod quantity;
 pub mod ray_cast;
 pub mod robot;
 pub mod robot_file;
 pub mod shape;
+mod toml_input;
 
 pub use gripper::Gripper;
 pub use input_error::InputError;
