@@ -33,7 +33,7 @@ pub struct SrsArm {
     /// Direction of the stretched arm.
     along: Unit<Vector3<f64>>,
     axes: [Unit<Vector3<f64>>; 7],
-    /// Attitude of the gripper and position of the wrist in its frame.
+    /// Orientation of the gripper and position of the wrist in its frame.
     R_WG: Rotation3<f64>,
     p_GW: Point3<f64>,
     lower: JointVector,
@@ -303,7 +303,7 @@ mod tests {
         /// No joint turns more than its bound while the elbow moves.
         #[test]
         fn joints_turn_no_more_than_claimed(
-            unit in prop::array::uniform7(-0.99f64..0.99), swivel in -3.1f64..3.1, by in 0.001f64..0.3, share in -1.0f64..1.0,
+            unit in prop::array::uniform7(-0.99f64..0.99), swivel in -3.1f64..3.1, by in 0.001f64..0.3, fraction in -1.0f64..1.0,
         ) {
             let robot = iiwa();
             let arm = SrsArm::of(&robot).unwrap();
@@ -313,7 +313,7 @@ mod tests {
             for branch in Branch::ALL {
                 let most = arm.turned_by(&circle, swivel, branch, by);
                 let before = arm.solve_branch(&circle, swivel, branch);
-                let after = arm.solve_branch(&circle, swivel + share * by, branch);
+                let after = arm.solve_branch(&circle, swivel + fraction * by, branch);
                 for i in 0..7 {
                     let turn = (after[i] - before[i]).abs();
                     let turn = turn.min(std::f64::consts::TAU - turn);

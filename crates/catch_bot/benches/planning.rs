@@ -39,7 +39,7 @@ fn at_rest(planner: &MotionPlanner, q: &[f64], time_s: f64) -> Start {
 /// Case 0 of `cases/planner_cases.json`, and the same 5 mm aside.
 fn given_pose(criterion: &mut Criterion) {
     let planner = planner(|config| {
-        (config.position_margin_rad, config.velocity_share, config.torque_share) = (0.0, 1.0, 1.0);
+        (config.position_margin_rad, config.velocity_scaling, config.torque_scaling) = (0.0, 1.0, 1.0);
     });
     let start = at_rest(&planner, &[1.57, 0.5, 0.0, -1.2, 0.0, 0.8, 1.57], 0.0);
     let R_WG = Matrix3::new(

@@ -309,7 +309,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Candidate<E, P, C> {
             self.rests = false;
         }
         self.images += 1;
-        self.residuals_m += pose.outline_residual_m.unwrap_or(pose.residual_m);
+        self.residuals_m += pose.silhouette_residual_m.unwrap_or(pose.residual_m);
         Some(pose)
     }
 

@@ -116,9 +116,9 @@ pub fn basis(knots: &[f64], time: f64) -> (usize, [[f64; DEGREE + 1]; 3]) {
         for j in 0..d {
             let left = knots[span + 1 + j - d];
             let right = knots[span + 1 + j];
-            let share = degree[d - 1][j] / (right - left);
-            degree[d][j] += (right - time) * share;
-            degree[d][j + 1] += (time - left) * share;
+            let fraction = degree[d - 1][j] / (right - left);
+            degree[d][j] += (right - time) * fraction;
+            degree[d][j + 1] += (time - left) * fraction;
         }
     }
 
@@ -127,9 +127,9 @@ pub fn basis(knots: &[f64], time: f64) -> (usize, [[f64; DEGREE + 1]; 3]) {
         let mut out = [0.0; DEGREE + 1];
         for j in 0..d {
             let width = knots[span + 1 + j] - knots[span + 1 + j - d];
-            let share = d as f64 * lower[j] / width;
-            out[j] -= share;
-            out[j + 1] += share;
+            let fraction = d as f64 * lower[j] / width;
+            out[j] -= fraction;
+            out[j + 1] += fraction;
         }
         out
     };

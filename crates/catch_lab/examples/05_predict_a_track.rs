@@ -10,7 +10,7 @@ use catch_bot::{
 use nalgebra::{Matrix6, Vector3};
 
 fn main() -> anyhow::Result<()> {
-    // Twenty positions at 100 Hz, each off by a millimetre or so; attitudes are not known.
+    // Twenty positions at 100 Hz, each off by a millimetre or so; orientations are not known.
     let (start, velocity) = (Vector3::new(2.0, 1.5, 0.6), Vector3::new(-2.4, -1.9, 3.6));
     let truth = |t: f64| start + velocity * t + Vector3::new(0.0, 0.0, -9.81) * (t * t / 2.0);
     let poses: Vec<ObjectPose> = (0..20)
@@ -26,9 +26,9 @@ fn main() -> anyhow::Result<()> {
                 information,
                 points: 200,
                 residual_m: 0.0,
-                outline_residual_m: None,
+                silhouette_residual_m: None,
                 iterations: 0,
-                cold_started: false,
+                registered_globally: false,
             }
         })
         .collect();

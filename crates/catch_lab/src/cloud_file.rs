@@ -54,8 +54,8 @@ pub fn on_surface(mesh: &TriangleMesh) -> CloudFile {
         let steps = (longest / MESH_SPACING_M).ceil().max(1.0) as u32;
         for i in 0..steps {
             for j in 0..steps - i {
-                let share = |k: u32| (f64::from(k) + 1.0 / 3.0) / f64::from(steps);
-                points.push(a + (b - a) * share(i) + (c - a) * share(j));
+                let fraction = |k: u32| (f64::from(k) + 1.0 / 3.0) / f64::from(steps);
+                points.push(a + (b - a) * fraction(i) + (c - a) * fraction(j));
                 normals.push(normal);
             }
         }

@@ -168,7 +168,7 @@ impl Evaluation {
         let (cell, index) = self.job(job);
         let mut brain = cell.brain.make(&cell.setup, self.seed, index);
         let trial = trial::run_brain(&mut *brain, &cell.setup, self.seed, index, &mut |_, _| Ok(()))
-            .expect("this onlooker has no objections");
+            .expect("this observer has no objections");
         let mut verdict = referee::judge(&cell.setup, &trial);
         if !verdict.caught {
             verdict.reach = Oracle::of(&cell.setup).map(|oracle| oracle.reach(&cell.setup, self.seed, index));

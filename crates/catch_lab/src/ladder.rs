@@ -42,11 +42,11 @@ pub const RUNGS: [Rung; 10] = [
     },
     Rung {
         name: "random",
-        removes: "throws from one place, in one attitude",
+        removes: "throws from one place, in one orientation",
         change: |scenario, honest| {
             scenario.throw.clone_from(&honest.throw);
             scenario.ready_rad.clone_from(&honest.ready_rad);
-            // More ways of holding are for attitudes that nobody chose.
+            // More grasp candidates are for orientations that nobody chose.
             scenario.brain.grasp_selection.turns_rad.clone_from(&honest.brain.grasp_selection.turns_rad);
         },
         throws: Some(&["random"]),
@@ -87,7 +87,7 @@ pub const RUNGS: [Rung; 10] = [
         removes: "exact depths and images that never get lost",
         change: |scenario, honest| {
             scenario.arena.depth.model.clone_from(&honest.arena.depth.model);
-            scenario.arena.depth.lost_frame_share = honest.arena.depth.lost_frame_share;
+            scenario.arena.depth.lost_frame_fraction = honest.arena.depth.lost_frame_fraction;
             let camera_sd_rad = scenario.brain.perception.camera_sd_rad;
             scenario.brain.perception = perception::Config { camera_sd_rad, ..honest.brain.perception.clone() };
         },

@@ -1,6 +1,6 @@
 //! What was possible: whether the arm could have been at any catch of a throw in time, known to nobody but the referee.
 //!
-//! The oracle knows the true flight and has no noise. It asks, for every 10 ms of the flight and for many attitudes of the hand
+//! The oracle knows the true flight and has no noise. It asks, for every 10 ms of the flight and for many orientations of the hand
 //! around the object, whether any posture of the arm that holds the hand there can be reached from the waiting pose. What a joint
 //! can reach in a time T from rest is an interval, exact and in closed form; which postures lie in those intervals is answered by
 //! the inverse kinematics for all redundancy at once. The arm may be moving at the catch, if it can stop before its joints' limits
@@ -28,7 +28,7 @@ const CATCH_INTERVAL_S: f64 = 0.01;
 const FLIGHT_STEP_S: f64 = 1e-3;
 /// No flight is followed longer, in seconds.
 const LONGEST_S: f64 = 2.0;
-/// Attitudes of the hand: from the object passing through the gap to it flying at the palm, and around the flight.
+/// Orientations of the hand: from the object passing through the gap to it flying at the palm, and around the flight.
 const TILTS: usize = 7;
 const ROLLS: usize = 16;
 /// Swivels that are tried in each arc of the redundancy.
@@ -73,12 +73,12 @@ impl<'a> Oracle<'a> {
     /// The first time at which some catch is possible for an arm that begins to move at `start_s`.
     fn first_catch_s(&self, flight: &Flight, start_s: f64) -> Option<f64> {
         let stride = (CATCH_INTERVAL_S / FLIGHT_STEP_S) as usize;
-        let mut moments = flight.moments.iter().step_by(stride).filter(|moment| moment.time_s > start_s);
-        moments.find(|moment| self.is_possible(moment, moment.time_s - start_s)).map(|moment| moment.time_s)
+        let mut samples = flight.samples.iter().step_by(stride).filter(|sample| sample.time_s > start_s);
+        samples.find(|sample| self.is_possible(sample, sample.time_s - start_s)).map(|sample| sample.time_s)
     }
 
-    /// Whether the hand can be at the object after moving for `time_s`, in any attitude.
-    fn is_possible(&self, moment: &Moment, time_s: f64) -> bool {
+    /// Whether the hand can be at the object after moving for `time_s`, in any orientation.
+    fn is_possible(&self, sample: &FlightSample, time_s: f64) -> bool {
         let mut ranges = [[0.0; 2]; 7];
         for (i, joint) in self.robot.joints.iter().enumerate() {
             let way = farthest(&joint.limits, time_s);
@@ -87,16 +87,16 @@ impl<'a> Oracle<'a> {
                 (self.robot.ready_q[i] + way).min(joint.limits.upper),
             ];
         }
-        hands(&moment.v_WO).any(|R_WG| {
+        hands(&sample.v_WO).any(|R_WG| {
             let X_WG = Pose::from_parts(
-                (moment.p_WO - R_WG * self.gripper.grasp_centre().coords).coords.into(),
+                (sample.p_WO - R_WG * self.gripper.grasp_centre().coords).coords.into(),
                 UnitQuaternion::from_rotation_matrix(&R_WG),
             );
             let Some(circle) = self.arm.elbow_circle(&X_WG) else { return false };
             self.arm.swivels(&circle, &ranges).into_iter().any(|(branch, [low, high])| {
                 (0..SWIVELS).any(|i| {
-                    let share = (i as f64 + 0.5) / SWIVELS as f64;
-                    let q = self.arm.solve_branch(&circle, low + (high - low) * share, branch);
+                    let fraction = (i as f64 + 0.5) / SWIVELS as f64;
+                    let q = self.arm.solve_branch(&circle, low + (high - low) * fraction, branch);
                     self.can_stop_after(&q, time_s) && self.is_clear(&q)
                 })
             })
@@ -107,7 +107,7 @@ impl<'a> Oracle<'a> {
     fn can_stop_after(&self, q: &JointVector, time_s: f64) -> bool {
         self.robot.joints.iter().enumerate().all(|(i, joint)| {
             let way = q[i] - self.robot.ready_q[i];
-            let speed = least_arrival_speed(way.abs(), time_s, joint.limits.velocity, joint.limits.acceleration);
+            let speed = least_terminal_speed(way.abs(), time_s, joint.limits.velocity, joint.limits.acceleration);
             let stop = q[i] + way.signum() * speed * speed / (2.0 * joint.limits.acceleration);
             (joint.limits.lower..=joint.limits.upper).contains(&stop)
         })
@@ -135,7 +135,7 @@ fn farthest(limits: &JointLimits, time_s: f64) -> f64 {
 ///
 /// With the end's speed e, the longest way goes up to the peak p = min(V, (A·T + e)/2), coasts and brakes to e:
 /// s(e) = p²/2A + (p² − e²)/2A + p·(T − (2p − e)/A), which rises with e. Bisection finds where it is the way.
-fn least_arrival_speed(way: f64, time_s: f64, velocity: f64, acceleration: f64) -> f64 {
+fn least_terminal_speed(way: f64, time_s: f64, velocity: f64, acceleration: f64) -> f64 {
     let longest = |end: f64| {
         let peak = velocity.min(f64::midpoint(acceleration * time_s, end));
         let ramps = (2.0 * peak * peak - end * end) / (2.0 * acceleration);
@@ -152,7 +152,7 @@ fn least_arrival_speed(way: f64, time_s: f64, velocity: f64, acceleration: f64) 
     high
 }
 
-/// Attitudes of a hand that an object may fly into with `v_WO`: its approach y_G at every angle from against the flight (at the palm)
+/// Orientations of a hand that an object may fly into with `v_WO`: its approach y_G at every angle from against the flight (at the palm)
 /// to across it (through the gap), around the flight in all directions; the closing direction x_G is always across the flight.
 fn hands(v_WO: &Vector3<f64>) -> impl Iterator<Item = Rotation3<f64>> {
     let along = Unit::new_normalize(*v_WO);
@@ -169,10 +169,10 @@ fn hands(v_WO: &Vector3<f64>) -> impl Iterator<Item = Rotation3<f64>> {
 /// The true flight, undisturbed.
 struct Flight {
     /// Every millisecond from the release on until the object meets the floor.
-    moments: Vec<Moment>,
+    samples: Vec<FlightSample>,
 }
 
-struct Moment {
+struct FlightSample {
     time_s: f64,
     p_WO: Point3<f64>,
     v_WO: Vector3<f64>,
@@ -180,15 +180,15 @@ struct Moment {
 
 impl Flight {
     fn of(release: &Release, conditions: &Conditions) -> Self {
-        let (mut p_WO, mut v_WO, mut moments) = (release.p_WO, release.v_WO, Vec::new());
+        let (mut p_WO, mut v_WO, mut samples) = (release.p_WO, release.v_WO, Vec::new());
         let acceleration = |v_WO: &Vector3<f64>| dynamics::gravity() + conditions.air_mps2(v_WO);
-        while p_WO.z > 0.0 && (moments.len() as f64) * FLIGHT_STEP_S < LONGEST_S {
-            moments.push(Moment { time_s: moments.len() as f64 * FLIGHT_STEP_S, p_WO, v_WO });
+        while p_WO.z > 0.0 && (samples.len() as f64) * FLIGHT_STEP_S < LONGEST_S {
+            samples.push(FlightSample { time_s: samples.len() as f64 * FLIGHT_STEP_S, p_WO, v_WO });
             let middle = v_WO + acceleration(&v_WO) * (FLIGHT_STEP_S / 2.0);
             p_WO += middle * FLIGHT_STEP_S;
             v_WO += acceleration(&middle) * FLIGHT_STEP_S;
         }
-        Self { moments }
+        Self { samples }
     }
 }
 
@@ -202,11 +202,11 @@ mod tests {
         let limits = JointLimits { lower: -3.0, upper: 3.0, velocity: 1.5, acceleration: 9.0, torque: 1.0, jerk: None };
         for time_s in [0.05, 0.2, 0.7] {
             let most = farthest(&limits, time_s);
-            let speed = least_arrival_speed(most, time_s, 1.5, 9.0);
+            let speed = least_terminal_speed(most, time_s, 1.5, 9.0);
             assert!((speed - (9.0 * time_s).min(1.5)).abs() < 1e-3, "{speed} after {time_s} s");
-            assert_eq!(least_arrival_speed(0.2 * most, time_s, 1.5, 9.0), 0.0);
+            assert_eq!(least_terminal_speed(0.2 * most, time_s, 1.5, 9.0), 0.0);
             // Up, coast, down, simulated: no way of arriving slower gets there.
-            let speed = least_arrival_speed(0.9 * most, time_s, 1.5, 9.0);
+            let speed = least_terminal_speed(0.9 * most, time_s, 1.5, 9.0);
             let (step, mut v, mut s) = (time_s * 1e-5, 0.0_f64, 0.0);
             for i in 0..100_000 {
                 let left = time_s - f64::from(i) * step;

@@ -19,7 +19,7 @@ use crate::{
     referee::{self, Row},
     setup::Setup,
     stopwatch::Stopwatch,
-    trial::{EndWatch, Thought, Trial},
+    trial::{EndWatch, StateSnapshot, Trial},
 };
 
 /// How long the thrower waits for the arm before it counts as stuck, in seconds of the cell's clock.
@@ -167,17 +167,17 @@ impl LivingCell {
     /// brain took what flew.
     fn trial(&mut self, setup: &Setup, released_s: f64) -> (Trial, Option<usize>) {
         let mut watch = EndWatch::from(released_s);
-        let (mut thoughts, mut identified) = (Vec::new(), None);
+        let (mut snapshots, mut identified) = (Vec::new(), None);
         loop {
             let time_s = self.tick(setup);
             if self.brain.phase() != Phase::Waiting {
                 identified.get_or_insert(self.brain.object());
                 let report = Some(since(self.brain.report(), released_s));
-                thoughts.push(Thought { time_s: time_s - released_s, report, stage_ms: Vec::new() });
+                snapshots.push(StateSnapshot { time_s: time_s - released_s, report, stage_ms: Vec::new() });
             }
             if watch.is_over(&mut self.arena) {
                 let truth = truth_since(self.arena.take_truth(), released_s, setup.scenario.arena.step_s);
-                return (Trial { truth, thoughts, stopwatch: Stopwatch::default() }, identified);
+                return (Trial { truth, snapshots, stopwatch: Stopwatch::default() }, identified);
             }
         }
     }
@@ -230,7 +230,7 @@ fn truth_since(mut truth: Truth, zero_s: f64, step_s: f64) -> Truth {
     for sample in &mut truth.samples {
         sample.time_s = shifted(sample.time_s);
     }
-    truth.shaking_since_s = truth.shaking_since_s.map(shifted);
+    truth.disturbed_since_s = truth.disturbed_since_s.map(shifted);
     truth.diverged_s = truth.diverged_s.map(shifted);
     truth
 }

@@ -34,7 +34,7 @@ pub fn heat_map(
     path: &Path,
     distances_m: &[f64],
     speeds_mps: &[f64],
-    share: &dyn Fn(usize, usize) -> Option<f64>,
+    fraction: &dyn Fn(usize, usize) -> Option<f64>,
 ) -> Result<(), Failure> {
     let root = SVGBackend::new(path, SIZE).into_drawing_area();
     root.fill(&WHITE)?;
@@ -61,13 +61,13 @@ pub fn heat_map(
         .draw()?;
     for row in 0..rows {
         for column in 0..columns {
-            let Some(share) = share(row, column) else { continue };
+            let Some(fraction) = fraction(row, column) else { continue };
             let (x, y) = (column as f64, row as f64);
-            let colour = OURS.mix(0.06 + 0.94 * share);
+            let colour = OURS.mix(0.06 + 0.94 * fraction);
             chart.draw_series([Rectangle::new([(x + 0.03, y + 0.03), (x + 0.97, y + 0.97)], colour.filled())])?;
-            let ink = if share > 0.5 { WHITE } else { BLACK };
+            let ink = if fraction > 0.5 { WHITE } else { BLACK };
             let style = ("sans-serif", 13).into_font().color(&ink);
-            chart.draw_series([Text::new(format!("{:.0}", share * 100.0), (x + 0.4, y + 0.6), style)])?;
+            chart.draw_series([Text::new(format!("{:.0}", fraction * 100.0), (x + 0.4, y + 0.6), style)])?;
         }
     }
     root.present()?;
@@ -104,8 +104,8 @@ fn caught(report: &Report, path: &Path) -> Result<(), Failure> {
         .draw()?;
     let rates = published_rates();
     for (i, cell) in cells.iter().enumerate() {
-        let (left, share) = (i as f64, 100.0 * cell.caught as f64 / cell.trials.max(1) as f64);
-        chart.draw_series([Rectangle::new([(left + 0.18, 0.0), (left + 0.5, share)], OURS.filled())])?;
+        let (left, fraction) = (i as f64, 100.0 * cell.caught as f64 / cell.trials.max(1) as f64);
+        chart.draw_series([Rectangle::new([(left + 0.18, 0.0), (left + 0.5, fraction)], OURS.filled())])?;
         if let Some([low, high]) = cell.wilson95 {
             let line = vec![(left + 0.34, low * 100.0), (left + 0.34, high * 100.0)];
             chart.draw_series([PathElement::new(line, BLACK.stroke_width(2))])?;
@@ -128,7 +128,7 @@ fn caught(report: &Report, path: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The share of throws whose prediction at the catch was off by at most so much, cell by cell.
+/// The fraction of throws whose prediction at the catch was off by at most so much, cell by cell.
 fn prediction(report: &Report, path: &Path) -> Result<(), Failure> {
     let root = SVGBackend::new(path, SIZE).into_drawing_area();
     root.fill(&WHITE)?;
@@ -163,8 +163,8 @@ fn prediction(report: &Report, path: &Path) -> Result<(), Failure> {
         .draw()?;
     for (i, (name, errors)) in curves.iter().enumerate().filter(|(_, (_, errors))| !errors.is_empty()) {
         let colour = Palette99::pick(i).to_rgba();
-        let share = |rank: usize| 100.0 * rank as f64 / errors.len() as f64;
-        let steps = errors.iter().enumerate().flat_map(|(k, error)| [(*error, share(k)), (*error, share(k + 1))]);
+        let fraction = |rank: usize| 100.0 * rank as f64 / errors.len() as f64;
+        let steps = errors.iter().enumerate().flat_map(|(k, error)| [(*error, fraction(k)), (*error, fraction(k + 1))]);
         chart
             .draw_series(LineSeries::new(steps.collect::<Vec<_>>(), colour.stroke_width(2)))?
             .label(name)

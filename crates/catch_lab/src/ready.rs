@@ -113,14 +113,14 @@ impl Corridor {
         })
     }
 
-    /// Tries `tries` poses, starting from `start`; `onlooker` is told after each how many were tried, and of
+    /// Tries `tries` poses, starting from `start`; `observer` is told after each how many were tried, and of
     /// the best so far.
     pub fn search(
         &self,
         start: &JointVector,
         tries: usize,
         seed: u64,
-        onlooker: &mut dyn FnMut(usize, &Ready),
+        observer: &mut dyn FnMut(usize, &Ready),
     ) -> Option<Ready> {
         let mut rng = Pcg64::seed_from_u64(seed);
         let mut best = self.value(start);
@@ -140,7 +140,7 @@ impl Corridor {
                 best = Some(ready);
             }
             if let Some(best) = &best {
-                onlooker(attempt + 1, best);
+                observer(attempt + 1, best);
             }
         }
         best

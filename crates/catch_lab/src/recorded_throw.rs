@@ -29,7 +29,7 @@ pub struct RecordedThrow {
     pub stopwatch: Stopwatch,
 }
 
-/// Throws once, lets the brain have its chance, judges, and keeps it all in `folder`. `tell` hears the story as it happens.
+/// Throws once, lets the brain try, judges, and keeps it all in `folder`. `tell` hears the story as it happens.
 ///
 /// # Errors
 /// Files that cannot be written; those of `tell`.

@@ -101,11 +101,11 @@ pub struct RecordedTick {
     pub observation: Observation,
     /// What it wanted.
     pub command: Command,
-    /// What it thought.
+    /// State snapshots of the brain.
     pub report: RecordedReport,
 }
 
-/// What the brain thought. The plan's motion is in the command of the tick that made it.
+/// State snapshot of the brain. The plan's motion is in the command of the tick that made it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RecordedReport {
     /// How far it got.
@@ -131,10 +131,10 @@ pub struct RecordedPlan {
     pub X_WG: Pose,
     /// Joint positions then, in radians.
     pub q: JointVector,
-    /// Share of the object's velocity at which the gripper moves along.
+    /// Fraction of the object's velocity at which the gripper moves along.
     pub speed_fraction: f64,
     /// Opening before the catch.
-    pub open_width_m: f64,
+    pub aperture_m: f64,
     /// Width of the object between the fingers.
     pub object_width_m: f64,
 }
@@ -167,7 +167,7 @@ impl From<&Report> for RecordedReport {
             X_WG: plan.X_WG,
             q: plan.q,
             speed_fraction: plan.speed_fraction,
-            open_width_m: plan.open_width_m,
+            aperture_m: plan.aperture_m,
             object_width_m: plan.grasp.object_width_m,
         });
         Self { status: report.status, pose: report.pose, flight: report.flight.clone(), plan, closing: report.closing }

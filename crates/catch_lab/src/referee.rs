@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     oracle::Reach,
     setup::{Scene, Setup},
-    trial::{PAPER_LOOKS_AT_S, Thought, Trial},
+    trial::{PAPER_LOOKS_AT_S, StateSnapshot, Trial},
 };
 use impact::impact;
 pub use measures::{LEADS_S, Measures};
@@ -29,7 +29,7 @@ const HELD_UNTIL_S: f64 = 1.5;
 /// How fast a held object may move relative to the gripper.
 const HELD_SPEED_MPS: f64 = 0.02;
 /// The same while the world shakes.
-const SHAKEN_SPEED_MPS: f64 = 0.05;
+const DISTURBANCE_SPEED_MPS: f64 = 0.05;
 /// How fast a joint of an arm at rest may still move.
 const AT_REST_RADPS: f64 = 0.02;
 /// Over how long that speed is taken.
@@ -76,7 +76,7 @@ impl Verdict {
 /// Judges a trial.
 pub fn judge(setup: &Setup, trial: &Trial) -> Verdict {
     let truth = &trial.truth;
-    let contact_s = truth.samples.iter().find(|sample| touches_gripper(sample)).map(|sample| sample.time_s);
+    let contact_s = truth.samples.iter().find(|sample| in_contact_with_gripper(sample)).map(|sample| sample.time_s);
     let evidence = Evidence::new(setup, trial, contact_s);
     let reason = reason::why_not_caught(&evidence);
     let servo = &truth.servo;
@@ -107,10 +107,10 @@ pub struct Row {
 /// What the referee looks at.
 pub(crate) struct Evidence<'a> {
     pub truth: &'a Truth,
-    pub thoughts: &'a [Thought],
+    pub snapshots: &'a [StateSnapshot],
     /// The first contact with the gripper.
     pub contact_s: Option<f64>,
-    /// The last thought before the catch, or before the end.
+    /// The last state snapshot before the catch, or before the end.
     pub last: Option<&'a Report>,
     /// When the brain last meant to catch.
     pub catch_s: Option<f64>,
@@ -124,14 +124,17 @@ pub(crate) struct Evidence<'a> {
 
 impl<'a> Evidence<'a> {
     fn new(setup: &'a Setup, trial: &'a Trial, contact_s: Option<f64>) -> Self {
-        let (truth, thoughts) = (&trial.truth, &trial.thoughts[..]);
-        let catch_s =
-            thoughts.iter().rev().find_map(|thought| thought.report.as_ref()?.plan.as_ref()).map(|plan| plan.catch_s);
-        let before = |thought: &&Thought| catch_s.is_none_or(|catch_s| thought.time_s <= catch_s);
-        let last = thoughts.iter().rfind(before).and_then(|thought| thought.report.as_ref());
+        let (truth, snapshots) = (&trial.truth, &trial.snapshots[..]);
+        let catch_s = snapshots
+            .iter()
+            .rev()
+            .find_map(|snapshot| snapshot.report.as_ref()?.plan.as_ref())
+            .map(|plan| plan.catch_s);
+        let before = |snapshot: &&StateSnapshot| catch_s.is_none_or(|catch_s| snapshot.time_s <= catch_s);
+        let last = snapshots.iter().rfind(before).and_then(|snapshot| snapshot.report.as_ref());
         Self {
             truth,
-            thoughts,
+            snapshots,
             contact_s,
             last,
             catch_s,
@@ -150,7 +153,7 @@ impl<'a> Evidence<'a> {
     /// How far off the newest prediction was that the brain had some time before the catch.
     fn earlier_prediction_error_m(&self, lead_s: f64) -> Option<f64> {
         let by_s = self.catch_s? - lead_s + 1e-9;
-        self.error_of(self.thoughts.iter().rfind(|thought| thought.time_s <= by_s)?.report.as_ref()?)
+        self.error_of(self.snapshots.iter().rfind(|snapshot| snapshot.time_s <= by_s)?.report.as_ref()?)
     }
 
     fn error_of(&self, report: &Report) -> Option<f64> {
@@ -161,16 +164,16 @@ impl<'a> Evidence<'a> {
 
     /// How far off the newest pose was when it was taken.
     pub fn pose_error_m(&self) -> Option<f64> {
-        let (pose, sample) = self.thoughts.iter().rev().find_map(|thought| {
-            let pose = thought.report.as_ref()?.pose.as_ref()?;
-            let undisturbed = |sample: &TruthSample| self.first_touch_s().is_none_or(|touch| sample.time_s < touch);
+        let (pose, sample) = self.snapshots.iter().rev().find_map(|snapshot| {
+            let pose = snapshot.report.as_ref()?.pose.as_ref()?;
+            let undisturbed = |sample: &TruthSample| self.first_contact_s().is_none_or(|touch| sample.time_s < touch);
             Some((pose, sample_at(self.truth, pose.capture_s).filter(|sample| undisturbed(sample))?))
         })?;
         Some((pose.X_WO.translation.vector - sample.X_WO.translation.vector).norm())
     }
 
     /// When anything first touched the object.
-    pub fn first_touch_s(&self) -> Option<f64> {
+    pub fn first_contact_s(&self) -> Option<f64> {
         self.truth.samples.iter().find(|sample| sample.contact.any()).map(|sample| sample.time_s)
     }
 
@@ -188,7 +191,7 @@ impl<'a> Evidence<'a> {
     /// How far the object would have been turned from `R_WO` at the planned catch if nothing had touched it; it turns evenly for the
     /// milliseconds from its last free state on.
     fn turn_from(&self, R_WO: &UnitQuaternion<f64>) -> Option<f64> {
-        let sample = self.before_touch()?;
+        let sample = self.before_contact()?;
         let turn = sample.V_WO.angular * (self.catch_s? - sample.time_s);
         let undisturbed = UnitQuaternion::from_scaled_axis(turn) * sample.X_WO.rotation;
         Some(self.symmetry.turn_between(R_WO, &undisturbed).norm())
@@ -213,7 +216,7 @@ impl<'a> Evidence<'a> {
 
     /// How far past its planned place in the gripper the object was when it first touched something, along its way.
     pub fn progress_m(&self) -> Option<f64> {
-        let sample = self.before_touch()?;
+        let sample = self.before_contact()?;
         let planned_GO = self.plan()?.grasp.X_OG.inverse().translation.vector;
         let p_GO = sample.X_WG.inverse_transform_point(&sample.X_WO.translation.vector.into());
         let way_W = relative_velocity(sample).try_normalize(1e-6)?;
@@ -221,22 +224,27 @@ impl<'a> Evidence<'a> {
     }
 
     /// The last state before anything touched the object, or that at the planned catch if it came first.
-    fn before_touch(&self) -> Option<&TruthSample> {
-        let at = self.first_touch_s().map_or(self.catch_s?, |touch| self.catch_s.map_or(touch, |at| at.min(touch)));
+    fn before_contact(&self) -> Option<&TruthSample> {
+        let at = self.first_contact_s().map_or(self.catch_s?, |touch| self.catch_s.map_or(touch, |at| at.min(touch)));
         sample_before(self.truth, at)
     }
 
     fn measures(&self, setup: &Setup) -> Measures {
         let servo = &self.truth.servo;
         let plan = self.plan();
-        let velocity_G =
-            self.before_touch().map(|sample| sample.X_WG.rotation.inverse_transform_vector(&relative_velocity(sample)));
-        let impulses =
-            self.truth.samples.iter().filter(|sample| touches_gripper(sample)).map(|it| it.contact.peak_impulse_ns);
+        let velocity_G = self
+            .before_contact()
+            .map(|sample| sample.X_WG.rotation.inverse_transform_vector(&relative_velocity(sample)));
+        let impulses = self
+            .truth
+            .samples
+            .iter()
+            .filter(|sample| in_contact_with_gripper(sample))
+            .map(|it| it.contact.peak_impulse_ns);
         let impact = self.contact_s.map(|contact_s| impact(self.truth, contact_s, &setup.object, &setup.robot));
         Measures {
             prediction_error_m: self.prediction_error_m(),
-            prediction_turn_rad: self
+            prediction_rotation_error_rad: self
                 .last
                 .and_then(|report| report.flight.as_ref())
                 .zip(self.catch_s)
@@ -247,17 +255,17 @@ impl<'a> Evidence<'a> {
                 .zip(plan)
                 .map(|(sample, plan)| (sample.X_WG * self.grasp_centre_G - plan.X_WG * self.grasp_centre_G).norm()),
             grasp_offset_m: self.grasp_offset_m(),
-            grasp_turn_rad: self.at_catch.zip(plan).and_then(|(sample, plan)| {
+            grasp_rotation_error_rad: self.at_catch.zip(plan).and_then(|(sample, plan)| {
                 self.turn_from(&(sample.X_WG.rotation * plan.grasp.X_OG.rotation.inverse()))
             }),
             contact_delay_s: self.contact_delay_s(),
             relative_speed_mps: velocity_G.map(|it| it.norm()),
-            sideways_share: velocity_G.and_then(|it| Some(it.try_normalize(1e-6)?.x.abs())),
-            palm_share: velocity_G.and_then(|it| Some(-it.try_normalize(1e-6)?.y)),
+            sideways_fraction: velocity_G.and_then(|it| Some(it.try_normalize(1e-6)?.x.abs())),
+            palm_fraction: velocity_G.and_then(|it| Some(-it.try_normalize(1e-6)?.y)),
             grasp_width_m: plan.map(|plan| plan.grasp.object_width_m),
             grasp_overhang_m: plan.map(|plan| plan.grasp.overhang_m),
             grasp_strength_m: plan.map(|plan| plan.grasp.strength_m),
-            lets_in: plan.map(|plan| plan.lets_in),
+            approach_is_free: plan.map(|plan| plan.approach_is_free),
             joint_travel_rad: self.at_catch.map(|sample| (sample.q - setup.robot.ready_q).abs().sum()),
             peak_contact_impulse_ns: impulses.fold(0.0, f64::max),
             catch_impulse_ns: impact.map(|it| it.impulse_ns),
@@ -267,7 +275,7 @@ impl<'a> Evidence<'a> {
             peak_torque_ratio: servo.peak_torque_ratio,
             torque_clamped_s: servo.torque_clamped_s,
             late_trajectories: servo.late_trajectories,
-            refused_trajectories: servo.refused_trajectories,
+            rejected_trajectories: servo.rejected_trajectories,
             discontinuous_trajectories: servo.discontinuous_trajectories,
             min_self_clearance_m: servo.min_self_clearance_m,
             min_floor_clearance_m: servo.min_floor_clearance_m,
@@ -279,9 +287,10 @@ impl<'a> Evidence<'a> {
         let contact_s = self.contact_s?;
         let (from, until) = (contact_s + HELD_FROM_S, contact_s + HELD_UNTIL_S);
         let mut test = self.truth.samples.windows(2).filter(|pair| (from..=until).contains(&pair[1].time_s));
-        let shaking = |sample: &TruthSample| self.truth.shaking_since_s.is_some_and(|since| sample.time_s > since);
+        let disturbance =
+            |sample: &TruthSample| self.truth.disturbed_since_s.is_some_and(|since| sample.time_s > since);
         let lost = test.find(|pair| {
-            let most = if shaking(&pair[1]) { SHAKEN_SPEED_MPS } else { HELD_SPEED_MPS };
+            let most = if disturbance(&pair[1]) { DISTURBANCE_SPEED_MPS } else { HELD_SPEED_MPS };
             !is_squeezed(&pair[0], &pair[1]) || self.speed_in_hand_mps(&pair[1]) >= most
         });
         let end_s = self.truth.samples.last().map_or(0.0, |sample| sample.time_s);
@@ -292,7 +301,7 @@ impl<'a> Evidence<'a> {
     /// Whether the arm moved while the object should have been held at rest, before the world shook.
     pub fn moved_on(&self) -> bool {
         let Some(contact_s) = self.contact_s else { return false };
-        let until_s = self.truth.shaking_since_s.unwrap_or(f64::INFINITY).min(contact_s + HELD_UNTIL_S);
+        let until_s = self.truth.disturbed_since_s.unwrap_or(f64::INFINITY).min(contact_s + HELD_UNTIL_S);
         let mut held = self.truth.samples.iter().filter(|it| (contact_s + HELD_FROM_S..until_s).contains(&it.time_s));
         held.any(|sample| sample.dq.amax() > AT_REST_RADPS)
     }
@@ -317,12 +326,12 @@ impl<'a> Evidence<'a> {
             Status::OutOfBudget => 6,
             Status::PlanKept | Status::Approached | Status::Planned | Status::Committed => 7,
         };
-        self.thoughts.iter().filter_map(|it| Some(it.report.as_ref()?.status)).max_by_key(|&status| rank(status))
+        self.snapshots.iter().filter_map(|it| Some(it.report.as_ref()?.status)).max_by_key(|&status| rank(status))
     }
 }
 
 /// Whether fingers or palm touch the object.
-pub(crate) fn touches_gripper(sample: &TruthSample) -> bool {
+pub(crate) fn in_contact_with_gripper(sample: &TruthSample) -> bool {
     sample.contact.left_finger || sample.contact.right_finger || sample.contact.palm
 }
 

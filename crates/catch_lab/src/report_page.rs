@@ -83,8 +83,8 @@ fn name_of(cell: &CellSummary) -> String {
     format!("{}, {}", cell.object, cell.throw).replace('_', " ")
 }
 
-fn percent(share: f64) -> String {
-    format!("{:.1} %", share * 100.0)
+fn percent(fraction: f64) -> String {
+    format!("{:.1} %", fraction * 100.0)
 }
 
 /// An interval of shares, where throws differ.
@@ -113,7 +113,7 @@ fn head(report: &Report) -> String {
 fn caught(report: &Report) -> String {
     let rates = published_rates();
     let mut html =
-        "<h2>Caught</h2><p class=\"faint\">The bar is the share that was caught and held, the line across it its \
+        "<h2>Caught</h2><p class=\"faint\">The bar is the fraction that was caught and held, the line across it its \
                     95&nbsp;% interval (Wilson) where throws differ."
             .to_owned();
     if report.cells.iter().any(|cell| published_rate(&rates, cell).is_some()) {
@@ -122,13 +122,13 @@ fn caught(report: &Report) -> String {
     }
     html += "</p>\n";
     for cell in report.cells {
-        let share = cell.caught as f64 / cell.trials.max(1) as f64;
-        let mut marks = vec![Mark::Bar(0.0, share)];
+        let fraction = cell.caught as f64 / cell.trials.max(1) as f64;
+        let mut marks = vec![Mark::Bar(0.0, fraction)];
         marks.extend(cell.wilson95.map(|[low, high]| Mark::Range(low, high)));
         marks.extend(published_rate(&rates, cell).map(Mark::Paper));
         html += &row(&name_of(cell), &marks, &format!("{} of {}", cell.caught, cell.trials), false);
     }
-    html + &Scale::SHARE.axis()
+    html + &Scale::FRACTION.axis()
 }
 
 fn misses(report: &Report) -> String {
@@ -164,7 +164,8 @@ fn misses(report: &Report) -> String {
 fn errors_row(label: &str, errors_mm: &mut [f64], scale: &Scale) -> Option<String> {
     errors_mm.sort_by(f64::total_cmp);
     let last = errors_mm.len().checked_sub(1)?;
-    let [low, middle, high, most] = [0.1, 0.5, 0.9, 1.0].map(|share| errors_mm[(share * last as f64).round() as usize]);
+    let [low, middle, high, most] =
+        [0.1, 0.5, 0.9, 1.0].map(|fraction| errors_mm[(fraction * last as f64).round() as usize]);
     let marks = [
         Mark::Range(scale.place(low), scale.place(high)),
         Mark::Most(scale.place(most)),
@@ -251,13 +252,13 @@ fn table(report: &Report) -> String {
         .to_owned();
     let rates = published_rates();
     for cell in report.cells {
-        let share = |count: usize| percent(count as f64 / cell.trials.max(1) as f64);
+        let fraction = |count: usize| percent(count as f64 / cell.trials.max(1) as f64);
         let numbers = [
             cell.trials.to_string(),
-            share(cell.caught),
+            fraction(cell.caught),
             interval(cell.wilson95),
             cell.out_of_reach.map_or("–".to_owned(), |count| count.to_string()),
-            share(cell.caught_paper),
+            fraction(cell.caught_paper),
             published_rate(&rates, cell).map_or("–".to_owned(), percent),
             cell.median_joint_travel_rad.map_or("–".to_owned(), |it| format!("{it:.2} rad")),
             cell.limit_violations.to_string(),

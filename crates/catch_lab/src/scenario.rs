@@ -223,11 +223,14 @@ mod tests {
     #[test]
     fn no_setting_is_infinite_or_no_number() {
         for (setting, expected) in [
-            ("brain.control.switch_gain=nan", "brain.control.switch_gain: found nan, expected zero or more"),
+            (
+                "brain.control.switching_hysteresis=nan",
+                "brain.control.switching_hysteresis: found nan, expected zero or more",
+            ),
             ("brain.perception.camera_sd_rad=inf", "brain.perception.camera_sd_rad: found inf"),
             ("brain.grasp_selection.turns_rad=[0.5, nan]", "turns_rad[1]"),
             ("ready_rad=[0, 0, 0, 0, 0, 0, inf]", "ready_rad[6]: found inf, expected a finite number"),
-            ("brain.trajectory_optimization.velocity_share=1.5", "0.01 to 1"),
+            ("brain.trajectory_optimization.velocity_scaling=1.5", "0.01 to 1"),
             ("brain.seed=7", "--seed"),
         ] {
             let fault = set(&[setting]).unwrap_err().to_string();

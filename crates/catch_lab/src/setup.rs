@@ -295,12 +295,12 @@ impl Setup {
     pub fn repeats_itself(&self) -> bool {
         let Scenario { arena, clock, .. } = &self.scenario;
         let scene = |index| (self.release(0, index), self.conditions(0, index));
-        let has_own_chance = arena.depth != DepthConfig::default()
+        let has_own_stream = arena.depth != DepthConfig::default()
             || arena.gripper != GripperDriveKind::default()
             || arena.robot_errors != RobotErrors::default()
             || arena.robot_controller != RobotController::default()
             || *clock == Clock::Charged;
-        !has_own_chance && scene(0) == scene(1)
+        !has_own_stream && scene(0) == scene(1)
     }
 
     /// How the object leaves the thrower's hand.

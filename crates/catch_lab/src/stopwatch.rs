@@ -124,9 +124,9 @@ pub struct StageTimes {
 impl StageTimes {
     fn of(laps: &Laps) -> Self {
         let total: usize = laps.values().sum();
-        // The smallest value that the share of all values does not exceed.
-        let quantile = |share: f64| {
-            let rank = (share * total as f64).ceil().max(1.0) as usize;
+        // The smallest value that the fraction of all values does not exceed.
+        let quantile = |fraction: f64| {
+            let rank = (fraction * total as f64).ceil().max(1.0) as usize;
             let mut seen = 0;
             let found = laps.iter().find(|(_, count)| {
                 seen += **count;

@@ -33,17 +33,17 @@ pub fn lines(cells: &[CellSummary]) -> Vec<[String; HEADINGS.len()]> {
     let rates = published_rates();
     let percent = |value: f64| format!("{:.1}", value * 100.0);
     let line = |cell: &CellSummary| {
-        let share = |count: usize| format!("{count} ({} %)", percent(count as f64 / cell.trials.max(1) as f64));
+        let fraction = |count: usize| format!("{count} ({} %)", percent(count as f64 / cell.trials.max(1) as f64));
         let reasons: Vec<String> = cell.reasons.iter().map(|(reason, count)| format!("{count}× {reason}")).collect();
         [
             cell.object.clone(),
             cell.throw.clone(),
             cell.trials.to_string(),
-            share(cell.caught),
+            fraction(cell.caught),
             cell.wilson95
                 .map_or("same throw".to_owned(), |[low, high]| format!("{} – {} %", percent(low), percent(high))),
             cell.out_of_reach.map_or("–".to_owned(), |count| count.to_string()),
-            share(cell.caught_paper),
+            fraction(cell.caught_paper),
             published_rate(&rates, cell).map_or("–".to_owned(), |rate| format!("{} %", percent(rate))),
             cell.median_joint_travel_rad.map_or("–".to_owned(), |it| format!("{it:.2} rad")),
             cell.limit_violations.to_string(),

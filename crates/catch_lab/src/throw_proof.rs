@@ -1,4 +1,4 @@
-//! Proofs that a whole throw is out of reach: at every time, in every attitude of the gripper, over all redundancy.
+//! Proofs that a whole throw is out of reach: at every time, in every orientation of the gripper, over all redundancy.
 //!
 //! Branch and bound over times and joint positions. A *piece* is an interval of times and one of positions for each joint. There
 //! is no catch in it if one of two things that every catch has cannot be had anywhere in it:
@@ -19,9 +19,9 @@ use catch_body::{JointVector, MAX_JOINTS, dynamics::gravity, robot::Jacobian};
 use catch_bot::{
     trajectory_optimization::{
         MotionPlanner, Start,
-        arrival::shortfall,
-        motion::Shares,
-        reachability::{Interval, JointReach},
+        motion::LimitScaling,
+        reachability::{Interval, ReachableSet},
+        terminal_velocity::shortfall,
     },
     trajectory_prediction::FlightTrajectory,
 };
@@ -140,8 +140,8 @@ impl Proof<'_> {
     fn narrowed(&self, mut piece: Piece) -> Option<(Piece, usize)> {
         // From rest, who can arrive somewhere at some velocity can do so later: waiting first.
         let from = &self.start.state.q;
-        let shares = Shares { velocity: 1.0, acceleration: 1.0 };
-        let reaches = self.planner.reaches(self.start, piece[TIME].high - self.start.time_s, shares);
+        let scaling = LimitScaling { velocity: 1.0, acceleration: 1.0 };
+        let reaches = self.planner.reaches(self.start, piece[TIME].high - self.start.time_s, scaling);
         for i in 0..MAX_JOINTS {
             let Some(joint) = self.planner.robot().joints.get(i) else {
                 piece[i] = Interval { low: 0.0, high: 0.0 };
@@ -222,12 +222,12 @@ impl Proof<'_> {
         piece: &Piece,
         middle: &Middle,
         flown: &Flown,
-        reaches: &[JointReach; MAX_JOINTS],
+        reaches: &[ReachableSet; MAX_JOINTS],
     ) -> bool {
         let most = self.planner.config().max_speed_fraction;
         let bounds = std::array::from_fn(|i| {
             let far = reaches[i].displacements();
-            let at = |q: f64| reaches[i].arrival_velocities((q - self.start.state.q[i]).clamp(far.low, far.high));
+            let at = |q: f64| reaches[i].terminal_velocities((q - self.start.state.q[i]).clamp(far.low, far.high));
             // Both ends rise with the displacement.
             Interval { low: at(piece[i].low).low - ROUNDING_RADPS, high: at(piece[i].high).high + ROUNDING_RADPS }
         });
@@ -285,7 +285,7 @@ mod tests {
         #[test]
         fn a_catch_is_never_lost(
             ways in prop::array::uniform7(0.0f64..=1.0), toward in prop::array::uniform3(-1.0f64..=1.0),
-            share in 0.1f64..2.0, lead_s in 0.1f64..0.9, drag_per_m in -0.05f64..0.05,
+            fraction in 0.1f64..2.0, lead_s in 0.1f64..0.9, drag_per_m in -0.05f64..0.05,
             smallness in 0.0f64..14.0, sizes in prop::array::uniform8(-4.0f64..1.0),
             asides in prop::array::uniform8(0.0f64..=1.0),
         ) {
@@ -293,7 +293,7 @@ mod tests {
             let planner = MotionPlanner::new(robot, gripper, Config::default());
             let start = Start { time_s: 0.05, state: Setpoint::at_rest(planner.robot().ready_q) };
             let (from, catch_s) = (start.state.q, start.time_s + lead_s);
-            let reaches = planner.reaches(&start, lead_s, Shares { velocity: 1.0, acceleration: 1.0 });
+            let reaches = planner.reaches(&start, lead_s, LimitScaling { velocity: 1.0, acceleration: 1.0 });
             let mut q = from;
             for (i, joint) in planner.robot().joints.iter().enumerate() {
                 let far = reaches[i].displacements();
@@ -304,10 +304,10 @@ mod tests {
             let p_WO = planner.robot().gripper_in(&X_WL) * planner.gripper().grasp_centre();
             let J = planner.robot().jacobian(&X_WL, &p_WO).fixed_rows::<3>(3).into_owned();
             let dq = JointVector::from_fn(|i, _| {
-                let fast = reaches[i].arrival_velocities(q[i] - from[i]);
+                let fast = reaches[i].terminal_velocities(q[i] - from[i]);
                 if J.column(i).dot(&Vector3::from(toward)) > 0.0 { fast.high } else { fast.low }
             });
-            let v_WO = J * dq / (share.min(1.0) * planner.config().max_speed_fraction);
+            let v_WO = J * dq / (fraction.min(1.0) * planner.config().max_speed_fraction);
             let flight = FlightTrajectory { time_s: catch_s, p_WO, v_WO, drag_per_m, ..FlightTrajectory::default() };
 
             let any = AnyCatch { flight: &flight, times_s: [0.0, 1.0], within_m: 0.0 };

@@ -32,9 +32,9 @@ impl ThrowTimes {
     /// The times of a trial.
     pub fn of(trial: &Trial) -> Self {
         let owned = |(stage, ms): &(&str, f64)| ((*stage).to_owned(), *ms);
-        let ticks = trial.thoughts.iter().filter(|thought| !thought.stage_ms.is_empty()).map(|thought| TickTimes {
-            time_s: thought.time_s,
-            stage_ms: thought.stage_ms.iter().map(owned).collect(),
+        let ticks = trial.snapshots.iter().filter(|snapshot| !snapshot.stage_ms.is_empty()).map(|snapshot| TickTimes {
+            time_s: snapshot.time_s,
+            stage_ms: snapshot.stage_ms.iter().map(owned).collect(),
         });
         let stages = trial.stopwatch.summary().into_iter().map(|(stage, times)| (stage.to_owned(), times));
         Self { stages: stages.collect(), ticks: ticks.collect() }

@@ -4,7 +4,7 @@ use catch_sim::{Truth, TruthSample};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    referee::{Verdict, touches_gripper},
+    referee::{Verdict, in_contact_with_gripper},
     trial::Tick,
 };
 
@@ -87,7 +87,7 @@ impl Timeline {
         }
         self.follow_brain(tick);
         let mut new = samples[self.samples_seen..].iter();
-        if let Some(sample) = new.find(|sample| touches_gripper(sample) && !self.touched) {
+        if let Some(sample) = new.find(|sample| in_contact_with_gripper(sample) && !self.touched) {
             self.touched = true;
             self.tell(sample.time_s, Event::Contact, touched_by(sample));
         }
@@ -122,7 +122,7 @@ impl Timeline {
         }
         if let Some(closing) = report.closing.filter(|it| it.start_s <= now && !self.closing) {
             self.closing = true;
-            let width_mm = report.plan.as_ref().map_or(0.0, |plan| plan.open_width_m * 1e3);
+            let width_mm = report.plan.as_ref().map_or(0.0, |plan| plan.aperture_m * 1e3);
             let detail = format!("from {width_mm:.0} mm, contact expected at {:.3} s", closing.contact_s);
             self.tell(closing.start_s, Event::Closing, detail);
         }

@@ -1,4 +1,4 @@
-//! One trial: an object is thrown, and the brain has its chance.
+//! One trial: an object is thrown, and the brain tries to catch it.
 
 use std::io;
 
@@ -9,9 +9,9 @@ use catch_sim::{Arena, Truth};
 use crate::{brain::ObservedBrain, setup::Setup, stopwatch::Stopwatch};
 
 /// From the first contact with the gripper on: how long until the world shakes.
-const SHAKING_AFTER_S: f64 = 1.0;
+const DISTURBANCE_AFTER_S: f64 = 1.0;
 /// How long it shakes; then the trial ends.
-const SHAKING_FOR_S: f64 = 0.5;
+const DISTURBANCE_FOR_S: f64 = 0.5;
 /// When the paper looks where the object is: no trial ends before.
 pub const PAPER_LOOKS_AT_S: f64 = 0.875;
 /// How long a trial goes on after the object has met the floor.
@@ -30,9 +30,9 @@ pub struct Tick<'a> {
     pub report: Option<&'a Report>,
 }
 
-/// What the brain thought at one time.
+/// State snapshot of the brain at one time.
 #[derive(Debug, Clone)]
-pub struct Thought {
+pub struct StateSnapshot {
     /// When, on the cell's clock.
     pub time_s: f64,
     /// What, if it tells.
@@ -46,39 +46,39 @@ pub struct Thought {
 pub struct Trial {
     /// What really happened.
     pub truth: Truth,
-    /// What the brain thought, tick by tick.
-    pub thoughts: Vec<Thought>,
+    /// State snapshots of the brain, one for each tick.
+    pub snapshots: Vec<StateSnapshot>,
     /// Wall time of the brain's stages.
     pub stopwatch: Stopwatch,
 }
 
-/// Runs one trial with the brain of the scenario. `onlooker` is shown every tick, with the truth up to then; it ends the trial by an error.
+/// Runs one trial with the brain of the scenario. `observer` is shown every tick, with the truth up to then; it ends the trial by an error.
 ///
 /// # Errors
-/// Those of the onlooker.
+/// Those of the observer.
 pub fn run(
     setup: &Setup,
     seed: u64,
     index: u64,
-    onlooker: &mut dyn FnMut(&Tick, &Truth) -> io::Result<()>,
+    observer: &mut dyn FnMut(&Tick, &Truth) -> io::Result<()>,
 ) -> io::Result<Trial> {
-    run_brain(&mut setup.brain(seed, index), setup, seed, index, onlooker)
+    run_brain(&mut setup.brain(seed, index), setup, seed, index, observer)
 }
 
 /// The same with any brain that has seen nothing yet.
 ///
 /// # Errors
-/// Those of the onlooker.
+/// Those of the observer.
 pub fn run_brain(
     brain: &mut dyn ObservedBrain,
     setup: &Setup,
     seed: u64,
     index: u64,
-    onlooker: &mut dyn FnMut(&Tick, &Truth) -> io::Result<()>,
+    observer: &mut dyn FnMut(&Tick, &Truth) -> io::Result<()>,
 ) -> io::Result<Trial> {
     let mut arena = setup.arena(seed, index);
     let mut stopwatch = Stopwatch::default();
-    let mut thoughts = Vec::new();
+    let mut snapshots = Vec::new();
     let mut watch = EndWatch::default();
     loop {
         let Ok(observation) = arena.sense();
@@ -86,8 +86,8 @@ pub fn run_brain(
         let command = brain.tick(&observation, &mut stopwatch);
         stopwatch.stop();
         let report = brain.report();
-        onlooker(&Tick { observation: &observation, command: &command, report }, arena.truth())?;
-        thoughts.push(Thought {
+        observer(&Tick { observation: &observation, command: &command, report }, arena.truth())?;
+        snapshots.push(StateSnapshot {
             time_s: observation.time_s,
             report: report.cloned(),
             stage_ms: stopwatch.last_tick_ms(),
@@ -95,7 +95,7 @@ pub fn run_brain(
         let delay_s = setup.scenario.clock.delay_s(stopwatch.last_tick_s());
         arena.act_after(delay_s, &command);
         if watch.is_over(&mut arena) {
-            return Ok(Trial { truth: arena.truth().clone(), thoughts, stopwatch });
+            return Ok(Trial { truth: arena.truth().clone(), snapshots, stopwatch });
         }
     }
 }
@@ -105,8 +105,8 @@ pub fn run_brain(
 pub struct EndWatch {
     released_s: f64,
     samples_seen: usize,
-    gripper_touched_s: Option<f64>,
-    floor_touched_s: Option<f64>,
+    gripper_contact_s: Option<f64>,
+    floor_contact_s: Option<f64>,
 }
 
 impl EndWatch {
@@ -121,10 +121,10 @@ impl EndWatch {
         for sample in &truth.samples[self.samples_seen..] {
             let contact = &sample.contact;
             if contact.left_finger || contact.right_finger || contact.palm {
-                self.gripper_touched_s.get_or_insert(sample.time_s);
+                self.gripper_contact_s.get_or_insert(sample.time_s);
             }
             if contact.floor {
-                self.floor_touched_s.get_or_insert(sample.time_s);
+                self.floor_contact_s.get_or_insert(sample.time_s);
             }
         }
         self.samples_seen = truth.samples.len();
@@ -135,15 +135,15 @@ impl EndWatch {
         if now < self.released_s + PAPER_LOOKS_AT_S {
             return false;
         }
-        if self.floor_touched_s.is_some_and(|touched| now >= touched + AFTER_FLOOR_S) {
+        if self.floor_contact_s.is_some_and(|touched| now >= touched + AFTER_FLOOR_S) {
             return true;
         }
-        let Some(touched) = self.gripper_touched_s else { return now >= self.released_s + LONGEST_FLIGHT_S };
-        match truth.shaking_since_s {
-            Some(since) => now >= since + SHAKING_FOR_S - 1e-9,
+        let Some(touched) = self.gripper_contact_s else { return now >= self.released_s + LONGEST_FLIGHT_S };
+        match truth.disturbed_since_s {
+            Some(since) => now >= since + DISTURBANCE_FOR_S - 1e-9,
             None => {
-                if now >= touched + SHAKING_AFTER_S - 1e-9 {
-                    arena.start_shaking();
+                if now >= touched + DISTURBANCE_AFTER_S - 1e-9 {
+                    arena.start_disturbance();
                 }
                 false
             }

@@ -4,7 +4,7 @@
 use catch_body::JointVector;
 use catch_bot::trajectory_optimization::{
     MotionPlanner, Start,
-    motion::{ROUNDING, Shares},
+    motion::{LimitScaling, ROUNDING},
     posed::{PosedCatch, Target},
     posture::Posture,
     reachability::fraction_used,
@@ -17,7 +17,7 @@ use crate::sqp::{MET, Problem, Tolerance, Waypoint, clamped_knots};
 const CONTROL_POINTS: usize = 10;
 /// Postures at most from which it is sought.
 const SEEDS: usize = 4;
-/// Weight of the distance from the comfortable pose against the share of the object's velocity.
+/// Weight of the distance from the comfortable pose against the fraction of the object's velocity.
 const COMFORT_WEIGHT: f64 = 1e-4;
 /// A speed fraction this close to the highest that is wanted, relative, needs no further search.
 const GOOD_ENOUGH: f64 = 0.99;
@@ -26,8 +26,8 @@ const GOOD_ENOUGH: f64 = 0.99;
 /// none was found, which proves nothing.
 pub fn catch_at(planner: &MotionPlanner, start: &Start, target: &Target) -> Option<PosedCatch> {
     let (robot, config) = (planner.robot(), planner.config());
-    let shares = Shares { velocity: config.velocity_share, acceleration: 1.0 - ROUNDING };
-    let reaches = planner.reaches(start, target.catch_s - start.time_s, shares);
+    let scaling = LimitScaling { velocity: config.velocity_scaling, acceleration: 1.0 - ROUNDING };
+    let reaches = planner.reaches(start, target.catch_s - start.time_s, scaling);
     let ranges = planner.ranges(&reaches, &start.state.q);
     let dof = robot.dof();
     let all = robot.solutions_within(&target.X_WG, &start.state.q, &ranges);
@@ -42,7 +42,7 @@ pub fn catch_at(planner: &MotionPlanner, start: &Start, target: &Target) -> Opti
         knots_s: clamped_knots(start.time_s, catch_s, CONTROL_POINTS),
         start: start.state,
         start_acceleration: false,
-        limits: (0..dof).map(|i| planner.limits(i, &start.state, shares)).collect(),
+        limits: (0..dof).map(|i| planner.limits(i, &start.state, scaling)).collect(),
         waypoints: vec![Waypoint { time_s: catch_s, X_WG, v_WO, tolerance: Tolerance::NONE }],
         speed_fraction: [0.0, config.max_speed_fraction],
         comfortable_q: robot.comfortable_q,

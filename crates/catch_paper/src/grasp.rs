@@ -136,7 +136,7 @@ pub fn select(
     let object_width_m = width_m(points, gripper, &X_OG);
     let X_GO = X_OG.inverse();
     let (overhang_m, held_G) = (overhang_m(&X_GO, gripper), held_box(points, &X_GO));
-    Some(Grasp { X_OG, object_width_m, open_width_m: gripper.max_width_m, strength_m, overhang_m, held_G })
+    Some(Grasp { X_OG, object_width_m, aperture_m: gripper.max_width_m, strength_m, overhang_m, held_G })
 }
 
 /// "Comfort": whether the gripper points away from the axis of the base. The text does not normalize the vector to the gripper;

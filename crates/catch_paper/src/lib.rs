@@ -42,8 +42,8 @@ pub struct Config {
     pub sought_s: [f64; 2],
     /// How many such times (code).
     pub sought: usize,
-    /// The catch is at this share of the sum of both times (code: just before the middle).
-    pub catch_share: f64,
+    /// The catch is at this fraction of the sum of both times (code: just before the middle).
+    pub catch_time_fraction: f64,
     /// Time between plans, in seconds (code).
     pub period_s: f64,
     /// Plans are not changed any more in the last seconds before the catch (code).
@@ -59,7 +59,7 @@ impl Default for Config {
             reach_m: [0.42, 0.75],
             sought_s: [0.5, 1.0],
             sought: 20,
-            catch_share: 0.475,
+            catch_time_fraction: 0.475,
             period_s: 0.025,
             freeze_s: 0.2,
         }
@@ -72,7 +72,7 @@ impl Settings for Config {
             .lists(&NOT_NEGATIVE, [("reach_m", &self.reach_m[..])])
             .lists(&DURATION_S, [("sought_s", &self.sought_s[..])])
             .counts([("sought", self.sought)])
-            .values(&LIMIT_SCALE, [("catch_share", self.catch_share)])
+            .values(&LIMIT_SCALE, [("catch_time_fraction", self.catch_time_fraction)])
             .values(&PERIOD_S, [("period_s", self.period_s)])
             .values(&DURATION_S, [("freeze_s", self.freeze_s)])
             .table("registration", &self.registration)

@@ -11,7 +11,7 @@ use catch_body::{JointVector, MAX_JOINTS};
 use catch_bot::settings::{DURATION_S, FRACTION, Faults, NOT_NEGATIVE, SettingError, Settings};
 use catch_bot::{
     grasp_selection::{Approach, Grasp},
-    trajectory_optimization::{CatchPlan, MotionPlanner, Start, arrival},
+    trajectory_optimization::{CatchPlan, MotionPlanner, Start, terminal_velocity},
     trajectory_prediction::FlightTrajectory,
 };
 use catch_cell::BSpline;
@@ -26,7 +26,7 @@ use crate::sqp::{MET, Problem, Solution, Tolerance, Waypoint, clamped_knots};
 pub struct Config {
     /// Control points of the B-spline (code).
     pub control_points: usize,
-    /// Share of the object's velocity at which the gripper moves along (paper).
+    /// Fraction of the object's velocity at which the gripper moves along (paper).
     pub speed_fraction: f64,
     /// The gripper follows the object from this long before the catch, in seconds (paper: 30 ms).
     pub pre_grasp_s: f64,
@@ -54,10 +54,10 @@ impl Default for Config {
             speed_fraction: 0.3,
             pre_grasp_s: 0.03,
             pre_grasp_loosening: 10.0,
-            loosest: Tolerances { position_m: 0.1, rotation_rad: 0.8, velocity_mps: 2.0 },
+            loosest: Tolerances { position_m: 0.1, rotation_error_rad: 0.8, velocity_mps: 2.0 },
             rounds: 12,
             tightening: 0.875,
-            replan: Tolerances { position_m: 0.02, rotation_rad: 0.1, velocity_mps: 0.4 },
+            replan: Tolerances { position_m: 0.02, rotation_error_rad: 0.1, velocity_mps: 0.4 },
             comfort_weight: 1e-4,
             stops_when_met: true,
         }
@@ -198,15 +198,15 @@ fn catch_plan(
     CatchPlan {
         catch_s,
         X_WG: flight.pose_at(catch_s) * grasp.X_OG,
-        open_width_m: grasp.open_width_m,
-        lets_in: true,
+        aperture_m: grasp.aperture_m,
+        approach_is_free: true,
         grasp,
         approach: Approach::ThroughGap,
         q,
         elbow: None,
         speed_fraction: V_WG.linear.dot(&v_WO) / v_WO.norm_squared(),
         spin_radps: V_WG.angular.norm(),
-        weights: arrival::Weights::BALANCED,
+        weights: terminal_velocity::Weights::BALANCED,
         cost: 0.0,
         holding_cost: 0.0,
         trajectory,
@@ -220,7 +220,7 @@ pub struct Tolerances {
     /// Along each axis, in metres.
     pub position_m: f64,
     /// About each axis, in radians.
-    pub rotation_rad: f64,
+    pub rotation_error_rad: f64,
     /// Along each axis, in m/s.
     pub velocity_mps: f64,
 }
@@ -232,7 +232,7 @@ impl Settings for Tolerances {
                 &NOT_NEGATIVE,
                 [
                     ("position_m", self.position_m),
-                    ("rotation_rad", self.rotation_rad),
+                    ("rotation_error_rad", self.rotation_error_rad),
                     ("velocity_mps", self.velocity_mps),
                 ],
             )
@@ -242,7 +242,7 @@ impl Settings for Tolerances {
 
 impl From<Tolerances> for Tolerance {
     fn from(it: Tolerances) -> Self {
-        Self { position_m: it.position_m, rotation_rad: it.rotation_rad, velocity_mps: it.velocity_mps }
+        Self { position_m: it.position_m, rotation_error_rad: it.rotation_error_rad, velocity_mps: it.velocity_mps }
     }
 }
 
@@ -263,7 +263,7 @@ mod tests {
         assert_eq!(scaled.position_m, 0.2);
         // Twelve rounds end at 2.3 cm and 10°, what the authors' plans were seen to be off by.
         let last = Tolerance::from(config.loosest).scaled(config.tightening.powi(11));
-        assert!((last.position_m - 0.023).abs() < 5e-4 && (last.rotation_rad.to_degrees() - 10.5).abs() < 0.1);
+        assert!((last.position_m - 0.023).abs() < 5e-4 && (last.rotation_error_rad.to_degrees() - 10.5).abs() < 0.1);
         assert_eq!(between(&JointVector::zeros(), &JointVector::repeat(7.0), 8)[3][0], 3.0);
     }
 }

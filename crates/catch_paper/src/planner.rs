@@ -84,7 +84,7 @@ impl CatchPlanner for PaperPlanner {
     }
 }
 
-/// The catch time (code; the text only says that it is chosen with the grasp): a fixed share of the times at which the object
+/// The catch time (code; the text only says that it is chosen with the grasp): a fixed fraction of the times at which the object
 /// comes within reach and leaves it, counted from the first sighting, which in the paper's simulator is the throw.
 fn catch_time_s(flight: &FlightTrajectory, first_seen_s: f64, base: &Point3<f64>, config: &Config) -> Option<f64> {
     let [from_s, until_s] = config.sought_s;
@@ -97,7 +97,7 @@ fn catch_time_s(flight: &FlightTrajectory, first_seen_s: f64, base: &Point3<f64>
     let mut times = (0..=steps).map(|i| from_s + (until_s - from_s) * i as f64 / steps as f64).filter(within);
     let first = times.next()?;
     let last = times.next_back().unwrap_or(first);
-    Some(first_seen_s + config.catch_share * (first + last))
+    Some(first_seen_s + config.catch_time_fraction * (first + last))
 }
 
 #[cfg(test)]

@@ -171,8 +171,8 @@ impl Icp<'_> {
             points: scene.points.len(),
             residual_m,
             noise_m: mean_noise(scene),
-            outline_residual_m: None,
-            misfit: count * residual_m.max(1e-9).ln(),
+            silhouette_residual_m: None,
+            robust_cost: count * residual_m.max(1e-9).ln(),
             iterations,
         })
     }

@@ -5,7 +5,7 @@
 //!     P, s
 //!     s.t.  q(0), q̇(0), q̈(0) as they are,   position, velocity and acceleration limits on control points,   s within its range
 //! ```
-//! P are the control points of a cubic B-spline, s the share of the object's velocity at which the gripper moves along, e the
+//! P are the control points of a cubic B-spline, s the fraction of the object's velocity at which the gripper moves along, e the
 //! errors at the waypoints ([`Waypoint`]): pose of the gripper and velocity of one of its points. The arm may have any
 //! kinematics; no closed form is asked for. What the closed forms of [`MotionPlanner`](catch_bot::trajectory_optimization::MotionPlanner) solve exactly and faster, this
 //! solves for everything else.
@@ -202,16 +202,16 @@ impl Layout {
         let (t, n) = (&problem.knots_s, self.fixed.len() + self.free);
         let velocity: Vec<Vec<f64>> = (0..n - 1)
             .map(|i| {
-                let share = 3.0 / (t[i + 4] - t[i + 1]);
+                let fraction = 3.0 / (t[i + 4] - t[i + 1]);
                 let mut row = vec![0.0; n];
-                (row[i], row[i + 1]) = (-share, share);
+                (row[i], row[i + 1]) = (-fraction, fraction);
                 row
             })
             .collect();
         let acceleration: Vec<Vec<f64>> = (0..n - 2)
             .map(|i| {
-                let share = 2.0 / (t[i + 4] - t[i + 2]);
-                (0..n).map(|k| (velocity[i + 1][k] - velocity[i][k]) * share).collect()
+                let fraction = 2.0 / (t[i + 4] - t[i + 2]);
+                (0..n).map(|k| (velocity[i + 1][k] - velocity[i][k]) * fraction).collect()
             })
             .collect();
         let mut rows = Vec::new();
@@ -236,7 +236,7 @@ impl Layout {
     /// Two rows |Σ coefficientᵢ·Pᵢ| ≤ limit for one joint, scaled to a unit normal; none where nothing is free, and
     /// `None` where that alone is too much.
     fn add_limit(&self, rows: &mut Vec<Row>, joint: usize, coefficients: &[f64], limit: f64) -> Option<()> {
-        let given: f64 = coefficients.iter().zip(&self.fixed).map(|(share, point)| share * point[joint]).sum();
+        let given: f64 = coefficients.iter().zip(&self.fixed).map(|(fraction, point)| fraction * point[joint]).sum();
         let free = &coefficients[self.fixed.len()..];
         let Some(from) = free.iter().position(|it| *it != 0.0) else { return (given.abs() <= limit).then_some(()) };
         let until = free.iter().rposition(|it| *it != 0.0).unwrap_or(from) + 1;

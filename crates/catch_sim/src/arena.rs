@@ -21,8 +21,8 @@ use crate::{
 };
 
 /// Amplitude and frequency with which the referee shakes the world, in m/s² and Hz.
-const SHAKE_MPS2: f64 = 5.0;
-const SHAKE_HZ: f64 = 2.0;
+const DISTURBANCE_MPS2: f64 = 5.0;
+const DISTURBANCE_HZ: f64 = 2.0;
 /// While the object is farther than this from arm, gripper and floor the physics takes fewer substeps, in metres: what the
 /// fastest object and the fastest gripper do not cover in ten steps.
 const ALONE_M: f64 = 0.15;
@@ -133,9 +133,9 @@ impl Arena {
     }
 
     /// From now on the world shakes along (1, 1, 1).
-    pub fn start_shaking(&mut self) {
+    pub fn start_disturbance(&mut self) {
         let now_s = self.time_s();
-        self.truth.shaking_since_s.get_or_insert(now_s);
+        self.truth.disturbed_since_s.get_or_insert(now_s);
     }
 
     /// Like [`Cell::act`], but the command arrives `delay_s` from now: what it takes to compute it.
@@ -147,7 +147,7 @@ impl Arena {
 
     fn update_report(&mut self) {
         self.truth.servo.clone_from(self.servo.report());
-        self.truth.servo.refused_gripper_moves = self.drive.refused_moves();
+        self.truth.servo.rejected_gripper_moves = self.drive.refused_moves();
     }
 
     /// Hands over the commands that have arrived, in the order in which they were sent.
@@ -169,11 +169,10 @@ impl Arena {
 
     /// Gravity, and the shaking if there is any.
     fn gravity(&self) -> Vector3<f64> {
-        let shake = self
-            .truth
-            .shaking_since_s
-            .map_or(0.0, |since_s| SHAKE_MPS2 * (std::f64::consts::TAU * SHAKE_HZ * (self.time_s() - since_s)).sin());
-        dynamics::gravity() + Vector3::repeat(shake / 3.0f64.sqrt())
+        let disturbance = self.truth.disturbed_since_s.map_or(0.0, |since_s| {
+            DISTURBANCE_MPS2 * (std::f64::consts::TAU * DISTURBANCE_HZ * (self.time_s() - since_s)).sin()
+        });
+        dynamics::gravity() + Vector3::repeat(disturbance / 3.0f64.sqrt())
     }
 
     /// Substeps of the step to come.

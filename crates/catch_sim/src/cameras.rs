@@ -3,7 +3,7 @@
 //! Cameras see by ray casting, one ray through the centre of each pixel ([`Renderer`]), which is exact. What real sensors do to
 //! such images is added to them ([`DepthCameras`], [`depth_noise`]).
 
-mod chance;
+mod counter_generator;
 pub mod depth_noise;
 mod measurement;
 mod render;

@@ -37,7 +37,8 @@ impl Conditions {
     /// Those of throw number `index` of `seed`.
     pub fn draw(config: &ArenaConfig, object: &ThrownObject, seed: u64, index: u64) -> Self {
         let draws = |stream| Draws::new(stream, seed, index);
-        let around = |value: f64, share: f64, draws: &mut Draws| value * (1.0 + share * draws.between([-1.0, 1.0]));
+        let around =
+            |value: f64, fraction: f64, draws: &mut Draws| value * (1.0 + fraction * draws.between([-1.0, 1.0]));
 
         let restitution = object.restitution * config.restitution_scale;
         let restitution = around(restitution, config.restitution_spread, &mut draws(Stream::Restitution));
@@ -97,8 +98,8 @@ impl Draws {
         Unit::new_normalize(Vector3::new(radius * azimuth.cos(), radius * azimuth.sin(), height))
     }
 
-    /// An attitude, uniform over all (Shoemake, Uniform random rotations, Graphics Gems III, 1992).
-    pub fn attitude(&mut self) -> UnitQuaternion<f64> {
+    /// An orientation, uniform over all (Shoemake, Uniform random rotations, Graphics Gems III, 1992).
+    pub fn orientation(&mut self) -> UnitQuaternion<f64> {
         let (u, one, two) = (self.unit(), TAU * self.unit(), TAU * self.unit());
         let (a, b) = ((1.0 - u).sqrt(), u.sqrt());
         let [x, y, z, w] = [a * one.sin(), a * one.cos(), b * two.sin(), b * two.cos()];

@@ -26,11 +26,11 @@ pub struct ArenaConfig {
     pub friction: Drawn,
     /// Multiplies the object's own restitution.
     pub restitution_scale: f64,
-    /// Every throw draws its restitution uniformly within this share around that. None in the paper.
+    /// Every throw draws its restitution uniformly within this fraction around that. None in the paper.
     pub restitution_spread: f64,
     /// Whether the air brakes the object. Off by default, as in the paper.
     pub drag: bool,
-    /// Zero gives every throw the object's own drag; above zero, each draws it uniformly within this share around what the
+    /// Zero gives every throw the object's own drag; above zero, each draws it uniformly within this fraction around what the
     /// brain is told of the object beforehand.
     pub drag_spread: f64,
     /// How the air moves; it counts where there is drag.
@@ -179,7 +179,7 @@ pub struct RobotErrors {
     pub encoder_sd_rad: f64,
     /// The same of the joint velocities, in rad/s.
     pub encoder_sd_radps: f64,
-    /// Every link's mass and inertia are drawn uniformly within this share around the model that the robot controller computes with.
+    /// Every link's mass and inertia are drawn uniformly within this fraction around the model that the robot controller computes with.
     pub link_mass_spread: f64,
     /// How far the gripper is from where the model has it mounted, in a random direction, in metres.
     pub tool_position_m: f64,
@@ -263,12 +263,12 @@ impl ArenaConfig {
         }
         let is_fraction = (0.0..=1.0).contains(&declined_fraction);
         expect(is_fraction, "robot_controller.declined_fraction", declined_fraction, "0 to 1");
-        for (field, share) in [
+        for (field, fraction) in [
             ("restitution_spread", self.restitution_spread),
             ("drag_spread", self.drag_spread),
             ("robot_errors.link_mass_spread", link_mass_spread),
         ] {
-            expect((0.0..1.0).contains(&share), field, share, "a share from zero to below 1");
+            expect((0.0..1.0).contains(&fraction), field, fraction, "a fraction from zero to below 1");
         }
         let within_a_flight = format!("0 to {MOST_LATENCY_S} s, a time within a flight");
         expect((0.0..=MOST_LATENCY_S).contains(&self.latency_s), "latency_s", self.latency_s, &within_a_flight);

@@ -27,7 +27,7 @@ impl Gains {
     /// stopped by an object presses with all its force 2 ms later.
     pub const IDEAL: Self = Self { stiffness_npm: 10_000.0, damping_nspm: 40.0 };
 
-    /// Critically damped, at the natural frequency ω in rad/s, for a finger with its share of the drive: k = m·ω², d = 2·m·ω.
+    /// Critically damped, at the natural frequency ω in rad/s, for a finger with its fraction of the drive: k = m·ω², d = 2·m·ω.
     fn critical(mass_kg: f64, bandwidth_radps: f64) -> Self {
         Self { stiffness_npm: mass_kg * bandwidth_radps.powi(2), damping_nspm: 2.0 * mass_kg * bandwidth_radps }
     }

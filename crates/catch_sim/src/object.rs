@@ -112,12 +112,12 @@ impl ThrownObject {
             let fault = || InputError::new(file, field, value, expected);
             if range.contains(&value) { Ok(()) } else { Err(fault()) }
         };
-        let (share, not_negative) = (0.0..=1.0, 0.0..=f64::MAX);
+        let (fraction, not_negative) = (0.0..=1.0, 0.0..=f64::MAX);
         let masses = format!("{} to {}, in kilogrammes", MASSES_KG.start(), MASSES_KG.end());
         InputError::first_of([
             within("truth.mass_kg", mass_kg, &MASSES_KG, &masses),
-            within("truth.restitution", truth.restitution, &share, "0 to 1"),
-            within("prior.restitution", prior.restitution.unwrap_or_default(), &share, "0 to 1"),
+            within("truth.restitution", truth.restitution, &fraction, "0 to 1"),
+            within("prior.restitution", prior.restitution.unwrap_or_default(), &fraction, "0 to 1"),
             within("truth.drag_per_m", truth.drag_per_m, &not_negative, "zero or more"),
             within("prior.drag_per_m", prior.drag_per_m, &not_negative, "zero or more"),
             within("prior.drag_sd_per_m", prior.drag_sd_per_m, &not_negative, "zero or more"),

@@ -91,8 +91,8 @@ impl ShapeFields {
             Self::Ball { diameter_m, hollow } => {
                 let radius_m = InputError::positive(file, "truth.shape.diameter_m", *diameter_m)? / 2.0;
                 // 2/3·m·r² for a spherical shell, 2/5·m·r² for a solid ball.
-                let share = if *hollow { 2.0 / 3.0 } else { 2.0 / 5.0 };
-                let about_com = Matrix3::identity() * (share * mass_kg * radius_m * radius_m);
+                let fraction = if *hollow { 2.0 / 3.0 } else { 2.0 / 5.0 };
+                let about_com = Matrix3::identity() * (fraction * mass_kg * radius_m * radius_m);
                 Ok(Solid {
                     mesh: TriangleMesh::sphere(radius_m, BALL_SUBDIVISIONS),
                     parts: vec![ColliderPart::Ball { centre: Point3::origin(), radius_m }],

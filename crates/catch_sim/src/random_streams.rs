@@ -1,4 +1,4 @@
-//! Where chance comes from: one independent stream per purpose, a pure function of (seed, index).
+//! Random streams: one per purpose, independent of each other, a pure function of (seed, index).
 //!
 //! What one purpose draws never shifts what another sees, so that switching a sensor's noise on does not change the throw.
 //! The generator (PCG XSL RR 128/64) and the way its bits become numbers are value-stable: they are fixed here and not left to
@@ -7,7 +7,7 @@
 use rand::Rng;
 use rand_pcg::Pcg64;
 
-/// What chance is asked for.
+/// The purpose of a random stream.
 ///
 /// Recorded results depend on these numbers: a stream keeps its own for good.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -22,8 +22,8 @@ pub enum Stream {
     Gripper = 3,
     /// The brain's sampling.
     Brain = 4,
-    /// In what attitude the object is released.
-    Attitude = 16,
+    /// In what orientation the object is released.
+    Orientation = 16,
     /// How it spins.
     Spin = 17,
     /// Restitution.

@@ -65,7 +65,7 @@ impl Servo {
             }
             Err(Rejection::Late { .. }) => self.report.late_trajectories += 1,
             Err(reason) => {
-                self.report.refused_trajectories += 1;
+                self.report.rejected_trajectories += 1;
                 self.report.discontinuous_trajectories += u32::from(matches!(reason, Rejection::Discontinuous { .. }));
             }
         }

@@ -21,7 +21,7 @@ pub struct Release {
     pub p_WO: Point3<f64>,
     /// The velocity of its centre of mass in W, in m/s.
     pub v_WO: Vector3<f64>,
-    /// Its attitude.
+    /// Its orientation.
     pub q_WO: UnitQuaternion<f64>,
     /// Its angular velocity in W, in rad/s.
     pub omega_WO: Vector3<f64>,
@@ -31,7 +31,7 @@ pub struct Release {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Throw {
     motion: Motion,
-    attitudes: BTreeMap<String, UnitQuaternion<f64>>,
+    orientations: BTreeMap<String, UnitQuaternion<f64>>,
 }
 
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -40,7 +40,7 @@ struct ThrowFile {
     motion: Motion,
     /// Per object: intrinsic rotations from left to right, an axis and an angle in degrees each.
     #[serde(default)]
-    attitudes_deg: BTreeMap<String, Vec<(Axis, f64)>>,
+    orientations_deg: BTreeMap<String, Vec<(Axis, f64)>>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
@@ -97,33 +97,33 @@ impl Throw {
             }
             Motion::Random(motion) => motion.check(file)?,
         }
-        let mut attitudes = BTreeMap::new();
-        for (object, rotations) in &fields.attitudes_deg {
+        let mut orientations = BTreeMap::new();
+        for (object, rotations) in &fields.orientations_deg {
             let mut q_WO = UnitQuaternion::identity();
             for &(axis, angle_deg) in rotations {
-                let field = format!("attitudes_deg.{object}");
+                let field = format!("orientations_deg.{object}");
                 let [angle_deg] = InputError::finite(file, field, [angle_deg])?;
                 q_WO *= UnitQuaternion::from_axis_angle(&axis.direction(), angle_deg.to_radians());
             }
-            attitudes.insert(object.clone(), q_WO);
+            orientations.insert(object.clone(), q_WO);
         }
-        Ok(Self { motion: fields.motion, attitudes })
+        Ok(Self { motion: fields.motion, orientations })
     }
 
-    /// The same objects in the same attitudes on another way, every time the same, without spin.
+    /// The same objects in the same orientations on another way, every time the same, without spin.
     pub fn moved(&self, p_WO: &Point3<f64>, v_WO: &Vector3<f64>) -> Self {
         let motion =
             Motion::Fixed { position_m: p_WO.coords.into(), velocity_mps: (*v_WO).into(), spin_radps: [0.0; 3] };
-        Self { motion, attitudes: self.attitudes.clone() }
+        Self { motion, orientations: self.orientations.clone() }
     }
 
     /// The throw number `index` of `seed`. Where the file does not give the object's orientation, a fixed throw has the axes of the
     /// object's file along those of W; of all others every orientation is as likely as any other. `conditions` are those of the
     /// same throw.
     pub fn release(&self, object_name: &str, conditions: &Conditions, seed: u64, index: u64) -> Release {
-        let given = self.attitudes.get(object_name).copied();
+        let given = self.orientations.get(object_name).copied();
         let is_fixed = matches!(self.motion, Motion::Fixed { .. });
-        let drawn = || Draws::new(Stream::Attitude, seed, index).attitude();
+        let drawn = || Draws::new(Stream::Orientation, seed, index).orientation();
         let mut release = Release {
             p_WO: Point3::origin(),
             v_WO: Vector3::zeros(),
@@ -244,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn attitudes_are_intrinsic_rotations_from_left_to_right() {
+    fn orientations_are_intrinsic_rotations_from_left_to_right() {
         let release = throw("near").release("banana", &calm(), 0, 0);
         let about = |axis: Axis, degrees: f64| UnitQuaternion::from_axis_angle(&axis.direction(), degrees.to_radians());
         let expected = about(Axis::Z, -45.0) * about(Axis::X, -45.0) * about(Axis::Z, -90.0);

@@ -11,11 +11,11 @@ pub struct Truth {
     pub samples: Vec<TruthSample>,
     /// What the robot controller noticed.
     pub servo: ServoReport,
-    /// Since when the physics has been out of its mind, if it ever was: a state was not finite, and the last good one has
+    /// Since when the physics has been diverged, if it ever was: a state was not finite, and the last good one has
     /// stood still from there on.
     pub diverged_s: Option<f64>,
     /// Since when the world has been shaking.
-    pub shaking_since_s: Option<f64>,
+    pub disturbed_since_s: Option<f64>,
 }
 
 /// The state at one instant, and the forces of the step that led to it.
@@ -78,11 +78,11 @@ pub struct ServoReport {
     /// Trajectories refused because their start had passed.
     pub late_trajectories: u32,
     /// Trajectories rejected for any other reason: invalid, not ending at rest, discontinuous, declined by the controller.
-    pub refused_trajectories: u32,
+    pub rejected_trajectories: u32,
     /// Those of them that did not continue the one being executed, or were not continuous themselves.
     pub discontinuous_trajectories: u32,
     /// Gripper moves refused because a number was not finite, or speed or force not above zero.
-    pub refused_gripper_moves: u32,
+    pub rejected_gripper_moves: u32,
     /// Limits broken by accepted trajectories: the worst value per trajectory, joint and kind.
     pub command_violations: Vec<LimitViolation>,
     /// Limits broken in motion, one entry per excursion with its worst value: positions out of range, velocities beyond 1.01.

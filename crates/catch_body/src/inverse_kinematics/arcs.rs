@@ -263,8 +263,8 @@ impl SrsArm {
         let at = Harmonic::new(1.0, swivel.cos(), swivel.sin());
         let change = |h: &Harmonic| h.y.hypot(h.z) * by;
         let angle = |[x, y]: &[Harmonic; 2]| {
-            let share = change(x).hypot(change(y)) / x.dot(&at).hypot(y.dot(&at));
-            if share < 1.0 { share.asin() } else { std::f64::consts::TAU }
+            let fraction = change(x).hypot(change(y)) / x.dot(&at).hypot(y.dot(&at));
+            if fraction < 1.0 { fraction.asin() } else { std::f64::consts::TAU }
         };
         let arc_cosine = |h: &Harmonic| {
             let arc = |value: f64| value.clamp(-1.0, 1.0).acos();
@@ -320,7 +320,7 @@ impl SrsArm {
     }
 }
 
-/// The attitude of the upper arm, R_03, as forms of the swivel angle.
+/// The orientation of the upper arm, R_03, as forms of the swivel angle.
 struct UpperArm {
     before: Matrix3<f64>,
     upper: [Vector3<f64>; 3],

@@ -84,7 +84,7 @@ impl Controller {
         let closing = closing(&plan, flight, &self.robot, &self.gripper, &self.grasping, &self.config);
         // Fingers that have started to close go on: a new list of moves would open them again.
         let is_closing = self.closing.is_some_and(|closing| closing.start_s <= now_s);
-        let moves = gripper_moves(now_s, plan.open_width_m, &closing, &self.gripper, &self.config);
+        let moves = gripper_moves(now_s, plan.aperture_m, &closing, &self.gripper, &self.config);
         let arm = decision.status.is_new_motion().then(|| self.sent.send(plan.clone()));
         if !is_closing {
             self.closing = Some(closing);

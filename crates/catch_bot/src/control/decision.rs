@@ -21,7 +21,7 @@ pub enum Status {
     OutOfReach,
     /// The object passes within reach, but no way of holding it was found.
     NoGrasp,
-    /// It passes within reach, but would hit the open gripper on its way in, whatever the grasp.
+    /// It passes within reach, but would hit the open gripper on its approach, whatever the grasp.
     Blocked,
     /// A catch was chosen, but no motion to it that keeps all limits.
     NoPlan,

@@ -38,11 +38,11 @@ pub struct Config {
     pub commit_s: f64,
     /// A plan that cannot be adjusted is kept while the object is expected within this distance of its grasp centre, in metres.
     pub tolerated_miss_m: f64,
-    /// And while its attitude differs by less than this, in radians.
+    /// And while its orientation differs by less than this, in radians.
     pub tolerated_miss_rad: f64,
     /// A catch whose cost of holding has risen by this much, as the flight is known better, is given up for one that costs that
     /// much less.
-    pub switch_gain: f64,
+    pub switching_hysteresis: f64,
 }
 
 impl Default for Config {
@@ -55,7 +55,7 @@ impl Default for Config {
             commit_s: 0.05,
             tolerated_miss_m: 0.006,
             tolerated_miss_rad: 0.03,
-            switch_gain: 0.5,
+            switching_hysteresis: 0.5,
         }
     }
 }
@@ -78,7 +78,7 @@ impl Settings for Config {
                     ("closing_force_n", self.closing_force_n),
                     ("tolerated_miss_m", self.tolerated_miss_m),
                     ("tolerated_miss_rad", self.tolerated_miss_rad),
-                    ("switch_gain", self.switch_gain),
+                    ("switching_hysteresis", self.switching_hysteresis),
                 ],
             )
             .all()
@@ -107,14 +107,14 @@ pub fn closing(
     config: &Config,
 ) -> GripperPlan {
     let held = plan.grasp.X_OG * gripper.grasp_centre();
-    let passage = flight.passage_at(plan.catch_s);
+    let local_flight = flight.local_flight_at(plan.catch_s);
     let X_WG = |time_s: f64| robot.gripper_pose(&plan.trajectory.setpoint(time_s).q);
-    let distance = |time_s: f64| (passage.pose_at(time_s) * held - X_WG(time_s) * gripper.grasp_centre()).norm();
+    let distance = |time_s: f64| (local_flight.pose_at(time_s) * held - X_WG(time_s) * gripper.grasp_centre()).norm();
     let closest_s = closest(plan.catch_s, distance);
     let contact_s =
-        closest_s - grasping.contact_lead_s(&passage.velocity_in(X_WG, &held), &plan.grasp.centre_past_G(gripper));
+        closest_s - grasping.contact_lead_s(&local_flight.velocity_in(X_WG, &held), &plan.grasp.centre_past_G(gripper));
     let fingers = grasping.closing(gripper);
-    let travel_s = fingers.duration_s(plan.open_width_m - plan.grasp.object_width_m);
+    let travel_s = fingers.duration_s(plan.aperture_m - plan.grasp.object_width_m);
     GripperPlan { start_s: contact_s - travel_s - config.gripper_latency_s, contact_s, speed_mps: fingers.speed_mps }
 }
 
@@ -140,15 +140,15 @@ fn closest(guess_s: f64, distance: impl Fn(f64) -> f64) -> f64 {
 /// The moves of the fingers: open this wide, then squeeze. Where it is time to squeeze already nothing opens them any more.
 pub fn gripper_moves(
     now_s: f64,
-    open_width_m: f64,
+    aperture_m: f64,
     closing: &GripperPlan,
     gripper: &Gripper,
     config: &Config,
 ) -> Vec<GripperMove> {
     let force_n = config.closing_force_n.min(gripper.max_force_n);
-    let opening = GripperMove { start_s: now_s, width_m: open_width_m, speed_mps: gripper.max_speed_mps, force_n };
+    let aperture = GripperMove { start_s: now_s, width_m: aperture_m, speed_mps: gripper.max_speed_mps, force_n };
     let squeezing = GripperMove { start_s: closing.start_s, width_m: 0.0, speed_mps: closing.speed_mps, force_n };
-    if closing.start_s > now_s { vec![opening, squeezing] } else { vec![squeezing] }
+    if closing.start_s > now_s { vec![aperture, squeezing] } else { vec![squeezing] }
 }
 
 #[cfg(test)]

@@ -73,7 +73,7 @@ mod tests {
     use super::*;
     use crate::{
         grasp_selection::{Approach, Grasp},
-        trajectory_optimization::arrival::Weights,
+        trajectory_optimization::terminal_velocity::Weights,
     };
     use catch_body::{JointVector, Pose, shape::Cuboid};
     use catch_cell::{BSpline, RejectedTrajectory, Rejection};
@@ -84,7 +84,7 @@ mod tests {
         let grasp = Grasp {
             X_OG: Pose::identity(),
             object_width_m: 0.05,
-            open_width_m: 0.1,
+            aperture_m: 0.1,
             strength_m: 0.0,
             overhang_m: 0.0,
             held_G: Cuboid { centre: Point3::origin(), size: Vector3::zeros() },
@@ -95,8 +95,8 @@ mod tests {
             approach: Approach::TowardPalm,
             X_WG: Pose::identity(),
             q: JointVector::repeat(q),
-            open_width_m: 0.1,
-            lets_in: true,
+            aperture_m: 0.1,
+            approach_is_free: true,
             elbow: None,
             speed_fraction: 0.0,
             spin_radps: 0.0,

@@ -72,15 +72,15 @@ impl TimeGridSearch {
         // Fingers that have begun to close are timed for this catch.
         let is_closing = situation.is_closing();
         let mut adjusted = search.retarget(start, incoming, running);
-        if !is_closing && !adjusted.as_ref().is_some_and(|it| it.lets_in) {
+        if !is_closing && !adjusted.as_ref().is_some_and(|it| it.approach_is_free) {
             adjusted = search.shifted(start, incoming, running).or(adjusted);
         }
         let is_good = match &adjusted {
-            Some(adjusted) => adjusted.lets_in,
+            Some(adjusted) => adjusted.approach_is_free,
             None => is_still_good(running, flight, search.motion().gripper(), &self.config),
         };
         // A catch that the flight, known better, has made worse is compared with the best there is now.
-        let gain = self.config.switch_gain;
+        let gain = self.config.switching_hysteresis;
         let has_worsened = adjusted
             .as_ref()
             .zip(progress.reference_cost)
@@ -104,8 +104,8 @@ impl TimeGridSearch {
         let (status, plan) = match search.nearest(start, incoming, running) {
             Some(plan) => (Status::Approached, plan),
             None => {
-                let passage = flight.passage_at(running.catch_s);
-                let plan = search.opened(running.clone(), running.open_width_m, start.time_s, incoming, &passage);
+                let local_flight = flight.local_flight_at(running.catch_s);
+                let plan = search.opened(running.clone(), running.aperture_m, start.time_s, incoming, &local_flight);
                 (Status::PlanKept, plan)
             }
         };

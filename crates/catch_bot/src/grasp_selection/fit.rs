@@ -10,7 +10,7 @@ use crate::perception::ReferenceModel;
 /// Surface points this close to the outermost one count as touched by a finger.
 const CONTACT_DEPTH_M: f64 = 0.003;
 
-/// The gripper with attitude `R_OG` over the surface point `sample`, `None` if it cannot hold the object there.
+/// The gripper with orientation `R_OG` over the surface point `sample`, `None` if it cannot hold the object there.
 pub fn fit_gripper(
     reference: &ReferenceModel,
     gripper: &Gripper,
@@ -46,8 +46,8 @@ pub fn fit_gripper(
         return None;
     }
     let object_width_m = high - low;
-    let open_width_m = object_width_m + 2.0 * config.finger_margin_m;
-    if open_width_m > gripper.max_width_m {
+    let aperture_m = object_width_m + 2.0 * config.finger_margin_m;
+    if aperture_m > gripper.max_width_m {
         return None;
     }
     let X_OG = place(Vector3::new((low + high) / 2.0, -backed_off, 0.0));
@@ -80,7 +80,7 @@ pub fn fit_gripper(
     }
 
     // The open fingers and the housing are clear of the object.
-    let boxes = [gripper.fingers(open_width_m)[0], gripper.fingers(open_width_m)[1], gripper.body()];
+    let boxes = [gripper.fingers(aperture_m)[0], gripper.fingers(aperture_m)[1], gripper.body()];
     let collides = |p: &Point3<f64>| {
         boxes.iter().any(|cuboid| {
             let inside = (p - cuboid.centre).abs() - cuboid.size / 2.0;
@@ -91,7 +91,7 @@ pub fn fit_gripper(
         return None;
     }
     let held_G = held_box(&reference.points, &X_GO);
-    Some(Grasp { X_OG, object_width_m, open_width_m, strength_m, overhang_m, held_G })
+    Some(Grasp { X_OG, object_width_m, aperture_m, strength_m, overhang_m, held_G })
 }
 
 /// How much farther from the palm than the grasp centre an object's centre of mass is.

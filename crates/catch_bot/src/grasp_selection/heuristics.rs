@@ -15,7 +15,7 @@ use crate::settings::{Faults, NOT_NEGATIVE, SettingError, Settings};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Weights {
-    /// On the share of the velocity that points at a finger, |v̂·x_G|.
+    /// On the fraction of the velocity that points at a finger, |v̂·x_G|.
     pub catchability: f64,
     /// On the distance of the centre of mass from the gripper's axis, per 30 mm.
     pub strength: f64,
@@ -27,9 +27,9 @@ pub struct Weights {
     pub comfort: f64,
     /// On passing through the gap instead of flying toward the palm, which gives four times the time to close.
     pub pass_through: f64,
-    /// The share of the velocity that may point at a finger; grasps with more are dropped.
+    /// The fraction of the velocity that may point at a finger; grasps with more are dropped.
     pub max_sideways: f64,
-    /// The share of the velocity that may come from behind the palm.
+    /// The fraction of the velocity that may come from behind the palm.
     pub max_from_behind: f64,
 }
 

@@ -50,7 +50,7 @@ pub struct Config {
     /// Free space on each side between the object and the open fingers, in metres, for the prediction's uncertainty.
     pub finger_margin_m: f64,
     /// What must be left of it while the object comes in, in metres.
-    pub way_in_margin_m: f64,
+    pub approach_margin_m: f64,
     /// Free space between the object and the palm, in metres.
     pub palm_margin_m: f64,
     /// Speed of closing in m/s, the fingers relative to each other; the gripper's own limit if nothing is said.
@@ -61,14 +61,14 @@ pub struct Config {
     pub settling_s: f64,
     /// The fingers should touch the object when its centre still has this far to go across them to the grasp centre, in metres: the
     /// way on which they brake it.
-    pub braking_way_m: f64,
+    pub finger_braking_distance_m: f64,
     /// The same for what flies along the fingers toward the palm, from which it would bounce: fingers that close slowly should
     /// touch it as soon as it is between them.
-    pub palm_braking_way_m: f64,
+    pub palm_braking_distance_m: f64,
     /// What comes back from the palm as fast as it came must be held before it gets there; what comes back slowly may be held on
-    /// its way back, when all of it is between the fingers. The way is [`Config::palm_braking_way_m`] less this times 1/e − 1, in
+    /// its way back, when all of it is between the fingers. The way is [`Config::palm_braking_distance_m`] less this times 1/e − 1, in
     /// metres, e being [`Config::restitution`], at least 0.25; it may be negative.
-    pub palm_return_way_m: f64,
+    pub palm_rebound_distance_m: f64,
     /// How the object is expected to bounce off the gripper: its coefficient of restitution, 0 to 1; a typical 0.5 if it is not
     /// set.
     pub restitution: Option<f64>,
@@ -89,14 +89,14 @@ impl Default for Config {
             max_overhang_m: 0.03,
             max_contact_angle_rad: 0.38,
             finger_margin_m: 0.012,
-            way_in_margin_m: 0.003,
+            approach_margin_m: 0.003,
             palm_margin_m: 0.006,
             closing_speed_mps: None,
             closing_acceleration_mps2: None,
             settling_s: 0.05,
-            braking_way_m: 0.007,
-            palm_braking_way_m: 0.025,
-            palm_return_way_m: 0.0,
+            finger_braking_distance_m: 0.007,
+            palm_braking_distance_m: 0.025,
+            palm_rebound_distance_m: 0.0,
             restitution: None,
             weights: heuristics::Weights::default(),
             kept: 60,
@@ -116,11 +116,11 @@ impl Settings for Config {
                     ("max_overhang_m", self.max_overhang_m),
                     ("max_contact_angle_rad", self.max_contact_angle_rad),
                     ("finger_margin_m", self.finger_margin_m),
-                    ("way_in_margin_m", self.way_in_margin_m),
+                    ("approach_margin_m", self.approach_margin_m),
                     ("palm_margin_m", self.palm_margin_m),
-                    ("braking_way_m", self.braking_way_m),
-                    ("palm_braking_way_m", self.palm_braking_way_m),
-                    ("palm_return_way_m", self.palm_return_way_m),
+                    ("finger_braking_distance_m", self.finger_braking_distance_m),
+                    ("palm_braking_distance_m", self.palm_braking_distance_m),
+                    ("palm_rebound_distance_m", self.palm_rebound_distance_m),
                 ],
             )
             .values(&DURATION_S, [("settling_s", self.settling_s)])
@@ -154,10 +154,10 @@ impl Config {
     /// What is squeezed where its centre is stays; what has passed with its centre hangs out on the other side. Along the fingers
     /// the centre does not count: the palm may be in its way.
     pub fn contact_lead_s(&self, v_G: &Vector3<f64>, past_G: &Vector3<f64>) -> f64 {
-        let return_way_m =
-            self.palm_return_way_m * (1.0 / self.restitution.unwrap_or(TYPICAL_RESTITUTION).max(SOFTEST) - 1.0);
-        let palm_way_m = self.palm_braking_way_m - return_way_m;
-        let braking = self.braking_way_m * v_G.z.abs() + palm_way_m * (-v_G.y).max(0.0);
+        let rebound_distance_m =
+            self.palm_rebound_distance_m * (1.0 / self.restitution.unwrap_or(TYPICAL_RESTITUTION).max(SOFTEST) - 1.0);
+        let palm_travel_m = self.palm_braking_distance_m - rebound_distance_m;
+        let braking = self.finger_braking_distance_m * v_G.z.abs() + palm_travel_m * (-v_G.y).max(0.0);
         (past_G.xz().dot(&v_G.xz()) + braking) / v_G.norm_squared().max(1.0)
     }
 }
@@ -175,7 +175,7 @@ pub struct Grasp {
     /// Width of the object between the fingers, in metres.
     pub object_width_m: f64,
     /// Narrowest opening before the catch, in metres.
-    pub open_width_m: f64,
+    pub aperture_m: f64,
     /// "Strength": distance of the centre of mass from the gripper's y axis, in metres; less is better.
     pub strength_m: f64,
     /// How much farther from the palm than the grasp centre the centre of mass is, in metres.
@@ -191,13 +191,13 @@ impl Grasp {
     }
 }
 
-/// All ways of holding one object that its shape allows.
+/// All grasp candidates one object that its shape allows.
 #[derive(Debug, Clone)]
 pub struct GraspSet {
     /// The grasps.
     pub grasps: Vec<Grasp>,
-    /// Few points of the object in O that outline it, for clearance checks on the way in.
-    pub outline: Vec<Point3<f64>>,
+    /// Few points of the object in O that outline it, for clearance checks on the approach.
+    pub surface_points: Vec<Point3<f64>>,
     /// Distance of the farthest of them from the centre of mass, in metres.
     pub radius_m: f64,
     /// Closing and approaching direction of every grasp, in O.
@@ -234,9 +234,9 @@ impl GraspSet {
             }
         }
         let axes = grasps.iter().map(|it| [it.X_OG * Vector3::x(), it.X_OG * Vector3::y()]).collect();
-        let outline = outline(&reference.points);
-        let radius_m = outline.iter().map(|point| point.coords.norm()).fold(0.0, f64::max);
-        Self { grasps, outline, radius_m, axes }
+        let surface_points = surface_points(&reference.points);
+        let radius_m = surface_points.iter().map(|point| point.coords.norm()).fold(0.0, f64::max);
+        Self { grasps, surface_points, radius_m, axes }
     }
 
     /// The best grasps for an object in pose `X_WO` that flies at `v_WO`, best first, among those whose pose in O the gripper
@@ -278,7 +278,7 @@ const OUTERMOST: usize = 300;
 const OTHERS: usize = 150;
 
 /// A cloud with few points that still has the corners: the outermost point in each of many directions, and some others.
-fn outline(points: &[Point3<f64>]) -> Vec<Point3<f64>> {
+fn surface_points(points: &[Point3<f64>]) -> Vec<Point3<f64>> {
     let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
     let directions = (0..OUTERMOST).map(|i| {
         let z = 1.0 - 2.0 * (i as f64 + 0.5) / OUTERMOST as f64;
@@ -302,7 +302,7 @@ mod tests {
 
     #[test]
     fn fingers_touch_when_the_centre_of_the_object_passes() {
-        let config = Config { braking_way_m: 0.0, palm_braking_way_m: 0.0, ..Config::default() };
+        let config = Config { finger_braking_distance_m: 0.0, palm_braking_distance_m: 0.0, ..Config::default() };
         let (v_G, past_G) = (Vector3::new(0.3, 0.0, 3.0), Vector3::new(0.01, 0.0, 0.02));
         let lead_s = config.contact_lead_s(&v_G, &past_G);
         let distance = |before_s: f64| (past_G - v_G * before_s).xz().norm();
@@ -315,16 +315,16 @@ mod tests {
     #[test]
     fn what_bounces_little_is_touched_on_its_way_back() {
         let config = |restitution: f64| Config {
-            palm_braking_way_m: 0.02,
-            palm_return_way_m: 0.025,
+            palm_braking_distance_m: 0.02,
+            palm_rebound_distance_m: 0.025,
             restitution: Some(restitution),
             ..Config::default()
         };
         let toward_palm = Vector3::new(0.0, -4.0, 0.0);
-        let way_m = |restitution: f64| config(restitution).contact_lead_s(&toward_palm, &Vector3::zeros()) * 4.0;
-        assert!((way_m(1.0) - 0.02).abs() < 1e-12);
-        assert!((way_m(0.5) + 0.005).abs() < 1e-12);
-        assert!((way_m(0.25) + 0.055).abs() < 1e-12 && (way_m(0.0) - way_m(0.25)).abs() < 1e-12);
+        let travel_m = |restitution: f64| config(restitution).contact_lead_s(&toward_palm, &Vector3::zeros()) * 4.0;
+        assert!((travel_m(1.0) - 0.02).abs() < 1e-12);
+        assert!((travel_m(0.5) + 0.005).abs() < 1e-12);
+        assert!((travel_m(0.25) + 0.055).abs() < 1e-12 && (travel_m(0.0) - travel_m(0.25)).abs() < 1e-12);
         // Across the fingers nothing comes back.
         let across = Vector3::new(0.0, 0.0, 4.0);
         assert_eq!(

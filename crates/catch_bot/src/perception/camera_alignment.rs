@@ -2,7 +2,7 @@
 //!
 //! A camera that is turned by 0.05° sees everything at 7 m in a place 6 mm off, and what twenty of them agree on is still off by
 //! 2 mm along each axis: nothing in the flight of an object tells. But all of them see the arm, and the encoders say where it is.
-//! While it stands still, the outline that it has in an image is held against the one that it should have; the shift between both
+//! While it stands still, the silhouette that it has in an image is held against the one that it should have; the shift between both
 //! is how far the camera is turned. How far it is displaced cannot be told from that, and need not be: near the arm, where
 //! objects are caught, a small displacement looks like a turn.
 
@@ -12,22 +12,22 @@ use nalgebra::{Matrix2, Point2, UnitQuaternion, Vector2, Vector3};
 
 use super::{
     Config,
-    acquisition::is_within,
+    detection::is_within,
     segmentation::{Background, Surroundings},
 };
 
-/// The arm's outline, where it is met on the way along a row or a column of pixels.
+/// The arm's silhouette, where it is met on the way along a row or a column of pixels.
 #[derive(Debug, Clone, Copy)]
 struct Crossing {
     /// Whether on the way along a row, else along a column.
     along_row: bool,
     /// Number of that row or column.
     line: usize,
-    /// The last pixel before the outline.
+    /// The last pixel before the silhouette.
     last: usize,
     /// Whether the arm begins there, or else ends.
     begins: bool,
-    /// Where the outline should be, in image coordinates along the line.
+    /// Where the silhouette should be, in image coordinates along the line.
     at_px: f64,
     /// By how much that changes from line to line.
     slope: f64,
@@ -35,24 +35,24 @@ struct Crossing {
     shown: u8,
 }
 
-/// What is known of the cameras' attitudes.
+/// What is known of the cameras' orientations.
 #[derive(Debug, Clone)]
 pub struct CameraAlignment {
     cameras: Vec<CameraModel>,
-    /// For each camera, the outline of the arm.
+    /// For each camera, the silhouette of the arm.
     outlines: Vec<Vec<Crossing>>,
     /// Where the arm stood for that, and how far open its gripper was.
     stood: Option<(LinkPoses, f64)>,
     images: usize,
 }
 
-/// Pixels to each side of the outline that are looked at: several times as many as cameras are off.
+/// Pixels to each side of the silhouette that are looked at: several times as many as cameras are off.
 const REACH_PX: usize = 3;
-/// Steps in which an outline is found between two pixels: to a 64th.
+/// Steps in which an silhouette is found between two pixels: to a 64th.
 const BISECTIONS: usize = 6;
-/// Outlines more slanted than this to their line are left to the lines across.
+/// Silhouettes more slanted than this to their line are left to the lines across.
 const STEEPEST: f64 = 1.3;
-/// An image tells where an outline is to a pixel; its standard deviation is that of a uniform distribution.
+/// An image tells where an silhouette is to a pixel; its standard deviation is that of a uniform distribution.
 const CROSSING_SD_PX: f64 = 0.289;
 /// Crossings that are farther than this from what the others say are something else's, in pixels.
 const OUTLIER_PX: f64 = 1.2;
@@ -72,13 +72,13 @@ impl CameraAlignment {
     pub fn before_flight(told: &[CameraModel], surroundings: &Surroundings<'_>, config: &Config) -> Self {
         let mut alignment = Self::new(told);
         if is_wanted(config) {
-            alignment.outline(told, surroundings, config);
+            alignment.silhouette(told, surroundings, config);
         }
         alignment
     }
 
-    /// Works out where the outline of the arm should be.
-    fn outline(&mut self, told: &[CameraModel], known: &Surroundings<'_>, config: &Config) {
+    /// Works out where the silhouette of the arm should be.
+    fn silhouette(&mut self, told: &[CameraModel], known: &Surroundings<'_>, config: &Config) {
         self.stood = Some((known.X_WL, known.width_m));
         self.outlines.clear();
         for camera in told {
@@ -86,11 +86,11 @@ impl CameraAlignment {
             let mut still = Vec::new();
             background.cast_all(&mut still);
             let is_there = |uv: &Point2<f64>| background.depth_m(uv).is_finite();
-            self.outlines.push(outline(camera.width_px as usize, &still, &is_there));
+            self.outlines.push(silhouette(camera.width_px as usize, &still, &is_there));
         }
     }
 
-    /// Whether the outlines are those of an arm that stands like this.
+    /// Whether the silhouettes are those of an arm that stands like this.
     fn is_of(&self, known: &Surroundings<'_>) -> bool {
         self.stood.as_ref().is_some_and(|(X_WL, width_m)| {
             is_within(STILL, X_WL, &known.X_WL) && (*width_m - known.width_m).abs() < STILL
@@ -106,7 +106,7 @@ impl CameraAlignment {
     /// to stand.
     ///
     /// Nothing happens once the arm has moved, where images have masks (sensors that tell objects apart need not show the arm),
-    /// where the floor hides the arm's outline, and where cameras are known exactly.
+    /// where the floor hides the arm's silhouette, and where cameras are known exactly.
     pub fn observe(
         &mut self,
         frames: &[DepthFrame],
@@ -126,19 +126,19 @@ impl CameraAlignment {
                 self.images = ENOUGH_IMAGES;
                 return;
             }
-            self.outline(told, known, config);
+            self.silhouette(told, known, config);
         }
         self.images += 1;
         for frame in frames.iter().filter(|frame| shows_arm(frame)) {
             let i = frame.camera;
-            let (camera, outline) = (&told[i], &mut self.outlines[i]);
-            for crossing in outline.iter_mut() {
+            let (camera, silhouette) = (&told[i], &mut self.outlines[i]);
+            for crossing in silhouette.iter_mut() {
                 crossing.look(camera.width_px as usize, |pixel| {
                     let depth_m = frame.depth_m[pixel];
                     depth_m.is_finite() && depth_m > 0.0
                 });
             }
-            let shift_px = shift_px(outline, camera, config.camera_sd_rad);
+            let shift_px = shift_px(silhouette, camera, config.camera_sd_rad);
             // With p_C' = p_C − δ × p_C a point on the axis moves by f·(−δ_y, δ_x) in the image.
             let turn = Vector3::new(shift_px.y, -shift_px.x, 0.0) / camera.focal_px;
             self.cameras[i].X_WC.rotation = camera.X_WC.rotation * UnitQuaternion::from_scaled_axis(turn);
@@ -151,8 +151,8 @@ fn is_wanted(config: &Config) -> bool {
     config.camera_sd_rad > 0.0 && !config.sees_floor()
 }
 
-/// The outline of what `still` shows, between pixels by asking whether something `is_there`.
-fn outline(width: usize, still: &[f32], is_there: &impl Fn(&Point2<f64>) -> bool) -> Vec<Crossing> {
+/// The silhouette of what `still` shows, between pixels by asking whether something `is_there`.
+fn silhouette(width: usize, still: &[f32], is_there: &impl Fn(&Point2<f64>) -> bool) -> Vec<Crossing> {
     let height = still.len() / width.max(1);
     let mut crossings = Vec::new();
     for along_row in [true, false] {
@@ -186,7 +186,7 @@ fn outline(width: usize, still: &[f32], is_there: &impl Fn(&Point2<f64>) -> bool
     crossings
 }
 
-/// Slopes from the crossings of the same outline on the lines before and after; NaN where there are none.
+/// Slopes from the crossings of the same silhouette on the lines before and after; NaN where there are none.
 fn add_slopes(crossings: &mut [Crossing]) {
     for i in 0..crossings.len() {
         let Crossing { line, begins, at_px, .. } = crossings[i];
@@ -201,11 +201,11 @@ fn add_slopes(crossings: &mut [Crossing]) {
     }
 }
 
-/// By how much the outline is shifted in the images: least squares, with how far cameras are off as a prior.
-fn shift_px(outline: &[Crossing], camera: &CameraModel, camera_sd_rad: f64) -> Vector2<f64> {
+/// By how much the silhouette is shifted in the images: least squares, with how far cameras are off as a prior.
+fn shift_px(silhouette: &[Crossing], camera: &CameraModel, camera_sd_rad: f64) -> Vector2<f64> {
     let prior = Matrix2::identity() * (camera_sd_rad * camera.focal_px).powi(-2);
     let seen = |it: &Crossing| Some((it.found_px()? - it.at_px, it.gradient()));
-    let mut seen: Vec<(f64, Vector2<f64>)> = outline.iter().filter_map(seen).collect();
+    let mut seen: Vec<(f64, Vector2<f64>)> = silhouette.iter().filter_map(seen).collect();
     let mut shift = Vector2::zeros();
     for round in 0..3 {
         if round > 0 {
@@ -266,7 +266,7 @@ mod tests {
     fn an_outline_is_found_although_pixels_are_missing() {
         let shown: Vec<bool> = (0..64).map(|k| k == 37 || (k > 37 && k % 2 == 0)).collect();
         let still: Vec<f32> = (0..64).map(|k| if k >= 37 { 1.0 } else { f32::INFINITY }).collect();
-        let mut found = outline(64, &still.repeat(3), &|uv| uv.x > 37.3);
+        let mut found = silhouette(64, &still.repeat(3), &|uv| uv.x > 37.3);
         found.retain(|it| it.along_row);
         assert_eq!(found.len(), 1, "the middle one of three rows has a slope");
         assert!((found[0].at_px - 37.3).abs() < 0.02 && found[0].slope == 0.0 && found[0].begins);

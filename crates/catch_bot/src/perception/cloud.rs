@@ -4,7 +4,7 @@ use catch_body::Pose;
 use nalgebra::{Point3, Vector3};
 
 use super::{
-    Config, PerceptionStatus, ReferenceModel, cold_start,
+    Config, PerceptionStatus, ReferenceModel, global_registration,
     point_cloud::{SceneCloud, ScenePoint},
     registration::{self, Fit},
 };
@@ -12,7 +12,7 @@ use super::{
 /// Brings a reference onto a cloud of points in the frame C, each with the same standard deviation in metres along every axis.
 ///
 /// Returns X_CO with its information; times [`ReferenceModel::X_RO`]'s inverse it is the pose X_CR of the reference's own frame.
-/// Without a prior all attitudes are tried.
+/// Without a prior all orientations are tried.
 ///
 /// ```
 /// use catch_body::Pose;
@@ -60,5 +60,5 @@ pub fn register_cloud(
     let config = Config { model_sd_m: config.model_sd_m.hypot(sd_m), ..config.clone() };
     let tracked = prior.and_then(|X_CO| registration::register(&mut scene, reference, X_CO, &config, false).ok());
     let mut thinned = SceneCloud::default();
-    tracked.map_or_else(|| cold_start::register(&mut scene, &mut thinned, reference, prior, &config), Ok)
+    tracked.map_or_else(|| global_registration::register(&mut scene, &mut thinned, reference, prior, &config), Ok)
 }

@@ -57,12 +57,12 @@ impl DistanceField {
         self.fine.values.iter().map(|node| -f64::from(node[0])).fold(0.0, f64::max)
     }
 
-    /// Nodes of the fine grid with the share of their cell that is inside, and the volume of a cell in m³.
+    /// Nodes of the fine grid with the fraction of their cell that is inside, and the volume of a cell in m³.
     pub(super) fn inside(&self) -> (impl Iterator<Item = (Point3<f64>, f64)>, f64) {
         let grid = &self.fine;
         let cells = grid.values.iter().enumerate().filter_map(|(i, value)| {
-            let share = (0.5 - f64::from(value[0]) / grid.spacing_m).clamp(0.0, 1.0);
-            (share > 0.0).then(|| (grid.node(i), share))
+            let fraction = (0.5 - f64::from(value[0]) / grid.spacing_m).clamp(0.0, 1.0);
+            (fraction > 0.0).then(|| (grid.node(i), fraction))
         });
         (cells, grid.spacing_m.powi(3))
     }
@@ -175,8 +175,8 @@ impl Grid {
     /// the value, ½·t·(1 − t)·(g₀ − g₁), which makes it exact for every quadratic function.
     #[inline]
     fn at(&self, point: &Point3<f64>) -> Option<(f64, Vector3<f64>)> {
-        let (first, share) = self.cell(point)?;
-        let [u, v, w] = share.map(|share| share as f32);
+        let (first, fraction) = self.cell(point)?;
+        let [u, v, w] = fraction.map(|fraction| fraction as f32);
         let (row, layer) = (self.nodes[0], self.nodes[0] * self.nodes[1]);
         let nodes = &self.values[first..first + layer + row + 2];
         let [a, b] = [blend::<1>(&nodes[0], &nodes[1], u), blend::<1>(&nodes[row], &nodes[row + 1], u)];
@@ -225,8 +225,8 @@ impl OrientedPoints<'_> {
             // Which side it is on, all around decide together.
             let mut side = apart.dot(&normal) * 1e-6;
             near.near(&point, self.reach_m(), |i| {
-                let share = 1.0 - (self.points[i] - point).norm_squared() / self.reach_m().powi(2);
-                side += (at - self.points[i]).dot(&self.normals[i]) * share.max(0.0).powi(2);
+                let fraction = 1.0 - (self.points[i] - point).norm_squared() / self.reach_m().powi(2);
+                side += (at - self.points[i]).dot(&self.normals[i]) * fraction.max(0.0).powi(2);
             });
             return far.copysign(side);
         };

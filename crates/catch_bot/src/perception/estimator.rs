@@ -7,8 +7,8 @@ use catch_cell::{CameraModel, DepthFrame};
 use nalgebra::UnitQuaternion;
 
 use super::{
-    Config, Fit, ObjectPose, PerceptionStatus, ReferenceModel, SceneCloud, Surroundings, Workspace, acquisition,
-    cold_start, registration,
+    Config, Fit, ObjectPose, PerceptionStatus, ReferenceModel, SceneCloud, Surroundings, Workspace, detection,
+    global_registration, registration,
 };
 
 /// What one pose is estimated from: all depth images of one capture time.
@@ -78,7 +78,7 @@ impl PoseEstimator for SdfEstimator {
 /// Finds the object in all depth images of one capture time.
 ///
 /// `prior` is the predicted X_WO, from which registration starts; without one, or when it leads nowhere, the object is looked
-/// for everywhere and all attitudes are tried. `surroundings` matter where images come without masks. Frames of unknown cameras
+/// for everywhere and all orientations are tried. `surroundings` matter where images come without masks. Frames of unknown cameras
 /// are passed over.
 ///
 /// # Errors
@@ -95,14 +95,18 @@ pub fn find_object(
     let view = View { frames, cameras, surroundings };
     estimate_with(&view, reference, prior, config, workspace, |scene, X_WO| {
         // Where depths are configured to be noisy silhouettes are needed; else a registration without them tells.
-        let from_points_alone = scene.mean_noise_m() <= config.outline_above_m;
+        let from_points_alone = scene.mean_noise_m() <= config.silhouette_above_m;
         let fit = registration::register(scene, reference, X_WO, config, !from_points_alone);
-        let good = fit.as_ref().is_ok_and(|fit| fit.residual_m <= config.outline_above_m);
+        let good = fit.as_ref().is_ok_and(|fit| fit.residual_m <= config.silhouette_above_m);
         if good || !from_points_alone {
             return fit;
         }
-        scene.collect_outline(frames, cameras, reference, config);
-        if scene.outline.is_empty() { fit } else { registration::register(scene, reference, X_WO, config, true) }
+        scene.collect_silhouette(frames, cameras, reference, config);
+        if scene.silhouette_rays.is_empty() {
+            fit
+        } else {
+            registration::register(scene, reference, X_WO, config, true)
+        }
     })
 }
 
@@ -132,8 +136,8 @@ pub fn estimate_with(
         _ if !unlabelled => search.find_at(None, Some(&mut register)),
         _ => {
             let View { frames, cameras, surroundings } = *view;
-            let buffers = &mut search.workspace.acquisition;
-            let place = acquisition::find(frames, cameras, reference, surroundings, config, buffers);
+            let buffers = &mut search.workspace.detection;
+            let place = detection::find(frames, cameras, reference, surroundings, config, buffers);
             let place = place.ok_or(PerceptionStatus::NoPoints)?;
             let X_WO =
                 Pose::from_parts(place.coords.into(), prior.map_or(UnitQuaternion::identity(), |X_WO| X_WO.rotation));
@@ -171,18 +175,18 @@ impl Search<'_> {
             few if few < config.min_points => return Err(PerceptionStatus::TooFewPoints),
             _ => {}
         }
-        if scene.mean_noise_m() > config.outline_above_m {
-            scene.collect_outline(frames, cameras, reference, config);
+        if scene.mean_noise_m() > config.silhouette_above_m {
+            scene.collect_silhouette(frames, cameras, reference, config);
         }
         let tracked = prior.zip(register).and_then(|(X_WO, register)| register(scene, X_WO).ok());
-        let cold_started = tracked.is_none();
+        let registered_globally = tracked.is_none();
         let fit = match tracked {
             Some(fit) => fit,
             None => {
-                if scene.outline.is_empty() {
-                    scene.collect_outline(frames, cameras, reference, config);
+                if scene.silhouette_rays.is_empty() {
+                    scene.collect_silhouette(frames, cameras, reference, config);
                 }
-                cold_start::register(scene, thinned, reference, prior, config)?
+                global_registration::register(scene, thinned, reference, prior, config)?
             }
         };
         let capture_s = frames.iter().map(|frame| frame.capture_s).find(|time| time.is_finite()).unwrap_or(0.0);
@@ -192,9 +196,9 @@ impl Search<'_> {
             information: fit.information,
             points: fit.points,
             residual_m: fit.residual_m,
-            outline_residual_m: fit.outline_residual_m,
+            silhouette_residual_m: fit.silhouette_residual_m,
             iterations: fit.iterations,
-            cold_started,
+            registered_globally,
         })
     }
 }

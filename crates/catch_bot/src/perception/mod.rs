@@ -3,12 +3,12 @@
 //! Pixels become points, points that belong to the object are kept ([`point_cloud`]), and the reference ([`ReferenceModel`])
 //! is registered to them ([`registration`]), starting from where the last trajectory says the object should be.
 
-mod acquisition;
 pub mod camera_alignment;
 mod cloud;
-mod cold_start;
+mod detection;
 mod distance_field;
 mod estimator;
+mod global_registration;
 mod neighbours;
 mod normal_equations;
 pub mod point_cloud;
@@ -52,12 +52,12 @@ pub struct Config {
     pub symmetry_tolerance_m: f64,
     /// Depth noise of the cameras, as their data sheet has it; none if it is not set.
     pub depth_noise: Option<DepthNoise>,
-    /// Standard deviation in pixels by which the object's outline in an image may be off: not by the pixels' size, which is
+    /// Standard deviation in pixels by which the object's silhouette in an image may be off: not by the pixels' size, which is
     /// allowed for, but by the mask's and the cameras' own errors.
-    pub outline_sd_px: f64,
-    /// Outlines are used once the points lie further than this from the reference, root mean square in metres: below it they
+    pub silhouette_sd_px: f64,
+    /// Silhouettes are used once the points lie further than this from the reference, root mean square in metres: below it they
     /// would add nothing but time.
-    pub outline_above_m: f64,
+    pub silhouette_above_m: f64,
     /// What the distance of a point from the reference is off by even without noise: the reference's own error, in metres.
     pub model_sd_m: f64,
     /// Fewer points than this give no pose.
@@ -66,14 +66,14 @@ pub struct Config {
     pub max_iterations: usize,
     /// A registration has converged when a step is shorter than this in metres, and at the object's surface.
     pub step_tolerance_m: f64,
-    /// Or when a step is shorter than this share of the pose's standard deviation.
+    /// Or when a step is shorter than this fraction of the pose's standard deviation.
     pub step_tolerance_sd: f64,
     /// A registration whose points lie further than this from the reference (root mean square, in metres), beside three
-    /// standard deviations of the depth noise that was told, is not believed: wrong attitudes left 6 mm and more.
+    /// standard deviations of the depth noise that was told, is not believed: wrong orientations left 6 mm and more.
     pub max_residual_m: f64,
     /// What every pose is taken to be off by at least, because points of one frame err together: metres.
     pub position_floor_m: f64,
-    /// The same for the attitude, in radians.
+    /// The same for the orientation, in radians.
     pub rotation_floor_rad: f64,
     /// How far from the predicted position the object's pixels are looked for, in metres, beside its own size.
     pub gate_m: f64,
@@ -87,7 +87,7 @@ pub struct Config {
     /// Whether depths may be missing where there is something; not, if it is not set.
     pub depth_dropout: Option<bool>,
     /// Standard deviations of depth noise by which a pixel must be nearer than what is known to be there. Of 2.4 million pixels
-    /// 76 exceed four by chance, which are too few to hang together.
+    /// 76 exceed four by noise alone, which are too few to hang together.
     pub background_sd: f64,
     /// And metres beside that, for errors of the arm's model and of the cameras' calibration.
     pub background_margin_m: f64,
@@ -101,8 +101,8 @@ impl Default for Config {
             distance_grid_m: 0.002,
             symmetry_tolerance_m: 0.0008,
             depth_noise: None,
-            outline_sd_px: 0.015,
-            outline_above_m: 0.001,
+            silhouette_sd_px: 0.015,
+            silhouette_above_m: 0.001,
             model_sd_m: 0.0002,
             min_points: 6,
             max_iterations: 20,
@@ -149,8 +149,8 @@ impl Settings for Config {
                 &NOT_NEGATIVE,
                 [
                     ("symmetry_tolerance_m", self.symmetry_tolerance_m),
-                    ("outline_sd_px", self.outline_sd_px),
-                    ("outline_above_m", self.outline_above_m),
+                    ("silhouette_sd_px", self.silhouette_sd_px),
+                    ("silhouette_above_m", self.silhouette_above_m),
                     ("model_sd_m", self.model_sd_m),
                     ("step_tolerance_m", self.step_tolerance_m),
                     ("step_tolerance_sd", self.step_tolerance_sd),
@@ -190,11 +190,11 @@ pub struct ObjectPose {
     /// Root mean square distance of those points from the reference surface, in metres.
     pub residual_m: f64,
     /// The same of the silhouette's rays, where they were needed: what tells shapes apart in noisy depths.
-    pub outline_residual_m: Option<f64>,
+    pub silhouette_residual_m: Option<f64>,
     /// Iterations that it took.
     pub iterations: usize,
     /// Whether it was found without regard to the predicted pose.
-    pub cold_started: bool,
+    pub registered_globally: bool,
 }
 
 /// Why there is no pose.
@@ -216,15 +216,15 @@ pub enum PerceptionStatus {
 pub struct Workspace {
     scene: SceneCloud,
     thinned: SceneCloud,
-    acquisition: acquisition::Scratch,
+    detection: detection::Scratch,
 }
 
 impl Workspace {
     /// With what the cameras see of an arm that will be waiting where `surroundings` say while the object is looked for in images
     /// without masks, which makes the search faster and changes nothing of what it finds but at the very edge of the arm.
     pub fn before_flight(cameras: &[CameraModel], surroundings: &Surroundings<'_>, config: &Config) -> Self {
-        let acquisition = acquisition::Scratch::before_flight(cameras, surroundings, config);
-        Self { acquisition, ..Self::default() }
+        let detection = detection::Scratch::before_flight(cameras, surroundings, config);
+        Self { detection, ..Self::default() }
     }
 
     /// What the last search found in the images.

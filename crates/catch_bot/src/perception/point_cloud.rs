@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     Config, ReferenceModel,
     segmentation::{Background, Label, Surroundings, label},
-    silhouette::{NearRays, OutlineRay, outline},
+    silhouette::{NearRays, SilhouetteRay, silhouette_rays},
 };
 
 /// Standard deviation of a measured depth: σ(z) = c + q·z², in metres.
@@ -41,7 +41,7 @@ pub struct ScenePoint {
     pub depth_sd_m: f64,
 }
 
-/// Points, outline rays and labels for which there is room from the start, so that larger images of the object than those
+/// Points, silhouette rays and labels for which there is room from the start, so that larger images of the object than those
 /// before do not allocate.
 const ROOM_POINTS: usize = 4096;
 const ROOM_LABELS: usize = 1 << 17;
@@ -51,10 +51,10 @@ const ROOM_LABELS: usize = 1 << 17;
 pub struct SceneCloud {
     /// Points on its surface.
     pub points: Vec<ScenePoint>,
-    /// Rays along its outline, if they have been collected; only where masks tell it.
-    pub outline: Vec<OutlineRay>,
+    /// Rays along its silhouette, if they have been collected; only where masks tell it.
+    pub silhouette_rays: Vec<SilhouetteRay>,
     /// Those of them that matter where the object is thought to be.
-    pub(super) near_outline: NearRays,
+    pub(super) near_silhouette: NearRays,
     /// The frames that show it.
     shown: Vec<Shown>,
     /// Labels of the pixels of frames that have no mask.
@@ -86,12 +86,12 @@ impl SceneCloud {
         config: &Config,
     ) {
         self.points.clear();
-        self.outline.clear();
+        self.silhouette_rays.clear();
         self.shown.clear();
         self.labels.clear();
         self.points.reserve(ROOM_POINTS);
-        self.outline.reserve(ROOM_POINTS);
-        self.near_outline.reserve(ROOM_POINTS);
+        self.silhouette_rays.reserve(ROOM_POINTS);
+        self.near_silhouette.reserve(ROOM_POINTS);
         self.shown.reserve(cameras.len());
         self.labels.reserve(ROOM_LABELS);
         for (index, frame) in frames.iter().enumerate() {
@@ -130,15 +130,15 @@ impl SceneCloud {
         }
     }
 
-    /// Collects the outlines of what [`collect`](Self::collect) found in the same frames.
-    pub fn collect_outline(
+    /// Collects the silhouettes of what [`collect`](Self::collect) found in the same frames.
+    pub fn collect_silhouette(
         &mut self,
         frames: &[DepthFrame],
         cameras: &[CameraModel],
         reference: &ReferenceModel,
         config: &Config,
     ) {
-        self.outline.clear();
+        self.silhouette_rays.clear();
         let centroid_W = self.centroid();
         for shown in &self.shown {
             let frame = &frames[shown.frame];
@@ -147,18 +147,20 @@ impl SceneCloud {
             let nearest_m = depth_m - reference.radius_m - 3.0 * config.depth_sd_m(depth_m);
             let columns = frame.window.width as usize;
             match (&frame.mask, shown.labelled) {
-                (Some(mask), _) => outline(&mut self.outline, frame.window, camera, &shown.pixels, |column, row| {
-                    let i = row * columns + column;
-                    // Something in front of the object.
-                    let is_hidden = !mask[i] && f64::from(frame.depth_m[i]) < nearest_m;
-                    [if mask[i] { Label::Object } else { Label::Elsewhere }, Label::Unknown][usize::from(is_hidden)]
-                }),
+                (Some(mask), _) => {
+                    silhouette_rays(&mut self.silhouette_rays, frame.window, camera, &shown.pixels, |column, row| {
+                        let i = row * columns + column;
+                        // Something in front of the object.
+                        let is_hidden = !mask[i] && f64::from(frame.depth_m[i]) < nearest_m;
+                        [if mask[i] { Label::Object } else { Label::Elsewhere }, Label::Unknown][usize::from(is_hidden)]
+                    })
+                }
                 (None, Some((part, from))) => {
                     let (left, top) =
                         ((part.left - frame.window.left) as usize, (part.top - frame.window.top) as usize);
                     let (wide, high) = (part.width as usize, part.height as usize);
                     let labels = &self.labels[from..from + part.area()];
-                    outline(&mut self.outline, frame.window, camera, &shown.pixels, |column, row| {
+                    silhouette_rays(&mut self.silhouette_rays, frame.window, camera, &shown.pixels, |column, row| {
                         let (x, y) = (column.wrapping_sub(left), row.wrapping_sub(top));
                         if x < wide && y < high { labels[y * wide + x] } else { Label::Unknown }
                     });
@@ -239,10 +241,10 @@ impl SceneCloud {
     /// Takes over at most about `most` of another cloud's points, evenly.
     pub(super) fn thin_from(&mut self, other: &Self, most: usize) {
         self.points.clear();
-        self.outline.clear();
+        self.silhouette_rays.clear();
         let step = |count: usize| count.div_ceil(most.max(1)).max(1);
         self.points.extend(other.points.iter().step_by(step(other.points.len())));
-        self.outline.extend(other.outline.iter().step_by(step(other.outline.len())));
+        self.silhouette_rays.extend(other.silhouette_rays.iter().step_by(step(other.silhouette_rays.len())));
     }
 }
 

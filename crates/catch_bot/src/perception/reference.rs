@@ -199,7 +199,7 @@ fn oriented(
 const MIN_SHARING: usize = 5;
 /// A point lies on a patch within so many of its root mean square errors.
 const LIES_ON_SD: f64 = 3.0;
-/// Another point's patch is better than one's own if its error is less than this share.
+/// Another point's patch is better than one's own if its error is less than this fraction.
 const BETTER: f64 = 0.5;
 /// Errors of patches below this are nothing, in metres.
 const LEAST_ERROR_M: f64 = 1e-5;
@@ -284,15 +284,15 @@ impl Patch {
 /// Volume, centre and second moment of the inside per volume, ∫ x·xᵀ dV / V about the centre.
 fn moments(distance: &DistanceField) -> (f64, Point3<f64>, Matrix3<f64>) {
     let (cells, cell_m3) = distance.inside();
-    let (mut share, mut first, mut second) = (0.0, Vector3::zeros(), Matrix3::zeros());
+    let (mut fraction, mut first, mut second) = (0.0, Vector3::zeros(), Matrix3::zeros());
     for (point, weight) in cells {
-        share += weight;
+        fraction += weight;
         first += point.coords * weight;
         second += point.coords * point.coords.transpose() * weight;
     }
-    if share <= 0.0 {
+    if fraction <= 0.0 {
         return (0.0, Point3::origin(), Matrix3::zeros());
     }
-    let centre = first / share;
-    (share * cell_m3, Point3::from(centre), second / share - centre * centre.transpose())
+    let centre = first / fraction;
+    (fraction * cell_m3, Point3::from(centre), second / fraction - centre * centre.transpose())
 }

@@ -26,17 +26,17 @@ pub struct Fit {
     pub points: usize,
     /// Root mean square distance of those points.
     pub residual_m: f64,
-    /// Root mean square by which the outline's bounds are broken, where it was used.
-    pub outline_residual_m: Option<f64>,
+    /// Root mean square by which the silhouette's bounds are broken, where it was used.
+    pub silhouette_residual_m: Option<f64>,
     /// How badly all residuals fit, outliers included: what different starts are compared by.
-    pub misfit: f64,
+    pub robust_cost: f64,
     /// The same as the sensors' noise alone would make it.
     pub noise_m: f64,
     /// Iterations.
     pub iterations: usize,
 }
 
-/// Depth noise in radii of the object from which on depths are left aside where there is an outline.
+/// Depth noise in radii of the object from which on depths are left aside where there is an silhouette.
 const HOPELESS_RADII: f64 = 0.5;
 /// Steps that turn back and do not get shorter jump to and fro across a kink of the field, later ones that do not get shorter
 /// do so some other way: they are halved.
@@ -49,32 +49,32 @@ const NEAR_SD: f64 = 10.0;
 const NEAR_TOLERANCE: f64 = 2.0;
 /// Mean distances of points below this are all perfect, in metres.
 const LEAST_MEAN_M: f64 = 1e-5;
-/// And mean violations of the outline below this share of a pixel.
+/// And mean violations of the silhouette below this fraction of a pixel.
 const LEAST_MEAN_PX: f64 = 5e-4;
-/// The outline's scale falls to this share from one step to the next at most: bounds close in on the pose gradually.
+/// The silhouette's scale falls to this fraction from one step to the next at most: bounds close in on the pose gradually.
 const LEAST_SHRINKING: f64 = 0.6;
 
-/// How much larger than told the residuals of points and of outline rays are, never less than one. Estimated along, it
+/// How much larger than told the residuals of points and of silhouette rays are, never less than one. Estimated along, it
 /// weighs the two kinds against each other even if nobody told how noisy the depths are.
 #[derive(Debug, Clone, Copy)]
 struct Scales {
     points: f64,
-    outline: f64,
+    silhouette_rays: f64,
 }
 
-/// Brings the reference from `X_WO` onto the scene's points, and if wanted its outline onto theirs.
+/// Brings the reference from `X_WO` onto the scene's points, and if wanted its silhouette onto theirs.
 pub fn register(
     scene: &mut SceneCloud,
     reference: &ReferenceModel,
     X_WO: &Pose,
     config: &Config,
-    with_outline: bool,
+    with_silhouette: bool,
 ) -> Result<Fit, PerceptionStatus> {
-    let (fit, converged) = iterate(scene, reference, X_WO, config, config.max_iterations, with_outline);
+    let (fit, converged) = iterate(scene, reference, X_WO, config, config.max_iterations, with_silhouette);
     let limit_m = config.max_residual_m + 3.0 * fit.noise_m;
-    // Depths that are off by as much as the object is large are noise, whatever was told; then the outline vouches for itself.
+    // Depths that are off by as much as the object is large are noise, whatever was told; then the silhouette vouches for itself.
     let is_noise = fit.residual_m > HOPELESS_RADII * reference.radius_m;
-    let outlined = is_noise && fit.outline_residual_m.is_some_and(|residual_m| residual_m <= config.max_residual_m);
+    let outlined = is_noise && fit.silhouette_residual_m.is_some_and(|residual_m| residual_m <= config.max_residual_m);
     let believable = (fit.residual_m <= limit_m || outlined) && fit.points >= config.min_points;
     if converged && believable { Ok(fit) } else { Err(PerceptionStatus::NotConverged) }
 }
@@ -86,13 +86,13 @@ pub(super) fn iterate(
     start: &Pose,
     config: &Config,
     max_iterations: usize,
-    with_outline: bool,
+    with_silhouette: bool,
 ) -> (Fit, bool) {
     let noise_m = scene.mean_noise_m();
-    let SceneCloud { points, outline, near_outline: near, .. } = scene;
-    let rays = if with_outline { outline.as_mut_slice() } else { &mut [] };
+    let SceneCloud { points, silhouette_rays, near_silhouette: near, .. } = scene;
+    let rays = if with_silhouette { silhouette_rays.as_mut_slice() } else { &mut [] };
     let measured = points.len();
-    // Depths that are known worse than to the object's size say nothing that its outline does not say better, and the field
+    // Depths that are known worse than to the object's size say nothing that its silhouette does not say better, and the field
     // is no measure of how they err.
     let points =
         if noise_m > HOPELESS_RADII * reference.radius_m && !rays.is_empty() { &[] } else { points.as_slice() };
@@ -103,9 +103,9 @@ pub(super) fn iterate(
     // With infinite scales nothing is an outlier: the typical residual at the start, so that a start that is off does not
     // turn everything to outliers.
     let mut on_points = measure_points(points, reference, &X_WO, config);
-    let outline = silhouette::typical_violation(rays, near, f64::INFINITY).max(1.0);
-    let mut scales = Scales { points: typical(&on_points), outline };
-    near.choose(rays, 0.0, scales.outline);
+    let silhouette_rays = silhouette::typical_violation(rays, near, f64::INFINITY).max(1.0);
+    let mut scales = Scales { points: typical(&on_points), silhouette_rays };
+    near.choose(rays, 0.0, scales.silhouette_rays);
     let mut on_rays = Sums::ZERO;
     let mut equations = NormalEquations::ZERO;
     let (mut converged, mut in_sd, mut moved_m, mut damping) = (false, f64::INFINITY, 0.0, 1.0);
@@ -130,10 +130,10 @@ pub(super) fn iterate(
         moved_m += length_m;
         converged = length_m < config.step_tolerance_m || damping * in_sd < tolerance_sd;
         if !rays.is_empty() {
-            near.follow(rays, reference, &X_WO, moved_m, scales.outline, config);
-            let outline = silhouette::typical_violation(rays, near, scales.outline).max(1.0);
-            converged &= outline > 0.7 * scales.outline;
-            scales.outline = outline.max(LEAST_SHRINKING * scales.outline);
+            near.follow(rays, reference, &X_WO, moved_m, scales.silhouette_rays, config);
+            let silhouette_rays = silhouette::typical_violation(rays, near, scales.silhouette_rays).max(1.0);
+            converged &= silhouette_rays > 0.7 * scales.silhouette_rays;
+            scales.silhouette_rays = silhouette_rays.max(LEAST_SHRINKING * scales.silhouette_rays);
         }
     }
     if !converged {
@@ -146,9 +146,9 @@ pub(super) fn iterate(
         points: if points.is_empty() { measured } else { on_points.weight.round() as usize },
         residual_m: if points.is_empty() { noise_m } else { (on_points.squares_m2 / weight).sqrt() },
         noise_m: if points.is_empty() { noise_m } else { (on_points.variances_m2 / weight).sqrt() },
-        outline_residual_m: (!rays.is_empty()).then(|| (on_rays.squares_m2 / on_rays.weight.max(1.0)).sqrt()),
-        misfit: misfit(&on_points, points.len(), LEAST_MEAN_M)
-            + misfit(&on_rays, rays.len(), LEAST_MEAN_PX * silhouette::pixel_m(rays)),
+        silhouette_residual_m: (!rays.is_empty()).then(|| (on_rays.squares_m2 / on_rays.weight.max(1.0)).sqrt()),
+        robust_cost: robust_cost(&on_points, points.len(), LEAST_MEAN_M)
+            + robust_cost(&on_rays, rays.len(), LEAST_MEAN_PX * silhouette::pixel_m(rays)),
         iterations,
     };
     let finite = X_WO.to_homogeneous().iter().chain(fit.information.iter()).all(|value| value.is_finite());
@@ -160,7 +160,7 @@ pub(super) fn iterate(
 /// worth.
 fn sum_all(
     points: &[ScenePoint],
-    rays: &[silhouette::OutlineRay],
+    rays: &[silhouette::SilhouetteRay],
     near: &silhouette::NearRays,
     reference: &ReferenceModel,
     X_WO: &Pose,
@@ -168,7 +168,7 @@ fn sum_all(
     config: &Config,
 ) -> (Sums, Sums, NormalEquations) {
     let on_points = sum_points(points, reference, X_WO, scales.points, config);
-    let on_rays = silhouette::sum(rays, near, scales.outline);
+    let on_rays = silhouette::sum(rays, near, scales.silhouette_rays);
     scales.points = typical(&on_points);
     let mut equations = on_rays.equations;
     equations.add_scaled(&on_points.equations, scales.points.powi(-2));
@@ -182,7 +182,7 @@ fn typical(sums: &Sums) -> f64 {
 
 /// −2 × the log-likelihood of residuals, outliers included, if they are Laplace distributed with a width that only their mean
 /// tells, up to a constant: 2·n·ln(mean |r|).
-fn misfit(sums: &Sums, count: usize, least_m: f64) -> f64 {
+fn robust_cost(sums: &Sums, count: usize, least_m: f64) -> f64 {
     if count == 0 {
         return 0.0;
     }

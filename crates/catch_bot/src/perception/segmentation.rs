@@ -3,7 +3,7 @@
 //! Known are the floor, if the cameras see it, and the arm, whose surface the brain casts its own rays at. A pixel is in front
 //! of them if it is nearer by some standard deviations of the depth noise at that depth. While the object is tracked only
 //! pixels where it is expected are looked at. Where the object and what is behind it are too close to be told apart, the pixel
-//! says nothing, to the outline neither.
+//! says nothing, to the silhouette neither.
 
 use catch_body::{
     Pose,
@@ -221,7 +221,7 @@ pub(super) fn label(
         }
     }
     if config.misses_depths() {
-        doubt_holes(labels, part, |column, row| {
+        mark_uncertain_holes(labels, part, |column, row| {
             is_measured(at((column - part.left) as usize, (row - part.top) as usize))
         });
     }
@@ -236,7 +236,7 @@ const HOLE_NEIGHBOURS: usize = 4;
 
 /// Where depths may be missing, a pixel without one that is surrounded by the object cannot tell. Others without one, with
 /// nothing known behind them, are most likely beside the object: all of these have no depth, of the object's only a few.
-fn doubt_holes(labels: &mut [Label], part: &PixelWindow, is_measured: impl Fn(u32, u32) -> bool) {
+fn mark_uncertain_holes(labels: &mut [Label], part: &PixelWindow, is_measured: impl Fn(u32, u32) -> bool) {
     let (wide, high) = (part.width as usize, part.height as usize);
     for i in 0..labels.len() {
         let (x, y) = (i % wide.max(1), i / wide.max(1));
@@ -271,7 +271,7 @@ mod tests {
             labels[hole] = Label::Elsewhere;
         }
         let before = labels.clone();
-        doubt_holes(&mut labels, &part, |_, _| false);
+        mark_uncertain_holes(&mut labels, &part, |_, _| false);
         assert_eq!((labels[3 * 7 + 3], labels[2 * 7 + 3]), (Label::Unknown, Label::Unknown));
         let others = (0..49).filter(|i| ![24, 17].contains(i));
         assert!(others.into_iter().all(|i| labels[i] == before[i]));
@@ -281,7 +281,7 @@ mod tests {
     fn a_pixel_with_a_depth_is_believed() {
         let (part, mut labels) = square();
         labels[24] = Label::Elsewhere;
-        doubt_holes(&mut labels, &part, |column, row| (column, row) == (13, 23));
+        mark_uncertain_holes(&mut labels, &part, |column, row| (column, row) == (13, 23));
         assert_eq!(labels[24], Label::Elsewhere);
     }
 }

@@ -1,8 +1,8 @@
-//! Silhouettes: what pixels at the object's outline say.
+//! Silhouettes: what pixels at the object's silhouette say.
 //!
 //! The ray through a pixel that shows the object meets it, the ray through a neighbour that does not passes it by. That holds
-//! however bad the depths are: with stereo noise at seven metres the outline carries the information. Each such ray is a
-//! one-sided bound on the pose, and hundreds of them leave little room: far less than if each told the outline's place to
+//! however bad the depths are: with stereo noise at seven metres the silhouette carries the information. Each such ray is a
+//! one-sided bound on the pose, and hundreds of them leave little room: far less than if each told the silhouette's place to
 //! within a pixel by itself.
 
 use catch_body::Pose;
@@ -15,9 +15,9 @@ use super::{
     segmentation::Label,
 };
 
-/// The ray through a pixel at the object's outline.
+/// The ray through a pixel at the object's silhouette.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct OutlineRay {
+pub struct SilhouetteRay {
     /// Where it starts: the camera.
     pub p_WC: Point3<f64>,
     /// Its direction, a unit vector.
@@ -34,7 +34,7 @@ pub struct OutlineRay {
     distance_m: f64,
     p_O: Point3<f64>,
     n_O: Vector3<f64>,
-    /// Standard deviation of the outline there, in metres.
+    /// Standard deviation of the silhouette there, in metres.
     sd_m: f64,
     /// How far the object had moved when the ray was looked at.
     seen_after_m: f64,
@@ -42,7 +42,7 @@ pub struct OutlineRay {
 
 /// Standard deviations by which a bound must be kept before it no longer matters.
 const IDLE_SD: f64 = 3.0;
-/// How far the object may move, and how much the outline's scale may grow, before all rays are asked again whether they matter.
+/// How far the object may move, and how much the silhouette's scale may grow, before all rays are asked again whether they matter.
 const NEARBY_M: f64 = 0.002;
 const SCALE_GROWTH: f64 = 1.5;
 /// Bends of the distance along a ray that are believed, in 1/m: radii from 2 mm to 0.5 m.
@@ -56,7 +56,7 @@ const BELIEVED_M: f64 = 0.004;
 const SECANTS: usize = 3;
 const LEAST_STEP_M: f64 = 5e-4;
 
-impl OutlineRay {
+impl SilhouetteRay {
     /// A ray that has not been near an object.
     pub fn new(p_WC: Point3<f64>, direction_W: Vector3<f64>, inside: bool, pixel_rad: f64) -> Self {
         Self {
@@ -81,7 +81,7 @@ impl OutlineRay {
 
     fn note(&mut self, moved_m: f64, config: &Config) {
         self.seen_after_m = moved_m;
-        let in_image_m = config.outline_sd_px * self.pixel_rad * self.along_m;
+        let in_image_m = config.silhouette_sd_px * self.pixel_rad * self.along_m;
         self.sd_m = (in_image_m * in_image_m + config.model_sd_m * config.model_sd_m).sqrt();
     }
 
@@ -166,9 +166,9 @@ impl OutlineRay {
 }
 
 /// Brings all rays to the object at `X_WO`, from scratch.
-pub(super) fn find_all(rays: &mut [OutlineRay], reference: &ReferenceModel, X_WO: &Pose, config: &Config) {
+pub(super) fn find_all(rays: &mut [SilhouetteRay], reference: &ReferenceModel, X_WO: &Pose, config: &Config) {
     let mut view = View::new(X_WO);
-    let mut neighbour: Option<OutlineRay> = None;
+    let mut neighbour: Option<SilhouetteRay> = None;
     for ray in rays {
         if view.is_from_elsewhere(ray) {
             neighbour = None;
@@ -197,17 +197,17 @@ impl NearRays {
     }
 
     /// Chooses them anew.
-    pub fn choose(&mut self, rays: &[OutlineRay], moved_m: f64, scale: f64) {
+    pub fn choose(&mut self, rays: &[SilhouetteRay], moved_m: f64, scale: f64) {
         (self.moved_m, self.most_scale) = (moved_m, SCALE_GROWTH * scale);
         self.indices.clear();
-        let matters = |ray: &OutlineRay| !ray.is_idle(moved_m + NEARBY_M, SCALE_GROWTH * scale);
+        let matters = |ray: &SilhouetteRay| !ray.is_idle(moved_m + NEARBY_M, SCALE_GROWTH * scale);
         self.indices.extend((0_u32..).zip(rays).filter(|(_, ray)| matters(ray)).map(|(i, _)| i));
     }
 
     /// Brings those rays to the object at `X_WO` that may matter after it has moved by `moved_m` in all since [`find_all`].
     pub fn follow(
         &mut self,
-        rays: &mut [OutlineRay],
+        rays: &mut [SilhouetteRay],
         reference: &ReferenceModel,
         X_WO: &Pose,
         moved_m: f64,
@@ -229,7 +229,7 @@ impl NearRays {
     }
 
     /// The rays themselves.
-    fn of<'a>(&'a self, rays: &'a [OutlineRay]) -> impl Iterator<Item = &'a OutlineRay> {
+    fn of<'a>(&'a self, rays: &'a [SilhouetteRay]) -> impl Iterator<Item = &'a SilhouetteRay> {
         self.indices.iter().map(|&i| &rays[i as usize])
     }
 }
@@ -249,12 +249,12 @@ impl View {
         Self { R_OW, p_WO: X_WO.translation.vector, p_WC, p_OC: p_WC }
     }
 
-    fn is_from_elsewhere(&self, ray: &OutlineRay) -> bool {
+    fn is_from_elsewhere(&self, ray: &SilhouetteRay) -> bool {
         self.p_WC != ray.p_WC
     }
 
     /// Takes the place of a ray's camera.
-    fn look_from(&mut self, ray: &OutlineRay) {
+    fn look_from(&mut self, ray: &SilhouetteRay) {
         if self.is_from_elsewhere(ray) {
             self.p_WC = ray.p_WC;
             self.p_OC = Point3::from(self.R_OW * (ray.p_WC.coords - self.p_WO));
@@ -263,8 +263,8 @@ impl View {
 }
 
 /// Root mean square by which broken bounds are broken, in multiples of what it should be: √⅔ standard deviations, since
-/// E\[u²; u > 0\] = ∫u²·Φ(−u)du / ∫Φ(−u)du = ⅔ for rays at any distance from the outline.
-pub(super) fn typical_violation(rays: &[OutlineRay], near: &NearRays, scale: f64) -> f64 {
+/// E\[u²; u > 0\] = ∫u²·Φ(−u)du / ∫Φ(−u)du = ⅔ for rays at any distance from the silhouette.
+pub(super) fn typical_violation(rays: &[SilhouetteRay], near: &NearRays, scale: f64) -> f64 {
     let (mut weights, mut squares) = (0.0, 0.0);
     for ray in near.of(rays).filter(|ray| ray.violation_m() > 0.0) {
         let in_sd = ray.violation_m() / ray.sd_m;
@@ -277,13 +277,13 @@ pub(super) fn typical_violation(rays: &[OutlineRay], near: &NearRays, scale: f64
 }
 
 /// What a pixel covers at the object, in metres.
-pub(super) fn pixel_m(rays: &[OutlineRay]) -> f64 {
+pub(super) fn pixel_m(rays: &[SilhouetteRay]) -> f64 {
     let sum: f64 = rays.iter().map(|ray| ray.pixel_rad * ray.along_m).sum();
     sum / rays.len().max(1) as f64
 }
 
 /// Sums over the rays where they are: each costs −ln Φ(−u), u being by how many standard deviations its bound is broken.
-pub(super) fn sum(rays: &[OutlineRay], near: &NearRays, scale: f64) -> Sums {
+pub(super) fn sum(rays: &[SilhouetteRay], near: &NearRays, scale: f64) -> Sums {
     let mut sums = Sums::ZERO;
     for ray in near.of(rays) {
         let violation_m = ray.violation_m();
@@ -331,10 +331,10 @@ fn inverse_mills(u: f64) -> f64 {
     }
 }
 
-/// Appends the rays at the outline of an object whose pixels lie within `part` of an image's window, given what the pixel at a
+/// Appends the rays at the silhouette of an object whose pixels lie within `part` of an image's window, given what the pixel at a
 /// column and row of the window says.
-pub(super) fn outline(
-    rays: &mut Vec<OutlineRay>,
+pub(super) fn silhouette_rays(
+    rays: &mut Vec<SilhouetteRay>,
     window: PixelWindow,
     camera: &CameraModel,
     part: &PixelWindow,
@@ -367,7 +367,7 @@ pub(super) fn outline(
             let ray_C = camera.back_project(&uv, 1.0).coords;
             let length = ray_C.norm();
             let pixel_rad = 1.0 / (camera.focal_px * length);
-            rays.push(OutlineRay::new(p_WC, R_WC * (ray_C / length), other == Label::Elsewhere, pixel_rad));
+            rays.push(SilhouetteRay::new(p_WC, R_WC * (ray_C / length), other == Label::Elsewhere, pixel_rad));
         }
     }
 }

@@ -7,7 +7,7 @@ use super::distance_field::DistanceField;
 /// Turns about the centre of mass under which the object looks the same, and with that how much of its turning matters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Symmetry {
-    /// None by a small angle: the whole attitude can be seen, except perhaps for half a turn.
+    /// None by a small angle: the whole orientation can be seen, except perhaps for half a turn.
     None {
         /// The axis in O about which half a turn leaves it looking the same, if there is one; of several one.
         half_turn: Option<Unit<Vector3<f64>>>,
@@ -81,9 +81,9 @@ impl Symmetry {
         }
     }
 
-    /// The attitude nearest to `R_WA` in which the object looks as it does at `R_WB`.
+    /// The orientation nearest to `R_WA` in which the object looks as it does at `R_WB`.
     ///
-    /// What cannot be seen of an attitude drifts from image to image; whoever follows it must hold on to one of all that look
+    /// What cannot be seen of an orientation drifts from image to image; whoever follows it must hold on to one of all that look
     /// alike.
     pub fn nearest_alike(&self, R_WA: &UnitQuaternion<f64>, R_WB: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
         UnitQuaternion::from_scaled_axis(self.turn_between(R_WA, R_WB)) * R_WA
@@ -127,7 +127,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_nearest_alike_attitude_looks_the_same_and_does_not_turn_about_the_axis() {
+    fn the_nearest_alike_orientation_looks_the_same_and_does_not_turn_about_the_axis() {
         let axis = Vector3::z_axis();
         let symmetry = Symmetry::Axis { axis, reversible: false };
         let R_WA = UnitQuaternion::from_euler_angles(0.4, -0.7, 1.9);

@@ -211,9 +211,9 @@ impl JointSpline {
         }
         let x = if let End::Extreme { onset: Some(onset), .. } = end {
             // q̈ + q̇/d in ± v/d, times T².
-            let share = duration_s / onset.duration_s;
-            let both: Combination = std::array::from_fn(|i| self.last[1][i] + self.last[0][i] * share);
-            let (most, offset) = (onset.velocity * duration_s * share, dot(&both, &fixed));
+            let fraction = duration_s / onset.duration_s;
+            let both: Combination = std::array::from_fn(|i| self.last[1][i] + self.last[0][i] * fraction);
+            let (most, offset) = (onset.velocity * duration_s * fraction, dot(&both, &fixed));
             bounds[count] = [-most - offset, most - offset];
             let mut rows = [Row::new(Variables::zeros()); 4 * MAX_POINTS];
             rows[..count].copy_from_slice(&self.rows[..count]);

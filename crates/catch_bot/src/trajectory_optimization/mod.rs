@@ -5,25 +5,25 @@
 //! the motions for both. Its steps are each in a module:
 //!
 //! * [`reachability`]: what each joint can reach in the time left, exactly;
-//! * [`arrival`]: the joint velocities at the catch, so that the gripper moves along with the object;
+//! * [`terminal_velocity`]: the joint velocities at the catch, so that the gripper moves along with the object;
 //! * [`joint_spline`]: the motion, one small quadratic program per joint ([`quadratic_program`]), and the braking after it;
 //! * [`motion`]: both put together and checked against torque limits and collision.
 //!
 //! [`posed`] answers for a catch whose time and pose are given, without a search.
 
-pub mod arrival;
 pub mod joint_spline;
 pub mod motion;
+mod point_to_point;
 pub mod posed;
 pub mod posture;
 pub mod quadratic_program;
 pub mod reachability;
-mod reaching;
 mod rest_to_rest;
 pub mod retarget;
 pub mod search;
+mod swept_volume;
+pub mod terminal_velocity;
 mod unreachable;
-mod way_in;
 
 use catch_body::{Gripper, JointVector, Pose, Robot, clearance::ArmClearance};
 use catch_cell::{BSpline, Setpoint};
@@ -41,7 +41,7 @@ use posture::{Elbow, PostureFinder};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// Highest share of the object's velocity at which the gripper moves along (paper, III-D: 30 %).
+    /// Highest fraction of the object's velocity at which the gripper moves along (paper, III-D: 30 %).
     pub max_speed_fraction: f64,
     /// Weight of keeping close to the comfortable pose, λ in [`joint_spline`]; the paper minimizes this distance alone.
     pub comfort_weight: f64,
@@ -49,17 +49,17 @@ pub struct Config {
     pub steady_end_weight: f64,
     /// Plans stay this far from the ends of the joints' ranges, in radians, so that an impact cannot push a joint out.
     pub position_margin_rad: f64,
-    /// Share of the velocity limits that plans may use.
-    pub velocity_share: f64,
-    /// Share of the velocity limits that a joint may have at the catch: the impact of a banana adds up to 5 %.
-    pub arrival_velocity_share: f64,
-    /// Share of the velocity limits that a replan uses where that is enough, so that the next one keeps some room; the paper's
+    /// Fraction of the velocity limits that plans may use.
+    pub velocity_scaling: f64,
+    /// Fraction of the velocity limits that a joint may have at the catch: the impact of a banana adds up to 5 %.
+    pub terminal_velocity_scaling: f64,
+    /// Fraction of the velocity limits that a replan uses where that is enough, so that the next one keeps some room; the paper's
     /// method uses no more from rest.
-    pub replan_velocity_share: f64,
+    pub replan_velocity_scaling: f64,
     /// The same for the acceleration limits.
-    pub replan_acceleration_share: f64,
-    /// Share of the torque limits that a plan may use.
-    pub torque_share: f64,
+    pub replan_acceleration_scaling: f64,
+    /// Fraction of the torque limits that a plan may use.
+    pub torque_scaling: f64,
     /// The arm keeps this far from itself and from the floor, in metres.
     pub clearance_m: f64,
     /// Braking after the catch uses this fraction of the acceleration limits when its duration is chosen; the spline needs room
@@ -86,11 +86,11 @@ impl Default for Config {
             comfort_weight: 0.02,
             steady_end_weight: 0.002,
             position_margin_rad: 0.02,
-            velocity_share: 0.98,
-            arrival_velocity_share: 0.93,
-            replan_velocity_share: 0.95,
-            replan_acceleration_share: 0.9,
-            torque_share: 0.95,
+            velocity_scaling: 0.98,
+            terminal_velocity_scaling: 0.93,
+            replan_velocity_scaling: 0.95,
+            replan_acceleration_scaling: 0.9,
+            torque_scaling: 0.95,
             clearance_m: 0.02,
             braking_acceleration_fraction: 0.5,
             min_braking_s: 0.2,
@@ -118,11 +118,11 @@ impl Settings for Config {
             .values(
                 &LIMIT_SCALE,
                 [
-                    ("velocity_share", self.velocity_share),
-                    ("arrival_velocity_share", self.arrival_velocity_share),
-                    ("replan_velocity_share", self.replan_velocity_share),
-                    ("replan_acceleration_share", self.replan_acceleration_share),
-                    ("torque_share", self.torque_share),
+                    ("velocity_scaling", self.velocity_scaling),
+                    ("terminal_velocity_scaling", self.terminal_velocity_scaling),
+                    ("replan_velocity_scaling", self.replan_velocity_scaling),
+                    ("replan_acceleration_scaling", self.replan_acceleration_scaling),
+                    ("torque_scaling", self.torque_scaling),
                     ("braking_acceleration_fraction", self.braking_acceleration_fraction),
                 ],
             )
@@ -151,17 +151,17 @@ pub struct CatchPlan {
     /// Joint positions at the catch.
     pub q: JointVector,
     /// Opening before the catch, in metres.
-    pub open_width_m: f64,
+    pub aperture_m: f64,
     /// Whether the object comes in without touching the open gripper, as far as is known.
-    pub lets_in: bool,
+    pub approach_is_free: bool,
     /// Where the elbow stands, for S-R-S arms.
     pub elbow: Option<Elbow>,
-    /// Share of the object's velocity at which the gripper moves along with it.
+    /// Fraction of the object's velocity at which the gripper moves along with it.
     pub speed_fraction: f64,
     /// Angular speed of the gripper at the catch, in rad/s.
     pub spin_radps: f64,
     /// What counted in the choice of the velocities at the catch; replans keep to it.
-    pub weights: arrival::Weights,
+    pub weights: terminal_velocity::Weights,
     /// What the choice among catches weighed; less is better.
     pub cost: f64,
     /// What of it tells how well the object will be held, the heuristics and how fast it passes the fingers, as the flight is
@@ -178,7 +178,7 @@ pub enum PlanningFailure {
     NoGrasp,
     /// The arm cannot be anywhere on the flight in time.
     OutOfReach,
-    /// Catches are within reach, but the object would hit the open gripper on its way in.
+    /// Catches are within reach, but the object would hit the open gripper on its approach.
     Blocked,
     /// Catches are within reach, but no motion to one keeps all limits: infeasible.
     NoMotion,

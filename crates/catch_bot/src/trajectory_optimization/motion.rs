@@ -18,16 +18,16 @@ pub const ROUNDING: f64 = 1e-7;
 /// The same for positions, in radians.
 const HULL_ROUNDING: f64 = 1e-9;
 
-/// Shares of the velocity and acceleration limits that a motion may use.
+/// Fractions of the velocity and acceleration limits that a motion may use.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Shares {
+pub struct LimitScaling {
     /// Of the velocity limits.
     pub velocity: f64,
     /// Of the acceleration limits.
     pub acceleration: f64,
 }
 
-impl Shares {
+impl LimitScaling {
     /// Between these (0) and `other` (1).
     pub(super) fn toward(self, other: Self, by: f64) -> Self {
         let between = |from: f64, to: f64| from + by * (to - from);
@@ -40,13 +40,16 @@ impl Shares {
 
 impl MotionPlanner {
     /// Where this much does, a plan leaves room for replans.
-    pub(super) fn replan_shares(&self) -> Shares {
-        Shares { velocity: self.config.replan_velocity_share, acceleration: self.config.replan_acceleration_share }
+    pub(super) fn replan_scaling(&self) -> LimitScaling {
+        LimitScaling {
+            velocity: self.config.replan_velocity_scaling,
+            acceleration: self.config.replan_acceleration_scaling,
+        }
     }
 
     /// On the move it may use all there is.
-    pub(super) fn moving_shares(&self) -> Shares {
-        Shares { velocity: self.config.velocity_share, acceleration: 1.0 - ROUNDING }
+    pub(super) fn moving_scaling(&self) -> LimitScaling {
+        LimitScaling { velocity: self.config.velocity_scaling, acceleration: 1.0 - ROUNDING }
     }
 
     /// The motion to the catch over these control points, and braking after it; `None` if it does not keep the torque limits and
@@ -114,7 +117,7 @@ impl MotionPlanner {
         let kind = &self.brake_spline;
         let mut control_points = vec![JointVector::zeros(); kind.control_points()];
         for i in 0..self.robot.dof() {
-            let limits = self.limits(i, state, self.moving_shares());
+            let limits = self.limits(i, state, self.moving_scaling());
             let start = JointState { q: state.q[i], dq: state.dq[i], ddq: state.ddq[i] };
             let points = kind.solve(&start, &End::Rest, duration_s, &limits, 0.0).ok()?;
             for (row, point) in control_points.iter_mut().zip(points) {
@@ -126,13 +129,13 @@ impl MotionPlanner {
     }
 
     /// What a motion of joint `i` may use. A joint that starts closer to the end of its range than the margin may stay there.
-    pub fn limits(&self, i: usize, state: &Setpoint, shares: Shares) -> JointLimits {
+    pub fn limits(&self, i: usize, state: &Setpoint, scaling: LimitScaling) -> JointLimits {
         let limits = &self.robot.joints[i].limits;
         JointLimits {
             lower: (limits.lower + self.config.position_margin_rad).min(state.q[i]),
             upper: (limits.upper - self.config.position_margin_rad).max(state.q[i]),
-            velocity: limits.velocity * shares.velocity,
-            acceleration: limits.acceleration * shares.acceleration,
+            velocity: limits.velocity * scaling.velocity,
+            acceleration: limits.acceleration * scaling.acceleration,
             jerk: limits.jerk.map(|jerk| jerk * (1.0 - ROUNDING)),
             ..*limits
         }
@@ -181,8 +184,8 @@ impl MotionPlanner {
     /// What a motion of each joint may use.
     pub fn limits_from(&self, start: &Start) -> Vec<JointLimits> {
         let at_rest = start.state.dq == JointVector::zeros();
-        let shares = if at_rest { self.replan_shares() } else { self.moving_shares() };
-        (0..self.robot.dof()).map(|i| self.limits(i, &start.state, shares)).collect()
+        let scaling = if at_rest { self.replan_scaling() } else { self.moving_scaling() };
+        (0..self.robot.dof()).map(|i| self.limits(i, &start.state, scaling)).collect()
     }
 
     /// Whether torque limits hold along a motion.
@@ -192,7 +195,7 @@ impl MotionPlanner {
             let [q, dq, ddq] = spline.evaluate(start_s + length_s * i as f64 / TORQUE_CHECKS as f64);
             let torque = self.robot.inverse_dynamics(&q, &dq, &ddq);
             (0..self.robot.dof())
-                .all(|i| torque[i].abs() <= self.robot.joints[i].limits.torque * self.config.torque_share)
+                .all(|i| torque[i].abs() <= self.robot.joints[i].limits.torque * self.config.torque_scaling)
         })
     }
 
@@ -204,12 +207,12 @@ impl MotionPlanner {
                 let at = trajectory.setpoint(start_s + (end_s - start_s) * i as f64 / CHECKS as f64);
                 let torque = self.robot.inverse_dynamics(&at.q, &at.dq, &at.ddq);
                 (0..self.robot.dof())
-                    .all(|i| torque[i].abs() <= self.robot.joints[i].limits.torque * self.config.torque_share)
+                    .all(|i| torque[i].abs() <= self.robot.joints[i].limits.torque * self.config.torque_scaling)
             })
         };
         // What collides mostly does so while braking.
-        self.keeps_clear(trajectory, [catch_s, end_s], grasp.open_width_m, Some(&grasp.held_G))
-            && self.keeps_clear(trajectory, [start_s, catch_s], grasp.open_width_m, None)
+        self.keeps_clear(trajectory, [catch_s, end_s], grasp.aperture_m, Some(&grasp.held_G))
+            && self.keeps_clear(trajectory, [start_s, catch_s], grasp.aperture_m, None)
             && keeps_torque()
     }
 

@@ -11,11 +11,11 @@ use nalgebra::{Point3, Vector3};
 
 use super::{
     MotionPlanner, PlanningFailure, Start,
-    arrival::{Arrival, Weights},
-    motion::{ROUNDING, Shares},
+    motion::{LimitScaling, ROUNDING},
+    point_to_point::PointToPoint,
     posture::Posture,
-    reachability::{Interval, JointReach, fraction_used},
-    reaching::Reaching,
+    reachability::{Interval, ReachableSet, fraction_used},
+    terminal_velocity::{TerminalVelocity, Weights},
 };
 
 /// Where the gripper is to be, and where the object goes.
@@ -34,7 +34,7 @@ pub struct Target {
 pub struct PosedCatch {
     /// Joint positions at the catch.
     pub posture: Posture,
-    /// Share of the object's velocity at which the grasp centre moves along.
+    /// Fraction of the object's velocity at which the grasp centre moves along.
     pub speed_fraction: f64,
     /// The motion, ending at the catch.
     pub spline: BSpline,
@@ -42,19 +42,19 @@ pub struct PosedCatch {
 
 /// A speed fraction this close to the best possible, relative, needs no further search.
 const GOOD_ENOUGH: f64 = 5e-3;
-/// Share of the acceleration limits at which the exact bounds are about those of a spline.
-const SPLINE_SHARE: f64 = 0.97;
+/// Fraction of the acceleration limits at which the exact bounds are about those of a spline.
+const SPLINE_FRACTION: f64 = 0.97;
 /// Steps of the search along the swivel for a higher speed fraction.
 const REFINEMENTS: usize = 8;
-/// Share of the acceleration limits at which the exact bounds are usually within a spline's reach.
-const EASY_SHARE: f64 = 0.9;
+/// Fraction of the acceleration limits at which the exact bounds are usually within a spline's reach.
+const EASY_FRACTION: f64 = 0.9;
 
 /// One call's circumstances.
 pub(super) struct Task<'a> {
     pub planner: &'a MotionPlanner,
     pub start: &'a Start,
     pub target: &'a Target,
-    pub reaches: [JointReach; MAX_JOINTS],
+    pub reaches: [ReachableSet; MAX_JOINTS],
 }
 
 impl MotionPlanner {
@@ -78,7 +78,7 @@ impl MotionPlanner {
         let mut promising: Vec<(f64, Posture)> = postures
             .iter()
             .filter_map(|(_, posture)| Some((task.optimistic(&posture.q, 1.0)?, *posture)))
-            .map(|(arrival, posture)| (arrival.speed_fraction, posture))
+            .map(|(terminal_velocity, posture)| (terminal_velocity.speed_fraction, posture))
             .collect();
         promising.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut best: Option<PosedCatch> = None;
@@ -113,7 +113,7 @@ impl MotionPlanner {
         let task = self.task(start, target);
         let adjusted = self.finder.adjusted(&self.robot, &target.X_WG, &known.posture, 0.0);
         let found = adjusted
-            .filter(|it| task.effort(&it.q) <= 1.0)
+            .filter(|it| task.reach_fraction(&it.q) <= 1.0)
             .and_then(|posture| task.easily(&posture).or_else(|| task.solve(&posture, -1.0)));
         let close = |it: &PosedCatch| it.speed_fraction >= known.speed_fraction * 0.98;
         match found.filter(close) {
@@ -123,12 +123,12 @@ impl MotionPlanner {
     }
 
     /// Where nothing is held back for replans.
-    fn posed_shares(&self) -> Shares {
-        Shares { velocity: self.config.velocity_share, acceleration: 1.0 - ROUNDING }
+    fn posed_scaling(&self) -> LimitScaling {
+        LimitScaling { velocity: self.config.velocity_scaling, acceleration: 1.0 - ROUNDING }
     }
 
     fn task<'a>(&'a self, start: &'a Start, target: &'a Target) -> Task<'a> {
-        let reaches = self.reaches(start, target.catch_s - start.time_s, self.posed_shares());
+        let reaches = self.reaches(start, target.catch_s - start.time_s, self.posed_scaling());
         Task { planner: self, start, target, reaches }
     }
 }
@@ -139,14 +139,14 @@ impl Task<'_> {
         self.planner.ranges(&self.reaches, &self.start.state.q)
     }
 
-    /// Postures that the arm can reach, with the largest share of its reach that a joint uses.
+    /// Postures that the arm can reach, with the largest fraction of its reach that a joint uses.
     fn postures(&self) -> Vec<(f64, Posture)> {
         let MotionPlanner { finder, robot, .. } = self.planner;
         let found = finder.postures(robot, &self.target.X_WG, &self.start.state.q, &self.ranges());
-        found.into_iter().map(|posture| (self.effort(&posture.q), posture)).collect()
+        found.into_iter().map(|posture| (self.reach_fraction(&posture.q), posture)).collect()
     }
 
-    fn effort(&self, q: &JointVector) -> f64 {
+    fn reach_fraction(&self, q: &JointVector) -> f64 {
         fraction_used(&self.reaches, &self.start.state.q, q, self.planner.robot.dof()).unwrap_or(2.0)
     }
 
@@ -155,8 +155,8 @@ impl Task<'_> {
         self.planner.robot.jacobian(&self.planner.robot.link_poses(q), &grasp_centre)
     }
 
-    fn reaching(&self, q: &JointVector) -> Reaching<'_> {
-        Reaching {
+    fn point_to_point(&self, q: &JointVector) -> PointToPoint<'_> {
+        PointToPoint {
             planner: self.planner,
             splines: &self.planner.standing_splines,
             start: self.start,
@@ -164,28 +164,28 @@ impl Task<'_> {
             q: *q,
             v_WO: self.target.v_WO,
             jacobian: self.jacobian(q),
-            shares: self.planner.posed_shares(),
+            scaling: self.planner.posed_scaling(),
             weights: Weights::FASTEST,
             brakes: false,
         }
     }
 
     /// The arrival within the exact bounds, of which no spline can do better.
-    fn optimistic(&self, q: &JointVector, acceleration_share: f64) -> Option<Arrival> {
-        self.reaching(q).arrival(&self.exact_bounds(q, acceleration_share)?)
+    fn optimistic(&self, q: &JointVector, acceleration_scaling: f64) -> Option<TerminalVelocity> {
+        self.point_to_point(q).terminal_velocity(&self.exact_bounds(q, acceleration_scaling)?)
     }
 
-    fn exact_bounds(&self, q: &JointVector, acceleration_share: f64) -> Option<[Interval; MAX_JOINTS]> {
+    fn exact_bounds(&self, q: &JointVector, acceleration_scaling: f64) -> Option<[Interval; MAX_JOINTS]> {
         let mut bounds = [Interval { low: 0.0, high: 0.0 }; MAX_JOINTS];
         for i in 0..self.planner.robot.dof() {
             let mut reach = self.reaches[i];
-            reach.acceleration *= acceleration_share;
+            reach.acceleration *= acceleration_scaling;
             let displacement = q[i] - self.start.state.q[i];
             let far = reach.displacements();
             if displacement < far.low - 1e-9 || displacement > far.high + 1e-9 {
                 return None;
             }
-            bounds[i] = reach.arrival_velocities(displacement.clamp(far.low, far.high));
+            bounds[i] = reach.terminal_velocities(displacement.clamp(far.low, far.high));
         }
         Some(bounds)
     }
@@ -193,28 +193,36 @@ impl Task<'_> {
     /// The motion to a posture at the highest speed fraction, if the arm need not exhaust its limits for it.
     fn easily(&self, posture: &Posture) -> Option<PosedCatch> {
         let enough = self.planner.config.max_speed_fraction * (1.0 - GOOD_ENOUGH);
-        let arrival = self.optimistic(&posture.q, EASY_SHARE).filter(|arrival| arrival.speed_fraction >= enough)?;
-        self.finished(posture, &arrival, self.reaching(&posture.q).splines_for(&arrival)?)
+        let terminal_velocity = self
+            .optimistic(&posture.q, EASY_FRACTION)
+            .filter(|terminal_velocity| terminal_velocity.speed_fraction >= enough)?;
+        self.finished(posture, &terminal_velocity, self.point_to_point(&posture.q).splines_for(&terminal_velocity)?)
     }
 
     /// The motion to a posture with the highest speed fraction that a spline can have, if that is above `least`.
     fn solve(&self, posture: &Posture, least: f64) -> Option<PosedCatch> {
-        let (arrival, points) = self.reaching(&posture.q).best(self.exact_bounds(&posture.q, 1.0)?, least)?;
-        self.finished(posture, &arrival, points)
+        let (terminal_velocity, points) =
+            self.point_to_point(&posture.q).best(self.exact_bounds(&posture.q, 1.0)?, least)?;
+        self.finished(posture, &terminal_velocity, points)
     }
 
-    fn finished(&self, posture: &Posture, arrival: &Arrival, control_points: Vec<JointVector>) -> Option<PosedCatch> {
+    fn finished(
+        &self,
+        posture: &Posture,
+        terminal_velocity: &TerminalVelocity,
+        control_points: Vec<JointVector>,
+    ) -> Option<PosedCatch> {
         let (start_s, duration_s) = (self.start.time_s, self.target.catch_s - self.start.time_s);
         let knots_s = self.planner.standing_splines.at.knots.iter().map(|knot| start_s + knot * duration_s).collect();
         let spline = BSpline { knots_s, control_points };
-        let (posture, speed_fraction) = (*posture, arrival.speed_fraction);
+        let (posture, speed_fraction) = (*posture, terminal_velocity.speed_fraction);
         self.planner.keeps_torque(&spline).then_some(PosedCatch { posture, speed_fraction, spline })
     }
 
     /// Moves the elbow within its arc toward higher speed fractions, by steps that shrink where they do not help. What counts
     /// are exact bounds a little inside the limits, which are about those of a spline.
     fn moved(&self, posture: &Posture, optimistic: f64) -> Posture {
-        let value = |q: &JointVector| self.optimistic(q, SPLINE_SHARE).map_or(-1.0, |it| it.speed_fraction);
+        let value = |q: &JointVector| self.optimistic(q, SPLINE_FRACTION).map_or(-1.0, |it| it.speed_fraction);
         let mut best = *posture;
         let mut most = value(&posture.q).min(optimistic);
         let mut step = posture.elbow.map_or(0.0, |it| (it.arc[1] - it.arc[0]) / 8.0);

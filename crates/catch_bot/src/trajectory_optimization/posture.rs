@@ -8,8 +8,8 @@ use catch_body::{
     inverse_kinematics::{Branch, ElbowCircle, SrsArm},
 };
 
-/// Swivel angles that are looked at in each arc, as shares of it.
-const SHARES_OF_ARC: [f64; 5] = [0.5, 0.25, 0.75, 0.05, 0.95];
+/// Swivel angles that are looked at in each arc, as fractions of it.
+const FRACTIONS_OF_ARC: [f64; 5] = [0.5, 0.25, 0.75, 0.05, 0.95];
 
 /// Where the elbow of an S-R-S arm stands.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,10 +76,10 @@ impl PostureFinder {
         };
         let Some(circle) = srs.elbow_circle(X_WG) else { return Vec::new() };
         let arcs = srs.swivels(&circle, &first_seven(ranges));
-        let mut found = Vec::with_capacity(arcs.len() * SHARES_OF_ARC.len());
+        let mut found = Vec::with_capacity(arcs.len() * FRACTIONS_OF_ARC.len());
         for (branch, arc) in arcs {
-            found.extend(SHARES_OF_ARC.map(|share| {
-                posture_at(srs, &circle, Elbow { branch, arc, swivel: arc[0] + share * (arc[1] - arc[0]) })
+            found.extend(FRACTIONS_OF_ARC.map(|fraction| {
+                posture_at(srs, &circle, Elbow { branch, arc, swivel: arc[0] + fraction * (arc[1] - arc[0]) })
             }));
         }
         found

@@ -45,7 +45,7 @@ impl Interval {
 
 /// What a joint may do and where it starts from.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct JointReach {
+pub struct ReachableSet {
     /// Velocity at the start in rad/s, within ± `velocity`.
     pub start_velocity: f64,
     /// Velocity limit V in rad/s.
@@ -56,14 +56,14 @@ pub struct JointReach {
     pub time_s: f64,
 }
 
-impl JointReach {
+impl ReachableSet {
     /// How far the joint can get: the interval of displacements in radians.
     pub fn displacements(&self) -> Interval {
         Interval { low: -self.mirrored().highest(), high: self.highest() }
     }
 
     /// Velocities with which it can arrive after a displacement that it can reach.
-    pub fn arrival_velocities(&self, displacement: f64) -> Interval {
+    pub fn terminal_velocities(&self, displacement: f64) -> Interval {
         Interval { low: -self.mirrored().highest_velocity(-displacement), high: self.highest_velocity(displacement) }
     }
 
@@ -96,7 +96,7 @@ impl JointReach {
 /// The largest fraction of its reachability interval that a joint must use to get from `start` to `q`, from its middle on;
 /// `None` if one cannot get there.
 pub fn fraction_used(
-    joints: &[JointReach; MAX_JOINTS],
+    joints: &[ReachableSet; MAX_JOINTS],
     start: &JointVector,
     q: &JointVector,
     dof: usize,
@@ -125,7 +125,7 @@ mod tests {
         fn random_motions_stay_inside(
             v0 in -1.0f64..1.0, time_s in 0.05f64..1.0, accelerations in prop::collection::vec(-1.0f64..=1.0, 1..9),
         ) {
-            let reach = JointReach { start_velocity: v0, velocity: 1.0, acceleration: 5.0, time_s };
+            let reach = ReachableSet { start_velocity: v0, velocity: 1.0, acceleration: 5.0, time_s };
             let steps = 2000;
             let dt = time_s / f64::from(steps);
             let (mut q, mut dq) = (0.0, v0);
@@ -137,17 +137,17 @@ mod tests {
             }
             let far = reach.displacements();
             prop_assert!(q >= far.low - 1e-9 && q <= far.high + 1e-9, "{q} not in {far:?}");
-            let fast = reach.arrival_velocities(q);
+            let fast = reach.terminal_velocities(q);
             prop_assert!(dq >= fast.low - 1e-2 && dq <= fast.high + 1e-2, "{dq} not in {fast:?}");
         }
 
         /// The extremes are reached: integrating the bang-bang motion arrives at the claimed displacement and velocity.
         #[test]
-        fn extreme_velocities_are_attained(v0 in -1.0f64..1.0, time_s in 0.05f64..1.0, share in 0.0f64..=1.0) {
-            let reach = JointReach { start_velocity: v0, velocity: 1.0, acceleration: 5.0, time_s };
+        fn extreme_velocities_are_attained(v0 in -1.0f64..1.0, time_s in 0.05f64..1.0, fraction in 0.0f64..=1.0) {
+            let reach = ReachableSet { start_velocity: v0, velocity: 1.0, acceleration: 5.0, time_s };
             let far = reach.displacements();
-            let displacement = far.low + share * (far.high - far.low);
-            let highest = reach.arrival_velocities(displacement).high;
+            let displacement = far.low + fraction * (far.high - far.low);
+            let highest = reach.terminal_velocities(displacement).high;
             prop_assume!(highest < 1.0 - 1e-9);
             // Back up from the arrival: velocity is the larger of "falling from v0" and "rising to the end".
             let steps = 20_000;

@@ -5,12 +5,13 @@ use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    CatchPlan, CatchSearch, Incoming, Start, motion::Shares, posture::Posture, reaching::Reaching, search::Candidate,
+    CatchPlan, CatchSearch, Incoming, Start, motion::LimitScaling, point_to_point::PointToPoint, posture::Posture,
+    search::ReachableCatch,
 };
 use crate::{
     grasp_selection::heuristics,
     settings::{ANGLE_RAD, FRACTION, Faults, SettingError, Settings},
-    trajectory_prediction::Passage,
+    trajectory_prediction::LocalFlight,
 };
 
 /// Settings of replans, each a list of what is tried, in this order.
@@ -58,15 +59,16 @@ impl Settings for Config {
 impl CatchSearch {
     /// The same catch for a flight that is known better: same time and grasp, the elbow where it was or close by.
     pub fn retarget(&self, start: &Start, incoming: &Incoming, plan: &CatchPlan) -> Option<CatchPlan> {
-        let passage = incoming.flight.passage_at(plan.catch_s);
-        let X_WG = passage.X_WO * plan.grasp.X_OG;
+        let local_flight = incoming.flight.local_flight_at(plan.catch_s);
+        let X_WG = local_flight.X_WO * plan.grasp.X_OG;
         let replan = &self.motion.config.replan;
         // What a motion leaves of the limits, the next replan can use: more is taken only where less does not do.
-        let shares = [0.0, 0.5, 1.0].map(|more| self.motion.replan_shares().toward(self.motion.moving_shares(), more));
-        let found = shares.iter().find_map(|shares| {
-            self.adjusted(start, incoming, plan, &passage, &X_WG, *shares, &replan.arm_angles_rad)
+        let scaling =
+            [0.0, 0.5, 1.0].map(|more| self.motion.replan_scaling().toward(self.motion.moving_scaling(), more));
+        let found = scaling.iter().find_map(|scaling| {
+            self.adjusted(start, incoming, plan, &local_flight, &X_WG, *scaling, &replan.arm_angles_rad)
         })?;
-        Some(self.opened(found, plan.open_width_m, start.time_s, incoming, &passage))
+        Some(self.opened(found, plan.aperture_m, start.time_s, incoming, &local_flight))
     }
 
     /// The same grasp a little sooner or later, where the arm is in time and the object can come in.
@@ -75,31 +77,31 @@ impl CatchSearch {
             |later_s: &&f64| **later_s > 0.0 || plan.catch_s + **later_s > start.time_s + self.motion.config.min_lead_s;
         let replan = &self.motion.config.replan;
         replan.shifts_s.iter().filter(in_time).find_map(|later_s| {
-            let passage = incoming.flight.passage_at(plan.catch_s + later_s);
-            let X_WG = passage.X_WO * plan.grasp.X_OG;
+            let local_flight = incoming.flight.local_flight_at(plan.catch_s + later_s);
+            let X_WG = local_flight.X_WO * plan.grasp.X_OG;
             let found = self.adjusted(
                 start,
                 incoming,
                 plan,
-                &passage,
+                &local_flight,
                 &X_WG,
-                self.motion.moving_shares(),
+                self.motion.moving_scaling(),
                 &replan.shifted_arm_angles_rad,
             )?;
-            let found = self.opened(found, plan.open_width_m, start.time_s, incoming, &passage);
-            found.lets_in.then_some(found)
+            let found = self.opened(found, plan.aperture_m, start.time_s, incoming, &local_flight);
+            found.approach_is_free.then_some(found)
         })
     }
 
     /// The same catch as near to the flight as the arm can still come.
     pub fn nearest(&self, start: &Start, incoming: &Incoming, plan: &CatchPlan) -> Option<CatchPlan> {
-        let passage = incoming.flight.passage_at(plan.catch_s);
-        let wanted = passage.X_WO * plan.grasp.X_OG;
+        let local_flight = incoming.flight.local_flight_at(plan.catch_s);
+        let wanted = local_flight.X_WO * plan.grasp.X_OG;
         let found = self.motion.config.replan.correction_fractions.iter().find_map(|part| {
             let X_WG = plan.X_WG.try_lerp_slerp(&wanted, *part, 1e-9)?;
-            self.adjusted(start, incoming, plan, &passage, &X_WG, self.motion.moving_shares(), &[0.0])
+            self.adjusted(start, incoming, plan, &local_flight, &X_WG, self.motion.moving_scaling(), &[0.0])
         })?;
-        Some(self.opened(found, plan.open_width_m, start.time_s, incoming, &passage))
+        Some(self.opened(found, plan.aperture_m, start.time_s, incoming, &local_flight))
     }
 
     /// The plan's grasp where the object passes, with the gripper at `X_WG`, the elbow moved by the first of these angles that will do.
@@ -109,12 +111,12 @@ impl CatchSearch {
         start: &Start,
         incoming: &Incoming,
         plan: &CatchPlan,
-        passage: &Passage,
+        local_flight: &LocalFlight,
         X_WG: &Pose,
-        shares: Shares,
+        scaling: LimitScaling,
         elbows_rad: &[f64],
     ) -> Option<CatchPlan> {
-        let Passage { time_s: catch_s, X_WO, V_WO, .. } = *passage;
+        let LocalFlight { time_s: catch_s, X_WO, V_WO, .. } = *local_flight;
         let v_WO = V_WO.linear;
         let base = Point3::from(self.motion.robot.X_WB.translation.vector);
         let grasp_cost = heuristics::rank_alone(0, &plan.grasp, &X_WO, &v_WO, &base, &incoming.config.weights).cost;
@@ -122,31 +124,38 @@ impl CatchSearch {
         elbows_rad.iter().find_map(|offset| {
             let posture = self.motion.finder.adjusted(&self.motion.robot, X_WG, &known, *offset)?;
             let q = posture.q;
-            let reaching = self.motion.reaching(start, catch_s, X_WG, &q, &v_WO, shares);
-            let reaching = Reaching { weights: plan.weights, ..reaching };
-            let joints = self.motion.reaches(start, catch_s - start.time_s, shares);
-            let bounds = self.motion.arrival_bounds(&joints, &start.state.q, &q)?;
+            let point_to_point = self.motion.point_to_point(start, catch_s, X_WG, &q, &v_WO, scaling);
+            let point_to_point = PointToPoint { weights: plan.weights, ..point_to_point };
+            let joints = self.motion.reaches(start, catch_s - start.time_s, scaling);
+            let bounds = self.motion.terminal_velocity_bounds(&joints, &start.state.q, &q)?;
             let CatchPlan { approach, cost, .. } = *plan;
-            let candidate = Candidate { catch_s, approach, X_WG: *X_WG, posture, cost, grasp_cost };
-            self.finish(&candidate, &plan.grasp, reaching.best(bounds, -1.0)?, &reaching)
+            let reachable = ReachableCatch { catch_s, approach, X_WG: *X_WG, posture, cost, grasp_cost };
+            self.finish(&reachable, &plan.grasp, point_to_point.best(bounds, -1.0)?, &point_to_point)
         })
     }
 
     /// The same plan with the opening that it had if that lets the object in; else with the narrowest that does, or, where none
     /// does any more, the widest: it hits least. Where it is too late to change the opening, it stays.
-    pub fn opened(&self, plan: CatchPlan, had_m: f64, now_s: f64, incoming: &Incoming, passage: &Passage) -> CatchPlan {
-        if self.first_that_lets_in(&[had_m], &plan, incoming, passage).is_some() {
-            return CatchPlan { open_width_m: had_m, lets_in: true, ..plan };
+    pub fn opened(
+        &self,
+        plan: CatchPlan,
+        had_m: f64,
+        now_s: f64,
+        incoming: &Incoming,
+        local_flight: &LocalFlight,
+    ) -> CatchPlan {
+        if self.first_with_free_approach(&[had_m], &plan, incoming, local_flight).is_some() {
+            return CatchPlan { aperture_m: had_m, approach_is_free: true, ..plan };
         }
-        let opening = self.opening(&plan, incoming, passage);
-        let open_width_m = opening.unwrap_or(self.motion.gripper.max_width_m);
+        let aperture = self.aperture(&plan, incoming, local_flight);
+        let aperture_m = aperture.unwrap_or(self.motion.gripper.max_width_m);
         let fingers = incoming.config.closing(&self.motion.gripper);
-        let takes_s = fingers.duration_s((open_width_m - had_m).abs())
-            + fingers.duration_s(open_width_m - plan.grasp.object_width_m)
+        let takes_s = fingers.duration_s((aperture_m - had_m).abs())
+            + fingers.duration_s(aperture_m - plan.grasp.object_width_m)
             + incoming.config.settling_s;
         if now_s + takes_s > plan.catch_s {
-            return CatchPlan { open_width_m: had_m, lets_in: false, ..plan };
+            return CatchPlan { aperture_m: had_m, approach_is_free: false, ..plan };
         }
-        CatchPlan { open_width_m, lets_in: opening.is_some(), ..plan }
+        CatchPlan { aperture_m, approach_is_free: aperture.is_some(), ..plan }
     }
 }

@@ -5,7 +5,7 @@
 //! cut to what each joint can reach), a posture gets its arrival velocities, an arrival its motion, and each step adds what it
 //! costs. The first motion that keeps all limits and clearances ends a pass, and most of the rest is never looked at. The search is
 //! weighted, not admissible: failures of a grasp add a penalty to its catches at all times, which may put a better one last. What
-//! is found nowhere is sought again at times in between, and what got as far as a motion or the way in a little sooner and
+//! is found nowhere is sought again at times in between, and what got as far as a motion or the approach a little sooner and
 //! later; only then has the search failed. In flight each image brings as many such passes as a bounded amount of work allows.
 
 mod frontier;
@@ -16,32 +16,32 @@ use nalgebra::{Point3, Vector3};
 
 use super::{
     CatchPlan, CatchSearch, Incoming, PlanningFailure, Start,
-    arrival::{Arrival, Weights as ArrivalWeights},
+    point_to_point::{PointToPoint, Reached},
     posture::Posture,
-    reachability::{JointReach, fraction_used},
-    reaching::{Reached, Reaching},
-    way_in::{Entering, Obstacle},
+    reachability::{ReachableSet, fraction_used},
+    swept_volume::{Entering, Obstacle},
+    terminal_velocity::{TerminalVelocity, Weights as TerminalVelocityWeights},
 };
 use frontier::{Frontier, Node, Stage};
 pub use settings::{Config, Weights};
 
 use crate::{
     grasp_selection::{Approach, Grasp, RankedGrasp, heuristics},
-    trajectory_prediction::{Course, Passage},
+    trajectory_prediction::{FlightPropagator, LocalFlight},
 };
 
-/// Where the catch times of the passes lie, in shares of the step between them.
+/// Where the catch times of the passes lie, in fractions of the step between them.
 const OFFSETS: [f64; 8] = [0.5, 0.0, 0.25, 0.75, 0.125, 0.625, 0.375, 0.875];
-/// Passes that make up a search. In the second round what got as far as the way in or a motion is tried a little sooner and
+/// Passes that make up a search. In the second round what got as far as the approach or a motion is tried a little sooner and
 /// later, too ([`Config::nearby_s`]).
 pub const PASSES: usize = 2 * OFFSETS.len();
-/// The work of a way in and a motion, and of its openings, in the units of [`Config::max_work`].
+/// The work of an approach and a motion, and of its openings, in the units of [`Config::max_work`].
 const WORK_OF_A_MOTION: usize = 80;
-const WORK_OF_OPENINGS: usize = 30;
+const WORK_OF_APERTURES: usize = 30;
 
 /// A catch that every joint can reach.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Candidate {
+pub(super) struct ReachableCatch {
     pub catch_s: f64,
     pub approach: Approach,
     pub X_WG: Pose,
@@ -52,26 +52,26 @@ pub(super) struct Candidate {
 }
 
 /// What is known at one catch time.
-struct Moment {
-    passage: Passage,
-    joints: [JointReach; MAX_JOINTS],
+struct CatchTimeSample {
+    local_flight: LocalFlight,
+    joints: [ReachableSet; MAX_JOINTS],
     ranges: [[f64; 2]; MAX_JOINTS],
 }
 
 /// A catch time with a grasp.
-struct Pair {
-    moment: usize,
+struct Candidate {
+    sample: usize,
     ranked: RankedGrasp,
     /// Whether the object can come into the open gripper on a straight line, once that was asked.
     enters: Option<bool>,
     /// Postures whose velocities at the catch were looked for, and those that were tried in vain.
-    arrivals: usize,
+    velocity_trials: usize,
     failed: usize,
 }
 
-impl Pair {
-    fn new(moment: usize, ranked: RankedGrasp) -> Self {
-        Self { moment, ranked, enters: None, arrivals: 0, failed: 0 }
+impl Candidate {
+    fn new(sample: usize, ranked: RankedGrasp) -> Self {
+        Self { sample, ranked, enters: None, velocity_trials: 0, failed: 0 }
     }
 }
 
@@ -138,27 +138,27 @@ impl CatchSearch {
 
     /// The cheapest catch that one pass finds, doing no more than `most_work`.
     fn best_first(&self, search: &mut Search, pass: usize, most_work: usize) -> Result<CatchPlan, PlanningFailure> {
-        let (mut moments, mut pairs, any_grasp) = self.pairs(search, OFFSETS[pass % OFFSETS.len()]);
+        let (mut samples, mut candidates, any_grasp) = self.candidates(search, OFFSETS[pass % OFFSETS.len()]);
         let mut goes_nearby = pass % PASSES >= OFFSETS.len();
         let Search { start, incoming, ref mut obstacles, ref mut work } = *search;
         let grasps = &incoming.grasps.grasps;
         // Ranking grasps is work as well, a fiftieth of a unit each.
-        *work += moments.len() * grasps.len() / 50;
+        *work += samples.len() * grasps.len() / 50;
         let before = *work;
-        let (weights, from, shares) = (&self.motion.config.weights, &start.state.q, self.motion.moving_shares());
+        let (weights, from, scaling) = (&self.motion.config.weights, &start.state.q, self.motion.moving_scaling());
         let config = &self.motion.config.search;
         let most_poses = if self.motion.finder.is_numerical() { config.max_numerical_poses } else { usize::MAX };
         let mut frontier = Frontier::new(config.failure_penalty);
-        let unseen = |pair: usize, it: &Pair, moments: &[Moment]| {
-            let Passage { time_s, V_WO, .. } = &moments[it.moment].passage;
+        let unseen = |candidate: usize, it: &Candidate, samples: &[CatchTimeSample]| {
+            let LocalFlight { time_s, V_WO, .. } = &samples[it.sample].local_flight;
             let holding = self.holding_cost(it.ranked.cost, &V_WO.linear, self.motion.config.max_speed_fraction, 0.0);
             let cost = holding + weights.delay * (time_s - start.time_s);
-            Node { pair, stage: Stage::Pose, cost, failures: 0 }
+            Node { candidate, stage: Stage::Pose, cost, failures: 0 }
         };
-        for (pair, it) in pairs.iter().enumerate() {
-            frontier.push(unseen(pair, it, &moments));
+        for (candidate, it) in candidates.iter().enumerate() {
+            frontier.push(unseen(candidate, it, &samples));
         }
-        let is_near = !moments.is_empty();
+        let is_near = !samples.is_empty();
         let mut failure = if is_near && !any_grasp { PlanningFailure::NoGrasp } else { PlanningFailure::OutOfReach };
         let mut looked_at = 0;
         let mut failures = vec![0; grasps.len()];
@@ -168,17 +168,17 @@ impl CatchSearch {
                     return Err(failure);
                 }
                 looked_at = 0;
-                let known = pairs.len();
-                self.add_nearby(start, incoming, &mut moments, &mut pairs);
-                *work += pairs.len() - known;
-                for (pair, it) in pairs.iter().enumerate().skip(known) {
-                    frontier.push(unseen(pair, it, &moments));
+                let known = candidates.len();
+                self.add_nearby(start, incoming, &mut samples, &mut candidates);
+                *work += candidates.len() - known;
+                for (candidate, it) in candidates.iter().enumerate().skip(known) {
+                    frontier.push(unseen(candidate, it, &samples));
                 }
                 continue;
             };
-            let Node { pair, stage, cost, .. } = node;
-            let Pair { moment, ranked, enters, arrivals, failed } = &mut pairs[pair];
-            let (at, RankedGrasp { index, X_WG, approach, .. }) = (&moments[*moment], *ranked);
+            let Node { candidate, stage, cost, .. } = node;
+            let Candidate { sample, ranked, enters, velocity_trials, failed } = &mut candidates[candidate];
+            let (at, RankedGrasp { index, X_WG, approach, .. }) = (&samples[*sample], *ranked);
             let failures = &mut failures[index];
             if node.failures < *failures {
                 frontier.push(Node { failures: *failures, ..node });
@@ -188,9 +188,9 @@ impl CatchSearch {
             if *work - before > most_work {
                 return Err(PlanningFailure::OutOfBudget);
             }
-            let (catch_s, v_WO) = (at.passage.time_s, at.passage.V_WO.linear);
-            let entering = Entering { incoming, passage: &at.passage, grasp: &grasps[index] };
-            let reaching = |q: &JointVector| self.motion.reaching(start, catch_s, &X_WG, q, &v_WO, shares);
+            let (catch_s, v_WO) = (at.local_flight.time_s, at.local_flight.V_WO.linear);
+            let entering = Entering { incoming, local_flight: &at.local_flight, grasp: &grasps[index] };
+            let point_to_point = |q: &JointVector| self.motion.point_to_point(start, catch_s, &X_WG, q, &v_WO, scaling);
             let obstacle = &mut obstacles[index];
             let v_GO = X_WG.rotation.inverse_transform_vector(&v_WO);
             match stage {
@@ -198,62 +198,71 @@ impl CatchSearch {
                 Stage::Pose => {
                     looked_at += 1;
                     let postures = self.motion.finder.postures(&self.motion.robot, &X_WG, from, &at.ranges);
-                    // The object's way in is costly to look at; here it only tells why there is no catch.
+                    // The object's approach is costly to look at; here it only tells why there is no catch.
                     if !postures.is_empty() && failure < PlanningFailure::NoMotion {
-                        failure = if self.enters_straight(&v_GO, &entering, obstacle) {
+                        failure = if self.straight_approach_is_free(&v_GO, &entering, obstacle) {
                             PlanningFailure::NoMotion
                         } else {
                             PlanningFailure::Blocked
                         };
                     }
                     for posture in postures {
-                        let Some(effort) = fraction_used(&at.joints, from, &posture.q, self.motion.robot.dof()) else {
+                        let Some(reach_fraction) = fraction_used(&at.joints, from, &posture.q, self.motion.robot.dof())
+                        else {
                             continue;
                         };
                         let cost = cost
-                            + weights.effort * effort.powi(4)
+                            + weights.reach_fraction * reach_fraction.powi(4)
                             + weights.comfort * (posture.q - self.motion.robot.comfortable_q).norm();
                         frontier.push(Node { stage: Stage::Posture(posture), cost, ..node });
                     }
                 }
-                Stage::Posture(_) if *arrivals == config.max_velocity_trials => {}
-                Stage::Posture(_) | Stage::Arrival(..) if *failed == config.max_motion_trials => {}
+                Stage::Posture(_) if *velocity_trials == config.max_velocity_trials => {}
+                Stage::Posture(_) | Stage::TerminalVelocity(..) if *failed == config.max_motion_trials => {}
                 Stage::Posture(posture) => {
                     let q = posture.q;
-                    if !self.motion.stands_clear(&q, entering.grasp.open_width_m) {
+                    if !self.motion.stands_clear(&q, entering.grasp.aperture_m) {
                         continue;
                     }
-                    *arrivals += 1;
-                    let bounds = self.motion.arrival_bounds(&at.joints, from, &q);
-                    let Some(arrival) = bounds.and_then(|bounds| reaching(&q).arrival(&bounds)) else {
-                        *failures += usize::from(*arrivals == config.max_velocity_trials);
+                    *velocity_trials += 1;
+                    let bounds = self.motion.terminal_velocity_bounds(&at.joints, from, &q);
+                    let Some(terminal_velocity) =
+                        bounds.and_then(|bounds| point_to_point(&q).terminal_velocity(&bounds))
+                    else {
+                        *failures += usize::from(*velocity_trials == config.max_velocity_trials);
                         continue;
                     };
                     let holding = |fraction, spin| self.holding_cost(ranked.cost, &v_WO, fraction, spin);
                     let least = holding(self.motion.config.max_speed_fraction, 0.0);
-                    let cost = cost + holding(arrival.speed_fraction, arrival.w_WG.norm()) - least;
-                    frontier.push(Node { stage: Stage::Arrival(posture, arrival), cost, ..node });
+                    let cost = cost + holding(terminal_velocity.speed_fraction, terminal_velocity.w_WG.norm()) - least;
+                    frontier.push(Node { stage: Stage::TerminalVelocity(posture, terminal_velocity), cost, ..node });
                 }
-                Stage::Arrival(posture, balanced) => {
+                Stage::TerminalVelocity(posture, balanced) => {
                     let q = posture.q;
-                    let candidate = Candidate { catch_s, approach, X_WG, posture, cost, grasp_cost: ranked.cost };
-                    let Some(bounds) = self.motion.arrival_bounds(&at.joints, from, &q) else { continue };
-                    for weights in [ArrivalWeights::BALANCED, ArrivalWeights::STEADY] {
-                        let reaching = Reaching { weights, ..reaching(&q) };
-                        let known = (weights == ArrivalWeights::BALANCED).then_some(balanced);
-                        let Some(arrival) = known.or_else(|| reaching.arrival(&bounds)) else { continue };
-                        if !self.lets_in(&X_WG, &arrival, &entering, obstacle)
-                            || !*enters.get_or_insert_with(|| self.enters_straight(&v_GO, &entering, obstacle))
+                    let reachable = ReachableCatch { catch_s, approach, X_WG, posture, cost, grasp_cost: ranked.cost };
+                    let Some(bounds) = self.motion.terminal_velocity_bounds(&at.joints, from, &q) else { continue };
+                    for weights in [TerminalVelocityWeights::BALANCED, TerminalVelocityWeights::STEADY] {
+                        let point_to_point = PointToPoint { weights, ..point_to_point(&q) };
+                        let known = (weights == TerminalVelocityWeights::BALANCED).then_some(balanced);
+                        let Some(terminal_velocity) = known.or_else(|| point_to_point.terminal_velocity(&bounds))
+                        else {
+                            continue;
+                        };
+                        if !self.approach_is_free(&X_WG, &terminal_velocity, &entering, obstacle)
+                            || !*enters
+                                .get_or_insert_with(|| self.straight_approach_is_free(&v_GO, &entering, obstacle))
                         {
                             continue;
                         }
                         *work += WORK_OF_A_MOTION;
                         // Where no velocities along the flight are left, none are with other weights.
-                        let Some(reached) = reaching.best(bounds, -1.0) else { break };
-                        let Some(plan) = self.finish(&candidate, entering.grasp, reached, &reaching) else { continue };
-                        *work += WORK_OF_OPENINGS;
-                        if let Some(open_width_m) = self.opening(&plan, incoming, &at.passage) {
-                            return Ok(CatchPlan { open_width_m, lets_in: true, ..plan });
+                        let Some(reached) = point_to_point.best(bounds, -1.0) else { break };
+                        let Some(plan) = self.finish(&reachable, entering.grasp, reached, &point_to_point) else {
+                            continue;
+                        };
+                        *work += WORK_OF_APERTURES;
+                        if let Some(aperture_m) = self.aperture(&plan, incoming, &at.local_flight) {
+                            return Ok(CatchPlan { aperture_m, approach_is_free: true, ..plan });
                         }
                     }
                     *failed += 1;
@@ -265,61 +274,67 @@ impl CatchSearch {
 
     /// Every catch time on the flight, and with every grasp that suits it there and that the elbow can reach; and whether any suits it
     /// anywhere.
-    fn pairs(&self, task: &Search, offset: f64) -> (Vec<Moment>, Vec<Pair>, bool) {
+    fn candidates(&self, task: &Search, offset: f64) -> (Vec<CatchTimeSample>, Vec<Candidate>, bool) {
         let base = Point3::from(self.motion.robot.X_WB.translation.vector);
-        let (mut moments, mut pairs, mut any_grasp) = (Vec::new(), Vec::new(), false);
-        let mut course = task.incoming.flight.course();
+        let (mut samples, mut candidates, mut any_grasp) = (Vec::new(), Vec::new(), false);
+        let mut propagator = task.incoming.flight.propagator();
         let steps = (self.motion.config.search.latest_catch_s / self.motion.config.time_step_s) as usize;
         for step in 0..steps {
             let lead_s = self.motion.config.min_lead_s + (step as f64 + offset) * self.motion.config.time_step_s;
             let catch_s = task.start.time_s + lead_s;
-            let p_WO = course.position_at(catch_s);
+            let p_WO = propagator.position_at(catch_s);
             if p_WO.z < 0.0 {
                 break;
             }
             if (p_WO - base).norm() > self.motion.longest_reach_m {
                 continue;
             }
-            let at = self.moment(task.start, &mut course, catch_s);
-            let (X_WO, v_WO) = (&at.passage.X_WO, &at.passage.V_WO.linear);
+            let at = self.sample(task.start, &mut propagator, catch_s);
+            let (X_WO, v_WO) = (&at.local_flight.X_WO, &at.local_flight.V_WO.linear);
             let may_reach = self.motion.finder.may_reach(X_WO, &at.ranges);
             let (ranked, any) = task.incoming.grasps.rank(X_WO, v_WO, &base, task.incoming.config, may_reach);
             any_grasp |= any;
-            pairs.extend(ranked.into_iter().map(|ranked| Pair::new(moments.len(), ranked)));
-            moments.push(at);
+            candidates.extend(ranked.into_iter().map(|ranked| Candidate::new(samples.len(), ranked)));
+            samples.push(at);
         }
-        (moments, pairs, any_grasp)
+        (samples, candidates, any_grasp)
     }
 
-    /// Adds what got as far as the way in or a motion, a little sooner and later.
-    fn add_nearby(&self, start: &Start, incoming: &Incoming, moments: &mut Vec<Moment>, pairs: &mut Vec<Pair>) {
+    /// Adds what got as far as the approach or a motion, a little sooner and later.
+    fn add_nearby(
+        &self,
+        start: &Start,
+        incoming: &Incoming,
+        samples: &mut Vec<CatchTimeSample>,
+        candidates: &mut Vec<Candidate>,
+    ) {
         let base = Point3::from(self.motion.robot.X_WB.translation.vector);
-        let mut course = incoming.flight.course();
-        for at in 0..moments.len() {
+        let mut propagator = incoming.flight.propagator();
+        for at in 0..samples.len() {
             let close: Vec<usize> =
-                pairs.iter().filter(|it| it.moment == at && it.failed > 0).map(|it| it.ranked.index).collect();
+                candidates.iter().filter(|it| it.sample == at && it.failed > 0).map(|it| it.ranked.index).collect();
             for by_s in self.motion.config.search.nearby_s.iter().filter(|_| !close.is_empty()) {
-                let catch_s = moments[at].passage.time_s + by_s;
+                let catch_s = samples[at].local_flight.time_s + by_s;
                 if catch_s < start.time_s + self.motion.config.min_lead_s {
                     continue;
                 }
-                let moment = self.moment(start, &mut course, catch_s);
-                let Passage { X_WO, V_WO, .. } = &moment.passage;
+                let sample = self.sample(start, &mut propagator, catch_s);
+                let LocalFlight { X_WO, V_WO, .. } = &sample.local_flight;
                 for &index in &close {
                     let (grasp, weights) = (&incoming.grasps.grasps[index], &incoming.config.weights);
                     let ranked = heuristics::rank_alone(index, grasp, X_WO, &V_WO.linear, &base, weights);
-                    pairs.push(Pair::new(moments.len(), ranked));
+                    candidates.push(Candidate::new(samples.len(), ranked));
                 }
-                moments.push(moment);
+                samples.push(sample);
             }
         }
     }
 
     /// What can be reached by a catch time.
-    fn moment(&self, start: &Start, course: &mut Course, catch_s: f64) -> Moment {
-        let joints = self.motion.reaches(start, catch_s - start.time_s, self.motion.moving_shares());
+    fn sample(&self, start: &Start, propagator: &mut FlightPropagator, catch_s: f64) -> CatchTimeSample {
+        let joints = self.motion.reaches(start, catch_s - start.time_s, self.motion.moving_scaling());
         let ranges = self.motion.ranges(&joints, &start.state.q);
-        Moment { passage: course.passage_at(catch_s), joints, ranges }
+        CatchTimeSample { local_flight: propagator.local_flight_at(catch_s), joints, ranges }
     }
 
     /// What tells how well an object will be held: its grasp's heuristics, how fast it passes the fingers and how fast they turn.
@@ -331,28 +346,33 @@ impl CatchSearch {
     /// Turns a candidate into a plan over these splines, `None` if that does not keep torque limits and clearances.
     pub(super) fn finish(
         &self,
-        candidate: &Candidate,
+        reachable: &ReachableCatch,
         grasp: &Grasp,
-        (arrival, control_points): Reached,
-        reaching: &Reaching,
+        (terminal_velocity, control_points): Reached,
+        point_to_point: &PointToPoint,
     ) -> Option<CatchPlan> {
-        let trajectory = self.motion.through(reaching.start.time_s, candidate.catch_s, control_points, grasp)?;
-        let Candidate { catch_s, approach, X_WG, posture: Posture { q, elbow }, cost, grasp_cost } = *candidate;
-        let spin_radps = arrival.w_WG.norm();
+        let trajectory = self.motion.through(point_to_point.start.time_s, reachable.catch_s, control_points, grasp)?;
+        let ReachableCatch { catch_s, approach, X_WG, posture: Posture { q, elbow }, cost, grasp_cost } = *reachable;
+        let spin_radps = terminal_velocity.w_WG.norm();
         Some(CatchPlan {
             catch_s,
             grasp: grasp.clone(),
             approach,
             X_WG,
             q,
-            open_width_m: grasp.open_width_m,
-            lets_in: false,
+            aperture_m: grasp.aperture_m,
+            approach_is_free: false,
             elbow,
-            speed_fraction: arrival.speed_fraction,
+            speed_fraction: terminal_velocity.speed_fraction,
             spin_radps,
-            weights: reaching.weights,
+            weights: point_to_point.weights,
             cost,
-            holding_cost: self.holding_cost(grasp_cost, &reaching.v_WO, arrival.speed_fraction, spin_radps),
+            holding_cost: self.holding_cost(
+                grasp_cost,
+                &point_to_point.v_WO,
+                terminal_velocity.speed_fraction,
+                spin_radps,
+            ),
             trajectory,
         })
     }

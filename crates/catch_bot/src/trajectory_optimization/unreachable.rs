@@ -8,10 +8,10 @@ use catch_body::{
 use nalgebra::Point3;
 
 use super::{
-    arrival::shortfall,
     posed::Task,
     posture::{PostureFinder, first_seven},
     reachability::Interval,
+    terminal_velocity::shortfall,
 };
 
 /// Pieces of arcs that a proof may look at.
@@ -81,7 +81,7 @@ impl Proof<'_> {
             let far = self.task.reaches[i].displacements();
             let at = |by: f64| {
                 let displacement = (q[i] + by - self.task.start.state.q[i]).clamp(far.low, far.high);
-                self.task.reaches[i].arrival_velocities(displacement)
+                self.task.reaches[i].terminal_velocities(displacement)
             };
             // Both ends rise with the displacement.
             bounds[i] = Interval { low: at(-turn).low - 1e-9, high: at(*turn).high + 1e-9 };

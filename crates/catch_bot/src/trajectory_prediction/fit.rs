@@ -8,7 +8,7 @@ use catch_body::Pose;
 use nalgebra::{Matrix3, Matrix3x4, Matrix3x6, Point3, SMatrix, SVector, UnitQuaternion, Vector3};
 
 use super::{
-    Config, FlightTrajectory, Passage, PredictionStatus,
+    Config, FlightTrajectory, LocalFlight, PredictionStatus,
     flight::Motion,
     ransac::{is_finite, reach_m},
     tumbling,
@@ -16,7 +16,7 @@ use super::{
 };
 use crate::perception::{ObjectPose, Symmetry};
 
-/// Number of parameters: position, velocity, drag constant, attitude, angular velocity.
+/// Number of parameters: position, velocity, drag constant, orientation, angular velocity.
 const N: usize = 13;
 const DRAG: usize = 6;
 const TURN: usize = 7;
@@ -26,7 +26,7 @@ const SPIN: usize = 10;
 const OUTLIER_SD: f64 = 4.0;
 /// Degrees of freedom that "the errors are as the poses say" counts for when their scale is estimated.
 const SCALE_PRIOR_DOF: f64 = 12.0;
-/// A fit has come to rest when a step is shorter than this share of its standard deviation.
+/// A fit has come to rest when a step is shorter than this fraction of its standard deviation.
 const STEP_SD: f64 = 0.05;
 /// Within this many standard deviations the flight is as good as linear in its parameters.
 const LINEAR_SD: f64 = 0.5;
@@ -101,7 +101,7 @@ pub(super) fn fit(
     if !newest_s.is_finite() {
         return Err(PredictionStatus::TooFewPoses);
     }
-    let Passage { X_WO, V_WO, .. } = start.passage_at(newest_s);
+    let LocalFlight { X_WO, V_WO, .. } = start.local_flight_at(newest_s);
     let mut state = State {
         p: X_WO.translation.vector,
         v: V_WO.linear,
@@ -241,7 +241,7 @@ impl Problem<'_> {
             };
             if turns {
                 row.turn = self.symmetry.turn_between(&tumbling.R_WO, &X_WO.rotation);
-                row.by_rotation = tumbling.by_attitude_and_rate(&start);
+                row.by_rotation = tumbling.by_orientation_and_rate(&start);
                 row.turns = pose.information.fixed_view::<3, 3>(0, 0).into_owned();
                 row.mixed = pose.information.fixed_view::<3, 3>(0, 3).into_owned();
             }

@@ -4,7 +4,7 @@ use catch_body::{Pose, Twist, dynamics::gravity};
 use nalgebra::{Matrix3, Matrix3x6, Matrix6, Point3, SMatrix, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::{Passage, tumbling::Tumbling};
+use super::{LocalFlight, tumbling::Tumbling};
 
 /// A flight: the state at one instant and the law by which it goes on.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -15,7 +15,7 @@ pub struct FlightTrajectory {
     pub p_WO: Point3<f64>,
     /// Its velocity.
     pub v_WO: Vector3<f64>,
-    /// Attitude in W.
+    /// Orientation in W.
     pub R_WO: UnitQuaternion<f64>,
     /// Angular velocity in W, rad/s.
     pub w_WO: Vector3<f64>,
@@ -88,8 +88,8 @@ impl Motion {
     /// A step of the parabola, with derivatives: ∂p/∂v = h and, with a(t) = −|v|v, ∂v/∂k = ∫a dt and ∂p/∂k = ∫(h − t)·a dt,
     /// by Simpson's rule.
     fn after_step_without_drag(&self, h: f64) -> Self {
-        let v_at = |share: f64| self.v + gravity() * (share * h);
-        let by_drag = [0.0, 0.5, 1.0].map(|share| v_at(share) * -v_at(share).norm());
+        let v_at = |fraction: f64| self.v + gravity() * (fraction * h);
+        let by_drag = [0.0, 0.5, 1.0].map(|fraction| v_at(fraction) * -v_at(fraction).norm());
         let mut after = *self;
         after.p += self.v * h + gravity() * (0.5 * h * h);
         after.v = v_at(1.0);
@@ -124,7 +124,7 @@ impl Motion {
 
 /// A flight followed from time to time: a state costs as much as the way to it from the one before.
 #[derive(Debug, Clone)]
-pub struct Course {
+pub struct FlightPropagator {
     drag_per_m: f64,
     moved_s: f64,
     motion: Motion,
@@ -132,7 +132,7 @@ pub struct Course {
     tumbling: Tumbling,
 }
 
-impl Course {
+impl FlightPropagator {
     /// Position at `time_s`, which is cheaper than the rest.
     pub fn position_at(&mut self, time_s: f64) -> Point3<f64> {
         self.motion = self.motion.after(time_s - self.moved_s, self.drag_per_m, false);
@@ -141,11 +141,11 @@ impl Course {
     }
 
     /// The flight near `time_s`.
-    pub fn passage_at(&mut self, time_s: f64) -> Passage {
+    pub fn local_flight_at(&mut self, time_s: f64) -> LocalFlight {
         let p_WO = self.position_at(time_s);
         self.tumbling = self.tumbling.after(time_s - self.turned_s, false);
         self.turned_s = time_s;
-        Passage {
+        LocalFlight {
             time_s,
             X_WO: Pose::from_parts(p_WO.into(), self.tumbling.R_WO),
             V_WO: Twist { angular: self.tumbling.w_WO(), linear: self.motion.v },
@@ -156,8 +156,8 @@ impl Course {
 
 impl FlightTrajectory {
     /// To be followed from its own time on, forward or back.
-    pub fn course(&self) -> Course {
-        Course {
+    pub fn propagator(&self) -> FlightPropagator {
+        FlightPropagator {
             drag_per_m: self.drag_per_m,
             moved_s: self.time_s,
             motion: Motion::new(self.p_WO.coords, self.v_WO),
@@ -167,18 +167,18 @@ impl FlightTrajectory {
     }
 
     /// The flight near `time_s`.
-    pub fn passage_at(&self, time_s: f64) -> Passage {
-        self.course().passage_at(time_s)
+    pub fn local_flight_at(&self, time_s: f64) -> LocalFlight {
+        self.propagator().local_flight_at(time_s)
     }
 
     /// Pose at `time_s`.
     pub fn pose_at(&self, time_s: f64) -> Pose {
-        self.passage_at(time_s).X_WO
+        self.local_flight_at(time_s).X_WO
     }
 
     /// Spatial velocity at `time_s`.
     pub fn twist_at(&self, time_s: f64) -> Twist {
-        self.passage_at(time_s).V_WO
+        self.local_flight_at(time_s).V_WO
     }
 
     /// Covariance of (position, velocity) in W at `time_s`, m² and m²/s².
@@ -204,7 +204,7 @@ impl FlightTrajectory {
         covariance.symmetric_eigenvalues().max().max(0.0).sqrt()
     }
 
-    /// Standard deviation of the attitude at `time_s` in radians, the largest over all directions that can be seen.
+    /// Standard deviation of the orientation at `time_s` in radians, the largest over all directions that can be seen.
     ///
     /// To first order, with δθ(t) = δθ₀ + t·δω₀.
     pub fn rotation_sd_at(&self, time_s: f64) -> f64 {
@@ -226,7 +226,7 @@ impl FlightTrajectory {
         from_s: f64,
         to_s: f64,
     ) -> Option<(f64, f64)> {
-        let ahead = |time_s: f64| normal.dot(&(self.course().position_at(time_s) - point));
+        let ahead = |time_s: f64| normal.dot(&(self.propagator().position_at(time_s) - point));
         let steps = ((to_s - from_s) / STEP_S).ceil().clamp(1.0, MAX_STEPS) as usize;
         let times = |i: usize| from_s + (to_s - from_s) * i as f64 / steps as f64;
         let i = (0..steps).find(|&i| ahead(times(i)) * ahead(times(i + 1)) <= 0.0)?;

@@ -5,7 +5,7 @@
 
 mod fit;
 mod flight;
-mod passage;
+mod local_flight;
 pub mod ransac;
 #[cfg(test)]
 mod tests;
@@ -14,8 +14,8 @@ mod tumbling;
 
 use serde::{Deserialize, Serialize};
 
-pub use flight::{Course, FlightTrajectory};
-pub use passage::Passage;
+pub use flight::{FlightPropagator, FlightTrajectory};
+pub use local_flight::LocalFlight;
 use ransac::Rotation;
 pub use track::{Track, TrackSample};
 pub use tumbling::inertia_per_kg;
@@ -44,8 +44,8 @@ pub struct Config {
     pub inlier_m: f64,
     /// And within this angle: 0.1 rad (original).
     pub inlier_rad: f64,
-    /// A flight that fewer than this share of the newest poses agree with is given up, and searched for anew.
-    pub min_inlier_share: f64,
+    /// A flight that fewer than this fraction of the newest poses agree with is given up, and searched for anew.
+    pub min_inlier_fraction: f64,
     /// Drag constant k that is expected, in 1/m; zero if it is not set.
     pub drag_prior_per_m: Option<f64>,
     /// Its standard deviation. Zero, as in the paper's simulator: there is no drag, or exactly as much as expected; so it is if it is not set.
@@ -68,7 +68,7 @@ impl Default for Config {
             first_after: 6,
             inlier_m: 0.01,
             inlier_rad: 0.1,
-            min_inlier_share: 0.25,
+            min_inlier_fraction: 0.25,
             drag_prior_per_m: None,
             drag_prior_sd_per_m: None,
             spin_prior_sd_radps: 10.0,
@@ -98,7 +98,7 @@ impl Settings for Config {
                     ("systematic_sd_m", self.systematic_sd_m),
                 ],
             )
-            .values(&LIMIT_SCALE, [("min_inlier_share", self.min_inlier_share)])
+            .values(&LIMIT_SCALE, [("min_inlier_fraction", self.min_inlier_fraction)])
             .options(
                 &NOT_NEGATIVE,
                 [("drag_prior_per_m", self.drag_prior_per_m), ("drag_prior_sd_per_m", self.drag_prior_sd_per_m)],
@@ -216,7 +216,7 @@ pub fn predict(
     let newest = |count: usize| &poses[poses.len() - count.min(poses.len())..];
     let window = config.sampled(poses).ok_or(PredictionStatus::TooFewPoses)?;
     let Workspace { fit: fitting, ransac: sampling } = workspace;
-    let enough = |inliers: usize| inliers >= 3 && inliers as f64 >= config.min_inlier_share * window.len() as f64;
+    let enough = |inliers: usize| inliers >= 3 && inliers as f64 >= config.min_inlier_fraction * window.len() as f64;
     if let Some(previous) = previous
         && let Ok((flight, agreeing)) = fit::fit(newest(config.fit_window), previous, &symmetry, config, fitting)
         && enough(agreeing)

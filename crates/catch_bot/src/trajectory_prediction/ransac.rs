@@ -76,17 +76,17 @@ pub fn best_flight(
     Ok(flight)
 }
 
-/// Chance that sampling stops before it has seen a pair of inliers.
+/// Probability that sampling stops before it has seen a pair of inliers.
 const MISS: f64 = 1e-6;
 
-/// Whether `samples` pairs are enough when a share w of the poses agrees with the best: (1 − w²)^samples ≤ [`MISS`].
+/// Whether `samples` pairs are enough when a fraction w of the poses agrees with the best: (1 − w²)^samples ≤ [`MISS`].
 fn enough(samples: usize, inliers: usize, poses: usize) -> bool {
-    let share = inliers as f64 / poses as f64;
-    samples as f64 * (1.0 - share * share).ln() <= MISS.ln()
+    let fraction = inliers as f64 / poses as f64;
+    samples as f64 * (1.0 - fraction * fraction).ln() <= MISS.ln()
 }
 
 /// The flight through two poses, at the time of the later one: p₂ = p₁ + v₁Δt + ½gΔt², shortened by the drag that is
-/// expected, and the shortest turn between the attitudes.
+/// expected, and the shortest turn between the orientations.
 fn through(
     earlier: &ObjectPose,
     later: &ObjectPose,

@@ -35,7 +35,7 @@ fn throw(normal: &mut Normal, spin_radps: f64, drag_per_m: f64, symmetry: &Symme
     Throw { start: Motion::new(p_WO, v_WO), R_WO: normal.rotation(), w_WO, inertia, drag_per_m }
 }
 
-/// What is seen of a throw in `count` frames at 100 Hz, with the given standard deviations; a share of the frames is
+/// What is seen of a throw in `count` frames at 100 Hz, with the given standard deviations; a fraction of the frames is
 /// shifted by 5 to 20 cm.
 fn seen(throw: &Throw, count: usize, sd_m: f64, sd_rad: f64, outliers: f64, normal: &mut Normal) -> Vec<ObjectPose> {
     let (turn, shift) = (sd_rad.powi(-2), sd_m.powi(-2));
@@ -56,9 +56,9 @@ fn seen(throw: &Throw, count: usize, sd_m: f64, sd_rad: f64, outliers: f64, norm
             information,
             points: 200,
             residual_m: sd_m,
-            outline_residual_m: None,
+            silhouette_residual_m: None,
             iterations: 5,
-            cold_started: false,
+            registered_globally: false,
         }
     });
     poses.collect()
@@ -121,9 +121,9 @@ fn claimed_uncertainty_holds() {
             inside += usize::from(square < 7.815);
             errors.push(error.norm());
         }
-        let share = f64::from(inside as u32) / 300.0;
-        println!("{share} inside, median error {} mm", median(errors) * 1e3);
-        assert!((0.9..=0.98).contains(&share), "{share}");
+        let fraction = f64::from(inside as u32) / 300.0;
+        println!("{fraction} inside, median error {} mm", median(errors) * 1e3);
+        assert!((0.9..=0.98).contains(&fraction), "{fraction}");
     }
 }
 

@@ -14,12 +14,12 @@ pub struct TrackSample {
     pub time_s: f64,
     /// Where, in metres.
     pub position: Point3<f64>,
-    /// Attitude, where the track has one.
-    pub attitude: Option<UnitQuaternion<f64>>,
+    /// Orientation, where the track has one.
+    pub orientation: Option<UnitQuaternion<f64>>,
     /// Standard deviation of each coordinate of the position, in metres.
     pub position_sd_m: f64,
-    /// Standard deviation of the attitude about each axis, in radians.
-    pub attitude_sd_rad: f64,
+    /// Standard deviation of the orientation about each axis, in radians.
+    pub orientation_sd_rad: f64,
 }
 
 /// The flight that fits a track, in the track's own axes.
@@ -32,7 +32,7 @@ pub struct TrackSample {
 /// let samples = (0..20).map(|i| {
 ///     let t = 0.01 * f64::from(i);
 ///     let position = Point3::new(3.0 * t, 4.0 * t - 0.5 * 9.81 * t * t, 0.0);
-///     TrackSample { time_s: t, position, attitude: None, position_sd_m: 0.001, attitude_sd_rad: 1.0 }
+///     TrackSample { time_s: t, position, orientation: None, position_sd_m: 0.001, orientation_sd_rad: 1.0 }
 /// });
 /// let samples: Vec<_> = samples.collect();
 /// let track = Track::fit(&samples, &Vector3::y_axis(), &Config::default(), 0).unwrap();
@@ -43,7 +43,7 @@ pub struct TrackSample {
 pub struct Track {
     /// The flight in axes whose z points up.
     pub flight: FlightTrajectory,
-    /// Attitude of the track's axes T in those.
+    /// Orientation of the track's axes T in those.
     R_WT: UnitQuaternion<f64>,
 }
 
@@ -63,9 +63,9 @@ impl Track {
         let across = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
         let R_WT = UnitQuaternion::rotation_between_axis(up, &Vector3::z_axis()).unwrap_or(across);
         let poses: Vec<ObjectPose> = samples.iter().map(|sample| sample.pose(&R_WT)).filter(is_finite).collect();
-        let has_attitude = samples.iter().any(|sample| sample.attitude.is_some());
+        let has_orientation = samples.iter().any(|sample| sample.orientation.is_some());
         // Nothing is known of how the object's mass lies: it is taken to turn at a constant rate, like a ball's.
-        let symmetry = if has_attitude { Symmetry::default() } else { Symmetry::Sphere };
+        let symmetry = if has_orientation { Symmetry::default() } else { Symmetry::Sphere };
         let flight = predict(&poses, None, symmetry, config, seed, &mut Workspace::default())?;
         Ok(Self { flight, R_WT })
     }
@@ -80,8 +80,8 @@ impl Track {
         self.R_WT.inverse() * self.flight.twist_at(time_s).linear
     }
 
-    /// Attitude at a time; that of the first sample's axes where the track has none.
-    pub fn attitude_at(&self, time_s: f64) -> UnitQuaternion<f64> {
+    /// Orientation at a time; that of the first sample's axes where the track has none.
+    pub fn orientation_at(&self, time_s: f64) -> UnitQuaternion<f64> {
         self.R_WT.inverse() * self.flight.pose_at(time_s).rotation
     }
 
@@ -103,17 +103,17 @@ impl Track {
 impl TrackSample {
     fn pose(&self, R_WT: &UnitQuaternion<f64>) -> ObjectPose {
         let shift = self.position_sd_m.max(1e-9).powi(-2);
-        let turn = if self.attitude.is_some() { self.attitude_sd_rad.max(1e-9).powi(-2) } else { 0.0 };
-        let rotation = R_WT * self.attitude.unwrap_or_default();
+        let turn = if self.orientation.is_some() { self.orientation_sd_rad.max(1e-9).powi(-2) } else { 0.0 };
+        let rotation = R_WT * self.orientation.unwrap_or_default();
         ObjectPose {
             capture_s: self.time_s,
             X_WO: Pose::from_parts((R_WT * self.position).coords.into(), rotation),
             information: Matrix6::from_diagonal(&nalgebra::Vector6::new(turn, turn, turn, shift, shift, shift)),
             points: 0,
             residual_m: 0.0,
-            outline_residual_m: None,
+            silhouette_residual_m: None,
             iterations: 0,
-            cold_started: false,
+            registered_globally: false,
         }
     }
 }
@@ -139,9 +139,9 @@ mod tests {
                 .map(|i| TrackSample {
                     time_s: 0.01 * f64::from(i),
                     position: at(0.01 * f64::from(i)),
-                    attitude: None,
+                    orientation: None,
                     position_sd_m: 0.001,
-                    attitude_sd_rad: 1.0,
+                    orientation_sd_rad: 1.0,
                 })
                 .collect();
             samples[3].position.x = f64::NAN;

@@ -1,4 +1,4 @@
-//! Free rotation: what an object's attitude does in flight.
+//! Free rotation: what an object's orientation does in flight.
 //!
 //! Nothing turns a flying object but its own momentum (drag acts at the centre of mass): L = J_W·ω stays, with
 //! J_W = R·J·Rᵀ, so ω = R·J⁻¹·Rᵀ·L changes as the object turns (Euler's equations).
@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Quaternion, SMatrix, UnitQuaternion, Vector3};
 
 use crate::perception::Symmetry;
 
-/// Attitude of a freely rotating object, and how it depends on the attitude and the angular momentum at the start.
+/// Orientation of a freely rotating object, and how it depends on the orientation and the angular momentum at the start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Tumbling {
     pub R_WO: UnitQuaternion<f64>,
@@ -35,7 +35,7 @@ pub fn inertia_per_kg(symmetry: &Symmetry) -> Option<Matrix3<f64>> {
 }
 
 impl Tumbling {
-    /// The state with attitude `R_WO` and angular velocity `w_WO`. Without an inertia tensor ω stays as it is.
+    /// The state with orientation `R_WO` and angular velocity `w_WO`. Without an inertia tensor ω stays as it is.
     pub fn new(R_WO: UnitQuaternion<f64>, w_WO: &Vector3<f64>, inertia_per_kg: Option<&Matrix3<f64>>) -> Self {
         // Only ratios matter: scaled to a trace of three, so that momentum is of the size of ω.
         let scaled = inertia_per_kg.map(|inertia| inertia * (3.0 / inertia.trace()));
@@ -123,7 +123,7 @@ impl Tumbling {
         state
     }
 
-    /// One step of the derivatives, given the attitudes at its start, middle and end.
+    /// One step of the derivatives, given the orientations at its start, middle and end.
     fn carry_derivatives(&mut self, R_WO: &[UnitQuaternion<f64>; 3], h: f64) {
         let mobility = R_WO.map(|R_WO| self.mobility(&R_WO));
         let twist = self.momentum.cross_matrix();
@@ -143,7 +143,7 @@ impl Tumbling {
     /// ∂θ/∂(θ₀, ω₀), given the state at the start.
     ///
     /// L = J_W·ω gives δL = δθ₀×L − J_W(δθ₀×ω) + J_W·δω₀.
-    pub fn by_attitude_and_rate(&self, start: &Self) -> SMatrix<f64, 3, 6> {
+    pub fn by_orientation_and_rate(&self, start: &Self) -> SMatrix<f64, 3, 6> {
         if self.steady {
             return self.by_start;
         }
@@ -187,11 +187,11 @@ mod tests {
     }
 
     #[test]
-    fn derivatives_are_those_of_the_attitude() {
+    fn derivatives_are_those_of_the_orientation() {
         let (R, w, inertia) = start();
         for inertia in [None, Some(&inertia)] {
             let from = Tumbling::new(R, &w, inertia);
-            let analytic = from.after(0.3, true).by_attitude_and_rate(&from);
+            let analytic = from.after(0.3, true).by_orientation_and_rate(&from);
             for i in 0..6 {
                 let h = 1e-5;
                 let at = |sign: f64| {

@@ -20,11 +20,11 @@ fn tracking_and_predicting_allocate_nothing() {
             let (mut workspace, mut space) = (Workspace::default(), trajectory_prediction::Workspace::default());
             let (mut poses, mut flight) = (Vec::with_capacity(100), None);
             let mut normal = Normal::new(1);
-            let attitude = normal.rotation();
+            let orientation = normal.rotation();
             for i in 0..30 {
                 let t = 0.01 * f64::from(i);
                 let p_WO = Vector3::new(2.6 - 2.9 * t, 2.6 - 4.0 * t, 0.5 + 3.6 * t - 4.905 * t * t);
-                let X_WO = catch_body::Pose::from_parts(p_WO.into(), attitude);
+                let X_WO = catch_body::Pose::from_parts(p_WO.into(), orientation);
                 let X_WR = X_WO * reference.X_RO.inverse();
                 let mut frames = synthetic::depth_frames(&cameras, &shape, &X_WR, noise, &mut normal);
                 for frame in &mut frames {

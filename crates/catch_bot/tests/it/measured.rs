@@ -303,11 +303,14 @@ fn cover(name: &str, noises: &[Noise], setting: &Setting, throws: u64) {
     let mut least = f64::INFINITY;
     for (noise, both) in noises.iter().zip(&squares) {
         for (frames, squares) in setting.frames.iter().zip(both) {
-            let share = coverage(squares);
-            println!("{name} {noise:?} {frames} frames: {share:.1} % of {} throws in the claimed 95 %", squares.len());
-            // Of few throws more may miss by chance: three standard deviations.
-            let chance = 300.0 * (0.05 * 0.95 / squares.len() as f64).sqrt();
-            least = least.min(share - 90.0_f64.min(95.0 - chance));
+            let fraction = coverage(squares);
+            println!(
+                "{name} {noise:?} {frames} frames: {fraction:.1} % of {} throws in the claimed 95 %",
+                squares.len()
+            );
+            // Of few throws more may miss at random: three standard deviations.
+            let probability = 300.0 * (0.05 * 0.95 / squares.len() as f64).sqrt();
+            least = least.min(fraction - 90.0_f64.min(95.0 - probability));
         }
     }
     assert!(least > 0.0, "{name}: {least} % short");

@@ -33,7 +33,7 @@ impl Shape {
         Self::bent(0.1)
     }
 
-    /// A bent tube, one of whose ends is thinner by twice this share.
+    /// A bent tube, one of whose ends is thinner by twice this fraction.
     pub fn bent(uneven: f64) -> Self {
         let balls = (0..=16)
             .map(|i| {
@@ -62,8 +62,8 @@ impl Shape {
                 .map(|pair| {
                     let [(a, ra), (b, rb)] = [pair[0], pair[1]];
                     let along = b - a;
-                    let share = ((p - a).dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
-                    (p - (a + along * share)).norm() - (ra + (rb - ra) * share)
+                    let fraction = ((p - a).dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
+                    (p - (a + along * fraction)).norm() - (ra + (rb - ra) * fraction)
                 })
                 .fold(f64::INFINITY, f64::min),
             Self::Bottle => cylinder(0.0, 0.06, 0.0254).min(cylinder(0.06, 0.0786, 0.022)),
@@ -219,7 +219,7 @@ pub(crate) fn reference(shape: &Shape, width: u32) -> super::ReferenceModel {
     super::ReferenceModel::from_scan(&scan(shape, width), &Default::default())
 }
 
-/// Poses of O (the reference's centre of mass) on the way of a throw, any attitude.
+/// Poses of O (the reference's centre of mass) on the way of a throw, any orientation.
 pub fn pose_in_flight(normal: &mut Normal) -> Pose {
     let along = normal.uniform(0.0, 1.0);
     let p_WO = Point3::new(2.0 - 1.4 * along, 1.9 - 2.0 * along, 0.4 + 2.0 * along * (1.0 - along));

@@ -91,11 +91,11 @@ struct Motion {
     p_WO: Option<Packed>,
     /// Orientation of the object as a quaternion.
     R_WO: Option<Packed>,
-    /// Shares of the joints' limits, 1 being the limit.
-    position_share: Packed,
-    velocity_share: Packed,
-    acceleration_share: Packed,
-    torque_share: Option<Packed>,
+    /// Fractions of the joints' limits, 1 being the limit.
+    position_ratio: Packed,
+    velocity_ratio: Packed,
+    acceleration_ratio: Packed,
+    torque_ratio: Option<Packed>,
     finger_force_n: Packed,
 }
 
@@ -264,13 +264,13 @@ impl Motion {
             width_m: pack(1, &|_, sample| vec![sample.width_m]),
             p_WO: pack_poses(3, &|X_WO| X_WO.translation.vector.as_slice().to_vec()),
             R_WO: pack_poses(4, &|X_WO| X_WO.rotation.coords.as_slice().to_vec()),
-            position_share: per_joint(&|_, sample, joint| {
+            position_ratio: per_joint(&|_, sample, joint| {
                 let limits = &joints[joint].limits;
                 (sample.q[joint] - f64::midpoint(limits.lower, limits.upper)) / ((limits.upper - limits.lower) / 2.0)
             }),
-            velocity_share: per_joint(&|_, sample, joint| sample.dq[joint] / joints[joint].limits.velocity),
-            acceleration_share: per_joint(&|i, _, joint| ddq[i][joint] / joints[joint].limits.acceleration),
-            torque_share: has_torque
+            velocity_ratio: per_joint(&|_, sample, joint| sample.dq[joint] / joints[joint].limits.velocity),
+            acceleration_ratio: per_joint(&|i, _, joint| ddq[i][joint] / joints[joint].limits.acceleration),
+            torque_ratio: has_torque
                 .then(|| per_joint(&|_, sample, joint| torque(sample, joint) / joints[joint].limits.torque)),
             finger_force_n: pack(2, &|_, sample| sample.finger_force_n.to_vec()),
         }
@@ -322,7 +322,7 @@ impl Errors {
 fn plan_of(tick: &RecordedTick, start_s: f64) -> Option<Plan> {
     let plan = tick.report.plan.as_ref().filter(|_| tick.report.status.is_new_motion())?;
     let [time_s, catch_s] = [tick.observation.time_s, plan.catch_s].map(|time_s| time_s - start_s);
-    Some(Plan { time_s, catch_s, hand: seven(&plan.X_WG), width_m: plan.open_width_m })
+    Some(Plan { time_s, catch_s, hand: seven(&plan.X_WG), width_m: plan.aperture_m })
 }
 
 fn candidates(playback: &Playback) -> Vec<Candidates> {

@@ -69,10 +69,10 @@ function jointPlot(title, name, unit) {
 }
 const stretch = (values, least) => Math.max(least, ...values);
 $("plots").append(legend(data.robot.joints.map((_, j) => [`J${j + 1}`, jointColour(j)])));
-jointPlot("Position", "position_share", "of the joint's range");
-jointPlot("Velocity", "velocity_share", "of its limit");
-jointPlot("Acceleration", "acceleration_share", "commanded, of its limit");
-if (motion.torque_share.length) jointPlot("Torque", "torque_share", "of its limit");
+jointPlot("Position", "position_ratio", "of the joint's range");
+jointPlot("Velocity", "velocity_ratio", "of its limit");
+jointPlot("Acceleration", "acceleration_ratio", "commanded, of its limit");
+if (motion.torque_ratio.length) jointPlot("Torque", "torque_ratio", "of its limit");
 
 const { time_s: errorTime, error_mm: error, claimed_mm: claimed } = data.errors;
 const decades = (from, to, unit) => {

@@ -108,16 +108,16 @@ fn print<'a>(results: impl Iterator<Item = &'a StepSummary>) -> io::Result<()> {
     for StepSummary { step, removes, objects } in results {
         screen::line(&format!("  {STRONG}{step}{STRONG:#}  {FAINT}removes {removes}{FAINT:#}"))?;
         for it in objects {
-            let share = |of: usize| format!("{} %", percent(it.caught as f64 / of.max(1) as f64));
+            let fraction = |of: usize| format!("{} %", percent(it.caught as f64 / of.max(1) as f64));
             let reasons: Vec<String> = it.reasons.iter().map(|(reason, count)| format!("{count}× {reason}")).collect();
             table.add_row([
                 step.clone(),
                 it.object.clone(),
                 it.trials.to_string(),
-                share(it.trials),
+                fraction(it.trials),
                 range(it.wilson95),
                 it.out_of_reach.map_or("–".to_owned(), |count| count.to_string()),
-                it.within_reach().map_or("–".to_owned(), share),
+                it.within_reach().map_or("–".to_owned(), fraction),
                 if it.out_of_reach.is_some() { range(it.wilson95_within_reach) } else { "–".to_owned() },
                 reasons.join(", "),
             ]);

@@ -84,7 +84,7 @@ struct PlanFigures {
 #[derive(Serialize)]
 struct Residual {
     position_m: f64,
-    orientation_rad: f64,
+    rotation_error_rad: f64,
     velocity_mps: f64,
     start_rad: f64,
     start_radps: f64,
@@ -131,7 +131,7 @@ pub fn run(arguments: &PlanArguments) -> anyhow::Result<()> {
 /// A planner that may use all of the limits: nothing is held back for replans here.
 fn planner(robot: Robot, mut gripper: Gripper, grasp_centre_y_m: f64) -> MotionPlanner {
     gripper.grasp_centre_y_m = grasp_centre_y_m;
-    let all = Config { position_margin_rad: 0.0, velocity_share: 1.0, torque_share: 1.0, ..Config::default() };
+    let all = Config { position_margin_rad: 0.0, velocity_scaling: 1.0, torque_scaling: 1.0, ..Config::default() };
     MotionPlanner::new(robot, gripper, all)
 }
 
@@ -176,7 +176,7 @@ fn figures(planner: &MotionPlanner, start: &Start, case: &PlannerCase, plan: &Po
     let [q_start, dq_start, _] = spline.evaluate(0.0);
     let residual = Residual {
         position_m: (centre - case.p_WO).norm(),
-        orientation_rad: X_WG.rotation.angle_to(&target.X_WG.rotation),
+        rotation_error_rad: X_WG.rotation.angle_to(&target.X_WG.rotation),
         velocity_mps: (velocity - target.v_WO * plan.speed_fraction).norm(),
         start_rad: (q_start - start.state.q).amax(),
         start_radps: (dq_start - start.state.dq).amax(),
@@ -204,14 +204,14 @@ fn limit_ratio(robot: &Robot, plan: &PosedCatch) -> LimitRatio {
     let mut times: Vec<f64> = spline.knots_s.clone();
     times.extend((0..=TORQUE_CHECKS).map(|i| from_s + (until_s - from_s) * i as f64 / TORQUE_CHECKS as f64));
     for pair in spline.knots_s.windows(2).filter(|pair| pair[1] > pair[0]) {
-        let inside = |share: f64| spline.evaluate(pair[0] + share * (pair[1] - pair[0]))[2];
+        let inside = |fraction: f64| spline.evaluate(pair[0] + fraction * (pair[1] - pair[0]))[2];
         // Linear within the span, its ends taken from inside.
         let (low, high) = (inside(1e-9), inside(1.0 - 1e-9));
         times.extend(
             (0..robot.dof())
                 .map(|i| low[i] / (low[i] - high[i]))
                 .filter(|it| (0.0..=1.0).contains(it))
-                .map(|share| pair[0] + share * (pair[1] - pair[0])),
+                .map(|fraction| pair[0] + fraction * (pair[1] - pair[0])),
         );
     }
     for time_s in times {
@@ -257,7 +257,7 @@ fn print(rows: &[Row]) -> std::io::Result<()> {
             row.status.replace('_', " "),
             figure(|it| format!("{:.3}", it.speed_fraction)),
             figure(|it| format!("{:.0e} m", it.residual.position_m)),
-            figure(|it| format!("{:.0e} rad", it.residual.orientation_rad)),
+            figure(|it| format!("{:.0e} rad", it.residual.rotation_error_rad)),
             figure(|it| format!("{:.0e}", it.residual.velocity_mps)),
             figure(|it| format!("{:.4}", it.limit_ratio.velocity)),
             figure(|it| format!("{:.4}", it.limit_ratio.acceleration)),
@@ -281,5 +281,7 @@ fn print(rows: &[Row]) -> std::io::Result<()> {
     };
     summary(rows.iter().map(|row| row.time_ms).collect(), "cold")?;
     summary(rows.iter().filter_map(|row| row.plan.as_ref()).map(|it| it.retarget_ms).collect(), "5 mm aside")?;
-    screen::line(&format!("  {FAINT}speed: share of the object's velocity; limits: largest ratio on the way{FAINT:#}"))
+    screen::line(&format!(
+        "  {FAINT}speed: fraction of the object's velocity; limits: largest ratio on the way{FAINT:#}"
+    ))
 }

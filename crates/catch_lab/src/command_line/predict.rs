@@ -89,7 +89,7 @@ struct Document {
 }
 
 /// With more noise than this something is wrong, most likely.
-const DOUBTFUL_NOISE_M: f64 = 0.02;
+const IMPLAUSIBLE_NOISE_M: f64 = 0.02;
 /// Sightings that a flight needs.
 const LEAST_SIGHTINGS: usize = 6;
 
@@ -146,8 +146,8 @@ fn print(document: &Document) -> std::io::Result<()> {
     let inliers = document.inliers.map_or(String::new(), |count| format!(", {count} agree"));
     screen::fact("sightings", &format!("{}{inliers}", document.sightings))?;
     screen::fact("their noise", &format!("{:.2} mm", document.noise_m * 1e3))?;
-    if document.noise_m > DOUBTFUL_NOISE_M || document.inliers.is_some_and(|count| 2 * count < document.sightings) {
-        screen::fact("doubtful", "they are far from one flight: is --up right, are they metres and seconds?")?;
+    if document.noise_m > IMPLAUSIBLE_NOISE_M || document.inliers.is_some_and(|count| 2 * count < document.sightings) {
+        screen::fact("implausible", "they are far from one flight: is --up right, are they metres and seconds?")?;
     }
     if document.end.is_none() {
         screen::fact(
@@ -172,15 +172,15 @@ fn print(document: &Document) -> std::io::Result<()> {
 /// Seed of the sampling; any will do.
 const SEED: u64 = 1;
 
-/// A sighting with the track's noise; its attitude, if there is one, as good as a point 0.1 m off the centre would tell.
+/// A sighting with the track's noise; its orientation, if there is one, as good as a point 0.1 m off the centre would tell.
 fn sample(sighting: &Sighting, noise_m: f64) -> TrackSample {
     const LEVER_M: f64 = 0.1;
     TrackSample {
         time_s: sighting.time_s,
         position: sighting.p,
-        attitude: sighting.rotation,
+        orientation: sighting.rotation,
         position_sd_m: noise_m,
-        attitude_sd_rad: noise_m / LEVER_M,
+        orientation_sd_rad: noise_m / LEVER_M,
     }
 }
 
@@ -196,8 +196,8 @@ fn prediction(time_s: f64, track: &Track) -> Prediction {
 
 /// Noises that a track may have, in metres along each axis.
 const NOISES_M: [f64; 6] = [5e-4, 2e-3, 8e-3, 0.03, 0.1, 0.5];
-/// A flight that this share of the sightings agrees with is the one, for a noise that is as low as possible.
-const AGREEING_SHARE: f64 = 0.4;
+/// A flight that this fraction of the sightings agrees with is the one, for a noise that is as low as possible.
+const AGREEING_FRACTION: f64 = 0.4;
 /// How often the noise is then taken anew from how far those that agree are from the flight, at most.
 const REFINEMENTS: usize = 4;
 /// Noise below this is not believed, in metres.
@@ -226,7 +226,7 @@ fn fit(
         Track::fit(&samples, up, &config, SEED)
     };
     let agreeing = |fitted: &Result<Track, _>| fitted.as_ref().map_or(0, |it: &Track| it.flight.inliers);
-    let enough = (seen.len() as f64 * AGREEING_SHARE) as usize;
+    let enough = (seen.len() as f64 * AGREEING_FRACTION) as usize;
     let [mut noise_m, ..] = NOISES_M;
     let mut fitted = with_noise(noise_m);
     for &next_m in &NOISES_M[1..] {
@@ -258,7 +258,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64;
 
-    /// A flight with 2 mm of noise along each axis, of which a share lies elsewhere.
+    /// A flight with 2 mm of noise along each axis, of which a fraction lies elsewhere.
     fn track(outliers: f64, seed: u64) -> Vec<Sighting> {
         let mut rng = Pcg64::seed_from_u64(seed);
         let row = |i: u32| {

@@ -12,7 +12,7 @@ const VIEW_RAD: f64 = 0.72;
 const AZIMUTH_RAD: f64 = 2.0;
 /// Above the horizon.
 const ELEVATION_RAD: f64 = 0.24;
-/// Share of the picture that the throw fills.
+/// Fraction of the picture that the throw fills.
 const FILL: f64 = 0.84;
 
 /// A camera beside the flight and a little behind the arm, as near as shows all of both.

@@ -34,8 +34,8 @@ impl Palette {
         colours.extend((0..GREYS).map(|i| grey(0.12 + 0.88 * i as f64 / (GREYS - 1) as f64)));
         let toward = |colour: Colour, other: Colour, steps: usize| {
             (1..=steps).map(move |i| {
-                let share = i as f64 / steps as f64;
-                [0, 1, 2].map(|c| other[c] + (colour[c] - other[c]) * share)
+                let fraction = i as f64 / steps as f64;
+                [0, 1, 2].map(|c| other[c] + (colour[c] - other[c]) * fraction)
             })
         };
         colours.extend(toward(OBJECT, [0.25, 0.16, 0.02], SHADES));

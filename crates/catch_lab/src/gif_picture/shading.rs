@@ -214,15 +214,15 @@ impl Shader {
             for row in rows {
                 for column in cut(a.x.min(b.x) - reach, window.width)..cut(a.x.max(b.x) + reach + 1.0, window.width) {
                     let pixel = row * window.width as usize + column;
-                    let share = (reach - 0.5 - distance(&window.pixel_centre(pixel), &a, &b)).clamp(0.0, 1.0);
+                    let fraction = (reach - 0.5 - distance(&window.pixel_centre(pixel), &a, &b)).clamp(0.0, 1.0);
                     if seen[pixel].depth_m > depth {
-                        cover[pixel] = cover[pixel].max(share);
+                        cover[pixel] = cover[pixel].max(fraction);
                     }
                 }
             }
         }
-        for (colour, share) in colours.iter_mut().zip(cover) {
-            *colour = [0, 1, 2].map(|c| colour[c] + (line.colour[c] - colour[c]) * share);
+        for (colour, fraction) in colours.iter_mut().zip(cover) {
+            *colour = [0, 1, 2].map(|c| colour[c] + (line.colour[c] - colour[c]) * fraction);
         }
     }
 }

@@ -10,9 +10,9 @@ pub const LEADS_S: [f64; 5] = [0.5, 0.4, 0.3, 0.2, 0.1];
 pub struct Measures {
     /// How far off the object's position at the catch was predicted, by the last prediction before it.
     pub prediction_error_m: Option<f64>,
-    /// How far off its attitude at the catch was predicted by then, turns under which it looks the same aside.
+    /// How far off its orientation at the catch was predicted by then, turns under which it looks the same aside.
     #[serde(default)]
-    pub prediction_turn_rad: Option<f64>,
+    pub prediction_rotation_error_rad: Option<f64>,
     /// How far off it was predicted [`LEADS_S`] before the catch, where there was a prediction by then.
     #[serde(default)]
     pub prediction_errors_m: [Option<f64>; LEADS_S.len()],
@@ -21,19 +21,19 @@ pub struct Measures {
     /// How far the undisturbed object would have been from where the plan wants it in the gripper at the catch.
     pub grasp_offset_m: Option<f64>,
     /// How far it would have been turned from how the plan wants it there, turns under which it looks the same aside.
-    pub grasp_turn_rad: Option<f64>,
+    pub grasp_rotation_error_rad: Option<f64>,
     /// How long after the undisturbed object's centre would have been nearest the grasp centre the instant midway between the
     /// first contacts of the two fingers was.
     #[serde(default)]
     pub contact_delay_s: Option<f64>,
     /// Speed of the object relative to the gripper at the catch.
     pub relative_speed_mps: Option<f64>,
-    /// Share of that speed that points at a finger, along x of G.
+    /// Fraction of that speed that points at a finger, along x of G.
     #[serde(default)]
-    pub sideways_share: Option<f64>,
-    /// Share of it that points at the palm, along −y of G.
+    pub sideways_fraction: Option<f64>,
+    /// Fraction of it that points at the palm, along −y of G.
     #[serde(default)]
-    pub palm_share: Option<f64>,
+    pub palm_fraction: Option<f64>,
     /// Width of the object between the fingers in the planned grasp.
     #[serde(default)]
     pub grasp_width_m: Option<f64>,
@@ -45,7 +45,7 @@ pub struct Measures {
     pub grasp_strength_m: Option<f64>,
     /// Whether the plan lets the object in without touching the open gripper.
     #[serde(default)]
-    pub lets_in: Option<bool>,
+    pub approach_is_free: Option<bool>,
     /// Sum over the joints of how far each moved from the ready pose to the catch.
     pub joint_travel_rad: Option<f64>,
     /// The largest impulse of a contact in one step of the physics, 1 ms, while the gripper touched the object, in N·s.
@@ -68,7 +68,7 @@ pub struct Measures {
     /// Trajectories that came too late.
     pub late_trajectories: u32,
     /// Trajectories rejected for other reasons.
-    pub refused_trajectories: u32,
+    pub rejected_trajectories: u32,
     /// Those of them that were discontinuous.
     #[serde(default)]
     pub discontinuous_trajectories: u32,

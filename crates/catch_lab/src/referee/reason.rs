@@ -5,7 +5,7 @@ use std::fmt::Display;
 use catch_bot::{Status, trajectory_optimization::CatchPlan};
 use serde::{Deserialize, Serialize};
 
-use super::{Evidence, HELD_FROM_S, is_squeezed, sample_at, touches_gripper};
+use super::{Evidence, HELD_FROM_S, in_contact_with_gripper, is_squeezed, sample_at};
 
 /// Beyond this a prediction or a pose explains why the gripper missed.
 const LARGE_ERROR_M: f64 = 0.02;
@@ -34,7 +34,7 @@ pub enum Reason {
     OutOfReach,
     /// No way of holding the object was found.
     NoGrasp,
-    /// In every grasp it would have hit the open gripper on its way in.
+    /// In every grasp it would have hit the open gripper on its approach.
     Blocked,
     /// No motion within the limits was found.
     NoPlan,
@@ -164,7 +164,7 @@ fn with_a_plan(evidence: &Evidence) -> Reason {
     if first.width_m < width_m(|plan| plan.grasp.object_width_m) - CLOSED_TOO_FAR_M {
         return Reason::ClosedEarly;
     }
-    let still_open = first.width_m > width_m(|plan| plan.open_width_m) - STILL_OPEN_M;
+    let still_open = first.width_m > width_m(|plan| plan.aperture_m) - STILL_OPEN_M;
     match evidence.progress_m() {
         // Open fingers are in the way of an object that comes in crooked; off the palm it bounces.
         _ if still_open && !first.contact.palm => Reason::HitFinger,
@@ -184,7 +184,8 @@ fn met_the_floor_in_hand(evidence: &Evidence) -> bool {
 /// How long in total the object was squeezed, if long enough to have been grasped.
 fn grasped_for_s(evidence: &Evidence) -> Option<f64> {
     let samples = &evidence.truth.samples;
-    let squeezed = samples.windows(2).filter(|pair| touches_gripper(&pair[1]) && is_squeezed(&pair[0], &pair[1]));
+    let squeezed =
+        samples.windows(2).filter(|pair| in_contact_with_gripper(&pair[1]) && is_squeezed(&pair[0], &pair[1]));
     let total_s: f64 = squeezed.map(|pair| pair[1].time_s - pair[0].time_s).sum();
     (total_s >= GRASPED_AFTER_S).then_some(total_s)
 }

@@ -20,7 +20,7 @@ pub fn ladder_page(seed: u64, steps: &[StepSummary], report: &str) -> String {
     let (alone, climb): (Vec<&StepSummary>, Vec<_>) = steps.iter().partition(|step| step.step.starts_with("only-"));
     let mut body = format!(
         "<h1>From the paper to an honest arena</h1><p class=\"faint\">{trials} throws, seed {seed}, CatchingBot {VERSION}</p>\n{}\
-         <p class=\"faint\">Each step takes one assumption of the paper away. The bar is the share of the throws within reach that \
+         <p class=\"faint\">Each step takes one assumption of the paper away. The bar is the fraction of the throws within reach that \
          was caught and held, the line across it its 95&nbsp;% interval (Wilson) where throws differ. Throws that no arm of this kind \
          could have reached in time, by the oracle, are counted apart. Each step leads to its report, with its misses.</p>\n",
         figures(&climb),
@@ -46,34 +46,34 @@ pub fn ladder_page(seed: u64, steps: &[StepSummary], report: &str) -> String {
 
 /// The ends of the climb in large figures.
 fn figures(climb: &[&StepSummary]) -> String {
-    let share = |step: &StepSummary| {
+    let fraction = |step: &StepSummary| {
         let sum = |of: &dyn Fn(&CellSummary) -> usize| step.objects.iter().map(of).sum::<usize>();
         percent(sum(&|it| it.caught) as f64 / sum(&within_reach).max(1) as f64)
     };
     let broken: usize = climb.iter().flat_map(|step| &step.objects).map(|it| it.limit_violations).sum();
     let mut figures = Vec::new();
     if let [first, .., last] = climb {
-        figures.push((share(first), "caught under the paper's assumptions"));
-        figures.push((share(last), "caught under none of them"));
+        figures.push((fraction(first), "caught under the paper's assumptions"));
+        figures.push((fraction(last), "caught under none of them"));
     }
     figures.push((broken.to_string(), "limits of the arm broken"));
     let figures: String = figures.iter().map(|(value, label)| format!("<div><b>{value}</b>{label}</div>")).collect();
     format!("<div class=\"big\">{figures}</div>\n")
 }
 
-/// Of which throws the share is taken: those within reach, or all where that is not known.
+/// Of which throws the fraction is taken: those within reach, or all where that is not known.
 fn within_reach(it: &CellSummary) -> usize {
     it.within_reach().unwrap_or(it.trials)
 }
 
-fn share_of(it: &CellSummary) -> f64 {
+fn fraction_of(it: &CellSummary) -> f64 {
     it.caught as f64 / within_reach(it).max(1) as f64
 }
 
 /// A step: what it removes, and a bar for each object.
 fn rung(step: &StepSummary, report: &str) -> String {
     let bars = step.objects.iter().map(|it| {
-        let mut marks = vec![Mark::Bar(0.0, share_of(it))];
+        let mut marks = vec![Mark::Bar(0.0, fraction_of(it))];
         marks.extend(it.wilson95_within_reach.map(|[low, high]| Mark::Range(low, high)));
         format!("<div>{}<span class=\"value\">{} of {}</span></div>", track(&marks, false), it.caught, within_reach(it))
     });
@@ -93,7 +93,7 @@ fn rung(step: &StepSummary, report: &str) -> String {
 /// All figures, step by step.
 fn table(steps: &[StepSummary]) -> String {
     let mut html = "<h2>In numbers</h2><div class=\"scroll\"><table><tr><th>step</th><th>object</th>\
-                    <th class=\"n\">caught</th><th class=\"n\">within reach</th><th class=\"n\">share</th><th class=\"n\">95 %</th>\
+                    <th class=\"n\">caught</th><th class=\"n\">within reach</th><th class=\"n\">fraction</th><th class=\"n\">95 %</th>\
                     <th class=\"n\">out of reach</th><th class=\"n\">limits broken</th><th>misses</th></tr>\n"
         .to_owned();
     for (step, it) in steps.iter().flat_map(|step| step.objects.iter().map(move |it| (step, it))) {
@@ -101,7 +101,7 @@ fn table(steps: &[StepSummary]) -> String {
         let numbers = [
             it.caught.to_string(),
             within_reach(it).to_string(),
-            percent(share_of(it)),
+            percent(fraction_of(it)),
             super::interval(it.wilson95_within_reach),
             it.out_of_reach.map_or("–".to_owned(), |count| count.to_string()),
             it.limit_violations.to_string(),

@@ -2,7 +2,7 @@
 
 use crate::packed::text_in_html;
 
-/// What stands on a track; places are shares of its length.
+/// What stands on a track; places are fractions of its length.
 #[derive(Debug, Clone, Copy)]
 pub enum Mark {
     /// A bar from one place to another.
@@ -32,7 +32,7 @@ impl Mark {
             Self::Paper(at) => ("paper", at, None),
             Self::Part(from, until, _) => ("part", from, Some(until)),
         };
-        let percent = |share: f64| format!("{:.2}%", share.clamp(0.0, 1.0) * 100.0);
+        let percent = |fraction: f64| format!("{:.2}%", fraction.clamp(0.0, 1.0) * 100.0);
         let width = until.map_or(String::new(), |until| format!(";width:{}", percent(until - from)));
         let height =
             if let Self::Part(.., height) = self { format!(";height:{}", percent(height)) } else { String::new() };
@@ -63,7 +63,7 @@ pub struct Scale {
 
 impl Scale {
     /// From 0 to 100 %.
-    pub const SHARE: Self = Self { decades: None, unit: "%" };
+    pub const FRACTION: Self = Self { decades: None, unit: "%" };
 
     /// A logarithmic scale that holds all positive values.
     pub fn decades(values: &[f64], unit: &'static str) -> Self {

@@ -77,7 +77,7 @@ fn a_ball_is_caught_by_an_arm_that_moves() {
 }
 
 /// What the physics does while the object is far from everything does not decide what happens: with as many substeps there as at the
-/// catch, throws end the same way, and the hand is in the same place. Number 55 of the banana is held on the brink.
+/// catch, throws end the same way, and the hand is in the same place. Number 55 of the banana is marginally held.
 #[test]
 fn outcomes_do_not_depend_on_the_substeps_before_contact() {
     let fine = ["arena.substeps_alone=4".to_owned()];

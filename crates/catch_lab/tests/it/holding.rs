@@ -13,8 +13,8 @@ use rand_pcg::Pcg64;
 
 /// What a catch is described by, in the units of the weights.
 const FEATURES: [&str; 7] = [
-    "sideways share (catchability)",
-    "1 - palm share (pass_through)",
+    "sideways fraction (catchability)",
+    "1 - palm fraction (pass_through)",
     "overhang / 30 mm (overhang)",
     "distance from the axis / 30 mm (strength)",
     "width / 100 mm (width)",
@@ -26,13 +26,13 @@ const FEATURES: [&str; 7] = [
 fn features(row: &Row) -> Option<[f64; FEATURES.len()]> {
     let it = &row.verdict.measures;
     Some([
-        it.sideways_share?,
-        1.0 - it.palm_share?,
+        it.sideways_fraction?,
+        1.0 - it.palm_fraction?,
         it.grasp_overhang_m? / 0.03,
         it.grasp_strength_m? / 0.03,
         it.grasp_width_m? / 0.1,
         it.relative_speed_mps?,
-        if it.lets_in? { 0.0 } else { 1.0 },
+        if it.approach_is_free? { 0.0 } else { 1.0 },
     ])
 }
 
@@ -56,8 +56,8 @@ fn the_regression_finds_coefficients_that_data_have() {
     let mut rng = Pcg64::seed_from_u64(1);
     let X = DMatrix::from_fn(20_000, 3, |_, j| if j == 2 { 1.0 } else { rng.random_range(-2.0..2.0) });
     let truth = DVector::from_column_slice(&[1.5, -0.7, 0.3]);
-    let chance = (&X * &truth).map(|z: f64| 1.0 / (1.0 + (-z).exp()));
-    let y = chance.map(|p| f64::from(u8::from(rng.random_bool(p))));
+    let probability = (&X * &truth).map(|z: f64| 1.0 / (1.0 + (-z).exp()));
+    let y = probability.map(|p| f64::from(u8::from(rng.random_bool(p))));
     let (found, error) = logistic_regression(&X, &y);
     for i in 0..3 {
         assert!((found[i] - truth[i]).abs() < 4.0 * error[i], "{found} {error}");

@@ -62,7 +62,7 @@ fn a_clock_that_is_expected_makes_no_command_late() {
     let mut accepted = 0;
     for index in 0..4 {
         let servo = trial::run(&setup, 1, index, &mut |_, _| Ok(())).unwrap().truth.servo;
-        assert_eq!((servo.late_trajectories, servo.refused_trajectories), (0, 0), "throw {index}");
+        assert_eq!((servo.late_trajectories, servo.rejected_trajectories), (0, 0), "throw {index}");
         accepted += servo.accepted_trajectories;
     }
     assert!(accepted > 0, "nothing was commanded");
@@ -164,21 +164,21 @@ fn a_brain_whose_trajectory_was_refused_goes_on_from_what_the_arm_follows() {
     let (servo, sent_after) = (&arena.truth().servo, sent_after.unwrap());
     assert_eq!(servo.late_trajectories, 1);
     assert!(
-        sent_after > 20 && servo.refused_trajectories <= 2,
+        sent_after > 20 && servo.rejected_trajectories <= 2,
         "{} of {sent_after} refused",
-        servo.refused_trajectories
+        servo.rejected_trajectories
     );
 }
 
 /// How often, in ten throws of tumbling bananas, another catch is chosen.
-fn changes_of_catch(switch_gain: f64) -> usize {
-    let settings = [format!("brain.control.switch_gain={switch_gain}")];
+fn changes_of_catch(switching_hysteresis: f64) -> usize {
+    let settings = [format!("brain.control.switching_hysteresis={switching_hysteresis}")];
     let choice = Choice { scenario: Some("honest"), object: Some("banana"), settings: &settings, ..Choice::default() };
     let setup = Setup::load(&choice).unwrap();
     let changes = (0..10).map(|index| {
         let trial = trial::run(&setup, 1, index, &mut |_, _| Ok(())).unwrap();
         let grasps: Vec<_> =
-            trial.thoughts.iter().filter_map(|it| Some(it.report.as_ref()?.plan.as_ref()?.grasp.X_OG)).collect();
+            trial.snapshots.iter().filter_map(|it| Some(it.report.as_ref()?.plan.as_ref()?.grasp.X_OG)).collect();
         grasps.windows(2).filter(|pair| pair[0] != pair[1]).count()
     });
     changes.sum()

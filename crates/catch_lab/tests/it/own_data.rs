@@ -110,13 +110,13 @@ fn a_track_of_rows_that_are_no_flight_has_a_status() {
 fn horn() -> TriangleMesh {
     let rings: Vec<TubeRing> = (0..24)
         .map(|i| {
-            let share = f64::from(i) / 23.0;
-            let (sin, cos) = (1.8 * share).sin_cos();
+            let fraction = f64::from(i) / 23.0;
+            let (sin, cos) = (1.8 * fraction).sin_cos();
             let outwards = Vector3::new(0.0, cos, sin);
             TubeRing {
                 centre: (outwards * 0.08).into(),
                 axes: [Vector3::x(), outwards],
-                semi_axes_m: [0.012 + 0.014 * share, 0.012 + 0.008 * share],
+                semi_axes_m: [0.012 + 0.014 * fraction, 0.012 + 0.008 * fraction],
             }
         })
         .collect();

@@ -10,7 +10,7 @@ use catch_bot::{
     perception::ReferenceModel,
     trajectory_optimization::{
         CatchPlan, CatchSearch, Config, Incoming, MotionPlanner, PlanningFailure, Start, posed::Target,
-        reachability::JointReach,
+        reachability::ReachableSet,
     },
     trajectory_prediction::FlightTrajectory,
 };
@@ -84,7 +84,7 @@ impl Desk {
 }
 
 /// A throw from 2 to 4 m away, ±30° about the waiting arm's throwers, that passes the base's axis at 0.3 to 0.8 m, in any
-/// attitude.
+/// orientation.
 pub fn random_flight(rng: &mut Pcg64) -> FlightTrajectory {
     let mut between = |low: f64, high: f64| rng.random_range(low..high);
     let from = PI / 4.0 + between(-0.52, 0.52);
@@ -132,7 +132,7 @@ fn must(holds: bool, what: impl FnOnce() -> String) -> Result<(), String> {
 /// What a plan does is recomputed from its spline alone.
 fn check(desk: &Desk, start: &Start, flight: &FlightTrajectory, plan: &CatchPlan) -> Result<(), String> {
     keeps_its_word(desk, start, &(flight.pose_at(plan.catch_s) * plan.grasp.X_OG), flight, plan)?;
-    lets_in(desk, flight, plan)
+    approach_is_free(desk, flight, plan)
 }
 
 /// The motion begins at the start, is at `X_WG` at the catch, moving along with the object, and breaks nothing.
@@ -179,24 +179,24 @@ fn keeps_its_word(
         }
         let X_WL = robot.link_poses(&at.q);
         let free =
-            clearance.self_clearance(&X_WL, plan.open_width_m).min(clearance.floor_clearance(&X_WL, plan.open_width_m));
+            clearance.self_clearance(&X_WL, plan.aperture_m).min(clearance.floor_clearance(&X_WL, plan.aperture_m));
         must(free > 0.0, || format!("the arm collides at {time_s}: {free} m"))?;
     }
     Ok(())
 }
 
 /// The object touches neither fingers nor housing before the fingers close.
-fn lets_in(desk: &Desk, flight: &FlightTrajectory, plan: &CatchPlan) -> Result<(), String> {
+fn approach_is_free(desk: &Desk, flight: &FlightTrajectory, plan: &CatchPlan) -> Result<(), String> {
     let (robot, gripper) = (desk.search.motion().robot(), &desk.setup.gripper);
     let closes_s = plan.catch_s
-        - desk.config.grasp_selection.closing(gripper).duration_s(plan.open_width_m - plan.grasp.object_width_m);
+        - desk.config.grasp_selection.closing(gripper).duration_s(plan.aperture_m - plan.grasp.object_width_m);
     for step in 0..=40 {
         let time_s = plan.catch_s - 0.002 * f64::from(step);
         let X_GO = robot.gripper_pose(&plan.trajectory.setpoint(time_s).q).inverse() * flight.pose_at(time_s);
-        let fingers = gripper.fingers(plan.open_width_m).into_iter().filter(|_| time_s < closes_s);
+        let fingers = gripper.fingers(plan.aperture_m).into_iter().filter(|_| time_s < closes_s);
         for cuboid in fingers.chain([gripper.body()]) {
             let outside = |point: &Point3<f64>| ((X_GO * point - cuboid.centre).abs() - cuboid.size / 2.0).max();
-            let deepest = desk.grasps.outline.iter().map(outside).fold(f64::INFINITY, f64::min);
+            let deepest = desk.grasps.surface_points.iter().map(outside).fold(f64::INFINITY, f64::min);
             must(deepest > 0.0, || {
                 format!("the object is {deepest} m from the gripper at {time_s}, catch {}", plan.catch_s)
             })?;
@@ -219,7 +219,7 @@ fn many(desks: &[Desk], catches: usize, seed: u64) -> (usize, usize, Vec<String>
         for _ in 0..4 {
             asked += 1;
             let again = known.as_ref().and_then(|plan| desk.search.retarget(&start, &desk.incoming(&seen), plan));
-            // Replans keep an opening although a changed flight may scratch it; searches promise a free way in.
+            // Replans keep an opening although a changed flight may scratch it; searches promise a free approach.
             let (found, searched) = match again {
                 Some(plan) => (Ok(plan), false),
                 None => (desk.search(&start, &seen), true),
@@ -328,7 +328,7 @@ fn solved_by(robot: &str, count: usize) -> (usize, usize) {
         let (mut q, mut dq) = (robot.ready_q, JointVector::zeros());
         for (i, joint) in robot.joints.iter().enumerate() {
             let limits = &joint.limits;
-            let reach = JointReach {
+            let reach = ReachableSet {
                 start_velocity: 0.0,
                 velocity: 0.95 * limits.velocity,
                 acceleration: 0.9 * limits.acceleration,
@@ -337,7 +337,7 @@ fn solved_by(robot: &str, count: usize) -> (usize, usize) {
             let far = reach.displacements();
             let by = rng.random_range(far.low..far.high) * 0.9;
             q[i] = (q[i] + by).clamp(limits.lower + 0.03, limits.upper - 0.03);
-            let fast = reach.arrival_velocities(q[i] - robot.ready_q[i]);
+            let fast = reach.terminal_velocities(q[i] - robot.ready_q[i]);
             let middle = f64::midpoint(fast.low, fast.high);
             dq[i] = middle + 0.9 * (rng.random_range(fast.low..=fast.high) - middle);
         }
@@ -385,7 +385,7 @@ fn arms_of_other_kinds_catch_what_sampling_shows_feasible() {
 /// The files of cases that stand beside the benches.
 fn cases(text: &str) -> (MotionPlanner, Vec<planner_cases::PlannerCase>) {
     let (robot, gripper) = planner_cases::arm(None, ("test", "robot")).unwrap();
-    let all = Config { position_margin_rad: 0.0, velocity_share: 1.0, torque_share: 1.0, ..Config::default() };
+    let all = Config { position_margin_rad: 0.0, velocity_scaling: 1.0, torque_scaling: 1.0, ..Config::default() };
     (MotionPlanner::new(robot, gripper, all), planner_cases::parse("test", text).unwrap())
 }
 
@@ -394,16 +394,16 @@ fn feasible_cases_are_solved_and_unreachable_ones_proven_so() {
     let text = include_str!("../../../catch_bot/benches/cases/planner_cases.json");
     let best: serde_json::Value = serde_json::from_str(text).unwrap();
     let (planner, feasible) = cases(text);
-    let mut shares = Vec::new();
+    let mut fractions = Vec::new();
     for (case, value) in feasible.iter().zip(best["cases"].as_array().unwrap()) {
         let (q, dq) = case.start("test", planner.robot()).unwrap();
         let start = Start { time_s: 0.0, state: Setpoint { q, dq, ddq: JointVector::zeros() } };
         let plan = planner.catch_at(&start, &case.target).unwrap();
-        shares.push(plan.speed_fraction / value["s_max"].as_f64().unwrap());
+        fractions.push(plan.speed_fraction / value["s_max"].as_f64().unwrap());
     }
-    shares.sort_by(f64::total_cmp);
-    assert_eq!(shares.len(), 30);
-    assert!(shares[0] >= 0.85 && shares[15] >= 0.99, "{shares:?}");
+    fractions.sort_by(f64::total_cmp);
+    assert_eq!(fractions.len(), 30);
+    assert!(fractions[0] >= 0.85 && fractions[15] >= 0.99, "{fractions:?}");
 
     let (planner, unreachable) = cases(include_str!("../../../catch_bot/benches/cases/planner_cases_unreachable.json"));
     for case in &unreachable {

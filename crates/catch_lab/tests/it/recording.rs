@@ -36,7 +36,7 @@ fn a_recording_without_ground_truth_is_viewed_replayed_and_converted() {
     let page = fs::read_to_string(recording.with_extension("html")).unwrap();
     let text = page.split("id=\"data\">").nth(1).unwrap().split("</script>").next().unwrap();
     let data: Value = serde_json::from_str(text).unwrap();
-    for unknown in [&data["caught"], &data["scene"], &data["motion"]["p_WO"], &data["motion"]["torque_share"]] {
+    for unknown in [&data["caught"], &data["scene"], &data["motion"]["p_WO"], &data["motion"]["torque_ratio"]] {
         assert_eq!(unknown, &Value::Null);
     }
     assert!(data["errors"]["time_s"].as_array().unwrap().is_empty());

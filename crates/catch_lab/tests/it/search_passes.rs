@@ -44,9 +44,10 @@ fn lost(throws: usize) -> (usize, usize, Vec<(usize, PlanningFailure)>) {
     }
     for (which, mut times) in ["first", "later"].into_iter().zip(times) {
         times.sort_by(f64::total_cmp);
-        let share =
-            |share: f64| times.get(((times.len().max(1) - 1) as f64 * share) as usize).copied().unwrap_or_default();
-        let [half, most, nearly, max] = [0.5, 0.9, 0.99, 1.0].map(share);
+        let fraction = |fraction: f64| {
+            times.get(((times.len().max(1) - 1) as f64 * fraction) as usize).copied().unwrap_or_default()
+        };
+        let [half, most, nearly, max] = [0.5, 0.9, 0.99, 1.0].map(fraction);
         let count = times.len();
         println!(
             "{count} {which} passes: median {half:.2} ms, 90 % {most:.2} ms, 99 % {nearly:.2} ms, max {max:.2} ms of CPU time"

@@ -16,7 +16,7 @@ use rand_pcg::Pcg64;
 
 use crate::planning::{Desk, random_flight};
 
-/// From the paper's start pose its near throw is out of reach: at every time, in every attitude, over the whole redundancy, even
+/// From the paper's start pose its near throw is out of reach: at every time, in every orientation, over the whole redundancy, even
 /// standing still at the catch. The flight is known from 50 ms on: six images at 100 Hz.
 #[test]
 fn the_papers_near_throw_is_out_of_reach_from_its_pose() {

@@ -174,8 +174,8 @@ fn a_recording_that_was_cut_off_says_so() {
     assert!(catchingbot(&["catch", "--json", "--out", out]).status.success());
     let path = folder.path().join("paper-tennis_ball-near-1-0.catch");
     let bytes = fs::read(&path).unwrap();
-    for share in [0.02, 0.5, 0.999] {
-        fs::write(&path, &bytes[..(bytes.len() as f64 * share) as usize]).unwrap();
+    for fraction in [0.02, 0.5, 0.999] {
+        fs::write(&path, &bytes[..(bytes.len() as f64 * fraction) as usize]).unwrap();
         one_line(&["replay", path.to_str().unwrap()], &["paper-tennis_ball-near-1-0.catch", "cut off"]);
     }
     let mut damaged = bytes.clone();
@@ -242,7 +242,7 @@ fn arguments_that_cannot_be_right_say_what_would_be() {
         (&["ready", "--robot", "ur10e", "--trials", "1", "--tries", "1"], &["no pose", "within reach"]),
         (&["eval", "--ladder", "--method", "paper"], &["--ladder", "--method"]),
         (&["eval", "--ladder", "--set", "arena.friction=1"], &["--ladder", "--set"]),
-        (&["catch", "--set", "brain.trajectory_optimization.velocity_share=1.5"], &["velocity_share", "0.01 to 1"]),
+        (&["catch", "--set", "brain.trajectory_optimization.velocity_scaling=1.5"], &["velocity_scaling", "0.01 to 1"]),
         (&["catch", "--set", "brain.perception.distance_grid_m=0"], &["distance_grid_m", "0.0005 to 0.05"]),
         (&["catch", "--set", "arena.step_s=1e-9"], &["arena.step_s", "0.00001 to 0.002"]),
     ] {

@@ -70,7 +70,7 @@ pub struct Program {
 const STEPS: usize = 60;
 /// What is left of the conditions of optimality at the end.
 const TOLERANCE: f64 = 1e-9;
-/// A step goes this share of the way to the boundary.
+/// A step goes this fraction of the way to the boundary.
 const TO_BOUNDARY: f64 = 0.995;
 
 impl Program {

@@ -23,13 +23,13 @@ pub struct Problem<'a> {
     pub limits: Vec<JointLimits>,
     /// Where the gripper is to be, and when.
     pub waypoints: Vec<Waypoint>,
-    /// Least and highest share of the object's velocity.
+    /// Least and highest fraction of the object's velocity.
     pub speed_fraction: [f64; 2],
     /// The comfortable pose q₀.
     pub comfortable_q: JointVector,
     /// On the distance from it, w.
     pub comfort_weight: f64,
-    /// On the share of the object's velocity, κ.
+    /// On the fraction of the object's velocity, κ.
     pub speed_weight: f64,
     /// Whether any motion that meets the waypoints within their tolerances is as good as another.
     pub first_will_do: bool,
@@ -40,7 +40,7 @@ pub struct Problem<'a> {
 pub struct Solution {
     /// The motion.
     pub spline: BSpline,
-    /// Share of the object's velocity.
+    /// Fraction of the object's velocity.
     pub speed_fraction: f64,
     /// By how much the worst error exceeds its tolerance: m, rad or m/s.
     pub excess: f64,

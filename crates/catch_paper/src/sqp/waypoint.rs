@@ -3,7 +3,7 @@
 use catch_body::{JointVector, MAX_JOINTS, Pose, Robot};
 use nalgebra::{Matrix3, Point3, SMatrix, SVector, Vector3};
 
-/// Position (m), attitude (rad) and velocity (m/s), three numbers each, in W.
+/// Position (m), orientation (rad) and velocity (m/s), three numbers each, in W.
 pub const ERRORS: usize = 9;
 
 /// How far off a motion may be, along each axis.
@@ -12,25 +12,25 @@ pub struct Tolerance {
     /// In metres.
     pub position_m: f64,
     /// In radians.
-    pub rotation_rad: f64,
+    pub rotation_error_rad: f64,
     /// In m/s.
     pub velocity_mps: f64,
 }
 
 impl Tolerance {
     /// None at all.
-    pub const NONE: Self = Self { position_m: 0.0, rotation_rad: 0.0, velocity_mps: 0.0 };
+    pub const NONE: Self = Self { position_m: 0.0, rotation_error_rad: 0.0, velocity_mps: 0.0 };
 
     /// One number for each error.
     pub fn of(&self, error: usize) -> f64 {
-        [self.position_m, self.rotation_rad, self.velocity_mps][error / 3]
+        [self.position_m, self.rotation_error_rad, self.velocity_mps][error / 3]
     }
 
     /// All of them `by` times as large.
     pub fn scaled(&self, by: f64) -> Self {
-        let [position_m, rotation_rad, velocity_mps] =
-            [self.position_m, self.rotation_rad, self.velocity_mps].map(|it| it * by);
-        Self { position_m, rotation_rad, velocity_mps }
+        let [position_m, rotation_error_rad, velocity_mps] =
+            [self.position_m, self.rotation_error_rad, self.velocity_mps].map(|it| it * by);
+        Self { position_m, rotation_error_rad, velocity_mps }
     }
 }
 
@@ -41,7 +41,7 @@ pub struct Waypoint {
     pub time_s: f64,
     /// Pose of the gripper.
     pub X_WG: Pose,
-    /// Velocity of the object, a share of which is wanted.
+    /// Velocity of the object, a fraction of which is wanted.
     pub v_WO: Vector3<f64>,
     /// How far off is near enough.
     pub tolerance: Tolerance,
@@ -50,13 +50,13 @@ pub struct Waypoint {
 /// Errors at a waypoint, and how they change.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Linearized {
-    /// e: position, attitude as a rotation vector, velocity.
+    /// e: position, orientation as a rotation vector, velocity.
     pub error: SVector<f64, ERRORS>,
     /// ∂e/∂q.
     pub by_q: SMatrix<f64, ERRORS, MAX_JOINTS>,
     /// ∂e/∂q̇.
     pub by_dq: SMatrix<f64, ERRORS, MAX_JOINTS>,
-    /// ∂e/∂s, s being the share of the object's velocity.
+    /// ∂e/∂s, s being the fraction of the object's velocity.
     pub by_fraction: SVector<f64, ERRORS>,
 }
 

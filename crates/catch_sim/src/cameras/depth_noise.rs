@@ -9,12 +9,12 @@ use serde::{Deserialize, Serialize};
 pub struct DepthConfig {
     /// The errors of a pixel's depth.
     pub model: DepthModel,
-    /// Share of the images that never arrive, each camera and each time by itself. Users of D435 cameras report 5 to 10 %.
-    pub lost_frame_share: f64,
+    /// Fraction of the images that never arrive, each camera and each time by itself. Users of D435 cameras report 5 to 10 %.
+    pub lost_frame_fraction: f64,
     /// Standard deviation, along each axis, of where a camera truly stands around where the brain believes it stands, in
     /// metres. Drawn once per scene and camera.
     pub calibration_sd_m: f64,
-    /// The same for its attitude: standard deviation of the rotation about each of its axes, in radians.
+    /// The same for its orientation: standard deviation of the rotation about each of its axes, in radians.
     pub calibration_sd_rad: f64,
 }
 
@@ -62,19 +62,19 @@ pub struct StereoNoise {
     pub baseline_m: f64,
     /// Standard deviation of the disparity in pixels.
     pub subpixel_px: f64,
-    /// Share of the disparity's variance that all pixels of one image have in common; the rest each pixel has by itself.
-    pub common_share: f64,
-    /// Share of the pixels that are missing on surfaces which face the camera.
-    pub dropout_share: f64,
-    /// Angles of incidence, from the surface's normal in radians, between which the share of missing pixels rises linearly to all.
+    /// Fraction of the disparity's variance that all pixels of one image have in common; the rest each pixel has by itself.
+    pub common_fraction: f64,
+    /// Fraction of the pixels that are missing on surfaces which face the camera.
+    pub dropout_fraction: f64,
+    /// Angles of incidence, from the surface's normal in radians, between which the fraction of missing pixels rises linearly to all.
     /// None: it does not.
     pub grazing_rad: Option<[f64; 2]>,
     /// How many pixels beside a depth edge are affected by it: half of the window that is matched.
     pub edge_px: u32,
-    /// Of those behind the edge the share that shows the nearer surface, which so grows by some pixels.
-    pub bleed_share: f64,
-    /// Of those on both sides the share that shows no surface, but a disparity evenly anywhere between the two: flying pixels.
-    pub flying_share: f64,
+    /// Of those behind the edge the fraction that shows the nearer surface, which so grows by some pixels.
+    pub bleed_fraction: f64,
+    /// Of those on both sides the fraction that shows no surface, but a disparity evenly anywhere between the two: flying pixels.
+    pub flying_fraction: f64,
     /// Depths that can be measured, from and to, in metres. None: all.
     pub range_m: Option<[f64; 2]>,
 }
@@ -85,12 +85,12 @@ impl Default for StereoNoise {
         Self {
             baseline_m: 0.095,
             subpixel_px: 0.08,
-            common_share: 0.0,
-            dropout_share: 0.0,
+            common_fraction: 0.0,
+            dropout_fraction: 0.0,
             grazing_rad: None,
             edge_px: 0,
-            bleed_share: 0.0,
-            flying_share: 0.0,
+            bleed_fraction: 0.0,
+            flying_fraction: 0.0,
             range_m: None,
         }
     }
@@ -114,19 +114,19 @@ impl StereoNoise {
         Self {
             baseline_m: 0.05,
             subpixel_px: 0.08,
-            common_share: 0.5,
-            dropout_share: 0.02,
+            common_fraction: 0.5,
+            dropout_fraction: 0.02,
             grazing_rad: Some([70.0_f64.to_radians(), 85.0_f64.to_radians()]),
             edge_px: 2,
-            bleed_share: 0.25,
-            flying_share: 0.1,
+            bleed_fraction: 0.25,
+            flying_fraction: 0.1,
             range_m: Some([0.2, 10.0]),
         }
     }
 
     /// How far around a pixel its measurement depends on other pixels.
     pub(super) fn edge_reach_px(&self) -> u32 {
-        if self.bleed_share + self.flying_share > 0.0 { self.edge_px } else { 0 }
+        if self.bleed_fraction + self.flying_fraction > 0.0 { self.edge_px } else { 0 }
     }
 
     /// Standard deviation of 1/z, in 1/m, of a camera with this focal length: s/(f·b).
@@ -142,8 +142,8 @@ pub struct DataSheet {
     pub constant_m: f64,
     /// And q, in 1/m.
     pub quadratic_per_m: f64,
-    /// Share of the variance that all pixels of one image have in common.
-    pub common_share: f64,
+    /// Fraction of the variance that all pixels of one image have in common.
+    pub common_fraction: f64,
     /// Whether pixels may be missing where there is something.
     pub dropout: bool,
     /// How many pixels beside a depth edge may show something else than what is there.
@@ -157,7 +157,9 @@ impl DepthModel {
             Self::Perfect | Self::Gaussian(_) | Self::Kinect => None,
             Self::Stereo(noise) => Some(noise.clone()),
             Self::Stereo7 => Some(StereoNoise::default()),
-            Self::Stereo7c => Some(StereoNoise { common_share: 0.9, dropout_share: 0.1, ..StereoNoise::default() }),
+            Self::Stereo7c => {
+                Some(StereoNoise { common_fraction: 0.9, dropout_fraction: 0.1, ..StereoNoise::default() })
+            }
             Self::NearStereo => Some(StereoNoise::near()),
         }
     }
@@ -181,8 +183,8 @@ impl DepthModel {
             (_, Some(stereo)) => DataSheet {
                 constant_m: 0.0,
                 quadratic_per_m: stereo.inverse_depth_sd_per_m(focal_px),
-                common_share: stereo.common_share,
-                dropout: stereo.dropout_share > 0.0 || stereo.grazing_rad.is_some() || stereo.range_m.is_some(),
+                common_fraction: stereo.common_fraction,
+                dropout: stereo.dropout_fraction > 0.0 || stereo.grazing_rad.is_some() || stereo.range_m.is_some(),
                 edge_px: stereo.edge_reach_px(),
             },
             (Self::Gaussian(noise), _) => DataSheet { constant_m: noise.sd_m, ..DataSheet::default() },
@@ -201,9 +203,9 @@ impl DepthConfig {
     /// # Errors
     /// The first value out of range.
     pub fn check(&self, file: &str, table: &str) -> Result<(), InputError> {
-        let share = |field: &str, value: f64| match value {
+        let fraction = |field: &str, value: f64| match value {
             0.0..=1.0 => Ok(()),
-            _ => Err(InputError::new(file, format!("{table}.{field}"), value, "a share from 0 to 1")),
+            _ => Err(InputError::new(file, format!("{table}.{field}"), value, "a fraction from 0 to 1")),
         };
         let not_negative = |field: &str, value: f64| match value {
             0.0..f64::INFINITY => Ok(()),
@@ -217,7 +219,7 @@ impl DepthConfig {
             _ => Ok(()),
         };
         let mut checks = vec![
-            share("lost_frame_share", self.lost_frame_share),
+            fraction("lost_frame_fraction", self.lost_frame_fraction),
             not_negative("calibration_sd_m", self.calibration_sd_m),
             not_negative("calibration_sd_rad", self.calibration_sd_rad),
         ];
@@ -228,12 +230,12 @@ impl DepthConfig {
                 checks.extend([
                     InputError::positive(file, format!("{table}.{}", field("baseline_m")), noise.baseline_m).map(drop),
                     not_negative(&field("subpixel_px"), noise.subpixel_px),
-                    share(&field("common_share"), noise.common_share),
-                    share(&field("dropout_share"), noise.dropout_share),
+                    fraction(&field("common_fraction"), noise.common_fraction),
+                    fraction(&field("dropout_fraction"), noise.dropout_fraction),
                     rising(&field("grazing_rad"), noise.grazing_rad),
-                    share(&field("bleed_share"), noise.bleed_share),
-                    share(&field("flying_share"), noise.flying_share),
-                    share(&field("bleed_share + flying_share"), noise.bleed_share + noise.flying_share),
+                    fraction(&field("bleed_fraction"), noise.bleed_fraction),
+                    fraction(&field("flying_fraction"), noise.flying_fraction),
+                    fraction(&field("bleed_fraction + flying_fraction"), noise.bleed_fraction + noise.flying_fraction),
                     rising(&field("range_m"), noise.range_m),
                 ]);
                 if noise.edge_px > MAX_EDGE_PX {
@@ -303,12 +305,15 @@ mod tests {
     #[test]
     fn values_out_of_range_are_named() {
         for (text, field) in [
-            ("lost_frame_share = 1.5", "arena.depth.lost_frame_share"),
+            ("lost_frame_fraction = 1.5", "arena.depth.lost_frame_fraction"),
             ("calibration_sd_m = -0.1", "arena.depth.calibration_sd_m"),
             ("calibration_sd_rad = nan", "arena.depth.calibration_sd_rad"),
             ("model = { gaussian = { sd_m = -1.0 } }", "arena.depth.model.gaussian.sd_m"),
             ("model = { stereo = { baseline_m = 0.0 } }", "arena.depth.model.stereo.baseline_m"),
-            ("model = { stereo = { bleed_share = 0.7, flying_share = 0.7 } }", "bleed_share + flying_share"),
+            (
+                "model = { stereo = { bleed_fraction = 0.7, flying_fraction = 0.7 } }",
+                "bleed_fraction + flying_fraction",
+            ),
             ("model = { stereo = { range_m = [3.0, 1.0] } }", "arena.depth.model.stereo.range_m"),
             ("model = { stereo = { edge_px = 100 } }", "arena.depth.model.stereo.edge_px"),
         ] {

@@ -95,14 +95,14 @@ fn the_spread_of_a_depth_is_that_of_the_formula() {
     }
 }
 
-/// Of the variance of the disparity, `common_share` is between the means of images and the rest within them.
+/// Of the variance of the disparity, `common_fraction` is between the means of images and the rest within them.
 #[test]
-fn an_image_has_its_share_of_the_error_in_common() {
+fn an_image_has_its_fraction_of_the_error_in_common() {
     const FRAMES: u64 = 4000;
     let z_m = 7.0;
-    for common_share in [0.0, 0.5, 0.9] {
+    for common_fraction in [0.0, 0.5, 0.9] {
         let wall = Wall::at(z_m);
-        let config = stereo(StereoNoise { common_share, ..StereoNoise::default() });
+        let config = stereo(StereoNoise { common_fraction, ..StereoNoise::default() });
         let cameras = DepthCameras::new(std::slice::from_ref(&wall.camera), &config, 1, 0);
         let X_WL = iiwa().link_poses(&JointVector::zeros());
         let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: 0.11, X_WO: &Pose::translation(0.0, 0.0, 1.0) };
@@ -118,30 +118,30 @@ fn an_image_has_its_share_of_the_error_in_common() {
         }
         let (_, between, count) = moments(means.iter().copied());
         let pixels = window[0].area() as f64;
-        let expected = common_share + (1.0 - common_share) / pixels;
-        assert!((between / expected - 1.0).abs() < 4.0 * (2.0 / count).sqrt(), "{common_share}: {between}");
-        let own = 1.0 - common_share;
-        assert!((within / own - 1.0).abs() < 4.0 * (2.0 / (count * pixels)).sqrt(), "{common_share}: {within}");
+        let expected = common_fraction + (1.0 - common_fraction) / pixels;
+        assert!((between / expected - 1.0).abs() < 4.0 * (2.0 / count).sqrt(), "{common_fraction}: {between}");
+        let own = 1.0 - common_fraction;
+        assert!((within / own - 1.0).abs() < 4.0 * (2.0 / (count * pixels)).sqrt(), "{common_fraction}: {within}");
         // One exposure says nothing about the next.
         let serial: f64 = means.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>() / between / count;
-        assert!(serial.abs() < 4.0 / count.sqrt(), "{common_share}: {serial}");
+        assert!(serial.abs() < 4.0 / count.sqrt(), "{common_fraction}: {serial}");
     }
 }
 
 /// Missing pixels are binomial: their number has the standard deviation √(n·p·(1 − p)).
 #[test]
-fn the_share_of_pixels_is_missing_that_should_be() {
-    for dropout_share in [0.0, 0.02, 0.1, 1.0] {
-        let frames = Wall::at(3.0).captured(&stereo(StereoNoise { dropout_share, ..StereoNoise::default() }), 0..5);
+fn the_fraction_of_pixels_is_missing_that_should_be() {
+    for dropout_fraction in [0.0, 0.02, 0.1, 1.0] {
+        let frames = Wall::at(3.0).captured(&stereo(StereoNoise { dropout_fraction, ..StereoNoise::default() }), 0..5);
         let count = 5.0 * 120_000.0;
         let missing = frames.iter().flat_map(|frame| &frame.depth_m).filter(|depth| depth.is_nan()).count() as f64;
-        let sd = f64::sqrt(count * dropout_share * (1.0 - dropout_share));
-        assert!((missing - count * dropout_share).abs() <= 4.0 * sd, "{dropout_share}: {missing}");
+        let sd = f64::sqrt(count * dropout_fraction * (1.0 - dropout_fraction));
+        assert!((missing - count * dropout_fraction).abs() <= 4.0 * sd, "{dropout_fraction}: {missing}");
     }
     // A dropped pixel's depth would have been no different from others': noise and dropout are drawn apart.
-    let mut noise = StereoNoise { dropout_share: 0.5, ..StereoNoise::default() };
+    let mut noise = StereoNoise { dropout_fraction: 0.5, ..StereoNoise::default() };
     let with = Wall::at(3.0).captured(&stereo(noise.clone()), 0..1);
-    noise.dropout_share = 0.0;
+    noise.dropout_fraction = 0.0;
     let without = Wall::at(3.0).captured(&stereo(noise), 0..1);
     let errors = with[0].depth_m.iter().zip(&without[0].depth_m).filter(|(with, _)| with.is_nan());
     let (mean, variance, count) = moments(errors.map(|(_, without)| f64::from(*without) - 3.0));
@@ -150,11 +150,11 @@ fn the_share_of_pixels_is_missing_that_should_be() {
     assert!((variance.sqrt() / sd_m - 1.0).abs() < 0.02, "{variance}");
 }
 
-/// On a floor seen at an angle the share rises linearly between the two angles of incidence.
+/// On a floor seen at an angle the fraction rises linearly between the two angles of incidence.
 #[test]
 fn grazing_surfaces_are_missed() {
     let [from, to] = [60.0_f64.to_radians(), 80.0_f64.to_radians()];
-    let noise = StereoNoise { dropout_share: 0.1, grazing_rad: Some([from, to]), ..StereoNoise::default() };
+    let noise = StereoNoise { dropout_fraction: 0.1, grazing_rad: Some([from, to]), ..StereoNoise::default() };
     let mut wall = Wall::at(1.0);
     // Looking 70° away from straight down: angles of incidence from 47° to past the horizon.
     let tilt = nalgebra::UnitQuaternion::from_axis_angle(&Vector3::x_axis(), 70.0_f64.to_radians());
@@ -171,10 +171,10 @@ fn grazing_surfaces_are_missed() {
                 continue;
             }
             let incidence = down.acos();
-            let share = 0.1 + 0.9 * ((incidence - from) / (to - from)).clamp(0.0, 1.0);
+            let fraction = 0.1 + 0.9 * ((incidence - from) / (to - from)).clamp(0.0, 1.0);
             let bin = &mut bins[(incidence.to_degrees() / 5.0) as usize];
-            bin[0] += share;
-            bin[1] += share * (1.0 - share);
+            bin[0] += fraction;
+            bin[1] += fraction * (1.0 - fraction);
             bin[2] += f64::from(u8::from(depth.is_nan()));
         }
     }
@@ -189,8 +189,8 @@ fn grazing_surfaces_are_missed() {
 fn edges_bleed_and_pixels_fly() {
     const EXPOSURES: u64 = 400;
     let wall = Wall::at(2.0);
-    let (bleed_share, flying_share) = (0.3, 0.2);
-    let noise = StereoNoise { subpixel_px: 0.0, edge_px: 2, bleed_share, flying_share, ..StereoNoise::default() };
+    let (bleed_fraction, flying_fraction) = (0.3, 0.2);
+    let noise = StereoNoise { subpixel_px: 0.0, edge_px: 2, bleed_fraction, flying_fraction, ..StereoNoise::default() };
     let X_WL = iiwa().link_poses(&JointVector::zeros());
     let X_WO = Pose::translation(300.0, 0.0, 1.2);
     let cuboid = Cuboid { centre: Point3::origin(), size: Vector3::new(0.1, 0.07, 0.02) };
@@ -230,15 +230,15 @@ fn edges_bleed_and_pixels_fly() {
             }
         }
     }
-    let check = |count: f64, share: f64, found: f64| {
-        let sd = f64::sqrt(count * share * (1.0 - share));
-        assert!((found - count * share).abs() <= 4.0 * sd, "{found} of {count}, expected {}", count * share);
+    let check = |count: f64, fraction: f64, found: f64| {
+        let sd = f64::sqrt(count * fraction * (1.0 - fraction));
+        assert!((found - count * fraction).abs() <= 4.0 * sd, "{found} of {count}, expected {}", count * fraction);
     };
     assert!(behind[0] > 1e4 && before[0] > 1e4);
-    check(behind[0], bleed_share, behind[1]);
-    check(behind[0], flying_share, behind[2]);
+    check(behind[0], bleed_fraction, behind[1]);
+    check(behind[0], flying_fraction, behind[2]);
     check(before[0], 0.0, before[1]);
-    check(before[0], flying_share, before[2]);
+    check(before[0], flying_fraction, before[2]);
     // Evenly between: the mean is 1/2 and the variance 1/12, with standard errors of √(1/12n) and √(1/180n).
     let (mean, variance, count) = moments(between.into_iter());
     assert!((mean - 0.5).abs() < 4.0 * (1.0 / 12.0 / count).sqrt(), "{mean}");
@@ -258,10 +258,10 @@ fn nothing_is_measured_out_of_range() {
 
 /// Images are lost independently: their number is binomial, and so is that of two cameras losing the same exposure.
 #[test]
-fn the_share_of_images_is_lost_that_should_be() {
+fn the_fraction_of_images_is_lost_that_should_be() {
     const EXPOSURES: u64 = 5000;
-    let (share, cameras) = (0.05, flight_rig());
-    let config = DepthConfig { lost_frame_share: share, ..DepthConfig::default() };
+    let (fraction, cameras) = (0.05, flight_rig());
+    let config = DepthConfig { lost_frame_fraction: fraction, ..DepthConfig::default() };
     let cameras = DepthCameras::new(&cameras, &config, 0, 9);
     let (X_WL, renderer) = (iiwa().link_poses(&JointVector::zeros()), renderer(&ball(), false));
     let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: 0.11, X_WO: &Pose::translation(0.0, 0.0, 1.0) };
@@ -276,13 +276,13 @@ fn the_share_of_images_is_lost_that_should_be() {
             *count += f64::from(u8::from(frames.iter().all(|frame| frame.camera != camera)));
         }
     }
-    let check = |count: f64, share: f64, found: f64| {
-        let sd = f64::sqrt(count * share * (1.0 - share));
-        assert!((found - count * share).abs() < 4.0 * sd, "{found} of {count}, expected {}", count * share);
+    let check = |count: f64, fraction: f64, found: f64| {
+        let sd = f64::sqrt(count * fraction * (1.0 - fraction));
+        assert!((found - count * fraction).abs() < 4.0 * sd, "{found} of {count}, expected {}", count * fraction);
     };
-    check(EXPOSURES as f64 * 20.0, share, lost);
-    check(EXPOSURES as f64 * 190.0, share * share, pairs);
-    by_camera.iter().for_each(|found| check(EXPOSURES as f64, share, *found));
+    check(EXPOSURES as f64 * 20.0, fraction, lost);
+    check(EXPOSURES as f64 * 190.0, fraction * fraction, pairs);
+    by_camera.iter().for_each(|found| check(EXPOSURES as f64, fraction, *found));
 }
 
 /// Over many scenes each component of a camera's error is normal with the standard deviation asked for.
@@ -320,8 +320,8 @@ fn calibration_is_off_as_much_as_it_should_be() {
 fn every_model() -> Vec<DepthConfig> {
     let wild = StereoNoise {
         edge_px: 3,
-        bleed_share: 0.3,
-        flying_share: 0.3,
+        bleed_fraction: 0.3,
+        flying_fraction: 0.3,
         grazing_rad: Some([0.7, 1.2]),
         range_m: Some([0.3, 7.2]),
         ..StereoNoise::default()
@@ -336,7 +336,7 @@ fn every_model() -> Vec<DepthConfig> {
         DepthModel::Stereo(wild),
     ];
     let with_losses =
-        |model| DepthConfig { model, lost_frame_share: 0.05, calibration_sd_m: 0.002, calibration_sd_rad: 0.001 };
+        |model| DepthConfig { model, lost_frame_fraction: 0.05, calibration_sd_m: 0.002, calibration_sd_rad: 0.001 };
     models.into_iter().map(with_losses).collect()
 }
 

@@ -6,12 +6,12 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use super::{
     Readout, Renderer, Scene,
-    chance::{self, Key},
+    counter_generator::{self, Key},
     depth_noise::{DepthConfig, DepthModel, EDGE_JUMP_PX, StereoNoise},
     render::{Channels, Image, widened},
 };
 
-/// The cameras of one scene: where they truly stand, and all that chance does to their images.
+/// The cameras of one scene: where they truly stand, and the random streams of their images.
 ///
 /// What a pixel shows is a pure function of the scene, its seed and index, the camera, the number of the exposure and the
 /// pixel: which other pixels, cameras or exposures are read out changes nothing.
@@ -22,7 +22,7 @@ pub struct DepthCameras {
     key: Key,
 }
 
-/// What chance is asked for. One for each camera, and one for each of its exposures.
+/// The purpose of a random stream. One for each camera, and one for each of its exposures.
 #[derive(Debug, Clone, Copy)]
 enum Purpose {
     Calibration,
@@ -80,7 +80,7 @@ impl DepthCameras {
         };
         let frame_of = |(index, camera): (usize, &CameraModel)| {
             let key = self.key.part(index as u64).part(Purpose::Exposures as u64).part(exposure);
-            if key.part(Place::Loss as u64).unit(0) < self.config.lost_frame_share {
+            if key.part(Place::Loss as u64).unit(0) < self.config.lost_frame_fraction {
                 return None;
             }
             let window = view.window(index, camera, readout, edge_px);
@@ -91,7 +91,7 @@ impl DepthCameras {
                 (_, Some(stereo)) => stereo.measured(exact, window, key),
                 (DepthModel::Perfect, _) => exact,
                 (model, _) => exact.changed(|pixel, _, z| {
-                    let normal = chance::normal((pixels.bits(pixel) >> 32) as u32);
+                    let normal = counter_generator::normal((pixels.bits(pixel) >> 32) as u32);
                     (z + model.sd_m(z, camera.focal_px) * normal) as f32
                 }),
             };
@@ -146,8 +146,8 @@ impl StereoNoise {
         let mut image = if self.edge_reach_px() > 0 { self.with_edges(&exact, window, key) } else { exact };
         // An error of s pixels in the disparity is one of s/(f·b) in 1/z.
         let sd = self.inverse_depth_sd_per_m(image.camera.focal_px);
-        let common = sd * self.common_share.sqrt() * key.part(Place::Common as u64).normal(0);
-        let own_sd = sd * (1.0 - self.common_share).sqrt();
+        let common = sd * self.common_fraction.sqrt() * key.part(Place::Common as u64).normal(0);
+        let own_sd = sd * (1.0 - self.common_fraction).sqrt();
         let pixels = key.part(Place::Pixels as u64);
         let [nearest_m, farthest_m] = self.range_m.unwrap_or([0.0, f64::MAX]);
         let facing = image.facing.take();
@@ -157,14 +157,14 @@ impl StereoNoise {
             let missing = match (&facing, grazing) {
                 (Some(facing), Some((cosine, from, to))) if f64::from(facing[at]) < cosine => {
                     let rise = ((f64::from(facing[at]).acos() - from) / (to - from)).min(1.0);
-                    self.dropout_share + (1.0 - self.dropout_share) * rise
+                    self.dropout_fraction + (1.0 - self.dropout_fraction) * rise
                 }
-                _ => self.dropout_share,
+                _ => self.dropout_fraction,
             };
-            if chance::unit(bits as u32) < missing {
+            if counter_generator::unit(bits as u32) < missing {
                 return f32::NAN;
             }
-            let measured = 1.0 / (1.0 / z + common + own_sd * chance::normal((bits >> 32) as u32));
+            let measured = 1.0 / (1.0 / z + common + own_sd * counter_generator::normal((bits >> 32) as u32));
             // An error that leaves no disparity gives a depth that is infinite or behind the camera.
             if measured >= nearest_m && measured <= farthest_m { measured as f32 } else { f32::NAN }
         })
@@ -198,12 +198,12 @@ impl StereoNoise {
                 }
                 let to = (row - window.top as usize) * window.width as usize + column - window.left as usize;
                 let bits = key.bits((row * columns + column) as u64);
-                let draw = chance::unit(bits as u32);
-                if draw < self.flying_share {
+                let draw = counter_generator::unit(bits as u32);
+                if draw < self.flying_fraction {
                     let other = if is_behind { nearest[at] } else { farthest[at] };
-                    let between = chance::unit((bits >> 32) as u32) as f32;
+                    let between = counter_generator::unit((bits >> 32) as u32) as f32;
                     image.depth_m[to] = 1.0 / (inverse[at] + (other - inverse[at]) * between);
-                } else if is_behind && draw < self.flying_share + self.bleed_share {
+                } else if is_behind && draw < self.flying_fraction + self.bleed_fraction {
                     let (x, y) = (at - line, line / wide);
                     let rows = y.saturating_sub(reach)..(y + reach + 1).min(inverse.len() / wide);
                     let mut around =

@@ -57,8 +57,8 @@ struct Flight {
 }
 
 impl Flight {
-    /// Share of the images that at least so many cameras see.
-    fn share(&self, cameras: usize) -> f64 {
+    /// Fraction of the images that at least so many cameras see.
+    fn fraction(&self, cameras: usize) -> f64 {
         self.cameras.iter().filter(|seeing| **seeing >= cameras).count() as f64 / self.cameras.len() as f64
     }
 
@@ -74,7 +74,10 @@ fn near_cameras_see_the_papers_throws_all_the_way() {
     for (rig, cameras) in RIGS.into_iter().zip([1, 2, 2, 2]) {
         for throw in ["near", "far"] {
             for flight in seen(rig, throw, 1) {
-                assert!(flight.share(1) == 1.0 && flight.last(20).share(cameras) == 1.0, "{rig} {throw}: {flight:?}");
+                assert!(
+                    flight.fraction(1) == 1.0 && flight.last(20).fraction(cameras) == 1.0,
+                    "{rig} {throw}: {flight:?}"
+                );
                 assert!(flight.pixels.iter().all(|pixels| *pixels >= 100), "{rig} {throw}: {flight:?}");
             }
         }
@@ -88,16 +91,16 @@ fn measured_sight_of_near_rigs() {
         for (throw, throws) in [("near", 1), ("far", 1), ("near_sampled", 100), ("far_sampled", 100), ("random", 300)] {
             let flights = seen(rig, throw, throws);
             let percent = |of: &dyn Fn(&Flight) -> f64| {
-                let shares = || flights.iter().map(of);
-                let mean = shares().sum::<f64>() / flights.len() as f64;
-                format!("{:3.0} % (at least {:.0} %)", 100.0 * mean, 100.0 * shares().fold(1.0, f64::min))
+                let fractions = || flights.iter().map(of);
+                let mean = fractions().sum::<f64>() / flights.len() as f64;
+                format!("{:3.0} % (at least {:.0} %)", 100.0 * mean, 100.0 * fractions().fold(1.0, f64::min))
             };
             println!(
                 "{rig} {throw}: one camera {}, two {}; in the last 0.2 s {} and {}; at most {} pixels",
-                percent(&|flight| flight.share(1)),
-                percent(&|flight| flight.share(2)),
-                percent(&|flight| flight.last(20).share(1)),
-                percent(&|flight| flight.last(20).share(2)),
+                percent(&|flight| flight.fraction(1)),
+                percent(&|flight| flight.fraction(2)),
+                percent(&|flight| flight.last(20).fraction(1)),
+                percent(&|flight| flight.last(20).fraction(2)),
                 flights.iter().flat_map(|flight| &flight.pixels).max().unwrap(),
             );
         }

@@ -6,7 +6,7 @@ use catch_cell::GraspState;
 const ARRIVED_M: f64 = 1e-4;
 /// Fingers that move slower stand still.
 const STANDING_MPS: f64 = 5e-3;
-/// The share of the move's force that counts as all of it.
+/// The fraction of the move's force that counts as all of it.
 const ALL_FORCE: f64 = 0.95;
 /// A part that was held is lost once the fingers have closed this much further, in metres; chosen.
 const LOST_M: f64 = 1e-3;
@@ -32,10 +32,10 @@ impl GraspWatch {
         };
     }
 
-    /// A step has passed; `force_share` is the squeezing force over that of the move.
-    pub fn update(&mut self, width_m: f64, rate_mps: f64, target_m: f64, force_share: f64) {
+    /// A step has passed; `force_ratio` is the squeezing force over that of the move.
+    pub fn update(&mut self, width_m: f64, rate_mps: f64, target_m: f64, force_ratio: f64) {
         let has_arrived = (width_m - target_m).abs() < ARRIVED_M;
-        let presses = force_share > ALL_FORCE && rate_mps.abs() < STANDING_MPS;
+        let presses = force_ratio > ALL_FORCE && rate_mps.abs() < STANDING_MPS;
         self.state = match self.state {
             GraspState::Positioning if has_arrived => GraspState::Idle,
             GraspState::Grasping if has_arrived => GraspState::NoPart,

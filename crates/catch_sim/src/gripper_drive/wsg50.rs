@@ -22,7 +22,7 @@ pub(super) struct Interface {
 }
 
 impl Interface {
-    /// `phase` is the share of a cycle that is left at t = 0.
+    /// `phase` is the fraction of a cycle that is left at t = 0.
     pub fn new(config: &Wsg50, width_m: f64, phase: f64) -> Self {
         let cycle_s = 1.0 / config.state_rate_hz;
         let reported = GripperState { width_m, speed_mps: 0.0, force_n: 0.0, grasp: catch_cell::GraspState::Idle };

@@ -62,16 +62,16 @@ fn squeezed_objects_slide_at_the_coulomb_limit() {
             let start = grip.place();
             let mut slid_at = None;
             for step in 0..1000 {
-                let share = f64::from(step) / 1000.0 * fastest;
-                let pull = Vector3::new(0.0, share * limit, 0.0);
+                let fraction = f64::from(step) / 1000.0 * fastest;
+                let pull = Vector3::new(0.0, fraction * limit, 0.0);
                 grip.hold(pulling_s / 1000.0, &|_| (pull, Vector3::zeros()));
                 let slipping = grip.world.state().V_WO.linear.norm() > 0.01 && (grip.place() - start).norm() > 1e-4;
                 if slipping && slid_at.is_none() {
-                    slid_at = Some(share);
+                    slid_at = Some(fraction);
                 }
             }
-            let share = slid_at.expect("it slides before 1.2 times the limit");
-            assert!((share - 1.0).abs() < 0.05, "{name}, μ = {friction}: slides at {share} of the limit");
+            let fraction = slid_at.expect("it slides before 1.2 times the limit");
+            assert!((fraction - 1.0).abs() < 0.05, "{name}, μ = {friction}: slides at {fraction} of the limit");
         }
     }
 }

@@ -9,7 +9,7 @@ use catch_sim::{
 };
 use nalgebra::Point3;
 
-use crate::{chance::furthest_from_uniform, setting};
+use crate::{random_streams::furthest_from_uniform, setting};
 
 const STEP_S: f64 = 1e-3;
 
@@ -34,7 +34,7 @@ fn hand(ball_is_inside: bool) -> World {
 }
 
 /// What happened in one step: time, width, rate, force of each finger on the ball, state.
-struct Moment {
+struct Sample {
     time_s: f64,
     width_m: f64,
     rate_mps: f64,
@@ -43,7 +43,7 @@ struct Moment {
 }
 
 /// Without gravity, so that the ball waits to be taken.
-fn run(world: &mut World, drive: &mut GripperDrive, steps: u32) -> Vec<Moment> {
+fn run(world: &mut World, drive: &mut GripperDrive, steps: u32) -> Vec<Sample> {
     let step = |step: u32| {
         let time_s = f64::from(step) * STEP_S;
         let before = world.state();
@@ -53,7 +53,7 @@ fn run(world: &mut World, drive: &mut GripperDrive, steps: u32) -> Vec<Moment> {
         assert!(loads.finger_force_n.iter().sum::<f64>().abs() <= 160.0 + 1e-9, "two fingers of 80 N each");
         world.step(&loads);
         let state = world.state();
-        Moment {
+        Sample {
             time_s: time_s + STEP_S,
             width_m: state.finger_m[0] + state.finger_m[1],
             rate_mps: state.finger_mps[0] + state.finger_mps[1],
@@ -69,16 +69,16 @@ fn run(world: &mut World, drive: &mut GripperDrive, steps: u32) -> Vec<Moment> {
 fn it_closes_no_faster_than_the_real_one() {
     let (mut world, mut drive) = (hand(false), drive(0));
     drive.receive(&[close_at(0.0)], 0.0);
-    let moments = run(&mut world, &mut drive, 500);
-    let passes = |width_m: f64| moments.iter().find(|it| it.width_m <= width_m).unwrap().time_s;
+    let samples = run(&mut world, &mut drive, 500);
+    let passes = |width_m: f64| samples.iter().find(|it| it.width_m <= width_m).unwrap().time_s;
     let closing_s = passes(0.067) - passes(0.110 - 1e-6);
     assert!(closing_s >= 0.102, "{closing_s}");
     // v = a·t until v, the rest at v.
     let ideal_s = 0.420 / 5.0 + (0.043 - 0.420 * 0.420 / 10.0) / 0.420;
     assert!((closing_s - ideal_s).abs() < 0.004, "{closing_s} instead of {ideal_s}");
-    let fastest = moments.iter().map(|it| it.rate_mps.abs()).fold(0.0, f64::max);
+    let fastest = samples.iter().map(|it| it.rate_mps.abs()).fold(0.0, f64::max);
     assert!(fastest > 0.41 && fastest < 0.421, "{fastest}");
-    let end = moments.last().unwrap();
+    let end = samples.last().unwrap();
     assert!(end.width_m < 1e-4 && end.state.grasp == GraspState::NoPart, "{:?}", end.state);
 }
 
@@ -86,23 +86,23 @@ fn it_closes_no_faster_than_the_real_one() {
 fn it_presses_with_80_newtons_and_knows_that_it_holds_something() {
     let (mut world, mut drive) = (hand(true), drive(1));
     drive.receive(&[close_at(0.0)], 0.0);
-    let moments = run(&mut world, &mut drive, 600);
-    let touched_s = moments.iter().find(|it| it.finger_n[0] > 0.0).unwrap().time_s;
-    let told_s = moments.iter().find(|it| it.state.grasp == GraspState::Holding).unwrap().time_s;
+    let samples = run(&mut world, &mut drive, 600);
+    let touched_s = samples.iter().find(|it| it.finger_n[0] > 0.0).unwrap().time_s;
+    let told_s = samples.iter().find(|it| it.state.grasp == GraspState::Holding).unwrap().time_s;
     // Told in the cycle after the fingers press with all their force and stand still.
-    let presses = |it: &&Moment| it.state.force_n > 0.0 && it.rate_mps.abs() < 0.005 && it.finger_n[0] > 0.95 * 80.0;
-    let pressed_s = moments.iter().find(presses).unwrap().time_s;
+    let presses = |it: &&Sample| it.state.force_n > 0.0 && it.rate_mps.abs() < 0.005 && it.finger_n[0] > 0.95 * 80.0;
+    let pressed_s = samples.iter().find(presses).unwrap().time_s;
     assert!(told_s > touched_s && told_s < pressed_s + 2.0 / 140.0, "pressed at {pressed_s}, told at {told_s}");
-    for moment in moments.iter().filter(|it| it.time_s > touched_s + 0.1) {
-        for force_n in moment.finger_n {
-            assert!(force_n > 79.0 && force_n < 80.1, "{force_n} at {}", moment.time_s);
+    for sample in samples.iter().filter(|it| it.time_s > touched_s + 0.1) {
+        for force_n in sample.finger_n {
+            assert!(force_n > 79.0 && force_n < 80.1, "{force_n} at {}", sample.time_s);
         }
-        assert_eq!(moment.state.grasp, GraspState::Holding);
+        assert_eq!(sample.state.grasp, GraspState::Holding);
         // The contact gives 1.7 mm on each side under 80 N.
-        assert!((moment.state.width_m - (0.0672 - 2.0 * 0.0017)).abs() < 2e-4, "{:?}", moment.state);
-        assert!(moment.state.force_n <= 80.0, "{:?}", moment.state);
+        assert!((sample.state.width_m - (0.0672 - 2.0 * 0.0017)).abs() < 2e-4, "{:?}", sample.state);
+        assert!(sample.state.force_n <= 80.0, "{:?}", sample.state);
     }
-    let before = moments.iter().filter(|it| it.time_s < touched_s && it.state.width_m < 0.11);
+    let before = samples.iter().filter(|it| it.time_s < touched_s && it.state.width_m < 0.11);
     assert!(before.clone().count() > 20 && before.clone().all(|it| it.state.grasp == GraspState::Grasping));
 }
 
@@ -146,9 +146,9 @@ fn latencies_are_spread_over_one_cycle() {
     let latencies: Vec<f64> = (0..1000).map(latency).collect();
     let half_s = 0.5 / 140.0;
     // A tenth of a millisecond of sampling, and one step until the first force.
-    let shares: Vec<f64> = latencies.iter().map(|it| (it - 1.5e-4 - (0.03 - half_s)) / (2.0 * half_s)).collect();
-    assert!(shares.iter().all(|share| (-0.02..1.02).contains(share)), "{latencies:?}");
-    let furthest = furthest_from_uniform(shares);
+    let fractions: Vec<f64> = latencies.iter().map(|it| (it - 1.5e-4 - (0.03 - half_s)) / (2.0 * half_s)).collect();
+    assert!(fractions.iter().all(|fraction| (-0.02..1.02).contains(fraction)), "{latencies:?}");
+    let furthest = furthest_from_uniform(fractions);
     assert!(furthest < 1.63 / 1000f64.sqrt() + 0.014, "{furthest}");
 }
 
@@ -157,13 +157,13 @@ fn states_come_at_140_hertz_in_hundredths_of_a_millimetre() {
     let (mut world, mut drive) = (hand(false), drive(3));
     // Slow enough to move all the time.
     drive.receive(&[GripperMove { speed_mps: 0.1, ..close_at(0.0) }], 0.0);
-    let moments = run(&mut world, &mut drive, 1000);
-    let moving = &moments[50..950];
+    let samples = run(&mut world, &mut drive, 1000);
+    let moving = &samples[50..950];
     let changes = moving.windows(2).filter(|pair| pair[0].state.width_m != pair[1].state.width_m).count();
     assert!((125..=127).contains(&changes), "{changes} in 0.9 s");
-    for moment in &moments {
-        let steps = moment.state.width_m / 1e-5;
+    for sample in &samples {
+        let steps = sample.state.width_m / 1e-5;
         assert!((steps - steps.round()).abs() < 1e-6);
-        assert!((moment.state.width_m - moment.width_m).abs() < 0.1 * (1.0 / 140.0 + 2.0 * STEP_S));
+        assert!((sample.state.width_m - sample.width_m).abs() < 0.1 * (1.0 / 140.0 + 2.0 * STEP_S));
     }
 }

@@ -1,11 +1,11 @@
 //! Physics, servo and truth of the arena, against theory and against another engine.
 
 mod catch_table;
-mod chance;
 mod contacts;
 mod free_motion;
 mod free_rotation;
 mod gripper;
+mod random_streams;
 mod scenes;
 mod servo;
 mod setting;

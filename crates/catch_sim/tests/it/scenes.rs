@@ -132,12 +132,12 @@ fn the_arm_holds_what_it_has_grasped() {
         for _ in 0..100 {
             let Ok(_) = arena.sense();
         }
-        arena.start_shaking();
+        arena.start_disturbance();
         for _ in 0..50 {
             let Ok(_) = arena.sense();
         }
         let truth = arena.truth();
-        assert_eq!(truth.shaking_since_s, Some(1.0));
+        assert_eq!(truth.disturbed_since_s, Some(1.0));
         let (mut fastest_still, mut fastest_shaken) = (0.0f64, 0.0f64);
         for sample in truth.samples.iter().filter(|sample| sample.time_s > 0.5) {
             assert!(sample.contact.left_finger && sample.contact.right_finger, "{object} at {}", sample.time_s);

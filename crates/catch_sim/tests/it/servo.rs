@@ -130,7 +130,7 @@ fn late_and_discontinuous_commands_are_refused_and_the_old_one_goes_on() {
     // In time, but 10 mrad away.
     let away = JointVector::ith(0, 0.01);
     send(&mut arena, 4, motion(0.7, 0.6, to + away, from));
-    assert_eq!(arena.truth().servo.refused_trajectories, 1);
+    assert_eq!(arena.truth().servo.rejected_trajectories, 1);
     // Does not end at rest.
     let mut endless = motion(0.7, 0.6, to, from);
     *endless.control_points.last_mut().unwrap() = from + JointVector::ith(0, 0.1);
@@ -139,7 +139,7 @@ fn late_and_discontinuous_commands_are_refused_and_the_old_one_goes_on() {
     let mut broken = motion(0.7, 0.6, to, from);
     broken.control_points[4][0] = f64::NAN;
     send(&mut arena, 6, broken);
-    assert_eq!(arena.truth().servo.refused_trajectories, 3);
+    assert_eq!(arena.truth().servo.rejected_trajectories, 3);
     senses(&mut arena, 45);
     let servo = &arena.truth().servo;
     assert_eq!((servo.late_trajectories, servo.accepted_trajectories), (2, 1));

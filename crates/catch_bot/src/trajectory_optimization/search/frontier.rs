@@ -2,13 +2,13 @@
 
 use std::{cmp::Ordering, collections::BinaryHeap};
 
-use super::{Arrival, Posture};
+use super::{Posture, TerminalVelocity};
 
 /// A catch on its way to being a plan.
 #[derive(Clone, Copy)]
 pub struct Node {
     /// Which pair of catch time and grasp.
-    pub pair: usize,
+    pub candidate: usize,
     /// How closely it has been looked at.
     pub stage: Stage,
     /// The least that it can cost.
@@ -22,7 +22,7 @@ pub struct Node {
 pub enum Stage {
     Pose,
     Posture(Posture),
-    Arrival(Posture, Arrival),
+    TerminalVelocity(Posture, TerminalVelocity),
 }
 
 impl Stage {
@@ -31,7 +31,7 @@ impl Stage {
         match self {
             Self::Pose => 1,
             Self::Posture(_) => 3,
-            Self::Arrival(..) => 10,
+            Self::TerminalVelocity(..) => 10,
         }
     }
 }
@@ -41,11 +41,11 @@ pub struct Frontier {
     /// What a failure of a grasp adds to the cost of all of its catches.
     failure_penalty: f64,
     nodes: Vec<Node>,
-    heap: BinaryHeap<Ticket>,
+    heap: BinaryHeap<HeapEntry>,
 }
 
 /// What a node promises, less being more, and which node.
-struct Ticket {
+struct HeapEntry {
     order: f64,
     node: usize,
 }
@@ -59,33 +59,33 @@ impl Frontier {
     /// Adds a node.
     pub fn push(&mut self, node: Node) {
         let order = node.cost + self.failure_penalty * node.failures as f64;
-        self.heap.push(Ticket { order, node: self.nodes.len() });
+        self.heap.push(HeapEntry { order, node: self.nodes.len() });
         self.nodes.push(node);
     }
 
     /// The node that promises most.
     pub fn pop(&mut self) -> Option<Node> {
-        self.heap.pop().map(|ticket| self.nodes[ticket.node])
+        self.heap.pop().map(|entry| self.nodes[entry.node])
     }
 }
 
-impl Ord for Ticket {
+impl Ord for HeapEntry {
     /// The cheapest is the greatest, and among equals the one that came first, so that the order is always the same.
     fn cmp(&self, other: &Self) -> Ordering {
         other.order.total_cmp(&self.order).then(other.node.cmp(&self.node))
     }
 }
 
-impl PartialOrd for Ticket {
+impl PartialOrd for HeapEntry {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl PartialEq for Ticket {
+impl PartialEq for HeapEntry {
     fn eq(&self, other: &Self) -> bool {
         self.cmp(other) == Ordering::Equal
     }
 }
 
-impl Eq for Ticket {}
+impl Eq for HeapEntry {}

@@ -8,8 +8,8 @@ use crate::settings::{DURATION_S, Faults, NOT_NEGATIVE, SettingError, Settings};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Weights {
-    /// On the effort: the largest share of a joint's reach that is used, raised to the fourth power.
-    pub effort: f64,
+    /// On the reachability margin: the largest fraction of a joint's reach that is used, raised to the fourth power.
+    pub reach_fraction: f64,
     /// On the distance from the comfortable pose, per radian.
     pub comfort: f64,
     /// On the object's speed relative to the gripper, per m/s: what passes the fingers slowly stays.
@@ -22,7 +22,7 @@ pub struct Weights {
 
 impl Default for Weights {
     fn default() -> Self {
-        Self { effort: 1.0, comfort: 0.02, speed: 0.35, spin: 0.2, delay: 0.5 }
+        Self { reach_fraction: 1.0, comfort: 0.02, speed: 0.35, spin: 0.2, delay: 0.5 }
     }
 }
 
@@ -32,7 +32,7 @@ impl Settings for Weights {
             .values(
                 &NOT_NEGATIVE,
                 [
-                    ("effort", self.effort),
+                    ("reach_fraction", self.reach_fraction),
                     ("comfort", self.comfort),
                     ("speed", self.speed),
                     ("spin", self.spin),

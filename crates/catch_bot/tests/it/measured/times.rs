@@ -15,7 +15,7 @@ fn cpu_ms() -> f64 {
 
 fn percentiles(mut values: Vec<f64>) -> String {
     values.sort_by(f64::total_cmp);
-    let at = |share: f64| values.get((share * values.len() as f64) as usize).copied().unwrap_or(f64::NAN);
+    let at = |fraction: f64| values.get((fraction * values.len() as f64) as usize).copied().unwrap_or(f64::NAN);
     format!("p50 {:6.3} p99 {:6.3} max {:6.3}", at(0.5), at(0.99), values.last().copied().unwrap_or(f64::NAN))
 }
 
@@ -112,7 +112,7 @@ fn measure_times(images: Images) {
                     );
                     let end = cpu_ms();
                     seen.flight = flight.ok().or(seen.flight.take());
-                    if pose.cold_started {
+                    if pose.registered_globally {
                         cold_ms.push(between - start);
                     } else if i > 7 {
                         iterations += pose.iterations;
@@ -137,7 +137,7 @@ fn measure_times(images: Images) {
     }
 }
 
-/// CPU time of finding the object without any prior, and whether it is found: attitudes off by more than 0.2 rad are wrong.
+/// CPU time of finding the object without any prior, and whether it is found: orientations off by more than 0.2 rad are wrong.
 #[test]
 #[ignore = "takes minutes"]
 fn measured_cold_starts() {

@@ -10,18 +10,18 @@ use nalgebra::Vector3;
 
 use super::{
     CatchSplines, MotionPlanner, Start,
-    arrival::{Arrival, Weights, arrival},
     joint_spline::{End, JointPoints, JointState, Onset},
-    motion::Shares,
+    motion::LimitScaling,
     quadratic_program::ProgramFailure,
-    reachability::{Interval, JointReach},
+    reachability::{Interval, ReachableSet},
+    terminal_velocity::{TerminalVelocity, Weights, terminal_velocity},
 };
 
 /// Distance from the extreme velocity of a spline at which another one surely has it, in rad/s.
 const INSIDE: f64 = 1e-7;
 
 /// Where to be and how, from where.
-pub(super) struct Reaching<'a> {
+pub(super) struct PointToPoint<'a> {
     pub planner: &'a MotionPlanner,
     pub splines: &'a CatchSplines,
     pub start: &'a Start,
@@ -30,20 +30,20 @@ pub(super) struct Reaching<'a> {
     pub v_WO: Vector3<f64>,
     /// Of the grasp centre at `q`.
     pub jacobian: Jacobian,
-    pub shares: Shares,
+    pub scaling: LimitScaling,
     pub weights: Weights,
     /// Whether a braking spline is to follow.
     pub brakes: bool,
 }
 
 /// End velocities, and the control points of splines that have them.
-pub(super) type Reached = (Arrival, Vec<JointVector>);
+pub(super) type Reached = (TerminalVelocity, Vec<JointVector>);
 
-impl Reaching<'_> {
+impl PointToPoint<'_> {
     /// The best velocities within `bounds`.
-    pub fn arrival(&self, bounds: &[Interval; MAX_JOINTS]) -> Option<Arrival> {
+    pub fn terminal_velocity(&self, bounds: &[Interval; MAX_JOINTS]) -> Option<TerminalVelocity> {
         let most = self.planner.config.max_speed_fraction;
-        arrival(&self.jacobian, &self.v_WO, bounds, most, &self.weights)
+        terminal_velocity(&self.jacobian, &self.v_WO, bounds, most, &self.weights)
     }
 
     /// The best velocities within `bounds` that splines can have, `None` if there are none or their speed fraction is not
@@ -52,29 +52,29 @@ impl Reaching<'_> {
         let dof = self.planner.robot.dof();
         let mut points = vec![JointVector::zeros(); self.splines.at.control_points()];
         for _ in 0..=2 * dof {
-            let arrival = self.arrival(&bounds).filter(|it| it.speed_fraction > least)?;
-            let onset_s = self.brakes.then(|| self.planner.braking_onset_s(&arrival.dq));
+            let terminal_velocity = self.terminal_velocity(&bounds).filter(|it| it.speed_fraction > least)?;
+            let onset_s = self.brakes.then(|| self.planner.braking_onset_s(&terminal_velocity.dq));
             let mut all = true;
             for (i, bound) in bounds.iter_mut().enumerate().take(dof) {
-                if let Ok(joint) = self.joint(i, arrival.dq[i], onset_s) {
+                if let Ok(joint) = self.joint(i, terminal_velocity.dq[i], onset_s) {
                     set(&mut points, i, &joint);
                 } else {
                     all = false;
-                    *bound = self.cut(i, arrival.dq[i], bound, onset_s)?;
+                    *bound = self.cut(i, terminal_velocity.dq[i], bound, onset_s)?;
                 }
             }
             if all {
-                return Some((arrival, points));
+                return Some((terminal_velocity, points));
             }
         }
         None
     }
 
     /// Splines for velocities that are known to be easy, `None` if they are not.
-    pub fn splines_for(&self, arrival: &Arrival) -> Option<Vec<JointVector>> {
+    pub fn splines_for(&self, terminal_velocity: &TerminalVelocity) -> Option<Vec<JointVector>> {
         let mut points = vec![JointVector::zeros(); self.splines.at.control_points()];
         for i in 0..self.planner.robot.dof() {
-            set(&mut points, i, &self.joint(i, arrival.dq[i], None).ok()?);
+            set(&mut points, i, &self.joint(i, terminal_velocity.dq[i], None).ok()?);
         }
         Some(points)
     }
@@ -115,7 +115,7 @@ impl Reaching<'_> {
     }
 
     fn limits(&self, i: usize) -> catch_body::robot::JointLimits {
-        self.planner.limits(i, &self.start.state, self.shares)
+        self.planner.limits(i, &self.start.state, self.scaling)
     }
 
     fn state(&self, i: usize) -> JointState {
@@ -124,7 +124,7 @@ impl Reaching<'_> {
     }
 
     fn onset(&self, i: usize, onset_s: Option<f64>) -> Option<Onset> {
-        let velocity = self.planner.robot.joints[i].limits.velocity * self.planner.moving_shares().velocity;
+        let velocity = self.planner.robot.joints[i].limits.velocity * self.planner.moving_scaling().velocity;
         onset_s.map(|duration_s| Onset { duration_s, velocity })
     }
 }
@@ -137,21 +137,21 @@ fn set(points: &mut [JointVector], i: usize, joint: &JointPoints) {
 
 impl MotionPlanner {
     /// What each joint can reach in `time_s` from the start.
-    pub fn reaches(&self, start: &Start, time_s: f64, shares: Shares) -> [JointReach; MAX_JOINTS] {
+    pub fn reaches(&self, start: &Start, time_s: f64, scaling: LimitScaling) -> [ReachableSet; MAX_JOINTS] {
         std::array::from_fn(|i| {
             let limits = self.robot.joints.get(i).map(|joint| joint.limits);
-            let velocity = limits.map_or(0.0, |it| it.velocity * shares.velocity);
-            JointReach {
+            let velocity = limits.map_or(0.0, |it| it.velocity * scaling.velocity);
+            ReachableSet {
                 start_velocity: start.state.dq[i].clamp(-velocity, velocity),
                 velocity,
-                acceleration: limits.map_or(1.0, |it| it.acceleration * shares.acceleration),
+                acceleration: limits.map_or(1.0, |it| it.acceleration * scaling.acceleration),
                 time_s,
             }
         })
     }
 
     /// Positions that the joints can have within their ranges, reaching what they can.
-    pub fn ranges(&self, joints: &[JointReach; MAX_JOINTS], q: &JointVector) -> [[f64; 2]; MAX_JOINTS] {
+    pub fn ranges(&self, joints: &[ReachableSet; MAX_JOINTS], q: &JointVector) -> [[f64; 2]; MAX_JOINTS] {
         let margin = self.config.position_margin_rad;
         std::array::from_fn(|i| {
             let Some(joint) = self.robot.joints.get(i) else { return [0.0; 2] };
@@ -161,17 +161,17 @@ impl MotionPlanner {
     }
 
     /// The task of catching at `q`, on the move, with braking to follow.
-    pub(super) fn reaching<'a>(
+    pub(super) fn point_to_point<'a>(
         &'a self,
         start: &'a Start,
         catch_s: f64,
         X_WG: &Pose,
         q: &JointVector,
         v_WO: &Vector3<f64>,
-        shares: Shares,
-    ) -> Reaching<'a> {
+        scaling: LimitScaling,
+    ) -> PointToPoint<'a> {
         let X_WL = self.robot.link_poses(q);
-        Reaching {
+        PointToPoint {
             planner: self,
             splines: &self.catch_splines,
             start,
@@ -179,7 +179,7 @@ impl MotionPlanner {
             q: *q,
             v_WO: *v_WO,
             jacobian: self.robot.jacobian(&X_WL, &(X_WG * self.gripper.grasp_centre())),
-            shares,
+            scaling,
             weights: Weights::BALANCED,
             brakes: true,
         }
@@ -187,9 +187,9 @@ impl MotionPlanner {
 
     /// The velocities that joints can have at `q`, within what they can reach and what leaves them room to brake; `None` if they
     /// cannot be there.
-    pub(super) fn arrival_bounds(
+    pub(super) fn terminal_velocity_bounds(
         &self,
-        joints: &[JointReach; MAX_JOINTS],
+        joints: &[ReachableSet; MAX_JOINTS],
         from: &JointVector,
         q: &JointVector,
     ) -> Option<[Interval; MAX_JOINTS]> {
@@ -210,9 +210,9 @@ impl MotionPlanner {
                 return None;
             }
             let stoppable = Interval { low: -room(below), high: room(above) };
-            let most = self.config.arrival_velocity_share * joint.limits.velocity;
+            let most = self.config.terminal_velocity_scaling * joint.limits.velocity;
             let gentle = Interval { low: -most, high: most };
-            bounds[i] = joints[i].arrival_velocities(displacement).intersection(&stoppable).intersection(&gentle);
+            bounds[i] = joints[i].terminal_velocities(displacement).intersection(&stoppable).intersection(&gentle);
         }
         Some(bounds)
     }

@@ -9,24 +9,24 @@ use super::{
     registration::{self, Fit},
 };
 
-/// Points that the attitudes are compared on: enough to tell them apart.
+/// Points that the orientations are compared on: enough to tell them apart.
 const TRIAL_POINTS: usize = 100;
-/// Steps from each attitude before they are compared.
+/// Steps from each orientation before they are compared.
 const TRIAL_ITERATIONS: usize = 7;
-/// Attitudes that are then compared on all points.
+/// Orientations that are then compared on all points.
 const FINALISTS: usize = 3;
 /// Steps of each before that: the right one is settled by then, or as good as.
 const FINAL_ITERATIONS: usize = 5;
-/// Attitudes closer than this are one.
-const SAME_ATTITUDE_RAD: f64 = 0.3;
+/// Orientations closer than this are one.
+const SAME_ORIENTATION_RAD: f64 = 0.3;
 
-/// Depths that err by more than this share of the object's inner radius do not tell attitudes apart.
-const BLURRED_SHARE: f64 = 0.5;
+/// Depths that err by more than this fraction of the object's inner radius do not tell orientations apart.
+const BLURRED_FRACTION: f64 = 0.5;
 
-/// Registers from each of the 24 rotations of the cube, of which one is within 63° of any attitude, and keeps the best.
+/// Registers from each of the 24 rotations of the cube, of which one is within 63° of any orientation, and keeps the best.
 ///
-/// Attitudes are compared on points alone, which is a third of the work, unless these err too much to tell them apart: then by
-/// the outline too. What cannot be observed of the attitude is taken from the prior if there is one.
+/// Orientations are compared on points alone, which is a third of the work, unless these err too much to tell them apart: then by
+/// the silhouette too. What cannot be observed of the orientation is taken from the prior if there is one.
 pub(super) fn register(
     scene: &mut SceneCloud,
     thinned: &mut SceneCloud,
@@ -36,15 +36,15 @@ pub(super) fn register(
 ) -> Result<Fit, PerceptionStatus> {
     thinned.thin_from(scene, TRIAL_POINTS);
     let R_WO = prior.map_or_else(UnitQuaternion::identity, |X_WO| X_WO.rotation);
-    let has_outline = !scene.outline.is_empty();
-    let is_blurred = |error_m: f64| has_outline && error_m > BLURRED_SHARE * reference.inner_radius_m;
+    let has_silhouette = !scene.silhouette_rays.is_empty();
+    let is_blurred = |error_m: f64| has_silhouette && error_m > BLURRED_FRACTION * reference.inner_radius_m;
 
     let told_m = scene.mean_noise_m();
     let mut finalists = try_all(thinned, reference, &R_WO, config, is_blurred(told_m));
-    let mut outlined = has_outline && told_m > config.outline_above_m;
+    let mut outlined = has_silhouette && told_m > config.silhouette_above_m;
     let mut best = best_of(&finalists, scene, reference, config, outlined);
-    // Points that nobody told to be noisy turn out to be: again with the outline.
-    if let Some(fit) = best.filter(|fit| !outlined && has_outline && fit.residual_m > config.outline_above_m) {
+    // Points that nobody told to be noisy turn out to be: again with the silhouette.
+    if let Some(fit) = best.filter(|fit| !outlined && has_silhouette && fit.residual_m > config.silhouette_above_m) {
         if is_blurred(fit.residual_m) {
             finalists = try_all(thinned, reference, &R_WO, config, true);
         }
@@ -54,7 +54,7 @@ pub(super) fn register(
     registration::register(scene, reference, &best.ok_or(PerceptionStatus::NotConverged)?.X_WO, config, outlined)
 }
 
-/// The attitudes that a part of the scene speaks for most.
+/// The orientations that a part of the scene speaks for most.
 fn try_all(
     thinned: &mut SceneCloud,
     reference: &ReferenceModel,
@@ -84,24 +84,26 @@ fn best_of(
     let results = finalists.iter().flatten();
     let results =
         results.map(|fit| registration::iterate(scene, reference, &fit.X_WO, config, FINAL_ITERATIONS, outlined).0);
-    results.min_by(|a, b| a.misfit.total_cmp(&b.misfit))
+    results.min_by(|a, b| a.robust_cost.total_cmp(&b.robust_cost))
 }
 
-/// Keeps the best fits in order, each attitude once.
+/// Keeps the best fits in order, each orientation once.
 fn keep(finalists: &mut [Option<Fit>; FINALISTS], fit: Fit, symmetry: &Symmetry) {
-    if !fit.misfit.is_finite() {
+    if !fit.robust_cost.is_finite() {
         return;
     }
     let mut candidate = Some(fit);
     for place in finalists {
         let Some(new) = candidate else { return };
         match place {
-            Some(old) if old.misfit <= new.misfit => {
-                if symmetry.turn_between(&old.X_WO.rotation, &new.X_WO.rotation).norm() < SAME_ATTITUDE_RAD {
+            Some(old) if old.robust_cost <= new.robust_cost => {
+                if symmetry.turn_between(&old.X_WO.rotation, &new.X_WO.rotation).norm() < SAME_ORIENTATION_RAD {
                     return;
                 }
             }
-            Some(old) if symmetry.turn_between(&old.X_WO.rotation, &new.X_WO.rotation).norm() < SAME_ATTITUDE_RAD => {
+            Some(old)
+                if symmetry.turn_between(&old.X_WO.rotation, &new.X_WO.rotation).norm() < SAME_ORIENTATION_RAD =>
+            {
                 *place = candidate.take();
             }
             _ => std::mem::swap(place, &mut candidate),

@@ -3,26 +3,26 @@
 use catch_body::{Gripper, Pose, shape::Cuboid};
 use nalgebra::{Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-use super::{CatchPlan, CatchSearch, Incoming, arrival::Arrival};
+use super::{CatchPlan, CatchSearch, Incoming, terminal_velocity::TerminalVelocity};
 use crate::{
     grasp_selection::{Grasp, GraspSet},
-    trajectory_prediction::Passage,
+    trajectory_prediction::LocalFlight,
 };
 
 /// How long and how far before the catch the object's way into the gripper is checked, and in how many stretches: over 5 ms a point's
 /// way in G is straight to 0.1 mm. While the fingers close a touch does little harm: there the ends of
 /// the stretches alone are checked, until they should touch, at the catch at the latest.
-const WAY_IN_S: f64 = 0.08;
-const WAY_IN_M: f64 = 0.15;
+const APPROACH_S: f64 = 0.08;
+const APPROACH_M: f64 = 0.15;
 const STRETCHES: usize = 16;
-const STRETCH_S: f64 = WAY_IN_S / STRETCHES as f64;
+const STRETCH_S: f64 = APPROACH_S / STRETCHES as f64;
 
 /// An object on its way into the gripper, to be held by one of its grasps.
 #[derive(Clone, Copy)]
 pub(super) struct Entering<'a> {
     pub incoming: &'a Incoming<'a>,
     /// The flight near the catch.
-    pub passage: &'a Passage,
+    pub local_flight: &'a LocalFlight,
     pub grasp: &'a Grasp,
 }
 
@@ -39,12 +39,17 @@ pub(super) struct Obstacle {
 
 impl CatchSearch {
     /// Whether the object can come into a gripper that is fully open and does not turn, at `v_GO` in G, without touching it.
-    pub(super) fn enters_straight(&self, v_GO: &Vector3<f64>, entering: &Entering, last: &mut Obstacle) -> bool {
+    pub(super) fn straight_approach_is_free(
+        &self,
+        v_GO: &Vector3<f64>,
+        entering: &Entering,
+        last: &mut Obstacle,
+    ) -> bool {
         let Some(direction) = v_GO.try_normalize(1e-6) else { return true };
         let Incoming { grasps, config, .. } = *entering.incoming;
-        let open = Hand::new(&self.motion.gripper, self.motion.gripper.max_width_m, config.way_in_margin_m);
+        let open = Hand::new(&self.motion.gripper, self.motion.gripper.max_width_m, config.approach_margin_m);
         let end = entering.grasp.X_OG.inverse();
-        let start = Translation3::from(direction * -WAY_IN_M) * end;
+        let start = Translation3::from(direction * -APPROACH_M) * end;
         let [start, end] = [start, end].map(|X_GO| Place::new(&X_GO));
         let touching = open.touched_by(grasps, &start, &end, last.straight);
         last.straight = touching.unwrap_or(last.straight);
@@ -53,69 +58,75 @@ impl CatchSearch {
 
     /// The narrowest opening with which the object touches neither fingers nor housing on its way into the moving gripper,
     /// the fingers closing in time for the catch; `None` if there is none.
-    pub(super) fn opening(&self, plan: &CatchPlan, incoming: &Incoming, passage: &Passage) -> Option<f64> {
-        self.first_that_lets_in(&self.openings(&plan.grasp), plan, incoming, passage)
+    pub(super) fn aperture(&self, plan: &CatchPlan, incoming: &Incoming, local_flight: &LocalFlight) -> Option<f64> {
+        self.first_with_free_approach(&self.apertures(&plan.grasp), plan, incoming, local_flight)
     }
 
     /// The first of these openings with which a plan lets the object in.
-    pub(super) fn first_that_lets_in(
+    pub(super) fn first_with_free_approach(
         &self,
-        openings: &[f64],
+        apertures: &[f64],
         plan: &CatchPlan,
         incoming: &Incoming,
-        passage: &Passage,
+        local_flight: &LocalFlight,
     ) -> Option<f64> {
-        let entering = Entering { incoming, passage, grasp: &plan.grasp };
+        let entering = Entering { incoming, local_flight, grasp: &plan.grasp };
         let X_WG = |time_s: f64| self.motion.robot.gripper_pose(&plan.trajectory.setpoint(time_s).q);
-        self.first_of(openings, X_WG, &entering, &mut Obstacle::default())
+        self.first_of(apertures, X_WG, &entering, &mut Obstacle::default())
     }
 
     /// Openings that are tried, the narrowest first.
-    fn openings(&self, grasp: &Grasp) -> [f64; 4] {
-        let (narrow, wide) = (grasp.open_width_m, self.motion.gripper.max_width_m);
-        [0.0, 0.25, 0.5, 1.0].map(|share| narrow + share * (wide - narrow))
+    fn apertures(&self, grasp: &Grasp) -> [f64; 4] {
+        let (narrow, wide) = (grasp.aperture_m, self.motion.gripper.max_width_m);
+        [0.0, 0.25, 0.5, 1.0].map(|fraction| narrow + fraction * (wide - narrow))
     }
 
-    /// Whether there is such an opening if the gripper passes through `X_WG` at the catch as `arrival` wants it to, at an even
+    /// Whether there is such an opening if the gripper passes through `X_WG` at the catch as `terminal_velocity` wants it to, at an even
     /// velocity: most motions that would fail in the end are told from that alone.
-    pub(super) fn lets_in(&self, X_WG: &Pose, arrival: &Arrival, entering: &Entering, last: &mut Obstacle) -> bool {
+    pub(super) fn approach_is_free(
+        &self,
+        X_WG: &Pose,
+        terminal_velocity: &TerminalVelocity,
+        entering: &Entering,
+        last: &mut Obstacle,
+    ) -> bool {
         let centre = X_WG * self.motion.gripper.grasp_centre();
-        let v_WG = entering.passage.V_WO.linear * arrival.speed_fraction;
+        let v_WG = entering.local_flight.V_WO.linear * terminal_velocity.speed_fraction;
         let passing = |time_s: f64| {
-            let after_s = time_s - entering.passage.time_s;
-            let turn = UnitQuaternion::from_scaled_axis(arrival.w_WG * after_s);
+            let after_s = time_s - entering.local_flight.time_s;
+            let turn = UnitQuaternion::from_scaled_axis(terminal_velocity.w_WG * after_s);
             let origin = centre + v_WG * after_s + turn * (X_WG.translation.vector - centre.coords);
             Pose::from_parts(origin.coords.into(), turn * X_WG.rotation)
         };
-        self.first_of(&self.openings(entering.grasp), passing, entering, last).is_some()
+        self.first_of(&self.apertures(entering.grasp), passing, entering, last).is_some()
     }
 
     /// The first of these openings that lets the object in while the gripper moves through `X_WG`.
     fn first_of(
         &self,
-        openings: &[f64],
+        apertures: &[f64],
         X_WG: impl Fn(f64) -> Pose,
         entering: &Entering,
         last: &mut Obstacle,
     ) -> Option<f64> {
-        let Entering { incoming: Incoming { grasps, config, .. }, passage, grasp } = *entering;
-        let catch_s = passage.time_s;
+        let Entering { incoming: Incoming { grasps, config, .. }, local_flight, grasp } = *entering;
+        let catch_s = local_flight.time_s;
         let closing = config.closing(&self.motion.gripper);
-        let v_G = passage.velocity_in(&X_WG, &(grasp.X_OG * self.motion.gripper.grasp_centre()));
+        let v_G = local_flight.velocity_in(&X_WG, &(grasp.X_OG * self.motion.gripper.grasp_centre()));
         let lead_s = config.contact_lead_s(&v_G, &grasp.centre_past_G(&self.motion.gripper));
         let mut way = [None; STRETCHES + 1];
-        openings.iter().copied().find(|open_m| {
-            let way_m = open_m - grasp.object_width_m;
-            let standing_s = lead_s + closing.duration_s(way_m);
+        apertures.iter().copied().find(|open_m| {
+            let travel_m = open_m - grasp.object_width_m;
+            let standing_s = lead_s + closing.duration_s(travel_m);
             // How far the fingers have closed by then; toward the end less and less space is left on purpose.
             let hand = |before_s: f64| {
-                let width_m = grasp.object_width_m + closing.remaining_m(way_m, before_s - lead_s);
-                let margin_m = config.way_in_margin_m.min((width_m - grasp.object_width_m) / 4.0);
+                let width_m = grasp.object_width_m + closing.remaining_m(travel_m, before_s - lead_s);
+                let margin_m = config.approach_margin_m.min((width_m - grasp.object_width_m) / 4.0);
                 Hand::new(&self.motion.gripper, width_m, margin_m - 1e-4)
             };
             let mut knot = |number: usize| {
                 let before_s = STRETCH_S * number as f64;
-                let X_GO = || X_WG(catch_s - before_s).inverse() * passage.pose_at(catch_s - before_s);
+                let X_GO = || X_WG(catch_s - before_s).inverse() * local_flight.pose_at(catch_s - before_s);
                 (before_s, *way[number].get_or_insert_with(|| Place::new(&X_GO())))
             };
             let mut touching = |stretch: usize| {
@@ -169,26 +180,26 @@ impl Hand {
     fn touched_by(&self, grasps: &GraspSet, start: &Place, end: &Place, likely: usize) -> Option<usize> {
         let meets = |it: &Cuboid, radius_m: f64, [start, end]: [Vector3<f64>; 2]| {
             let half = it.size.add_scalar(2.0 * (radius_m + self.margin_m)) / 2.0;
-            way_meets(&half, &(start - it.centre.coords), &(end - it.centre.coords))
+            segment_meets(&half, &(start - it.centre.coords), &(end - it.centre.coords))
         };
         let near = self.boxes.map(|it| meets(&it, grasps.radius_m, [start.p_GO, end.p_GO]).then_some(it));
         if near.iter().all(Option::is_none) {
             return None;
         }
         let touches = |i: &usize| {
-            let way = [start, end].map(|it| it.of(&grasps.outline[*i]));
+            let way = [start, end].map(|it| it.of(&grasps.surface_points[*i]));
             near.iter().flatten().any(|it| meets(it, 0.0, way))
         };
-        if likely < grasps.outline.len() && touches(&likely) {
+        if likely < grasps.surface_points.len() && touches(&likely) {
             return Some(likely);
         }
-        (0..grasps.outline.len()).find(touches)
+        (0..grasps.surface_points.len()).find(touches)
     }
 }
 
 /// Whether a straight way passes through a box about the origin: its parts between each pair of faces must have one in common
 /// (Kay & Kajiya, Ray tracing complex scenes, 1986).
-fn way_meets(half: &Vector3<f64>, start: &Vector3<f64>, end: &Vector3<f64>) -> bool {
+fn segment_meets(half: &Vector3<f64>, start: &Vector3<f64>, end: &Vector3<f64>) -> bool {
     let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
     for axis in 0..3 {
         let (start, end, half) = (start[axis], end[axis], half[axis]);
@@ -221,7 +232,7 @@ mod tests {
                 ((at - cuboid.centre.coords).abs() - cuboid.size / 2.0).max()
             }).fold(f64::INFINITY, f64::min);
             let from = from - cuboid.centre.coords;
-            let meets = way_meets(&(cuboid.size / 2.0).add_scalar(0.01), &from, &(from + way));
+            let meets = segment_meets(&(cuboid.size / 2.0).add_scalar(0.01), &from, &(from + way));
             prop_assert!(meets || nearest > 0.01);
             prop_assert!(!meets || nearest < 0.011);
         }

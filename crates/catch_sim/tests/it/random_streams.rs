@@ -15,18 +15,19 @@ const COUNT: u64 = 2000;
 
 /// The largest distance between the empirical distribution of numbers from 0 to 1 and the uniform one (Kolmogorov–Smirnov);
 /// above 1.63/√n in one of a hundred samples.
-pub fn furthest_from_uniform(mut shares: Vec<f64>) -> f64 {
-    shares.sort_by(f64::total_cmp);
-    let count = shares.len() as f64;
-    let distance =
-        |(i, share): (usize, &f64)| (share - i as f64 / count).abs().max(((i + 1) as f64 / count - share).abs());
-    shares.iter().enumerate().map(distance).fold(0.0, f64::max)
+pub fn furthest_from_uniform(mut fractions: Vec<f64>) -> f64 {
+    fractions.sort_by(f64::total_cmp);
+    let count = fractions.len() as f64;
+    let distance = |(i, fraction): (usize, &f64)| {
+        (fraction - i as f64 / count).abs().max(((i + 1) as f64 / count - fraction).abs())
+    };
+    fractions.iter().enumerate().map(distance).fold(0.0, f64::max)
 }
 
 fn assert_uniform(what: &str, [low, high]: [f64; 2], values: impl Iterator<Item = f64>) {
-    let shares: Vec<f64> = values.map(|value| (value - low) / (high - low)).collect();
-    assert!(shares.iter().all(|share| (-1e-9..=1.0 + 1e-9).contains(share)), "{what} beyond its range");
-    let (count, furthest) = (shares.len() as f64, furthest_from_uniform(shares));
+    let fractions: Vec<f64> = values.map(|value| (value - low) / (high - low)).collect();
+    assert!(fractions.iter().all(|fraction| (-1e-9..=1.0 + 1e-9).contains(fraction)), "{what} beyond its range");
+    let (count, furthest) = (fractions.len() as f64, furthest_from_uniform(fractions));
     assert!(furthest < 1.63 / count.sqrt(), "{what}: {furthest}");
 }
 
@@ -71,8 +72,8 @@ fn materials_air_and_spin_have_their_distributions() {
     for axis in 0..3 {
         let of_spin = scenes.iter().map(|it| it.spin_radps.normalize()[axis]);
         assert_uniform("axis of the spin", [-1.0, 1.0], of_spin);
-        let of_attitude = (0..COUNT).map(|index| (scene(&everything(), index).1.q_WO * Vector3::x())[axis]);
-        assert_uniform("attitude", [-1.0, 1.0], of_attitude);
+        let of_orientation = (0..COUNT).map(|index| (scene(&everything(), index).1.q_WO * Vector3::x())[axis]);
+        assert_uniform("orientation", [-1.0, 1.0], of_orientation);
     }
 }
 
@@ -102,7 +103,7 @@ fn switching_one_thing_on_changes_nothing_else() {
         let (calm, calm_release) = scene(&paper(), index);
         assert_eq!(calm.friction, 0.667);
         assert_eq!((calm.drag_per_m, calm.spin_radps, calm.wind_mps), (0.0, Vector3::zeros(), Vector3::zeros()));
-        // Aimed through the air, the same throw leaves faster, but from the same place and in the same attitude.
+        // Aimed through the air, the same throw leaves faster, but from the same place and in the same orientation.
         assert_eq!((full_release.p_WO, full_release.q_WO), (calm_release.p_WO, calm_release.q_WO));
         assert!(full_release.v_WO.norm() > calm_release.v_WO.norm());
         let mut friction = scene(&ArenaConfig { friction: all.friction, ..paper() }, index).0;

@@ -6,7 +6,7 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 /// The flight within about 0.1 s of an instant, as cheap to evaluate as a pose: constant acceleration and constant angular
 /// velocity. Over 0.1 s, drag's change and tumbling displace the object by less than 0.3 mm and turn it by less than 1° more.
 #[derive(Debug, Clone, Copy)]
-pub struct Passage {
+pub struct LocalFlight {
     /// The instant.
     pub time_s: f64,
     /// Pose then.
@@ -17,7 +17,7 @@ pub struct Passage {
     pub drag_per_m: f64,
 }
 
-impl Passage {
+impl LocalFlight {
     /// Pose at `time_s`.
     pub fn pose_at(&self, time_s: f64) -> Pose {
         let elapsed_s = time_s - self.time_s;

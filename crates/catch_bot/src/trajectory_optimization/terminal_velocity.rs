@@ -1,6 +1,6 @@
 //! The joint velocities at the catch.
 //!
-//! The grasp centre should move along with the object at a share s of its velocity, up to the paper's 30 % (III-D). Direction is
+//! The grasp centre should move along with the object at a fraction s of its velocity, up to the paper's 30 % (III-D). Direction is
 //! hard, speed and the gripper's own turning are soft:
 //!
 //! ```text
@@ -40,10 +40,10 @@ impl Weights {
 
 /// Joint velocities at the catch and what they do to the gripper.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Arrival {
+pub struct TerminalVelocity {
     /// Joint velocities in rad/s.
     pub dq: JointVector,
-    /// Share of the object's velocity.
+    /// Fraction of the object's velocity.
     pub speed_fraction: f64,
     /// Angular velocity of the gripper in rad/s.
     pub w_WG: Vector3<f64>,
@@ -52,13 +52,13 @@ pub struct Arrival {
 /// The best joint velocities within `bounds`, `None` if not even the direction can be kept.
 ///
 /// `jacobian` is that of the grasp centre, `v_WO` the object's velocity.
-pub fn arrival(
+pub fn terminal_velocity(
     jacobian: &Jacobian,
     v_WO: &Vector3<f64>,
     bounds: &[Interval; MAX_JOINTS],
     max_speed_fraction: f64,
     weights: &Weights,
-) -> Option<Arrival> {
+) -> Option<TerminalVelocity> {
     const S: usize = MAX_JOINTS;
     let angular = jacobian.fixed_rows::<3>(0);
     let linear = jacobian.fixed_rows::<3>(3);
@@ -90,7 +90,7 @@ pub fn arrival(
     limits[3 + S] = [0.0, max_speed_fraction];
     let x = Hessian::new(&H)?.minimize(&gradient, &rows, &limits, 3).ok()?;
     let dq: JointVector = x.fixed_rows::<MAX_JOINTS>(0).into_owned();
-    Some(Arrival { dq, speed_fraction: x[S].max(0.0), w_WG: angular * dq })
+    Some(TerminalVelocity { dq, speed_fraction: x[S].max(0.0), w_WG: angular * dq })
 }
 
 /// What is missing between the velocities that the grasp centre can have within `bounds` and those along the object's: the
@@ -126,7 +126,7 @@ mod tests {
             );
         let v_WO = Vector3::new(-2.0, -3.0, -1.0);
         for width in [0.1, 0.5, 2.0] {
-            let found = arrival(
+            let found = terminal_velocity(
                 &jacobian,
                 &v_WO,
                 &[Interval { low: -width, high: width }; MAX_JOINTS],

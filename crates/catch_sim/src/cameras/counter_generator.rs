@@ -71,7 +71,7 @@ pub(super) fn normal(bits: u32) -> f64 {
         -1.328_068_155_288_572e1,
         1.0,
     ];
-    /// Share of each tail that the other approximation takes over.
+    /// Fraction of each tail that the other approximation takes over.
     const TAIL: f64 = 0.024_25;
     // Distance from the median.
     let q = (f64::from(bits) + 0.5) * (0.5f64).powi(32) - 0.5;
@@ -112,7 +112,7 @@ mod tests {
     /// Quantiles from tables of the normal distribution.
     #[test]
     fn normal_numbers_are_quantiles() {
-        for (share, quantile) in [
+        for (fraction, quantile) in [
             (0.5, 0.0),
             (0.841_344_746_068_543, 1.0),
             (0.158_655_253_931_457, -1.0),
@@ -120,9 +120,9 @@ mod tests {
             (0.001_349_898_031_63, -3.0),
             (0.999_968_328_758_167, 4.0),
         ] {
-            let found = normal((share * 2.0f64.powi(32)) as u32);
-            // 32 bits resolve a share of 2.3e-10, at four standard deviations 1.7e-6 of the quantile.
-            assert!((found - quantile).abs() < 3e-6, "{share}: {found}");
+            let found = normal((fraction * 2.0f64.powi(32)) as u32);
+            // 32 bits resolve a fraction of 2.3e-10, at four standard deviations 1.7e-6 of the quantile.
+            assert!((found - quantile).abs() < 3e-6, "{fraction}: {found}");
         }
         assert!(normal(0) < -6.2 && normal(u32::MAX) > 6.2 && normal(u32::MAX).is_finite());
     }
