@@ -22,6 +22,7 @@ pub mod robot;
 pub mod robot_file;
 pub mod shape;
 mod toml_input;
+mod urdf;
 
 pub use gripper::Gripper;
 pub use input_error::InputError;

@@ -214,17 +214,29 @@ quantities! {
     distance_m DISTANCE_M = 0.001 to 50.0 "m";
     /// Lengths and coordinates of a thrown object's shape.
     shape_m SHAPE_M = -1.0 to 1.0 "m";
+    /// Diameters of a thrown object and radii of its bends, in whatever unit somebody took for metres.
+    shape_size_m SHAPE_SIZE_M = 0.0001 to 1000.0 "m";
+    /// Radii of a thrown object.
+    shape_radius_m SHAPE_RADIUS_M = 0.0001 to 0.5 "m";
     /// Errors of a position.
     error_m ERROR_M = 0.0 to 1.0 "m";
     /// Angles, a turn at most.
     angle_rad ANGLE_RAD = -7.0 to 7.0 "rad";
     /// Angles, a turn at most.
     angle_deg ANGLE_DEG = -360.0 to 360.0 "degrees";
+    /// Angles above the horizontal.
+    elevation_deg ELEVATION_DEG = -90.0 to 90.0 "degrees";
+    /// Angles of an arc.
+    arc_deg ARC_DEG = 0.1 to 360.0 "degrees";
     /// Errors of an angle.
     error_rad ERROR_RAD = 0.0 to 1.0 "rad";
     /// Errors of an angle.
     error_deg ERROR_DEG = 0.0 to 60.0 "degrees";
-    /// Directions and shears: plain coordinates.
+    /// Shears of a velocity.
+    shear SHEAR = -10.0 to 10.0 "";
+    /// Parts of a unit quaternion.
+    quaternion QUATERNION = -1.001 to 1.001 "";
+    /// Coordinates of a direction.
     coordinate COORDINATE = -1000.0 to 1000.0 "";
     /// Masses of parts of a robot.
     part_mass_kg PART_MASS_KG = 0.000001 to 1000.0 "kg";
@@ -254,6 +266,8 @@ quantities! {
     wind_mps WIND_MPS = -60.0 to 60.0 "m/s";
     /// Angular velocities of what flies.
     spin_radps SPIN_RADPS = -200.0 to 200.0 "rad/s";
+    /// Magnitudes of the same.
+    speed_radps SPEED_RADPS = 0.0 to 200.0 "rad/s";
     /// Errors of an angular velocity.
     error_radps ERROR_RADPS = 0.0 to 10.0 "rad/s";
     /// Velocities of joints.
@@ -270,6 +284,8 @@ quantities! {
     spread SPREAD = 0.0 to 0.99 "";
     /// Factors.
     factor FACTOR = 0.0 to 1000.0 "";
+    /// Metres per unit of a file.
+    scale SCALE = 0.000001 to 1000.0 "m per unit";
     /// Factors on limits.
     limit_factor LIMIT_FACTOR = 0.001 to 1000000.0 "";
     /// Friction coefficients.
@@ -283,7 +299,7 @@ quantities! {
     /// Times by which a robot controller may be off.
     controller_time_s CONTROLLER_TIME_S = 0.0 to 0.05 "s";
     /// Times of flight.
-    flight_s FLIGHT_S = 0.01 to 10.0 "s";
+    flight_s FLIGHT_S = 0.1 to 10.0 "s";
     /// Steps of a simulation.
     step_s STEP_S = 0.00001 to 0.002 "s, beyond which contacts are wrong";
     /// Counts of the steps of a solver.
@@ -296,6 +312,10 @@ quantities! {
     image_coordinate_px IMAGE_COORDINATE_PX = -100000.0 to 100000.0 "pixels";
     /// Errors in an image.
     error_px ERROR_PX = 0.0 to 100.0 "pixels";
+    /// Widths of what lies along an edge in an image.
+    edge_px EDGE_PX = 0.0 to 8.0 "pixels";
+    /// Angles between a ray and a surface's normal.
+    incidence_rad INCIDENCE_RAD = 0.0 to 1.6 "rad";
     /// Fields of view.
     field_of_view_deg FIELD_OF_VIEW_DEG = 0.1 to 175.0 "degrees";
 }
