@@ -37,7 +37,7 @@ use crate::{
 /// What every recording begins with.
 pub const FORMAT: &str = "catchingbot recording";
 /// Changes whenever older programs could not read the file.
-pub const FORMAT_VERSION: u32 = 4;
+pub const FORMAT_VERSION: u32 = 5;
 /// Ending of the files' names.
 pub const EXTENSION: &str = "catch";
 /// What every reader wants.
@@ -435,7 +435,11 @@ mod tests {
         rmp_serde::encode::write_named(&mut out, &header).unwrap();
         out.finish().unwrap();
         let fault = RecordingReader::open(&path).err().unwrap().to_string();
-        assert!(fault.contains("format_version: found 3, written by version 0.0.9") && fault.contains("4"), "{fault}");
+        assert!(
+            fault.contains("format_version: found 3, written by version 0.0.9")
+                && fault.contains(&FORMAT_VERSION.to_string()),
+            "{fault}"
+        );
     }
 
     #[test]

@@ -18,6 +18,7 @@ mod recording;
 mod robot_controller;
 mod search_passes;
 mod source;
+mod standard_terms;
 mod throws_out_of_reach;
 mod tidy;
 mod wrong_input;
