@@ -263,7 +263,7 @@ fn one_of(names: &[&str]) -> String {
     match names {
         [] => "nothing".to_owned(),
         [one] => format!("`{one}`"),
-        names => format!("one of {}", names.join(", ")),
+        names => format!("one of {}", names.iter().map(|it| format!("`{it}`")).collect::<Vec<_>>().join(", ")),
     }
 }
 
@@ -473,7 +473,7 @@ mod tests {
             ("arena = []", "arena: found [], expected a table"),
             ("arena = { rate_hz = -inf }", "arena.rate_hz: found -inf, expected a finite number"),
             ("arena = { rate_hz = 1e9 }", "arena.rate_hz: found 1000000000, expected 1 to 10000 Hz"),
-            ("arena = { rates_hz = 1 }", "arena.rates_hz: found an unknown field, expected one of rate_hz, drag"),
+            ("arena = { rates_hz = 1 }", "arena.rates_hz: found an unknown field, expected one of `rate_hz`, `drag`"),
             ("seed = ", "line 1: found `seed =`, expected valid TOML"),
             ("motion = { kind = \"fixed\" }", "motion.position_m: found nothing, expected a value"),
             ("motion = { kind = \"sent\" }", "motion.kind: found `sent`, expected `fixed`"),

@@ -1,10 +1,12 @@
 //! Point clouds from files: PLY (text or binary), PCD (text or binary) and XYZ, in metres.
 
-use std::{fs, path::Path};
+use std::path::Path;
 
 use catch_body::{InputError, TriangleMesh, mesh_file::mesh_from_bytes};
 use catch_sim::object::check_length;
 use nalgebra::{Point3, Vector3};
+
+use crate::bounded_file::FileKind;
 
 /// Points and, where the file has them, the surface's outward normals there.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -27,7 +29,7 @@ pub fn read(path: &Path, meshes: bool) -> Result<CloudFile, InputError> {
     let file = path.display().to_string();
     let formats =
         if meshes { "a .ply, .pcd or .xyz cloud or an .obj or .stl mesh" } else { "a .ply, .pcd or .xyz cloud" };
-    let bytes = fs::read(path).map_err(|fault| InputError::new(&file, "the file", fault, formats))?;
+    let bytes = FileKind::geometry(formats).read(path)?;
     let extension = path.extension().and_then(|it| it.to_str()).unwrap_or_default().to_ascii_lowercase();
     match extension.as_str() {
         "ply" => parse_ply(&file, &bytes),

@@ -28,6 +28,7 @@
 //! other tools ([`mcap_file`]); an evaluation as a page ([`report_page`]) and as [`plots`].
 
 pub mod assets;
+pub mod bounded_file;
 pub mod brain;
 pub mod catch_page;
 pub mod cell_recorder;
