@@ -29,6 +29,8 @@ use serde::{
     de::{DeserializeSeed, Error, Expected, SeqAccess, Unexpected, Visitor},
 };
 
+use crate::pose::Pose;
+
 /// A closed range of numbers with their unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quantity {
@@ -145,6 +147,21 @@ impl<'de, const N: usize> Numbers<'de> for SVector<f64, N> {
     }
 }
 
+impl<'de> Numbers<'de> for Pose {
+    /// The range is that of the coordinates; the rotation is a unit quaternion.
+    fn within<D: Deserializer<'de>>(range: Quantity, from: D) -> Result<Self, D::Error> {
+        let pose = Self::deserialize(from)?;
+        if let Some(value) = pose.translation.vector.iter().find(|value| !range.contains(**value)) {
+            return Err(D::Error::invalid_value(Unexpected::Float(*value), &range));
+        }
+        let length = pose.rotation.quaternion().norm();
+        if (length - 1.0).abs() <= 1e-6 {
+            return Ok(pose);
+        }
+        Err(D::Error::invalid_value(Unexpected::Float(length), &"a quaternion of length 1"))
+    }
+}
+
 /// Reads a list, of exactly `length` elements where that is set.
 struct List<T> {
     range: Quantity,
@@ -244,6 +261,28 @@ quantities! {
     thrown_mass_kg THROWN_MASS_KG = 0.001 to 5.0 "kg";
     /// Masses that may be left out of account.
     added_mass_kg ADDED_MASS_KG = 0.0 to 1000.0 "kg";
+    /// Times on the clock of a cell.
+    clock_s CLOCK_S = -1e11 to 1e11 "s";
+    /// Poses in or around a cell.
+    pose POSE = -50.0 to 50.0 "m";
+    /// Positions of joints as they are sensed and commanded.
+    joint_rad JOINT_RAD = -1000.0 to 1000.0 "rad";
+    /// Velocities of joints as they are sensed and commanded.
+    joint_radps JOINT_RADPS = -1e5 to 1e5 "rad/s";
+    /// Accelerations of joints as they are commanded.
+    joint_radps2 JOINT_RADPS2 = -1e8 to 1e8 "rad/s²";
+    /// Positions of fingers as they are sensed and commanded.
+    drive_m DRIVE_M = -10.0 to 10.0 "m";
+    /// Velocities of fingers as they are sensed and commanded.
+    drive_mps DRIVE_MPS = -1000.0 to 1000.0 "m/s";
+    /// Forces of fingers as they are sensed and commanded.
+    drive_n DRIVE_N = -1e6 to 1e6 "N";
+    /// Values of a simulated state, which may have diverged.
+    true_value TRUE_VALUE = -1e12 to 1e12 "";
+    /// Poses of a simulated state, which may have diverged.
+    true_pose TRUE_POSE = -1e12 to 1e12 "m";
+    /// Columns and rows of images.
+    pixel PIXEL = 0.0 to 8192.0 "pixels";
     /// Moments and products of inertia.
     inertia_kgm2 INERTIA_KGM2 = -1000.0 to 1000.0 "kg·m²";
     /// Inertias of rotors, reflected to the joint.

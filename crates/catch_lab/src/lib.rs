@@ -49,6 +49,7 @@ pub mod ready;
 pub mod recorded_surface;
 pub mod recorded_throw;
 pub mod recording;
+mod recording_input;
 pub mod referee;
 pub mod replay;
 pub mod report_page;

@@ -8,25 +8,26 @@
 use std::{
     fs::{self, File},
     hash::{DefaultHasher, Hash, Hasher},
-    io::{self, BufReader, BufWriter, Read},
+    io::{self, BufWriter, Read},
     path::{Path, PathBuf},
     time::Duration,
 };
 
-use catch_body::{InputError, JointVector, Pose};
+use catch_body::{InputError, JointVector, Pose, quantity};
 use catch_bot::{
     Report, Status, control::GripperPlan, grasp_selection::Approach, perception::ObjectPose,
     trajectory_prediction::FlightTrajectory,
 };
 use catch_cell::{CameraModel, Command, Observation, ReferenceScan};
 use catch_sim::Truth;
-use flate2::{Compression, GzBuilder, read::GzDecoder, write::GzEncoder};
-use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use flate2::{Compression, GzBuilder, write::GzEncoder};
+use serde::{Deserialize, Serialize};
 
 use crate::{
     VERSION,
     brain::BrainSettings,
     recorded_surface::RecordedSurface,
+    recording_input::{self, Input, open, read},
     referee::Verdict,
     scenario::Scenario,
     setup::{Scene, Setup, Sources},
@@ -40,8 +41,6 @@ pub const FORMAT: &str = "catchingbot recording";
 pub const FORMAT_VERSION: u32 = 5;
 /// Ending of the files' names.
 pub const EXTENSION: &str = "catch";
-/// What every reader wants.
-const EXPECTED: &str = "a recording written by `catchingbot catch` or by a cell's recorder (*.catch)";
 /// Bytes of a scenario's name that go into the name of a file.
 const LONGEST_NAME: usize = 80;
 
@@ -79,6 +78,7 @@ pub struct RecordedCell {
     /// Texts of robot and gripper.
     pub sources: Sources,
     /// Joint positions in which the arm waits.
+    #[serde(deserialize_with = "quantity::angle_rad")]
     pub ready_rad: Vec<f64>,
     /// The cameras as the brain believes them to be.
     pub cameras: Vec<CameraModel>,
@@ -124,12 +124,15 @@ pub struct RecordedReport {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RecordedPlan {
     /// When the object is at the grasp centre.
+    #[serde(deserialize_with = "quantity::clock_s")]
     pub catch_s: f64,
     /// How the object comes into the gripper.
     pub approach: Approach,
     /// Pose of the gripper then.
+    #[serde(deserialize_with = "quantity::pose")]
     pub X_WG: Pose,
     /// Joint positions then, in radians.
+    #[serde(deserialize_with = "quantity::joint_rad")]
     pub q: JointVector,
     /// Fraction of the object's velocity at which the gripper moves along.
     pub speed_fraction: f64,
@@ -322,7 +325,9 @@ pub fn file_stem(scene: &Scene) -> String {
 /// Reads a recording, tick by tick.
 pub struct RecordingReader {
     file: String,
-    input: BufReader<GzDecoder<BufReader<File>>>,
+    input: Input,
+    /// When the last tick was.
+    last_s: Option<f64>,
     /// What was known before the throw.
     pub header: Header,
 }
@@ -342,11 +347,7 @@ impl RecordingReader {
     /// If there is no such file, it is not a recording, or a recording of another version.
     pub fn open(path: &Path) -> Result<Self, InputError> {
         let file = path.display().to_string();
-        let input = || {
-            let opened = File::open(path).map_err(|fault| InputError::new(&file, "the file", fault, EXPECTED))?;
-            Ok(BufReader::new(GzDecoder::new(BufReader::new(opened))))
-        };
-        let Preamble { format, format_version, version } = read(&file, &mut input()?, true)?;
+        let Preamble { format, format_version, version } = read(&file, &mut open(path)?, true)?;
         if format != FORMAT {
             return Err(InputError::new(&file, "format", format, FORMAT));
         }
@@ -354,9 +355,10 @@ impl RecordingReader {
             let found = format!("{format_version}, written by version {version}");
             return Err(InputError::new(&file, "format_version", found, FORMAT_VERSION));
         }
-        let mut input = input()?;
-        let header = read(&file, &mut input, true)?;
-        Ok(Self { file, input, header })
+        let mut input = open(path)?;
+        let header: Header = read(&file, &mut input, true)?;
+        recording_input::header(&file, &header)?;
+        Ok(Self { file, input, last_s: None, header })
     }
 
     /// The next part of the recording.
@@ -365,8 +367,13 @@ impl RecordingReader {
     /// If the file ends before its ending or is damaged.
     pub fn next_part(&mut self) -> Result<Part, InputError> {
         match read(&self.file, &mut self.input, false)? {
-            Found::Tick(tick) => Ok(Part::Tick(tick)),
+            Found::Tick(tick) => {
+                recording_input::tick(&self.file, &tick, self.last_s, &self.header.cell.cameras)?;
+                self.last_s = Some(tick.observation.time_s);
+                Ok(Part::Tick(tick))
+            }
             Found::Ending(ending) => {
+                recording_input::ending(&self.file, &ending)?;
                 // Reading on to the end checks the checksum, too.
                 let rest = io::copy(&mut self.input.by_ref().take(1), &mut io::sink());
                 if rest.as_ref().is_ok_and(|&bytes| bytes == 0) {
@@ -377,24 +384,6 @@ impl RecordingReader {
             }
         }
     }
-}
-
-fn read<T: DeserializeOwned>(file: &str, input: &mut impl Read, first: bool) -> Result<T, InputError> {
-    rmp_serde::decode::from_read(input).map_err(|fault| {
-        let cut_off = match &fault {
-            rmp_serde::decode::Error::InvalidMarkerRead(fault) | rmp_serde::decode::Error::InvalidDataRead(fault) => {
-                fault.kind() == io::ErrorKind::UnexpectedEof
-            }
-            _ => false,
-        };
-        match (first, cut_off) {
-            (true, false) => InputError::new(file, "the file", "something else", EXPECTED),
-            (_, true) => {
-                InputError::new(file, "the file", "an end too early", "a complete recording; this one was cut off")
-            }
-            (false, false) => InputError::new(file, "the file", fault, "an undamaged recording"),
-        }
-    })
 }
 
 #[cfg(test)]

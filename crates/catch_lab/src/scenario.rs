@@ -205,7 +205,7 @@ mod tests {
         for (setting, expected) in [
             (
                 "brain.control.switching_hysteresis=nan",
-                "brain.control.switching_hysteresis: found nan, expected zero or more",
+                "brain.control.switching_hysteresis: found nan, expected a finite number",
             ),
             ("brain.perception.camera_sd_rad=inf", "brain.perception.camera_sd_rad: found inf"),
             ("brain.grasp_selection.turns_rad=[0.5, nan]", "turns_rad[1]"),
