@@ -3,7 +3,7 @@
 use catch_body::{InputError, quantity};
 use serde::{Deserialize, Serialize};
 
-use crate::cameras::depth_noise::DepthConfig;
+use crate::depth_noise::DepthConfig;
 
 /// What the arena is like. The defaults are the paper's where the paper says something.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
