@@ -34,6 +34,7 @@ pub mod cell_recorder;
 pub mod check;
 pub mod cloud_file;
 pub mod evaluation;
+pub mod flight_learning;
 pub mod gif_picture;
 pub mod gripper_latency;
 pub mod ladder;
