@@ -17,9 +17,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     referee::{self, Row},
-    setup::Setup,
-    stopwatch::Stopwatch,
-    trial::{EndWatch, StateSnapshot, Trial},
+    scenario::setup::Setup,
+    trial::{EndWatch, StateSnapshot, Trial, stopwatch::Stopwatch},
 };
 
 /// How long the thrower waits for the arm before it counts as stuck, in seconds of the cell's clock.
