@@ -3,45 +3,15 @@
 //! Empirical Bayes: the moments of the parameters over the throws by expectation maximization, the noise of the process by the
 //! likelihood of where throws ended given what had been seen before.
 
-use catch_bot::trajectory_prediction::{
-    TrackSample,
-    aerodynamics::{AerodynamicFit, FlightPrior, Noise, PARAMETERS, ParameterCovariance, ParameterVector},
+use std::{fs, path::Path};
+
+use catch_body::InputError;
+use catch_bot::{
+    settings::Settings,
+    trajectory_prediction::aerodynamics::{FlightPrior, Noise, PARAMETERS, ParameterCovariance, ParameterVector},
 };
-use nalgebra::{Unit, Vector3};
 
-/// A recorded throw.
-#[derive(Debug, Clone)]
-pub struct Throw {
-    /// Its samples, in the order of time; two or more.
-    pub samples: Vec<TrackSample>,
-    /// Direction against which gravity pulls.
-    pub up: Unit<Vector3<f64>>,
-}
-
-/// How much of a throw is seen before its end is predicted.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Seen {
-    /// Half of its time.
-    Half,
-    /// All but that many seconds.
-    AllBut(f64),
-}
-
-impl Seen {
-    /// Those that are reported.
-    pub const ALL: [Self; 4] = [Self::Half, Self::AllBut(0.3), Self::AllBut(0.2), Self::AllBut(0.1)];
-}
-
-/// A predicted end against the recorded one.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Miss {
-    /// Distance, in metres.
-    pub error_m: f64,
-    /// Squared Mahalanobis distance by the predicted covariance.
-    pub mahalanobis2: f64,
-    /// Logarithm of the covariance's determinant.
-    log_determinant: f64,
-}
+use super::flight_misses::{Miss, Misses, Seen, Throw, in_parallel, misses, quantile};
 
 /// Iterations of expectation maximization.
 const ITERATIONS: usize = 3;
@@ -54,52 +24,9 @@ const LEAST_AGREEING: f64 = 0.6;
 const NOISE_STEPS: [f64; 2] = [2.0, 1.4];
 const NOISE_ROUNDS: usize = 3;
 /// Throws that the search looks at, at most.
-const NOISE_THROWS: usize = 24;
+const NOISE_THROWS: usize = 16;
 /// Degrees of freedom of the robust likelihood: a throw that a hand ended before its last row does not rule the noise.
 const STUDENT_DOF: f64 = 6.0;
-
-/// Predicts the end of each throw; `None` where there is no flight.
-pub fn misses(throws: &[&Throw], prior: &FlightPrior, seen: Seen) -> Vec<Option<Miss>> {
-    in_parallel(throws, prior, |fit, throw| {
-        let (first, last) = (throw.samples.first()?, throw.samples.last()?);
-        let until_s = match seen {
-            Seen::Half => f64::midpoint(first.time_s, last.time_s),
-            Seen::AllBut(left_s) => last.time_s - left_s,
-        };
-        let known = throw.samples.partition_point(|it| it.time_s <= until_s);
-        let end = fit.fit(&throw.samples[..known], &throw.up, None).ok()?.at(last.time_s);
-        let error = last.position - end.position;
-        let factor = end.covariance.fixed_view::<3, 3>(0, 0).into_owned().cholesky()?;
-        Some(Miss {
-            error_m: error.norm(),
-            mahalanobis2: error.dot(&factor.solve(&error)),
-            log_determinant: 2.0 * factor.l().diagonal().map(f64::ln).sum(),
-        })
-    })
-}
-
-/// Fits all throws on all cores; results in their order.
-fn in_parallel<T: Send>(
-    throws: &[&Throw],
-    prior: &FlightPrior,
-    with: impl Fn(&mut AerodynamicFit, &Throw) -> Option<T> + Sync,
-) -> Vec<Option<T>> {
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let chunk = throws.len().div_ceil(threads).max(1);
-    let with = &with;
-    std::thread::scope(|scope| {
-        let parts: Vec<_> = throws
-            .chunks(chunk)
-            .map(|part| {
-                scope.spawn(move || {
-                    let mut fit = AerodynamicFit::new(prior.clone());
-                    part.iter().map(|throw| with(&mut fit, throw)).collect::<Vec<_>>()
-                })
-            })
-            .collect();
-        parts.into_iter().flat_map(|part| part.join().unwrap_or_default()).collect()
-    })
-}
 
 /// Learns an object's prior from its throws, beginning with a broad one. `None` where no throw could be fitted.
 pub fn learn(throws: &[&Throw], broad: &FlightPrior) -> Option<FlightPrior> {
@@ -108,7 +35,8 @@ pub fn learn(throws: &[&Throw], broad: &FlightPrior) -> Option<FlightPrior> {
         prior = maximized(throws, &prior, broad)?;
     }
     // The noise decides how far the parameters of one throw may be trusted, and so the moments.
-    maximized(throws, &with_noise(throws, prior), broad)
+    let prior = maximized(throws, &with_noise(throws, prior), broad)?;
+    Some(calibrated(throws, prior))
 }
 
 /// One iteration of expectation maximization: the moments of the parameters over all throws.
@@ -135,12 +63,22 @@ fn maximized(throws: &[&Throw], prior: &FlightPrior, broad: &FlightPrior) -> Opt
     })
 }
 
-/// Negative logarithm of the robust likelihood of the throws' ends.
+/// Shared errors of the samples that are tried, in metres.
+fn systematic_sds_m() -> impl Iterator<Item = f64> {
+    (0..24).map(|i| 5e-4 * 1.2_f64.powi(i))
+}
+
+/// Negative logarithm of the robust likelihood of the throws' ends under the most likely error that samples share; a throw
+/// that cannot be fitted surprises as much under any noise.
 fn surprise(throws: &[&Throw], prior: &FlightPrior) -> f64 {
-    let of = |miss: &Miss| {
-        0.5 * miss.log_determinant + 0.5 * (STUDENT_DOF + 3.0) * (miss.mahalanobis2 / STUDENT_DOF).ln_1p()
+    let prior = FlightPrior { systematic_sd_m: 0.0, ..prior.clone() };
+    let misses: Vec<Miss> = Seen::ALL.iter().flat_map(|&seen| misses(throws, &prior, seen)).flatten().collect();
+    let of = |miss: &Miss, variance: f64| {
+        let (square, log_determinant) = miss.measures(variance);
+        0.5 * log_determinant + 0.5 * (STUDENT_DOF + 3.0) * (square / STUDENT_DOF).ln_1p()
     };
-    Seen::ALL.iter().flat_map(|&seen| misses(throws, prior, seen)).flatten().map(|miss| of(&miss)).sum()
+    let sum = |sd: f64| misses.iter().map(|miss| of(miss, sd * sd)).sum::<f64>();
+    systematic_sds_m().map(sum).fold(f64::INFINITY, f64::min)
 }
 
 /// The densities of noise under which the throws' ends surprise least, found by turns.
@@ -151,12 +89,9 @@ fn with_noise(throws: &[&Throw], mut prior: FlightPrior) -> FlightPrior {
     for step in NOISE_STEPS {
         for _ in 0..NOISE_ROUNDS {
             let before = least;
-            for field in [
-                (|it| &mut it.acceleration_noise) as fn(&mut FlightPrior) -> &mut f64,
-                |it| &mut it.angular_acceleration_noise,
-                |it| &mut it.systematic_sd_m,
-                |it| &mut it.least_noise.position_sd_m,
-            ] {
+            for field in [(|it| &mut it.acceleration_noise) as fn(&mut FlightPrior) -> &mut f64, |it| {
+                &mut it.angular_acceleration_noise
+            }] {
                 for factor in [step, 1.0 / step] {
                     let mut other = prior.clone();
                     *field(&mut other) *= factor;
@@ -174,6 +109,24 @@ fn with_noise(throws: &[&Throw], mut prior: FlightPrior) -> FlightPrior {
     }
     prior
 }
+
+/// The prior with the smallest shared error of samples with which the 95 % ellipsoids cover as many of the throws' ends.
+///
+/// What neighbouring samples share (markers that are hidden, a body that bends, a hand that touches) is beyond the model; the
+/// last row of a recording has it too.
+fn calibrated(throws: &[&Throw], prior: FlightPrior) -> FlightPrior {
+    let bare = FlightPrior { systematic_sd_m: 0.0, ..prior };
+    let misses = Seen::ALL.map(|seen| misses(throws, &bare, seen));
+    let covers = |sd: f64, misses: &[Option<Miss>]| {
+        let inside = |miss: &&Miss| miss.measures(sd * sd).0 <= quantile(0.95);
+        misses.iter().flatten().filter(inside).count() as f64 >= COVERED * misses.iter().flatten().count() as f64
+    };
+    let systematic_sd_m = systematic_sds_m().find(|&sd| misses.iter().all(|it| covers(sd, it)));
+    FlightPrior { systematic_sd_m: systematic_sd_m.or(systematic_sds_m().last()).unwrap_or_default(), ..bare }
+}
+
+/// Fraction of the ends that the 95 % ellipsoid is to cover whatever is seen.
+const COVERED: f64 = 0.945;
 
 /// How much further an unknown object may be from those known than these are from each other.
 const UNKNOWN: f64 = 1.5;
@@ -220,6 +173,64 @@ pub fn generic(objects: &[FlightPrior]) -> Option<FlightPrior> {
     })
 }
 
+/// Predictions of each throw by a prior learned from the other folds; throws go to folds by turns. `None` where nothing could
+/// be learned.
+pub fn cross_validated(throws: &[Throw], folds: usize, mut progress: impl FnMut()) -> Option<Misses> {
+    let mut all = Misses::default();
+    for fold in 0..folds {
+        let (test, train): (Vec<_>, Vec<_>) = throws.iter().enumerate().partition(|(i, _)| i % folds == fold);
+        let [test, train] = [test, train].map(|part| part.into_iter().map(|(_, throw)| throw).collect::<Vec<_>>());
+        let prior = learn(&train, &broad())?;
+        for (misses_of, seen) in all.iter_mut().zip(Seen::ALL) {
+            misses_of.extend(misses(&test, &prior, seen));
+        }
+        progress();
+    }
+    Some(all)
+}
+
+/// Predictions of the throws of one object by a prior for any object, learned from the others.
+pub fn left_out(throws: &[Throw], others: &[FlightPrior]) -> Option<Misses> {
+    let (prior, throws) = (generic(others)?, throws.iter().collect::<Vec<_>>());
+    Some(Seen::ALL.map(|seen| misses(&throws, &prior, seen)))
+}
+
+/// Reads what was learned of an object.
+///
+/// # Errors
+/// A file that cannot be read, or numbers that are no prior.
+pub fn read(path: &Path) -> Result<FlightPrior, InputError> {
+    let file = path.display().to_string();
+    let expected = "a file that `catchingbot learn` has written";
+    let text = fs::read_to_string(path).map_err(|fault| InputError::new(&file, "the file", fault, expected))?;
+    let prior: FlightPrior =
+        toml::from_str(&text).map_err(|fault| InputError::new(&file, "the file", fault.message(), expected))?;
+    prior.check().map_err(|fault| InputError::new(&file, fault.field, fault.found, fault.expected))?;
+    Ok(prior)
+}
+
+/// Text of a file for [`read`].
+///
+/// # Errors
+/// Never, for numbers that are finite.
+pub fn text(prior: &FlightPrior) -> Result<String, toml::ser::Error> {
+    Ok(format!("{HEADER}{}", toml::to_string(prior)?))
+}
+
+const HEADER: &str = "\
+# Flights of an object, for `catchingbot predict --object`; written by `catchingbot learn`.
+# Parameters in this order: tracked point from the centre of mass in the body frame (x, y, z; m), drag matrix
+# (xx, yy, zz, xy, xz, yz; 1/m), Magnus coefficient, decay of the spin (1/s), logarithm of the inertia tensor
+# (xx, yy, xy, xz, yz; traceless).
+";
+
+/// The built-in prior for any object.
+pub fn any_object() -> FlightPrior {
+    toml::from_str(ANY_OBJECT).unwrap_or_else(|_| broad())
+}
+
+const ANY_OBJECT: &str = include_str!("any_object.toml");
+
 /// Prior to begin learning with: any object of hand's size.
 pub fn broad() -> FlightPrior {
     let mut prior = FlightPrior {
@@ -228,7 +239,7 @@ pub fn broad() -> FlightPrior {
         acceleration_noise: 0.1,
         angular_acceleration_noise: 0.5,
         systematic_sd_m: 2e-3,
-        least_noise: Noise { position_sd_m: 5e-4, orientation_sd_rad: 3e-3 },
+        least_noise: Noise { position_sd_m: 3e-4, orientation_sd_rad: 2e-3 },
         mean: [0.0; PARAMETERS],
         covariance: [[0.0; PARAMETERS]; PARAMETERS],
     };

@@ -163,6 +163,19 @@ pub struct TrackedPoint {
     pub covariance: Matrix6<f64>,
 }
 
+/// The first free flight in a track, in the order of time: the range of its samples, and when a contact ended it.
+///
+/// A contact changes the velocity by more than gravity, drag and tumbling do. Samples before the flight, in a hand, are left out.
+pub fn free_flight(samples: &[TrackSample], up: &Unit<Vector3<f64>>) -> (std::ops::Range<usize>, Option<f64>) {
+    let g = up.into_inner() * -gravity().norm();
+    let rows: Vec<Sample> = samples.iter().filter_map(sample).collect();
+    if rows.len() < samples.len() {
+        return (0..samples.len(), None);
+    }
+    let (first, last, ended) = start::free_flight(&g, &rows, &mut start::Scratch::default());
+    (first..last, ended.then(|| rows[last].time_s))
+}
+
 impl AerodynamicFit {
     /// With a prior of the parameters.
     pub fn new(prior: FlightPrior) -> Self {

@@ -74,25 +74,31 @@ pub(super) fn free_flight(g: &Vector3<f64>, samples: &[Sample], scratch: &mut Sc
     (start, samples.len(), false)
 }
 
-/// How far the velocity after a sample is from that before, gravity aside.
+/// How far the velocity after a sample is from that before, gravity aside and beyond what the scatter of the samples explains.
 fn velocity_change(g: &Vector3<f64>, samples: &[Sample], at: usize, scratch: &mut Scratch) -> f64 {
     let time_s = samples[at].time_s;
     let first = samples[..at].partition_point(|it| it.time_s < time_s - SPAN_S).min(at.saturating_sub(3));
-    let last = (at + 1 + samples[at + 1..].partition_point(|it| it.time_s <= time_s + SPAN_S))
-        .max((at + 4).min(samples.len()));
+    let reached = at + 1 + samples[at + 1..].partition_point(|it| it.time_s <= time_s + SPAN_S);
+    let last = reached.max(at + 4).min(samples.len());
     if at - first < 3 || last - at < 4 {
         return 0.0;
     }
     let mut slope = |samples: &[Sample]| {
         scratch.pairs.clear();
         for (i, a) in samples.iter().enumerate() {
-            for b in &samples[i + 1..] {
-                scratch.pairs.push(slope(g, a, b));
+            scratch.pairs.extend(samples[i + samples.len() / 2..].iter().skip(1).map(|b| slope(g, a, b)));
+            if i + samples.len() / 2 + 1 >= samples.len() {
+                break;
             }
         }
-        median_vector(&scratch.pairs, &mut scratch.numbers)
+        let velocity = median_vector(&scratch.pairs, &mut scratch.numbers);
+        scratch.numbers.clear();
+        scratch.numbers.extend(scratch.pairs.iter().map(|it| (it - velocity).norm()));
+        (velocity, median(&mut scratch.numbers))
     };
-    (slope(&samples[at + 1..last]) - slope(&samples[first..at])).norm()
+    let (after, scatter_after) = slope(&samples[at + 1..last]);
+    let (before, scatter_before) = slope(&samples[first..at]);
+    (after - before).norm() - 2.0 * (scatter_after + scatter_before)
 }
 
 /// Velocity at time zero of the parabola through two samples.
