@@ -104,9 +104,8 @@ impl Settings for CycleConfig {
 #[derive(Debug)]
 struct Candidate<E, P, C> {
     bot: CatchingBot<E, P, C>,
-    /// Sum of the distances of what was seen from the object's silhouette or else its surface, root mean square of each image, in
-    /// metres.
-    residuals_m: f64,
+    /// Sum of [`ObjectPose::mismatch`] over the images of the present flight.
+    mismatch: f64,
     /// Images of the present flight.
     images: usize,
     /// Where and when the object was seen last.
@@ -157,7 +156,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
     ) -> Result<Self, SettingError> {
         assert!(!bots.is_empty(), "a brain needs to know an object");
         config.check()?;
-        let candidate = |bot| Candidate { bot, residuals_m: 0.0, images: 0, seen: None, rests: false };
+        let candidate = |bot| Candidate { bot, mismatch: 0.0, images: 0, seen: None, rests: false };
         let candidates = bots.into_iter().map(candidate).collect();
         let (phase, active) = (Phase::Waiting, 0);
         Ok(Self {
@@ -212,8 +211,8 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
         }
         // An object whose model cannot be brought to lie on what is seen in some images is not the one.
         let seen = self.candidates.iter().enumerate().filter(|(_, it)| it.images + 1 >= most);
-        let mean_m = |it: &Candidate<E, P, C>| it.residuals_m / it.images as f64;
-        let best = seen.min_by(|a, b| mean_m(a.1).total_cmp(&mean_m(b.1))).map_or(self.active, |(i, _)| i);
+        let mean = |it: &Candidate<E, P, C>| it.mismatch / it.images as f64;
+        let best = seen.min_by(|a, b| mean(a.1).total_cmp(&mean(b.1))).map_or(self.active, |(i, _)| i);
         self.active = best;
         self.enter(Phase::Catching, observation.time_s);
         self.candidates[best].bot.act_on(observation, newest[best], probe)
@@ -363,7 +362,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Candidate<E, P, C> {
             span_s < config.max_gap_s && (config.min_flight_mps..config.max_flight_mps).contains(&speed_mps)
         });
         if !flies {
-            (self.images, self.residuals_m) = (0, 0.0);
+            (self.images, self.mismatch) = (0, 0.0);
             // What rests is no help in finding it again once it has been thrown.
             let is_new =
                 before.is_none_or(|(_, before_W)| (p_WO - before_W).norm() > config.min_flight_mps * config.max_gap_s);
@@ -373,12 +372,12 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Candidate<E, P, C> {
             self.rests = false;
         }
         self.images += 1;
-        self.residuals_m += pose.silhouette_residual_m.unwrap_or(pose.residual_m);
+        self.mismatch += pose.mismatch;
         Some(pose)
     }
 
     fn forget(&mut self) {
-        (self.images, self.residuals_m, self.seen, self.rests) = (0, 0.0, None, false);
+        (self.images, self.mismatch, self.seen, self.rests) = (0, 0.0, None, false);
         self.bot.tracker.keep_newest(0);
     }
 }

@@ -5,10 +5,9 @@
 use std::path::Path;
 
 use catch_lab::{
-    catch_page,
-    playback::Playback,
-    recorded_throw::record,
-    setup::{Choice, Setup},
+    pages::catch_page,
+    recording::{playback::Playback, recorded_throw::record},
+    scenario::setup::{Choice, Setup},
 };
 
 fn main() -> anyhow::Result<()> {

@@ -6,7 +6,7 @@
 
 use catch_lab::{
     referee,
-    setup::{Choice, Setup},
+    scenario::setup::{Choice, Setup},
     trial,
 };
 

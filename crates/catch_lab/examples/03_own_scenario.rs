@@ -6,7 +6,7 @@
 
 use catch_lab::{
     evaluation::{Cell, Evaluation},
-    setup::{Choice, Setup},
+    scenario::setup::{Choice, Setup},
 };
 
 fn main() -> anyhow::Result<()> {

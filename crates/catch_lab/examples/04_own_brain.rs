@@ -8,7 +8,7 @@
 use std::ops::ControlFlow;
 
 use catch_cell::{Brain, CameraModel, Command, GripperMove, Observation, Probe};
-use catch_lab::setup::{Choice, Setup};
+use catch_lab::scenario::setup::{Choice, Setup};
 
 struct Watcher {
     cameras: Vec<CameraModel>,

@@ -20,9 +20,8 @@ use catch_cell::{
     GripperState, Observation, reference_scan, rig_from_toml, run,
 };
 use catch_lab::{
-    cell_recorder::CellRecorder,
-    recording::RecordedCell,
-    setup::{SourceNames, Sources},
+    recording::{RecordedCell, cell_recorder::CellRecorder},
+    scenario::setup::{SourceNames, Sources},
 };
 use nalgebra::{Point3, Vector3};
 

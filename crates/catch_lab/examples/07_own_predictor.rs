@@ -10,7 +10,7 @@ use catch_bot::{
 };
 use catch_lab::{
     evaluation::{BrainFactory, Cell, Evaluation},
-    setup::{Choice, Setup},
+    scenario::setup::{Choice, Setup},
 };
 use nalgebra::{Point3, Vector3};
 

@@ -1,4 +1,4 @@
-//! Robots, grippers, objects, throws, camera rigs and scenarios: those that are built in, and the user's files.
+//! Robots, grippers, objects, throws, camera rigs, scenarios and studies: those that are built in, and the user's files.
 //!
 //! Wherever something is named, a built-in name or the path of a file may stand. A file refers to others by built-in names or
 //! by paths relative to itself.
@@ -33,14 +33,17 @@ pub enum Kind {
     Throw,
     /// An arrangement of cameras.
     Rig,
+    /// Variants of a scenario.
+    Study,
 }
 
 impl Kind {
     /// All kinds, in the order in which a person would ask for them.
-    pub const ALL: [Self; 6] = [Self::Scenario, Self::Object, Self::Throw, Self::Robot, Self::Gripper, Self::Rig];
+    pub const ALL: [Self; 7] =
+        [Self::Scenario, Self::Object, Self::Throw, Self::Robot, Self::Gripper, Self::Rig, Self::Study];
 
-    /// Folder of the built-in ones.
-    fn folder(self) -> &'static str {
+    /// Several of them, which is also the folder of the built-in ones.
+    pub fn plural(self) -> &'static str {
         match self {
             Self::Scenario => "scenarios",
             Self::Robot => "robots",
@@ -48,6 +51,7 @@ impl Kind {
             Self::Object => "objects",
             Self::Throw => "throws",
             Self::Rig => "rigs",
+            Self::Study => "studies",
         }
     }
 
@@ -63,7 +67,7 @@ impl Kind {
 
     /// Names of the built-in ones, sorted.
     pub fn names(self) -> Vec<&'static str> {
-        let entries = BUILT_IN.get_dir(self.folder()).map(Dir::entries).unwrap_or_default();
+        let entries = BUILT_IN.get_dir(self.plural()).map(Dir::entries).unwrap_or_default();
         let mut names: Vec<&str> = entries
             .iter()
             .filter(|entry| entry.as_dir().is_some() || entry.path().extension().is_some_and(|it| it == "toml"))
@@ -84,6 +88,7 @@ impl Display for Kind {
             Self::Object => "object",
             Self::Throw => "throw",
             Self::Rig => "rig",
+            Self::Study => "study",
         })
     }
 }
@@ -149,7 +154,7 @@ impl Asset {
     }
 
     fn built_in(kind: Kind, name: &str) -> Result<Self, InputError> {
-        let folder = Path::new(kind.folder());
+        let folder = Path::new(kind.plural());
         let own = folder.join(name).join(kind.main_file());
         let path = if BUILT_IN.get_file(&own).is_some() { own } else { folder.join(format!("{name}.toml")) };
         let file = path.display().to_string();
@@ -229,7 +234,7 @@ fn unreadable(file: &str, kind: Kind, fault: &std::io::Error) -> InputError {
         file,
         "the file",
         fault,
-        format!("a readable {kind} file, or one of the built-in {kind}s {built_in}"),
+        format!("a readable {kind} file, or one of the built-in {} {built_in}", kind.plural()),
     )
 }
 

@@ -1,6 +1,12 @@
 //! Evaluations: many throws of many objects, on all cores, with the same rows in the same order whatever the number of
 //! threads.
 
+pub mod published;
+pub mod results;
+pub mod statistics;
+pub mod summary_table;
+pub mod trial_table;
+
 use std::{
     collections::BTreeMap,
     fmt,
@@ -17,14 +23,15 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     VERSION,
-    brain::ObservedBrain,
-    oracle::Oracle,
+    evaluation::statistics::CellSummary,
+    reachability::oracle::Oracle,
     referee::{self, Verdict},
-    scenario::Scenario,
-    setup::{Scene, Setup},
-    statistics::CellSummary,
-    stopwatch::Stopwatch,
-    trial,
+    scenario::{
+        Scenario,
+        brain::ObservedBrain,
+        setup::{Scene, Setup},
+    },
+    trial::{self, stopwatch::Stopwatch},
 };
 
 pub use crate::referee::Row;

@@ -1,4 +1,4 @@
-//! CatchingBot's lab: trials, their referee, their recordings, what they look like, and the program `catchingbot`.
+//! CatchingBot's lab: trials, their referee, their recordings, and what they look like.
 //!
 //! # Where to begin
 //!
@@ -7,8 +7,8 @@
 //!
 //! | example | shows | uses |
 //! |---|---|---|
-//! | `01_first_throw` | a throw, its story, its page | [`setup`], [`recorded_throw`], [`catch_page`] |
-//! | `02_own_object` | an object from an OBJ file | [`setup::Choice`] |
+//! | `01_first_throw` | a throw, its story, its page | [`scenario::setup`], [`recording::recorded_throw`], [`pages::catch_page`] |
+//! | `02_own_object` | an object from an OBJ file | [`scenario::setup::Choice`] |
 //! | `03_own_scenario` | a changed scenario, and how often it still catches | [`scenario`], [`evaluation`] |
 //! | `04_own_brain` | another brain in the same arena | [`catch_cell::Brain`], [`catch_cell::Cell`] |
 //! | `05_predict_a_track` | a flight fitted to measured poses | [`catch_bot::trajectory_prediction`] |
@@ -19,52 +19,37 @@
 //!
 //! # What is where
 //!
-//! Here, and only here, the brain and the arena meet: [`setup`] reads what a scenario names ([`assets`], [`scenario`]),
-//! [`brain`] makes the brain, [`trial`] lets it play one throw, [`referee`] judges it by the truth, [`timeline`] tells its story, [`recording`]
-//! keeps it, also of a real cell ([`cell_recorder`]), [`gripper_latency`] measures with it, and [`replay`] checks that the brain would do it again. An [`evaluation`] is many trials, [`results`] keeps their
-//! rows, [`statistics`] sums them up; [`trial_table`] and [`summary_table`] are what others read.
+//! Here, and only here, the brain and the arena meet. A module uses only those above it in this table, and those of its own row:
 //!
-//! A recording is looked at through a [`playback`]: as a page ([`catch_page`]), a small moving picture ([`gif_picture`]) or in
-//! other tools ([`mcap_file`]); an evaluation as a page ([`report_page`]) and as [`plots`].
+//! | module | holds |
+//! |---|---|
+//! | [`assets`] | what is built in or named by a file |
+//! | [`scenario`] | everything that trials share: [`scenario::setup`] reads what a scenario names, [`scenario::brain`] makes the brain |
+//! | [`trial`] | one throw: arena and brain tick by tick |
+//! | [`reachability`] | what the arm could have reached: oracle, proofs, waiting poses |
+//! | [`referee`] | the only place where truth meets score |
+//! | [`recording`] | a throw on disk, also of a real cell: story, playback, replay, what is measured with it |
+//! | [`evaluation`] | many trials: rows on disk, statistics, tables |
+//! | [`study`] | evaluations of many variants of a scenario |
+//! | [`play`] | many throws in one life |
+//! | [`pages`] | throws, evaluations and studies in the browser |
+//! | `export` | the same for other tools; each format is a feature: `mcap`, `gif`, `plots` (and `parquet` for the rows of evaluations) |
+//! | [`own_data`] | users' files: templates, checks, clouds, tracks, catches to plan |
 
 pub mod assets;
-pub mod brain;
-pub mod catch_page;
-pub mod cell_recorder;
-pub mod check;
-pub mod cloud_file;
 pub mod evaluation;
-pub mod gif_picture;
-pub mod gripper_latency;
-pub mod ladder;
-pub mod mcap_file;
-pub mod oracle;
-pub mod packed;
-pub mod planner_cases;
+pub mod export;
+
+pub mod own_data;
+pub mod pages;
 pub mod play;
-pub mod playback;
-pub mod plots;
-pub mod ready;
-pub mod recorded_surface;
-pub mod recorded_throw;
+pub mod reachability;
 pub mod recording;
 pub mod referee;
-pub mod replay;
-pub mod report_page;
-pub mod results;
 pub mod scenario;
-pub mod setup;
-pub mod statistics;
-pub mod stopwatch;
-pub mod summary_table;
-pub mod sweep;
-pub mod templates;
-pub mod throw_proof;
-pub mod throw_times;
-pub mod timeline;
-pub mod track_file;
+pub mod study;
+
 pub mod trial;
-pub mod trial_table;
 
 /// Version of this program, as every result carries it.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");

@@ -16,12 +16,9 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    brain::BrainSettings,
     referee::{self, HELD_UNTIL_S, Row},
-    scenario::Scenario,
-    setup::Setup,
-    stopwatch::Stopwatch,
-    trial::{EndWatch, StateSnapshot, Trial},
+    scenario::{Scenario, brain::BrainSettings, setup::Setup},
+    trial::{EndWatch, StateSnapshot, Trial, stopwatch::Stopwatch},
 };
 
 /// How long the thrower waits for the arm before it counts as stuck, in seconds of the cell's clock.

@@ -1,38 +1,53 @@
 //! Recordings: one file that holds observations, commands and reports of a throw, and the ground truth where a simulation knows it.
 //!
 //! A gzip file of MessagePack maps with named fields, one after the other: a [`Header`], one [`RecordedTick`] per tick, and an
-//! [`Ending`]. In a recording of a real cell ([`CellRecorder`](crate::cell_recorder::CellRecorder)) the parts that only a simulation knows are
+//! [`Ending`]. In a recording of a real cell ([`CellRecorder`](crate::recording::cell_recorder::CellRecorder)) the parts that only a simulation knows are
 //! `None`. Other tools read it so: `zcat FILE | msgpack2json -c`. It holds no wall time and no path: the same scene gives
 //! the same bytes.
+
+pub mod cell_recorder;
+pub mod gripper_latency;
+pub mod playback;
+pub mod points;
+mod reader;
+pub mod recorded_surface;
+pub mod recorded_throw;
+pub mod replay;
+pub mod surfaces;
+pub mod throw_times;
+pub mod timeline;
 
 use std::{
     fs::{self, File},
     hash::{DefaultHasher, Hash, Hasher},
-    io::{self, BufReader, BufWriter, Read},
+    io::{self, BufWriter},
     path::{Path, PathBuf},
     time::Duration,
 };
 
-use catch_body::{InputError, JointVector, Pose};
+use catch_body::{JointVector, Pose};
 use catch_bot::{
     Report, Status, control::GripperPlan, grasp_selection::Approach, perception::ObjectPose,
     trajectory_prediction::FlightTrajectory,
 };
 use catch_cell::{CameraModel, Command, Observation, ReferenceScan};
 use catch_sim::Truth;
-use flate2::{Compression, GzBuilder, read::GzDecoder, write::GzEncoder};
-use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use flate2::{Compression, GzBuilder, write::GzEncoder};
+use serde::{Deserialize, Serialize};
 
 use crate::{
     VERSION,
-    brain::BrainSettings,
-    recorded_surface::RecordedSurface,
+    recording::{recorded_surface::RecordedSurface, timeline::Entry},
     referee::Verdict,
-    scenario::Scenario,
-    setup::{Scene, Setup, Sources},
-    timeline::Entry,
+    scenario::{
+        Scenario,
+        brain::BrainSettings,
+        setup::{Scene, Setup, Sources},
+    },
     trial::Tick,
 };
+
+pub use reader::{Part, RecordingReader};
 
 /// What every recording begins with.
 pub const FORMAT: &str = "catchingbot recording";
@@ -181,13 +196,6 @@ enum Written<'a> {
     Ending(&'a Ending),
 }
 
-#[derive(Deserialize)]
-#[serde(rename_all = "snake_case")]
-enum Found {
-    Tick(Box<RecordedTick>),
-    Ending(Box<Ending>),
-}
-
 /// Writes a recording tick by tick. The file appears under its name when it is complete, not before.
 pub struct Recorder {
     path: PathBuf,
@@ -317,84 +325,6 @@ pub fn file_stem(scene: &Scene) -> String {
         name
     };
     format!("{name}-{object}-{throw}-{seed}-{index}")
-}
-
-/// Reads a recording, tick by tick.
-pub struct RecordingReader {
-    file: String,
-    input: BufReader<GzDecoder<BufReader<File>>>,
-    /// What was known before the throw.
-    pub header: Header,
-}
-
-/// What follows the header.
-pub enum Part {
-    /// The next tick.
-    Tick(Box<RecordedTick>),
-    /// The end; nothing follows.
-    Ending(Box<Ending>),
-}
-
-impl RecordingReader {
-    /// Opens a recording and reads its header.
-    ///
-    /// # Errors
-    /// If there is no such file, it is not a recording, or a recording of another version.
-    pub fn open(path: &Path) -> Result<Self, InputError> {
-        let file = path.display().to_string();
-        let input = || {
-            let opened = File::open(path).map_err(|fault| InputError::new(&file, "the file", fault, EXPECTED))?;
-            Ok(BufReader::new(GzDecoder::new(BufReader::new(opened))))
-        };
-        let Preamble { format, format_version, version } = read(&file, &mut input()?, true)?;
-        if format != FORMAT {
-            return Err(InputError::new(&file, "format", format, FORMAT));
-        }
-        if format_version != FORMAT_VERSION {
-            let found = format!("{format_version}, written by version {version}");
-            return Err(InputError::new(&file, "format_version", found, FORMAT_VERSION));
-        }
-        let mut input = input()?;
-        let header = read(&file, &mut input, true)?;
-        Ok(Self { file, input, header })
-    }
-
-    /// The next part of the recording.
-    ///
-    /// # Errors
-    /// If the file ends before its ending or is damaged.
-    pub fn next_part(&mut self) -> Result<Part, InputError> {
-        match read(&self.file, &mut self.input, false)? {
-            Found::Tick(tick) => Ok(Part::Tick(tick)),
-            Found::Ending(ending) => {
-                // Reading on to the end checks the checksum, too.
-                let rest = io::copy(&mut self.input.by_ref().take(1), &mut io::sink());
-                if rest.as_ref().is_ok_and(|&bytes| bytes == 0) {
-                    return Ok(Part::Ending(ending));
-                }
-                let found = rest.map_or_else(|fault| fault.to_string(), |_| "more data after its end".to_owned());
-                Err(InputError::new(&self.file, "the file", found, "the end of the recording"))
-            }
-        }
-    }
-}
-
-fn read<T: DeserializeOwned>(file: &str, input: &mut impl Read, first: bool) -> Result<T, InputError> {
-    rmp_serde::decode::from_read(input).map_err(|fault| {
-        let cut_off = match &fault {
-            rmp_serde::decode::Error::InvalidMarkerRead(fault) | rmp_serde::decode::Error::InvalidDataRead(fault) => {
-                fault.kind() == io::ErrorKind::UnexpectedEof
-            }
-            _ => false,
-        };
-        match (first, cut_off) {
-            (true, false) => InputError::new(file, "the file", "something else", EXPECTED),
-            (_, true) => {
-                InputError::new(file, "the file", "an end too early", "a complete recording; this one was cut off")
-            }
-            (false, false) => InputError::new(file, "the file", fault, "an undamaged recording"),
-        }
-    })
 }
 
 #[cfg(test)]

@@ -12,8 +12,8 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    oracle::Reach,
-    setup::{Scene, Setup},
+    reachability::oracle::Reach,
+    scenario::setup::{Scene, Setup},
     trial::{PAPER_LOOKS_AT_S, StateSnapshot, Trial},
 };
 use impact::impact;

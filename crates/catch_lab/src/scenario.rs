@@ -1,5 +1,8 @@
 //! Scenarios: everything that a set of trials shares, in one file.
 
+pub mod brain;
+pub mod setup;
+
 use catch_body::{InputError, robot::LimitScale};
 use catch_bot::settings::{SettingError, Settings};
 use catch_sim::{ArenaConfig, config::MOST_LATENCY_S};
@@ -7,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     assets::{COMMAND_LINE, Kind, nearest},
-    brain::BrainSettings,
+    scenario::brain::BrainSettings,
 };
 
 /// What it costs to compute a command.
@@ -133,27 +136,51 @@ impl Scenario {
             // What is no TOML is meant as text.
             let value = toml::from_str::<toml::Table>(&format!("value = {text}")).ok();
             let value = value.and_then(|mut table| table.remove("value")).unwrap_or_else(|| text.trim().into());
-            let mut tree = toml::Table::try_from(&self).map_err(|it| fault(it.to_string()))?;
-            let hint = field_meant(path.trim(), &tree).map(|it| format!(" (did you mean `{it}`?)")).unwrap_or_default();
-            let (parents, field) = path
-                .rsplit_once('.')
-                .map_or((Vec::new(), path), |(parents, field)| (parents.split('.').map(str::trim).collect(), field));
-            let mut table = &mut tree;
-            for parent in parents {
-                let known = table.keys().cloned().collect::<Vec<_>>().join(", ");
-                let next = table.get_mut(parent).and_then(toml::Value::as_table_mut);
-                table = next.ok_or_else(|| fault(format!("a table instead of `{parent}`: one of {known}{hint}")))?;
-            }
-            table.insert(field.trim().to_owned(), value);
-            // "unknown field `x`, expected one of …": what was found is said already.
-            let expected = |it: toml::de::Error| {
-                let kind = it.message().rsplit("expected ").next().unwrap_or_default().to_owned();
-                format!("{}{hint}", InputError::kind_in_words(&kind))
-            };
-            self = tree.try_into().map_err(|it| fault(expected(it)))?;
+            self = self.with_field(path, Some(value), &fault)?;
             self.name = format!("{}+{}", self.name, setting.replace(' ', ""));
         }
         self.faults(COMMAND_LINE).into_iter().next().map_or(Ok(self), Err)
+    }
+
+    /// This scenario with one field changed, or left out where there is no value; its range is not checked. `fault` makes an
+    /// error of what would be right.
+    ///
+    /// # Errors
+    /// A field that there is not, or a value that it cannot have.
+    pub fn with_field(
+        self,
+        path: &str,
+        value: Option<toml::Value>,
+        fault: &dyn Fn(String) -> InputError,
+    ) -> Result<Self, InputError> {
+        let mut tree = toml::Table::try_from(&self).map_err(|it| fault(it.to_string()))?;
+        let hint = hint(path, &tree);
+        let (table, field) = parent(path, &mut tree, &hint, fault)?;
+        match value {
+            Some(value) => table.insert(field.to_owned(), value),
+            None => table.remove(field),
+        };
+        // "unknown field `x`, expected one of …": what was found is said already.
+        let expected = |it: toml::de::Error| {
+            let kind = it.message().rsplit("expected ").next().unwrap_or_default().to_owned();
+            format!("{}{hint}", InputError::kind_in_words(&kind))
+        };
+        tree.try_into().map_err(|it| fault(expected(it)))
+    }
+
+    /// The value of a field; `None` where it is left out.
+    ///
+    /// # Errors
+    /// A field of a table that there is not, or one that is like another.
+    pub fn field(&self, path: &str, fault: &dyn Fn(String) -> InputError) -> Result<Option<toml::Value>, InputError> {
+        let mut tree = toml::Table::try_from(self).map_err(|it| fault(it.to_string()))?;
+        let hint = hint(path, &tree);
+        let (table, field) = parent(path, &mut tree, &hint, fault)?;
+        let value = table.remove(field);
+        if value.is_none() && !hint.is_empty() {
+            return Err(fault(format!("a field of the scenario{hint}")));
+        }
+        Ok(value)
     }
 
     /// The files that it names: what kind, in which field, by which name.
@@ -167,6 +194,28 @@ impl Scenario {
             (Kind::Rig, "reference_rig", &self.reference_rig),
         ]
     }
+}
+
+/// The table in which the field of a path stands, and the field's own name.
+fn parent<'a, 'b>(
+    path: &'b str,
+    tree: &'a mut toml::Table,
+    hint: &str,
+    fault: &dyn Fn(String) -> InputError,
+) -> Result<(&'a mut toml::Table, &'b str), InputError> {
+    let (parents, field) = path.rsplit_once('.').map_or((None, path), |(parents, field)| (Some(parents), field));
+    let mut table = tree;
+    for parent in parents.into_iter().flat_map(|it| it.split('.')).map(str::trim) {
+        let known = table.keys().cloned().collect::<Vec<_>>().join(", ");
+        let next = table.get_mut(parent).and_then(toml::Value::as_table_mut);
+        table = next.ok_or_else(|| fault(format!("a table instead of `{parent}`: one of {known}{hint}")))?;
+    }
+    Ok((table, field.trim()))
+}
+
+/// What to add to an error about a path where another one is probably meant.
+fn hint(path: &str, tree: &toml::Table) -> String {
+    field_meant(path.trim(), tree).map(|it| format!(" (did you mean `{it}`?)")).unwrap_or_default()
 }
 
 /// The field that is probably meant by the path of one that there is not: spelt alike, or of the same name elsewhere.
@@ -204,8 +253,8 @@ fn fields<'a>(path: &str, value: &'a toml::Value, found: &mut Vec<(String, &'a t
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::brain::Method;
-    use crate::setup::{Choice, Setup};
+    use crate::scenario::brain::Method;
+    use crate::scenario::setup::{Choice, Setup};
 
     fn set(settings: &[&str]) -> Result<Scenario, InputError> {
         let settings: Vec<String> = settings.iter().map(|&it| it.to_owned()).collect();

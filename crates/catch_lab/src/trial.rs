@@ -1,12 +1,17 @@
 //! One trial: an object is thrown, and the brain tries to catch it.
 
+pub mod stopwatch;
+
 use std::io;
 
 use catch_bot::Report;
 use catch_cell::{Cell, Command, Observation};
 use catch_sim::{Arena, Truth};
 
-use crate::{brain::ObservedBrain, setup::Setup, stopwatch::Stopwatch};
+use crate::{
+    scenario::{brain::ObservedBrain, setup::Setup},
+    trial::stopwatch::Stopwatch,
+};
 
 /// From the first contact with the gripper on: how long until the world shakes.
 const DISTURBANCE_AFTER_S: f64 = 1.0;

@@ -3,7 +3,7 @@
 use catch_lab::{
     assets::Kind,
     referee::{self, Verdict, reason::Reason},
-    setup::{Choice, Setup},
+    scenario::setup::{Choice, Setup},
     trial,
 };
 use catch_sim::{Truth, TruthSample};

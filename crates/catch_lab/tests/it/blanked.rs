@@ -3,7 +3,7 @@
 use std::convert::Infallible;
 
 use catch_cell::{Brain, Cell, Command, DepthFrame, Observation, PixelWindow};
-use catch_lab::setup::{Choice, Setup};
+use catch_lab::scenario::setup::{Choice, Setup};
 use catch_sim::Arena;
 use nalgebra::Vector3;
 

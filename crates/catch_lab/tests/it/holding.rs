@@ -5,7 +5,7 @@
 
 use catch_lab::{
     evaluation::{Cell, Evaluation, Row},
-    setup::{Choice, Setup},
+    scenario::setup::{Choice, Setup},
 };
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};

@@ -16,9 +16,11 @@ use catch_bot::{
 };
 use catch_cell::{ArmTrajectory, LimitKind, Setpoint, executor::PeakRatios};
 use catch_lab::{
-    brain::BrainSettings,
-    planner_cases,
-    setup::{Choice, Setup},
+    own_data::planner_cases,
+    scenario::{
+        brain::BrainSettings,
+        setup::{Choice, Setup},
+    },
     trial,
 };
 use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};

@@ -4,7 +4,7 @@ use catch_body::JointVector;
 use catch_cell::executor::PeakRatios;
 use catch_lab::{
     play::Play,
-    setup::{Choice, Setup},
+    scenario::setup::{Choice, Setup},
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;

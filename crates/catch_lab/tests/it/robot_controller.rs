@@ -5,7 +5,7 @@ use std::fs;
 use catch_cell::{BSpline, Brain, Cell, Command, Rejection, TrajectoryId};
 use catch_lab::{
     referee,
-    setup::{Choice, Setup},
+    scenario::setup::{Choice, Setup},
     trial,
 };
 

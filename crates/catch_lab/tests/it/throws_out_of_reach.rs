@@ -9,7 +9,7 @@ use catch_bot::{
     trajectory_prediction::FlightTrajectory,
 };
 use catch_cell::arm::Setpoint;
-use catch_lab::throw_proof::{AnyCatch, ThrowProof, prove_out_of_reach};
+use catch_lab::reachability::throw_proof::{AnyCatch, ThrowProof, prove_out_of_reach};
 use nalgebra::{Point3, Vector3};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;

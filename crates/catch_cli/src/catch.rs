@@ -1,0 +1,214 @@
+//! `catchingbot catch`: one throw.
+
+use std::{
+    collections::BTreeMap,
+    io,
+    path::{Path, PathBuf},
+};
+
+use anyhow::Context;
+use catch_cell::LimitViolation;
+use catch_lab::{
+    VERSION,
+    evaluation::results::make_writable,
+    recording::{
+        playback::Playback,
+        recorded_throw::{RecordedThrow, record},
+        timeline::{Entry, Event},
+    },
+    referee::{Measures, Verdict, reason::Reason},
+    scenario::{
+        Scenario,
+        setup::{Scene, Setup},
+    },
+    trial::stopwatch::{StageTimes, Stopwatch},
+};
+use clap::Args;
+use serde::Serialize;
+
+use super::{ChoiceArguments, MOST, OutputArguments, view, whole};
+use crate::screen::{self, BAD, FAINT, GOOD, STRONG};
+
+/// Arguments of `catch`.
+#[derive(Debug, Args)]
+pub struct CatchArguments {
+    #[command(flatten)]
+    choice: ChoiceArguments,
+    /// Object: a built-in name or a file [default: the scenario's]
+    #[arg(long, value_name = "NAME|FILE")]
+    object: Option<String>,
+    /// Throw: a built-in name or a file [default: the scenario's]
+    #[arg(long, value_name = "NAME|FILE")]
+    throw: Option<String>,
+    /// Seed of everything random
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true, value_parser = whole(0, MOST))]
+    seed: u64,
+    /// Number of the throw, for throws that differ
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true, value_parser = whole(0, MOST))]
+    index: u64,
+    #[command(flatten)]
+    output: OutputArguments,
+    #[command(flatten)]
+    pictures: PictureArguments,
+}
+
+/// What is written beside the recording.
+#[derive(Debug, Args)]
+pub struct PictureArguments {
+    /// Write the page that `view` shows: one file, no network
+    #[arg(long)]
+    html: bool,
+    #[command(flatten)]
+    files: view::FileArguments,
+}
+
+/// The JSON document.
+#[derive(Serialize)]
+struct Document<'a> {
+    version: &'static str,
+    caught: bool,
+    caught_paper: bool,
+    reason: Option<Reason>,
+    limit_violations: usize,
+    scene: &'a Scene,
+    catch_time_s: Option<f64>,
+    contact_s: Option<f64>,
+    measures: &'a Measures,
+    timeline: &'a [Entry],
+    stages: BTreeMap<&'static str, StageTimes>,
+    recording: &'a Path,
+    pictures: &'a BTreeMap<&'static str, PathBuf>,
+    scenario: &'a Scenario,
+}
+
+/// One throw: its story, the outcome, a recording.
+///
+/// # Errors
+/// Faults in the arguments and files; a folder that cannot be written.
+pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
+    let CatchArguments { choice, object, throw, seed, index, output, pictures } = arguments;
+    let setup = Setup::load(&choice.with(object.as_deref(), throw.as_deref()))?;
+    let scene = setup.scene(*seed, *index);
+    // What cannot be written should be said before anything is thrown.
+    make_writable(&output.out, "--out")?;
+
+    let aloud = !output.json;
+    if aloud {
+        title(&scene)?;
+    }
+    let RecordedThrow { recording, timeline, verdict, stopwatch } =
+        record(&setup, *seed, *index, &output.out, &mut |entry| if aloud { tell(entry) } else { Ok(()) })
+            .with_context(|| format!("the recording in {}", output.out.display()))?;
+    let written = pictures.write(&recording)?;
+
+    if aloud {
+        summary(&setup, &scene, &verdict, &stopwatch, &recording)?;
+        for (kind, path) in &written {
+            screen::fact(kind, &path.display().to_string())?;
+        }
+        if written.is_empty() {
+            screen::fact("look at it", &format!("catchingbot view {}", recording.display()))?;
+        }
+        return Ok(screen::line("")?);
+    }
+    screen::json(&Document {
+        version: VERSION,
+        caught: verdict.caught,
+        caught_paper: verdict.caught_paper,
+        reason: verdict.reason,
+        limit_violations: verdict.limit_violations,
+        scene: &scene,
+        catch_time_s: verdict.catch_time_s,
+        contact_s: verdict.contact_s,
+        measures: &verdict.measures,
+        timeline: &timeline,
+        stages: stopwatch.summary().into_iter().collect(),
+        recording: &recording,
+        pictures: &written,
+        scenario: &setup.scenario,
+    })
+}
+
+impl PictureArguments {
+    /// Writes what was asked for beside the recording; returns the files by their kinds.
+    fn write(&self, recording: &Path) -> anyhow::Result<BTreeMap<&'static str, PathBuf>> {
+        if !(self.html || self.files.any()) {
+            return Ok(BTreeMap::new());
+        }
+        let playback = Playback::read(recording)?;
+        let mut written = self.files.write(recording, &playback)?;
+        if self.html {
+            written.insert("page", view::write_page(recording, &playback)?);
+        }
+        Ok(written)
+    }
+}
+
+fn title(scene: &Scene) -> io::Result<()> {
+    let Scene { scenario, object, throw, seed, index } = scene;
+    screen::line(&format!(
+        "\n  {STRONG}{object}, {throw} throw{STRONG:#} {FAINT}· scenario {scenario}, seed {seed}, throw {index}{FAINT:#}\n"
+    ))
+}
+
+fn tell(entry: &Entry) -> io::Result<()> {
+    let style = match entry.event {
+        Event::Held => GOOD,
+        Event::Missed => BAD,
+        _ => STRONG,
+    };
+    let Entry { time_s, event, detail, .. } = entry;
+    screen::line(&format!("  {FAINT}{time_s:>6.3} s{FAINT:#}  {style}{:<16}{style:#}  {detail}", event.label()))
+}
+
+fn summary(setup: &Setup, scene: &Scene, verdict: &Verdict, stopwatch: &Stopwatch, recording: &Path) -> io::Result<()> {
+    let millimetres = |value: Option<f64>| match value.map(|metres| metres * 1e3) {
+        None => "unknown".to_owned(),
+        Some(mm) if mm < 10.0 => format!("{mm:.2} mm"),
+        Some(mm) => format!("{mm:.0} mm"),
+    };
+    let percent = |ratio: f64| format!("{:.0} %", ratio * 100.0);
+    let measures = &verdict.measures;
+    let object = &scene.object;
+    screen::line("")?;
+    match verdict.reason {
+        None => screen::line(&format!("  {GOOD}Caught.{GOOD:#} The {object} stayed in the hand."))?,
+        Some(reason) => screen::line(&format!("  {BAD}Not caught:{BAD:#} {reason}."))?,
+    }
+    screen::line("")?;
+    if let Some(widths) = setup.without_grasps().filter(|_| verdict.reason == Some(Reason::NoGrasp)) {
+        screen::fact("nothing to hold by", &widths)?;
+    }
+    screen::fact("by the paper", if verdict.caught_paper { "caught" } else { "not caught" })?;
+    if verdict.catch_time_s.is_some() {
+        let off = [
+            ("prediction", measures.prediction_error_m, "at the catch"),
+            ("hand", measures.tracking_error_m, "from its plan"),
+        ];
+        for (what, error_m, at) in off.into_iter().filter(|(_, error_m, _)| error_m.is_some()) {
+            screen::fact(what, &format!("off by {} {at}", millimetres(error_m)))?;
+        }
+    }
+    if let Some(travel_rad) = measures.joint_travel_rad {
+        screen::fact("arm", &format!("{travel_rad:.2} rad over all joints from its ready pose to the catch"))?;
+    }
+    let clearances = [measures.min_self_clearance_m, measures.min_floor_clearance_m].map(millimetres);
+    screen::fact("clearance", &format!("{} from itself, {} from the floor", clearances[0], clearances[1]))?;
+    let broken = match verdict.first_violation {
+        None => "none broken".to_owned(),
+        Some(LimitViolation { joint, kind, ratio, time_s }) => {
+            let (count, percent, kind) = (verdict.limit_violations, percent(ratio), format!("{kind:?}").to_lowercase());
+            format!(
+                "{BAD}{count} broken{BAD:#}, first by joint {} at {time_s:.3} s: {percent} of its {kind}",
+                joint + 1
+            )
+        }
+    };
+    let (velocity, torque) = (percent(measures.peak_velocity_ratio), percent(measures.peak_torque_ratio));
+    screen::fact("limits", &format!("{broken}; at most {velocity} of a joint's velocity, {torque} of its torque"))?;
+    for (stage, times) in stopwatch.summary() {
+        let usual = if times.p50_ms < 0.01 { "under 0.01".to_owned() } else { format!("{:.2}", times.p50_ms) };
+        screen::fact(stage, &format!("{usual} ms as a rule, {:.2} ms at most", times.max_ms))?;
+    }
+    screen::fact("recording", &recording.display().to_string())
+}

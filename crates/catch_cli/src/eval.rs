@@ -1,0 +1,306 @@
+//! `catchingbot eval`: many throws.
+
+use std::{collections::BTreeMap, fs, io, num::NonZero, path::Path, thread, time::Instant};
+
+use anyhow::Context;
+use catch_body::InputError;
+use catch_lab::{
+    VERSION,
+    assets::COMMAND_LINE,
+    evaluation::{
+        Cell, Evaluation, Identity, Row,
+        published::{published_rate, published_rates},
+        results::{REPORT_FILE, Results},
+        statistics::CellSummary,
+        summary_table,
+        trial_table::{PARQUET_FILE, replace},
+    },
+    export::plots,
+    pages::report_page::{self, MOST_MISSES, Report},
+    scenario::{Scenario, setup::Setup},
+    trial::stopwatch::{StageTimes, Stopwatch},
+};
+use clap::Args;
+use comfy_table::{CellAlignment, ContentArrangement, Table, TableComponent, presets};
+use serde::Serialize;
+
+use super::{ChoiceArguments, MOST, whole};
+use crate::screen::{self, FAINT, STRONG};
+
+/// Name of the file with the wall times of the stages.
+const TIMES_FILE: &str = "times.json";
+
+/// Arguments of `eval`.
+#[derive(Debug, Args)]
+pub struct EvalArguments {
+    #[command(flatten)]
+    pub(super) choice: ChoiceArguments,
+    /// Object: a built-in name or a file; may be given more than once [default: the scenario's]
+    #[arg(long, value_name = "NAME|FILE")]
+    pub(super) object: Vec<String>,
+    /// Throw: a built-in name or a file; may be given more than once [default: the scenario's]
+    #[arg(long, value_name = "NAME|FILE")]
+    pub(super) throw: Vec<String>,
+    /// Seed of everything random
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true, value_parser = whole(0, MOST))]
+    pub(super) seed: u64,
+    /// Throws per object and throw
+    #[arg(long, value_name = "N", default_value_t = 57, allow_negative_numbers = true, value_parser = whole(1, 10_000_000))]
+    pub(super) trials: u64,
+    /// Number of the first throw, to share an evaluation between machines
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true, value_parser = whole(0, MOST))]
+    pub(super) first: u64,
+    /// Trials that run at the same time [default: the number of cores]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole(1, 100_000))]
+    pub(super) threads: Option<u64>,
+    /// Folder for the results
+    #[arg(long, value_name = "DIR", default_value = "out/eval")]
+    pub(super) out: std::path::PathBuf,
+    /// Go on with the results that are in the folder
+    #[arg(long)]
+    pub(super) resume: bool,
+    /// Variants of a scenario: a built-in study or a file; `ablation` removes the paper's assumptions one after the other and one at a
+    /// time, from the scenario `paper` to `honest`
+    #[arg(long, value_name = "NAME|FILE", conflicts_with_all = ["scenario", "method", "settings", "markdown"])]
+    study: Option<String>,
+    /// Write plots as SVG beside the report
+    #[arg(long)]
+    pub(super) plots: bool,
+    /// Print one JSON document instead of the table
+    #[arg(long)]
+    pub(super) json: bool,
+    /// Print the table in Markdown
+    #[arg(long, conflicts_with = "json")]
+    markdown: bool,
+}
+
+/// The JSON document.
+#[derive(Serialize)]
+struct Document<'a> {
+    #[serde(flatten)]
+    outcome: Outcome<'a>,
+    wall_s: f64,
+    stages: BTreeMap<&'static str, StageTimes>,
+}
+
+/// What of it does not depend on how fast it was.
+#[derive(Serialize)]
+pub(super) struct Outcome<'a> {
+    version: &'static str,
+    scenario: &'a str,
+    /// The scenario as it was resolved; objects and throws are those of the cells.
+    resolved: &'a Scenario,
+    seed: u64,
+    first: u64,
+    cells: Vec<DocumentCell<'a>>,
+    trials: usize,
+    caught: usize,
+    results: &'a Path,
+}
+
+impl<'a> Outcome<'a> {
+    pub fn new(identity: &'a Identity, cells: &'a [CellSummary], rows: &[Row], results: &'a Path) -> Self {
+        let published = published_rates();
+        let cell = |summary| DocumentCell { summary, published: published_rate(&published, summary) };
+        Self {
+            version: VERSION,
+            scenario: &identity.cells[0].name,
+            resolved: &identity.cells[0],
+            seed: identity.seed,
+            first: identity.first,
+            cells: cells.iter().map(cell).collect(),
+            trials: rows.len(),
+            caught: rows.iter().filter(|row| row.verdict.caught).count(),
+            results,
+        }
+    }
+}
+
+/// A cell of the table, and what was published.
+#[derive(Serialize)]
+struct DocumentCell<'a> {
+    #[serde(flatten)]
+    summary: &'a CellSummary,
+    /// The paper's Table I.
+    published: Option<f64>,
+}
+
+/// Wall times, which stand beside the results.
+#[derive(Serialize)]
+struct Times {
+    wall_s: f64,
+    threads: usize,
+    /// Trials that were run now; those of an earlier run are not timed.
+    trials: usize,
+    stages: BTreeMap<&'static str, StageTimes>,
+}
+
+/// Many throws: a table, and a row per trial on disk.
+///
+/// # Errors
+/// Faults in the arguments and files; results that cannot be written.
+pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
+    screen::at_interrupt(format!(
+        "interrupted: the trials that were finished are kept in {}; the same command with --resume goes on",
+        arguments.out.display()
+    ));
+    if let Some(name) = &arguments.study {
+        return super::study::run(arguments, name);
+    }
+    let started = Instant::now();
+    let (evaluation, folder) = (evaluation(arguments)?, &arguments.out);
+    let Done { rows, timed, stopwatch } = complete(arguments, &evaluation, folder, "trials")?;
+
+    let wall_s = started.elapsed().as_secs_f64();
+    let identity = evaluation.identity();
+    let cells = identity.summarize(&rows);
+    let times =
+        Times { wall_s, threads: threads(arguments), trials: timed, stages: stopwatch.summary().into_iter().collect() };
+    // Where nothing was left to run, the times of the run that did it all stay, and so does the report that shows them.
+    let is_new = times.trials > 0 || !folder.join(TIMES_FILE).exists();
+    if is_new {
+        let text = serde_json::to_string_pretty(&times)? + "\n";
+        replace(&folder.join(TIMES_FILE), |path| fs::write(path, text))?;
+    }
+    if is_new || arguments.plots {
+        write_report(&evaluation, &rows, &stopwatch, MOST_MISSES, arguments.plots, folder)?;
+    }
+    if arguments.markdown {
+        screen::text(&summary_table::markdown(&identity, &cells))?;
+        return Ok(screen::text(&format!("\n{}", summary_table::times_markdown(stopwatch.summary())))?);
+    }
+    if !arguments.json {
+        return Ok(print(&cells, &times, &stopwatch, &arguments.out)?);
+    }
+    let outcome = Outcome::new(&identity, &cells, &rows, &arguments.out);
+    screen::json(&Document { outcome, wall_s, stages: times.stages })
+}
+
+/// An evaluation whose trials are all there.
+pub struct Done {
+    pub rows: Vec<Row>,
+    /// Trials that were run now.
+    pub timed: usize,
+    /// Their times.
+    pub stopwatch: Stopwatch,
+}
+
+/// Goes on with the results in a folder until all trials are done, or begins with them; `things` are what its progress counts.
+///
+/// # Errors
+/// A folder with results of something else, or one that cannot be written.
+pub fn complete(
+    arguments: &EvalArguments,
+    evaluation: &Evaluation,
+    folder: &Path,
+    things: &str,
+) -> Result<Done, InputError> {
+    let (mut results, mut rows) = Results::open(folder, evaluation, arguments.resume)?;
+    let done_before = rows.len();
+    let mut stopwatch = Stopwatch::default();
+    let mut caught = rows.iter().filter(|row| row.verdict.caught).count();
+    let bar = screen::progress_bar(evaluation.len(), things);
+    bar.set_position(done_before as u64);
+    bar.reset_eta();
+    evaluation.run(done_before, threads(arguments), &mut |row, times| {
+        results.add(&row)?;
+        stopwatch.merge(times);
+        caught += usize::from(row.verdict.caught);
+        bar.inc(1);
+        bar.set_message(format!("{caught} caught"));
+        rows.push(row);
+        Ok(())
+    })?;
+    bar.finish_and_clear();
+    results.finish(&rows)?;
+    Ok(Done { timed: rows.len() - done_before, rows, stopwatch })
+}
+
+/// Trials that run at the same time.
+fn threads(arguments: &EvalArguments) -> usize {
+    let asked = arguments.threads.map(|threads| threads as usize);
+    asked.unwrap_or_else(|| thread::available_parallelism().map_or(1, NonZero::get))
+}
+
+/// The report as a page, with pages of the first misses, and the plots if they are wanted.
+///
+/// # Errors
+/// Files that cannot be written.
+pub fn write_report(
+    evaluation: &Evaluation,
+    rows: &[Row],
+    stopwatch: &Stopwatch,
+    most_misses: usize,
+    plots: bool,
+    folder: &Path,
+) -> anyhow::Result<()> {
+    let written = || format!("the report in {}", folder.display());
+    let pages = report_page::record_misses(evaluation, rows, most_misses, folder).with_context(written)?;
+    let scenario = &evaluation.cells[0].setup.scenario.name;
+    let cells = &evaluation.identity().summarize(rows);
+    let report = Report { scenario, seed: evaluation.seed, cells, rows, stopwatch, pages: &pages };
+    fs::write(folder.join(REPORT_FILE), report_page::page(&report)).with_context(written)?;
+    if plots {
+        plots::write(&report, folder).map_err(|fault| anyhow::anyhow!("{fault}")).with_context(written)?;
+    }
+    Ok(())
+}
+
+/// Every object with every throw.
+fn evaluation(arguments: &EvalArguments) -> Result<Evaluation, InputError> {
+    let or_default = |names: &[String]| -> Vec<Option<String>> {
+        if names.is_empty() { vec![None] } else { names.iter().cloned().map(Some).collect() }
+    };
+    let mut cells: Vec<Cell> = Vec::new();
+    for object in or_default(&arguments.object) {
+        let mut of_object: Option<Setup> = None;
+        for throw in or_default(&arguments.throw) {
+            let setup = match (&of_object, &throw) {
+                (Some(setup), Some(throw)) => setup.thrown(throw)?,
+                _ => Setup::load(&arguments.choice.with(object.as_deref(), throw.as_deref()))?,
+            };
+            let setup = of_object.insert(setup).clone();
+            let names = (&setup.scenario.object, &setup.scenario.throw);
+            if cells.iter().any(|it| (&it.setup.scenario.object, &it.setup.scenario.throw) == names) {
+                let found = format!("{} with the {} throw twice", names.0, names.1);
+                return Err(InputError::new(COMMAND_LINE, "--object and --throw", found, "each pair once"));
+            }
+            cells.push(Cell::new(setup));
+        }
+    }
+    Ok(Evaluation { cells, seed: arguments.seed, first: arguments.first, trials: arguments.trials })
+}
+
+fn print(cells: &[CellSummary], times: &Times, stopwatch: &Stopwatch, folder: &Path) -> io::Result<()> {
+    screen::line("")?;
+    screen::line(&table(cells).trim_fmt())?;
+    screen::line("")?;
+    let (caught, trials): (usize, usize) = cells.iter().fold((0, 0), |(a, b), cell| (a + cell.caught, b + cell.trials));
+    let Times { wall_s, trials: timed, .. } = times;
+    let which = if *timed == trials { String::new() } else { format!(", {timed} of them run now") };
+    screen::line(&format!("  {STRONG}{caught} of {trials} caught{STRONG:#}{FAINT}{which} in {wall_s:.1} s{FAINT:#}"))?;
+    for (stage, StageTimes { p50_ms, p99_ms, max_ms, .. }) in stopwatch.summary() {
+        screen::fact(stage, &format!("p50 {p50_ms:.2} ms, p99 {p99_ms:.2} ms, max {max_ms:.1} ms"))?;
+    }
+    screen::fact("report", &format!("catchingbot view {}", folder.display()))?;
+    screen::fact("results", &folder.join(PARQUET_FILE).display().to_string())
+}
+
+/// The table for the terminal.
+pub fn table(cells: &[CellSummary]) -> Table {
+    let mut table = Table::new();
+    table.load_preset(presets::UTF8_HORIZONTAL_ONLY).set_content_arrangement(ContentArrangement::Disabled);
+    table.remove_style(TableComponent::HorizontalLines).remove_style(TableComponent::MiddleIntersections);
+    // Long headings and lists of reasons take several lines, so that the table fits into a terminal.
+    table.set_header(summary_table::HEADINGS.map(|heading| match heading.split_once(' ') {
+        Some((first, words)) if heading.len() > 8 => format!("{first}\n{words}"),
+        _ => heading.to_owned(),
+    }));
+    for column in summary_table::NUMBERS {
+        if let Some(column) = table.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    table.add_rows(summary_table::lines(cells).into_iter().map(|line| line.map(|cell| cell.replace(", ", ",\n"))));
+    table
+}

@@ -1,0 +1,199 @@
+//! The command line of CatchingBot: one module per subcommand, each of which reads its arguments, calls [`catch_lab`] and prints.
+//!
+//! A program has this command line by calling [`main`]. Every arena that it runs is made by [`catch_lab::scenario::setup::Setup::arena`], the
+//! one place where another physics engine would come in.
+//!
+//! Exit code 0: it ran, whatever was caught; 2: something is wrong with what was asked for; 1: anything else.
+
+mod catch;
+mod check;
+mod eval;
+mod gripper_latency;
+mod list;
+mod merge;
+mod new;
+mod plan;
+mod play;
+mod predict;
+mod ready;
+mod register;
+mod replay;
+mod screen;
+mod study;
+mod view;
+
+use std::{io, path::PathBuf, process::ExitCode};
+
+use catch_body::InputError;
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use catch_lab::scenario::{
+    brain::Method,
+    setup::{Choice, DEFAULT_SCENARIO},
+};
+
+/// Throws things at a robot arm that catches them from depth images alone.
+///
+/// Without a subcommand it does what `catch` does: one throw, simulated from the thrower's hand to the arm's, with its story
+/// on the terminal and a recording on disk.
+#[derive(Debug, Parser)]
+#[command(name = "catchingbot", version, args_conflicts_with_subcommands = true, max_term_width = 100)]
+#[command(after_help = "\
+Examples:
+  catchingbot                                     a tennis ball, thrown from near
+  catchingbot --object banana --throw far         a banana, thrown from far
+  catchingbot eval --throw near --throw far       57 throws of each: a table
+  catchingbot list                                what there is to throw, and how
+  catchingbot catch --json --seed 7 | jq .caught  for scripts: one JSON document
+  catchingbot view out/paper-tennis_ball-near-1-0.catch
+                                                  the throw in the browser
+  catchingbot replay out/paper-tennis_ball-near-1-0.catch
+                                                  would the brain do the same again?
+
+Exit codes: 0 it ran, whatever was caught; 2 something is wrong with what was asked for; 1 anything else.")]
+struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    catch: catch::CatchArguments,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// One throw: its story as it happens, the outcome, a recording
+    Catch(Box<catch::CatchArguments>),
+    /// Many throws: a table, and a row per trial on disk
+    Eval(Box<eval::EvalArguments>),
+    /// Many throws in one life: the arm catches, holds, puts down and returns until the next throw
+    Play(Box<play::PlayArguments>),
+    /// Parts of an evaluation become one
+    Merge(merge::MergeArguments),
+    /// The scenarios, objects, throws, robots, grippers and camera rigs and studies that are built in
+    List(list::ListArguments),
+    /// Plans for catches that are described in a file, with residuals and times
+    Plan(plan::PlanArguments),
+    /// A flight through a recorded track, and where it goes on to
+    Predict(predict::PredictArguments),
+    /// The best waiting pose for a distribution of throws
+    Ready(ready::ReadyArguments),
+    /// The pose of one point cloud against another, or against a mesh
+    Register(register::RegisterArguments),
+    /// The brain once more on the observations of a recording: does it want the same, bit for bit?
+    Replay(replay::ReplayArguments),
+    /// A recording in the browser: three dimensions, a time slider, plots
+    View(view::ViewArguments),
+    /// How long a gripper takes to begin a move, from recordings: the setting gripper_latency_s
+    GripperLatency(gripper_latency::GripperLatencyArguments),
+    /// A commented file to start from: an own robot, object, scenario or study
+    New(new::NewArguments),
+    /// Is this robot, gripper, object, throw, rig, scenario or study file right?
+    Check(check::CheckArguments),
+}
+
+/// The largest number that a throw or a seed can have: what TOML can hold.
+pub const MOST: u64 = i64::MAX as u64;
+
+/// Reads whole numbers in a range.
+pub fn whole(least: u64, most: u64) -> impl Fn(&str) -> Result<u64, String> + Clone {
+    move |text| {
+        let number = text.parse().ok().filter(|number| (least..=most).contains(number));
+        number.ok_or_else(|| format!("expected a whole number from {least} to {most}"))
+    }
+}
+
+/// What is thrown at what.
+#[derive(Debug, Args)]
+pub struct ChoiceArguments {
+    /// Scenario: a built-in name or a file
+    #[arg(long, value_name = "NAME|FILE", default_value = DEFAULT_SCENARIO)]
+    scenario: String,
+    /// Arm: a built-in name, or a robot.toml with a robot.urdf beside it [default: the scenario's]
+    #[arg(long, value_name = "NAME|FILE")]
+    robot: Option<String>,
+    /// Whose method catches [default: the scenario's, which is ours if it says nothing]
+    #[arg(long, value_enum)]
+    method: Option<MethodArgument>,
+    /// Changes one field of the scenario, such as arena.restitution_scale=0.5; may be repeated
+    #[arg(long = "set", value_name = "FIELD=VALUE")]
+    settings: Vec<String>,
+}
+
+/// Whose method catches.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum MethodArgument {
+    /// This project's
+    Ours,
+    /// The paper's own: ICP, RANSAC, its grasp selection and its trajectory optimization
+    Paper,
+}
+
+impl ChoiceArguments {
+    /// The arm, if another than the scenario's is asked for.
+    pub fn robot(&self) -> Option<&str> {
+        self.robot.as_deref()
+    }
+
+    /// Whose method is asked for.
+    pub fn method(&self) -> Option<Method> {
+        self.method.map(|method| match method {
+            MethodArgument::Ours => Method::Ours,
+            MethodArgument::Paper => Method::Paper,
+        })
+    }
+
+    /// The choice, with an object and a throw.
+    pub fn with<'a>(&'a self, object: Option<&'a str>, throw: Option<&'a str>) -> Choice<'a> {
+        let method = self.method();
+        Choice {
+            scenario: Some(&self.scenario),
+            robot: self.robot.as_deref(),
+            object,
+            throw,
+            method,
+            settings: &self.settings,
+        }
+    }
+}
+
+/// Where results go.
+#[derive(Debug, Args)]
+pub struct OutputArguments {
+    /// Folder for what is written
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    out: PathBuf,
+    /// Print one JSON document instead of the story
+    #[arg(long)]
+    json: bool,
+}
+
+/// Reads the program's arguments, does what they ask for, and says on standard error what went wrong.
+pub fn main() -> ExitCode {
+    let Err(fault) = run(Arguments::parse()) else { return ExitCode::SUCCESS };
+    let of_output = fault.chain().find_map(|cause| cause.downcast_ref::<io::Error>());
+    if of_output.is_some_and(|it| it.kind() == io::ErrorKind::BrokenPipe) {
+        // Whoever read the output has seen enough.
+        return ExitCode::SUCCESS;
+    }
+    screen::error(&format!("{fault:#}"));
+    if fault.is::<InputError>() || fault.is::<check::Faulty>() { ExitCode::from(2) } else { ExitCode::FAILURE }
+}
+
+fn run(arguments: Arguments) -> anyhow::Result<()> {
+    match arguments.command {
+        None => catch::run(&arguments.catch),
+        Some(Command::Catch(catch)) => catch::run(&catch),
+        Some(Command::Eval(eval)) => eval::run(&eval),
+        Some(Command::Play(play)) => play::run(&play),
+        Some(Command::Merge(merge)) => merge::run(&merge),
+        Some(Command::List(list)) => list::run(&list),
+        Some(Command::Plan(plan)) => plan::run(&plan),
+        Some(Command::Predict(predict)) => predict::run(&predict),
+        Some(Command::Register(register)) => register::run(&register),
+        Some(Command::Ready(ready)) => ready::run(&ready),
+        Some(Command::Replay(replay)) => replay::run(&replay),
+        Some(Command::View(view)) => view::run(&view),
+        Some(Command::GripperLatency(latency)) => gripper_latency::run(&latency),
+        Some(Command::New(new)) => new::run(&new),
+        Some(Command::Check(check)) => check::run(&check),
+    }
+}

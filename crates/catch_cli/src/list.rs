@@ -1,0 +1,99 @@
+//! `catchingbot list`: what is built in.
+
+use std::{collections::BTreeMap, path::PathBuf};
+
+use catch_body::InputError;
+use catch_lab::assets::{Asset, COMMAND_LINE, Kind, Origin, nearest};
+use clap::Args;
+
+use crate::screen::{self, FAINT, STRONG};
+
+/// Arguments of `list`.
+#[derive(Debug, Args)]
+pub struct ListArguments {
+    /// Print the file of this scenario, object, throw, robot, gripper, rig or study, to read or to start an own one from
+    #[arg(long, value_name = "NAME")]
+    show: Option<String>,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+/// Lists what is built in, or shows one of it.
+///
+/// # Errors
+/// A name that is not built in.
+pub fn run(arguments: &ListArguments) -> anyhow::Result<()> {
+    match &arguments.show {
+        Some(name) => show(name, arguments.json),
+        None => list(arguments.json),
+    }
+}
+
+fn built_in(kind: Kind, name: &str) -> Result<Asset, InputError> {
+    Asset::find(kind, name, &Origin::BuiltIn(PathBuf::new()), (COMMAND_LINE, "--show"))
+}
+
+fn list(json: bool) -> anyhow::Result<()> {
+    if json {
+        let names: BTreeMap<&str, Vec<&str>> = Kind::ALL.iter().map(|kind| (kind.plural(), kind.names())).collect();
+        return screen::json(&names);
+    }
+    for kind in Kind::ALL {
+        screen::line(&format!("{STRONG}{}{STRONG:#}", kind.plural()))?;
+        for name in kind.names() {
+            let about = summary(&built_in(kind, name)?.text);
+            screen::line(&format!("  {name:<18}{FAINT}{about}{FAINT:#}"))?;
+        }
+        screen::line("")?;
+    }
+    Ok(screen::line("`catchingbot list --show NAME` prints the file of any of them.")?)
+}
+
+/// The first sentence of the comment with which a file begins.
+fn summary(text: &str) -> String {
+    let comment: Vec<&str> = text.lines().map_while(|line| line.strip_prefix('#')).map(str::trim).collect();
+    let comment = comment.join(" ");
+    comment.split_once(". ").map_or(comment.as_str(), |(first, _)| first).trim_end_matches('.').to_owned()
+}
+
+fn show(name: &str, json: bool) -> anyhow::Result<()> {
+    let mut files = BTreeMap::new();
+    for kind in Kind::ALL {
+        if kind.names().contains(&name) {
+            let asset = built_in(kind, name)?;
+            if kind == Kind::Robot {
+                let (file, text) = asset.read_text_beside("robot.urdf")?;
+                files.insert(file, text);
+            }
+            files.insert(asset.file, asset.text);
+        }
+    }
+    if files.is_empty() {
+        let all: Vec<&str> = Kind::ALL.iter().flat_map(|kind| kind.names()).collect();
+        let hint = nearest(name, &all).map(|it| format!(" (did you mean `{it}`?)")).unwrap_or_default();
+        let expected = format!("one of {}{hint}", all.join(", "));
+        return Err(InputError::new(COMMAND_LINE, "--show", format!("`{name}`"), expected).into());
+    }
+    if json {
+        return screen::json(&files);
+    }
+    for (file, text) in &files {
+        if files.len() > 1 {
+            screen::line(&format!("{FAINT}==> {file} <=={FAINT:#}"))?;
+        }
+        screen::text(text)?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_sentence_is_the_summary() {
+        assert_eq!(summary("# A ball: 1.5 m\n# wide. And more.\nx = 1"), "A ball: 1.5 m wide");
+        assert_eq!(summary("x = 1"), "");
+    }
+}

@@ -1,0 +1,71 @@
+//! `catchingbot new`: a commented file to start from.
+
+use std::{fs, path::PathBuf};
+
+use anyhow::Context;
+use catch_body::InputError;
+use catch_lab::{
+    assets::{COMMAND_LINE, Kind},
+    evaluation::results::make_writable,
+    own_data::templates,
+};
+use clap::{Args, ValueEnum};
+
+use crate::screen;
+
+/// Arguments of `new`.
+#[derive(Debug, Args)]
+pub struct NewArguments {
+    /// What it is to be
+    #[arg(value_enum)]
+    kind: NewKind,
+    /// Its name: letters, digits, `_` and `-`
+    #[arg(value_name = "NAME")]
+    name: String,
+    /// Folder to put it in
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    out: PathBuf,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum NewKind {
+    /// An arm: a URDF and what URDF cannot say
+    Robot,
+    /// Something to throw
+    Object,
+    /// Everything that a set of trials shares
+    Scenario,
+    /// Variants of a scenario
+    Study,
+}
+
+/// Writes the files; none is overwritten.
+///
+/// # Errors
+/// A name that cannot be a file's; a file that is already there.
+pub fn run(arguments: &NewArguments) -> anyhow::Result<()> {
+    let (kind, option) = match arguments.kind {
+        NewKind::Robot => (Kind::Robot, "robot"),
+        NewKind::Object => (Kind::Object, "object"),
+        NewKind::Scenario => (Kind::Scenario, "scenario"),
+        NewKind::Study => (Kind::Study, "study"),
+    };
+    let files: Vec<(PathBuf, String)> = templates::files(kind, &arguments.name)?
+        .into_iter()
+        .map(|(name, content)| (arguments.out.join(name), content))
+        .collect();
+    if let Some((path, _)) = files.iter().find(|(path, _)| path.exists()) {
+        let found = format!("`{}`, which is already there", path.display());
+        return Err(InputError::new(COMMAND_LINE, "NAME", found, "another name or another --out").into());
+    }
+    make_writable(&arguments.out, "--out")?;
+    for (path, content) in &files {
+        let written = || path.parent().map_or(Ok(()), fs::create_dir_all).and_then(|()| fs::write(path, content));
+        written().with_context(|| format!("{}", path.display()))?;
+        screen::fact("written", &path.display().to_string())?;
+    }
+    let first = files[0].0.display();
+    screen::fact("is it right?", &format!("catchingbot check {first}"))?;
+    let subcommand = if kind == Kind::Study { "eval " } else { "" };
+    Ok(screen::fact("try it", &format!("catchingbot {subcommand}--{option} {first}"))?)
+}

@@ -1,0 +1,229 @@
+//! `catchingbot play`: many throws in one life.
+
+use std::{fmt::Write as _, fs, path::PathBuf};
+
+use anyhow::Context;
+use catch_body::InputError;
+use catch_lab::{
+    VERSION,
+    assets::{COMMAND_LINE, Kind},
+    evaluation::statistics::wilson95,
+    play::{Life, Play, PlayRow},
+    referee::Row,
+    scenario::{Scenario, setup::Setup},
+};
+use clap::Args;
+use comfy_table::{CellAlignment, Table, presets::NOTHING};
+use serde::Serialize;
+
+use super::{ChoiceArguments, MOST, whole};
+use crate::screen;
+
+/// Arguments of `play`.
+#[derive(Debug, Args)]
+pub struct PlayArguments {
+    #[command(flatten)]
+    choice: ChoiceArguments,
+    /// Object: a built-in name or a file; may be given more than once [default: all that are built in]
+    #[arg(long = "object", value_name = "NAME|FILE")]
+    objects: Vec<String>,
+    /// Throw: a built-in name or a file [default: the scenario's]
+    #[arg(long, value_name = "NAME|FILE")]
+    throw: Option<String>,
+    /// Number of throws
+    #[arg(long, value_name = "N", default_value_t = 50, allow_negative_numbers = true, value_parser = whole(1, 1_000_000))]
+    throws: u64,
+    /// Least interval between two throws in seconds; the thrower waits until the arm is ready
+    #[arg(long, value_name = "SECONDS", default_value_t = 4.0, allow_negative_numbers = true)]
+    every: f64,
+    /// Seed of everything random
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true, value_parser = whole(0, MOST))]
+    seed: u64,
+    /// Throw each one alone as well, as `eval` does, and tell both rates
+    #[arg(long)]
+    compare: bool,
+    /// Print one JSON document instead of the table
+    #[arg(long)]
+    json: bool,
+    /// Write a page with a row for each throw to this file
+    #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = "out/play.html")]
+    html: Option<PathBuf>,
+}
+
+/// What `--json` prints.
+#[derive(Debug, Serialize)]
+struct Document<'a> {
+    version: &'static str,
+    /// That of the first object.
+    scenario: &'a Scenario,
+    objects: Vec<&'a str>,
+    throws: usize,
+    caught: usize,
+    wilson95: [f64; 2],
+    /// Of the same throws, each alone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    caught_alone: Option<usize>,
+    caught_per_minute: f64,
+    placed: usize,
+    identified: usize,
+    limit_violations: usize,
+    stuck: bool,
+    duration_s: f64,
+    rows: &'a [PlayRow],
+}
+
+/// Throws, and tells what came of it.
+///
+/// # Errors
+/// A fault of the input; a page that cannot be written.
+pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
+    if !(0.0..=3600.0).contains(&arguments.every) {
+        let expected = "0 to 3600 seconds";
+        return Err(InputError::new(COMMAND_LINE, "--every", arguments.every, expected).into());
+    }
+    let mut objects: Vec<&str> = arguments.objects.iter().map(String::as_str).collect();
+    if objects.is_empty() {
+        objects = Kind::Object.names();
+    }
+    let load = |object: &str| Setup::load(&arguments.choice.with(Some(object), arguments.throw.as_deref()));
+    let setups = objects.into_iter().map(load).collect::<Result<Vec<Setup>, InputError>>()?;
+    let play = Play { setups, throws: arguments.throws, every_s: arguments.every, seed: arguments.seed };
+    let bar = screen::progress_bar(arguments.throws as usize, "throws");
+    let mut caught = 0;
+    let life = play.run(&mut |row| {
+        caught += usize::from(row.row.verdict.caught);
+        bar.set_message(format!("{caught} caught"));
+        bar.inc(1);
+    })?;
+    bar.finish_and_clear();
+    let alone = if arguments.compare { Some(alone(&play, life.rows.len())?) } else { None };
+    if let Some(path) = &arguments.html {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+        folder.map_or(Ok(()), fs::create_dir_all).with_context(|| path.display().to_string())?;
+        fs::write(path, page(&life)).with_context(|| path.display().to_string())?;
+    }
+    let document = document(&play, &life, alone);
+    if arguments.json {
+        return screen::json(&document);
+    }
+    screen::line("")?;
+    screen::line(&table(&play, &life).trim_fmt())?;
+    screen::line("")?;
+    let [low, high] = document.wilson95.map(|it| it * 100.0);
+    let Document { throws, caught, caught_per_minute, placed, identified, limit_violations, .. } = document;
+    screen::fact("caught", &format!("{caught} of {throws} ({low:.1}–{high:.1} %), {caught_per_minute:.1} a minute"))?;
+    if let Some(alone) = alone {
+        screen::fact("each throw alone", &format!("{alone} of {throws}"))?;
+    }
+    screen::fact("put down", &format!("{placed} of {caught}"))?;
+    screen::fact("told from the others", &format!("{identified} of {throws}"))?;
+    screen::fact("limits broken", &limit_violations.to_string())?;
+    if life.stuck {
+        screen::fact("ended early", "the arm did not become ready again, or the physics diverged")?;
+    }
+    if let Some(path) = &arguments.html {
+        screen::fact("page", &path.display().to_string())?;
+    }
+    Ok(())
+}
+
+/// How many of the same throws are caught if each is a trial of its own.
+fn alone(play: &Play, throws: usize) -> anyhow::Result<usize> {
+    let bar = screen::progress_bar(throws, "throws alone");
+    let mut caught = 0;
+    for index in 0..throws as u64 {
+        caught += usize::from(play.alone(index)?.verdict.caught);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    Ok(caught)
+}
+
+fn document<'a>(play: &'a Play, life: &'a Life, caught_alone: Option<usize>) -> Document<'a> {
+    let rows = &life.rows;
+    let caught = rows.iter().filter(|it| it.row.verdict.caught).count();
+    let violations: usize = rows.iter().map(|it| it.row.verdict.limit_violations).sum();
+    Document {
+        version: VERSION,
+        scenario: &play.setups[0].scenario,
+        objects: play.setups.iter().map(|setup| setup.scenario.object.as_str()).collect(),
+        throws: rows.len(),
+        caught,
+        wilson95: wilson95(caught, rows.len()),
+        caught_alone,
+        caught_per_minute: caught as f64 / life.duration_s * 60.0,
+        placed: rows.iter().filter(|it| it.placed == Some(true)).count(),
+        identified: rows.iter().filter(|it| it.identified.as_ref() == Some(&it.row.scene.object)).count(),
+        limit_violations: violations + life.violations_between,
+        stuck: life.stuck,
+        duration_s: life.duration_s,
+        rows,
+    }
+}
+
+/// A row for each object.
+fn table(play: &Play, life: &Life) -> Table {
+    let mut table = Table::new();
+    table.load_preset(NOTHING).set_header(["object", "throws", "caught", "95 %", "misses"]);
+    for setup in &play.setups {
+        let object = &setup.scenario.object;
+        let rows: Vec<&Row> = life.rows.iter().map(|it| &it.row).filter(|row| row.scene.object == *object).collect();
+        let caught = rows.iter().filter(|row| row.verdict.caught).count();
+        let [low, high] = wilson95(caught, rows.len()).map(|it| it * 100.0);
+        let mut misses: Vec<(String, usize)> = Vec::new();
+        for reason in rows.iter().filter_map(|row| row.verdict.reason) {
+            let text = reason.to_string();
+            match misses.iter_mut().find(|(it, _)| *it == text) {
+                Some((_, count)) => *count += 1,
+                None => misses.push((text, 1)),
+            }
+        }
+        let misses: Vec<String> = misses.into_iter().map(|(text, count)| format!("{count}× {text}")).collect();
+        table.add_row([
+            object.clone(),
+            rows.len().to_string(),
+            caught.to_string(),
+            format!("{low:.1}–{high:.1} %"),
+            misses.join(", "),
+        ]);
+    }
+    for column in [1, 2] {
+        if let Some(column) = table.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    table
+}
+
+/// Names come from files.
+fn escaped(name: &str) -> String {
+    name.replace('&', "&amp;").replace('<', "&lt;")
+}
+
+/// One file without network: a row for each throw.
+fn page(life: &Life) -> String {
+    let mut rows = String::new();
+    for (i, PlayRow { row, thrown_s, identified, placed }) in life.rows.iter().enumerate() {
+        let outcome = row.verdict.reason.map_or_else(|| "caught".to_owned(), |reason| reason.to_string());
+        let placed = placed.map_or("", |placed| if placed { "yes" } else { "no" });
+        let class = if row.verdict.caught { "caught" } else { "missed" };
+        let _ = writeln!(
+            rows,
+            "<tr class={class}><td>{}<td>{thrown_s:.1}<td>{}<td>{}<td>{outcome}<td>{placed}",
+            i + 1,
+            escaped(&row.scene.object),
+            identified.as_deref().map_or_else(|| "–".to_owned(), escaped),
+        );
+    }
+    let caught = life.rows.iter().filter(|it| it.row.verdict.caught).count();
+    format!(
+        "<!doctype html><meta charset=utf-8><title>Many throws in one life</title><style>\
+         body{{font:15px system-ui,sans-serif;margin:2em}}table{{border-collapse:collapse}}\
+         td,th{{padding:.2em .8em;text-align:left}}.caught td:nth-child(5){{color:#0a7d33}}\
+         .missed td:nth-child(5){{color:#b3261e}}tr:nth-child(even){{background:#f4f4f4}}</style>\
+         <h1>{caught} of {} caught in {:.1} minutes</h1>\
+         <table><tr><th>throw<th>at, s<th>object<th>taken for<th>outcome<th>put down\n{rows}</table>\n",
+        life.rows.len(),
+        life.duration_s / 60.0,
+    )
+}

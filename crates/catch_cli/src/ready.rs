@@ -1,0 +1,105 @@
+//! `catchingbot ready`: the best waiting pose for a distribution of throws.
+
+use catch_body::InputError;
+use catch_lab::{
+    VERSION,
+    assets::COMMAND_LINE,
+    reachability::ready::Corridor,
+    scenario::{Scenario, setup::Setup},
+};
+use clap::Args;
+use serde::Serialize;
+
+use super::{ChoiceArguments, MOST, whole};
+use crate::screen;
+
+/// Arguments of `ready`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+What is printed is the line `ready_rad = [..]` for a scenario's file, or for the robot.toml of an own
+robot. The search begins at the present pose and keeps it where it finds none that is better.
+
+Example:
+  catchingbot ready --scenario honest --object tennis_ball --object banana --trials 8 --tries 400")]
+pub struct ReadyArguments {
+    #[command(flatten)]
+    choice: ChoiceArguments,
+    /// Object to catch; may be repeated [default: the scenario's]
+    #[arg(long = "object", value_name = "NAME|FILE")]
+    objects: Vec<String>,
+    /// Throw to wait for; may be repeated [default: the scenario's]
+    #[arg(long = "throw", value_name = "NAME|FILE")]
+    throws: Vec<String>,
+    /// Throws of each object and kind that the pose is chosen for
+    #[arg(long, value_name = "N", default_value_t = 4, allow_negative_numbers = true, value_parser = whole(1, 10_000))]
+    trials: u64,
+    /// Poses that are tried
+    #[arg(long, value_name = "N", default_value_t = 200, allow_negative_numbers = true, value_parser = whole(1, 10_000_000))]
+    tries: u64,
+    /// Seed of the throws and of the poses
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true, value_parser = whole(0, MOST))]
+    seed: u64,
+    /// Print one JSON document instead of the story
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Answer<'a> {
+    version: &'static str,
+    scenario: &'a Scenario,
+    ready_rad: &'a [f64],
+    within_reach: usize,
+    throws: usize,
+    mean_cost: f64,
+    median_travel_rad: f64,
+}
+
+/// Searches from the scenario's present pose and prints what it finds.
+///
+/// # Errors
+/// What is wrong with the choice, or with writing the answer.
+pub fn run(arguments: &ReadyArguments) -> anyhow::Result<()> {
+    let some_or_none = |names: &[String]| -> Vec<Option<String>> {
+        if names.is_empty() { vec![None] } else { names.iter().cloned().map(Some).collect() }
+    };
+    let mut setups = Vec::new();
+    for object in some_or_none(&arguments.objects) {
+        for throw in some_or_none(&arguments.throws) {
+            setups.push(Setup::load(&arguments.choice.with(object.as_deref(), throw.as_deref()))?);
+        }
+    }
+    let corridor = Corridor::new(&setups, arguments.trials, arguments.seed);
+    let dof = setups[0].robot.dof();
+    let tries = arguments.tries as usize;
+    let bar = screen::progress_bar(tries, "poses");
+    let best = corridor.search(&setups[0].robot.ready_q, tries, arguments.seed, &mut |tried, best| {
+        bar.set_position(tried as u64);
+        bar.set_message(format!("{} of {} throws within reach, cost {:.3}", best.caught, best.throws, best.cost));
+    });
+    bar.finish_and_clear();
+    let Some(best) = best else { anyhow::bail!("no pose was found in which the arm is clear of itself and the floor") };
+    if best.caught == 0 {
+        let found = format!("no pose in {tries} tries from which any of the {} throws is within reach", best.throws);
+        let expected = "throws that pass within the arm's reach, or more --tries";
+        return Err(InputError::new(COMMAND_LINE, "--throw", found, expected).into());
+    }
+    let answer = Answer {
+        version: VERSION,
+        scenario: &setups[0].scenario,
+        ready_rad: &best.q.as_slice()[..dof],
+        within_reach: best.caught,
+        throws: best.throws,
+        mean_cost: best.cost,
+        median_travel_rad: best.travel_rad,
+    };
+    if arguments.json {
+        return screen::json(&answer);
+    }
+    let numbers: Vec<String> = answer.ready_rad.iter().map(|value| format!("{value:.3}")).collect();
+    screen::line(&format!("ready_rad = [{}]", numbers.join(", ")))?;
+    Ok(screen::line(&format!(
+        "# {} of {} throws within reach; median over them of the largest joint's travel to the catch {:.2} rad",
+        best.caught, best.throws, best.travel_rad
+    ))?)
+}

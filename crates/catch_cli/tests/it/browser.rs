@@ -1,0 +1,192 @@
+//! The pages in a real browser: they open from a disk, complain about nothing, ask no network for anything, and move.
+//!
+//! Needs Chromium (Debian: `apt-get install chromium`); without it these tests say so and pass. Screenshots stay in
+//! `target/tmp/screenshots`.
+
+use std::{
+    env, fs,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+use crate::{catchingbot, stderr};
+
+/// A browser, or a word that there is none.
+#[expect(clippy::print_stderr, reason = "whoever runs the tests should know what was not tested")]
+fn chromium() -> Option<PathBuf> {
+    let names = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
+    let folders: Vec<PathBuf> = env::split_paths(&env::var_os("PATH").unwrap_or_default()).collect();
+    let found =
+        names.iter().flat_map(|name| folders.iter().map(move |folder| folder.join(name))).find(|it| it.is_file());
+    if found.is_none() {
+        eprintln!("skipped: no Chromium is installed, so the pages were not opened");
+    }
+    found
+}
+
+struct Browser {
+    program: PathBuf,
+    profile: tempfile::TempDir,
+}
+
+impl Browser {
+    fn find() -> Option<Self> {
+        Some(Self { program: chromium()?, profile: tempfile::tempdir().unwrap() })
+    }
+
+    /// Runs the browser on a page; returns what it printed, and what the page wrote to its console.
+    fn run(&self, options: &[&str], page: &Path, address: &str) -> (String, Vec<String>) {
+        let output = Command::new(&self.program)
+            .args(["--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"])
+            .args(["--hide-scrollbars", "--virtual-time-budget=5000", "--enable-logging=stderr", "--v=0"])
+            .arg(format!("--user-data-dir={}", self.profile.path().display()))
+            .args(options)
+            .arg(format!("file://{}#{address}", page.display()))
+            .output()
+            .unwrap();
+        let log = String::from_utf8_lossy(&output.stderr).into_owned();
+        let console = log.lines().filter(|line| line.contains("CONSOLE")).map(str::to_owned).collect();
+        (String::from_utf8_lossy(&output.stdout).into_owned(), console)
+    }
+
+    /// A picture of the page, kept under `name`; the page must not have complained.
+    fn screenshot(&self, page: &Path, address: &str, [width, height]: [u32; 2], name: &str) -> Vec<u8> {
+        let path = screenshots().join(format!("{name}.png"));
+        let (screenshot, size) =
+            (format!("--screenshot={}", path.display()), format!("--window-size={width},{height}"));
+        let (_, console) = self.run(&[&screenshot, &size], page, address);
+        assert!(console.is_empty(), "{name}: {console:?}");
+        fs::read(&path).unwrap()
+    }
+}
+
+/// Where pictures are kept to be looked at.
+fn screenshots() -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("screenshots");
+    fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+/// The page of a throw in `folder`.
+fn page_of_a_throw(folder: &Path) -> PathBuf {
+    let output = catchingbot(&["catch", "--html", "--object", "banana", "--out", folder.to_str().unwrap()]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    folder.join("paper-banana-near-1-0.html")
+}
+
+/// No address of anything else stands in a page.
+fn assert_refers_to_nothing(page: &str) {
+    for reference in ["http:", "https:", "src=", "url(", "@import", "import(", "fetch(", "XMLHttp", "WebSocket"] {
+        assert!(!page.contains(reference), "the page contains {reference}");
+    }
+}
+
+/// Stands before the scripts of a page: what waits for a frame is done at once, so that no browser, however slow, is asked before.
+const AT_ONCE: &str = "<script>window.requestAnimationFrame = (draw) => draw(performance.now());</script></head>";
+
+/// Moves the slider and counts the pixels that change, the thrown object taken away; writes what it found into the page.
+const DRIVER: &str = "<script>{
+  const found = document.body.dataset;
+  for (const [name] of LAYERS) toggle(name, false);
+  scene.surfaces.splice(scene.surfaces.findIndex((it) => it.of === 'object'), 1);
+  const at = (time) => {
+    $('time').value = time; $('time').dispatchEvent(new Event('input'));
+    const pixels = new Uint8Array(canvas.width * canvas.height * 4);
+    gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, pixels); return pixels;
+  };
+  const changed = (a, b) => { let n = 0; for (let i = 0; i < a.length; i += 4) if (a[i] !== b[i] || a[i + 1] !== b[i + 1]) n++; return n; };
+  const [early, late, again] = [at(0.1), at(0.6), at(0.1)];
+  found.arm = changed(early, late); found.back = changed(early, again);
+  dispatchEvent(new KeyboardEvent('keydown', { key: 'ArrowRight' })); found.clock = $('clock').textContent;
+  const before = camera.azimuth;
+  for (const [type, x] of [['pointerdown', 300], ['pointermove', 360], ['pointerup', 360]])
+    canvas.dispatchEvent(new PointerEvent(type, { clientX: x, clientY: 300, pointerId: 1, buttons: 1, bubbles: true }));
+  found.turned = before - camera.azimuth; found.requests = performance.getEntriesByType('resource').length; found.error = gl.getError();
+}</script></body>";
+
+/// The value that the driver wrote into a page under `name`.
+fn found(dom: &str, name: &str) -> String {
+    let value = dom.split(&format!("data-{name}=\"")).nth(1).and_then(|rest| rest.split('"').next());
+    value.unwrap_or_else(|| panic!("the page did not come to data-{name}")).to_owned()
+}
+
+#[test]
+fn the_page_of_a_throw_opens_from_a_disk_and_its_slider_moves_the_arm() {
+    let Some(browser) = Browser::find() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let page = page_of_a_throw(folder.path());
+    let text = fs::read_to_string(&page).unwrap();
+    assert!(text.len() < 1_000_000, "{} bytes", text.len());
+    assert_refers_to_nothing(&text);
+
+    let desktop = [1360, 850];
+    let early = browser.screenshot(&page, "t=0.1", desktop, "catch-0.1");
+    let late = browser.screenshot(&page, "t=0.6", desktop, "catch-0.6");
+    assert!(early != late, "the address moves the slider");
+    browser.screenshot(&page, "t=0.6&theme=dark&layers=truth,predicted,plan,grasps,cameras", desktop, "catch-dark");
+    browser.screenshot(&page, "t=0.6", [412, 915], "catch-phone");
+
+    let driven = folder.path().join("driven.html");
+    fs::write(&driven, text.replace("</head>", AT_ONCE).replace("</body>", DRIVER)).unwrap();
+    let (dom, console) = browser.run(&["--dump-dom", "--window-size=1360,850"], &driven, "");
+    // Reading pixels back is what stalls here.
+    assert!(console.iter().all(|line| line.contains("GPU stall")), "{console:?}");
+    let arm: usize = found(&dom, "arm").parse().unwrap();
+    assert!(arm > 5_000, "only {arm} pixels changed with the slider");
+    assert_eq!(found(&dom, "back"), "0", "the same time gives the same picture");
+    assert_eq!(found(&dom, "clock"), "0.110 s");
+    assert!(found(&dom, "turned").parse::<f64>().unwrap() > 0.1, "dragging turns the camera");
+    assert_eq!(found(&dom, "requests"), "0");
+    assert_eq!(found(&dom, "error"), "0");
+}
+
+#[test]
+fn the_report_opens_from_a_disk() {
+    let Some(browser) = Browser::find() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().to_str().unwrap();
+    let evaluated = catchingbot(&["eval", "--trials", "2", "--throw", "near", "--throw", "far", "--out", out]);
+    assert!(evaluated.status.success(), "{}", stderr(&evaluated));
+    let report = folder.path().join("report.html");
+    assert_refers_to_nothing(&fs::read_to_string(&report).unwrap());
+    let light = browser.screenshot(&report, "", [1000, 1200], "report");
+    let dark = browser.screenshot(&report, "theme=dark", [1000, 1200], "report-dark");
+    assert!(light != dark);
+    browser.screenshot(&report, "", [412, 915], "report-phone");
+}
+
+#[test]
+fn a_study_opens_from_a_disk_and_each_step_leads_to_its_report() {
+    let Some(browser) = Browser::find() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().to_str().unwrap();
+    let evaluated =
+        catchingbot(&["eval", "--study", "ablation", "--trials", "1", "--object", "tennis_ball", "--out", out]);
+    assert!(evaluated.status.success(), "{}", stderr(&evaluated));
+    let page = folder.path().join("report.html");
+    let text = fs::read_to_string(&page).unwrap();
+    assert_refers_to_nothing(&text);
+    let links: Vec<&str> = text.split("href=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
+    let steps = fs::read_dir(folder.path()).unwrap().filter(|it| it.as_ref().unwrap().path().is_dir()).count();
+    assert_eq!(links.len(), steps);
+    for link in links {
+        assert_refers_to_nothing(&fs::read_to_string(folder.path().join(link)).unwrap());
+    }
+
+    let light = browser.screenshot(&page, "", [1000, 1500], "study");
+    let dark = browser.screenshot(&page, "theme=dark", [1000, 1500], "study-dark");
+    assert!(light != dark);
+    browser.screenshot(&page, "", [412, 915], "study-phone");
+    // Every step stands in the window, and nothing is wider than a phone.
+    let driven = folder.path().join("driven.html");
+    let driver = "<script>const found = document.body.dataset, bars = [...document.querySelectorAll('.step .bar')];
+        found.bars = bars.filter((it) => it.parentElement.getBoundingClientRect().width > 40).length;
+        found.wide = document.documentElement.scrollWidth - innerWidth;
+        found.requests = performance.getEntriesByType('resource').length;</script></body>";
+    fs::write(&driven, text.replace("</body>", driver)).unwrap();
+    let (dom, console) = browser.run(&["--dump-dom", "--window-size=500,915"], &driven, "");
+    assert!(console.is_empty(), "{console:?}");
+    assert_eq!(found(&dom, "bars"), steps.to_string());
+    assert_eq!(found(&dom, "requests"), "0");
+    assert!(found(&dom, "wide").parse::<i32>().unwrap() <= 0, "wider than the window");
+}

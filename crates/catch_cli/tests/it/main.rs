@@ -1,0 +1,29 @@
+//! Tests of the program: wrong input, reproducibility, evaluations, and what it writes.
+
+mod browser;
+mod determinism;
+mod evaluation;
+mod general_form;
+mod honest;
+mod mcap_file;
+mod own_data;
+mod pages;
+mod recording;
+mod wrong_input;
+
+use std::process::{Command, Output};
+
+/// Runs the program.
+fn catchingbot(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_catchingbot")).args(arguments).output().unwrap()
+}
+
+/// What it printed as its result.
+fn stdout(output: &Output) -> String {
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+/// What it complained about.
+fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}

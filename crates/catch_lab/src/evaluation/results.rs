@@ -1,0 +1,249 @@
+//! Results of an evaluation on disk.
+//!
+//! While it runs there is a log, one line of JSON per trial, written as soon as it and all before it are done, and a file beside it
+//! that says what is evaluated. What a run was killed in the middle of is gone; everything before it stays. When all trials
+//! are done the log becomes a table ([`trial_table`]) and a summary for people. Evaluations of parts can be
+//! merged; the union is what one evaluation would have written, byte for byte.
+
+use std::{
+    fs::{self, File, OpenOptions},
+    io::{self, Write},
+    path::{Path, PathBuf},
+};
+
+use catch_body::InputError;
+
+use crate::{
+    assets::COMMAND_LINE,
+    evaluation::{Evaluation, Identity, Row, summary_table, trial_table},
+};
+
+/// Name of the file with one row per trial.
+pub const TRIALS_FILE: &str = "trials.jsonl";
+/// Name of the summary.
+pub const SUMMARY_FILE: &str = "table.md";
+/// Name of the report in a folder of results.
+pub const REPORT_FILE: &str = "report.html";
+/// Name of the file that says what was evaluated.
+const IDENTITY_FILE: &str = "evaluation.toml";
+
+/// Results that grow.
+#[derive(Debug)]
+pub struct Results {
+    folder: PathBuf,
+    identity: Identity,
+    trials: File,
+}
+
+impl Results {
+    /// Opens a folder for the results of `evaluation`; returns the rows that are already there.
+    ///
+    /// # Errors
+    /// A folder that cannot be written, that holds results though nothing is to be resumed, that holds results of something
+    /// else or of nobody knows what, more trials than are asked for, or rows that are none.
+    pub fn open(folder: &Path, evaluation: &Evaluation, resume: bool) -> Result<(Self, Vec<Row>), InputError> {
+        let identity = evaluation.identity();
+        if folder.join(IDENTITY_FILE).exists() {
+            if !resume {
+                return Err(holds_results(folder, "--resume to go on with them, or another folder"));
+            }
+            check_identity(&folder.join(IDENTITY_FILE), &identity)?;
+        } else {
+            for file in [TRIALS_FILE, REPORT_FILE] {
+                refuse_file(folder, file, "a folder without: what it is of is not known")?;
+            }
+            write_identity(folder, &identity)?;
+        }
+        let path = folder.join(TRIALS_FILE);
+        let (rows, bytes) = read_rows(&path, &identity)?;
+        if rows.len() > evaluation.len() {
+            let there = rows.len().div_ceil(identity.cells.len().max(1));
+            let expected = format!("at least the {there} that `{}` holds already", folder.display());
+            return Err(InputError::new(COMMAND_LINE, "--trials", evaluation.trials, expected));
+        }
+        let unwritable = |fault: io::Error| {
+            InputError::new(path.display().to_string(), "the file", fault, "a file that can be written")
+        };
+        let trials = OpenOptions::new().create(true).truncate(false).write(true).open(&path).map_err(unwritable)?;
+        // A line that was cut off is written again.
+        trials.set_len(bytes).map_err(unwritable)?;
+        let mut results = Self { folder: folder.to_owned(), identity, trials };
+        io::Seek::seek(&mut results.trials, io::SeekFrom::End(0)).map_err(unwritable)?;
+        Ok((results, rows))
+    }
+
+    /// Adds a row.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn add(&mut self, row: &Row) -> Result<(), InputError> {
+        let line = serde_json::to_string(row).map_err(io::Error::from).map(|line| line + "\n");
+        line.and_then(|line| self.trials.write_all(line.as_bytes())).map_err(|fault| {
+            let file = self.folder.join(TRIALS_FILE).display().to_string();
+            InputError::new(file, "the file", fault, "room for more rows; --resume goes on where this stopped")
+        })
+    }
+
+    /// Writes table and summary of all rows.
+    ///
+    /// # Errors
+    /// If they cannot be written; the log stays.
+    pub fn finish(&self, rows: &[Row]) -> Result<(), InputError> {
+        write_tables(&self.folder, &self.identity, rows)
+    }
+}
+
+fn write_tables(folder: &Path, identity: &Identity, rows: &[Row]) -> Result<(), InputError> {
+    trial_table::write(folder, rows, &identity_text(identity)?)?;
+    let summary = summary_table::markdown(identity, &identity.summarize(rows));
+    trial_table::replace(&folder.join(SUMMARY_FILE), |path| fs::write(path, summary))
+}
+
+/// Makes a folder, where there is none, and writes into it to see whether that is possible; `asked_by` is the argument that
+/// names it.
+///
+/// # Errors
+/// If it is not.
+pub fn make_writable(folder: &Path, asked_by: &str) -> Result<(), InputError> {
+    let trial = folder.join(".catchingbot");
+    let made = fs::create_dir_all(folder).and_then(|()| File::create(&trial)).and_then(|_| fs::remove_file(&trial));
+    made.map_err(|fault| {
+        let found = format!("`{}`: {fault}", folder.display());
+        InputError::new(COMMAND_LINE, asked_by, found, "a folder that can be written")
+    })
+}
+
+fn write_identity(folder: &Path, identity: &Identity) -> Result<(), InputError> {
+    make_writable(folder, "--out")?;
+    let text = identity_text(identity)?;
+    trial_table::replace(&folder.join(IDENTITY_FILE), |path| fs::write(path, text))
+}
+
+/// What was evaluated as TOML, the language of scenarios; unlike JSON it knows infinity.
+fn identity_text(identity: &Identity) -> Result<String, InputError> {
+    toml::to_string(identity).map_err(|fault| {
+        InputError::new(COMMAND_LINE, "the evaluation", fault, "a seed and a scenario that can be written as TOML")
+    })
+}
+
+/// Whether nobody has written `file` into the folder.
+///
+/// # Errors
+/// If somebody has; `expected` says what would be right.
+fn refuse_file(folder: &Path, file: &str, expected: &str) -> Result<(), InputError> {
+    if !folder.join(file).exists() {
+        return Ok(());
+    }
+    let found = format!("`{}`, which holds {file}", folder.display());
+    Err(InputError::new(COMMAND_LINE, "--out", found, expected))
+}
+
+/// Whether a folder is free for several evaluations, each in a folder of its own within it.
+///
+/// # Errors
+/// If it holds an evaluation itself.
+pub fn check_holds_none(folder: &Path) -> Result<(), InputError> {
+    [IDENTITY_FILE, TRIALS_FILE]
+        .iter()
+        .try_for_each(|file| refuse_file(folder, file, "a folder without: every evaluation gets one of its own in it"))
+}
+
+fn holds_results(folder: &Path, expected: &str) -> InputError {
+    InputError::new(COMMAND_LINE, "--out", format!("`{}`, which holds results", folder.display()), expected)
+}
+
+/// Puts the results of parts together in `out`; returns what was evaluated and all rows.
+///
+/// # Errors
+/// Parts of different evaluations, parts that are not complete, that leave gaps or that overlap; a folder that holds results or
+/// cannot be written.
+pub fn merge(folders: &[PathBuf], out: &Path) -> Result<(Identity, Vec<Row>), InputError> {
+    if out.join(IDENTITY_FILE).exists() || out.join(TRIALS_FILE).exists() {
+        return Err(holds_results(out, "a folder without"));
+    }
+    let mut parts = Vec::new();
+    for folder in folders {
+        let identity = read_identity(&folder.join(IDENTITY_FILE))?;
+        let path = folder.join(TRIALS_FILE);
+        let (rows, bytes) = read_rows(&path, &identity)?;
+        let file = path.display().to_string();
+        let lines = fs::read(&path).map_err(|fault| InputError::new(&file, "the file", fault, "a readable file"))?;
+        if rows.len() % identity.cells.len().max(1) != 0 || bytes != lines.len() as u64 || rows.is_empty() {
+            let found = format!("{} whole rows of {} cells", rows.len(), identity.cells.len());
+            return Err(InputError::new(&file, "the file", found, "a complete part; --resume completes it"));
+        }
+        parts.push((identity, rows, lines, folder));
+    }
+    parts.sort_by_key(|(identity, ..)| identity.first);
+    let Some((whole, ..)) = parts.first() else {
+        return Err(InputError::new(COMMAND_LINE, "DIR", "nothing", "the folders of the parts"));
+    };
+    let whole = whole.clone();
+    let (mut next, mut all, mut log) = (whole.first, Vec::new(), Vec::new());
+    for (identity, rows, lines, folder) in parts {
+        let file = folder.join(IDENTITY_FILE).display().to_string();
+        compare(&file, &identity, &Identity { first: identity.first, ..whole.clone() })?;
+        if identity.first != next {
+            let expected = format!("{next}, where the part before it ends: no gap and no throw twice");
+            return Err(InputError::new(&file, "first", identity.first, expected));
+        }
+        next += (rows.len() / whole.cells.len()) as u64;
+        all.extend(rows);
+        log.extend(lines);
+    }
+    write_identity(out, &whole)?;
+    trial_table::replace(&out.join(TRIALS_FILE), |path| fs::write(path, &log))?;
+    write_tables(out, &whole, &all)?;
+    Ok((whole, all))
+}
+
+fn read_identity(path: &Path) -> Result<Identity, InputError> {
+    let file = path.display().to_string();
+    let text =
+        fs::read_to_string(path).map_err(|fault| InputError::new(&file, "the file", fault, "a folder of results"))?;
+    InputError::parse_toml(&file, &text)
+}
+
+fn check_identity(path: &Path, identity: &Identity) -> Result<(), InputError> {
+    compare(&path.display().to_string(), &read_identity(path)?, identity)
+}
+
+fn compare(file: &str, found: &Identity, identity: &Identity) -> Result<(), InputError> {
+    let differing = [
+        ("version", found.version != identity.version),
+        ("seed", found.seed != identity.seed),
+        ("first", found.first != identity.first),
+        ("cells", found.cells != identity.cells || found.throws_are_fixed != identity.throws_are_fixed),
+    ];
+    match differing.iter().find(|(_, differs)| *differs) {
+        None => Ok(()),
+        Some((field, _)) => {
+            let expected = "the same scenario, objects, throws, seed, first throw and version; or another folder";
+            Err(InputError::new(file, field, "results of another evaluation", expected))
+        }
+    }
+}
+
+/// The rows of a file that may not exist, and how many bytes they take. A last line that was cut off does not count.
+fn read_rows(path: &Path, identity: &Identity) -> Result<(Vec<Row>, u64), InputError> {
+    let file = path.display().to_string();
+    let text = match fs::read_to_string(path) {
+        Ok(text) => text,
+        Err(fault) if fault.kind() == io::ErrorKind::NotFound => return Ok((Vec::new(), 0)),
+        Err(fault) => return Err(InputError::new(&file, "the file", fault, "a readable file of results")),
+    };
+    let (mut rows, mut bytes) = (Vec::new(), 0);
+    for line in text.split_inclusive('\n').filter(|line| line.ends_with('\n')) {
+        let field = format!("line {}", rows.len() + 1);
+        let row: Row = serde_json::from_str(line).map_err(|fault| {
+            InputError::new(&file, &field, fault, "the row of a trial; take the folder away to begin anew")
+        })?;
+        let expected = identity.scene(rows.len());
+        if row.scene != expected {
+            return Err(InputError::new(&file, &field, format!("{:?}", row.scene), format!("{expected:?}")));
+        }
+        rows.push(row);
+        bytes += line.len() as u64;
+    }
+    Ok((rows, bytes))
+}

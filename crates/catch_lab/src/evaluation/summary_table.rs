@@ -1,0 +1,85 @@
+//! The table of an evaluation: a line per object and throw, beside what was published.
+
+use std::fmt::Write;
+
+use crate::{
+    VERSION,
+    evaluation::{
+        Identity,
+        published::{published_rate, published_rates},
+        statistics::CellSummary,
+    },
+    trial::stopwatch::StageTimes,
+};
+
+/// What the columns are called.
+pub const HEADINGS: [&str; 11] = [
+    "object",
+    "throw",
+    "trials",
+    "caught",
+    "95 %",
+    "out of reach",
+    "as the paper",
+    "paper's Table I",
+    "joint travel",
+    "limits broken",
+    "misses",
+];
+
+/// The first column that holds numbers, and the first after them that holds text again.
+pub const NUMBERS: std::ops::Range<usize> = 2..10;
+
+/// The lines of the table.
+pub fn lines(cells: &[CellSummary]) -> Vec<[String; HEADINGS.len()]> {
+    let rates = published_rates();
+    let percent = |value: f64| format!("{:.1}", value * 100.0);
+    let line = |cell: &CellSummary| {
+        let fraction = |count: usize| format!("{count} ({} %)", percent(count as f64 / cell.trials.max(1) as f64));
+        let reasons: Vec<String> = cell.reasons.iter().map(|(reason, count)| format!("{count}× {reason}")).collect();
+        [
+            cell.object.clone(),
+            cell.throw.clone(),
+            cell.trials.to_string(),
+            fraction(cell.caught),
+            cell.wilson95
+                .map_or("same throw".to_owned(), |[low, high]| format!("{} – {} %", percent(low), percent(high))),
+            cell.out_of_reach.map_or("–".to_owned(), |count| count.to_string()),
+            fraction(cell.caught_paper),
+            published_rate(&rates, cell).map_or("–".to_owned(), |rate| format!("{} %", percent(rate))),
+            cell.median_joint_travel_rad.map_or("–".to_owned(), |it| format!("{it:.2} rad")),
+            cell.limit_violations.to_string(),
+            reasons.join(", "),
+        ]
+    };
+    cells.iter().map(line).collect()
+}
+
+/// The table in Markdown, with what it is a table of. No time enters it: the same evaluation gives the same bytes.
+pub fn markdown(identity: &Identity, cells: &[CellSummary]) -> String {
+    let (caught, trials): (usize, usize) = cells.iter().fold((0, 0), |(a, b), cell| (a + cell.caught, b + cell.trials));
+    let scenario = identity.cells.first().map_or("", |cell| cell.name.as_str());
+    let mut text = format!(
+        "Scenario {scenario}, seed {}, throws from {} on, CatchingBot {VERSION}: {caught} of {trials} caught.\n\n",
+        identity.seed, identity.first
+    );
+    let row = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
+    text += &row(&HEADINGS.map(str::to_owned));
+    let rules: Vec<String> =
+        (0..HEADINGS.len()).map(|i| if NUMBERS.contains(&i) { "---:" } else { "---" }.to_owned()).collect();
+    text += &row(&rules);
+    for line in lines(cells) {
+        text += &row(&line);
+    }
+    text + "\n\"caught\": held to the end, without a limit broken; \"as the paper\": its own measure, which looks at one axis at \
+            0.875 s; \"paper's Table I\": what it published by that measure, its fixed throws, without limits on the arm.\n"
+}
+
+/// The times of the stages in Markdown.
+pub fn times_markdown<'a>(stages: impl IntoIterator<Item = (&'a str, StageTimes)>) -> String {
+    let mut text = "| stage | p50 | p99 | max |\n| --- | ---: | ---: | ---: |\n".to_owned();
+    for (stage, StageTimes { p50_ms, p99_ms, max_ms, .. }) in stages {
+        let _ = writeln!(text, "| {stage} | {p50_ms:.2} ms | {p99_ms:.2} ms | {max_ms:.1} ms |");
+    }
+    text
+}

@@ -1,0 +1,256 @@
+//! The results of an evaluation as a table: one row per trial, the same columns in CSV and in Parquet.
+//!
+//! Both are made from the log of the trials when an evaluation is complete; the log stays what is true.
+
+use std::{
+    fmt::Write as _,
+    fs::{self, File},
+    io::{self, BufWriter, Write},
+    path::Path,
+};
+
+use catch_body::InputError;
+use serde_json::{Map, Value};
+
+use crate::{evaluation::Row, referee::LEADS_S};
+
+#[cfg(feature = "parquet")]
+mod parquet_file;
+
+/// Names of the files.
+pub const CSV_FILE: &str = "trials.csv";
+/// The same in Parquet.
+pub const PARQUET_FILE: &str = "trials.parquet";
+
+/// How many rows are turned into columns at a time, so that long evaluations need no more memory than short ones.
+const GROUP_ROWS: usize = 1000;
+
+/// What a column holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Text,
+    Count,
+    Flag,
+    Number,
+}
+
+/// Columns, by their names in a [`Row`]. Lengths are in metres, angles in radians, times in seconds, as the names say; ratios are
+/// of the arm's limits.
+const COLUMNS: &[(&str, Kind)] = &[
+    ("scenario", Kind::Text),
+    ("object", Kind::Text),
+    ("throw", Kind::Text),
+    ("seed", Kind::Count),
+    ("index", Kind::Count),
+    ("caught", Kind::Flag),
+    ("caught_paper", Kind::Flag),
+    ("reason", Kind::Text),
+    (REACH, Kind::Number),
+    ("limit_violations", Kind::Count),
+    ("catch_time_s", Kind::Number),
+    ("contact_s", Kind::Number),
+    ("prediction_error_m", Kind::Number),
+    ("prediction_rotation_error_rad", Kind::Number),
+    (PREDICTIONS, Kind::Number),
+    ("tracking_error_m", Kind::Number),
+    ("grasp_offset_m", Kind::Number),
+    ("grasp_rotation_error_rad", Kind::Number),
+    ("contact_delay_s", Kind::Number),
+    ("relative_speed_mps", Kind::Number),
+    ("sideways_fraction", Kind::Number),
+    ("palm_fraction", Kind::Number),
+    ("grasp_width_m", Kind::Number),
+    ("grasp_overhang_m", Kind::Number),
+    ("grasp_strength_m", Kind::Number),
+    ("approach_is_free", Kind::Flag),
+    ("joint_travel_rad", Kind::Number),
+    ("peak_contact_impulse_ns", Kind::Number),
+    ("catch_impulse_ns", Kind::Number),
+    ("catch_joint_impulse_nms", Kind::Number),
+    ("peak_velocity_ratio", Kind::Number),
+    ("peak_acceleration_ratio", Kind::Number),
+    ("peak_torque_ratio", Kind::Number),
+    ("torque_clamped_s", Kind::Number),
+    ("late_trajectories", Kind::Count),
+    ("rejected_trajectories", Kind::Count),
+    ("discontinuous_trajectories", Kind::Count),
+    ("min_self_clearance_m", Kind::Number),
+    ("min_floor_clearance_m", Kind::Number),
+];
+/// One column each for how long before the catch a prediction was made.
+const PREDICTIONS: &str = "prediction_errors_m";
+/// What the oracle reached, in columns of their own; only misses have it.
+const REACH: &str = "reach";
+const REACHES: &[&str] = &["from_first_image_s", "from_release_s"];
+/// Fields of a [`Row`] that are no column: a violation is told by its number here, and in full in the log.
+#[cfg(test)]
+const ELSEWHERE: &[&str] = &["first_violation"];
+
+/// A column with its values, row by row.
+struct Column {
+    name: String,
+    /// CSV needs none.
+    #[cfg_attr(not(feature = "parquet"), expect(dead_code))]
+    kind: Kind,
+    values: Vec<Value>,
+}
+
+fn columns(rows: &[Row]) -> Vec<Column> {
+    let maps: Vec<Map<String, Value>> = rows
+        .iter()
+        .map(|row| match serde_json::to_value(row) {
+            Ok(Value::Object(map)) => map,
+            _ => Map::new(),
+        })
+        .collect();
+    let of = |pick: &dyn Fn(&Map<String, Value>) -> Option<&Value>| -> Vec<Value> {
+        maps.iter().map(|map| pick(map).cloned().unwrap_or_default()).collect()
+    };
+    let mut columns = Vec::new();
+    for &(field, kind) in COLUMNS {
+        if field == REACH {
+            for part in REACHES {
+                let values = of(&|map| map.get(field)?.get(part));
+                columns.push(Column { name: format!("{field}_{part}"), kind, values });
+            }
+            continue;
+        }
+        if field != PREDICTIONS {
+            columns.push(Column { name: field.to_owned(), kind, values: of(&|map| map.get(field)) });
+            continue;
+        }
+        for (i, lead_s) in LEADS_S.iter().enumerate() {
+            let name = format!("prediction_error_{:.0}ms_before_m", lead_s * 1e3);
+            columns.push(Column { name, kind, values: of(&|map| map.get(field)?.get(i)) });
+        }
+    }
+    columns
+}
+
+/// Writes the table into a folder, in Parquet as well where that is compiled in, each file at once or not at all. `identity` says
+/// what was evaluated; Parquet keeps it.
+///
+/// # Errors
+/// If they cannot be written; what was there before stays.
+pub fn write(folder: &Path, rows: &[Row], identity: &str) -> Result<(), InputError> {
+    replace(&folder.join(CSV_FILE), |path| {
+        let mut file = BufWriter::new(File::create(path)?);
+        file.write_all(names(&columns(&[])).as_bytes())?;
+        for rows in rows.chunks(GROUP_ROWS) {
+            file.write_all(csv(&columns(rows), rows.len()).as_bytes())?;
+        }
+        file.flush()
+    })?;
+    #[cfg(feature = "parquet")]
+    replace(&folder.join(PARQUET_FILE), |path| parquet_file::write(path, rows, identity).map_err(io::Error::other))?;
+    #[cfg(not(feature = "parquet"))]
+    let _ = identity;
+    Ok(())
+}
+
+/// Writes a file under another name and gives it its own when it is complete.
+///
+/// # Errors
+/// If it cannot be written; what was there before stays.
+pub fn replace(path: &Path, write: impl FnOnce(&Path) -> io::Result<()>) -> Result<(), InputError> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let unfinished = path.with_file_name(format!(".{name}.unfinished"));
+    write(&unfinished).and_then(|()| fs::rename(&unfinished, path)).map_err(|fault| {
+        // Best effort: what is reported is why it could not be written.
+        let _ = fs::remove_file(&unfinished);
+        InputError::new(path.display().to_string(), "the file", fault, "a place to write to; --resume writes it again")
+    })
+}
+
+/// The line of names.
+fn names(columns: &[Column]) -> String {
+    let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
+    names.join(",") + "\n"
+}
+
+/// A line per trial; numbers as short as they can be read back exactly, nothing where there is none.
+fn csv(columns: &[Column], rows: usize) -> String {
+    let mut text = String::new();
+    for row in 0..rows {
+        for (i, column) in columns.iter().enumerate() {
+            if i > 0 {
+                text.push(',');
+            }
+            match &column.values[row] {
+                Value::Null => {}
+                Value::String(value) if value.contains(['"', ',', '\n']) => {
+                    text.extend(["\"", &value.replace('"', "\"\""), "\""]);
+                }
+                Value::String(value) => text.push_str(value),
+                value => {
+                    let _ = write!(text, "{value}");
+                }
+            }
+        }
+        text.push('\n');
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        reachability::oracle::Reach,
+        referee::{Measures, Verdict, reason::Reason},
+        scenario::setup::Scene,
+    };
+
+    fn row(index: u64, reason: Option<Reason>) -> Row {
+        Row {
+            scene: Scene { scenario: "a, b".into(), object: "x".into(), throw: "y".into(), seed: u64::MAX, index },
+            verdict: Verdict {
+                caught: reason.is_none(),
+                caught_paper: true,
+                reason,
+                reach: reason.map(|_| Reach { from_first_image_s: None, from_release_s: Some(0.5) }),
+                limit_violations: 0,
+                first_violation: None,
+                catch_time_s: Some(0.1 + 0.2),
+                contact_s: None,
+                measures: Measures::default(),
+            },
+        }
+    }
+
+    #[test]
+    fn every_field_of_a_row_has_its_column() {
+        let Value::Object(map) = serde_json::to_value(row(0, Some(Reason::Late))).unwrap() else {
+            panic!("a row is an object")
+        };
+        for field in map.keys() {
+            let is_known = COLUMNS.iter().any(|(name, _)| name == field) || ELSEWHERE.contains(&field.as_str());
+            assert!(is_known, "{field} has no column");
+        }
+        assert!(COLUMNS.iter().all(|(name, _)| map.contains_key(*name)));
+        assert!(map[REACH].as_object().unwrap().keys().all(|part| REACHES.contains(&part.as_str())));
+    }
+
+    #[test]
+    fn csv_gives_numbers_back_exactly_and_quotes_what_must_be() {
+        let columns = columns(&[row(3, Some(Reason::Late))]);
+        let (names, line) = (names(&columns), csv(&columns, 1));
+        assert!(
+            line.starts_with("\"a, b\",x,y,18446744073709551615,3,false,true,late,,0.5,0,0.30000000000000004,,"),
+            "{line}"
+        );
+        assert_eq!(names.split(',').count(), line.split(',').count() - 1);
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_written_leaves_the_old_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table.csv");
+        fs::write(&path, "old").unwrap();
+        let fault = replace(&path, |_| Err(io::Error::other("no room"))).unwrap_err().to_string();
+        assert!(fault.contains("no room") && fault.contains("table.csv"), "{fault}");
+        assert_eq!(fs::read_to_string(&path).unwrap(), "old");
+        replace(&path, |path| fs::write(path, "new")).unwrap();
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+}

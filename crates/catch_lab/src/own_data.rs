@@ -1,0 +1,7 @@
+//! What users bring along: files of their own to start from, their checks, and data of other systems.
+
+pub mod check;
+pub mod cloud_file;
+pub mod planner_cases;
+pub mod templates;
+pub mod track_file;

@@ -1,0 +1,167 @@
+//! Checks of a user's files: what kind of file is it, and what is wrong with it?
+
+use std::path::{Path, PathBuf};
+
+use catch_body::{Gripper, InputError};
+use catch_sim::Throw;
+
+use crate::{
+    assets::{Asset, Kind},
+    scenario::{
+        Scenario,
+        setup::{Choice, Setup, SourceNames, Sources},
+    },
+    study::Study,
+};
+
+/// What a check found.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Checked {
+    /// What the file describes, if that can be told.
+    pub kind: Option<Kind>,
+    /// All faults found.
+    pub faults: Vec<InputError>,
+    /// What somebody who wrote the file may want to know of it, a line each.
+    pub notes: Vec<String>,
+}
+
+/// Fields that only one kind of file has.
+const TELLTALES: [(&str, Kind); 9] = [
+    ("overlay", Kind::Study),
+    ("flight_rig", Kind::Scenario),
+    ("arena", Kind::Scenario),
+    ("gripper_mount", Kind::Robot),
+    ("finger_mass_kg", Kind::Gripper),
+    ("truth", Kind::Object),
+    ("motion", Kind::Throw),
+    ("uv_sphere", Kind::Rig),
+    ("cameras", Kind::Rig),
+];
+
+/// Checks one file.
+pub fn check(path: &Path) -> Checked {
+    let path = robot_file(path);
+    // Every kind of file is read in the same way; which kind it is only shows afterwards.
+    let asset = match Asset::on_disk(Kind::Scenario, &path) {
+        Ok(asset) => asset,
+        Err(InputError { file, field, found, .. }) => {
+            let expected = "a readable file: a scenario, robot, gripper, object, throw, rig or study";
+            return Checked::unreadable(InputError::new(file, field, found, expected));
+        }
+    };
+    let table: toml::Table = match InputError::parse_toml(&asset.file, &asset.text) {
+        Ok(table) => table,
+        Err(fault) => return Checked::unreadable(fault),
+    };
+    let kind = TELLTALES.iter().find(|(field, _)| table.contains_key(*field)).map(|&(_, kind)| kind);
+    let faults = match kind {
+        Some(kind) => {
+            let faults = faults_of(kind, &asset);
+            let is_right_object = kind == Kind::Object && faults.is_empty();
+            if is_right_object { held(&asset, Setup::load(&thrown(&asset))) } else { faults }
+        }
+        None => {
+            let fields: Vec<&str> = table.keys().map(String::as_str).collect();
+            let found = if fields.is_empty() { "nothing".to_owned() } else { format!("fields {}", fields.join(", ")) };
+            let expected = "the fields of a scenario, robot, gripper, object, throw, rig or study (`catchingbot list --show NAME` prints one)";
+            vec![InputError::new(&asset.file, "the file", found, expected)]
+        }
+    };
+    let notes = if kind == Some(Kind::Object) { notes_of_object(&asset) } else { Vec::new() };
+    Checked { kind, faults, notes }
+}
+
+impl Checked {
+    fn unreadable(fault: InputError) -> Self {
+        Self { kind: None, faults: vec![fault], notes: Vec::new() }
+    }
+}
+
+/// As what an object collides; nothing for one that cannot be read.
+fn notes_of_object(asset: &Asset) -> Vec<String> {
+    let Ok(object) = asset.thrown_object() else { return Vec::new() };
+    let parts = match object.parts.len() {
+        1 => "1 convex part".to_owned(),
+        count => format!("{count} convex parts"),
+    };
+    vec![format!(
+        "volume {:.1} cm³; its convex hull has {:.2} times that; it collides as {parts} of {:.2} times that",
+        object.mesh.volume() * 1e6,
+        object.hull_volume_ratio(),
+        object.parts_volume_ratio()
+    )]
+}
+
+/// A robot may be called by its folder or its URDF; what is checked is its `robot.toml` and what that stands beside.
+fn robot_file(path: &Path) -> PathBuf {
+    let is_urdf = path.extension().is_some_and(|it| it == "urdf");
+    if is_urdf {
+        path.with_file_name("robot.toml")
+    } else if path.is_dir() {
+        path.join("robot.toml")
+    } else {
+        path.to_path_buf()
+    }
+}
+
+fn faults_of(kind: Kind, asset: &Asset) -> Vec<InputError> {
+    let (file, text) = (&asset.file, &asset.text);
+    let result = match kind {
+        Kind::Scenario => return faults_of_scenario(asset),
+        Kind::Robot => asset.read_text_beside("robot.urdf").and_then(|(urdf_file, robot_urdf)| {
+            let gripper = Asset::any_built_in(Kind::Gripper)?;
+            let sources = Sources {
+                robot_urdf,
+                robot_toml: text.clone(),
+                gripper_toml: gripper.text,
+                limit_scale: Default::default(),
+            };
+            sources
+                .parse(&SourceNames { robot_urdf: &urdf_file, robot_toml: file, gripper_toml: &gripper.file })
+                .map(drop)
+        }),
+        Kind::Gripper => Gripper::from_toml(file, text).map(drop),
+        Kind::Object => asset.thrown_object().map(drop),
+        Kind::Throw => Throw::from_toml(file, text).map(drop),
+        Kind::Rig => catch_cell::rig_from_toml(file, text).map(drop),
+        Kind::Study => Study::of(asset.clone()).and_then(|study| {
+            let objects = study.objects();
+            // Whatever a step names is read.
+            study.steps.iter().try_for_each(|step| study.cells(step, None, &objects[..1]).map(drop))
+        }),
+    };
+    result.err().into_iter().flat_map(InputError::all).collect()
+}
+
+/// A scenario's own faults and those of all the files that it names.
+fn faults_of_scenario(asset: &Asset) -> Vec<InputError> {
+    let scenario: Scenario = match InputError::parse_toml(&asset.file, &asset.text) {
+        Ok(scenario) => scenario,
+        Err(fault) => return vec![fault],
+    };
+    let mut faults = scenario.faults(&asset.file);
+    for (kind, field, name) in scenario.parts() {
+        match Asset::find(kind, name, &asset.origin, (&asset.file, field)) {
+            Ok(part) => faults.extend(faults_of(kind, &part)),
+            Err(fault) => faults.push(fault),
+        }
+    }
+    if faults.is_empty() {
+        // Each part is right; they may still not fit together.
+        faults = held(asset, Setup::of_asset(asset, &Choice::default()));
+    }
+    faults
+}
+
+/// The default scenario with the object of a file.
+fn thrown(asset: &Asset) -> Choice<'_> {
+    Choice { object: Some(&asset.file), ..Choice::default() }
+}
+
+/// Whether the object of a setup can be held.
+fn held(asset: &Asset, setup: Result<Setup, InputError>) -> Vec<InputError> {
+    let held = setup.map(|setup| {
+        setup.without_grasps().map(|widths| InputError::new(&asset.file, "object", widths, "one that can be held"))
+    });
+    held.unwrap_or_else(Some).into_iter().collect()
+}

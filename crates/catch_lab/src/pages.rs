@@ -1,0 +1,34 @@
+//! Pages for the browser: each is one file without any reference to another, so it opens from a disk without a network.
+
+pub mod catch_page;
+pub mod packed;
+pub mod report_page;
+
+/// Looks that all pages share.
+const STYLE: &str = include_str!("pages/page.css");
+
+/// Puts each value in the place of its `{{name}}`. Values are not looked into, whatever they contain.
+fn fill(template: &str, values: &[(&str, &str)]) -> String {
+    let mut page = String::with_capacity(template.len() + values.iter().map(|(_, value)| value.len()).sum::<usize>());
+    let mut rest = template;
+    while let Some(at) = rest.find("{{") {
+        let Some(length) = rest[at..].find("}}") else { break };
+        page.push_str(&rest[..at]);
+        let name = &rest[at + 2..at + length];
+        page.push_str(values.iter().find(|(known, _)| *known == name).map_or("", |(_, value)| value));
+        rest = &rest[at + length + 2..];
+    }
+    page.push_str(rest);
+    page
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_are_put_in_once_and_not_looked_into() {
+        assert_eq!(fill("<{{a}}|{{b}}>", &[("a", "{{b}}"), ("b", "2")]), "<{{b}}|2>");
+        assert_eq!(fill("{{none}}.{{", &[]), ".{{");
+    }
+}

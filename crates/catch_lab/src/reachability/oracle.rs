@@ -1,0 +1,274 @@
+//! What was possible: whether the arm could have been at any catch of a throw in time, known to nobody but the referee.
+//!
+//! The oracle knows the true flight and has no noise. It asks, for every 10 ms of the flight and for many orientations of the hand
+//! around the object, whether any posture of the arm that holds the hand there can be reached from the waiting pose. What a joint
+//! can reach in a time T from rest is an interval, exact and in closed form; which postures lie in those intervals is answered by
+//! the inverse kinematics for all redundancy at once. The arm may be moving at the catch, if it can stop before its joints' limits
+//! afterwards. Of the torque limits, of the gripper and of the object's shape it takes no notice: a throw that it calls out of
+//! reach is out of reach between its samples, one that it calls within reach may still be hard.
+
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+use catch_body::{
+    Gripper, JointVector, Pose, Robot, clearance::ArmClearance, dynamics, inverse_kinematics::SrsArm,
+    robot::JointLimits,
+};
+use catch_sim::{Conditions, Release};
+use nalgebra::{Point3, Rotation3, Unit, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
+
+use crate::scenario::setup::Setup;
+
+/// How long after the first image has arrived anybody could begin to move, in seconds: the paper's first estimate needs six
+/// frames at 100 Hz.
+const FIRST_ESTIMATE_S: f64 = 0.06;
+/// Catch times are this far apart, in seconds: 5 cm of the fastest flights.
+const CATCH_INTERVAL_S: f64 = 0.01;
+/// Step of the flight in seconds.
+const FLIGHT_STEP_S: f64 = 1e-3;
+/// No flight is followed longer, in seconds.
+const LONGEST_S: f64 = 2.0;
+/// Orientations of the hand: from the object passing through the gap to it flying at the palm, and around the flight.
+const TILTS: usize = 7;
+const ROLLS: usize = 16;
+/// Swivels that are tried in each arc of the redundancy.
+const SWIVELS: usize = 5;
+
+/// When an object could have been caught, if at all.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Reach {
+    /// A time at which the arm could have caught it, had it begun to move 60 ms after the first image arrived.
+    pub from_first_image_s: Option<f64>,
+    /// The same, had it begun at the release.
+    pub from_release_s: Option<f64>,
+}
+
+/// Knows what an arm could do.
+#[derive(Debug)]
+pub struct Oracle<'a> {
+    robot: &'a Robot,
+    gripper: &'a Gripper,
+    arm: SrsArm,
+    clearance: ArmClearance,
+}
+
+impl<'a> Oracle<'a> {
+    /// For the arm of a setup; `None` if its inverse kinematics has no closed form.
+    pub fn of(setup: &'a Setup) -> Option<Self> {
+        let Setup { robot, gripper, .. } = setup;
+        let clearance = ArmClearance::new(robot, gripper);
+        Some(Self { robot, gripper, arm: SrsArm::of(robot)?, clearance })
+    }
+
+    /// What is possible in one scene.
+    pub fn reach(&self, setup: &Setup, seed: u64, index: u64) -> Reach {
+        let flight = Flight::of(&setup.release(seed, index), &setup.conditions(seed, index));
+        let first_estimate_s = setup.scenario.arena.latency_s + FIRST_ESTIMATE_S;
+        let from_first_image_s = self.first_catch_s(&flight, first_estimate_s);
+        // Whoever can do it later can do it at once.
+        let from_release_s = from_first_image_s.or_else(|| self.first_catch_s(&flight, 0.0));
+        Reach { from_first_image_s, from_release_s }
+    }
+
+    /// The first time at which some catch is possible for an arm that begins to move at `start_s`.
+    fn first_catch_s(&self, flight: &Flight, start_s: f64) -> Option<f64> {
+        let stride = (CATCH_INTERVAL_S / FLIGHT_STEP_S) as usize;
+        let mut samples = flight.samples.iter().step_by(stride).filter(|sample| sample.time_s > start_s);
+        samples.find(|sample| self.is_possible(sample, sample.time_s - start_s)).map(|sample| sample.time_s)
+    }
+
+    /// Whether the hand can be at the object after moving for `time_s`, in any orientation.
+    fn is_possible(&self, sample: &FlightSample, time_s: f64) -> bool {
+        let mut ranges = [[0.0; 2]; 7];
+        for (i, joint) in self.robot.joints.iter().enumerate() {
+            let way = farthest(&joint.limits, time_s);
+            ranges[i] = [
+                (self.robot.ready_q[i] - way).max(joint.limits.lower),
+                (self.robot.ready_q[i] + way).min(joint.limits.upper),
+            ];
+        }
+        hands(&sample.v_WO).any(|R_WG| {
+            let X_WG = Pose::from_parts(
+                (sample.p_WO - R_WG * self.gripper.grasp_centre().coords).coords.into(),
+                UnitQuaternion::from_rotation_matrix(&R_WG),
+            );
+            let Some(circle) = self.arm.elbow_circle(&X_WG) else { return false };
+            self.arm.swivels(&circle, &ranges).into_iter().any(|(branch, [low, high])| {
+                (0..SWIVELS).any(|i| {
+                    let fraction = (i as f64 + 0.5) / SWIVELS as f64;
+                    let q = self.arm.solve_branch(&circle, low + (high - low) * fraction, branch);
+                    self.can_stop_after(&q, time_s) && self.is_clear(&q)
+                })
+            })
+        })
+    }
+
+    /// Whether every joint that is at `q` after `time_s` can be slow enough there to stop before its limit.
+    fn can_stop_after(&self, q: &JointVector, time_s: f64) -> bool {
+        self.robot.joints.iter().enumerate().all(|(i, joint)| {
+            let way = q[i] - self.robot.ready_q[i];
+            let speed = least_terminal_speed(way.abs(), time_s, joint.limits.velocity, joint.limits.acceleration);
+            let stop = q[i] + way.signum() * speed * speed / (2.0 * joint.limits.acceleration);
+            (joint.limits.lower..=joint.limits.upper).contains(&stop)
+        })
+    }
+
+    /// Whether the arm at `q` touches neither itself nor the floor.
+    fn is_clear(&self, q: &JointVector) -> bool {
+        let (X_WL, width_m) = (self.robot.link_poses(q), self.gripper.max_width_m);
+        self.clearance.self_clearance(&X_WL, width_m) > 0.0 && self.clearance.floor_clearance(&X_WL, width_m) > 0.0
+    }
+}
+
+/// Whether a joint can be this far from rest after `time_s`: it gathers speed all the way, up to V.
+/// s = A·T²/2 for T < V/A, else V·T − V²/2A.
+fn farthest(limits: &JointLimits, time_s: f64) -> f64 {
+    let JointLimits { velocity, acceleration, .. } = *limits;
+    if acceleration * time_s < velocity {
+        acceleration * time_s * time_s / 2.0
+    } else {
+        velocity * time_s - velocity * velocity / (2.0 * acceleration)
+    }
+}
+
+/// The least speed at the end of a way from rest that takes `time_s`, `way` being within what is possible.
+///
+/// With the end's speed e, the longest way goes up to the peak p = min(V, (A·T + e)/2), coasts and brakes to e:
+/// s(e) = p²/2A + (p² − e²)/2A + p·(T − (2p − e)/A), which rises with e. Bisection finds where it is the way.
+fn least_terminal_speed(way: f64, time_s: f64, velocity: f64, acceleration: f64) -> f64 {
+    let longest = |end: f64| {
+        let peak = velocity.min(f64::midpoint(acceleration * time_s, end));
+        let ramps = (2.0 * peak * peak - end * end) / (2.0 * acceleration);
+        ramps + peak * (time_s - (2.0 * peak - end) / acceleration)
+    };
+    if longest(0.0) >= way {
+        return 0.0;
+    }
+    let (mut low, mut high) = (0.0, velocity.min(acceleration * time_s));
+    for _ in 0..30 {
+        let middle = f64::midpoint(low, high);
+        if longest(middle) < way { low = middle } else { high = middle }
+    }
+    high
+}
+
+/// Orientations of a hand that an object may fly into with `v_WO`: its approach y_G at every angle from against the flight (at the palm)
+/// to across it (through the gap), around the flight in all directions; the closing direction x_G is always across the flight.
+fn hands(v_WO: &Vector3<f64>) -> impl Iterator<Item = Rotation3<f64>> {
+    let along = Unit::new_normalize(*v_WO);
+    let across = along.cross(&if along.z.abs() < 0.9 { Vector3::z() } else { Vector3::x() }).normalize();
+    (0..TILTS * ROLLS).map(move |i| {
+        let tilt = ((i % TILTS) as f64 / (TILTS - 1) as f64 - 0.5) * 2.0 * FRAC_PI_2;
+        let outwards = Rotation3::from_axis_angle(&along, (i / TILTS) as f64 / ROLLS as f64 * TAU) * across;
+        let y = outwards * tilt.sin() - along.into_inner() * tilt.cos();
+        let z = outwards * tilt.cos() + along.into_inner() * tilt.sin();
+        Rotation3::from_basis_unchecked(&[y.cross(&z), y, z])
+    })
+}
+
+/// The true flight, undisturbed.
+struct Flight {
+    /// Every millisecond from the release on until the object meets the floor.
+    samples: Vec<FlightSample>,
+}
+
+struct FlightSample {
+    time_s: f64,
+    p_WO: Point3<f64>,
+    v_WO: Vector3<f64>,
+}
+
+impl Flight {
+    fn of(release: &Release, conditions: &Conditions) -> Self {
+        let (mut p_WO, mut v_WO, mut samples) = (release.p_WO, release.v_WO, Vec::new());
+        let acceleration = |v_WO: &Vector3<f64>| dynamics::gravity() + conditions.air_mps2(v_WO);
+        while p_WO.z > 0.0 && (samples.len() as f64) * FLIGHT_STEP_S < LONGEST_S {
+            samples.push(FlightSample { time_s: samples.len() as f64 * FLIGHT_STEP_S, p_WO, v_WO });
+            let middle = v_WO + acceleration(&v_WO) * (FLIGHT_STEP_S / 2.0);
+            p_WO += middle * FLIGHT_STEP_S;
+            v_WO += acceleration(&middle) * FLIGHT_STEP_S;
+        }
+        Self { samples }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::setup::Choice;
+
+    #[test]
+    fn arrival_speeds_lie_between_standing_and_the_fastest() {
+        let limits = JointLimits { lower: -3.0, upper: 3.0, velocity: 1.5, acceleration: 9.0, torque: 1.0, jerk: None };
+        for time_s in [0.05, 0.2, 0.7] {
+            let most = farthest(&limits, time_s);
+            let speed = least_terminal_speed(most, time_s, 1.5, 9.0);
+            assert!((speed - (9.0 * time_s).min(1.5)).abs() < 1e-3, "{speed} after {time_s} s");
+            assert_eq!(least_terminal_speed(0.2 * most, time_s, 1.5, 9.0), 0.0);
+            // Up, coast, down, simulated: no way of arriving slower gets there.
+            let speed = least_terminal_speed(0.9 * most, time_s, 1.5, 9.0);
+            let (step, mut v, mut s) = (time_s * 1e-5, 0.0_f64, 0.0);
+            for i in 0..100_000 {
+                let left = time_s - f64::from(i) * step;
+                let must_brake = v > speed + 9.0 * left;
+                v = if must_brake { v - 9.0 * step } else { (v + 9.0 * step).min(1.5) };
+                s += v * step;
+            }
+            assert!((s - 0.9 * most).abs() < 2e-3 * most, "{s} instead of {} in {time_s} s", 0.9 * most);
+        }
+    }
+
+    #[test]
+    fn hands_never_close_along_the_flight() {
+        let v_WO = Vector3::new(-1.0, -2.0, 0.5);
+        assert_eq!(hands(&v_WO).count(), TILTS * ROLLS);
+        for R_WG in hands(&v_WO) {
+            assert!((R_WG.matrix().determinant() - 1.0).abs() < 1e-9);
+            assert!((R_WG * Vector3::x()).dot(&v_WO).abs() < 1e-9);
+            assert!((R_WG * Vector3::y()).dot(&v_WO) < 1e-9, "from behind");
+        }
+    }
+
+    /// The paper's near throw can be caught from the scenario's pose; from the paper's own only by who knows it at the release.
+    #[test]
+    fn the_near_throw_is_out_of_reach_from_the_pose_of_the_paper() {
+        let mut setup = Setup::load(&Choice::default()).unwrap();
+        let reach = Oracle::of(&setup).unwrap().reach(&setup, 1, 0);
+        assert!(reach.from_first_image_s.is_some() && reach.from_release_s.is_some(), "{reach:?}");
+        setup.robot.ready_q = setup.robot.joint_vector(&[1.57, 0.5, 0.0, -1.2, 0.0, 0.8, 1.57]).unwrap();
+        let reach = Oracle::of(&setup).unwrap().reach(&setup, 1, 0);
+        assert_eq!(reach.from_first_image_s, None);
+        assert!(reach.from_release_s.is_some_and(|time_s| time_s > 0.55), "{reach:?}");
+    }
+
+    /// How many random throws are within reach, and what it costs to know.
+    #[test]
+    #[ignore = "prints what docs/honesty.md says"]
+    #[allow(clippy::print_stdout, reason = "tests tell what they measured")]
+    fn measured_reach() {
+        for scenario in ["honest", "paper"] {
+            let choice = Choice { scenario: Some(scenario), throw: Some("random"), ..Choice::default() };
+            let setup = Setup::load(&choice).unwrap();
+            let oracle = Oracle::of(&setup).unwrap();
+            let started = std::time::Instant::now();
+            let reaches: Vec<Reach> = (0..1000).map(|index| oracle.reach(&setup, 1, index)).collect();
+            let mean_ms = started.elapsed().as_secs_f64();
+            let count = |within: &dyn Fn(&Reach) -> bool| reaches.iter().filter(|reach| within(reach)).count();
+            let (first, release) =
+                (count(&|it| it.from_first_image_s.is_some()), count(&|it| it.from_release_s.is_some()));
+            println!(
+                "{scenario}: of 1000 throws {first} within reach, {release} from the release; {mean_ms:.1} ms each"
+            );
+        }
+    }
+
+    #[test]
+    fn nobody_reaches_a_throw_that_passes_far_away() {
+        let mut setup = Setup::load(&Choice::default()).unwrap();
+        let aside = include_str!("../../../../assets/throws/near.toml")
+            .replace("[1.66613, 1.63277, 0.3]", "[3.66613, 3.63277, 0.3]");
+        setup.throw = catch_sim::Throw::from_toml("aside.toml", &aside).unwrap();
+        let reach = Oracle::of(&setup).unwrap().reach(&setup, 1, 0);
+        assert_eq!(reach.from_release_s, None);
+    }
+}

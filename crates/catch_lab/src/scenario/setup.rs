@@ -1,0 +1,399 @@
+//! What a trial needs, read and checked: the scenario and every file that it names.
+
+use std::{
+    path::PathBuf,
+    sync::{Arc, OnceLock},
+};
+
+use catch_body::{Gripper, InputError, JointVector, Robot, robot::LimitScale, robot_file::RobotFiles};
+use catch_bot::{Preparation, perception::DepthNoise};
+use catch_cell::{CameraModel, ReferenceScan, reference_scan, rig_from_toml};
+use catch_sim::{
+    Arena, Conditions, Equipment, GripperDriveKind, Release, Throw, ThrownObject,
+    config::{RobotController, RobotErrors},
+    depth_noise::{DataSheet, DepthConfig},
+    random_streams::{Stream, seed_for},
+};
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    assets::{Asset, COMMAND_LINE, Kind, Origin},
+    scenario::{
+        Clock, Scenario,
+        brain::{BrainSettings, ChosenBrain, Method},
+    },
+};
+
+/// What somebody asks for: a scenario, and what is to be different from its file.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Choice<'a> {
+    /// Name or file; `None` is the scenario of the paper.
+    pub scenario: Option<&'a str>,
+    /// Name or file.
+    pub robot: Option<&'a str>,
+    /// Name or file.
+    pub object: Option<&'a str>,
+    /// Name or file.
+    pub throw: Option<&'a str>,
+    /// Whose method catches.
+    pub method: Option<Method>,
+    /// Single fields of the scenario, as [`Scenario::with_settings`] takes them.
+    pub settings: &'a [String],
+}
+
+/// The scenario that is meant when none is named.
+pub const DEFAULT_SCENARIO: &str = "paper";
+
+/// One throw among all: with the scenario, all that its outcome depends on.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Scene {
+    /// Name of the scenario.
+    pub scenario: String,
+    /// Name of the object.
+    pub object: String,
+    /// Name of the throw.
+    pub throw: String,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Number of the throw.
+    pub index: u64,
+}
+
+/// Everything that trials of one object and one throw share.
+#[derive(Debug, Clone)]
+pub struct Setup {
+    /// The scenario, all choices made.
+    pub scenario: Scenario,
+    /// The arm; it waits at its `ready_q`.
+    pub robot: Robot,
+    /// The gripper.
+    pub gripper: Gripper,
+    /// The cameras as they are.
+    pub cameras: Vec<CameraModel>,
+    /// What is thrown.
+    pub object: ThrownObject,
+    /// How it is thrown.
+    pub throw: Throw,
+    /// What is known of the object's shape.
+    pub reference_scan: ReferenceScan,
+    /// Texts of the files that the brain depends on.
+    pub sources: Sources,
+    /// Made when it is first needed.
+    equipment: OnceLock<Equipment>,
+    /// Made when it is first needed.
+    known: OnceLock<Arc<Preparation>>,
+}
+
+/// Texts of the files from which a brain's arm and gripper are made, so that a recording can make them again.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Sources {
+    /// The robot's URDF.
+    pub robot_urdf: String,
+    /// The robot's `robot.toml`.
+    pub robot_toml: String,
+    /// The gripper's file.
+    pub gripper_toml: String,
+    /// What the limits of the arm are multiplied by.
+    pub limit_scale: LimitScale,
+}
+
+/// Names by which errors call the [`Sources`].
+#[derive(Debug, Clone, Copy)]
+pub struct SourceNames<'a> {
+    /// The robot's URDF.
+    pub robot_urdf: &'a str,
+    /// The robot's `robot.toml`.
+    pub robot_toml: &'a str,
+    /// The gripper's file.
+    pub gripper_toml: &'a str,
+}
+
+impl Sources {
+    /// The arm and the gripper that the texts describe.
+    ///
+    /// # Errors
+    /// The first fault in one of them.
+    pub fn parse(&self, names: &SourceNames) -> Result<(Robot, Gripper), InputError> {
+        let robot = Robot::from_files(&RobotFiles {
+            urdf_file: names.robot_urdf,
+            urdf: &self.robot_urdf,
+            toml_file: names.robot_toml,
+            toml: &self.robot_toml,
+        })?;
+        let robot = robot.with_limits_scaled(&self.limit_scale);
+        Ok((robot, Gripper::from_toml(names.gripper_toml, &self.gripper_toml)?))
+    }
+}
+
+impl Setup {
+    /// Reads all that is asked for.
+    ///
+    /// # Errors
+    /// The first fault found: which argument or which field of which file, what stands there and what would be right.
+    pub fn load(choice: &Choice) -> Result<Self, InputError> {
+        let nowhere = Origin::BuiltIn(PathBuf::new());
+        let name = choice.scenario.unwrap_or(DEFAULT_SCENARIO);
+        let asset = Asset::find(Kind::Scenario, name, &nowhere, (COMMAND_LINE, "--scenario"))?;
+        Self::of_asset(&asset, choice)
+    }
+
+    /// Reads all that the scenario in `asset` and `choice` name.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn of_asset(asset: &Asset, choice: &Choice) -> Result<Self, InputError> {
+        // Results call it by its file, as they do with objects and throws, and by what is different from it.
+        let scenario = Scenario { name: asset.name.clone(), ..Scenario::from_toml(&asset.file, &asset.text)? };
+        Self::of_scenario(scenario, &asset.file, &asset.origin, choice)
+    }
+
+    /// Reads all that a scenario and `choice` name; `file` names the scenario in errors, and what it names is looked for from
+    /// `origin` on.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn of_scenario(
+        mut scenario: Scenario,
+        file: &str,
+        origin: &Origin,
+        choice: &Choice,
+    ) -> Result<Self, InputError> {
+        let is_other_robot = choice.robot.is_some_and(|robot| robot != scenario.robot);
+        if is_other_robot {
+            // The scenario's pose is one of its own arm.
+            (scenario.ready_rad, scenario.place_rad) = (None, None);
+        }
+        let mut scenario = scenario.with_settings(choice.settings)?;
+        let find = |kind: Kind, asked: Option<&str>, named: &str, field: &str| match asked {
+            Some(name) => {
+                Asset::find(kind, name, &Origin::BuiltIn(PathBuf::new()), (COMMAND_LINE, &format!("--{kind}")))
+            }
+            None => Asset::find(kind, named, origin, (file, field)),
+        };
+        let robot = find(Kind::Robot, choice.robot, &scenario.robot, "robot")?;
+        let gripper = find(Kind::Gripper, None, &scenario.gripper, "gripper")?;
+        let object = find(Kind::Object, choice.object, &scenario.object, "object")?;
+        let throw = find(Kind::Throw, choice.throw, &scenario.throw, "throw")?;
+        let flight_rig = find(Kind::Rig, None, &scenario.flight_rig, "flight_rig")?;
+        let reference_rig = find(Kind::Rig, None, &scenario.reference_rig, "reference_rig")?;
+
+        let (urdf_file, robot_urdf) = robot.read_text_beside("robot.urdf")?;
+        let sources = Sources {
+            robot_urdf,
+            robot_toml: robot.text,
+            gripper_toml: gripper.text,
+            limit_scale: scenario.limit_scale,
+        };
+        let names = SourceNames { robot_urdf: &urdf_file, robot_toml: &robot.file, gripper_toml: &gripper.file };
+        let (mut arm, hand) = sources.parse(&names)?;
+        if let Some(values) = &scenario.ready_rad {
+            arm.ready_q = arm.checked_pose(file, "ready_rad", values)?;
+        }
+        if let Some(values) = &scenario.place_rad {
+            arm.checked_pose(file, "place_rad", values)?;
+        }
+        let thrown = object.thrown_object()?;
+        check_closing(file, &scenario, &hand, &gripper.file)?;
+        let cameras = rig_from_toml(&flight_rig.file, &flight_rig.text)?;
+        let scanners = rig_from_toml(&reference_rig.file, &reference_rig.text)?;
+        let reference_scan = reference_scan(&thrown.mesh, &scanners);
+
+        // Names only: results of the same content are the same wherever the files lie.
+        if is_other_robot {
+            scenario.name += &format!("+robot={}", robot.name);
+        }
+        if let Some(method) = choice.method.filter(|method| *method != scenario.brain.method) {
+            scenario.name += &format!("+method={method}");
+            scenario.brain.method = method;
+        }
+        scenario.robot = robot.name;
+        scenario.gripper = gripper.name;
+        scenario.object = object.name;
+        scenario.throw = throw.name;
+        scenario.flight_rig = flight_rig.name;
+        scenario.reference_rig = reference_rig.name;
+        scenario.ready_rad = Some(arm.ready_q.as_slice()[..arm.dof()].to_vec());
+        Ok(Self {
+            scenario,
+            robot: arm,
+            gripper: hand,
+            cameras,
+            throw: Throw::from_toml(&throw.file, &throw.text)?,
+            object: thrown,
+            reference_scan,
+            sources,
+            equipment: OnceLock::new(),
+            known: OnceLock::new(),
+        })
+    }
+
+    /// If the brain knows no way of holding the object: how wide it is, and how wide the gripper opens.
+    pub fn without_grasps(&self) -> Option<String> {
+        let has_none = self.known().grasps().grasps.is_empty();
+        has_none.then(|| {
+            let narrowest_mm = self.object.mesh.aabb().size.min() * 1e3;
+            let opening_mm = self.gripper.max_width_m * 1e3;
+            let margin_mm = self.scenario.brain.grasp_selection.finger_margin_m * 1e3;
+            let sides = "; nowhere do two of its sides face each other beside its centre of mass";
+            let fits = narrowest_mm + 2.0 * margin_mm < opening_mm;
+            format!(
+                "an object {narrowest_mm:.0} mm wide at its narrowest; the gripper opens {opening_mm:.0} mm and needs \
+                 {margin_mm:.0} mm on each side{}",
+                if fits { sides } else { "" }
+            )
+        })
+    }
+
+    /// Joint positions in which the gripper opens to put down what was caught.
+    ///
+    /// # Errors
+    /// If the scenario names none, or none of this arm.
+    pub fn place_q(&self) -> Result<JointVector, InputError> {
+        let (file, field) = (&self.scenario.name, "place_rad");
+        let expected = "joint positions in which the gripper opens to put down what was caught: --set place_rad=[…]";
+        let values = self.scenario.place_rad.as_ref();
+        let values = values.ok_or_else(|| InputError::new(file, field, "nothing", expected))?;
+        self.robot.checked_pose(file, field, values)
+    }
+
+    /// The scene of throw number `index`.
+    pub fn scene(&self, seed: u64, index: u64) -> Scene {
+        let Scenario { name, object, throw, .. } = &self.scenario;
+        Scene { scenario: name.clone(), object: object.clone(), throw: throw.clone(), seed, index }
+    }
+
+    /// The same with another throw, by name or file; what has been prepared is shared.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn thrown(&self, throw: &str) -> Result<Self, InputError> {
+        let asset = Asset::find(Kind::Throw, throw, &Origin::BuiltIn(PathBuf::new()), (COMMAND_LINE, "--throw"))?;
+        Ok(self.with_throw(asset.name, Throw::from_toml(&asset.file, &asset.text)?))
+    }
+
+    /// The same with a throw that is given; what has been prepared is shared.
+    pub fn with_throw(&self, name: String, throw: Throw) -> Self {
+        self.prepare();
+        let mut other = self.clone();
+        other.throw = throw;
+        other.scenario.throw = name;
+        other
+    }
+
+    /// Works out what all trials share, so that none of them has to wait for it.
+    pub fn prepare(&self) {
+        self.equipment();
+        self.known();
+    }
+
+    /// Everything in the arena but the throw.
+    pub fn equipment(&self) -> &Equipment {
+        self.equipment.get_or_init(|| {
+            let Self { scenario, robot, gripper, object, cameras, .. } = self.clone();
+            Equipment::new(scenario.arena, robot, gripper, object, cameras)
+        })
+    }
+
+    /// The arena with everything in place, the object about to fly.
+    pub fn arena(&self, seed: u64, index: u64) -> Arena {
+        Arena::new(self.equipment(), &self.release(seed, index), &self.robot.ready_q, seed, index)
+    }
+
+    /// What differs from throw to throw besides the throw itself.
+    pub fn conditions(&self, seed: u64, index: u64) -> Conditions {
+        Conditions::draw(&self.scenario.arena, &self.object, seed, index)
+    }
+
+    /// Whether all throws are the same in everything that is drawn.
+    pub fn repeats_itself(&self) -> bool {
+        let Scenario { arena, clock, .. } = &self.scenario;
+        let scene = |index| (self.release(0, index), self.conditions(0, index));
+        let has_own_stream = arena.depth != DepthConfig::default()
+            || arena.gripper != GripperDriveKind::default()
+            || arena.robot_errors != RobotErrors::default()
+            || arena.robot_controller != RobotController::default()
+            || *clock == Clock::Charged;
+        !has_own_stream && scene(0) == scene(1)
+    }
+
+    /// How the object leaves the thrower's hand.
+    pub fn release(&self, seed: u64, index: u64) -> Release {
+        self.throw.release(&self.object.name, &self.conditions(seed, index), seed, index)
+    }
+
+    /// The brain's settings in one scene: those of the scenario, what is known of the object beforehand, and a seed.
+    pub fn brain_config(&self, seed: u64, index: u64) -> BrainSettings {
+        let mut config = self.scenario.brain.clone();
+        config.seed = seed_for(Stream::Brain, seed, index);
+        // What is known beforehand, unless the scenario tells the brain otherwise: whether there is air, and how much it brakes the
+        // object; how the object bounces; whether the cameras see the floor, and what their data sheet says.
+        let (prior, prediction) = (&self.object.prior, &mut config.trajectory_prediction);
+        let drag = [&mut prediction.drag_prior_per_m, &mut prediction.drag_prior_sd_per_m];
+        for (set, known) in drag.into_iter().zip([prior.drag_per_m, prior.drag_sd_per_m]) {
+            if self.scenario.arena.drag {
+                set.get_or_insert(known);
+            }
+        }
+        let grasping = &mut config.grasp_selection;
+        grasping.restitution = grasping.restitution.or(prior.restitution);
+        let perception = &mut config.perception;
+        perception.floor_visible.get_or_insert(self.scenario.arena.floor_visible);
+        let focal_px = self.cameras.first().map_or(1.0, |camera| camera.focal_px);
+        let sheet = self.scenario.arena.depth.model.data_sheet(focal_px);
+        let DataSheet { constant_m, quadratic_per_m, dropout, .. } = sheet;
+        perception.depth_noise.get_or_insert(DepthNoise { constant_m, quadratic_per_m });
+        perception.depth_dropout.get_or_insert(dropout);
+        config
+    }
+
+    /// What the brain works out before anything flies.
+    ///
+    /// # Panics
+    /// If settings were changed in code to values out of their ranges.
+    pub fn known(&self) -> &Arc<Preparation> {
+        self.known.get_or_init(|| {
+            let Self { robot, gripper, cameras, .. } = self.clone();
+            let config = self.brain_config(0, 0).config();
+            Arc::new(Preparation::new(config, robot, gripper, cameras, &self.reference_scan).expect(CHECKED))
+        })
+    }
+
+    /// A brain that has seen nothing yet.
+    ///
+    /// # Panics
+    /// As [`known`](Self::known).
+    pub fn brain(&self, seed: u64, index: u64) -> ChosenBrain {
+        let settings = self.brain_config(seed, index);
+        settings.brain(self.known().clone(), settings.seed).expect(CHECKED)
+    }
+}
+
+/// Why a setup's settings are right.
+const CHECKED: &str = "settings are checked when a scenario is read";
+
+/// Whether the brain expects fingers that are no faster than those of a gripper with limits.
+///
+/// # Errors
+/// If it does not: every catch would come too late.
+fn check_closing(file: &str, scenario: &Scenario, gripper: &Gripper, gripper_file: &str) -> Result<(), InputError> {
+    if scenario.arena.gripper == (GripperDriveKind::Ideal {}) {
+        return Ok(());
+    }
+    let grasping = &scenario.brain.grasp_selection;
+    for (field, value, limit, most) in [
+        ("closing_speed_mps", grasping.closing_speed_mps, "max_speed_mps", gripper.max_speed_mps),
+        (
+            "closing_acceleration_mps2",
+            grasping.closing_acceleration_mps2,
+            "max_acceleration_mps2",
+            gripper.max_acceleration_mps2,
+        ),
+    ] {
+        if let Some(value) = value.filter(|value| *value > most) {
+            let expected =
+                format!("at most {most}, the {limit} of {gripper_file} that arena.gripper keeps to, or nothing");
+            return Err(InputError::new(file, format!("brain.grasp_selection.{field}"), value, expected));
+        }
+    }
+    Ok(())
+}
