@@ -3,6 +3,7 @@
 
 use std::{
     io::{self, Write},
+    ops::Range,
     sync::{
         Arc,
         atomic::{AtomicBool, Ordering},
@@ -12,6 +13,7 @@ use std::{
 };
 
 use anstyle::{AnsiColor, Style};
+use comfy_table::{Cell, CellAlignment, ContentArrangement, Table, TableComponent, presets};
 use indicatif::{ProgressBar, ProgressStyle};
 use signal_hook::consts::SIGINT;
 
@@ -79,6 +81,20 @@ pub fn fact(label: &str, value: &str) -> io::Result<()> {
 pub fn json(document: &impl serde::Serialize) -> anyhow::Result<()> {
     let text = serde_json::to_string_pretty(document)?;
     Ok(line(&text)?)
+}
+
+/// A table with headings, whose columns in the range `numbers` stand to the right.
+pub fn table<T: Into<Cell>>(headings: impl IntoIterator<Item = T>, numbers: Range<usize>) -> Table {
+    let mut table = Table::new();
+    table.load_preset(presets::UTF8_HORIZONTAL_ONLY).set_content_arrangement(ContentArrangement::Disabled);
+    table.remove_style(TableComponent::HorizontalLines).remove_style(TableComponent::MiddleIntersections);
+    table.set_header(headings.into_iter().collect::<Vec<T>>());
+    for column in numbers {
+        if let Some(column) = table.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    table
 }
 
 /// A bar on standard error for `total` of `things`; it shows itself on a terminal only.

@@ -267,7 +267,7 @@ impl Topics<'_> {
         let (timestamp, frame_id) = (time(frame.capture_s), camera_name(frame.camera));
         let topic = |what: &str| format!("/{}/{what}", camera_name(frame.camera));
         let calibration = CameraCalibration {
-            timestamp,
+            timestamp: timestamp.clone(),
             frame_id: frame_id.clone(),
             width,
             height,

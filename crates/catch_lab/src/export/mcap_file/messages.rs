@@ -11,262 +11,151 @@ pub const FLOAT32: i32 = 7;
 /// `INFO` of the levels of a log.
 pub const INFO: i32 = 2;
 
-#[derive(Clone, Copy, PartialEq, Message)]
-pub struct Timestamp {
-    #[prost(int64, tag = "1")]
-    pub seconds: i64,
-    #[prost(int32, tag = "2")]
-    pub nanos: i32,
-}
-
-#[derive(Clone, Copy, PartialEq, Message)]
-pub struct Vector3 {
-    #[prost(double, tag = "1")]
-    pub x: f64,
-    #[prost(double, tag = "2")]
-    pub y: f64,
-    #[prost(double, tag = "3")]
-    pub z: f64,
-}
-
-#[derive(Clone, Copy, PartialEq, Message)]
-pub struct Quaternion {
-    #[prost(double, tag = "1")]
-    pub x: f64,
-    #[prost(double, tag = "2")]
-    pub y: f64,
-    #[prost(double, tag = "3")]
-    pub z: f64,
-    #[prost(double, tag = "4")]
-    pub w: f64,
-}
-
-#[derive(Clone, Copy, PartialEq, Message)]
-pub struct PoseMessage {
-    #[prost(message, optional, tag = "1")]
-    pub position: Option<Vector3>,
-    #[prost(message, optional, tag = "2")]
-    pub orientation: Option<Quaternion>,
-}
-
-#[derive(Clone, Copy, PartialEq, Message)]
-pub struct Color {
-    #[prost(double, tag = "1")]
-    pub r: f64,
-    #[prost(double, tag = "2")]
-    pub g: f64,
-    #[prost(double, tag = "3")]
-    pub b: f64,
-    #[prost(double, tag = "4")]
-    pub a: f64,
-}
-
-#[derive(Clone, PartialEq, Message)]
-pub struct FrameTransform {
-    #[prost(message, optional, tag = "1")]
-    pub timestamp: Option<Timestamp>,
-    #[prost(string, tag = "2")]
-    pub parent_frame_id: String,
-    #[prost(string, tag = "3")]
-    pub child_frame_id: String,
-    #[prost(message, optional, tag = "4")]
-    pub translation: Option<Vector3>,
-    #[prost(message, optional, tag = "5")]
-    pub rotation: Option<Quaternion>,
-}
-
-/// Poses of frames in others.
-#[derive(Clone, PartialEq, Message)]
-pub struct FrameTransforms {
-    #[prost(message, repeated, tag = "1")]
-    pub transforms: Vec<FrameTransform>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-pub struct JointState {
-    #[prost(string, tag = "1")]
-    pub name: String,
-    #[prost(double, optional, tag = "2")]
-    pub position: Option<f64>,
-    #[prost(double, optional, tag = "3")]
-    pub velocity: Option<f64>,
-    #[prost(double, optional, tag = "5")]
-    pub effort: Option<f64>,
-}
-
-/// Joint positions, velocities and torques.
-#[derive(Clone, PartialEq, Message)]
-pub struct JointStates {
-    #[prost(message, optional, tag = "1")]
-    pub timestamp: Option<Timestamp>,
-    #[prost(message, repeated, tag = "2")]
-    pub joints: Vec<JointState>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-pub struct PackedElementField {
-    #[prost(string, tag = "1")]
-    pub name: String,
-    #[prost(fixed32, tag = "2")]
-    pub offset: u32,
-    #[prost(int32, tag = "3")]
-    pub numeric_type: i32,
-}
-
-/// Points with fields.
-#[derive(Clone, PartialEq, Message)]
-pub struct PointCloud {
-    #[prost(message, optional, tag = "1")]
-    pub timestamp: Option<Timestamp>,
-    #[prost(string, tag = "2")]
-    pub frame_id: String,
-    #[prost(message, optional, tag = "3")]
-    pub pose: Option<PoseMessage>,
-    #[prost(fixed32, tag = "4")]
-    pub point_stride: u32,
-    #[prost(message, repeated, tag = "5")]
-    pub fields: Vec<PackedElementField>,
-    #[prost(bytes = "vec", tag = "6")]
-    pub data: Vec<u8>,
-}
-
-/// An image, not compressed.
-#[derive(Clone, PartialEq, Message)]
-pub struct RawImage {
-    #[prost(message, optional, tag = "1")]
-    pub timestamp: Option<Timestamp>,
-    #[prost(string, tag = "7")]
-    pub frame_id: String,
-    #[prost(fixed32, tag = "2")]
-    pub width: u32,
-    #[prost(fixed32, tag = "3")]
-    pub height: u32,
-    #[prost(string, tag = "4")]
-    pub encoding: String,
-    #[prost(fixed32, tag = "5")]
-    pub step: u32,
-    #[prost(bytes = "vec", tag = "6")]
-    pub data: Vec<u8>,
-}
-
-/// How a camera projects.
-#[derive(Clone, PartialEq, Message)]
-pub struct CameraCalibration {
-    #[prost(message, optional, tag = "1")]
-    pub timestamp: Option<Timestamp>,
-    #[prost(string, tag = "9")]
-    pub frame_id: String,
-    #[prost(fixed32, tag = "2")]
-    pub width: u32,
-    #[prost(fixed32, tag = "3")]
-    pub height: u32,
-    #[prost(double, repeated, tag = "6")]
-    pub K: Vec<f64>,
-    #[prost(double, repeated, tag = "7")]
-    pub R: Vec<f64>,
-    #[prost(double, repeated, tag = "8")]
-    pub P: Vec<f64>,
-}
-
-/// One pose.
-#[derive(Clone, PartialEq, Message)]
-pub struct PoseInFrame {
-    #[prost(message, optional, tag = "1")]
-    pub timestamp: Option<Timestamp>,
-    #[prost(string, tag = "2")]
-    pub frame_id: String,
-    #[prost(message, optional, tag = "3")]
-    pub pose: Option<PoseMessage>,
-}
-
-/// A line for people.
-#[derive(Clone, PartialEq, Message)]
-pub struct Log {
-    #[prost(message, optional, tag = "1")]
-    pub timestamp: Option<Timestamp>,
-    #[prost(int32, tag = "2")]
-    pub level: i32,
-    #[prost(string, tag = "3")]
-    pub message: String,
-    #[prost(string, tag = "4")]
-    pub name: String,
-}
-
-/// A box or a ball: its full extents.
-#[derive(Clone, Copy, PartialEq, Message)]
-pub struct SizedPrimitive {
-    #[prost(message, optional, tag = "1")]
-    pub pose: Option<PoseMessage>,
-    #[prost(message, optional, tag = "2")]
-    pub size: Option<Vector3>,
-    #[prost(message, optional, tag = "3")]
-    pub color: Option<Color>,
-}
-
-/// A cylinder along z.
-#[derive(Clone, Copy, PartialEq, Message)]
-pub struct CylinderPrimitive {
-    #[prost(message, optional, tag = "1")]
-    pub pose: Option<PoseMessage>,
-    #[prost(message, optional, tag = "2")]
-    pub size: Option<Vector3>,
-    #[prost(double, tag = "3")]
-    pub bottom_scale: f64,
-    #[prost(double, tag = "4")]
-    pub top_scale: f64,
-    #[prost(message, optional, tag = "5")]
-    pub color: Option<Color>,
-}
-
-#[derive(Clone, PartialEq, Message)]
-pub struct TriangleListPrimitive {
-    #[prost(message, optional, tag = "1")]
-    pub pose: Option<PoseMessage>,
-    #[prost(message, repeated, tag = "2")]
-    pub points: Vec<Vector3>,
-    #[prost(message, optional, tag = "3")]
-    pub color: Option<Color>,
-    #[prost(fixed32, repeated, tag = "5")]
-    pub indices: Vec<u32>,
-}
-
-/// What moves with one frame.
-#[derive(Clone, PartialEq, Message)]
-pub struct SceneEntity {
-    #[prost(message, optional, tag = "1")]
-    pub timestamp: Option<Timestamp>,
-    #[prost(string, tag = "2")]
-    pub frame_id: String,
-    #[prost(string, tag = "3")]
-    pub id: String,
-    #[prost(bool, tag = "5")]
-    pub frame_locked: bool,
-    #[prost(message, repeated, tag = "8")]
-    pub cubes: Vec<SizedPrimitive>,
-    #[prost(message, repeated, tag = "9")]
-    pub spheres: Vec<SizedPrimitive>,
-    #[prost(message, repeated, tag = "10")]
-    pub cylinders: Vec<CylinderPrimitive>,
-    #[prost(message, repeated, tag = "12")]
-    pub triangles: Vec<TriangleListPrimitive>,
-}
-
-/// What is to be seen from now on.
-#[derive(Clone, PartialEq, Message)]
-pub struct SceneUpdate {
-    #[prost(message, repeated, tag = "2")]
-    pub entities: Vec<SceneEntity>,
-}
-
-macro_rules! named {
-    ($($message:ident)*) => {
-        $(impl Name for $message {
-            const NAME: &'static str = stringify!($message);
+/// Messages from tables: name and type of each field, and how it stands on the wire. Messages within others have no name on the wire.
+macro_rules! messages {
+    ($($(#[$about:meta])* $name:ident { $($field:ident: $kind:ty = [$($wire:tt)*],)* })*) => {
+        $($(#[$about])* #[derive(Clone, PartialEq, Message)]
+        pub struct $name {
+            $(#[prost($($wire)*)] pub $field: $kind,)*
+        }
+        impl Name for $name {
+            const NAME: &'static str = stringify!($name);
             const PACKAGE: &'static str = "foxglove";
         })*
     };
 }
-named!(FrameTransforms JointStates PointCloud RawImage CameraCalibration PoseInFrame Log SceneUpdate);
+
+messages! {
+    Timestamp {
+        seconds: i64 = [int64, tag = "1"],
+        nanos: i32 = [int32, tag = "2"],
+    }
+    Vector3 {
+        x: f64 = [double, tag = "1"],
+        y: f64 = [double, tag = "2"],
+        z: f64 = [double, tag = "3"],
+    }
+    Quaternion {
+        x: f64 = [double, tag = "1"],
+        y: f64 = [double, tag = "2"],
+        z: f64 = [double, tag = "3"],
+        w: f64 = [double, tag = "4"],
+    }
+    PoseMessage {
+        position: Option<Vector3> = [message, optional, tag = "1"],
+        orientation: Option<Quaternion> = [message, optional, tag = "2"],
+    }
+    Color {
+        r: f64 = [double, tag = "1"],
+        g: f64 = [double, tag = "2"],
+        b: f64 = [double, tag = "3"],
+        a: f64 = [double, tag = "4"],
+    }
+    FrameTransform {
+        timestamp: Option<Timestamp> = [message, optional, tag = "1"],
+        parent_frame_id: String = [string, tag = "2"],
+        child_frame_id: String = [string, tag = "3"],
+        translation: Option<Vector3> = [message, optional, tag = "4"],
+        rotation: Option<Quaternion> = [message, optional, tag = "5"],
+    }
+    /// Poses of frames in others.
+    FrameTransforms {
+        transforms: Vec<FrameTransform> = [message, repeated, tag = "1"],
+    }
+    JointState {
+        name: String = [string, tag = "1"],
+        position: Option<f64> = [double, optional, tag = "2"],
+        velocity: Option<f64> = [double, optional, tag = "3"],
+        effort: Option<f64> = [double, optional, tag = "5"],
+    }
+    /// Joint positions, velocities and torques.
+    JointStates {
+        timestamp: Option<Timestamp> = [message, optional, tag = "1"],
+        joints: Vec<JointState> = [message, repeated, tag = "2"],
+    }
+    PackedElementField {
+        name: String = [string, tag = "1"],
+        offset: u32 = [fixed32, tag = "2"],
+        numeric_type: i32 = [int32, tag = "3"],
+    }
+    /// Points with fields.
+    PointCloud {
+        timestamp: Option<Timestamp> = [message, optional, tag = "1"],
+        frame_id: String = [string, tag = "2"],
+        pose: Option<PoseMessage> = [message, optional, tag = "3"],
+        point_stride: u32 = [fixed32, tag = "4"],
+        fields: Vec<PackedElementField> = [message, repeated, tag = "5"],
+        data: Vec<u8> = [bytes = "vec", tag = "6"],
+    }
+    /// An image, not compressed.
+    RawImage {
+        timestamp: Option<Timestamp> = [message, optional, tag = "1"],
+        frame_id: String = [string, tag = "7"],
+        width: u32 = [fixed32, tag = "2"],
+        height: u32 = [fixed32, tag = "3"],
+        encoding: String = [string, tag = "4"],
+        step: u32 = [fixed32, tag = "5"],
+        data: Vec<u8> = [bytes = "vec", tag = "6"],
+    }
+    /// How a camera projects.
+    CameraCalibration {
+        timestamp: Option<Timestamp> = [message, optional, tag = "1"],
+        frame_id: String = [string, tag = "9"],
+        width: u32 = [fixed32, tag = "2"],
+        height: u32 = [fixed32, tag = "3"],
+        K: Vec<f64> = [double, repeated, tag = "6"],
+        R: Vec<f64> = [double, repeated, tag = "7"],
+        P: Vec<f64> = [double, repeated, tag = "8"],
+    }
+    /// One pose.
+    PoseInFrame {
+        timestamp: Option<Timestamp> = [message, optional, tag = "1"],
+        frame_id: String = [string, tag = "2"],
+        pose: Option<PoseMessage> = [message, optional, tag = "3"],
+    }
+    /// A line for people.
+    Log {
+        timestamp: Option<Timestamp> = [message, optional, tag = "1"],
+        level: i32 = [int32, tag = "2"],
+        message: String = [string, tag = "3"],
+        name: String = [string, tag = "4"],
+    }
+    /// A box or a ball: its full extents.
+    SizedPrimitive {
+        pose: Option<PoseMessage> = [message, optional, tag = "1"],
+        size: Option<Vector3> = [message, optional, tag = "2"],
+        color: Option<Color> = [message, optional, tag = "3"],
+    }
+    /// A cylinder along z.
+    CylinderPrimitive {
+        pose: Option<PoseMessage> = [message, optional, tag = "1"],
+        size: Option<Vector3> = [message, optional, tag = "2"],
+        bottom_scale: f64 = [double, tag = "3"],
+        top_scale: f64 = [double, tag = "4"],
+        color: Option<Color> = [message, optional, tag = "5"],
+    }
+    TriangleListPrimitive {
+        pose: Option<PoseMessage> = [message, optional, tag = "1"],
+        points: Vec<Vector3> = [message, repeated, tag = "2"],
+        color: Option<Color> = [message, optional, tag = "3"],
+        indices: Vec<u32> = [fixed32, repeated, tag = "5"],
+    }
+    /// What moves with one frame.
+    SceneEntity {
+        timestamp: Option<Timestamp> = [message, optional, tag = "1"],
+        frame_id: String = [string, tag = "2"],
+        id: String = [string, tag = "3"],
+        frame_locked: bool = [bool, tag = "5"],
+        cubes: Vec<SizedPrimitive> = [message, repeated, tag = "8"],
+        spheres: Vec<SizedPrimitive> = [message, repeated, tag = "9"],
+        cylinders: Vec<CylinderPrimitive> = [message, repeated, tag = "10"],
+        triangles: Vec<TriangleListPrimitive> = [message, repeated, tag = "12"],
+    }
+    /// What is to be seen from now on.
+    SceneUpdate {
+        entities: Vec<SceneEntity> = [message, repeated, tag = "2"],
+    }
+}
 
 /// A time, from the beginning of the epoch or of the throw; none before it.
 pub fn time(time_s: f64) -> Option<Timestamp> {
