@@ -4,37 +4,21 @@
 
 #![allow(missing_docs, reason = "criterion's macro makes a public function")]
 
+mod inputs;
 #[path = "../tests/it/synthetic.rs"]
 mod synthetic;
 
-use catch_body::{Gripper, Pose, Robot, robot_file::RobotFiles};
+use catch_body::Pose;
 use catch_bot::{
     grasp_selection::{self, GraspSet},
     perception::{self, ReferenceModel},
-    trajectory_optimization::{CatchSearch, Config, Incoming, MotionPlanner, Start, posed::Target},
+    trajectory_optimization::{CatchSearch, Incoming, Start, posed::Target},
     trajectory_prediction::FlightTrajectory,
 };
-use catch_cell::arm::Setpoint;
 use criterion::{Criterion, criterion_group, criterion_main};
-use nalgebra::{Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use inputs::{at_rest, planner};
+use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use synthetic::Shape;
-
-const URDF: &str = include_str!("../../../assets/robots/iiwa14/robot.urdf");
-const TOML: &str = include_str!("../../../assets/robots/iiwa14/robot.toml");
-const GRIPPER: &str = include_str!("../../../assets/grippers/wsg50.toml");
-/// Where the arm waits in the scenario of the paper.
-const READY: [f64; 7] = [-1.308, 1.236, 1.116, -1.523, 1.648, 1.472, 0.272];
-
-fn planner(change: impl Fn(&mut Config)) -> MotionPlanner {
-    let files = RobotFiles { urdf_file: "robot.urdf", urdf: URDF, toml_file: "robot.toml", toml: TOML };
-    let mut config = Config::default();
-    change(&mut config);
-    MotionPlanner::new(Robot::from_files(&files).unwrap(), Gripper::from_toml("gripper.toml", GRIPPER).unwrap(), config)
-}
-
-fn at_rest(planner: &MotionPlanner, q: &[f64], time_s: f64) -> Start {
-    Start { time_s, state: Setpoint::at_rest(planner.robot().joint_vector(q).unwrap()) }
-}
 
 /// Case 0 of `cases/planner_cases.json`, and the same 5 mm aside.
 fn given_pose(criterion: &mut Criterion) {
@@ -70,16 +54,12 @@ fn given_pose(criterion: &mut Criterion) {
 /// The paper's near throw from the waiting pose: time, grasp and redundancy are sought, then the flight changes by 5 mm.
 fn everything(criterion: &mut Criterion) {
     let search = CatchSearch::new(planner(|_| {}));
-    let start = at_rest(search.motion(), &READY, 0.07);
+    let start = at_rest(search.motion(), &inputs::READY, 0.07);
     let config = grasp_selection::Config::default();
     for (name, shape) in Shape::all() {
         let reference = ReferenceModel::from_scan(&synthetic::scan(&shape, 200), &perception::Config::default());
         let grasps = GraspSet::sample(&reference, search.motion().gripper(), &config);
-        let flight = FlightTrajectory {
-            p_WO: Point3::new(1.66613, 1.63277, 0.3),
-            v_WO: Vector3::new(-1.58705, -2.68301, 3.75643),
-            ..FlightTrajectory::default()
-        };
+        let flight = inputs::near_throw();
         let incoming = Incoming { flight: &flight, grasps: &grasps, config: &config };
         criterion.bench_function(&format!("search/{name}"), |bencher| {
             bencher.iter(|| search.search(&start, &incoming));

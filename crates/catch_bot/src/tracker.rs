@@ -82,7 +82,7 @@ impl Tracker {
             let surroundings = surroundings.as_ref();
             self.alignment.observe(frames, known.cameras(), surroundings, &known.config().perception);
             let view = View { frames, cameras: self.alignment.cameras(), surroundings };
-            let Ok(mut pose) = estimator.estimate(&view, expected.as_ref()) else { continue };
+            let Ok(mut pose) = estimator.estimate(&view, expected.into()) else { continue };
             if let Some(X_WO) = &expected {
                 pose.X_WO.rotation = known.reference().symmetry.nearest_alike(&X_WO.rotation, &pose.X_WO.rotation);
             }

@@ -90,6 +90,17 @@ impl PixelWindow {
         let (column, row) = (index % width, index / width);
         Point2::new(f64::from(self.left) + column as f64 + 0.5, f64::from(self.top) + row as f64 + 0.5)
     }
+
+    /// The pixels that it shares with another window; where there are none, an empty window in its own first corner.
+    pub fn intersection(&self, other: &Self) -> Self {
+        let (left, top) = (self.left.max(other.left), self.top.max(other.top));
+        let right = (self.left + self.width).min(other.left + other.width);
+        let bottom = (self.top + self.height).min(other.top + other.height);
+        if right <= left || bottom <= top {
+            return Self { left: self.left, top: self.top, width: 0, height: 0 };
+        }
+        Self { left, top, width: right - left, height: bottom - top }
+    }
 }
 
 /// One depth image, or the window of it that was read out.

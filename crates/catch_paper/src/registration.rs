@@ -8,7 +8,8 @@ use std::sync::Arc;
 
 use catch_body::Pose;
 use catch_bot::perception::{
-    self, Fit, ObjectPose, PerceptionStatus, PoseEstimator, ReferenceModel, SceneCloud, View, Workspace, estimate_with,
+    self, Fit, ObjectFinder, ObjectPose, PerceptionStatus, PoseEstimator, Prior, ReferenceModel, Registration,
+    SceneCloud, View, Workspace,
 };
 use catch_bot::settings::{Faults, NOT_NEGATIVE, SettingError, Settings};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
@@ -45,10 +46,8 @@ impl Settings for Config {
 #[derive(Debug, Clone)]
 pub struct IcpEstimator {
     config: Config,
-    perception: perception::Config,
-    reference: Arc<ReferenceModel>,
     nearest: NearestPoints,
-    workspace: Workspace,
+    finder: ObjectFinder,
 }
 
 impl IcpEstimator {
@@ -65,20 +64,15 @@ impl IcpEstimator {
         config.check()?;
         perception.check()?;
         let nearest = NearestPoints::new(&reference.points);
-        Ok(Self { config, perception, reference, nearest, workspace })
+        Ok(Self { config, nearest, finder: ObjectFinder::new(perception, reference, workspace) })
     }
 }
 
 impl PoseEstimator for IcpEstimator {
-    fn estimate(&mut self, view: &View<'_>, prior: Option<&Pose>) -> Result<ObjectPose, PerceptionStatus> {
-        let icp = Icp {
-            config: &self.config,
-            perception: &self.perception,
-            reference: &self.reference,
-            nearest: &self.nearest,
-        };
-        estimate_with(view, &self.reference, prior, &self.perception, &mut self.workspace, |scene, X_WO| {
-            icp.register(scene, X_WO)
+    fn estimate(&mut self, view: &View<'_>, prior: Prior) -> Result<ObjectPose, PerceptionStatus> {
+        let Self { config, nearest, finder } = self;
+        finder.find(view, prior, |Registration { reference, config: perception }, scene, X_WO| {
+            Icp { config, perception, reference, nearest }.register(scene, X_WO)
         })
     }
 }

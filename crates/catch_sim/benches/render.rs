@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 
 use catch_body::{Gripper, Pose, Robot, TriangleMesh, robot_file::RobotFiles};
 use catch_cell::{PixelWindow, reference_scan, rig_from_toml};
-use catch_sim::cameras::{
-    DepthCameras, Readout, Renderer, Scene,
+use catch_sim::{
+    cameras::{DepthCameras, Readout, Renderer, Scene},
     depth_noise::{DepthConfig, DepthModel, GaussianNoise},
 };
 use criterion::{Criterion, criterion_group, criterion_main};

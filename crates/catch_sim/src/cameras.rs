@@ -1,10 +1,9 @@
 //! Depth cameras: what they see of a scene, and what they make of it.
 //!
 //! Cameras see by ray casting, one ray through the centre of each pixel ([`Renderer`]), which is exact. What real sensors do to
-//! such images is added to them ([`DepthCameras`], [`depth_noise`]).
+//! such images is added to them ([`DepthCameras`], [`depth_noise`](crate::depth_noise)).
 
 mod counter_generator;
-pub mod depth_noise;
 mod measurement;
 mod render;
 

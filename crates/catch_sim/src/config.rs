@@ -3,7 +3,7 @@
 use catch_body::InputError;
 use serde::{Deserialize, Serialize};
 
-use crate::cameras::depth_noise::DepthConfig;
+use crate::depth_noise::DepthConfig;
 
 /// No friction coefficient is higher.
 const MOST_FRICTION: f64 = 100.0;

@@ -10,15 +10,15 @@ use rapier3d_f64::{
     },
 };
 
-use crate::object_shape::ColliderPart;
-
 /// A solid whose convex hull has at most this times its volume collides as that.
 const NEARLY_CONVEX: f64 = 1.02;
 
 /// The convex parts of a closed mesh: its hull where it is convex, else an approximate decomposition (Mamou, Volumetric
 /// hierarchical approximate convex decomposition, Game Engine Gems 3, 2016).
-pub(crate) fn convex_parts(mesh: &TriangleMesh) -> Vec<ColliderPart> {
-    let hull = || vec![ColliderPart::Hull(mesh.vertices.clone())];
+///
+/// Each part is the convex hull of its points.
+pub(crate) fn convex_parts(mesh: &TriangleMesh) -> Vec<Vec<Point3<f64>>> {
+    let hull = || vec![mesh.vertices.clone()];
     if hull_volume_m3(&mesh.vertices) <= NEARLY_CONVEX * mesh.volume() {
         return hull();
     }
@@ -28,7 +28,7 @@ pub(crate) fn convex_parts(mesh: &TriangleMesh) -> Vec<ColliderPart> {
     let pieces = VHACD::decompose(&parameters, &points, &mesh.triangles, true)
         .compute_exact_convex_hulls(&points, &mesh.triangles);
     let parts = pieces.into_iter().map(|(points, _)| points.iter().map(|it| Point3::new(it.x, it.y, it.z)).collect());
-    let parts: Vec<ColliderPart> = parts.map(ColliderPart::Hull).filter(|part| part.volume_m3() > 0.0).collect();
+    let parts: Vec<Vec<Point3<f64>>> = parts.filter(|points: &Vec<_>| hull_volume_m3(points) > 0.0).collect();
     if parts.is_empty() { hull() } else { parts }
 }
 
@@ -69,21 +69,17 @@ mod tests {
         let mesh = horseshoe();
         assert!(hull_volume_m3(&mesh.vertices) > 2.0 * mesh.volume());
         let parts = convex_parts(&mesh);
-        let volume: f64 = parts.iter().map(ColliderPart::volume_m3).sum();
+        let volume: f64 = parts.iter().map(|points| hull_volume_m3(points)).sum();
         let ratio = volume / mesh.volume();
         assert!((0.98..1.15).contains(&ratio) && (4..=32).contains(&parts.len()), "{} parts, {ratio}", parts.len());
         // Nothing fills the gap in the middle.
-        let reaches_middle = |part: &ColliderPart| match part {
-            ColliderPart::Hull(points) => points.iter().any(|point| point.coords.xy().norm() < 0.035),
-            ColliderPart::Ball { .. } => true,
-        };
-        assert!(!parts.iter().any(reaches_middle));
+        assert!(!parts.iter().flatten().any(|point| point.coords.xy().norm() < 0.035));
     }
 
     #[test]
     fn a_convex_solid_stays_one_part() {
         let brick = TriangleMesh::cuboid(&Cuboid { centre: Point3::origin(), size: Vector3::new(0.1, 0.05, 0.02) });
-        assert_eq!(convex_parts(&brick), [ColliderPart::Hull(brick.vertices.clone())]);
+        assert_eq!(convex_parts(&brick), std::slice::from_ref(&brick.vertices));
         assert!((hull_volume_m3(&brick.vertices) - 1e-4).abs() < 1e-12);
         assert_eq!(hull_volume_m3(&brick.vertices[..3]), 0.0);
     }

@@ -12,6 +12,7 @@ pub mod cameras;
 pub mod conditions;
 pub mod config;
 mod convex_parts;
+pub mod depth_noise;
 pub mod equipment;
 pub mod gripper_drive;
 pub mod object;

@@ -106,8 +106,11 @@ impl ShapeFields {
             Self::Mesh { file: mesh_file, parts, scale } => {
                 let scale = InputError::positive(file, "truth.shape.scale", *scale)?;
                 let mesh = mesh_from_bytes(mesh_file, &load(mesh_file)?, scale)?;
-                let parts =
-                    if parts.is_empty() { convex_parts(&mesh) } else { named_parts(parts, scale, &mesh, load)? };
+                let parts = if parts.is_empty() {
+                    convex_parts(&mesh).into_iter().map(ColliderPart::Hull).collect()
+                } else {
+                    named_parts(parts, scale, &mesh, load)?
+                };
                 Ok(Solid { inertia: mesh.mass_properties(mass_kg), parts, mesh })
             }
         }

@@ -1,12 +1,12 @@
 //! Registration for other people's data: one bare cloud of points against a reference, without cameras or masks.
 
 use catch_body::Pose;
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 use super::{
-    Config, PerceptionStatus, ReferenceModel, global_registration,
+    Config, PerceptionStatus, ReferenceModel,
     point_cloud::{SceneCloud, ScenePoint},
-    registration::{self, Fit},
+    registration::{Fit, Registration},
 };
 
 /// Brings a reference onto a cloud of points in the frame C, each with the same standard deviation in metres along every axis.
@@ -58,7 +58,8 @@ pub fn register_cloud(
         _ => {}
     }
     let config = Config { model_sd_m: config.model_sd_m.hypot(sd_m), ..config.clone() };
-    let tracked = prior.and_then(|X_CO| registration::register(&mut scene, reference, X_CO, &config, false).ok());
-    let mut thinned = SceneCloud::default();
-    tracked.map_or_else(|| global_registration::register(&mut scene, &mut thinned, reference, prior, &config), Ok)
+    let registration = Registration { reference, config: &config };
+    let tracked = prior.and_then(|X_CO| registration.register(&mut scene, X_CO, false).ok());
+    let R_CO = prior.map_or_else(UnitQuaternion::identity, |X_CO| X_CO.rotation);
+    tracked.map_or_else(|| registration.register_globally(&mut scene, &mut SceneCloud::default(), &R_CO), Ok)
 }

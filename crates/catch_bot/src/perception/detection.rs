@@ -9,11 +9,12 @@ use std::sync::Arc;
 use super::{
     Config, ReferenceModel,
     segmentation::{Background, Surroundings, threshold_m},
+    view::View,
 };
 
-/// Buffers of the search, and what the cameras see while the arm waits.
+/// Detection: its buffers, and what the cameras see while the arm waits.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Scratch {
+pub(super) struct Detector {
     waiting: Option<Arc<Waiting>>,
     blobs: Vec<Blob>,
     /// Pixels of an image that could be the object.
@@ -67,58 +68,7 @@ pub(super) fn is_within(limit: f64, X_WA: &LinkPoses, X_WB: &LinkPoses) -> bool 
     })
 }
 
-/// The place that most cameras agree on, if any.
-pub(super) fn find(
-    frames: &[DepthFrame],
-    cameras: &[CameraModel],
-    reference: &ReferenceModel,
-    surroundings: Option<&Surroundings<'_>>,
-    config: &Config,
-    scratch: &mut Scratch,
-) -> Option<Point3<f64>> {
-    let waiting = scratch.waiting.clone();
-    scratch.blobs.clear();
-    for frame in frames.iter().filter(|frame| frame.mask.is_none() && frame.depth_m.len() >= frame.window.area()) {
-        if let Some(camera) = cameras.get(frame.camera) {
-            let background = Background::new(camera, surroundings, &frame.window, config);
-            let nearer_than_m = waiting.as_ref().and_then(|waiting| waiting.nearer_than_m(frame.camera, surroundings));
-            scratch.choose_candidates(frame, camera, nearer_than_m, &background, config);
-            scratch.add_blobs(frame, camera, reference, config);
-        }
-    }
-    let blobs = &mut scratch.blobs;
-    blobs.sort_by(|a, b| b.pixels.cmp(&a.pixels).then(a.camera.cmp(&b.camera)));
-    blobs.truncate(MAX_BLOBS);
-
-    // Each pair of rays that meet is tried; with one blob alone its own place.
-    let reach_m = reference.radius_m + config.background_margin_m;
-    let mut best: Option<(usize, usize, Point3<f64>)> = None;
-    let mut offer = |place: Point3<f64>| {
-        let (mut agreeing, mut pixels, mut last) = (0, 0, usize::MAX);
-        for blob in blobs.iter().filter(|blob| blob.passes(&place, reach_m)) {
-            agreeing += usize::from(blob.camera != last);
-            pixels += blob.pixels;
-            last = blob.camera;
-        }
-        if best.is_none_or(|(most, many, _)| (agreeing, pixels) > (most, many)) {
-            best = Some((agreeing, pixels, place));
-        }
-    };
-    for (i, one) in blobs.iter().enumerate() {
-        offer(one.p_WC + one.direction_W * one.along_m);
-        for two in blobs[..i].iter().filter(|two| two.camera != one.camera) {
-            if let Some(place) = meeting(one, two, reach_m) {
-                offer(place);
-            }
-        }
-    }
-    let (agreeing, _, place) = best?;
-    // Where others could have confirmed it, one camera alone is not enough.
-    let alone_is_enough = frames.len() < 3;
-    (agreeing >= 2 || alone_is_enough).then(|| refined(blobs, &place, reach_m))
-}
-
-impl Scratch {
+impl Detector {
     /// For an arm that will be waiting where `surroundings` say.
     pub fn before_flight(cameras: &[CameraModel], surroundings: &Surroundings<'_>, config: &Config) -> Self {
         let limits_m = |known: Option<&Surroundings<'_>>| -> Vec<Vec<f32>> {
@@ -137,6 +87,52 @@ impl Scratch {
             without_arm_m: if config.sees_floor() { limits_m(None) } else { Vec::new() },
         };
         Self { waiting: Some(Arc::new(waiting)), ..Self::default() }
+    }
+
+    /// The place that most cameras agree on, if any.
+    pub fn find(&mut self, view: &View<'_>, reference: &ReferenceModel, config: &Config) -> Option<Point3<f64>> {
+        let View { frames, cameras, surroundings } = *view;
+        let waiting = self.waiting.clone();
+        self.blobs.clear();
+        for frame in frames.iter().filter(|frame| frame.mask.is_none() && frame.depth_m.len() >= frame.window.area()) {
+            if let Some(camera) = cameras.get(frame.camera) {
+                let background = Background::new(camera, surroundings, &frame.window, config);
+                let nearer_than_m =
+                    waiting.as_ref().and_then(|waiting| waiting.nearer_than_m(frame.camera, surroundings));
+                self.choose_candidates(frame, camera, nearer_than_m, &background, config);
+                self.add_blobs(frame, camera, reference, config);
+            }
+        }
+        let blobs = &mut self.blobs;
+        blobs.sort_by(|a, b| b.pixels.cmp(&a.pixels).then(a.camera.cmp(&b.camera)));
+        blobs.truncate(MAX_BLOBS);
+
+        // Each pair of rays that meet is tried; with one blob alone its own place.
+        let reach_m = reference.radius_m + config.background_margin_m;
+        let mut best: Option<(usize, usize, Point3<f64>)> = None;
+        let mut offer = |place: Point3<f64>| {
+            let (mut agreeing, mut pixels, mut last) = (0, 0, usize::MAX);
+            for blob in blobs.iter().filter(|blob| blob.passes(&place, reach_m)) {
+                agreeing += usize::from(blob.camera != last);
+                pixels += blob.pixels;
+                last = blob.camera;
+            }
+            if best.is_none_or(|(most, many, _)| (agreeing, pixels) > (most, many)) {
+                best = Some((agreeing, pixels, place));
+            }
+        };
+        for (i, one) in blobs.iter().enumerate() {
+            offer(one.p_WC + one.direction_W * one.along_m);
+            for two in blobs[..i].iter().filter(|two| two.camera != one.camera) {
+                if let Some(place) = meeting(one, two, reach_m) {
+                    offer(place);
+                }
+            }
+        }
+        let (agreeing, _, place) = best?;
+        // Where others could have confirmed it, one camera alone is not enough.
+        let alone_is_enough = frames.len() < 3;
+        (agreeing >= 2 || alone_is_enough).then(|| refined(blobs, &place, reach_m))
     }
 
     /// The pixels of one image that show something in front of all that is known to be there. Rays are cast for those alone

@@ -4,9 +4,9 @@ use catch_body::Pose;
 use nalgebra::{Translation3, UnitQuaternion, Vector3};
 
 use super::{
-    Config, PerceptionStatus, ReferenceModel, Symmetry,
+    PerceptionStatus, Symmetry,
     point_cloud::SceneCloud,
-    registration::{self, Fit},
+    registration::{Fit, Registration},
 };
 
 /// Points that the orientations are compared on: enough to tell them apart.
@@ -23,68 +23,68 @@ const SAME_ORIENTATION_RAD: f64 = 0.3;
 /// Depths that err by more than this fraction of the object's inner radius do not tell orientations apart.
 const BLURRED_FRACTION: f64 = 0.5;
 
-/// Registers from each of the 24 rotations of the cube, of which one is within 63° of any orientation, and keeps the best.
-///
-/// Orientations are compared on points alone, which is a third of the work, unless these err too much to tell them apart: then by
-/// the silhouette too. What cannot be observed of the orientation is taken from the prior if there is one.
-pub(super) fn register(
-    scene: &mut SceneCloud,
-    thinned: &mut SceneCloud,
-    reference: &ReferenceModel,
-    prior: Option<&Pose>,
-    config: &Config,
-) -> Result<Fit, PerceptionStatus> {
-    thinned.thin_from(scene, TRIAL_POINTS);
-    let R_WO = prior.map_or_else(UnitQuaternion::identity, |X_WO| X_WO.rotation);
-    let has_silhouette = !scene.silhouette_rays.is_empty();
-    let is_blurred = |error_m: f64| has_silhouette && error_m > BLURRED_FRACTION * reference.inner_radius_m;
+impl Registration<'_> {
+    /// Registers from each of the 24 rotations of the cube, of which one is within 63° of any orientation, and keeps the best.
+    ///
+    /// Orientations are compared on points alone, which is a third of the work, unless these err too much to tell them apart: then
+    /// by the silhouette too. What cannot be observed of the orientation is taken from `R_WO`.
+    pub(super) fn register_globally(
+        &self,
+        scene: &mut SceneCloud,
+        thinned: &mut SceneCloud,
+        R_WO: &UnitQuaternion<f64>,
+    ) -> Result<Fit, PerceptionStatus> {
+        thinned.thin_from(scene, TRIAL_POINTS);
+        let has_silhouette = !scene.silhouette.is_empty();
+        let silhouette_above_m = self.config.silhouette_above_m;
+        let is_blurred = |error_m: f64| has_silhouette && error_m > BLURRED_FRACTION * self.reference.inner_radius_m;
 
-    let told_m = scene.mean_noise_m();
-    let mut finalists = try_all(thinned, reference, &R_WO, config, is_blurred(told_m));
-    let mut outlined = has_silhouette && told_m > config.silhouette_above_m;
-    let mut best = best_of(&finalists, scene, reference, config, outlined);
-    // Points that nobody told to be noisy turn out to be: again with the silhouette.
-    if let Some(fit) = best.filter(|fit| !outlined && has_silhouette && fit.residual_m > config.silhouette_above_m) {
-        if is_blurred(fit.residual_m) {
-            finalists = try_all(thinned, reference, &R_WO, config, true);
+        let told_m = scene.mean_noise_m();
+        let mut finalists = self.try_all(thinned, R_WO, is_blurred(told_m));
+        let mut with_silhouette = has_silhouette && told_m > silhouette_above_m;
+        let mut best = self.best_of(&finalists, scene, with_silhouette);
+        // Points that nobody told to be noisy turn out to be: again with the silhouette.
+        if let Some(fit) = best.filter(|fit| !with_silhouette && has_silhouette && fit.residual_m > silhouette_above_m)
+        {
+            if is_blurred(fit.residual_m) {
+                finalists = self.try_all(thinned, R_WO, true);
+            }
+            with_silhouette = true;
+            best = self.best_of(&finalists, scene, with_silhouette);
         }
-        outlined = true;
-        best = best_of(&finalists, scene, reference, config, outlined);
+        self.register(scene, &best.ok_or(PerceptionStatus::NotConverged)?.X_WO, with_silhouette)
     }
-    registration::register(scene, reference, &best.ok_or(PerceptionStatus::NotConverged)?.X_WO, config, outlined)
-}
 
-/// The orientations that a part of the scene speaks for most.
-fn try_all(
-    thinned: &mut SceneCloud,
-    reference: &ReferenceModel,
-    R_WO: &UnitQuaternion<f64>,
-    config: &Config,
-    outlined: bool,
-) -> [Option<Fit>; FINALISTS] {
-    let p_WO = Translation3::from(thinned.centroid().coords);
-    let starts = if matches!(reference.symmetry, Symmetry::Sphere) { 1 } else { 24 };
-    let mut finalists = [None; FINALISTS];
-    for i in 0..starts {
-        let X_WO = Pose::from_parts(p_WO, rotation_of_cube(i) * R_WO);
-        let fit = registration::iterate(thinned, reference, &X_WO, config, TRIAL_ITERATIONS, outlined).0;
-        keep(&mut finalists, fit, &reference.symmetry);
+    /// The orientations that a part of the scene speaks for most.
+    fn try_all(
+        &self,
+        thinned: &mut SceneCloud,
+        R_WO: &UnitQuaternion<f64>,
+        with_silhouette: bool,
+    ) -> [Option<Fit>; FINALISTS] {
+        let p_WO = Translation3::from(thinned.centroid().coords);
+        let symmetry = &self.reference.symmetry;
+        let starts = if matches!(symmetry, Symmetry::Sphere) { 1 } else { 24 };
+        let mut finalists = [None; FINALISTS];
+        for i in 0..starts {
+            let X_WO = Pose::from_parts(p_WO, rotation_of_cube(i) * R_WO);
+            let fit = self.iterate(thinned, &X_WO, TRIAL_ITERATIONS, with_silhouette).0;
+            keep(&mut finalists, fit, symmetry);
+        }
+        finalists
     }
-    finalists
-}
 
-/// The finalist that the whole scene speaks for most, after a few more steps.
-fn best_of(
-    finalists: &[Option<Fit>; FINALISTS],
-    scene: &mut SceneCloud,
-    reference: &ReferenceModel,
-    config: &Config,
-    outlined: bool,
-) -> Option<Fit> {
-    let results = finalists.iter().flatten();
-    let results =
-        results.map(|fit| registration::iterate(scene, reference, &fit.X_WO, config, FINAL_ITERATIONS, outlined).0);
-    results.min_by(|a, b| a.robust_cost.total_cmp(&b.robust_cost))
+    /// The finalist that the whole scene speaks for most, after a few more steps.
+    fn best_of(
+        &self,
+        finalists: &[Option<Fit>; FINALISTS],
+        scene: &mut SceneCloud,
+        with_silhouette: bool,
+    ) -> Option<Fit> {
+        let results = finalists.iter().flatten();
+        let results = results.map(|fit| self.iterate(scene, &fit.X_WO, FINAL_ITERATIONS, with_silhouette).0);
+        results.min_by(|a, b| a.robust_cost.total_cmp(&b.robust_cost))
+    }
 }
 
 /// Keeps the best fits in order, each orientation once.

@@ -20,6 +20,7 @@ pub mod symmetry;
 #[cfg(test)]
 #[path = "../../tests/it/synthetic.rs"]
 pub(crate) mod synthetic;
+mod view;
 
 use catch_body::Pose;
 use catch_cell::CameraModel;
@@ -29,12 +30,13 @@ use serde::{Deserialize, Serialize};
 use crate::settings::{DURATION_S, Faults, NOT_NEGATIVE, SettingError, Settings};
 pub use cloud::register_cloud;
 pub use distance_field::DistanceField;
-pub use estimator::{PoseEstimator, SdfEstimator, View, estimate_with, find_object};
+pub use estimator::{ObjectFinder, PoseEstimator, SdfEstimator};
 pub use point_cloud::{DepthNoise, SceneCloud};
 pub use reference::ReferenceModel;
-pub use registration::Fit;
+pub use registration::{Fit, Registration};
 pub use segmentation::Surroundings;
 pub use symmetry::Symmetry;
+pub use view::{Prior, View};
 
 /// Settings of perception.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -211,24 +213,19 @@ pub enum PerceptionStatus {
     NoReference,
 }
 
-/// Buffers of [`find_object`], kept so that finding an object need not allocate. They carry nothing from one call to the next.
+/// Buffers of an [`ObjectFinder`], kept so that finding an object need not allocate. They carry nothing from one call to the next.
 #[derive(Debug, Clone, Default)]
 pub struct Workspace {
     scene: SceneCloud,
     thinned: SceneCloud,
-    detection: detection::Scratch,
+    detector: detection::Detector,
 }
 
 impl Workspace {
     /// With what the cameras see of an arm that will be waiting where `surroundings` say while the object is looked for in images
     /// without masks, which makes the search faster and changes nothing of what it finds but at the very edge of the arm.
     pub fn before_flight(cameras: &[CameraModel], surroundings: &Surroundings<'_>, config: &Config) -> Self {
-        let detection = detection::Scratch::before_flight(cameras, surroundings, config);
-        Self { detection, ..Self::default() }
-    }
-
-    /// What the last search found in the images.
-    pub fn scene(&self) -> &SceneCloud {
-        &self.scene
+        let detector = detection::Detector::before_flight(cameras, surroundings, config);
+        Self { detector, ..Self::default() }
     }
 }

@@ -7,8 +7,9 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Config, ReferenceModel,
-    segmentation::{Background, Label, Surroundings, label},
-    silhouette::{NearRays, SilhouetteRay, silhouette_rays},
+    segmentation::{Background, Expected, Label, label},
+    silhouette::{Silhouette, stride},
+    view::View,
 };
 
 /// Standard deviation of a measured depth: σ(z) = c + q·z², in metres.
@@ -51,10 +52,8 @@ const ROOM_LABELS: usize = 1 << 17;
 pub struct SceneCloud {
     /// Points on its surface.
     pub points: Vec<ScenePoint>,
-    /// Rays along its silhouette, if they have been collected; only where masks tell it.
-    pub silhouette_rays: Vec<SilhouetteRay>,
-    /// Those of them that matter where the object is thought to be.
-    pub(super) near_silhouette: NearRays,
+    /// Its silhouette, if it has been collected.
+    pub silhouette: Silhouette,
     /// The frames that show it.
     shown: Vec<Shown>,
     /// Labels of the pixels of frames that have no mask.
@@ -76,22 +75,13 @@ impl SceneCloud {
     ///
     /// A pixel is the object's if the image's mask says so; without a mask, if it lies in front of the surroundings and near
     /// the predicted pose, which then must be given.
-    pub fn collect(
-        &mut self,
-        frames: &[DepthFrame],
-        cameras: &[CameraModel],
-        reference: &ReferenceModel,
-        prior: Option<&Pose>,
-        surroundings: Option<&Surroundings<'_>>,
-        config: &Config,
-    ) {
+    pub fn collect(&mut self, view: &View<'_>, reference: &ReferenceModel, prior: Option<&Pose>, config: &Config) {
+        let View { frames, cameras, surroundings } = *view;
         self.points.clear();
-        self.silhouette_rays.clear();
         self.shown.clear();
         self.labels.clear();
         self.points.reserve(ROOM_POINTS);
-        self.silhouette_rays.reserve(ROOM_POINTS);
-        self.near_silhouette.reserve(ROOM_POINTS);
+        self.silhouette.clear(ROOM_POINTS);
         self.shown.reserve(cameras.len());
         self.labels.reserve(ROOM_LABELS);
         for (index, frame) in frames.iter().enumerate() {
@@ -99,27 +89,24 @@ impl SceneCloud {
             if frame.depth_m.len() < frame.window.area() || !frame.capture_s.is_finite() {
                 continue;
             }
-            let near = prior.map(|X_WO| Near::new(X_WO, camera, reference.radius_m + config.gate_m));
-            let part = near.map_or(frame.window, |near| intersection(&frame.window, &near.window));
+            let expected = prior.map(|X_WO| Expected::new(X_WO, camera, reference.radius_m + config.gate_m));
+            let part = expected.map_or(frame.window, |expected| frame.window.intersection(&expected.window));
             let mut labelled = None;
-            let pixels = match (&frame.mask, near) {
+            let pixels = match (&frame.mask, expected) {
                 (Some(mask), _) if mask.len() >= frame.window.area() => {
-                    self.collect_where(frame, camera, part, config, |i| mask[i])
+                    collect_where(&mut self.points, frame, camera, &part, config, |i| mask[i])
                 }
-                (None, Some(near)) if part.area() > 0 => {
+                (None, Some(expected)) if part.area() > 0 => {
                     let from = self.labels.len();
                     let background = Background::new(camera, surroundings, &part, config);
-                    let Near { centre_C, reach_m, .. } = &near;
-                    let pixels = label(&mut self.labels, frame, &part, &background, centre_C, *reach_m, config);
+                    let pixels = label(&mut self.labels, frame, &part, &background, &expected, config);
                     labelled = Some((part, from));
-                    let labels = std::mem::take(&mut self.labels);
                     let (wide, columns) = (part.width as usize, frame.window.width as usize);
                     let [left, top] =
                         [part.left - frame.window.left, part.top - frame.window.top].map(|at| at as usize);
-                    let is_object =
-                        |i: usize| labels[from + (i / columns - top) * wide + i % columns - left] == Label::Object;
-                    self.collect_where(frame, camera, pixels, config, is_object);
-                    self.labels = labels;
+                    let labels = &self.labels[from..];
+                    let is_object = |i: usize| labels[(i / columns - top) * wide + i % columns - left] == Label::Object;
+                    collect_where(&mut self.points, frame, camera, &pixels, config, is_object);
                     pixels
                 }
                 _ => continue,
@@ -130,37 +117,31 @@ impl SceneCloud {
         }
     }
 
-    /// Collects the silhouettes of what [`collect`](Self::collect) found in the same frames.
-    pub fn collect_silhouette(
-        &mut self,
-        frames: &[DepthFrame],
-        cameras: &[CameraModel],
-        reference: &ReferenceModel,
-        config: &Config,
-    ) {
-        self.silhouette_rays.clear();
+    /// Collects the silhouette of what [`collect`](Self::collect) found in the same view.
+    pub fn collect_silhouette(&mut self, view: &View<'_>, reference: &ReferenceModel, config: &Config) {
+        self.silhouette.clear(ROOM_POINTS);
         let centroid_W = self.centroid();
         for shown in &self.shown {
-            let frame = &frames[shown.frame];
-            let Some(camera) = cameras.get(frame.camera) else { continue };
+            let frame = &view.frames[shown.frame];
+            let Some(camera) = view.cameras.get(frame.camera) else { continue };
             let depth_m = camera.X_WC.inverse_transform_point(&centroid_W).z;
             let nearest_m = depth_m - reference.radius_m - 3.0 * config.depth_sd_m(depth_m);
             let columns = frame.window.width as usize;
             match (&frame.mask, shown.labelled) {
                 (Some(mask), _) => {
-                    silhouette_rays(&mut self.silhouette_rays, frame.window, camera, &shown.pixels, |column, row| {
+                    self.silhouette.collect(frame.window, camera, &shown.pixels, |column, row| {
                         let i = row * columns + column;
                         // Something in front of the object.
                         let is_hidden = !mask[i] && f64::from(frame.depth_m[i]) < nearest_m;
                         [if mask[i] { Label::Object } else { Label::Elsewhere }, Label::Unknown][usize::from(is_hidden)]
-                    })
+                    });
                 }
                 (None, Some((part, from))) => {
                     let (left, top) =
                         ((part.left - frame.window.left) as usize, (part.top - frame.window.top) as usize);
                     let (wide, high) = (part.width as usize, part.height as usize);
                     let labels = &self.labels[from..from + part.area()];
-                    silhouette_rays(&mut self.silhouette_rays, frame.window, camera, &shown.pixels, |column, row| {
+                    self.silhouette.collect(frame.window, camera, &shown.pixels, |column, row| {
                         let (x, y) = (column.wrapping_sub(left), row.wrapping_sub(top));
                         if x < wide && y < high { labels[y * wide + x] } else { Label::Unknown }
                     });
@@ -181,57 +162,6 @@ impl SceneCloud {
         self.points.iter().map(|point| point.depth_sd_m).sum::<f64>() / self.points.len().max(1) as f64
     }
 
-    /// Collects the measured pixels of a part of a frame for which `wanted` holds, given their indices in the frame, and returns
-    /// the box around all for which it holds, measured or not.
-    fn collect_where(
-        &mut self,
-        frame: &DepthFrame,
-        camera: &CameraModel,
-        part: PixelWindow,
-        config: &Config,
-        wanted: impl Fn(usize) -> bool,
-    ) -> PixelWindow {
-        let columns = frame.window.width as usize;
-        let left = (part.left - frame.window.left.min(part.left)) as usize;
-        let top = (part.top - frame.window.top.min(part.top)) as usize;
-        let R_WC = camera.X_WC.rotation.to_rotation_matrix();
-        let p_WC = camera.X_WC.translation.vector;
-        let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
-        for row in top..top + part.height as usize {
-            for column in left..left + part.width as usize {
-                let i = row * columns + column;
-                if !wanted(i) {
-                    continue;
-                }
-                low = [low[0].min(column), low[1].min(row)];
-                high = [high[0].max(column + 1), high[1].max(row + 1)];
-                let depth_m = f64::from(frame.depth_m[i]);
-                if !(depth_m > 0.0 && depth_m.is_finite()) {
-                    continue;
-                }
-                let uv = Point2::new(
-                    f64::from(frame.window.left) + column as f64 + 0.5,
-                    f64::from(frame.window.top) + row as f64 + 0.5,
-                );
-                let per_depth_W = R_WC * camera.back_project(&uv, 1.0).coords;
-                self.points.push(ScenePoint {
-                    p_W: Point3::from(p_WC + per_depth_W * depth_m),
-                    per_depth_W,
-                    depth_sd_m: config.depth_sd_m(depth_m),
-                });
-            }
-        }
-        if low[0] >= high[0] {
-            return PixelWindow::default();
-        }
-        PixelWindow {
-            left: frame.window.left + low[0] as u32,
-            top: frame.window.top + low[1] as u32,
-            width: (high[0] - low[0]) as u32,
-            height: (high[1] - low[1]) as u32,
-        }
-    }
-
     /// Mean of the points.
     pub fn centroid(&self) -> Point3<f64> {
         let sum: Vector3<f64> = self.points.iter().map(|point| point.p_W.coords).sum();
@@ -241,36 +171,58 @@ impl SceneCloud {
     /// Takes over at most about `most` of another cloud's points, evenly.
     pub(super) fn thin_from(&mut self, other: &Self, most: usize) {
         self.points.clear();
-        self.silhouette_rays.clear();
-        let step = |count: usize| count.div_ceil(most.max(1)).max(1);
-        self.points.extend(other.points.iter().step_by(step(other.points.len())));
-        self.silhouette_rays.extend(other.silhouette_rays.iter().step_by(step(other.silhouette_rays.len())));
+        self.points.extend(other.points.iter().step_by(stride(other.points.len(), most)));
+        self.silhouette.thin_from(&other.silhouette, most);
     }
 }
 
-/// Where in a camera's image the object is expected.
-#[derive(Debug, Clone, Copy)]
-struct Near {
-    window: PixelWindow,
-    centre_C: Point3<f64>,
-    reach_m: f64,
-}
-
-impl Near {
-    fn new(X_WO: &Pose, camera: &CameraModel, reach_m: f64) -> Self {
-        let centre_C = camera.X_WC.inverse_transform_point(&X_WO.translation.vector.into());
-        Self { window: camera.window_around(&centre_C, reach_m), centre_C, reach_m }
+/// Collects the measured pixels of a part of a frame for which `wanted` holds, given their indices in the frame, and returns
+/// the box around all for which it holds, measured or not.
+fn collect_where(
+    points: &mut Vec<ScenePoint>,
+    frame: &DepthFrame,
+    camera: &CameraModel,
+    part: &PixelWindow,
+    config: &Config,
+    wanted: impl Fn(usize) -> bool,
+) -> PixelWindow {
+    let columns = frame.window.width as usize;
+    let left = (part.left - frame.window.left.min(part.left)) as usize;
+    let top = (part.top - frame.window.top.min(part.top)) as usize;
+    let R_WC = camera.X_WC.rotation.to_rotation_matrix();
+    let p_WC = camera.X_WC.translation.vector;
+    let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
+    for row in top..top + part.height as usize {
+        for column in left..left + part.width as usize {
+            let i = row * columns + column;
+            if !wanted(i) {
+                continue;
+            }
+            low = [low[0].min(column), low[1].min(row)];
+            high = [high[0].max(column + 1), high[1].max(row + 1)];
+            let depth_m = f64::from(frame.depth_m[i]);
+            if !(depth_m > 0.0 && depth_m.is_finite()) {
+                continue;
+            }
+            let uv = Point2::new(
+                f64::from(frame.window.left) + column as f64 + 0.5,
+                f64::from(frame.window.top) + row as f64 + 0.5,
+            );
+            let per_depth_W = R_WC * camera.back_project(&uv, 1.0).coords;
+            points.push(ScenePoint {
+                p_W: Point3::from(p_WC + per_depth_W * depth_m),
+                per_depth_W,
+                depth_sd_m: config.depth_sd_m(depth_m),
+            });
+        }
     }
-}
-
-/// The pixels that two windows share.
-pub(super) fn intersection(a: &PixelWindow, b: &PixelWindow) -> PixelWindow {
-    let (left, top) = (a.left.max(b.left), a.top.max(b.top));
-    let right = (a.left + a.width).min(b.left + b.width);
-    let bottom = (a.top + a.height).min(b.top + b.height);
-    if right <= left || bottom <= top {
-        // Empty, and still inside the first window so that indices into it stay valid.
-        return PixelWindow { left: a.left, top: a.top, width: 0, height: 0 };
+    if low[0] >= high[0] {
+        return PixelWindow::default();
     }
-    PixelWindow { left, top, width: right - left, height: bottom - top }
+    PixelWindow {
+        left: frame.window.left + low[0] as u32,
+        top: frame.window.top + low[1] as u32,
+        width: (high[0] - low[0]) as u32,
+        height: (high[1] - low[1]) as u32,
+    }
 }

@@ -12,7 +12,7 @@ use super::{
     Config, PerceptionStatus, ReferenceModel,
     normal_equations::{MEAN_SQUARE, NormalEquations, Sums},
     point_cloud::{SceneCloud, ScenePoint},
-    silhouette,
+    silhouette::Silhouette,
 };
 
 /// A pose that a registration arrived at.
@@ -59,120 +59,183 @@ const LEAST_SHRINKING: f64 = 0.6;
 #[derive(Debug, Clone, Copy)]
 struct Scales {
     points: f64,
-    silhouette_rays: f64,
+    silhouette: f64,
 }
 
-/// Brings the reference from `X_WO` onto the scene's points, and if wanted its silhouette onto theirs.
-pub fn register(
-    scene: &mut SceneCloud,
-    reference: &ReferenceModel,
-    X_WO: &Pose,
-    config: &Config,
-    with_silhouette: bool,
-) -> Result<Fit, PerceptionStatus> {
-    let (fit, converged) = iterate(scene, reference, X_WO, config, config.max_iterations, with_silhouette);
-    let limit_m = config.max_residual_m + 3.0 * fit.noise_m;
-    // Depths that are off by as much as the object is large are noise, whatever was told; then the silhouette vouches for itself.
-    let is_noise = fit.residual_m > HOPELESS_RADII * reference.radius_m;
-    let outlined = is_noise && fit.silhouette_residual_m.is_some_and(|residual_m| residual_m <= config.max_residual_m);
-    let believable = (fit.residual_m <= limit_m || outlined) && fit.points >= config.min_points;
-    if converged && believable { Ok(fit) } else { Err(PerceptionStatus::NotConverged) }
+/// Registration of a reference onto scenes.
+#[derive(Debug, Clone, Copy)]
+pub struct Registration<'a> {
+    /// The object.
+    pub reference: &'a ReferenceModel,
+    /// Settings.
+    pub config: &'a Config,
 }
 
-/// At most `max_iterations` Gauss–Newton steps, and whether they came to rest.
-pub(super) fn iterate(
-    scene: &mut SceneCloud,
-    reference: &ReferenceModel,
-    start: &Pose,
-    config: &Config,
-    max_iterations: usize,
-    with_silhouette: bool,
-) -> (Fit, bool) {
-    let noise_m = scene.mean_noise_m();
-    let SceneCloud { points, silhouette_rays, near_silhouette: near, .. } = scene;
-    let rays = if with_silhouette { silhouette_rays.as_mut_slice() } else { &mut [] };
-    let measured = points.len();
-    // Depths that are known worse than to the object's size say nothing that its silhouette does not say better, and the field
-    // is no measure of how they err.
-    let points =
-        if noise_m > HOPELESS_RADII * reference.radius_m && !rays.is_empty() { &[] } else { points.as_slice() };
-    let mut X_WO = *start;
-    let observable = reference.symmetry.observable();
-    silhouette::find_all(rays, reference, &X_WO, config);
-    near.choose(rays, 0.0, f64::INFINITY);
-    // With infinite scales nothing is an outlier: the typical residual at the start, so that a start that is off does not
-    // turn everything to outliers.
-    let mut on_points = measure_points(points, reference, &X_WO, config);
-    let silhouette_rays = silhouette::typical_violation(rays, near, f64::INFINITY).max(1.0);
-    let mut scales = Scales { points: typical(&on_points), silhouette_rays };
-    near.choose(rays, 0.0, scales.silhouette_rays);
-    let mut on_rays = Sums::ZERO;
-    let mut equations = NormalEquations::ZERO;
-    let (mut converged, mut in_sd, mut moved_m, mut damping) = (false, f64::INFINITY, 0.0, 1.0);
-    let (mut iterations, mut last_step, mut tolerance_sd) = (0, Vector6::zeros(), config.step_tolerance_sd);
-    while iterations < max_iterations && !converged {
-        iterations += 1;
-        (on_points, on_rays, equations) = sum_all(points, rays, near, reference, &X_WO, &mut scales, config);
-        let (information, gradient) = equations.projected(&observable);
-        let Some(mut step) = step(&information, &gradient, reference.radius_m) else { break };
-        let step_sd = step.dot(&(information * step)).max(0.0).sqrt();
-        if iterations == 1 && step_sd < NEAR_SD {
-            tolerance_sd *= NEAR_TOLERANCE;
+impl Registration<'_> {
+    /// Brings the reference from `X_WO` onto the scene's points, and if wanted its silhouette onto theirs.
+    ///
+    /// # Errors
+    /// Where the steps do not come to rest, or too far from the points.
+    pub fn register(
+        &self,
+        scene: &mut SceneCloud,
+        X_WO: &Pose,
+        with_silhouette: bool,
+    ) -> Result<Fit, PerceptionStatus> {
+        let Self { reference, config } = *self;
+        let (fit, converged) = self.iterate(scene, X_WO, config.max_iterations, with_silhouette);
+        let limit_m = config.max_residual_m + 3.0 * fit.noise_m;
+        // Depths that are off by as much as the object is large are noise, whatever was told; then the silhouette vouches for itself.
+        let is_noise = fit.residual_m > HOPELESS_RADII * reference.radius_m;
+        let outlined =
+            is_noise && fit.silhouette_residual_m.is_some_and(|residual_m| residual_m <= config.max_residual_m);
+        let believable = (fit.residual_m <= limit_m || outlined) && fit.points >= config.min_points;
+        if converged && believable { Ok(fit) } else { Err(PerceptionStatus::NotConverged) }
+    }
+
+    /// At most `max_iterations` Gauss–Newton steps, and whether they came to rest.
+    pub(super) fn iterate(
+        &self,
+        scene: &mut SceneCloud,
+        start: &Pose,
+        max_iterations: usize,
+        with_silhouette: bool,
+    ) -> (Fit, bool) {
+        let Self { reference, config } = *self;
+        let noise_m = scene.mean_noise_m();
+        let SceneCloud { points, silhouette, .. } = scene;
+        let mut none = Silhouette::default();
+        let silhouette = if with_silhouette { silhouette } else { &mut none };
+        let measured = points.len();
+        // Depths that are known worse than to the object's size say nothing that its silhouette does not say better, and the field
+        // is no measure of how they err.
+        let points = if noise_m > HOPELESS_RADII * reference.radius_m && !silhouette.is_empty() {
+            &[]
+        } else {
+            points.as_slice()
+        };
+        let mut X_WO = *start;
+        let observable = reference.symmetry.observable();
+        silhouette.find(reference, &X_WO, config);
+        // With infinite scales nothing is an outlier: the typical residual at the start, so that a start that is off does not
+        // turn everything to outliers.
+        let mut on_points = self.measure_points(points, &X_WO);
+        let mut scales =
+            Scales { points: typical(&on_points), silhouette: silhouette.typical_violation(f64::INFINITY).max(1.0) };
+        silhouette.choose(0.0, scales.silhouette);
+        let mut on_rays = Sums::ZERO;
+        let mut equations = NormalEquations::ZERO;
+        let (mut converged, mut in_sd, mut moved_m, mut damping) = (false, f64::INFINITY, 0.0, 1.0);
+        let (mut iterations, mut last_step, mut tolerance_sd) = (0, Vector6::zeros(), config.step_tolerance_sd);
+        while iterations < max_iterations && !converged {
+            iterations += 1;
+            (on_points, on_rays, equations) = self.sum_all(points, silhouette, &X_WO, &mut scales);
+            let (information, gradient) = equations.projected(&observable);
+            let Some(mut step) = step(&information, &gradient, reference.radius_m) else { break };
+            let step_sd = step.dot(&(information * step)).max(0.0).sqrt();
+            if iterations == 1 && step_sd < NEAR_SD {
+                tolerance_sd *= NEAR_TOLERANCE;
+            }
+            let turns_back = step.dot(&(information * last_step)) < 0.0;
+            if (turns_back || iterations > FREE_STEPS) && step_sd < JUMPING_SD && step_sd > 0.7 * in_sd {
+                damping *= 0.5;
+            }
+            (in_sd, last_step) = (step_sd, step);
+            step *= damping;
+            let length_m;
+            (X_WO, length_m) = moved(&X_WO, &step, reference.radius_m);
+            moved_m += length_m;
+            converged = length_m < config.step_tolerance_m || damping * in_sd < tolerance_sd;
+            if !silhouette.is_empty() {
+                silhouette.follow(reference, &X_WO, moved_m, scales.silhouette, config);
+                let scale = silhouette.typical_violation(scales.silhouette).max(1.0);
+                converged &= scale > 0.7 * scales.silhouette;
+                scales.silhouette = scale.max(LEAST_SHRINKING * scales.silhouette);
+            }
         }
-        let turns_back = step.dot(&(information * last_step)) < 0.0;
-        if (turns_back || iterations > FREE_STEPS) && step_sd < JUMPING_SD && step_sd > 0.7 * in_sd {
-            damping *= 0.5;
+        if !converged {
+            (on_points, on_rays, equations) = self.sum_all(points, silhouette, &X_WO, &mut scales);
         }
-        (in_sd, last_step) = (step_sd, step);
-        step *= damping;
-        let length_m;
-        (X_WO, length_m) = moved(&X_WO, &step, reference.radius_m);
-        moved_m += length_m;
-        converged = length_m < config.step_tolerance_m || damping * in_sd < tolerance_sd;
-        if !rays.is_empty() {
-            near.follow(rays, reference, &X_WO, moved_m, scales.silhouette_rays, config);
-            let silhouette_rays = silhouette::typical_violation(rays, near, scales.silhouette_rays).max(1.0);
-            converged &= silhouette_rays > 0.7 * scales.silhouette_rays;
-            scales.silhouette_rays = silhouette_rays.max(LEAST_SHRINKING * scales.silhouette_rays);
+        let weight = on_points.weight.max(1e-12);
+        let fit = Fit {
+            X_WO,
+            information: in_world(&equations.projected(&observable).0, &X_WO, config),
+            points: if points.is_empty() { measured } else { on_points.weight.round() as usize },
+            residual_m: if points.is_empty() { noise_m } else { (on_points.squares_m2 / weight).sqrt() },
+            noise_m: if points.is_empty() { noise_m } else { (on_points.variances_m2 / weight).sqrt() },
+            silhouette_residual_m: (!silhouette.is_empty())
+                .then(|| (on_rays.squares_m2 / on_rays.weight.max(1.0)).sqrt()),
+            robust_cost: robust_cost(&on_points, points.len(), LEAST_MEAN_M)
+                + robust_cost(&on_rays, silhouette.len(), LEAST_MEAN_PX * silhouette.pixel_m()),
+            iterations,
+        };
+        let finite = X_WO.to_homogeneous().iter().chain(fit.information.iter()).all(|value| value.is_finite());
+        // Kinks of the field can keep the last steps from vanishing; within the noise they do no harm.
+        (fit, (converged || damping * in_sd < 1.0) && finite && fit.residual_m.is_finite())
+    }
+
+    /// The normal equations of both kinds at a pose that the rays have been brought to, each by what its residuals turn out to be
+    /// worth.
+    fn sum_all(
+        &self,
+        points: &[ScenePoint],
+        silhouette: &Silhouette,
+        X_WO: &Pose,
+        scales: &mut Scales,
+    ) -> (Sums, Sums, NormalEquations) {
+        let on_points = self.sum_points(points, X_WO, scales.points);
+        let on_rays = silhouette.sum(scales.silhouette);
+        scales.points = typical(&on_points);
+        let mut equations = on_rays.equations;
+        equations.add_scaled(&on_points.equations, scales.points.powi(-2));
+        (on_points, on_rays, equations)
+    }
+
+    /// Distances of all points, none taken for an outlier.
+    fn measure_points(&self, points: &[ScenePoint], X_WO: &Pose) -> Sums {
+        let mut sums = Sums::ZERO;
+        self.each_residual(points, X_WO, |_, _, distance, sd| {
+            sums.weigh(distance, sd, f64::INFINITY);
+        });
+        sums
+    }
+
+    fn sum_points(&self, points: &[ScenePoint], X_WO: &Pose, scale: f64) -> Sums {
+        let mut sums = Sums::ZERO;
+        self.each_residual(points, X_WO, |p_O, n_O, distance, sd| {
+            let curvature = sums.weigh(distance, sd, scale) / (sd * sd);
+            sums.equations.add(p_O, n_O, curvature, curvature * distance);
+        });
+        sums
+    }
+
+    /// Calls `visit` with each point in O, its distance's gradient there, its distance from the reference in metres, and the
+    /// standard deviation of that.
+    ///
+    /// σ² = (σ_z·c)² + (σ_z²·(1 − c²)/2r)² + σ_model² with c = ∂r/∂z: noise moves the point along its ray, where the ray grazes
+    /// the surface to second order only, by what a surface of the object's thickness r bends.
+    #[inline]
+    fn each_residual(
+        &self,
+        points: &[ScenePoint],
+        X_WO: &Pose,
+        mut visit: impl FnMut(&nalgebra::Point3<f64>, &Vector3<f64>, f64, f64),
+    ) {
+        let Self { reference, config } = *self;
+        let R_OW = X_WO.rotation.to_rotation_matrix().transpose();
+        for point in points {
+            let p_O = (R_OW * (point.p_W.coords - X_WO.translation.vector)).into();
+            let (distance, n_O) = reference.distance.at(&p_O);
+            let mut variance = config.model_sd_m * config.model_sd_m;
+            if point.depth_sd_m > 0.0 {
+                let along = n_O.dot(&(R_OW * point.per_depth_W));
+                let depth_variance = point.depth_sd_m * point.depth_sd_m;
+                let bent = depth_variance * (1.0 - along * along).max(0.0) * 0.5 / reference.inner_radius_m;
+                variance += depth_variance * along * along + bent * bent;
+            }
+            visit(&p_O, &n_O, distance, variance.sqrt());
         }
     }
-    if !converged {
-        (on_points, on_rays, equations) = sum_all(points, rays, near, reference, &X_WO, &mut scales, config);
-    }
-    let weight = on_points.weight.max(1e-12);
-    let fit = Fit {
-        X_WO,
-        information: in_world(&equations.projected(&observable).0, &X_WO, config),
-        points: if points.is_empty() { measured } else { on_points.weight.round() as usize },
-        residual_m: if points.is_empty() { noise_m } else { (on_points.squares_m2 / weight).sqrt() },
-        noise_m: if points.is_empty() { noise_m } else { (on_points.variances_m2 / weight).sqrt() },
-        silhouette_residual_m: (!rays.is_empty()).then(|| (on_rays.squares_m2 / on_rays.weight.max(1.0)).sqrt()),
-        robust_cost: robust_cost(&on_points, points.len(), LEAST_MEAN_M)
-            + robust_cost(&on_rays, rays.len(), LEAST_MEAN_PX * silhouette::pixel_m(rays)),
-        iterations,
-    };
-    let finite = X_WO.to_homogeneous().iter().chain(fit.information.iter()).all(|value| value.is_finite());
-    // Kinks of the field can keep the last steps from vanishing; within the noise they do no harm.
-    (fit, (converged || damping * in_sd < 1.0) && finite && fit.residual_m.is_finite())
-}
-
-/// The normal equations of both kinds at a pose that the rays have been brought to, each by what its residuals turn out to be
-/// worth.
-fn sum_all(
-    points: &[ScenePoint],
-    rays: &[silhouette::SilhouetteRay],
-    near: &silhouette::NearRays,
-    reference: &ReferenceModel,
-    X_WO: &Pose,
-    scales: &mut Scales,
-    config: &Config,
-) -> (Sums, Sums, NormalEquations) {
-    let on_points = sum_points(points, reference, X_WO, scales.points, config);
-    let on_rays = silhouette::sum(rays, near, scales.silhouette_rays);
-    scales.points = typical(&on_points);
-    let mut equations = on_rays.equations;
-    equations.add_scaled(&on_points.equations, scales.points.powi(-2));
-    (on_points, on_rays, equations)
 }
 
 /// Root mean square of the points' residuals in multiples of what it should be, at least one.
@@ -187,52 +250,6 @@ fn robust_cost(sums: &Sums, count: usize, least_m: f64) -> f64 {
         return 0.0;
     }
     2.0 * count as f64 * (sums.distances_m / count.max(1) as f64).max(least_m).ln()
-}
-
-/// Distances of all points, none taken for an outlier.
-fn measure_points(points: &[ScenePoint], reference: &ReferenceModel, X_WO: &Pose, config: &Config) -> Sums {
-    let mut sums = Sums::ZERO;
-    each_residual(points, reference, X_WO, config, |_, _, distance, sd| {
-        sums.weigh(distance, sd, f64::INFINITY);
-    });
-    sums
-}
-
-fn sum_points(points: &[ScenePoint], reference: &ReferenceModel, X_WO: &Pose, scale: f64, config: &Config) -> Sums {
-    let mut sums = Sums::ZERO;
-    each_residual(points, reference, X_WO, config, |p_O, n_O, distance, sd| {
-        let curvature = sums.weigh(distance, sd, scale) / (sd * sd);
-        sums.equations.add(p_O, n_O, curvature, curvature * distance);
-    });
-    sums
-}
-
-/// Calls `visit` with each point in O, its distance's gradient there, its distance from the reference in metres, and the
-/// standard deviation of that.
-///
-/// σ² = (σ_z·c)² + (σ_z²·(1 − c²)/2r)² + σ_model² with c = ∂r/∂z: noise moves the point along its ray, where the ray grazes
-/// the surface to second order only, by what a surface of the object's thickness r bends.
-#[inline]
-fn each_residual(
-    points: &[ScenePoint],
-    reference: &ReferenceModel,
-    X_WO: &Pose,
-    config: &Config,
-    mut visit: impl FnMut(&nalgebra::Point3<f64>, &Vector3<f64>, f64, f64),
-) {
-    let R_OW = X_WO.rotation.to_rotation_matrix().transpose();
-    for point in points {
-        let p_O = (R_OW * (point.p_W.coords - X_WO.translation.vector)).into();
-        let (distance, n_O) = reference.distance.at(&p_O);
-        let mut variance = config.model_sd_m * config.model_sd_m;
-        if point.depth_sd_m > 0.0 {
-            let along = n_O.dot(&(R_OW * point.per_depth_W));
-            let depth_variance = point.depth_sd_m * point.depth_sd_m;
-            let bent = depth_variance * (1.0 - along * along).max(0.0) * 0.5 / reference.inner_radius_m;
-            variance += depth_variance * along * along + bent * bent;
-        }
-        visit(&p_O, &n_O, distance, variance.sqrt());
-    }
 }
 
 /// The Gauss–Newton step in O, damped a little so that what cannot be observed stays where it was.
@@ -284,6 +301,7 @@ mod tests {
     #[test]
     fn normal_equations_hold_the_derivative_of_the_distance() {
         let (reference, config) = (synthetic::reference(&synthetic::Shape::banana(), 200), Config::default());
+        let registration = Registration { reference: &reference, config: &config };
         let X_WO = Pose::new(Vector3::new(0.1, 0.2, 0.3), Vector3::new(0.4, -0.5, 0.6));
         let (mut squares, mut checked) = ([0.0_f64; 6], 0);
         for (point, normal) in reference.points.iter().zip(&reference.normals).step_by(37) {
@@ -291,10 +309,10 @@ mod tests {
                 [ScenePoint { p_W: X_WO * (point + normal * 0.003), per_depth_W: Vector3::z(), depth_sd_m: 0.0 }];
             let distance = |X_WO: &Pose| {
                 let mut found = 0.0;
-                each_residual(&scene, &reference, X_WO, &config, |_, _, distance, _| found = distance);
+                registration.each_residual(&scene, X_WO, |_, _, distance, _| found = distance);
                 found
             };
-            let sums = sum_points(&scene, &reference, &X_WO, f64::INFINITY, &config);
+            let sums = registration.sum_points(&scene, &X_WO, f64::INFINITY);
             let (_, gradient) = sums.equations.projected(&Matrix3::identity());
             let curvature = config.model_sd_m.powi(-2);
             for i in 0..6 {

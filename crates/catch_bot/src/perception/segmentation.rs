@@ -70,7 +70,7 @@ impl<'a> Background<'a> {
             let centre_C = camera.X_WC.inverse_transform_point(&(X_WB * caster.centre()));
             let covered = camera.window_around(&centre_C, caster.radius());
             let too_near = centre_C.z.abs() <= caster.radius();
-            if count < MAX_BODIES && (too_near || super::point_cloud::intersection(part, &covered).area() > 0) {
+            if count < MAX_BODIES && (too_near || part.intersection(&covered).area() > 0) {
                 bodies[count] = Some((centre_C, caster.radius(), X_WB.inv_mul(&camera.X_WC), caster));
                 count += 1;
             }
@@ -94,7 +94,7 @@ impl<'a> Background<'a> {
             let (centre_C, radius_m, ..) = body;
             let too_near = centre_C.z.abs() <= *radius_m;
             let part = if too_near { window } else { self.camera.window_around(centre_C, *radius_m) };
-            let part = super::point_cloud::intersection(&window, &part);
+            let part = window.intersection(&part);
             for row in part.top..part.top + part.height {
                 for column in part.left..part.left + part.width {
                     let uv = Point2::new(f64::from(column) + 0.5, f64::from(row) + 0.5);
@@ -139,8 +139,23 @@ pub(super) fn threshold_m(depth_m: f64, config: &Config) -> f64 {
     config.background_margin_m + config.background_sd * config.depth_sd_m(depth_m)
 }
 
-/// Labels the pixels of a part of a frame, row by row, for an object expected within a ball of radius `reach_m` around
-/// `centre_C`, and returns the box around those that show it.
+/// Where in a camera's image the object is expected: a ball in C, and the window that it may cover.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Expected {
+    pub window: PixelWindow,
+    centre_C: Point3<f64>,
+    radius_m: f64,
+}
+
+impl Expected {
+    pub fn new(X_WO: &Pose, camera: &CameraModel, radius_m: f64) -> Self {
+        let centre_C = camera.X_WC.inverse_transform_point(&X_WO.translation.vector.into());
+        Self { window: camera.window_around(&centre_C, radius_m), centre_C, radius_m }
+    }
+}
+
+/// Labels the pixels of a part of a frame, row by row, for an object expected there, and returns the box around those that show
+/// it.
 ///
 /// What is behind a pixel costs a ray, so it is asked of pixels at the object's depth alone, and then of those beside the
 /// object's: all others are left unknown.
@@ -149,10 +164,10 @@ pub(super) fn label(
     frame: &DepthFrame,
     part: &PixelWindow,
     background: &Background<'_>,
-    centre_C: &Point3<f64>,
-    reach_m: f64,
+    expected: &Expected,
     config: &Config,
 ) -> PixelWindow {
+    let Expected { centre_C, radius_m: reach_m, .. } = *expected;
     let depth_m = centre_C.z;
     // (r·c)² of rays r that touch the ball, in |r|².
     let grazing_m2 = centre_C.coords.norm_squared() - reach_m * reach_m;

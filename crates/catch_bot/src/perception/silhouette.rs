@@ -92,7 +92,7 @@ impl SilhouetteRay {
 
     /// Finds the nearest place to the surface anew: from where its `neighbour` of the same camera came nearest, or else from the
     /// best of where it passes the object's centre and halfway to either side.
-    fn find(&mut self, reference: &ReferenceModel, view: &View, neighbour: Option<&Self>, config: &Config) {
+    fn find(&mut self, reference: &ReferenceModel, view: &Viewpoint, neighbour: Option<&Self>, config: &Config) {
         let p_OC = view.p_OC;
         let direction_O = view.R_OW * self.direction_W;
         let middle_m = -p_OC.coords.dot(&direction_O);
@@ -146,7 +146,7 @@ impl SilhouetteRay {
     }
 
     /// Looks where the nearest place was last.
-    fn follow(&mut self, reference: &ReferenceModel, view: &View) {
+    fn follow(&mut self, reference: &ReferenceModel, view: &Viewpoint) {
         let direction_O = view.R_OW * self.direction_W;
         let (distance_m, gradient) = reference.distance.at(&(view.p_OC + direction_O * self.along_m));
         self.settle(distance_m, &gradient, &view.p_OC, &direction_O);
@@ -165,49 +165,70 @@ impl SilhouetteRay {
     }
 }
 
-/// Brings all rays to the object at `X_WO`, from scratch.
-pub(super) fn find_all(rays: &mut [SilhouetteRay], reference: &ReferenceModel, X_WO: &Pose, config: &Config) {
-    let mut view = View::new(X_WO);
-    let mut neighbour: Option<SilhouetteRay> = None;
-    for ray in rays {
-        if view.is_from_elsewhere(ray) {
-            neighbour = None;
-        }
-        view.look_from(ray);
-        ray.find(reference, &view, neighbour.as_ref(), config);
-        ray.note(0.0, config);
-        neighbour = Some(*ray);
-    }
-}
-
-/// The rays that matter while the object moves little: a few of all.
+/// The silhouette of an object in one set of images: its rays, and those few of them that matter while the object moves little.
 #[derive(Debug, Clone, Default)]
-pub(super) struct NearRays {
-    indices: Vec<u32>,
+pub struct Silhouette {
+    rays: Vec<SilhouetteRay>,
+    /// Those that matter.
+    near: Vec<u32>,
     /// How far the object had moved when they were chosen, and up to which scale they are all that matter.
     moved_m: f64,
     most_scale: f64,
 }
 
-impl NearRays {
-    /// Makes room, so that choosing does not allocate.
-    pub fn reserve(&mut self, count: usize) {
-        self.indices.clear();
-        self.indices.reserve(count);
+impl Silhouette {
+    /// Forgets all rays and makes room for `count`, so that collecting them does not allocate.
+    pub(super) fn clear(&mut self, count: usize) {
+        self.rays.clear();
+        self.near.clear();
+        self.rays.reserve(count);
+        self.near.reserve(count);
     }
 
-    /// Chooses them anew.
-    pub fn choose(&mut self, rays: &[SilhouetteRay], moved_m: f64, scale: f64) {
+    /// Whether there are no rays.
+    pub fn is_empty(&self) -> bool {
+        self.rays.is_empty()
+    }
+
+    /// How many rays there are.
+    pub fn len(&self) -> usize {
+        self.rays.len()
+    }
+
+    /// Takes over at most about `most` of another silhouette's rays, evenly.
+    pub(super) fn thin_from(&mut self, other: &Self, most: usize) {
+        self.rays.clear();
+        self.rays.extend(other.rays.iter().step_by(stride(other.rays.len(), most)));
+    }
+
+    /// Brings all rays to the object at `X_WO`, from scratch; all of them matter.
+    pub(super) fn find(&mut self, reference: &ReferenceModel, X_WO: &Pose, config: &Config) {
+        let mut view = Viewpoint::new(X_WO);
+        let mut neighbour: Option<SilhouetteRay> = None;
+        for ray in &mut self.rays {
+            if view.is_from_elsewhere(ray) {
+                neighbour = None;
+            }
+            view.look_from(ray);
+            ray.find(reference, &view, neighbour.as_ref(), config);
+            ray.note(0.0, config);
+            neighbour = Some(*ray);
+        }
+        self.choose(0.0, f64::INFINITY);
+    }
+
+    /// Chooses those that matter anew.
+    pub(super) fn choose(&mut self, moved_m: f64, scale: f64) {
         (self.moved_m, self.most_scale) = (moved_m, SCALE_GROWTH * scale);
-        self.indices.clear();
+        self.near.clear();
         let matters = |ray: &SilhouetteRay| !ray.is_idle(moved_m + NEARBY_M, SCALE_GROWTH * scale);
-        self.indices.extend((0_u32..).zip(rays).filter(|(_, ray)| matters(ray)).map(|(i, _)| i));
+        self.near.extend((0_u32..).zip(&self.rays).filter(|(_, ray)| matters(ray)).map(|(i, _)| i));
     }
 
-    /// Brings those rays to the object at `X_WO` that may matter after it has moved by `moved_m` in all since [`find_all`].
-    pub fn follow(
+    /// Brings those rays to the object at `X_WO` that may matter after it has moved by `moved_m` in all since
+    /// [`find`](Self::find).
+    pub(super) fn follow(
         &mut self,
-        rays: &mut [SilhouetteRay],
         reference: &ReferenceModel,
         X_WO: &Pose,
         moved_m: f64,
@@ -215,11 +236,11 @@ impl NearRays {
         config: &Config,
     ) {
         if moved_m > self.moved_m + NEARBY_M || scale > self.most_scale {
-            self.choose(rays, moved_m, scale);
+            self.choose(moved_m, scale);
         }
-        let mut view = View::new(X_WO);
-        for &i in &self.indices {
-            let ray = &mut rays[i as usize];
+        let mut view = Viewpoint::new(X_WO);
+        for &i in &self.near {
+            let ray = &mut self.rays[i as usize];
             if !ray.is_idle(moved_m, scale) {
                 view.look_from(ray);
                 ray.follow(reference, &view);
@@ -228,21 +249,107 @@ impl NearRays {
         }
     }
 
-    /// The rays themselves.
-    fn of<'a>(&'a self, rays: &'a [SilhouetteRay]) -> impl Iterator<Item = &'a SilhouetteRay> {
-        self.indices.iter().map(|&i| &rays[i as usize])
+    /// The rays that matter.
+    fn near(&self) -> impl Iterator<Item = &SilhouetteRay> {
+        self.near.iter().map(|&i| &self.rays[i as usize])
+    }
+
+    /// Root mean square by which broken bounds are broken, in multiples of what it should be: √⅔ standard deviations, since
+    /// E\[u²; u > 0\] = ∫u²·Φ(−u)du / ∫Φ(−u)du = ⅔ for rays at any distance from the silhouette.
+    pub(super) fn typical_violation(&self, scale: f64) -> f64 {
+        let (mut weights, mut squares) = (0.0, 0.0);
+        for ray in self.near().filter(|ray| ray.violation_m() > 0.0) {
+            let in_sd = ray.violation_m() / ray.sd_m;
+            let weight = (1.0 + (in_sd / (OUTLIER_SD * scale)).powi(2)).powi(-2);
+            weights += weight;
+            squares += weight * in_sd * in_sd;
+        }
+        // A violation of half a standard deviation on top, so that a single ray does not decide.
+        ((squares + 2.0 / 3.0) / (weights + 1.0) * 1.5).sqrt()
+    }
+
+    /// What a pixel covers at the object, in metres.
+    pub(super) fn pixel_m(&self) -> f64 {
+        let sum: f64 = self.rays.iter().map(|ray| ray.pixel_rad * ray.along_m).sum();
+        sum / self.rays.len().max(1) as f64
+    }
+
+    /// Sums over the rays where they are: each costs −ln Φ(−u), u being by how many standard deviations its bound is broken.
+    pub(super) fn sum(&self, scale: f64) -> Sums {
+        let mut sums = Sums::ZERO;
+        for ray in self.near() {
+            let violation_m = ray.violation_m();
+            let sd_m = ray.sd_m * scale;
+            let u = violation_m / sd_m;
+            if u < -IDLE_SD {
+                continue;
+            }
+            let weight = if u > 0.0 { sums.weigh(violation_m, sd_m, 1.0) } else { 1.0 };
+            // λ = φ(u)/Φ(−u), and the cost's curvature λ·(λ − u).
+            let mills = inverse_mills(u);
+            let sign = if ray.inside { 1.0 } else { -1.0 };
+            let slope = sign * weight * mills / sd_m;
+            sums.equations.add(&ray.p_O, &ray.n_O, weight * mills * (mills - u) / (sd_m * sd_m), slope);
+        }
+        sums
+    }
+
+    /// Appends the rays at the silhouette of an object whose pixels lie within `part` of an image's window, given what the pixel at a
+    /// column and row of the window says.
+    pub(super) fn collect(
+        &mut self,
+        window: PixelWindow,
+        camera: &CameraModel,
+        part: &PixelWindow,
+        label: impl Fn(usize, usize) -> Label,
+    ) {
+        let (columns, rows) = (window.width as usize, window.height as usize);
+        // One pixel more all around, where the image has it.
+        let left = ((part.left - window.left) as usize).saturating_sub(1);
+        let top = ((part.top - window.top) as usize).saturating_sub(1);
+        let right = ((part.left - window.left + part.width) as usize + 1).min(columns);
+        let bottom = ((part.top - window.top + part.height) as usize + 1).min(rows);
+        let p_WC = Point3::from(camera.X_WC.translation.vector);
+        let R_WC = camera.X_WC.rotation.to_rotation_matrix();
+        for row in top..bottom {
+            for column in left..right {
+                let other = match label(column, row) {
+                    Label::Object => Label::Elsewhere,
+                    Label::Elsewhere => Label::Object,
+                    Label::Unknown => continue,
+                };
+                let at_outline = column > 0 && label(column - 1, row) == other
+                    || column + 1 < columns && label(column + 1, row) == other
+                    || row > 0 && label(column, row - 1) == other
+                    || row + 1 < rows && label(column, row + 1) == other;
+                if !at_outline {
+                    continue;
+                }
+                let uv =
+                    Point2::new(f64::from(window.left) + column as f64 + 0.5, f64::from(window.top) + row as f64 + 0.5);
+                let ray_C = camera.back_project(&uv, 1.0).coords;
+                let length = ray_C.norm();
+                let pixel_rad = 1.0 / (camera.focal_px * length);
+                self.rays.push(SilhouetteRay::new(p_WC, R_WC * (ray_C / length), other == Label::Elsewhere, pixel_rad));
+            }
+        }
     }
 }
 
+/// Every which of `count` is taken over to be left with about `most`.
+pub(super) fn stride(count: usize, most: usize) -> usize {
+    count.div_ceil(most.max(1)).max(1)
+}
+
 /// A camera's place as the object sees it.
-struct View {
+struct Viewpoint {
     R_OW: Rotation3<f64>,
     p_WO: Vector3<f64>,
     p_WC: Point3<f64>,
     p_OC: Point3<f64>,
 }
 
-impl View {
+impl Viewpoint {
     fn new(X_WO: &Pose) -> Self {
         let R_OW = X_WO.rotation.to_rotation_matrix().transpose();
         let p_WC = Point3::new(f64::NAN, f64::NAN, f64::NAN);
@@ -260,46 +367,6 @@ impl View {
             self.p_OC = Point3::from(self.R_OW * (ray.p_WC.coords - self.p_WO));
         }
     }
-}
-
-/// Root mean square by which broken bounds are broken, in multiples of what it should be: √⅔ standard deviations, since
-/// E\[u²; u > 0\] = ∫u²·Φ(−u)du / ∫Φ(−u)du = ⅔ for rays at any distance from the silhouette.
-pub(super) fn typical_violation(rays: &[SilhouetteRay], near: &NearRays, scale: f64) -> f64 {
-    let (mut weights, mut squares) = (0.0, 0.0);
-    for ray in near.of(rays).filter(|ray| ray.violation_m() > 0.0) {
-        let in_sd = ray.violation_m() / ray.sd_m;
-        let weight = (1.0 + (in_sd / (OUTLIER_SD * scale)).powi(2)).powi(-2);
-        weights += weight;
-        squares += weight * in_sd * in_sd;
-    }
-    // A violation of half a standard deviation on top, so that a single ray does not decide.
-    ((squares + 2.0 / 3.0) / (weights + 1.0) * 1.5).sqrt()
-}
-
-/// What a pixel covers at the object, in metres.
-pub(super) fn pixel_m(rays: &[SilhouetteRay]) -> f64 {
-    let sum: f64 = rays.iter().map(|ray| ray.pixel_rad * ray.along_m).sum();
-    sum / rays.len().max(1) as f64
-}
-
-/// Sums over the rays where they are: each costs −ln Φ(−u), u being by how many standard deviations its bound is broken.
-pub(super) fn sum(rays: &[SilhouetteRay], near: &NearRays, scale: f64) -> Sums {
-    let mut sums = Sums::ZERO;
-    for ray in near.of(rays) {
-        let violation_m = ray.violation_m();
-        let sd_m = ray.sd_m * scale;
-        let u = violation_m / sd_m;
-        if u < -IDLE_SD {
-            continue;
-        }
-        let weight = if u > 0.0 { sums.weigh(violation_m, sd_m, 1.0) } else { 1.0 };
-        // λ = φ(u)/Φ(−u), and the cost's curvature λ·(λ − u).
-        let mills = inverse_mills(u);
-        let sign = if ray.inside { 1.0 } else { -1.0 };
-        let slope = sign * weight * mills / sd_m;
-        sums.equations.add(&ray.p_O, &ray.n_O, weight * mills * (mills - u) / (sd_m * sd_m), slope);
-    }
-    sums
 }
 
 /// φ(u)/Φ(−u) for the normal distribution.
@@ -328,47 +395,6 @@ fn inverse_mills(u: f64) -> f64 {
     } else {
         let square = (-0.5 * u * u).exp();
         density * square / (1.0 - tail * square)
-    }
-}
-
-/// Appends the rays at the silhouette of an object whose pixels lie within `part` of an image's window, given what the pixel at a
-/// column and row of the window says.
-pub(super) fn silhouette_rays(
-    rays: &mut Vec<SilhouetteRay>,
-    window: PixelWindow,
-    camera: &CameraModel,
-    part: &PixelWindow,
-    label: impl Fn(usize, usize) -> Label,
-) {
-    let (columns, rows) = (window.width as usize, window.height as usize);
-    // One pixel more all around, where the image has it.
-    let left = ((part.left - window.left) as usize).saturating_sub(1);
-    let top = ((part.top - window.top) as usize).saturating_sub(1);
-    let right = ((part.left - window.left + part.width) as usize + 1).min(columns);
-    let bottom = ((part.top - window.top + part.height) as usize + 1).min(rows);
-    let p_WC = Point3::from(camera.X_WC.translation.vector);
-    let R_WC = camera.X_WC.rotation.to_rotation_matrix();
-    for row in top..bottom {
-        for column in left..right {
-            let other = match label(column, row) {
-                Label::Object => Label::Elsewhere,
-                Label::Elsewhere => Label::Object,
-                Label::Unknown => continue,
-            };
-            let at_outline = column > 0 && label(column - 1, row) == other
-                || column + 1 < columns && label(column + 1, row) == other
-                || row > 0 && label(column, row - 1) == other
-                || row + 1 < rows && label(column, row + 1) == other;
-            if !at_outline {
-                continue;
-            }
-            let uv =
-                Point2::new(f64::from(window.left) + column as f64 + 0.5, f64::from(window.top) + row as f64 + 0.5);
-            let ray_C = camera.back_project(&uv, 1.0).coords;
-            let length = ray_C.norm();
-            let pixel_rad = 1.0 / (camera.focal_px * length);
-            rays.push(SilhouetteRay::new(p_WC, R_WC * (ray_C / length), other == Label::Elsewhere, pixel_rad));
-        }
     }
 }
 

@@ -1,10 +1,11 @@
 //! While an object is tracked neither perception nor prediction allocates.
 
 use catch_bot::{
-    perception::{Config, DepthNoise, ReferenceModel, Workspace, find_object},
+    perception::{Config, DepthNoise, PoseEstimator, ReferenceModel, SdfEstimator, View, Workspace},
     trajectory_prediction::{self, predict},
 };
 use nalgebra::Vector3;
+use std::sync::Arc;
 
 use crate::synthetic::{self, Noise, Normal, Shape};
 
@@ -15,9 +16,10 @@ fn tracking_and_predicting_allocate_nothing() {
     for ((name, shape), noise) in Shape::all().into_iter().zip([Noise::Clean, Noise::Constant(0.002), Noise::Stereo7]) {
         let (constant_m, quadratic_per_m) = synthetic::data_sheet(noise);
         let config = Config { depth_noise: Some(DepthNoise { constant_m, quadratic_per_m }), ..Config::default() };
-        let reference = ReferenceModel::from_scan(&synthetic::scan(&shape, 100), &config);
+        let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(&shape, 100), &config));
         for labelled in [true, false] {
-            let (mut workspace, mut space) = (Workspace::default(), trajectory_prediction::Workspace::default());
+            let mut estimator = SdfEstimator::new(config.clone(), reference.clone(), Workspace::default());
+            let mut space = trajectory_prediction::Workspace::default();
             let (mut poses, mut flight) = (Vec::with_capacity(100), None);
             let mut normal = Normal::new(1);
             let orientation = normal.rotation();
@@ -35,8 +37,8 @@ fn tracking_and_predicting_allocate_nothing() {
                     flight.as_ref().map(|flight: &trajectory_prediction::FlightTrajectory| flight.pose_at(t));
                 let mut found = None;
                 let allocated = allocation_counter::measure(|| {
-                    let pose =
-                        find_object(&frames, &cameras, &reference, expected.as_ref(), None, &config, &mut workspace);
+                    let view = View { frames: &frames, cameras: &cameras, surroundings: None };
+                    let pose = estimator.estimate(&view, expected.into());
                     poses.push(pose.unwrap());
                     let symmetry = reference.symmetry;
                     found = predict(&poses, flight.as_ref(), symmetry, &prediction, 1, &mut space).ok();

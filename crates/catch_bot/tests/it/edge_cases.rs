@@ -1,8 +1,10 @@
 //! Whatever the images show: no panic, no number that is none, and a status that says what happened.
 
+use std::sync::Arc;
+
 use catch_body::Pose;
 use catch_bot::{
-    perception::{Config, ObjectPose, PerceptionStatus, ReferenceModel, Workspace, find_object},
+    perception::{Config, ObjectPose, PerceptionStatus, PoseEstimator, ReferenceModel, SdfEstimator, View, Workspace},
     trajectory_prediction::{self, PredictionStatus, predict},
 };
 use catch_cell::{CameraModel, DepthFrame};
@@ -13,7 +15,7 @@ use crate::synthetic::{self, Noise, Normal, Shape};
 struct Bench {
     cameras: Vec<CameraModel>,
     shape: Shape,
-    reference: ReferenceModel,
+    reference: Arc<ReferenceModel>,
     config: Config,
     X_WO: Pose,
 }
@@ -21,7 +23,7 @@ struct Bench {
 impl Bench {
     fn new() -> Self {
         let (shape, config) = (Shape::banana(), Config::default());
-        let reference = ReferenceModel::from_scan(&synthetic::scan(&shape, 100), &config);
+        let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(&shape, 100), &config));
         let X_WO = synthetic::pose_in_flight(&mut Normal::new(2));
         Self { cameras: synthetic::flight_rig(), shape, reference, config, X_WO }
     }
@@ -31,9 +33,18 @@ impl Bench {
         synthetic::depth_frames(&self.cameras, &self.shape, &X_WR, Noise::Constant(0.001), &mut Normal::new(3))
     }
 
+    fn find_with(
+        &self,
+        reference: &Arc<ReferenceModel>,
+        frames: &[DepthFrame],
+        prior: Option<&Pose>,
+    ) -> Result<ObjectPose, PerceptionStatus> {
+        let mut estimator = SdfEstimator::new(self.config.clone(), reference.clone(), Workspace::default());
+        estimator.estimate(&View { frames, cameras: &self.cameras, surroundings: None }, prior.copied().into())
+    }
+
     fn find(&self, frames: &[DepthFrame], prior: Option<&Pose>) -> Result<ObjectPose, PerceptionStatus> {
-        let found =
-            find_object(frames, &self.cameras, &self.reference, prior, None, &self.config, &mut Workspace::default());
+        let found = self.find_with(&self.reference, frames, prior);
         if let Ok(pose) = &found {
             let numbers = pose.X_WO.to_homogeneous();
             assert!(numbers.iter().chain(pose.information.iter()).all(|value| value.is_finite()));
@@ -158,8 +169,8 @@ fn a_cloud_of_one_point_is_too_few() {
         ReferenceModel::from_points(&[Point3::origin()], &[Vector3::z()], &bench.config),
         ReferenceModel::default()
     );
-    let nothing = ReferenceModel::default();
-    let found = find_object(&frames, &bench.cameras, &nothing, None, None, &bench.config, &mut Workspace::default());
+    let nothing = Arc::new(ReferenceModel::default());
+    let found = bench.find_with(&nothing, &frames, None);
     assert_eq!(found, Err(PerceptionStatus::NoReference));
 }
 

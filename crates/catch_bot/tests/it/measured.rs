@@ -7,9 +7,13 @@
 #[cfg(unix)]
 mod times;
 
+use std::sync::Arc;
+
 use catch_body::Pose;
 use catch_bot::{
-    perception::{self, DepthNoise, ObjectPose, ReferenceModel, Symmetry, Workspace, find_object},
+    perception::{
+        self, DepthNoise, ObjectPose, PoseEstimator, ReferenceModel, SdfEstimator, Symmetry, View, Workspace,
+    },
     trajectory_prediction::{Config, FlightTrajectory, inertia_per_kg, predict},
 };
 use catch_cell::{CameraModel, DepthFrame};
@@ -82,7 +86,7 @@ fn told(noise: Noise) -> perception::Config {
 struct Seen {
     poses: Vec<ObjectPose>,
     flight: Option<FlightTrajectory>,
-    workspace: Workspace,
+    estimator: Option<SdfEstimator>,
 }
 
 /// Errors at the catch.
@@ -101,7 +105,7 @@ struct Errors {
 
 /// Errors of each variant, after each of the two numbers of frames. Variants of the same noise see the same images.
 fn measure(shape: &Shape, variants: &[Variant], setting: &Setting, throws: std::ops::Range<u64>) -> Vec<[Errors; 2]> {
-    let reference = synthetic::reference(shape, 200);
+    let reference = Arc::new(synthetic::reference(shape, 200));
     let cameras = synthetic::flight_rig();
     let mut errors: Vec<[Errors; 2]> = variants.iter().map(|_| Default::default()).collect();
     for seed in throws {
@@ -151,13 +155,16 @@ fn look(
     seen: &mut Seen,
     frames: &[DepthFrame],
     cameras: &[CameraModel],
-    reference: &ReferenceModel,
+    reference: &Arc<ReferenceModel>,
     perception: &perception::Config,
     prediction: &Config,
     seed: u64,
 ) {
     let expected = seen.flight.as_ref().map(|flight| flight.pose_at(frames[0].capture_s));
-    let found = find_object(frames, cameras, reference, expected.as_ref(), None, perception, &mut seen.workspace);
+    let found = seen
+        .estimator
+        .get_or_insert_with(|| SdfEstimator::new(perception.clone(), reference.clone(), Workspace::default()))
+        .estimate(&View { frames, cameras, surroundings: None }, expected.into());
     let Ok(pose) = found else { return };
     seen.poses.push(pose);
     let flight =

@@ -2,13 +2,30 @@
 
 #![allow(clippy::print_stdout, reason = "tests tell what they measured")]
 
+use std::sync::Arc;
+
 use catch_body::Pose;
-use catch_cell::DepthFrame;
+use catch_cell::{CameraModel, DepthFrame};
 use nalgebra::UnitQuaternion;
 
-use catch_bot::perception::{Config, DepthNoise, PerceptionStatus, ReferenceModel, Symmetry, Workspace, find_object};
+use catch_bot::perception::{
+    Config, DepthNoise, ObjectPose, PerceptionStatus, PoseEstimator, ReferenceModel, SdfEstimator, Symmetry, View,
+    Workspace,
+};
 
 use crate::synthetic::{self, Noise, Normal, Shape};
+
+/// The pose in one set of images, by an estimator that has seen nothing before.
+fn find(
+    frames: &[DepthFrame],
+    cameras: &[CameraModel],
+    reference: &Arc<ReferenceModel>,
+    prior: Option<&Pose>,
+    config: &Config,
+) -> Result<ObjectPose, PerceptionStatus> {
+    let mut estimator = SdfEstimator::new(config.clone(), reference.clone(), Workspace::default());
+    estimator.estimate(&View { frames, cameras, surroundings: None }, prior.copied().into())
+}
 
 fn median(values: &mut [f64]) -> f64 {
     let middle = values.len() / 2;
@@ -17,9 +34,8 @@ fn median(values: &mut [f64]) -> f64 {
 
 /// Median errors in mm and degrees, tracking from a start that is off by 2 cm and 10°.
 fn tracking_errors(shape: &Shape, noise: Noise, config: &Config, trials: u64) -> (f64, f64) {
-    let reference = synthetic::reference(shape, 200);
+    let reference = Arc::new(synthetic::reference(shape, 200));
     let cameras = synthetic::flight_rig();
-    let mut workspace = Workspace::default();
     let (mut position, mut rotation) = (Vec::new(), Vec::new());
     for seed in 0..trials {
         let mut normal = Normal::new(seed);
@@ -27,7 +43,7 @@ fn tracking_errors(shape: &Shape, noise: Noise, config: &Config, trials: u64) ->
         let frames = synthetic::depth_frames(&cameras, shape, &(X_WO * reference.X_RO.inverse()), noise, &mut normal);
         let turn = UnitQuaternion::from_scaled_axis(normal.vector() * 0.1);
         let prior = Pose::from_parts((X_WO.translation.vector + normal.vector() * 0.012).into(), turn * X_WO.rotation);
-        match find_object(&frames, &cameras, &reference, Some(&prior), None, config, &mut workspace) {
+        match find(&frames, &cameras, &reference, Some(&prior), config) {
             Ok(found) => {
                 position.push((found.X_WO.translation.vector - X_WO.translation.vector).norm() * 1e3);
                 let turn = reference.symmetry.turn_between(&found.X_WO.rotation, &X_WO.rotation);
@@ -51,7 +67,7 @@ fn told(noise: Noise) -> Config {
 #[test]
 fn reference_knows_centre_and_symmetry() {
     for (name, shape) in Shape::all() {
-        let reference = synthetic::reference(&shape, 200);
+        let reference = Arc::new(synthetic::reference(&shape, 200));
         println!(
             "{name}: {} points, {:?}, {:?}",
             reference.points.len(),
@@ -123,7 +139,7 @@ fn outlines_give_the_pose_where_depths_do_not() {
 #[test]
 fn finds_the_object_without_prior() {
     for (name, shape) in Shape::all() {
-        let reference = synthetic::reference(&shape, 200);
+        let reference = Arc::new(synthetic::reference(&shape, 200));
         let cameras = synthetic::flight_rig();
         for seed in 0..30 {
             let mut normal = Normal::new(seed);
@@ -131,8 +147,7 @@ fn finds_the_object_without_prior() {
             let noise = if seed % 2 == 0 { Noise::Clean } else { Noise::Constant(0.005) };
             let X_WR = X_WO * reference.X_RO.inverse();
             let frames = synthetic::depth_frames(&cameras, &shape, &X_WR, noise, &mut normal);
-            let found =
-                find_object(&frames, &cameras, &reference, None, None, &Config::default(), &mut Workspace::default());
+            let found = find(&frames, &cameras, &reference, None, &Config::default());
             let found = found.unwrap_or_else(|status| panic!("{name} {seed}: {status:?}"));
             let off_m = (found.X_WO.translation.vector - X_WO.translation.vector).norm();
             let turn = reference.symmetry.turn_between(&found.X_WO.rotation, &X_WO.rotation).norm();
@@ -143,12 +158,10 @@ fn finds_the_object_without_prior() {
 
 #[test]
 fn what_shows_nothing_gives_a_status() {
-    let reference = synthetic::reference(&Shape::ball(), 100);
+    let reference = Arc::new(synthetic::reference(&Shape::ball(), 100));
     let cameras = synthetic::flight_rig();
     let config = Config::default();
-    let find = |frames: &[DepthFrame], prior: Option<&Pose>| {
-        find_object(frames, &cameras, &reference, prior, None, &config, &mut Workspace::default())
-    };
+    let find = |frames: &[DepthFrame], prior: Option<&Pose>| find(frames, &cameras, &reference, prior, &config);
     assert_eq!(find(&[], None), Err(PerceptionStatus::NoPoints));
     let mut frames =
         synthetic::depth_frames(&cameras, &Shape::ball(), &Pose::identity(), Noise::Clean, &mut Normal::new(0));

@@ -2,12 +2,14 @@
 
 #![allow(clippy::print_stdout, reason = "tests tell what they measured")]
 
+use std::sync::Arc;
+
 use catch_body::{Gripper, JointVector, Pose, Robot, ray_cast::ArmSurface, robot_file::RobotFiles};
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};
 use nalgebra::{Point3, UnitQuaternion};
 
 use catch_bot::perception::{
-    Config, DepthNoise, Surroundings, Workspace, find_object,
+    Config, DepthNoise, PoseEstimator, Prior, SdfEstimator, Surroundings, View, Workspace,
     segmentation::{Background, Label},
 };
 
@@ -102,10 +104,10 @@ fn segment(noise: Noise, floor_visible: bool, at_gripper: bool, tracked: bool, t
         floor_visible: Some(floor_visible),
         ..Config::default()
     };
-    let reference = synthetic::reference(&shape, 200);
+    let reference = Arc::new(synthetic::reference(&shape, 200));
     let cameras = synthetic::flight_rig();
     let scene = Scene { cameras: &cameras, surroundings, config: &config, noise };
-    let mut workspace = Workspace::default();
+    let mut estimator = SdfEstimator::new(config.clone(), reference.clone(), Workspace::default());
     let (mut hits, mut wanted, mut taken, mut found, mut errors_mm, mut degrees) = (0, 0, 0, 0, Vec::new(), Vec::new());
     for seed in 0..trials {
         let mut normal = Normal::new(seed);
@@ -131,11 +133,11 @@ fn segment(noise: Noise, floor_visible: bool, at_gripper: bool, tracked: bool, t
             })
             .collect();
         let (frames, truth) = scene.frames(&shape, &(X_WO * reference.X_RO.inverse()), &windows, &mut normal);
-        let prior = tracked.then_some(&prior);
-        let pose = find_object(&frames, &cameras, &reference, prior, Some(&surroundings), &config, &mut workspace);
+        let view = View { frames: &frames, cameras: &cameras, surroundings: Some(&surroundings) };
+        let pose = estimator.estimate(&view, Prior::from(tracked.then_some(prior)));
         for (i, (frame, truth)) in frames.iter().zip(&truth).enumerate() {
             wanted += truth.iter().filter(|shows| **shows).count();
-            let Some((part, labels)) = workspace.scene().labels_of(i) else { continue };
+            let Some((part, labels)) = estimator.scene().labels_of(i) else { continue };
             for (at, label) in labels.iter().enumerate().filter(|(_, label)| **label == Label::Object) {
                 let uv = part.pixel_centre(at);
                 let column = uv.x as usize - frame.window.left as usize;

@@ -10,8 +10,8 @@ use catch_bot::{Preparation, perception::DepthNoise};
 use catch_cell::{CameraModel, ReferenceScan, reference_scan, rig_from_toml};
 use catch_sim::{
     Arena, Conditions, Equipment, GripperDriveKind, Release, Throw, ThrownObject,
-    cameras::depth_noise::{DataSheet, DepthConfig},
     config::{RobotController, RobotErrors},
+    depth_noise::{DataSheet, DepthConfig},
     random_streams::{Stream, seed_for},
 };
 use serde::{Deserialize, Serialize};

@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use catch_body::Pose;
 use catch_bot::{
-    perception::{self, DepthNoise, ObjectPose, PoseEstimator, ReferenceModel, SdfEstimator, View, Workspace},
+    perception::{self, DepthNoise, ObjectPose, PoseEstimator, Prior, ReferenceModel, SdfEstimator, View, Workspace},
     trajectory_prediction::{Config, FlightPredictor, FlightTrajectory, InformationFit},
 };
 use catch_paper::{IcpEstimator, RansacPredictor, registration};
@@ -36,7 +36,7 @@ fn icp_gives_the_pose_less_well() {
             let prior =
                 Pose::from_parts((X_WO.translation.vector + normal.vector() * 0.012).into(), turn * X_WO.rotation);
             let view = View { frames: &frames, cameras: &cameras, surroundings: None };
-            let found = estimator.estimate(&view, Some(&prior)).ok();
+            let found = estimator.estimate(&view, Prior::Pose(prior)).ok();
             let off = |of: &dyn Fn(&ObjectPose) -> f64| found.as_ref().map_or(f64::INFINITY, of);
             position_mm.push(off(&|it| (it.X_WO.translation.vector - X_WO.translation.vector).norm() * 1e3));
             let turned = |it: &ObjectPose| reference.symmetry.turn_between(&it.X_WO.rotation, &X_WO.rotation).norm();
@@ -59,7 +59,7 @@ struct Method {
 impl Method {
     fn see(&mut self, view: &View<'_>) {
         let expected = self.flight.as_ref().map(|flight| flight.pose_at(view.frames[0].capture_s));
-        let Ok(pose) = self.estimator.estimate(view, expected.as_ref()) else { return };
+        let Ok(pose) = self.estimator.estimate(view, expected.into()) else { return };
         self.poses.push(pose);
         self.flight = self.predictor.predict(&self.poses, self.flight.as_ref()).ok().or(self.flight.take());
     }

@@ -4,11 +4,9 @@ use catch_body::{JointVector, Pose, TriangleMesh, shape::Cuboid};
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};
 use nalgebra::{Point3, Vector3};
 
-use super::{
-    DepthCameras, Readout, Renderer, Scene,
-    depth_noise::{DepthConfig, DepthModel, GaussianNoise, StereoNoise},
-    tests::*,
-};
+use crate::depth_noise::{DepthConfig, DepthModel, GaussianNoise, StereoNoise};
+
+use super::{DepthCameras, Readout, Renderer, Scene, tests::*};
 
 /// A camera that looks at the floor from a height, and its renderer; the object is out of sight, the arm behind it.
 struct Wall {

@@ -4,10 +4,11 @@ use catch_body::Pose;
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};
 use nalgebra::{UnitQuaternion, Vector3};
 
+use crate::depth_noise::{DepthConfig, DepthModel, EDGE_JUMP_PX, StereoNoise};
+
 use super::{
     Readout, Renderer, Scene,
     counter_generator::{self, Key},
-    depth_noise::{DepthConfig, DepthModel, EDGE_JUMP_PX, StereoNoise},
     render::{Channels, Image, widened},
 };
 

@@ -5,7 +5,7 @@ use nalgebra::Point3;
 
 use super::*;
 use crate::unlabelled;
-use catch_bot::perception::{Surroundings, camera_alignment::CameraAlignment};
+use catch_bot::perception::{Prior, Surroundings, camera_alignment::CameraAlignment};
 
 /// CPU time of this thread in milliseconds.
 fn cpu_ms() -> f64 {
@@ -54,7 +54,7 @@ fn measure_times(images: Images) {
     let surroundings = Surroundings { arm: &surface, X_WL, width_m: 0.1 };
     let known = (images != Images::Labelled).then_some(&surroundings);
     for (name, shape) in Shape::all() {
-        let reference = synthetic::reference(&shape, 200);
+        let reference = Arc::new(synthetic::reference(&shape, 200));
         for noise in NOISES {
             let config = told(noise);
             let scene = unlabelled::Scene { cameras: &cameras, surroundings, config: &config, noise };
@@ -87,15 +87,12 @@ fn measure_times(images: Images) {
                     let last = seen.poses.last().map(|pose| pose.X_WO);
                     let expected = seen.flight.as_ref().map(|flight| flight.pose_at(capture_s)).or(last);
                     let start = cpu_ms();
-                    let found = find_object(
-                        &frames,
-                        &cameras,
-                        &reference,
-                        expected.as_ref(),
-                        known,
-                        &config,
-                        &mut seen.workspace,
-                    );
+                    let found = seen
+                        .estimator
+                        .get_or_insert_with(|| {
+                            SdfEstimator::new(config.clone(), reference.clone(), Workspace::default())
+                        })
+                        .estimate(&View { frames: &frames, cameras: &cameras, surroundings: known }, expected.into());
                     let between = cpu_ms();
                     let Ok(pose) = found else {
                         lost += 1;
@@ -143,7 +140,7 @@ fn measure_times(images: Images) {
 fn measured_cold_starts() {
     let cameras = synthetic::flight_rig();
     for (name, shape) in Shape::all() {
-        let reference = synthetic::reference(&shape, 200);
+        let reference = Arc::new(synthetic::reference(&shape, 200));
         let five_mm = Noise::Constant(0.005);
         let untold = perception::Config::default();
         for (noise, config) in
@@ -156,8 +153,9 @@ fn measured_cold_starts() {
                 let X_WR = X_WO * reference.X_RO.inverse();
                 let frames = synthetic::depth_frames(&cameras, &shape, &X_WR, noise, &mut normal);
                 let start = cpu_ms();
-                let mut workspace = Workspace::default();
-                let found = find_object(&frames, &cameras, &reference, None, None, &config, &mut workspace);
+                let mut estimator = SdfEstimator::new(config.clone(), reference.clone(), Workspace::default());
+                let view = View { frames: &frames, cameras: &cameras, surroundings: None };
+                let found = estimator.estimate(&view, Prior::Anywhere);
                 find_ms.push(cpu_ms() - start);
                 right += usize::from(found.is_ok_and(|found| {
                     let off_m = (found.X_WO.translation.vector - X_WO.translation.vector).norm();
@@ -182,7 +180,7 @@ fn measured_cold_starts_without_labels() {
     let surroundings = Surroundings { arm: &surface, X_WL, width_m: 0.1 };
     let windows: Vec<_> = cameras.iter().map(CameraModel::full_window).collect();
     for (name, shape) in Shape::all() {
-        let reference = synthetic::reference(&shape, 200);
+        let reference = Arc::new(synthetic::reference(&shape, 200));
         for noise in NOISES {
             let config = perception::Config { camera_sd_rad: 0.001, ..told(noise) };
             let scene = unlabelled::Scene { cameras: &cameras, surroundings, config: &config, noise };
@@ -197,12 +195,13 @@ fn measured_cold_starts_without_labels() {
                 let start = cpu_ms();
                 alignment.observe(&frames, &cameras, Some(&surroundings), &config);
                 align_ms.push(cpu_ms() - start);
-                for (times_ms, mut workspace) in
+                let view = View { frames: &frames, cameras: &cameras, surroundings: Some(&surroundings) };
+                for (times_ms, workspace) in
                     [(&mut waiting_ms, prepared.clone()), (&mut elsewhere_ms, Workspace::default())]
                 {
+                    let mut estimator = SdfEstimator::new(config.clone(), reference.clone(), workspace);
                     let start = cpu_ms();
-                    let found =
-                        find_object(&frames, &cameras, &reference, None, Some(&surroundings), &config, &mut workspace);
+                    let found = estimator.estimate(&view, Prior::Anywhere);
                     times_ms.push(cpu_ms() - start);
                     right += usize::from(found.is_ok_and(|found| {
                         let turn = reference.symmetry.turn_between(&found.X_WO.rotation, &X_WO.rotation);

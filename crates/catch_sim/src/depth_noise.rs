@@ -1,4 +1,4 @@
-//! `[arena.depth]`: what real depth cameras make of the truth. Formulas and figures; `measurement` applies them.
+//! `[arena.depth]`: what real depth cameras make of the truth. Formulas and figures; [`cameras`](crate::cameras) applies them.
 
 use catch_body::InputError;
 use serde::{Deserialize, Serialize};
@@ -97,7 +97,7 @@ impl Default for StereoNoise {
 }
 
 /// Neighbouring disparities that differ by more than this, in pixels, are a depth edge: less is not told from noise.
-pub(super) const EDGE_JUMP_PX: f64 = 0.5;
+pub(crate) const EDGE_JUMP_PX: f64 = 0.5;
 
 /// The farthest that an edge may reach, in pixels.
 const MAX_EDGE_PX: u32 = 8;
@@ -125,7 +125,7 @@ impl StereoNoise {
     }
 
     /// How far around a pixel its measurement depends on other pixels.
-    pub(super) fn edge_reach_px(&self) -> u32 {
+    pub(crate) fn edge_reach_px(&self) -> u32 {
         if self.bleed_fraction + self.flying_fraction > 0.0 { self.edge_px } else { 0 }
     }
 

@@ -1,0 +1,86 @@
+//! Inputs of the benches: synthetic images, the poses and flights that follow from them, and an arm.
+
+#![allow(dead_code, reason = "shared by benches, of which each uses a part")]
+
+use std::sync::Arc;
+
+use catch_body::{Gripper, Pose, Robot, robot_file::RobotFiles};
+use catch_bot::{
+    perception::{Config, ObjectPose, PoseEstimator, Prior, ReferenceModel, SdfEstimator, View, Workspace},
+    trajectory_optimization::{self, MotionPlanner, Start},
+    trajectory_prediction::FlightTrajectory,
+};
+use catch_cell::{CameraModel, DepthFrame, arm::Setpoint};
+use nalgebra::{Point3, UnitQuaternion, Vector3};
+
+use crate::synthetic::{self, Noise, Normal, Shape};
+
+/// Joint angles in which the arm waits in the scenario of the paper.
+pub const READY: [f64; 7] = [-1.308, 1.236, 1.116, -1.523, 1.648, 1.472, 0.272];
+
+/// Images of an object by all cameras, in windows around it.
+pub struct Images {
+    pub cameras: Vec<CameraModel>,
+    pub frames: Vec<DepthFrame>,
+    /// A predicted X_WO, 2 mm and 1° off.
+    pub prior: Pose,
+}
+
+impl Images {
+    pub fn new(shape: &Shape, reference: &ReferenceModel, noise: Noise) -> Self {
+        let cameras = synthetic::flight_rig();
+        let mut normal = Normal::new(1);
+        let X_WO = synthetic::pose_in_flight(&mut normal);
+        let frames = synthetic::depth_frames(&cameras, shape, &(X_WO * reference.X_RO.inverse()), noise, &mut normal);
+        let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(0.01, -0.01, 0.01));
+        let p_WO = X_WO.translation.vector + Vector3::new(0.001, -0.001, 0.001);
+        Self { cameras, frames, prior: Pose::from_parts(p_WO.into(), rotation * X_WO.rotation) }
+    }
+}
+
+/// Thirty poses of an object in flight, 10 ms apart.
+pub fn poses(shape: &Shape, reference: &Arc<ReferenceModel>) -> Vec<ObjectPose> {
+    let cameras = synthetic::flight_rig();
+    let mut normal = Normal::new(1);
+    let mut estimator = SdfEstimator::new(Config::default(), reference.clone(), Workspace::default());
+    let mut poses = Vec::new();
+    for i in 0..30 {
+        let time_s = 0.01 * f64::from(i);
+        let p_WO = Vector3::new(2.6 - 2.9 * time_s, 2.6 - 4.0 * time_s, 0.5 + 3.6 * time_s - 4.905 * time_s * time_s);
+        let X_WO = Pose::new(p_WO, Vector3::new(0.3, 2.0 * time_s, 0.1));
+        let X_WR = X_WO * reference.X_RO.inverse();
+        let mut frames = synthetic::depth_frames(&cameras, shape, &X_WR, Noise::Constant(0.002), &mut normal);
+        frames.iter_mut().for_each(|frame| frame.capture_s = time_s);
+        let view = View { frames: &frames, cameras: &cameras, surroundings: None };
+        poses.extend(estimator.estimate(&view, Prior::Pose(X_WO)));
+    }
+    poses
+}
+
+/// The paper's near throw.
+pub fn near_throw() -> FlightTrajectory {
+    FlightTrajectory {
+        p_WO: Point3::new(1.66613, 1.63277, 0.3),
+        v_WO: Vector3::new(-1.58705, -2.68301, 3.75643),
+        ..FlightTrajectory::default()
+    }
+}
+
+/// An arm with a gripper, with settings changed.
+pub fn planner(change: impl Fn(&mut trajectory_optimization::Config)) -> MotionPlanner {
+    let files = RobotFiles {
+        urdf_file: "robot.urdf",
+        urdf: include_str!("../../../../assets/robots/iiwa14/robot.urdf"),
+        toml_file: "robot.toml",
+        toml: include_str!("../../../../assets/robots/iiwa14/robot.toml"),
+    };
+    let gripper = include_str!("../../../../assets/grippers/wsg50.toml");
+    let mut config = trajectory_optimization::Config::default();
+    change(&mut config);
+    MotionPlanner::new(Robot::from_files(&files).unwrap(), Gripper::from_toml("gripper.toml", gripper).unwrap(), config)
+}
+
+/// The arm standing still at joint angles.
+pub fn at_rest(planner: &MotionPlanner, q: &[f64], time_s: f64) -> Start {
+    Start { time_s, state: Setpoint::at_rest(planner.robot().joint_vector(q).unwrap()) }
+}

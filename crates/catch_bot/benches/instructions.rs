@@ -1,0 +1,151 @@
+//! A budget for speed: the instructions that each stage of a tick takes on given inputs, compared with `instructions.txt`.
+//!
+//! `cargo bench -p catch_bot --bench instructions` counts with valgrind and fails if a stage takes over 10 % more than the
+//! baseline; `-- --renew` writes a new baseline. Without valgrind it says so and passes.
+
+#![allow(
+    clippy::print_stdout,
+    clippy::disallowed_methods,
+    reason = "it runs valgrind, keeps a file and tells what it counted"
+)]
+
+mod inputs;
+#[path = "../tests/it/synthetic.rs"]
+mod synthetic;
+
+use std::{collections::BTreeMap, fs, hint::black_box, process::Command, sync::Arc};
+
+use catch_bot::{
+    grasp_selection::{self, GraspSet},
+    perception::{self, DepthNoise, PoseEstimator, ReferenceModel, SdfEstimator, View, Workspace},
+    trajectory_optimization::{CatchSearch, Incoming, Start},
+    trajectory_prediction::{self, FlightTrajectory, predict},
+};
+use inputs::Images;
+use nalgebra::Vector3;
+use synthetic::{Noise, Shape};
+
+const BASELINE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/instructions.txt");
+/// By how much more instructions than in the baseline a stage may take.
+const TOLERANCE: f64 = 0.1;
+
+/// Stages by name.
+const STAGES: [(&str, fn()); 8] = [
+    ("registration", || perceive(Noise::Clean, true, true)),
+    ("registration_with_silhouettes", || perceive(Noise::Stereo7, true, true)),
+    ("segmentation", || perceive(Noise::Clean, false, true)),
+    ("global_registration", || perceive(Noise::Clean, true, false)),
+    ("detection", || perceive(Noise::Clean, false, false)),
+    ("trajectory_prediction", predict_flight),
+    ("catch_search", || plan(false)),
+    ("replan", || plan(true)),
+];
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).filter(|it| it != "--bench").collect();
+    match arguments.first().map(String::as_str) {
+        Some("--renew") => renew(),
+        Some(name) => STAGES.iter().find(|stage| stage.0 == name).expect("the name of a stage").1(),
+        None => compare(),
+    }
+}
+
+/// What valgrind counts: the second of two runs, when buffers are as large as they need to be.
+fn run<T>(mut work: impl FnMut() -> T) {
+    black_box(work());
+    black_box(counted(&mut work));
+}
+
+#[inline(never)]
+fn counted<T>(work: &mut impl FnMut() -> T) -> T {
+    work()
+}
+
+/// A pose of an object from one set of images, with masks or without, a predicted pose given or not.
+fn perceive(noise: Noise, masks: bool, tracked: bool) {
+    let (constant_m, quadratic_per_m) = synthetic::data_sheet(noise);
+    let depth_noise = Some(DepthNoise { constant_m, quadratic_per_m });
+    let config = perception::Config { depth_noise, ..Default::default() };
+    let shape = Shape::banana();
+    let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(&shape, 64), &config));
+    let Images { cameras, mut frames, prior } = Images::new(&shape, &reference, noise);
+    frames.iter_mut().filter(|_| !masks).for_each(|frame| frame.mask = None);
+    let view = View { frames: &frames, cameras: &cameras, surroundings: None };
+    let mut estimator = SdfEstimator::new(config, reference, Workspace::default());
+    run(|| estimator.estimate(&view, tracked.then_some(prior).into()).expect("a pose"));
+}
+
+/// A flight from thirty poses and the flight before.
+fn predict_flight() {
+    let shape = Shape::ball();
+    let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(&shape, 32), &perception::Config::default()));
+    let poses = inputs::poses(&shape, &reference);
+    let config = trajectory_prediction::Config { drag_prior_sd_per_m: Some(0.02), ..Default::default() };
+    let mut space = trajectory_prediction::Workspace::default();
+    let before = predict(&poses, None, reference.symmetry, &config, 1, &mut space).expect("a flight");
+    run(|| predict(&poses, Some(&before), reference.symmetry, &config, 1, &mut space).expect("a flight"));
+}
+
+/// A catch of the paper's near throw, or its replan after the flight has changed by 5 mm.
+fn plan(again: bool) {
+    let search = CatchSearch::new(inputs::planner(|_| {}));
+    let reference = ReferenceModel::from_scan(&synthetic::scan(&Shape::banana(), 64), &perception::Config::default());
+    let config = grasp_selection::Config::default();
+    let grasps = GraspSet::sample(&reference, search.motion().gripper(), &config);
+    let flight = inputs::near_throw();
+    let incoming = Incoming { flight: &flight, grasps: &grasps, config: &config };
+    let start = inputs::at_rest(search.motion(), &inputs::READY, 0.07);
+    if !again {
+        return run(|| search.search(&start, &incoming).expect("a catch"));
+    }
+    let plan = search.search(&start, &incoming).expect("a catch");
+    let later = Start { time_s: 0.2, state: plan.trajectory.setpoint(0.2) };
+    let aside = FlightTrajectory { p_WO: flight.p_WO + Vector3::x() * 5e-3, ..flight.clone() };
+    run(|| search.retarget(&later, &Incoming { flight: &aside, ..incoming }, &plan).expect("a replan"));
+}
+
+/// The instructions of each stage, if they can be counted here.
+fn count() -> Option<BTreeMap<&'static str, u64>> {
+    let counts = STAGES.map(|(stage, _)| {
+        let output = Command::new("valgrind")
+            .args(["--tool=callgrind", "--callgrind-out-file=/dev/null", "--collect-atstart=no"])
+            .arg("--toggle-collect=*instructions::counted*")
+            .arg(std::env::current_exe().ok()?)
+            .arg(stage)
+            .output()
+            .ok()?;
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{stage}: {said}");
+        let count = said.lines().find_map(|line| line.split_once("Collected :")?.1.trim().parse().ok());
+        Some((stage, count.unwrap_or_else(|| panic!("no count in {said}"))))
+    });
+    counts.into_iter().collect()
+}
+
+fn renew() {
+    let counts = count().expect("valgrind");
+    let lines: String = counts.iter().map(|(stage, count)| format!("{stage} {count}\n")).collect();
+    fs::write(BASELINE, lines).expect("a baseline that can be written");
+}
+
+fn compare() {
+    let Some(counts) = count() else {
+        println!("instructions were not counted: there is no valgrind");
+        return;
+    };
+    let baseline = fs::read_to_string(BASELINE).expect("a baseline");
+    let baseline: BTreeMap<&str, f64> = baseline
+        .lines()
+        .filter_map(|line| line.split_once(' '))
+        .map(|(stage, n)| (stage, n.parse().expect("a count")))
+        .collect();
+    let mut slower = Vec::new();
+    for (stage, count) in counts {
+        let more = baseline.get(stage).map_or(f64::INFINITY, |before| count as f64 / before - 1.0);
+        println!("{stage:30} {count:12} {:+6.1} %", 100.0 * more);
+        if more > TOLERANCE {
+            slower.push(stage);
+        }
+    }
+    assert!(slower.is_empty(), "more instructions than the baseline allows: {}", slower.join(", "));
+}

@@ -1,0 +1,59 @@
+//! What a pose is estimated from.
+
+use catch_body::Pose;
+use catch_cell::{CameraModel, DepthFrame};
+
+use super::segmentation::Surroundings;
+
+/// All depth images of one capture time.
+#[derive(Debug, Clone, Copy)]
+pub struct View<'a> {
+    /// The images. Those of unknown cameras are passed over.
+    pub frames: &'a [DepthFrame],
+    /// The cameras, as well as their poses are known.
+    pub cameras: &'a [CameraModel],
+    /// The arm at the capture time; it matters where images come without masks.
+    pub surroundings: Option<&'a Surroundings<'a>>,
+}
+
+impl View<'_> {
+    /// Whether an image comes without a mask.
+    pub fn is_unlabelled(&self) -> bool {
+        self.frames.iter().any(|frame| frame.mask.is_none())
+    }
+
+    /// When the images were taken.
+    pub fn capture_s(&self) -> f64 {
+        self.frames.iter().map(|frame| frame.capture_s).find(|time| time.is_finite()).unwrap_or(0.0)
+    }
+}
+
+/// What is known of the object's pose X_WO before the images are seen.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Prior {
+    /// Nothing.
+    #[default]
+    Anywhere,
+    /// About where it is. The orientation counts only where the object looks the same from several sides.
+    Place(Pose),
+    /// The pose, as predicted.
+    Pose(Pose),
+}
+
+impl Prior {
+    /// The pose that is given, if it is a number.
+    pub fn pose(&self) -> Option<&Pose> {
+        match self {
+            Self::Anywhere => None,
+            Self::Place(X_WO) | Self::Pose(X_WO) => {
+                X_WO.to_homogeneous().iter().all(|value| value.is_finite()).then_some(X_WO)
+            }
+        }
+    }
+}
+
+impl From<Option<Pose>> for Prior {
+    fn from(predicted: Option<Pose>) -> Self {
+        predicted.map_or(Self::Anywhere, Self::Pose)
+    }
+}
