@@ -13,7 +13,6 @@ use catch_lab::{
 };
 use catch_paper::posed::{PosedCatch, PosedPlanner};
 use clap::Args;
-use comfy_table::{CellAlignment, ContentArrangement, Table, TableComponent, presets};
 use nalgebra::Point3;
 use serde::Serialize;
 use serde_json::Value;
@@ -232,26 +231,9 @@ fn limit_ratio(robot: &Robot, plan: &PosedCatch) -> LimitRatio {
 }
 
 fn print(rows: &[Row]) -> std::io::Result<()> {
-    let mut table = Table::new();
-    table.load_preset(presets::UTF8_HORIZONTAL_ONLY).set_content_arrangement(ContentArrangement::Disabled);
-    table.remove_style(TableComponent::HorizontalLines).remove_style(TableComponent::MiddleIntersections);
-    table.set_header([
-        "case",
-        "status",
-        "speed",
-        "off by",
-        "turned by",
-        "m/s off",
-        "velocity",
-        "acceler.",
-        "torque",
-        "ms",
-    ]);
-    for column in 2..10 {
-        if let Some(column) = table.column_mut(column) {
-            column.set_cell_alignment(CellAlignment::Right);
-        }
-    }
+    let headings =
+        ["case", "status", "speed", "off by", "turned by", "m/s off", "velocity", "acceler.", "torque", "ms"];
+    let mut table = screen::table(headings, 2..10);
     for row in rows {
         let figure = |show: fn(&PlanFigures) -> String| row.plan.as_ref().map_or("–".to_owned(), show);
         table.add_row([

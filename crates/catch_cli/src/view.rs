@@ -12,7 +12,7 @@ use catch_body::InputError;
 use catch_lab::{
     assets::COMMAND_LINE,
     evaluation::results::{REPORT_FILE, make_writable},
-    export::mcap_file,
+    export::{mcap_file, urdf},
     pages::catch_page,
     recording::{EXTENSION, playback::Playback},
 };
@@ -67,7 +67,8 @@ impl FileArguments {
         }
         if self.mcap {
             write("mcap", "mcap", &mcap_file::mcap(playback)?)?;
-            write("urdf", "urdf", playback.header.cell.sources.robot_urdf.as_bytes())?;
+            let urdf = urdf::with_visuals(&playback.header.cell.sources.robot_urdf, &playback.robot);
+            write("urdf", "urdf", urdf.as_bytes())?;
         }
         Ok(written)
     }
