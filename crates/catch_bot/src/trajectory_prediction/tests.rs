@@ -54,7 +54,7 @@ fn seen(throw: &Throw, count: usize, sd_m: f64, sd_rad: f64, outliers: f64, norm
             information,
             points: 200,
             residual_m: sd_m,
-            silhouette_residual_m: None,
+            mismatch: 1.0,
             iterations: 5,
             registered_globally: false,
         }

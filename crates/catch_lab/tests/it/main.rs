@@ -4,6 +4,7 @@ mod all_cells;
 mod blanked;
 mod circles;
 mod frames;
+mod mutations;
 mod planning;
 mod play;
 mod robot_controller;
