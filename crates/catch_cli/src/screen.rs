@@ -1,7 +1,7 @@
 //! What appears on the terminal. Colours only where the output is a terminal; results on standard output, faults on standard
 //! error.
 
-use std::io::{self, Write};
+use std::io::{self, IsTerminal, Write};
 
 use anstyle::{AnsiColor, Style};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -29,6 +29,31 @@ pub fn at_interrupt(said: String) {
 
 /// Exit code of a program that an interrupt ended: 128 and the signal's number.
 const INTERRUPTED: i32 = 130;
+
+/// A command line of this program that can be pasted into a shell: as the program was called, its arguments quoted where they
+/// need it.
+pub fn command(arguments: &[&str]) -> String {
+    // cargo sets this for what it runs, whose file is on no search path.
+    let by_cargo = std::env::var_os("CARGO_MANIFEST_DIR").is_some();
+    let program = if by_cargo { "cargo run --release --" } else { "catchingbot" };
+    let quoted = arguments.iter().map(|it| quoted(it));
+    std::iter::once(program.to_owned()).chain(quoted).collect::<Vec<_>>().join(" ")
+}
+
+/// An argument as a POSIX shell reads it back.
+fn quoted(argument: &str) -> String {
+    let is_plain = |it: char| it.is_alphanumeric() || "_-./+=:,@%".contains(it);
+    if !argument.is_empty() && argument.chars().all(is_plain) {
+        argument.to_owned()
+    } else {
+        format!("'{}'", argument.replace('\'', "'\\''"))
+    }
+}
+
+/// Columns of the terminal that results appear on, if it is one.
+pub fn width() -> Option<u16> {
+    io::stdout().is_terminal().then(terminal_size::terminal_size).flatten().map(|(width, _)| width.0)
+}
 
 /// Prints one line of results.
 ///
@@ -74,4 +99,17 @@ pub fn progress_bar(total: usize, things: &str) -> ProgressBar {
 pub fn error(message: &str) {
     // Nobody is left to be told if this fails.
     let _ = writeln!(anstream::stderr().lock(), "{BAD}error:{BAD:#} {message}");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn arguments_are_quoted_for_a_shell() {
+        assert_eq!(quoted("out/paper-1.catch"), "out/paper-1.catch");
+        assert_eq!(quoted("my results/it's"), "'my results/it'\\''s'");
+        assert_eq!(quoted("$(rm)"), "'$(rm)'");
+        assert_eq!(quoted(""), "''");
+    }
 }
