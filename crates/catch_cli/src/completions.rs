@@ -1,9 +1,9 @@
 //! `catchingbot completions`: completion of arguments for a shell.
 
-use clap::{Args, CommandFactory};
+use clap::{Args, Command};
 use clap_complete::{Shell, generate};
 
-use crate::{Arguments, screen};
+use crate::screen;
 
 /// Arguments of `completions`.
 #[derive(Debug, Args)]
@@ -17,12 +17,12 @@ pub struct CompletionsArguments {
     shell: Shell,
 }
 
-/// Prints the completions.
+/// Prints the completions of `program`.
 ///
 /// # Errors
 /// If standard output is closed.
-pub fn run(arguments: &CompletionsArguments) -> anyhow::Result<()> {
+pub fn run(arguments: &CompletionsArguments, mut program: Command) -> anyhow::Result<()> {
     let mut script = Vec::new();
-    generate(arguments.shell, &mut Arguments::command(), "catchingbot", &mut script);
+    generate(arguments.shell, &mut program, "catchingbot", &mut script);
     Ok(screen::text(&String::from_utf8_lossy(&script))?)
 }

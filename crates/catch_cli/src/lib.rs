@@ -26,7 +26,7 @@ mod view;
 use std::{io, path::PathBuf, process::ExitCode, sync::LazyLock};
 
 use catch_body::InputError;
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
 use serde::Serialize;
 
 use catch_lab::{
@@ -255,6 +255,6 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         Some(Command::GripperLatency(latency)) => gripper_latency::run(&latency),
         Some(Command::New(new)) => new::run(&new),
         Some(Command::Check(check)) => check::run(&check),
-        Some(Command::Completions(completions)) => completions::run(&completions),
+        Some(Command::Completions(completions)) => completions::run(&completions, Arguments::command()),
     }
 }

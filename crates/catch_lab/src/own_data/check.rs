@@ -44,8 +44,10 @@ pub fn check(path: &Path) -> Checked {
     // Every kind of file is read in the same way; which kind it is only shows afterwards.
     let asset = match Asset::on_disk(Kind::Scenario, &path) {
         Ok(asset) => asset,
-        Err(InputError { file, field, found, .. }) => {
-            let expected = "a readable file: a scenario, robot, gripper, object, throw, rig or study";
+        Err(InputError { file, field, found, expected, .. }) => {
+            // "at most 1 MiB: …", "a regular file: …"
+            let limit = expected.split_once(": ").map(|(limit, _)| format!("{limit}: ")).unwrap_or_default();
+            let expected = format!("{limit}a readable file: a scenario, robot, gripper, object, throw, rig or study");
             return Checked::unreadable(InputError::new(file, field, found, expected));
         }
     };

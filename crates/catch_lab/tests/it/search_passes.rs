@@ -9,7 +9,7 @@ use rand_pcg::Pcg64;
 use crate::planning::{Desk, OBJECTS, random_flight};
 
 /// CPU time of this thread in milliseconds, which other programs do not disturb; zero where it cannot be told.
-fn cpu_ms() -> f64 {
+pub fn cpu_ms() -> f64 {
     #[cfg(unix)]
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
     #[cfg(unix)]
