@@ -4,7 +4,6 @@ mod all_cells;
 mod blanked;
 mod circles;
 mod frames;
-mod holding;
 mod mutations;
 mod planning;
 mod play;

@@ -34,10 +34,7 @@ use catch_sim::{Throw, ThrownObject};
 use flate2::{Compression, read::GzDecoder, write::GzEncoder};
 use rmpv::Value;
 
-use crate::{
-    search_passes::cpu_ms,
-    source::{read, root},
-};
+use crate::source::{read, root};
 use mutator::Mutator;
 
 /// No file may take longer, in CPU time of the thread.
@@ -91,6 +88,16 @@ fn tried(kind: &str, count: u64, load: &Load) -> Outcome {
         outcome.most_bytes = outcome.most_bytes.max(memory.bytes_max);
     }
     outcome
+}
+
+/// CPU time of this thread in milliseconds, which other programs do not disturb; zero where it cannot be told.
+fn cpu_ms() -> f64 {
+    #[cfg(unix)]
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    #[cfg(unix)]
+    return time.tv_sec as f64 * 1e3 + time.tv_nsec as f64 * 1e-6;
+    #[cfg(not(unix))]
+    0.0
 }
 
 /// Whether a refusal names file, field, value and remedy.
