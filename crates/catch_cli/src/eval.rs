@@ -282,7 +282,7 @@ fn print(cells: &[CellSummary], times: &Times, stopwatch: &Stopwatch, folder: &P
     for (stage, StageTimes { p50_ms, p99_ms, max_ms, .. }) in stopwatch.summary() {
         screen::fact(stage, &format!("p50 {p50_ms:.2} ms, p99 {p99_ms:.2} ms, max {max_ms:.1} ms"))?;
     }
-    screen::fact("report", &format!("catchingbot view {}", folder.display()))?;
+    screen::fact("report", &screen::command(&["view", &folder.to_string_lossy()]))?;
     screen::fact("results", &folder.join(PARQUET_FILE).display().to_string())
 }
 

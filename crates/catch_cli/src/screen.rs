@@ -2,7 +2,7 @@
 //! error.
 
 use std::{
-    io::{self, Write},
+    io::{self, IsTerminal, Write},
     ops::Range,
     sync::{
         Arc,
@@ -50,6 +50,31 @@ const LOOKS_EVERY: Duration = Duration::from_millis(50);
 /// Exit code of a program that an interrupt ended: 128 and the signal's number.
 const INTERRUPTED: i32 = 130;
 
+/// A command line of this program that can be pasted into a shell: as the program was called, its arguments quoted where they
+/// need it.
+pub fn command(arguments: &[&str]) -> String {
+    // cargo sets this for what it runs, whose file is on no search path.
+    let by_cargo = std::env::var_os("CARGO_MANIFEST_DIR").is_some();
+    let program = if by_cargo { "cargo run --release --" } else { "catchingbot" };
+    let quoted = arguments.iter().map(|it| quoted(it));
+    std::iter::once(program.to_owned()).chain(quoted).collect::<Vec<_>>().join(" ")
+}
+
+/// An argument as a POSIX shell reads it back.
+fn quoted(argument: &str) -> String {
+    let is_plain = |it: char| it.is_alphanumeric() || "_-./+=:,@%".contains(it);
+    if !argument.is_empty() && argument.chars().all(is_plain) {
+        argument.to_owned()
+    } else {
+        format!("'{}'", argument.replace('\'', "'\\''"))
+    }
+}
+
+/// Columns of the terminal that results appear on, if it is one.
+pub fn width() -> Option<u16> {
+    io::stdout().is_terminal().then(terminal_size::terminal_size).flatten().map(|(width, _)| width.0)
+}
+
 /// Prints one line of results.
 ///
 /// # Errors
@@ -94,6 +119,9 @@ pub fn table<T: Into<Cell>>(headings: impl IntoIterator<Item = T>, numbers: Rang
             column.set_cell_alignment(CellAlignment::Right);
         }
     }
+    if let Some(width) = width() {
+        table.set_content_arrangement(ContentArrangement::Dynamic).set_width(width);
+    }
     table
 }
 
@@ -108,4 +136,17 @@ pub fn progress_bar(total: usize, things: &str) -> ProgressBar {
 pub fn error(message: &str) {
     // Nobody is left to be told if this fails.
     let _ = writeln!(anstream::stderr().lock(), "{BAD}error:{BAD:#} {message}");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn arguments_are_quoted_for_a_shell() {
+        assert_eq!(quoted("out/paper-1.catch"), "out/paper-1.catch");
+        assert_eq!(quoted("my results/it's"), "'my results/it'\\''s'");
+        assert_eq!(quoted("$(rm)"), "'$(rm)'");
+        assert_eq!(quoted(""), "''");
+    }
 }

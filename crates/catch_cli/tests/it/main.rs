@@ -9,6 +9,7 @@ mod mcap_file;
 mod own_data;
 mod pages;
 mod recording;
+mod refusals;
 mod wrong_input;
 
 use std::process::{Command, Output};
