@@ -1,4 +1,5 @@
 //! Tests of the brain's first half from outside.
+mod aerodynamic_flight;
 mod allocation;
 mod camera_alignment;
 mod edge_cases;
