@@ -2,8 +2,8 @@
 mod aerodynamic_flight;
 mod allocation;
 mod camera_alignment;
+mod coverage;
 mod edge_cases;
-mod measured;
 mod pose_estimation;
 mod synthetic;
 mod unlabelled;

@@ -214,17 +214,13 @@ impl AerodynamicFit {
         self.samples.clear();
         self.samples.extend(samples.iter().filter_map(sample));
         self.samples.dedup_by(|next, last| next.time_s <= last.time_s);
+        // A flight is found among as few more.
+        thin(&mut self.samples, 2 * MOST_SAMPLES);
         let (first, last, ended) = start::free_flight(&g, &self.samples, &mut self.start);
         let mut contact_s = ended.then(|| self.samples[last].time_s);
         self.samples.truncate(last);
         self.samples.drain(..first);
-        let every = self.samples.len().div_ceil(MOST_SAMPLES).max(1);
-        let newest = self.samples.len().wrapping_sub(1) % every;
-        let mut index = 0;
-        self.samples.retain(|_| {
-            index += 1;
-            (index - 1) % every == newest
-        });
+        thin(&mut self.samples, MOST_SAMPLES);
         loop {
             let flight = self.fit_free_flight(g, contact_s, noise)?;
             let far = |node: &&Node| node.error_m > CONTACT_M && node.error_m > CONTACT_SD * flight.noise.position_sd_m;
@@ -287,6 +283,16 @@ impl AerodynamicFit {
             g,
         })
     }
+}
+
+/// Leaves every second, third … sample, the newest among them, so that no more than `most` are left.
+fn thin(samples: &mut Vec<Sample>, most: usize) {
+    let every = samples.len().div_ceil(most).max(1);
+    let mut left = samples.len();
+    samples.retain(|_| {
+        left -= 1;
+        left.is_multiple_of(every)
+    });
 }
 
 fn sample(sample: &TrackSample) -> Option<Sample> {
