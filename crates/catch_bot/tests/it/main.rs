@@ -1,4 +1,6 @@
 //! Tests of the brain from outside.
+
+mod aerodynamic_flight;
 mod allocation;
 mod camera_alignment;
 mod closing;
