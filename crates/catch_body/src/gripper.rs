@@ -6,7 +6,7 @@
 use nalgebra::{Point3, Vector3};
 use serde::Deserialize;
 
-use crate::{InputError, robot::Inertia, shape::Cuboid};
+use crate::{InputError, quantity, robot::Inertia, shape::Cuboid};
 
 /// Geometry, masses and limits of a parallel gripper, as its file gives them.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -15,24 +15,34 @@ pub struct Gripper {
     /// Name.
     pub name: String,
     /// Mass of the housing without fingers, in kg.
+    #[serde(deserialize_with = "quantity::part_mass_kg")]
     pub body_mass_kg: f64,
     /// Extents of the housing, a box around the origin of G.
+    #[serde(deserialize_with = "quantity::size_m")]
     pub body_size_m: [f64; 3],
     /// Mass of one finger, in kg.
+    #[serde(deserialize_with = "quantity::part_mass_kg")]
     pub finger_mass_kg: f64,
     /// Extents of one finger.
+    #[serde(deserialize_with = "quantity::size_m")]
     pub finger_size_m: [f64; 3],
     /// Centre of the fingers along y.
+    #[serde(deserialize_with = "quantity::offset_m")]
     pub finger_centre_y_m: f64,
     /// Where along y an object's middle should be when the fingers close.
+    #[serde(deserialize_with = "quantity::size_m")]
     pub grasp_centre_y_m: f64,
     /// Widest opening.
+    #[serde(deserialize_with = "quantity::size_m")]
     pub max_width_m: f64,
     /// Highest force of one finger.
+    #[serde(deserialize_with = "quantity::force_n")]
     pub max_force_n: f64,
     /// Highest speed of the fingers relative to each other.
+    #[serde(deserialize_with = "quantity::drive_speed_mps")]
     pub max_speed_mps: f64,
     /// Highest rate at which that speed changes.
+    #[serde(deserialize_with = "quantity::drive_acceleration_mps2")]
     pub max_acceleration_mps2: f64,
 }
 
@@ -40,19 +50,6 @@ impl Gripper {
     /// Reads a gripper's TOML file; `file` names it in errors.
     pub fn from_toml(file: &str, text: &str) -> Result<Self, InputError> {
         let gripper: Self = InputError::parse_toml(file, text)?;
-        let masses_and_limits = [
-            ("body_mass_kg", gripper.body_mass_kg),
-            ("finger_mass_kg", gripper.finger_mass_kg),
-            ("max_width_m", gripper.max_width_m),
-            ("max_force_n", gripper.max_force_n),
-            ("max_speed_mps", gripper.max_speed_mps),
-            ("max_acceleration_mps2", gripper.max_acceleration_mps2),
-            ("grasp_centre_y_m", gripper.grasp_centre_y_m),
-        ];
-        let sizes = [("body_size_m", gripper.body_size_m), ("finger_size_m", gripper.finger_size_m)];
-        let sizes = sizes.into_iter().flat_map(|(field, size)| size.map(|value| (field, value)));
-        let all = masses_and_limits.into_iter().chain(sizes);
-        InputError::first_of(all.map(|(field, value)| InputError::positive(file, field, value)))?;
         if gripper.finger_centre_y_m <= gripper.palm_y_m() - gripper.finger_size_m[1] / 2.0 {
             let expected = "fingers that reach beyond the housing along y";
             return Err(InputError::new(file, "finger_centre_y_m", gripper.finger_centre_y_m, expected));

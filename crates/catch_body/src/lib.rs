@@ -16,10 +16,13 @@ pub mod kinematics;
 pub mod mesh;
 pub mod mesh_file;
 pub mod pose;
+pub mod quantity;
 pub mod ray_cast;
 pub mod robot;
 pub mod robot_file;
 pub mod shape;
+mod toml_input;
+mod urdf;
 
 pub use gripper::Gripper;
 pub use input_error::InputError;

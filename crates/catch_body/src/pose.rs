@@ -27,8 +27,10 @@ impl Twist {
 #[serde(deny_unknown_fields)]
 pub struct PoseFields {
     /// Position in metres.
+    #[serde(deserialize_with = "crate::quantity::place_m")]
     pub position_m: [f64; 3],
     /// Roll, pitch and yaw in radians.
+    #[serde(deserialize_with = "crate::quantity::angle_rad")]
     pub rpy_rad: [f64; 3],
 }
 

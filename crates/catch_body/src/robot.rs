@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Point3, SMatrix, SVector, Unit, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::{Gripper, pose::Pose, shape::Capsule};
+use crate::{Gripper, pose::Pose, quantity, shape::Capsule};
 
 /// The most joints an arm may have.
 pub const MAX_JOINTS: usize = 8;
@@ -37,12 +37,16 @@ pub struct JointLimits {
 #[serde(default, deny_unknown_fields)]
 pub struct LimitScale {
     /// Factor on velocities.
+    #[serde(deserialize_with = "quantity::limit_factor")]
     pub velocity: f64,
     /// Factor on accelerations.
+    #[serde(deserialize_with = "quantity::limit_factor")]
     pub acceleration: f64,
     /// Factor on torques.
+    #[serde(deserialize_with = "quantity::limit_factor")]
     pub torque: f64,
     /// Factor on jerks, where the arm states them.
+    #[serde(deserialize_with = "quantity::limit_factor")]
     pub jerk: f64,
 }
 

@@ -2,38 +2,56 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Matrix3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Point3, Unit, Vector3};
 use serde::Deserialize;
 
+pub use crate::urdf::ignored_elements;
 use crate::{
     InputError,
-    pose::{Pose, PoseFields},
+    pose::PoseFields,
+    quantity::{self, Quantity},
     robot::{Inertia, Joint, JointLimits, MAX_JOINTS, Robot},
     shape::Capsule,
+    urdf::{self, Element, Urdf},
 };
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RobotFile {
     base: PoseFields,
-    gripper_mount: PoseFields,
+    gripper_mount: MountFields,
     poses: PosesFields,
     joints: BTreeMap<String, JointFields>,
     collision: CollisionFields,
 }
 
+/// A pose on the last link.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MountFields {
+    #[serde(deserialize_with = "quantity::offset_m")]
+    position_m: [f64; 3],
+    #[serde(deserialize_with = "quantity::angle_rad")]
+    rpy_rad: [f64; 3],
+}
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PosesFields {
+    #[serde(deserialize_with = "quantity::angle_rad")]
     comfortable_rad: Vec<f64>,
+    #[serde(deserialize_with = "quantity::angle_rad")]
     ready_rad: Vec<f64>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct JointFields {
+    #[serde(deserialize_with = "quantity::joint_acceleration_radps2")]
     max_acceleration_radps2: f64,
+    #[serde(default, deserialize_with = "quantity::joint_jerk_radps3")]
     max_jerk_radps3: Option<f64>,
+    #[serde(deserialize_with = "quantity::rotor_inertia_kgm2")]
     rotor_inertia_kgm2: f64,
 }
 
@@ -48,8 +66,11 @@ struct CollisionFields {
 #[serde(deny_unknown_fields)]
 struct CapsuleFields {
     link: String,
+    #[serde(deserialize_with = "quantity::offset_m")]
     from_m: [f64; 3],
+    #[serde(deserialize_with = "quantity::offset_m")]
     to_m: [f64; 3],
+    #[serde(deserialize_with = "quantity::radius_m")]
     radius_m: f64,
 }
 
@@ -73,10 +94,8 @@ impl Robot {
     /// The first fault found: not a URDF, not one serial chain of 1 to [`MAX_JOINTS`] revolute joints, a joint without limits
     /// or inertia, a field of the TOML that is missing, misspelt or out of range.
     pub fn from_files(files: &RobotFiles) -> Result<Self, InputError> {
-        let urdf = urdf_rs::read_from_string(files.urdf).map_err(|fault| {
-            let summary = fault.to_string().lines().next().unwrap_or("unreadable").to_owned();
-            InputError::new(files.urdf_file, "robot", summary, "a URDF description of a robot")
-        })?;
+        let document = urdf::parse(files.urdf_file, files.urdf)?;
+        let urdf = Urdf::read(files.urdf_file, &document)?;
         let extra: RobotFile = InputError::parse_toml(files.toml_file, files.toml)?;
         let (base_link, joints) = serial_chain(files, &urdf, &extra.joints)?;
 
@@ -91,16 +110,14 @@ impl Robot {
                 0
             });
             let CapsuleFields { from_m, to_m, radius_m, .. } = *capsule;
-            faults.extend(InputError::finite(files.toml_file, field("from_m"), from_m).err());
-            faults.extend(InputError::finite(files.toml_file, field("to_m"), to_m).err());
-            faults.extend(InputError::positive(files.toml_file, field("radius_m"), radius_m).err());
             capsules.push((link, Capsule { from: from_m.into(), to: to_m.into(), radius: radius_m }));
         }
 
         let mut robot = Self {
             name: urdf.name.clone(),
             X_WB: extra.base.pose(),
-            X_LG: extra.gripper_mount.pose(),
+            X_LG: PoseFields { position_m: extra.gripper_mount.position_m, rpy_rad: extra.gripper_mount.rpy_rad }
+                .pose(),
             joints,
             comfortable_q: nalgebra::zero(),
             ready_q: nalgebra::zero(),
@@ -137,40 +154,34 @@ impl Robot {
 /// Orders the URDF's revolute joints from base to tip and returns them with the base link's name.
 fn serial_chain(
     files: &RobotFiles,
-    urdf: &urdf_rs::Robot,
+    urdf: &Urdf,
     extra: &BTreeMap<String, JointFields>,
 ) -> Result<(String, Vec<Joint>), InputError> {
     let fault = |field: String, found: String, expected: &str| InputError::new(files.urdf_file, field, found, expected);
-    let is_child = |link: &str| urdf.joints.iter().any(|joint| joint.child.link == link);
-    let roots: Vec<&str> = urdf.links.iter().map(|link| link.name.as_str()).filter(|link| !is_child(link)).collect();
+    let roots = urdf.roots();
     let [base] = roots[..] else {
         return Err(fault("link".into(), format!("{} links without a parent", roots.len()), "one base link"));
     };
-
     let (mut joints, mut faults, mut count) = (Vec::new(), Vec::new(), 0);
-    let mut parent = base.to_owned();
+    let mut parent = base;
     loop {
-        let next: Vec<&urdf_rs::Joint> = urdf.joints.iter().filter(|joint| joint.parent.link == parent).collect();
-        let joint = match next[..] {
+        let joint = match urdf.joints_of(parent) {
             [] => break,
             [joint] => joint,
-            _ => {
-                return Err(fault(
-                    format!("link {parent}"),
-                    format!("{} joints", next.len()),
-                    "one joint: a serial arm",
-                ));
+            several => {
+                let found = format!("{} joints", several.len());
+                return Err(fault(format!("link {parent}"), found, "one joint: a serial arm"));
             }
         };
-        if joint.joint_type != urdf_rs::JointType::Revolute {
-            let found = format!("{:?}", joint.joint_type).to_lowercase();
-            return Err(fault(format!("joint {}: type", joint.name), found, "revolute"));
+        let kind = joint.text("type")?;
+        if kind != "revolute" {
+            return Err(joint.fault("type", kind, "revolute"));
         }
         match revolute_joint(files, urdf, joint, extra) {
             Ok(joint) => joints.push(joint),
             Err(fault) => faults.push(fault),
         }
-        parent.clone_from(&joint.child.link);
+        parent = joint.required("child")?.text("link")?;
         count += 1;
         if count > MAX_JOINTS {
             return Err(fault("joint".into(), format!("more than {MAX_JOINTS} joints"), "an arm of at most 8 joints"));
@@ -196,83 +207,78 @@ fn serial_chain(
 
 fn revolute_joint(
     files: &RobotFiles,
-    urdf: &urdf_rs::Robot,
-    joint: &urdf_rs::Joint,
+    urdf: &Urdf,
+    joint: &Element,
     extra: &BTreeMap<String, JointFields>,
 ) -> Result<Joint, InputError> {
-    let field = |name: &str| format!("joint {}: {name}", joint.name);
-    let limit = &joint.limit;
-    if limit.velocity == 0.0 && limit.lower == 0.0 && limit.upper == 0.0 {
-        let expected = "<limit lower upper velocity effort> with the joint's real limits";
-        return Err(InputError::new(files.urdf_file, field("limit"), "no limits", expected));
+    let name = joint.text("name")?;
+    if let Some(mimic) = joint.child("mimic")? {
+        return Err(mimic.fault("joint", mimic.text("joint")?, "no <mimic>: joints that are driven on their own"));
     }
-    if !(limit.lower.is_finite() && limit.upper.is_finite() && limit.lower < limit.upper) {
-        let found = format!("lower {} and upper {}", limit.lower, limit.upper);
-        return Err(InputError::new(files.urdf_file, field("limit"), found, "finite limits, lower below upper"));
+    let limit = joint.child("limit")?.ok_or_else(|| {
+        joint.fault("limit", "no limits", "<limit lower upper velocity effort> with the joint's real limits")
+    })?;
+    let [lower, upper] = [limit.number("lower", JOINT_POSITION_RAD)?, limit.number("upper", JOINT_POSITION_RAD)?];
+    if lower >= upper {
+        let found = format!("lower {lower} and upper {upper}");
+        return Err(joint.fault("limit", found, "finite limits, lower below upper"));
     }
-    let fields = extra.get(&joint.name).ok_or_else(|| {
+    let fields = extra.get(name).ok_or_else(|| {
         let expected = "max_acceleration_radps2 and rotor_inertia_kgm2, which the URDF cannot say";
-        InputError::new(files.toml_file, format!("joints.{}", joint.name), "nothing", expected)
+        InputError::new(files.toml_file, format!("joints.{name}"), "nothing", expected)
     })?;
-    let toml_field = |name: &str| format!("joints.{}.{name}", joint.name);
     let limits = JointLimits {
-        lower: limit.lower,
-        upper: limit.upper,
-        velocity: InputError::positive(files.urdf_file, field("limit velocity"), limit.velocity)?,
-        acceleration: InputError::positive(
-            files.toml_file,
-            toml_field("max_acceleration_radps2"),
-            fields.max_acceleration_radps2,
-        )?,
-        torque: InputError::positive(files.urdf_file, field("limit effort"), limit.effort)?,
-        jerk: fields
-            .max_jerk_radps3
-            .map(|jerk| InputError::positive(files.toml_file, toml_field("max_jerk_radps3"), jerk))
-            .transpose()?,
+        lower,
+        upper,
+        velocity: limit.number("velocity", quantity::JOINT_VELOCITY_RADPS)?,
+        acceleration: fields.max_acceleration_radps2,
+        torque: limit.number("effort", quantity::TORQUE_NM)?,
+        jerk: fields.max_jerk_radps3,
     };
-    let rotor_inertia = fields.rotor_inertia_kgm2;
-    if !(rotor_inertia.is_finite() && rotor_inertia >= 0.0) {
-        return Err(InputError::new(files.toml_file, toml_field("rotor_inertia_kgm2"), rotor_inertia, "zero or more"));
-    }
-    let axis = Unit::try_new(Vector3::from(joint.axis.xyz.0), 1e-9).ok_or_else(|| {
-        InputError::new(files.urdf_file, field("axis"), format!("{:?}", joint.axis.xyz.0), "a direction")
-    })?;
+    let axis = match joint.child("axis")? {
+        None => Vector3::x_axis(),
+        Some(axis) => {
+            let xyz = axis.vector("xyz", quantity::COORDINATE)?;
+            Unit::try_new(Vector3::from(xyz), 1e-9)
+                .ok_or_else(|| axis.fault("xyz", format!("{xyz:?}"), "a direction"))?
+        }
+    };
+    let damping = joint.child("dynamics")?.filter(|it| it.has("damping"));
+    let child = joint.required("child")?.text("link")?;
     Ok(Joint {
-        name: joint.name.clone(),
-        X_PL: urdf_pose(files, &field("origin"), &joint.origin)?,
+        name: name.to_owned(),
+        X_PL: joint.origin()?,
         axis,
         limits,
-        rotor_inertia,
-        damping: joint.dynamics.as_ref().map_or(0.0, |dynamics| dynamics.damping),
-        inertia: link_inertia(files, urdf, &joint.child.link)?,
-        link_name: joint.child.link.clone(),
+        rotor_inertia: fields.rotor_inertia_kgm2,
+        damping: damping.map_or(Ok(0.0), |it| it.number("damping", quantity::DAMPING_NMSPRAD))?,
+        inertia: link_inertia(urdf.link(child).ok_or_else(|| {
+            let expected = "the link that a joint moves";
+            InputError::new(files.urdf_file, format!("link {child}"), "nothing", expected)
+        })?)?,
+        link_name: child.to_owned(),
     })
 }
 
-fn link_inertia(files: &RobotFiles, urdf: &urdf_rs::Robot, name: &str) -> Result<Inertia, InputError> {
-    let field = |part: &str| format!("link {name}: {part}");
-    let link = urdf
-        .links
-        .iter()
-        .find(|link| link.name == name)
-        .ok_or_else(|| InputError::new(files.urdf_file, field("link"), "nothing", "the link that a joint moves"))?;
-    let mass = InputError::positive(files.urdf_file, field("mass"), link.inertial.mass.value)?;
-    let X_LC = urdf_pose(files, &field("inertial origin"), &link.inertial.origin)?;
-    let it = &link.inertial.inertia;
-    let about_com = Matrix3::new(it.ixx, it.ixy, it.ixz, it.ixy, it.iyy, it.iyz, it.ixz, it.iyz, it.izz);
+/// Positions of joints.
+const JOINT_POSITION_RAD: Quantity = Quantity { least: -100.0, most: 100.0, unit: "rad" };
+
+fn link_inertia(link: &Element) -> Result<Inertia, InputError> {
+    let inertial = link.required("inertial")?;
+    let mass = inertial.required("mass")?.number("value", quantity::PART_MASS_KG)?;
+    let X_LC = inertial.origin()?;
+    let inertia = inertial.required("inertia")?;
+    let moment = |name: &str| inertia.number(name, quantity::INERTIA_KGM2);
+    let (xx, yy, zz) = (moment("ixx")?, moment("iyy")?, moment("izz")?);
+    let (xy, xz, yz) = (moment("ixy")?, moment("ixz")?, moment("iyz")?);
+    let about_com = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
     let moments = about_com.symmetric_eigenvalues();
     if !(moments.min() > 0.0 && 2.0 * moments.max() <= moments.sum() * (1.0 + 1e-9)) {
         let found = format!("principal moments {:?}", moments.as_slice());
         let expected = "moments above zero, none larger than the sum of the other two";
-        return Err(InputError::new(files.urdf_file, field("inertia"), found, expected));
+        return Err(inertial.fault("inertia", found, expected));
     }
     Ok(Inertia { mass, com: Point3::origin(), about_com }.transformed(&X_LC))
-}
-
-fn urdf_pose(files: &RobotFiles, field: &str, pose: &urdf_rs::Pose) -> Result<Pose, InputError> {
-    let xyz = InputError::finite(files.urdf_file, field, pose.xyz.0)?;
-    let [roll, pitch, yaw] = InputError::finite(files.urdf_file, field, pose.rpy.0)?;
-    Ok(Pose::from_parts(Translation3::from(xyz), UnitQuaternion::from_euler_angles(roll, pitch, yaw)))
 }
 
 #[cfg(test)]
@@ -308,6 +314,52 @@ pub(crate) mod tests {
 
         let fault = read(URDF, &TOML.replace("ready_rad = [", "ready_rad = [9.0, ")).unwrap_err().to_string();
         assert!(fault.contains("poses.ready_rad"), "{fault}");
+
+        for (from, to, expected) in [
+            (
+                "velocity=\"1.48353\"",
+                "velocity=\"fast\"",
+                "joint iiwa_joint_1: limit velocity: found `fast`, expected 0.001 to",
+            ),
+            ("<axis xyz=\"0 0 1\"/>", "<axis xyz=\"0 nan 1\"/>", "joint iiwa_joint_1: axis xyz: found `0 nan 1`"),
+            ("<axis xyz=\"0 0 1\"/>", "<axis xyz=\"0 0 0\"/>", "joint iiwa_joint_1: axis xyz"),
+            ("<axis xyz=\"0 0 1\"/>", "<mimic joint=\"elbow\"/>", "joint iiwa_joint_1: mimic joint: found elbow"),
+            ("<axis xyz=\"0 0 1\"/>", "<xacro:axis/>", "robot: found `<xacro:`"),
+            ("<link name=\"iiwa_link_2\">", "<link name=\"iiwa_link_1\">", "link iiwa_link_1: found the name twice"),
+            (
+                "<joint name=\"iiwa_joint_2\"",
+                "<joint name=\"iiwa_joint_1\"",
+                "joint iiwa_joint_1: found the name twice",
+            ),
+        ] {
+            assert!(URDF.contains(from), "{from}");
+            let fault = read(&URDF.replacen(from, to, 1), TOML).unwrap_err().to_string();
+            assert!(fault.starts_with(&format!("robot.urdf: {expected}")), "{fault}");
+        }
+        for (from, to, expected) in [
+            ("[base]\nposition_m = [", "[base]\nposition_m = [-500.0, ", "base.position_m"),
+            (
+                "[gripper_mount]\nposition_m = [0.0, ",
+                "[gripper_mount]\nposition_m = [nan, ",
+                "gripper_mount.position_m[0]",
+            ),
+            ("radius_m = 0.0", "radius_m = 9.0", "collision.capsules[1].radius_m"),
+        ] {
+            assert!(TOML.contains(from), "{from}");
+            let fault = read(URDF, &TOML.replacen(from, to, 1)).unwrap_err().to_string();
+            assert!(fault.starts_with(&format!("robot.toml: {expected}")), "{fault}");
+        }
+    }
+
+    /// The time to read nested elements grows with their number, not with its square.
+    #[test]
+    fn nested_elements_are_read_or_refused_at_once() {
+        for depth in [100, 1_000, 100_000] {
+            let text = format!("<robot name=\"deep\">{}{}</robot>", "<a>".repeat(depth), "</a>".repeat(depth));
+            let start = std::time::Instant::now();
+            let fault = read(&text, TOML).unwrap_err().to_string();
+            assert!(fault.starts_with("robot.urdf: ") && start.elapsed().as_secs_f64() < 1.0, "{depth}: {fault}");
+        }
     }
 
     #[test]

@@ -2,15 +2,17 @@
 
 use catch_body::JointVector;
 use catch_cell::{
-    ArmTrajectory, Brain, Command, GraspState, GripperMove, GripperState, Observation, Probe, TrajectoryId,
+    ArmTrajectory, Brain, Command, GraspState, GripperMove, GripperState, Observation, PixelWindow, Probe, TrajectoryId,
 };
 use nalgebra::Point3;
+use serde::{Deserialize, Serialize};
 
 use crate::{
     CatchingBot, Report,
     control::CatchPlanner,
     grasp_selection::Grasp,
     perception::{ObjectPose, PoseEstimator},
+    settings::{DURATION_S, FRACTION, Faults, PERIOD_S, POSITIVE, SettingError, Settings},
     trajectory_optimization::CatchPlan,
     trajectory_prediction::FlightPredictor,
 };
@@ -33,47 +35,77 @@ pub enum Phase {
 }
 
 /// Settings of the cycle.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct CycleConfig {
-    /// How long an object is held after the catch, in seconds.
-    pub hold_s: f64,
-    /// Where the arm puts objects down: joint positions in radians, in which the gripper opens.
-    pub place_q: JointVector,
-    /// How long the gripper is given to open, and the object to fall out of it, in seconds.
-    pub release_s: f64,
     /// Images after which an object in flight is told from the others.
     pub identify_images: usize,
+    /// What moves slower does not fly, in m/s.
+    pub min_flight_mps: f64,
+    /// What seems faster has been exchanged for another object, in m/s.
+    pub max_flight_mps: f64,
+    /// Longest time between two images of one flight, in seconds.
+    pub max_gap_s: f64,
     /// An object that has been followed for so long without a plan is not caught any more, in seconds.
     pub give_up_s: f64,
+    /// From the catch on: how long the fingers are given to close upon the object, in seconds.
+    pub squeeze_s: f64,
+    /// Fingers that have closed to less than this fraction of the object's width hold nothing.
+    pub min_held_fraction: f64,
+    /// How long an object is held after the catch, in seconds.
+    pub hold_s: f64,
+    /// How long the gripper is given to open, and the object to fall out of it, in seconds.
+    pub release_s: f64,
+    /// How often the motions of one phase are sent at most: one that is rejected again and again never will be accepted.
+    pub max_sent: usize,
+    /// How long a motion may be overdue before it is sent anew, in seconds.
+    pub max_overdue_s: f64,
 }
 
-impl CycleConfig {
-    /// The defaults, and where objects are put down.
-    pub fn placing_at(place_q: JointVector) -> Self {
-        Self { hold_s: 1.6, place_q, release_s: 0.5, identify_images: 3, give_up_s: 1.5 }
+impl Default for CycleConfig {
+    fn default() -> Self {
+        Self {
+            identify_images: 3,
+            min_flight_mps: 0.5,
+            max_flight_mps: 30.0,
+            max_gap_s: 0.1,
+            give_up_s: 1.5,
+            squeeze_s: 0.3,
+            min_held_fraction: 0.5,
+            hold_s: 1.6,
+            release_s: 0.5,
+            max_sent: 20,
+            max_overdue_s: 0.05,
+        }
     }
 }
 
-/// From the catch on: how long the fingers are given to close upon the object, in seconds.
-const SQUEEZE_S: f64 = 0.3;
-/// What moves slower does not fly, and what seems faster has been exchanged for another, in m/s.
-const FLIGHT_MPS: std::ops::Range<f64> = 0.5..30.0;
-/// Longest time between two images of one flight, in seconds.
-const GAP_S: f64 = 0.1;
-/// Fingers that have closed to less than this fraction of the object's width hold nothing.
-const HELD_FRACTION: f64 = 0.5;
-/// How often the motions of one phase are sent at most: one that is rejected again and again never will be accepted.
-const MOST_SENT: usize = 20;
-/// How long a motion may be overdue before it is sent anew, in seconds.
-const OVERDUE_S: f64 = 0.05;
+impl Settings for CycleConfig {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .values(&POSITIVE, [("min_flight_mps", self.min_flight_mps), ("max_flight_mps", self.max_flight_mps)])
+            .values(&PERIOD_S, [("max_gap_s", self.max_gap_s), ("max_overdue_s", self.max_overdue_s)])
+            .values(
+                &DURATION_S,
+                [
+                    ("give_up_s", self.give_up_s),
+                    ("squeeze_s", self.squeeze_s),
+                    ("hold_s", self.hold_s),
+                    ("release_s", self.release_s),
+                ],
+            )
+            .values(&FRACTION, [("min_held_fraction", self.min_held_fraction)])
+            .counts([("identify_images", self.identify_images), ("max_sent", self.max_sent)])
+            .all()
+    }
+}
 
 /// A known object's brain, and how well the object explains what flies.
 #[derive(Debug)]
 struct Candidate<E, P, C> {
     bot: CatchingBot<E, P, C>,
-    /// Sum of the distances of what was seen from the object's silhouette or else its surface, root mean square of each image, in
-    /// metres.
-    residuals_m: f64,
+    /// Sum of [`ObjectPose::mismatch`] over the images of the present flight.
+    mismatch: f64,
     /// Images of the present flight.
     images: usize,
     /// Where and when the object was seen last.
@@ -94,6 +126,8 @@ struct Motion {
 #[derive(Debug)]
 pub struct CatchingCycle<E, P, C> {
     config: CycleConfig,
+    /// Where the arm puts objects down: joint positions in radians, in which the gripper opens.
+    place_q: JointVector,
     candidates: Vec<Candidate<E, P, C>>,
     phase: Phase,
     /// The object that flies or is held.
@@ -107,18 +141,35 @@ pub struct CatchingCycle<E, P, C> {
 }
 
 impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, C> {
-    /// For objects that are known by their brains, which must be of the same arm, gripper and cameras.
+    /// For objects that are known by their brains, which must be of the same arm, gripper and cameras. What was caught is put down at
+    /// the joint positions `place_q`, in radians.
+    ///
+    /// # Errors
+    /// A setting that is out of its range.
     ///
     /// # Panics
-    /// Without any object, or with times that are negative or longer than a minute.
-    pub fn new(config: CycleConfig, bots: Vec<CatchingBot<E, P, C>>) -> Self {
+    /// Without any object.
+    pub fn new(
+        config: CycleConfig,
+        place_q: JointVector,
+        bots: Vec<CatchingBot<E, P, C>>,
+    ) -> Result<Self, SettingError> {
         assert!(!bots.is_empty(), "a brain needs to know an object");
-        let spans_s = [config.hold_s, config.release_s, config.give_up_s];
-        assert!(spans_s.iter().all(|it| (0.0..=60.0).contains(it)), "times within a minute, not {spans_s:?}");
-        let candidate = |bot| Candidate { bot, residuals_m: 0.0, images: 0, seen: None, rests: false };
+        config.check()?;
+        let candidate = |bot| Candidate { bot, mismatch: 0.0, images: 0, seen: None, rests: false };
         let candidates = bots.into_iter().map(candidate).collect();
         let (phase, active) = (Phase::Waiting, 0);
-        Self { config, candidates, phase, active, since_s: 0.0, motion: None, sent: 0, has_released: false }
+        Ok(Self {
+            config,
+            place_q,
+            candidates,
+            phase,
+            active,
+            since_s: 0.0,
+            motion: None,
+            sent: 0,
+            has_released: false,
+        })
     }
 
     /// What it is at.
@@ -131,9 +182,9 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
         self.active
     }
 
-    /// What the brain of that object knew and decided in its last tick.
-    pub fn report(&self) -> &Report {
-        self.candidates[self.active].bot.report()
+    /// What the brain of that object knew and decided in the last tick; `None` unless it catches.
+    pub fn report(&self) -> Option<&Report> {
+        (self.phase == Phase::Catching).then(|| self.candidates[self.active].bot.report())
     }
 
     fn enter(&mut self, phase: Phase, now_s: f64) {
@@ -144,24 +195,24 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
     fn wait(&mut self, observation: &Observation, probe: &mut dyn Probe) -> Command {
         let last = self.active;
         let mut newest = vec![None; self.candidates.len()];
-        newest[last] = self.candidates[last].look(observation);
+        newest[last] = self.candidates[last].look(observation, &self.config);
         let rests = newest[last].is_some() && self.candidates[last].rests;
         for (i, candidate) in self.candidates.iter_mut().enumerate().filter(|(i, _)| *i != last) {
             if rests {
                 candidate.forget();
             } else {
-                newest[i] = candidate.look(observation);
+                newest[i] = candidate.look(observation, &self.config);
             }
         }
         probe.stage_ended("perception");
         let most = self.candidates.iter().map(|it| it.images).max().unwrap_or(0);
-        if most < self.config.identify_images.max(1) {
+        if most < self.config.identify_images {
             return Command::default();
         }
         // An object whose model cannot be brought to lie on what is seen in some images is not the one.
         let seen = self.candidates.iter().enumerate().filter(|(_, it)| it.images + 1 >= most);
-        let mean_m = |it: &Candidate<E, P, C>| it.residuals_m / it.images as f64;
-        let best = seen.min_by(|a, b| mean_m(a.1).total_cmp(&mean_m(b.1))).map_or(self.active, |(i, _)| i);
+        let mean = |it: &Candidate<E, P, C>| it.mismatch / it.images as f64;
+        let best = seen.min_by(|a, b| mean(a.1).total_cmp(&mean(b.1))).map_or(self.active, |(i, _)| i);
         self.active = best;
         self.enter(Phase::Catching, observation.time_s);
         self.candidates[best].bot.act_on(observation, newest[best], probe)
@@ -172,8 +223,8 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
         let bot = &mut self.candidates[self.active].bot;
         let command = bot.tick(observation, probe);
         match bot.controller.plan() {
-            Some(plan) if now_s > plan.catch_s + SQUEEZE_S && now_s > plan.trajectory.end_s() => {
-                let holds = is_held(&observation.gripper, plan);
+            Some(plan) if now_s > plan.catch_s + self.config.squeeze_s && now_s > plan.trajectory.end_s() => {
+                let holds = self.config.is_held(&observation.gripper, plan);
                 self.enter(if holds { Phase::Holding } else { Phase::Returning }, now_s);
             }
             None if now_s > self.since_s + self.config.give_up_s => self.enter(Phase::Returning, now_s),
@@ -182,10 +233,18 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
         command
     }
 
+    /// A tick of a phase in which nothing is looked for: no camera needs to read out a pixel.
+    fn without_images(&mut self, phase: fn(&mut Self, &Observation) -> Command, observation: &Observation) -> Command {
+        let command = phase(self, observation);
+        let cameras = self.candidates[self.active].bot.known().cameras().len();
+        let is_over = self.phase == Phase::Returning;
+        Command { windows: (!is_over).then(|| vec![PixelWindow::default(); cameras]), ..command }
+    }
+
     fn hold(&mut self, observation: &Observation) -> Command {
         let plan = self.candidates[self.active].bot.controller.plan();
         let caught_s = plan.map_or(self.since_s, |plan| plan.catch_s);
-        if !plan.is_some_and(|plan| is_held(&observation.gripper, plan)) {
+        if !plan.is_some_and(|plan| self.config.is_held(&observation.gripper, plan)) {
             self.enter(Phase::Returning, observation.time_s);
         } else if observation.time_s > caught_s + self.config.hold_s {
             self.enter(Phase::Placing, observation.time_s);
@@ -202,7 +261,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
             return Command::default();
         }
         let held = self.candidates[self.active].bot.controller.plan().map(|plan| plan.grasp.clone());
-        let to = self.config.place_q;
+        let to = self.place_q;
         match self.go(observation, &to, held.as_ref()) {
             Progress::Going(command) => command,
             // Where there is no way the object is put down where the arm stands.
@@ -249,7 +308,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
         let (now_s, arm) = (observation.time_s, &observation.arm);
         if let Some(motion) = self.motion {
             let is_lost = arm.rejected.iter().any(|it| it.id == motion.id)
-                || (arm.executing != Some(motion.id) && now_s > motion.start_s + OVERDUE_S);
+                || (arm.executing != Some(motion.id) && now_s > motion.start_s + self.config.max_overdue_s);
             if !is_lost {
                 return if now_s > motion.end_s { Progress::Arrived } else { Progress::Going(Command::default()) };
             }
@@ -262,9 +321,9 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
         let planner = known.search().motion();
         let start_s = now_s + known.config().control.expected_latency_s;
         // Straight, else by way of a pose that is known to be clear.
-        let vias = [None, Some(planner.robot().ready_q), Some(self.config.place_q)];
+        let vias = [None, Some(planner.robot().ready_q), Some(self.place_q)];
         let mut ways = vias.iter().filter_map(|via| planner.rest_to_rest(start_s, &from, via.as_ref(), to, held));
-        let Some(spline) = ways.next().filter(|_| self.sent < MOST_SENT) else { return Progress::NoWay };
+        let Some(spline) = ways.next().filter(|_| self.sent < self.config.max_sent) else { return Progress::NoWay };
         self.sent += 1;
         let id = bot.controller.next_id();
         self.motion = Some(Motion { id, start_s, end_s: spline.end_s() });
@@ -272,10 +331,12 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
     }
 }
 
-/// Whether the fingers stand where the object of the plan keeps them apart. A gripper's own word does not do: one that squeezes
-/// a soft object further says that it has lost it.
-fn is_held(gripper: &GripperState, plan: &CatchPlan) -> bool {
-    gripper.grasp == GraspState::Holding || gripper.width_m > HELD_FRACTION * plan.grasp.object_width_m
+impl CycleConfig {
+    /// Whether the fingers stand where the object of the plan keeps them apart. A gripper's own word does not do: one that squeezes
+    /// a soft object further says that it has lost it.
+    fn is_held(&self, gripper: &GripperState, plan: &CatchPlan) -> bool {
+        gripper.grasp == GraspState::Holding || gripper.width_m > self.min_held_fraction * plan.grasp.object_width_m
+    }
 }
 
 /// How far a motion got.
@@ -290,31 +351,33 @@ enum Progress {
 
 impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Candidate<E, P, C> {
     /// Takes in new images. What rests, and what was somewhere else a moment ago, begins anew.
-    fn look(&mut self, observation: &Observation) -> Option<ObjectPose> {
+    fn look(&mut self, observation: &Observation, config: &CycleConfig) -> Option<ObjectPose> {
         self.bot.controller.acknowledge(&observation.arm);
         let pose = self.bot.perceive(observation)?;
         let p_WO = Point3::from(pose.X_WO.translation.vector);
         let before = self.seen.replace((pose.capture_s, p_WO));
         let flies = before.is_some_and(|(before_s, before_W)| {
             let span_s = pose.capture_s - before_s;
-            span_s < GAP_S && FLIGHT_MPS.contains(&((p_WO - before_W).norm() / span_s))
+            let speed_mps = (p_WO - before_W).norm() / span_s;
+            span_s < config.max_gap_s && (config.min_flight_mps..config.max_flight_mps).contains(&speed_mps)
         });
         if !flies {
-            (self.images, self.residuals_m) = (0, 0.0);
+            (self.images, self.mismatch) = (0, 0.0);
             // What rests is no help in finding it again once it has been thrown.
-            let is_new = before.is_none_or(|(_, before_W)| (p_WO - before_W).norm() > FLIGHT_MPS.start * GAP_S);
+            let is_new =
+                before.is_none_or(|(_, before_W)| (p_WO - before_W).norm() > config.min_flight_mps * config.max_gap_s);
             self.bot.tracker.keep_newest(usize::from(is_new));
             self.rests = !is_new;
         } else {
             self.rests = false;
         }
         self.images += 1;
-        self.residuals_m += pose.silhouette_residual_m.unwrap_or(pose.residual_m);
+        self.mismatch += pose.mismatch;
         Some(pose)
     }
 
     fn forget(&mut self) {
-        (self.images, self.residuals_m, self.seen, self.rests) = (0, 0.0, None, false);
+        (self.images, self.mismatch, self.seen, self.rests) = (0, 0.0, None, false);
         self.bot.tracker.keep_newest(0);
     }
 }
@@ -324,8 +387,8 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Brain for CatchingCy
         match self.phase {
             Phase::Waiting => self.wait(observation, probe),
             Phase::Catching => self.catch(observation, probe),
-            Phase::Holding => self.hold(observation),
-            Phase::Placing => self.place(observation),
+            Phase::Holding => self.without_images(Self::hold, observation),
+            Phase::Placing => self.without_images(Self::place, observation),
             Phase::Returning => self.go_back(observation),
             Phase::Stranded => Command::default(),
         }

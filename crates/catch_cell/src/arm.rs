@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use catch_body::JointVector;
+use catch_body::{JointVector, quantity};
 use serde::{Deserialize, Serialize};
 
 use crate::{BSpline, rejection::Rejection};
@@ -23,10 +23,13 @@ impl fmt::Display for TrajectoryId {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ArmState {
     /// When it was sampled, on the cell's clock as well as the controller knows it.
+    #[serde(deserialize_with = "quantity::clock_s")]
     pub time_s: f64,
     /// Positions in radians as the encoders give them.
+    #[serde(deserialize_with = "quantity::joint_rad")]
     pub q: JointVector,
     /// Velocities in rad/s as the encoders give them.
+    #[serde(deserialize_with = "quantity::joint_radps")]
     pub dq: JointVector,
     /// What the controller asks of the joints at this instant, free of the encoders' noise.
     pub commanded: Setpoint,

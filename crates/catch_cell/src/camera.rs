@@ -1,6 +1,6 @@
 //! Depth cameras, their images, and the scan of an object that is known beforehand.
 
-use catch_body::Pose;
+use catch_body::{Pose, quantity};
 use nalgebra::{Point2, Point3};
 use serde::{Deserialize, Serialize};
 
@@ -11,14 +11,19 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CameraModel {
     /// Pose of the camera in the world (for a reference scan: in the reference frame R), as calibrated.
+    #[serde(deserialize_with = "quantity::pose")]
     pub X_WC: Pose,
     /// Image width.
+    #[serde(deserialize_with = "quantity::image_px")]
     pub width_px: u32,
     /// Image height.
+    #[serde(deserialize_with = "quantity::image_px")]
     pub height_px: u32,
     /// Focal length, the same along both axes.
+    #[serde(deserialize_with = "quantity::focal_px")]
     pub focal_px: f64,
     /// Principal point in image coordinates.
+    #[serde(deserialize_with = "quantity::image_coordinate_px")]
     pub principal_px: [f64; 2],
 }
 
@@ -69,12 +74,16 @@ impl CameraModel {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct PixelWindow {
     /// First column.
+    #[serde(deserialize_with = "quantity::pixel")]
     pub left: u32,
     /// First row.
+    #[serde(deserialize_with = "quantity::pixel")]
     pub top: u32,
     /// Number of columns.
+    #[serde(deserialize_with = "quantity::pixel")]
     pub width: u32,
     /// Number of rows.
+    #[serde(deserialize_with = "quantity::pixel")]
     pub height: u32,
 }
 
@@ -109,6 +118,7 @@ pub struct DepthFrame {
     /// Which camera took it: an index into the cell's list of cameras.
     pub camera: usize,
     /// When the shutter closed.
+    #[serde(deserialize_with = "quantity::clock_s")]
     pub capture_s: f64,
     /// The part of the image that follows.
     pub window: PixelWindow,

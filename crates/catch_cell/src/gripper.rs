@@ -1,15 +1,19 @@
 //! The gripper's state and the moves it is sent.
 
+use catch_body::quantity;
 use serde::{Deserialize, Serialize};
 
 /// A gripper as it reports itself.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct GripperState {
     /// Distance between the fingers' inner faces in metres.
+    #[serde(deserialize_with = "quantity::drive_m")]
     pub width_m: f64,
     /// Its rate of change in m/s, negative while closing.
+    #[serde(deserialize_with = "quantity::drive_mps")]
     pub speed_mps: f64,
     /// Force of each finger in N, positive while squeezing.
+    #[serde(deserialize_with = "quantity::drive_n")]
     pub force_n: f64,
     /// What the drive makes of it.
     pub grasp: GraspState,
@@ -39,11 +43,15 @@ pub enum GraspState {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct GripperMove {
     /// When it begins.
+    #[serde(deserialize_with = "quantity::clock_s")]
     pub start_s: f64,
     /// Where it ends: the distance between the inner faces. A width below the object's squeezes it.
+    #[serde(deserialize_with = "quantity::drive_m")]
     pub width_m: f64,
     /// Highest speed of the fingers relative to each other.
+    #[serde(deserialize_with = "quantity::drive_mps")]
     pub speed_mps: f64,
     /// Highest force of each finger.
+    #[serde(deserialize_with = "quantity::drive_n")]
     pub force_n: f64,
 }

@@ -29,12 +29,14 @@ pub use rig::rig_from_toml;
 pub use run::{Call, RunError, run};
 pub use spline::{BSpline, Setpoint};
 
+use catch_body::quantity;
 use serde::{Deserialize, Serialize};
 
 /// What the cell senses at one instant.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Observation {
     /// The cell's clock.
+    #[serde(deserialize_with = "quantity::clock_s")]
     pub time_s: f64,
     /// The arm as its encoders see it.
     pub arm: ArmState,

@@ -1,13 +1,15 @@
 //! Rig files: the cameras of a cell.
 
-use catch_body::{InputError, Pose, pose::look_at};
+use catch_body::{InputError, Pose, pose::look_at, quantity};
 use nalgebra::{Point3, Quaternion, Translation3, UnitQuaternion};
 use serde::Deserialize;
 
 use crate::CameraModel;
 
-/// The widest and the highest image that a rig may ask for.
-const MAX_PIXELS: u32 = 8192;
+/// Pixels of all images of a rig together, at most.
+const MAX_PIXELS: u64 = 32_000_000;
+/// Cameras of a rig at most.
+const MAX_CAMERAS: usize = 256;
 
 /// A rig: a sphere of cameras, single cameras, or both, in this order.
 #[derive(Deserialize)]
@@ -22,12 +24,19 @@ struct RigFile {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct UvSphereFields {
+    #[serde(deserialize_with = "quantity::distance_m")]
     radius_m: f64,
+    #[serde(deserialize_with = "quantity::angle_deg")]
     azimuths_deg: Vec<f64>,
+    #[serde(deserialize_with = "quantity::elevation_deg")]
     elevations_deg: Vec<f64>,
+    #[serde(deserialize_with = "quantity::place_m")]
     look_at_m: [f64; 3],
+    #[serde(deserialize_with = "quantity::image_px")]
     width_px: u32,
+    #[serde(deserialize_with = "quantity::image_px")]
     height_px: u32,
+    #[serde(deserialize_with = "quantity::field_of_view_deg")]
     vertical_fov_deg: f64,
 }
 
@@ -35,13 +44,21 @@ struct UvSphereFields {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CameraFields {
+    #[serde(deserialize_with = "quantity::place_m")]
     position_m: [f64; 3],
+    #[serde(default, deserialize_with = "quantity::place_m")]
     look_at_m: Option<[f64; 3]>,
+    #[serde(default, deserialize_with = "quantity::quaternion")]
     rotation_xyzw: Option<[f64; 4]>,
+    #[serde(deserialize_with = "quantity::image_px")]
     width_px: u32,
+    #[serde(deserialize_with = "quantity::image_px")]
     height_px: u32,
+    #[serde(default, deserialize_with = "quantity::field_of_view_deg")]
     vertical_fov_deg: Option<f64>,
+    #[serde(default, deserialize_with = "quantity::focal_px")]
     focal_px: Option<f64>,
+    #[serde(default, deserialize_with = "quantity::image_coordinate_px")]
     principal_px: Option<[f64; 2]>,
 }
 
@@ -54,61 +71,54 @@ struct CameraFields {
 /// The first field that is missing, misspelt or out of range, or that there is no camera at all.
 pub fn rig_from_toml(file: &str, text: &str) -> Result<Vec<CameraModel>, InputError> {
     let rig: RigFile = InputError::parse_toml(file, text)?;
-    let mut cameras = match &rig.uv_sphere {
-        Some(sphere) => uv_sphere(file, sphere)?,
-        None => Vec::new(),
-    };
+    let of_sphere =
+        rig.uv_sphere.as_ref().map_or(0, |it| it.azimuths_deg.len().saturating_mul(it.elevations_deg.len()));
+    let count = of_sphere.saturating_add(rig.cameras.len());
+    if !(1..=MAX_CAMERAS).contains(&count) {
+        let expected = format!("1 to {MAX_CAMERAS} cameras: a table [uv_sphere] or [[cameras]]");
+        return Err(InputError::new(file, "uv_sphere", format!("{count} cameras"), expected));
+    }
+    let mut cameras = rig.uv_sphere.as_ref().map(uv_sphere).unwrap_or_default();
     for (i, camera) in rig.cameras.iter().enumerate() {
         cameras.push(single_camera(file, &format!("cameras[{i}]"), camera)?);
     }
-    if cameras.is_empty() {
-        return Err(InputError::new(file, "uv_sphere", "no cameras", "a table [uv_sphere] or [[cameras]]"));
+    let pixels: u64 = cameras.iter().map(|it| u64::from(it.width_px) * u64::from(it.height_px)).sum();
+    if pixels > MAX_PIXELS {
+        let expected = format!("at most {} megapixels in all images together", MAX_PIXELS / 1_000_000);
+        return Err(InputError::new(file, "width_px × height_px", format!("{pixels} pixels"), expected));
     }
     Ok(cameras)
 }
 
-fn uv_sphere(file: &str, sphere: &UvSphereFields) -> Result<Vec<CameraModel>, InputError> {
-    let field = |name: &str| format!("uv_sphere.{name}");
-    let radius = InputError::positive(file, field("radius_m"), sphere.radius_m)?;
-    let target = Point3::from(InputError::finite(file, field("look_at_m"), sphere.look_at_m)?);
-    image_size(file, "uv_sphere", sphere.width_px, sphere.height_px)?;
-    let vertical_rad = field_of_view(file, "uv_sphere", sphere.vertical_fov_deg)?;
-    for (name, angles, most) in
-        [("azimuths_deg", &sphere.azimuths_deg, 360.0), ("elevations_deg", &sphere.elevations_deg, 90.0)]
-    {
-        if angles.is_empty() || !angles.iter().all(|angle| angle.abs() <= most) {
-            let expected = format!("angles from −{most} to {most} degrees");
-            return Err(InputError::new(file, field(name), format!("{angles:?}"), expected));
-        }
-    }
+fn uv_sphere(sphere: &UvSphereFields) -> Vec<CameraModel> {
+    let UvSphereFields { radius_m, width_px, height_px, .. } = *sphere;
+    let (target, vertical_rad) = (Point3::from(sphere.look_at_m), sphere.vertical_fov_deg.to_radians());
     let mut cameras = Vec::with_capacity(sphere.azimuths_deg.len() * sphere.elevations_deg.len());
     for azimuth in &sphere.azimuths_deg {
         for elevation in &sphere.elevations_deg {
             let (sin_a, cos_a) = azimuth.to_radians().sin_cos();
             let (sin_e, cos_e) = elevation.to_radians().sin_cos();
-            let eye = target + nalgebra::Vector3::new(cos_e * cos_a, cos_e * sin_a, sin_e) * radius;
+            let eye = target + nalgebra::Vector3::new(cos_e * cos_a, cos_e * sin_a, sin_e) * radius_m;
             let X_WC = look_at(&eye, &target);
-            cameras.push(CameraModel::with_field_of_view(X_WC, sphere.width_px, sphere.height_px, vertical_rad));
+            cameras.push(CameraModel::with_field_of_view(X_WC, width_px, height_px, vertical_rad));
         }
     }
-    Ok(cameras)
+    cameras
 }
 
 fn single_camera(file: &str, table: &str, camera: &CameraFields) -> Result<CameraModel, InputError> {
     let field = |name: &str| format!("{table}.{name}");
-    let position = Point3::from(InputError::finite(file, field("position_m"), camera.position_m)?);
+    let position = Point3::from(camera.position_m);
     let X_WC = match (camera.look_at_m, camera.rotation_xyzw) {
         (Some(target), None) => {
-            let target = Point3::from(InputError::finite(file, field("look_at_m"), target)?);
-            InputError::positive(
-                file,
-                format!("{table}: distance from position_m to look_at_m"),
-                (target - position).norm(),
-            )?;
+            let target = Point3::from(target);
+            let distance_m = (target - position).norm();
+            let at = format!("{table}: distance from position_m to look_at_m");
+            quantity::DISTANCE_M.check(file, at, distance_m)?;
             look_at(&position, &target)
         }
         (None, Some(xyzw)) => {
-            let [x, y, z, w] = InputError::finite(file, field("rotation_xyzw"), xyzw)?;
+            let [x, y, z, w] = xyzw;
             let rotation = Quaternion::new(w, x, y, z);
             if (rotation.norm() - 1.0).abs() > 1e-3 {
                 let expected = "a unit quaternion in the order x, y, z, w";
@@ -121,38 +131,19 @@ fn single_camera(file: &str, table: &str, camera: &CameraFields) -> Result<Camer
             return Err(InputError::new(file, table, found, "either look_at_m or rotation_xyzw"));
         }
     };
-    image_size(file, table, camera.width_px, camera.height_px)?;
     let mut model = CameraModel::with_field_of_view(X_WC, camera.width_px, camera.height_px, 1.0);
     model.focal_px = match (camera.vertical_fov_deg, camera.focal_px) {
-        (Some(degrees), None) => f64::from(camera.height_px) / 2.0 / (field_of_view(file, table, degrees)? / 2.0).tan(),
-        (None, Some(focal_px)) => InputError::positive(file, field("focal_px"), focal_px)?,
+        (Some(degrees), None) => f64::from(camera.height_px) / 2.0 / (degrees.to_radians() / 2.0).tan(),
+        (None, Some(focal_px)) => focal_px,
         (both, _) => {
             let found = if both.is_some() { "both" } else { "neither" };
             return Err(InputError::new(file, table, found, "either vertical_fov_deg or focal_px"));
         }
     };
     if let Some(principal_px) = camera.principal_px {
-        model.principal_px = InputError::finite(file, field("principal_px"), principal_px)?;
+        model.principal_px = principal_px;
     }
     Ok(model)
-}
-
-fn image_size(file: &str, table: &str, width_px: u32, height_px: u32) -> Result<(), InputError> {
-    for (name, value) in [("width_px", width_px), ("height_px", height_px)] {
-        if !(1..=MAX_PIXELS).contains(&value) {
-            return Err(InputError::new(file, format!("{table}.{name}"), value, format!("1 to {MAX_PIXELS}")));
-        }
-    }
-    Ok(())
-}
-
-/// The angle in radians.
-fn field_of_view(file: &str, table: &str, degrees: f64) -> Result<f64, InputError> {
-    if degrees > 0.0 && degrees < 180.0 {
-        Ok(degrees.to_radians())
-    } else {
-        Err(InputError::new(file, format!("{table}.vertical_fov_deg"), degrees, "above 0 and below 180 degrees"))
-    }
 }
 
 #[cfg(test)]

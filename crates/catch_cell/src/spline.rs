@@ -1,6 +1,6 @@
 //! Cubic B-splines of joint positions over time.
 
-use catch_body::JointVector;
+use catch_body::{JointVector, quantity};
 use serde::{Deserialize, Serialize};
 
 /// Degree of all splines here: position is C², acceleration is piecewise linear.
@@ -10,10 +10,13 @@ pub const DEGREE: usize = 3;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Setpoint {
     /// Positions in radians.
+    #[serde(deserialize_with = "quantity::joint_rad")]
     pub q: JointVector,
     /// Velocities in rad/s.
+    #[serde(deserialize_with = "quantity::joint_radps")]
     pub dq: JointVector,
     /// Accelerations in rad/s².
+    #[serde(deserialize_with = "quantity::joint_radps2")]
     pub ddq: JointVector,
 }
 
@@ -36,8 +39,10 @@ impl Setpoint {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BSpline {
     /// Knots in seconds.
+    #[serde(deserialize_with = "quantity::clock_s")]
     pub knots_s: Vec<f64>,
     /// Control points in radians.
+    #[serde(deserialize_with = "quantity::joint_rad")]
     pub control_points: Vec<JointVector>,
 }
 

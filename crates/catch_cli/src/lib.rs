@@ -9,6 +9,7 @@ mod catch;
 mod check;
 mod eval;
 mod gripper_latency;
+mod learn;
 mod list;
 mod merge;
 mod new;
@@ -74,6 +75,8 @@ enum Command {
     Plan(plan::PlanArguments),
     /// A flight through a recorded track, and where it goes on to
     Predict(predict::PredictArguments),
+    /// What recorded throws teach about an object's flights, for `predict`
+    Learn(learn::LearnArguments),
     /// The best waiting pose for a distribution of throws
     Ready(ready::ReadyArguments),
     /// The pose of one point cloud against another, or against a mesh
@@ -188,6 +191,7 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         Some(Command::List(list)) => list::run(&list),
         Some(Command::Plan(plan)) => plan::run(&plan),
         Some(Command::Predict(predict)) => predict::run(&predict),
+        Some(Command::Learn(learn)) => learn::run(&learn),
         Some(Command::Register(register)) => register::run(&register),
         Some(Command::Ready(ready)) => ready::run(&ready),
         Some(Command::Replay(replay)) => replay::run(&replay),

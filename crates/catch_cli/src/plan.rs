@@ -8,6 +8,7 @@ use catch_cell::arm::Setpoint;
 use catch_lab::{
     VERSION,
     assets::COMMAND_LINE,
+    evaluation::statistics::{median, quantile, sorted},
     own_data::planner_cases::{self, PlannerCase},
 };
 use clap::Args;
@@ -161,8 +162,7 @@ fn timed<T>(mut run: impl FnMut() -> T) -> (T, f64) {
     let mut times: Vec<f64> = (1..RUNS).map(|_| measure().1).collect();
     let (result, last) = measure();
     times.push(last);
-    times.sort_by(f64::total_cmp);
-    (result, times[RUNS / 2])
+    (result, median(times).unwrap_or(last))
 }
 
 fn figures(planner: &MotionPlanner, start: &Start, case: &PlannerCase, plan: &PosedCatch) -> PlanFigures {
@@ -256,10 +256,9 @@ fn print(rows: &[Row]) -> std::io::Result<()> {
         rows.len()
     ))?;
     let summary = |times: Vec<f64>, what: &str| {
-        let mut times = times;
-        times.sort_by(f64::total_cmp);
-        let Some(most) = times.last() else { return Ok(()) };
-        screen::fact(what, &format!("median {:.3} ms, max {most:.3} ms", times[times.len() / 2]))
+        let times = sorted(times);
+        let [Some(middle), Some(most)] = [0.5, 1.0].map(|fraction| quantile(&times, fraction)) else { return Ok(()) };
+        screen::fact(what, &format!("median {middle:.3} ms, max {most:.3} ms"))
     };
     summary(rows.iter().map(|row| row.time_ms).collect(), "cold")?;
     summary(rows.iter().filter_map(|row| row.plan.as_ref()).map(|it| it.retarget_ms).collect(), "5 mm aside")?;

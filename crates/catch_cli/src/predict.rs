@@ -3,11 +3,17 @@
 use std::path::PathBuf;
 
 use catch_body::InputError;
-use catch_bot::trajectory_prediction::{Config, PredictionStatus, Track, TrackSample};
+use catch_bot::trajectory_prediction::{
+    Config, PredictionStatus, Track, TrackSample,
+    aerodynamics::{AerodynamicFit, FlightPrior, free_flight},
+};
 use catch_lab::{
     VERSION,
     assets::COMMAND_LINE,
-    own_data::track_file::{self, Sighting},
+    own_data::{
+        flight_learning,
+        track_file::{self, Sighting},
+    },
 };
 use clap::{Args, ValueEnum};
 use nalgebra::{Unit, Vector3};
@@ -24,9 +30,16 @@ above it, in this order; rows with gaps or NaN are left out. What is called the 
 in the file, seen or not. Gravity is 9.81 m/s² against the axis named by --up.
 What is printed is in the track's own axes and clock; covariances are of (position, velocity).
 
+A track with orientations is fitted with drag by direction, Magnus force, decay of the spin and a tracked
+point beside the centre of mass; what is known of them beforehand is in --object, or in a prior for
+any object. One without orientations is fitted with isotropic drag unless there is an --object.
+A contact ends the flight: it is reported, and what follows it is not looked at.
+
 Examples:
   catchingbot predict --track ball.csv --up y --until 0.4     what was known after 0.4 s?
-  catchingbot predict --track ball.csv --at 0.6 --at 0.7 --json")]
+  catchingbot predict --track ball.csv --at 0.6 --at 0.7 --json
+  catchingbot learn --tracks throws/ --up y --out gourd.toml
+  catchingbot predict --track new.csv --up y --object gourd.toml")]
 pub struct PredictArguments {
     /// CSV file of the track
     #[arg(long, value_name = "FILE")]
@@ -40,25 +53,33 @@ pub struct PredictArguments {
     /// Also predict for this time; may be given more than once
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     at: Vec<f64>,
-    /// Drag constant k of a = -k·|v|·v that is expected, in 1/m
-    #[arg(long, value_name = "K", default_value_t = 0.05, allow_negative_numbers = true)]
-    drag: f64,
-    /// How well that is known, as a standard deviation; 0: exactly
-    #[arg(long, value_name = "SD", default_value_t = 0.1, allow_negative_numbers = true)]
-    drag_sd: f64,
+    /// What `learn` found of the object
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["drag", "drag_sd"])]
+    object: Option<PathBuf>,
+    /// Isotropic drag: constant k of a = -k·|v|·v that is expected, in 1/m [default: 0.05]
+    #[arg(long, value_name = "K", allow_negative_numbers = true)]
+    drag: Option<f64>,
+    /// How well that is known, as a standard deviation; 0: exactly [default: 0.1]
+    #[arg(long, value_name = "SD", allow_negative_numbers = true)]
+    drag_sd: Option<f64>,
     /// Print one JSON document
     #[arg(long)]
     json: bool,
 }
 
+/// Drag constant that is expected without another, and its standard deviation.
+const DRAG_PER_M: [f64; 2] = [0.05, 0.1];
+
+/// Axis that points up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Up {
+pub enum Up {
     Y,
     Z,
 }
 
 impl Up {
-    fn direction(self) -> Unit<Vector3<f64>> {
+    /// Its direction.
+    pub fn direction(self) -> Unit<Vector3<f64>> {
         match self {
             Self::Y => Vector3::y_axis(),
             Self::Z => Vector3::z_axis(),
@@ -79,6 +100,10 @@ struct Document {
     version: &'static str,
     /// `predicted`, or what was missing.
     status: serde_json::Value,
+    /// `aerodynamic` or `isotropic_drag`.
+    model: &'static str,
+    /// When a contact ended the flight.
+    contact_s: Option<f64>,
     sightings: usize,
     inliers: Option<usize>,
     noise_m: f64,
@@ -90,6 +115,11 @@ struct Document {
 
 /// With more noise than this something is wrong, most likely.
 const IMPLAUSIBLE_NOISE_M: f64 = 0.02;
+/// Names of the models.
+const AERODYNAMIC: &str = "aerodynamic";
+const ISOTROPIC_DRAG: &str = "isotropic_drag";
+/// Sightings at most that the fit with isotropic drag looks at.
+const MOST_SIGHTINGS: usize = 2000;
 /// Sightings that a flight needs.
 const LEAST_SIGHTINGS: usize = 6;
 
@@ -106,7 +136,11 @@ pub fn run(arguments: &PredictArguments) -> anyhow::Result<()> {
     for &time_s in arguments.at.iter().chain(&arguments.until) {
         finite("--at and --until", time_s)?;
     }
-    let (drag, drag_sd) = (not_negative("--drag", arguments.drag)?, not_negative("--drag-sd", arguments.drag_sd)?);
+    let [drag, drag_sd] = [
+        not_negative("--drag", arguments.drag.unwrap_or(DRAG_PER_M[0]))?,
+        not_negative("--drag-sd", arguments.drag_sd.unwrap_or(DRAG_PER_M[1]))?,
+    ];
+    let prior = arguments.object.as_deref().map(flight_learning::read).transpose()?;
     let (track, end_s) = track_file::read(&arguments.track)?;
     let until_s = arguments.until.unwrap_or(end_s);
     let seen = &track[..track.partition_point(|it| it.time_s <= until_s)];
@@ -116,18 +150,18 @@ pub fn run(arguments: &PredictArguments) -> anyhow::Result<()> {
         return Err(InputError::new(file, "rows", format!("{} until {until_s} s", seen.len()), expected).into());
     }
 
-    let (noise_m, fitted) = fit(seen, &arguments.up.direction(), [drag, drag_sd]);
-    let found = fitted.as_ref().ok();
-    let document = Document {
-        version: VERSION,
-        status: fitted.as_ref().map_or_else(serde_json::to_value, |_| Ok("predicted".into()))?,
-        sightings: seen.len(),
-        inliers: found.map(|track| track.flight.inliers),
-        noise_m,
-        drag_per_m: found.map(Track::drag_per_m),
-        drag_sd_per_m: found.map(|track| track.flight.covariance[(6, 6)].max(0.0).sqrt()),
-        end: found.map(|track| prediction(end_s, track)),
-        at: found.map_or_else(Vec::new, |it| arguments.at.iter().map(|&time_s| prediction(time_s, it)).collect()),
+    let up = arguments.up.direction();
+    let isotropic = arguments.drag.is_some() || arguments.drag_sd.is_some();
+    let oriented = seen.iter().any(|it| it.rotation.is_some());
+    let prior = prior.or_else(|| (oriented && !isotropic).then(flight_learning::any_object));
+    let asked = (end_s, &*arguments.at);
+    let document = match (falls(seen, &up), prior) {
+        (Err(status), prior) => {
+            let model = if prior.is_some() { AERODYNAMIC } else { ISOTROPIC_DRAG };
+            Document { status: status.into(), ..Document::of(seen, model) }
+        }
+        (Ok(()), Some(prior)) => aerodynamic(seen, &up, prior, asked)?,
+        (Ok(()), None) => isotropic_drag(seen, &up, [drag, drag_sd], asked)?,
     };
     // Backward through air a flight soon becomes infinitely fast.
     let is_finite =
@@ -143,6 +177,13 @@ pub fn run(arguments: &PredictArguments) -> anyhow::Result<()> {
 
 fn print(document: &Document) -> std::io::Result<()> {
     screen::fact("status", document.status.as_str().unwrap_or_default())?;
+    screen::fact("model", document.model)?;
+    if let Some(contact_s) = document.contact_s {
+        screen::fact(
+            "contact",
+            &format!("at {contact_s:.4} s, which ended the flight; predicted is how it would have gone on"),
+        )?;
+    }
     let inliers = document.inliers.map_or(String::new(), |count| format!(", {count} agree"));
     screen::fact("sightings", &format!("{}{inliers}", document.sightings))?;
     screen::fact("their noise", &format!("{:.2} mm", document.noise_m * 1e3))?;
@@ -171,6 +212,124 @@ fn print(document: &Document) -> std::io::Result<()> {
 
 /// Seed of the sampling; any will do.
 const SEED: u64 = 1;
+
+/// A change of velocity that gravity and air cannot explain, in m/s².
+const STRANGE_MPS2: f64 = 8.0;
+
+/// Whether the sightings fall as gravity has it, but for a force against the motion.
+fn falls(seen: &[Sighting], up: &Unit<Vector3<f64>>) -> Result<(), &'static str> {
+    let third = seen.len() / 3;
+    let middle = |of: &dyn Fn(&Vector3<f64>) -> f64, all: &[Vector3<f64>]| {
+        let mut values: Vec<f64> = all.iter().map(of).collect();
+        values.sort_by(f64::total_cmp);
+        values[values.len() / 2]
+    };
+    let (accelerations, velocities): (Vec<_>, Vec<_>) = seen
+        .iter()
+        .zip(&seen[third..])
+        .zip(&seen[2 * third..])
+        .map(|((a, b), c)| {
+            let (before, after) = ((b.p - a.p) / (b.time_s - a.time_s), (c.p - b.p) / (c.time_s - b.time_s));
+            ((after - before) * (2.0 / (c.time_s - a.time_s)), (c.p - a.p) / (c.time_s - a.time_s))
+        })
+        .unzip();
+    let median = |all: &[Vector3<f64>]| Vector3::from_fn(|axis, _| middle(&|it| it[axis], all));
+    let acceleration = median(&accelerations);
+    let scatter = middle(&|it| (it - acceleration).norm(), &accelerations);
+    let mut rest = acceleration + up.into_inner() * 9.81;
+    if let Some(along) = median(&velocities).try_normalize(1e-9) {
+        rest -= along * along.dot(&rest).min(0.0);
+    }
+    if rest.norm() > STRANGE_MPS2 + 3.0 * scatter { Err("no_gravity") } else { Ok(()) }
+}
+
+/// The times for which a prediction is asked: the end, and others.
+type Asked<'a> = (f64, &'a [f64]);
+
+impl Document {
+    /// Without a flight.
+    fn of(seen: &[Sighting], model: &'static str) -> Self {
+        Self {
+            version: VERSION,
+            status: serde_json::Value::Null,
+            model,
+            contact_s: None,
+            sightings: seen.len(),
+            inliers: None,
+            noise_m: 0.0,
+            drag_per_m: None,
+            drag_sd_per_m: None,
+            end: None,
+            at: Vec::new(),
+        }
+    }
+}
+
+/// The flight by isotropic drag.
+fn isotropic_drag(
+    seen: &[Sighting],
+    up: &Unit<Vector3<f64>>,
+    drag: [f64; 2],
+    (end_s, at): Asked,
+) -> serde_json::Result<Document> {
+    let samples: Vec<TrackSample> = seen.iter().map(|it| sample(it, 1.0)).collect();
+    let (flying, contact_s) = free_flight(&samples, up);
+    // More sightings than these tell nothing more.
+    let every = flying.len().div_ceil(MOST_SIGHTINGS).max(1);
+    let seen: Vec<Sighting> = seen[flying].iter().rev().step_by(every).rev().copied().collect();
+    let (noise_m, fitted) = fit(&seen, up, drag);
+    let found = fitted.as_ref().ok();
+    Ok(Document {
+        status: fitted.as_ref().map_or_else(serde_json::to_value, |_| Ok("predicted".into()))?,
+        contact_s,
+        sightings: samples.len(),
+        inliers: found.map(|track| track.flight.inliers),
+        noise_m,
+        drag_per_m: found.map(Track::drag_per_m),
+        drag_sd_per_m: found.map(|track| track.flight.covariance[(6, 6)].max(0.0).sqrt()),
+        end: found.map(|track| prediction(end_s, track)),
+        at: found.map_or_else(Vec::new, |it| at.iter().map(|&time_s| prediction(time_s, it)).collect()),
+        ..Document::of(&seen, ISOTROPIC_DRAG)
+    })
+}
+
+/// The flight with aerodynamics.
+fn aerodynamic(
+    seen: &[Sighting],
+    up: &Unit<Vector3<f64>>,
+    prior: FlightPrior,
+    (end_s, at): Asked,
+) -> serde_json::Result<Document> {
+    let samples: Vec<TrackSample> = seen.iter().map(|it| sample(it, 1.0)).collect();
+    let flight = match AerodynamicFit::new(prior).fit(&samples, up, None) {
+        Ok(flight) => flight,
+        Err(status) => {
+            return Ok(Document { status: serde_json::to_value(status)?, ..Document::of(seen, AERODYNAMIC) });
+        }
+    };
+    let drag = Vector3::from_fn(|i, _| flight.parameters()[3 + i]).mean();
+    let variance = flight.parameter_covariance().fixed_view::<3, 3>(3, 3).sum() / 9.0;
+    let prediction = |time_s| {
+        let point = flight.at(time_s);
+        Prediction {
+            time_s,
+            position: point.position.into(),
+            velocity: point.velocity.into(),
+            covariance: rows(&point.covariance),
+        }
+    };
+    Ok(Document {
+        status: "predicted".into(),
+        contact_s: flight.contact_s,
+        inliers: Some(flight.inliers),
+        noise_m: flight.noise.position_sd_m,
+        drag_per_m: Some(drag),
+        drag_sd_per_m: Some(variance.max(0.0).sqrt()),
+        end: Some(prediction(end_s)),
+        at: at.iter().map(|&time_s| prediction(time_s)).collect(),
+        ..Document::of(seen, AERODYNAMIC)
+    })
+}
 
 /// A sighting with the track's noise; its orientation, if there is one, as good as a point 0.1 m off the centre would tell.
 fn sample(sighting: &Sighting, noise_m: f64) -> TrackSample {

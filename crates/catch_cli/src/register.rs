@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use catch_body::InputError;
-use catch_bot::perception::{Config, ReferenceModel, Symmetry, register_cloud};
+use catch_bot::perception::{Config, Fit, ReferenceModel, Symmetry, register_cloud};
 use catch_lab::{
     VERSION,
     assets::{Asset, COMMAND_LINE, Kind, Origin},
@@ -52,7 +52,7 @@ struct PoseDocument {
 #[allow(non_snake_case)]
 struct Document {
     version: &'static str,
-    /// `registered`, or what was missing.
+    /// `registered`, `degenerate` where the cloud leaves a direction of the pose open, or what was missing.
     status: serde_json::Value,
     X_CR: Option<PoseDocument>,
     /// Inverse covariance of (rotation vector, position) in the cloud's axes.
@@ -75,16 +75,23 @@ pub fn run(arguments: &RegisterArguments) -> anyhow::Result<()> {
     let config = Config::default();
     let reference = reference_model(&arguments.reference, &config)?;
     let found = register_cloud(&cloud.points, noise_m, &reference, None, &config);
+    let is_determined = |it: &Fit| worst_sd_m(&it.information, &reference) <= MOST_SD * reference.radius_m;
+    let is_degenerate = found.as_ref().is_ok_and(|it| !is_determined(it));
     let symmetry = match reference.symmetry {
         Symmetry::None { half_turn: Some(_), .. } => "half_turn",
         Symmetry::None { .. } => "none",
         Symmetry::Axis { .. } => "axis",
         Symmetry::Sphere => "sphere",
     };
-    let X_CR = found.as_ref().ok().map(|fit| fit.X_WO).map(|X_CO| X_CO * reference.X_RO.inverse());
+    let X_CR =
+        found.as_ref().ok().filter(|_| !is_degenerate).map(|fit| fit.X_WO).map(|X_CO| X_CO * reference.X_RO.inverse());
     let document = Document {
         version: VERSION,
-        status: found.as_ref().map_or_else(serde_json::to_value, |_| Ok("registered".into()))?,
+        status: match &found {
+            Ok(_) if is_degenerate => "degenerate".into(),
+            Ok(_) => "registered".into(),
+            Err(status) => serde_json::to_value(status)?,
+        },
         X_CR: X_CR.map(|it| PoseDocument {
             translation_m: it.translation.vector.into(),
             rotation_xyzw: it.rotation.coords.into(),
@@ -100,7 +107,11 @@ pub fn run(arguments: &RegisterArguments) -> anyhow::Result<()> {
     screen::fact("status", document.status.as_str().unwrap_or_default())?;
     screen::fact("points", &document.points.to_string())?;
     screen::fact("symmetry of the object", symmetry)?;
-    if found.is_err() {
+    if is_degenerate {
+        let why = "the points agree with many poses: a plane, a line or a point alone shows too little";
+        screen::fact("why", why)?;
+    }
+    if document.X_CR.is_none() {
         screen::fact(
             "what may help",
             "lengths in metres? a cloud of the object alone? more of it? --noise, if its points are off",
@@ -149,6 +160,29 @@ fn reference_model(path: &Path, config: &Config) -> anyhow::Result<ReferenceMode
         return Err(too_few(points.len()).into());
     }
     Ok(reference)
+}
+
+/// A pose whose uncertainty is larger than this many radii of the object in some direction is none.
+const MOST_SD: f64 = 0.5;
+
+/// The largest standard deviation of a pose in any direction that can be seen, rotations taken at the object's radius.
+///
+/// With the lever r the information of (rotation, position) is diag(1/r, 1)·I·diag(1/r, 1), in 1/m². A rotation under which the
+/// object looks the same has none, so its smallest eigenvalues are left aside: one for an axis, three for a sphere.
+fn worst_sd_m(information: &Matrix6<f64>, reference: &ReferenceModel) -> f64 {
+    let unseen = match reference.symmetry {
+        Symmetry::None { .. } => 0,
+        Symmetry::Axis { .. } => 1,
+        Symmetry::Sphere => 3,
+    };
+    let scale = Matrix6::from_fn(|i, j| match (i == j, i < 3) {
+        (true, true) => 1.0 / reference.radius_m,
+        (true, false) => 1.0,
+        _ => 0.0,
+    });
+    let mut eigenvalues: Vec<f64> = (scale * information * scale).symmetric_eigenvalues().iter().copied().collect();
+    eigenvalues.sort_by(f64::total_cmp);
+    1.0 / eigenvalues[unseen].max(0.0).sqrt()
 }
 
 /// Fewer points than this do not make a reference.

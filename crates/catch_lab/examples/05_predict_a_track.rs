@@ -26,7 +26,7 @@ fn main() -> anyhow::Result<()> {
                 information,
                 points: 200,
                 residual_m: 0.0,
-                silhouette_residual_m: None,
+                mismatch: 0.0,
                 iterations: 0,
                 registered_globally: false,
             }

@@ -5,13 +5,14 @@
 
 use std::{
     fmt::Display,
-    fs,
     path::{Path, PathBuf},
 };
 
 use catch_body::InputError;
 use catch_sim::ThrownObject;
 use include_dir::{Dir, include_dir};
+
+use crate::bounded_file::FileKind;
 
 static BUILT_IN: Dir = include_dir!("$CARGO_MANIFEST_DIR/../../assets");
 
@@ -171,10 +172,9 @@ impl Asset {
     /// If it cannot be read as text.
     pub fn on_disk(kind: Kind, path: &Path) -> Result<Self, InputError> {
         let file = path.display().to_string();
-        let bytes = fs::read(path).map_err(|fault| unreadable(&file, kind, &fault))?;
-        let text = String::from_utf8(bytes).map_err(|_| {
-            InputError::new(&file, "the file", "binary data", format!("the TOML text of {}", kind.with_article()))
-        })?;
+        let built_in = kind.names().join(", ");
+        let expected = format!("a readable {kind} file, or one of the built-in {} {built_in}", kind.plural());
+        let text = FileKind::toml(&expected).read_text(path)?;
         let folder = path.parent().map(Path::to_path_buf).unwrap_or_default();
         // A thing in a folder of its own bears the folder's name.
         let named_by =
@@ -201,9 +201,8 @@ impl Asset {
             }
             Origin::Disk(folder) => {
                 let file = folder.join(name).display().to_string();
-                let bytes = fs::read(&file).map_err(|fault| {
-                    InputError::new(&file, "the file", fault, format!("the file that {} names", self.file))
-                })?;
+                let expected = format!("the file that {} names", self.file);
+                let bytes = FileKind::geometry(&expected).read(Path::new(&file))?;
                 Ok((file, bytes))
             }
         }
@@ -226,16 +225,6 @@ impl Asset {
         let text = String::from_utf8(bytes).map_err(|_| InputError::new(&file, "the file", "binary data", "text"))?;
         Ok((file, text))
     }
-}
-
-fn unreadable(file: &str, kind: Kind, fault: &std::io::Error) -> InputError {
-    let built_in = kind.names().join(", ");
-    InputError::new(
-        file,
-        "the file",
-        fault,
-        format!("a readable {kind} file, or one of the built-in {} {built_in}", kind.plural()),
-    )
 }
 
 /// The error for a name that means nothing: what there is, and what was probably meant.

@@ -23,6 +23,7 @@
 //!
 //! | module | holds |
 //! |---|---|
+//! | [`bounded_file`] | files of users: regular ones of a limited size |
 //! | [`assets`] | what is built in or named by a file |
 //! | [`scenario`] | everything that trials share: [`scenario::setup`] reads what a scenario names, [`scenario::brain`] makes the brain |
 //! | [`trial`] | one throw: arena and brain tick by tick |
@@ -37,6 +38,7 @@
 //! | [`own_data`] | users' files: templates, checks, clouds, tracks, catches to plan |
 
 pub mod assets;
+pub mod bounded_file;
 pub mod evaluation;
 pub mod export;
 

@@ -2,6 +2,8 @@
 
 pub mod check;
 pub mod cloud_file;
+pub mod flight_learning;
+pub mod flight_misses;
 pub mod planner_cases;
 pub mod templates;
 pub mod track_file;

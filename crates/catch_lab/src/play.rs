@@ -3,7 +3,7 @@
 use catch_body::InputError;
 use catch_bot::{
     Report,
-    cycle::{CatchingCycle, CycleConfig, Phase},
+    cycle::{CatchingCycle, Phase},
 };
 use catch_cell::{Brain, Cell};
 use catch_sim::{
@@ -14,8 +14,8 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    referee::{self, Row},
-    scenario::setup::Setup,
+    referee::{self, HELD_UNTIL_S, Row},
+    scenario::{Scenario, brain::BrainSettings, setup::Setup},
     trial::{self, EndWatch, StateSnapshot, Trial, stopwatch::Stopwatch},
 };
 
@@ -83,11 +83,18 @@ impl Play {
     /// # Errors
     /// If the scenario does not say where objects are put down.
     pub fn run(&self, on_row: &mut dyn FnMut(&PlayRow)) -> Result<Life, InputError> {
-        let place_q = self.setups[0].place_q()?;
+        let Scenario { name, brain: BrainSettings { cycle, .. }, .. } = &self.setups[0].scenario;
+        let (place_q, of_cycle) = (self.setups[0].place_q()?, |field: &str| format!("brain.cycle.{field}"));
+        if cycle.hold_s <= HELD_UNTIL_S {
+            let expected = format!("more than {HELD_UNTIL_S}, for which the referee watches what is held");
+            return Err(InputError::new(name, of_cycle("hold_s"), cycle.hold_s, expected));
+        }
         let bots = self.setups.iter().map(|setup| setup.brain(self.seed, 0)).collect();
+        let brain = CatchingCycle::new(cycle.clone(), place_q, bots)
+            .map_err(|it| InputError::new(name, of_cycle(&it.field), it.found, it.expected))?;
         let mut cell = LivingCell {
             arena: self.setups[self.object(0)].arena(self.seed, 0),
-            brain: CatchingCycle::new(CycleConfig::placing_at(place_q), bots),
+            brain,
             stopwatch: Stopwatch::default(),
         };
         let place_W = {
@@ -166,7 +173,7 @@ impl LivingCell {
             let time_s = self.tick(setup);
             if self.brain.phase() != Phase::Waiting {
                 identified.get_or_insert(self.brain.object());
-                let report = Some(since(self.brain.report(), released_s));
+                let report = self.brain.report().map(|report| since(report, released_s));
                 snapshots.push(StateSnapshot { time_s: time_s - released_s, report, stage_ms: Vec::new() });
             }
             if watch.is_over(&mut self.arena) {

@@ -6,6 +6,7 @@
 //! the same bytes.
 
 pub mod cell_recorder;
+mod consistency;
 pub mod gripper_latency;
 pub mod playback;
 pub mod points;
@@ -25,7 +26,7 @@ use std::{
     time::Duration,
 };
 
-use catch_body::{JointVector, Pose};
+use catch_body::{JointVector, Pose, quantity};
 use catch_bot::{
     Report, Status, control::GripperPlan, grasp_selection::Approach, perception::ObjectPose,
     trajectory_prediction::FlightTrajectory,
@@ -55,8 +56,6 @@ pub const FORMAT: &str = "catchingbot recording";
 pub const FORMAT_VERSION: u32 = 5;
 /// Ending of the files' names.
 pub const EXTENSION: &str = "catch";
-/// What every reader wants.
-const EXPECTED: &str = "a recording written by `catchingbot catch` or by a cell's recorder (*.catch)";
 /// Bytes of a scenario's name that go into the name of a file.
 const LONGEST_NAME: usize = 80;
 
@@ -94,6 +93,7 @@ pub struct RecordedCell {
     /// Texts of robot and gripper.
     pub sources: Sources,
     /// Joint positions in which the arm waits.
+    #[serde(deserialize_with = "quantity::angle_rad")]
     pub ready_rad: Vec<f64>,
     /// The cameras as the brain believes them to be.
     pub cameras: Vec<CameraModel>,
@@ -139,12 +139,15 @@ pub struct RecordedReport {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RecordedPlan {
     /// When the object is at the grasp centre.
+    #[serde(deserialize_with = "quantity::clock_s")]
     pub catch_s: f64,
     /// How the object comes into the gripper.
     pub approach: Approach,
     /// Pose of the gripper then.
+    #[serde(deserialize_with = "quantity::pose")]
     pub X_WG: Pose,
     /// Joint positions then, in radians.
+    #[serde(deserialize_with = "quantity::joint_rad")]
     pub q: JointVector,
     /// Fraction of the object's velocity at which the gripper moves along.
     pub speed_fraction: f64,

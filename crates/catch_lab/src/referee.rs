@@ -25,7 +25,7 @@ const PAPER_DISTANCE_M: f64 = 0.025;
 /// From the first contact on: when the object has to be held, and until when.
 const HELD_FROM_S: f64 = 0.5;
 /// The end of the test.
-const HELD_UNTIL_S: f64 = 1.5;
+pub(crate) const HELD_UNTIL_S: f64 = 1.5;
 /// How fast a held object may move relative to the gripper.
 const HELD_SPEED_MPS: f64 = 0.02;
 /// The same while the world shakes.

@@ -3,9 +3,9 @@
 pub mod brain;
 pub mod setup;
 
-use catch_body::{InputError, robot::LimitScale};
+use catch_body::{InputError, quantity, robot::LimitScale};
 use catch_bot::settings::{SettingError, Settings};
-use catch_sim::{ArenaConfig, config::MOST_LATENCY_S};
+use catch_sim::ArenaConfig;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -21,7 +21,7 @@ pub enum Clock {
     #[default]
     Free,
     /// A constant time in milliseconds.
-    FixedMs(f64),
+    FixedMs(#[serde(deserialize_with = "quantity::latency_ms")] f64),
     /// The wall time of the brain's tick on this machine. The only clock with which a trial is not the same every time.
     Charged,
 }
@@ -54,11 +54,11 @@ pub struct Scenario {
     /// How it is thrown unless somebody asks for something else.
     pub throw: String,
     /// Joint positions in radians where the arm waits; the robot's own ready pose if left out.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "quantity::angle_rad")]
     pub ready_rad: Option<Vec<f64>>,
     /// Joint positions in radians in which the gripper opens to put down what was caught; needed where a brain lives for many
     /// throws.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "quantity::angle_rad")]
     pub place_rad: Option<Vec<f64>>,
     /// Multiplies the arm's limits. Anything but 1, the default, is not the real arm, and the scenario's name should say so.
     #[serde(default)]
@@ -89,21 +89,10 @@ impl Scenario {
         scenario.faults(file).into_iter().next().map_or(Ok(scenario), Err)
     }
 
-    /// Every value out of range.
+    /// Every value that cannot be used although it is one of its kind: settings of the brain out of their ranges, values that do not
+    /// fit together.
     pub fn faults(&self, file: &str) -> Vec<InputError> {
         let mut faults = self.arena.faults(file, "arena");
-        if let Clock::FixedMs(delay_ms) = self.clock
-            && !(0.0..=1e3 * MOST_LATENCY_S).contains(&delay_ms)
-        {
-            let expected = format!("0 to {} ms, a time within a flight", 1e3 * MOST_LATENCY_S);
-            faults.push(InputError::new(file, "clock.fixed_ms", delay_ms, expected));
-        }
-        let LimitScale { velocity, acceleration, torque, jerk } = self.limit_scale;
-        for (field, value) in
-            [("velocity", velocity), ("acceleration", acceleration), ("torque", torque), ("jerk", jerk)]
-        {
-            faults.extend(InputError::positive(file, format!("limit_scale.{field}"), value).err());
-        }
         if self.brain.seed != 0 {
             faults.push(InputError::new(
                 file,
@@ -114,13 +103,6 @@ impl Scenario {
         }
         let of_brain = |it: SettingError| InputError::new(file, format!("brain.{}", it.field), it.found, it.expected);
         faults.extend(self.brain.faults().into_iter().map(of_brain));
-        if let Ok(tree) = toml::Value::try_from(self) {
-            let mut all = Vec::new();
-            fields("", &tree, &mut all);
-            let infinite = all.into_iter().filter(|(_, it)| it.as_float().is_some_and(|it| !it.is_finite()));
-            let new: Vec<_> = infinite.filter(|(field, _)| !faults.iter().any(|it| it.field == *field)).collect();
-            faults.extend(new.into_iter().map(|(field, it)| InputError::new(file, field, it, "a finite number")));
-        }
         faults
     }
 
@@ -142,7 +124,7 @@ impl Scenario {
         self.faults(COMMAND_LINE).into_iter().next().map_or(Ok(self), Err)
     }
 
-    /// This scenario with one field changed, or left out where there is no value; its range is not checked. `fault` makes an
+    /// This scenario with one field changed, or left out where there is no value; whether it fits the others is not checked. `fault` makes an
     /// error of what would be right.
     ///
     /// # Errors
@@ -160,12 +142,11 @@ impl Scenario {
             Some(value) => table.insert(field.to_owned(), value),
             None => table.remove(field),
         };
-        // "unknown field `x`, expected one of …": what was found is said already.
-        let expected = |it: toml::de::Error| {
-            let kind = it.message().rsplit("expected ").next().unwrap_or_default().to_owned();
-            format!("{}{hint}", InputError::kind_in_words(&kind))
-        };
-        tree.try_into().map_err(|it| fault(expected(it)))
+        let file = fault(String::new()).file;
+        let (changed, faults) = InputError::from_table(&file, tree)
+            .map_err(|it| InputError { expected: format!("{}{hint}", it.expected), ..it })?;
+        InputError::first_of(faults.into_iter().map(Err::<(), _>))?;
+        Ok(changed)
     }
 
     /// The value of a field; `None` where it is left out.
@@ -274,7 +255,7 @@ mod tests {
         for (setting, expected) in [
             (
                 "brain.control.switching_hysteresis=nan",
-                "brain.control.switching_hysteresis: found nan, expected zero or more",
+                "brain.control.switching_hysteresis: found nan, expected a finite number",
             ),
             ("brain.perception.camera_sd_rad=inf", "brain.perception.camera_sd_rad: found inf"),
             ("brain.grasp_selection.turns_rad=[0.5, nan]", "turns_rad[1]"),

@@ -1,18 +1,9 @@
 //! The `[arena]` table of a scenario.
 
-use catch_body::InputError;
+use catch_body::{InputError, quantity};
 use serde::{Deserialize, Serialize};
 
 use crate::depth_noise::DepthConfig;
-
-/// No friction coefficient is higher.
-const MOST_FRICTION: f64 = 100.0;
-
-/// Longest time in seconds that an image or a command may be under way: most of a flight.
-pub const MOST_LATENCY_S: f64 = 0.5;
-
-/// Longest time in seconds by which the robot controller may be off.
-const MOST_CONTROLLER_TIME_S: f64 = 0.05;
 
 /// What the arena is like. The defaults are the paper's where the paper says something.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -25,18 +16,22 @@ pub struct ArenaConfig {
     /// own file has a friction coefficient keeps that.
     pub friction: Drawn,
     /// Multiplies the object's own restitution.
+    #[serde(deserialize_with = "quantity::factor")]
     pub restitution_scale: f64,
     /// Every throw draws its restitution uniformly within this fraction around that. None in the paper.
+    #[serde(deserialize_with = "quantity::spread")]
     pub restitution_spread: f64,
     /// Whether the air brakes the object. Off by default, as in the paper.
     pub drag: bool,
     /// Zero gives every throw the object's own drag; above zero, each draws it uniformly within this fraction around what the
     /// brain is told of the object beforehand.
+    #[serde(deserialize_with = "quantity::spread")]
     pub drag_spread: f64,
     /// How the air moves; it counts where there is drag.
     pub wind: Wind,
     /// Every throw spins about a random axis at a rate drawn uniformly up to this one, besides what the throw's own file says.
     /// None in the paper; people throw small things with up to 25 rad/s.
+    #[serde(deserialize_with = "quantity::speed_radps")]
     pub max_spin_radps: f64,
     /// What the robot does not know of itself.
     pub robot_errors: RobotErrors,
@@ -50,15 +45,20 @@ pub struct ArenaConfig {
     /// What the depth images are off by. Nothing by default, as in the paper.
     pub depth: DepthConfig,
     /// Images per second of each camera. Default 100 Hz (paper, IV).
+    #[serde(deserialize_with = "quantity::rate_hz")]
     pub frame_rate_hz: f64,
     /// How long an image takes to arrive.
+    #[serde(deserialize_with = "quantity::latency_s")]
     pub latency_s: f64,
     /// Time step of the physics and period of the servo. Default 1 ms.
+    #[serde(deserialize_with = "quantity::step_s")]
     pub step_s: f64,
     /// Solver substeps per step. At 4 the outcome of catches agrees with two other engines in 60 of 63 cases.
+    #[serde(deserialize_with = "quantity::solver_steps")]
     pub substeps: usize,
     /// Substeps while the object is far from everything, when only the arm's tracking and the object's spin depend on them.
     /// Default 2: the tool still follows a fast motion within 0.1 mm.
+    #[serde(deserialize_with = "quantity::solver_steps")]
     pub substeps_alone: usize,
 }
 
@@ -86,14 +86,18 @@ impl Default for GripperDriveKind {
 pub struct Wsg50 {
     /// Time from a command until the fingers begin to move. It is drawn uniformly within one cycle around this, for the
     /// gripper takes commands in a cycle of its own; zero is none at all. Default 30 ms; no source, plausible over a network.
+    #[serde(deserialize_with = "quantity::latency_s")]
     pub latency_s: f64,
     /// Rate of the gripper's cycle, in which it takes commands and refreshes its state. Default 140 Hz (Schunk's data sheet).
+    #[serde(deserialize_with = "quantity::rate_hz")]
     pub state_rate_hz: f64,
     /// The reported width and speed are rounded to this, in metres and m/s. Default 0.01 mm, the unit of the command set
     /// (Schunk, WSG series, PROFIBUS interface, register WIDTH); zero rounds nothing.
+    #[serde(deserialize_with = "quantity::error_m")]
     pub width_step_m: f64,
     /// Inertia of motor and gear, reflected to each finger. Chosen, as no figure is published: it lets the fingers keep to their
     /// speed when something slips out from between them.
+    #[serde(deserialize_with = "quantity::added_mass_kg")]
     pub drive_mass_kg: f64,
 }
 
@@ -144,9 +148,8 @@ impl Drawn {
     /// If it cannot.
     pub fn check_friction(self, file: &str, field: &str) -> Result<(), InputError> {
         let [least, most] = self.bounds();
-        let possible = 0.0..=MOST_FRICTION;
-        match [least, most].into_iter().find(|value| !possible.contains(value)) {
-            Some(value) => Err(InputError::new(file, field, value, "0 to 100")),
+        match [least, most].into_iter().find(|value| !quantity::FRICTION.contains(*value)) {
+            Some(value) => Err(InputError::new(file, field, value, quantity::FRICTION)),
             None if least > most => Err(InputError::new(file, field, least, "a min that is not above the max")),
             None => Ok(()),
         }
@@ -176,14 +179,19 @@ pub struct DrawnWind {
 #[serde(default, deny_unknown_fields)]
 pub struct RobotErrors {
     /// Standard deviation of the joint positions that the brain is told, in radians. The robot controller has its own, exact ones.
+    #[serde(deserialize_with = "quantity::error_rad")]
     pub encoder_sd_rad: f64,
     /// The same of the joint velocities, in rad/s.
+    #[serde(deserialize_with = "quantity::error_radps")]
     pub encoder_sd_radps: f64,
     /// Every link's mass and inertia are drawn uniformly within this fraction around the model that the robot controller computes with.
+    #[serde(deserialize_with = "quantity::spread")]
     pub link_mass_spread: f64,
     /// How far the gripper is from where the model has it mounted, in a random direction, in metres.
+    #[serde(deserialize_with = "quantity::error_m")]
     pub tool_position_m: f64,
     /// How far it is turned from that, about a random axis, in degrees.
+    #[serde(deserialize_with = "quantity::error_deg")]
     pub tool_rotation_deg: f64,
 }
 
@@ -192,12 +200,15 @@ pub struct RobotErrors {
 #[serde(default, deny_unknown_fields)]
 pub struct RobotController {
     /// The time stamps of the arm's states are off by up to this, uniformly, in seconds.
+    #[serde(deserialize_with = "quantity::controller_time_s")]
     pub stamp_error_s: f64,
     /// Whether the arm's state is told in single precision.
     pub single_precision: bool,
     /// How long after the time that a trajectory has for it the controller follows each of its points, in seconds.
+    #[serde(deserialize_with = "quantity::controller_time_s")]
     pub interpolator_lag_s: f64,
     /// Trajectories that it declines at random, as a fraction of all.
+    #[serde(deserialize_with = "quantity::fraction")]
     pub declined_fraction: f64,
 }
 
@@ -227,71 +238,23 @@ impl Default for ArenaConfig {
 }
 
 impl ArenaConfig {
-    /// Everything that cannot be used; `file` and `table` name the place: values out of range, or a frame interval that is not
-    /// a whole number of steps.
+    /// Everything that cannot be used although every number is within its range; `file` and `table` name the place: ranges whose
+    /// ends are swapped, a frame interval that is not a whole number of steps.
     pub fn faults(&self, file: &str, table: &str) -> Vec<InputError> {
         let friction = self.friction.check_friction(file, &format!("{table}.friction"));
         let mut faults: Vec<InputError> = friction.err().into_iter().collect();
-        let mut expect = |is_right: bool, field: &str, value: f64, expected: &str| {
-            let field_is_new = faults.iter().all(|it: &InputError| it.field != format!("{table}.{field}"));
-            if !is_right && field_is_new {
-                faults.push(InputError::new(file, format!("{table}.{field}"), value, expected));
-            }
-        };
-        let RobotErrors { encoder_sd_rad, encoder_sd_radps, link_mass_spread, tool_position_m, tool_rotation_deg } =
-            self.robot_errors;
-        let RobotController { stamp_error_s, interpolator_lag_s, declined_fraction, single_precision: _ } =
-            self.robot_controller;
-        let wind = match self.wind {
-            Wind::Always(wind) => wind.map(f64::abs).into_iter().fold(0.0, |sum, part| sum + part),
-            Wind::Drawn(DrawnWind { max_mps }) => max_mps,
-        };
-        for (field, value) in [
-            ("restitution_scale", self.restitution_scale),
-            ("wind", wind),
-            ("max_spin_radps", self.max_spin_radps),
-            ("robot_errors.encoder_sd_rad", encoder_sd_rad),
-            ("robot_errors.encoder_sd_radps", encoder_sd_radps),
-            ("robot_errors.tool_position_m", tool_position_m),
-            ("robot_errors.tool_rotation_deg", tool_rotation_deg),
-        ] {
-            expect(value.is_finite() && value >= 0.0, field, value, "zero or more");
-        }
-        for (field, value) in [("stamp_error_s", stamp_error_s), ("interpolator_lag_s", interpolator_lag_s)] {
-            let field = format!("robot_controller.{field}");
-            expect((0.0..=MOST_CONTROLLER_TIME_S).contains(&value), &field, value, "0 to 0.05 s");
-        }
-        let is_fraction = (0.0..=1.0).contains(&declined_fraction);
-        expect(is_fraction, "robot_controller.declined_fraction", declined_fraction, "0 to 1");
-        for (field, fraction) in [
-            ("restitution_spread", self.restitution_spread),
-            ("drag_spread", self.drag_spread),
-            ("robot_errors.link_mass_spread", link_mass_spread),
-        ] {
-            expect((0.0..1.0).contains(&fraction), field, fraction, "a fraction from zero to below 1");
-        }
-        let within_a_flight = format!("0 to {MOST_LATENCY_S} s, a time within a flight");
-        expect((0.0..=MOST_LATENCY_S).contains(&self.latency_s), "latency_s", self.latency_s, &within_a_flight);
-        if let GripperDriveKind::Wsg50(Wsg50 { latency_s, state_rate_hz, width_step_m, drive_mass_kg }) = self.gripper {
-            expect((0.0..=MOST_LATENCY_S).contains(&latency_s), "gripper.latency_s", latency_s, &within_a_flight);
-            for (field, value) in [("gripper.width_step_m", width_step_m), ("gripper.drive_mass_kg", drive_mass_kg)] {
-                expect(value.is_finite() && value >= 0.0, field, value, "zero or more");
-            }
-            let is_rate = state_rate_hz.is_finite() && state_rate_hz > 0.0;
-            expect(is_rate, "gripper.state_rate_hz", state_rate_hz, "a number above zero");
-        }
-        let is_rate = self.frame_rate_hz.is_finite() && self.frame_rate_hz > 0.0;
-        expect(is_rate, "frame_rate_hz", self.frame_rate_hz, "a number above zero");
-        let is_step = (1e-5..=2e-3).contains(&self.step_s);
-        expect(is_step, "step_s", self.step_s, "0.00001 to 0.002, beyond which contacts are wrong");
-        for (field, value) in [("substeps", self.substeps), ("substeps_alone", self.substeps_alone)] {
-            expect((1..=100).contains(&value), field, value as f64, "1 to 100");
-        }
-        if is_rate && is_step {
-            let steps = 1.0 / self.frame_rate_hz / self.step_s;
-            let is_whole = steps >= 0.5 && (steps - steps.round()).abs() <= 1e-6 * steps;
+        let wind = |value: f64| quantity::WIND_MPS.check(file, format!("{table}.wind"), value).err();
+        faults.extend(match self.wind {
+            Wind::Always(velocity) => velocity.into_iter().find_map(wind),
+            Wind::Drawn(DrawnWind { max_mps }) => wind(max_mps).or_else(|| {
+                let expected = "a speed of zero or more";
+                (max_mps < 0.0).then(|| InputError::new(file, format!("{table}.wind.max_mps"), max_mps, expected))
+            }),
+        });
+        let steps = 1.0 / self.frame_rate_hz / self.step_s;
+        if !(steps >= 0.5 && (steps - steps.round()).abs() <= 1e-6 * steps) {
             let expected = "a rate whose interval is a whole number of steps (step_s)";
-            expect(is_whole, "frame_rate_hz", self.frame_rate_hz, expected);
+            faults.push(InputError::new(file, format!("{table}.frame_rate_hz"), self.frame_rate_hz, expected));
         }
         faults.extend(self.depth.check(file, &format!("{table}.depth")).err().into_iter().flat_map(InputError::all));
         faults
@@ -339,9 +302,24 @@ mod tests {
         assert!(fault.contains("s.toml: arena.friction"), "{fault}");
         let fault = check(ArenaConfig { frame_rate_hz: 300.0, ..Default::default() });
         assert!(fault.contains("arena.frame_rate_hz"), "{fault}");
-        let fault = check(ArenaConfig { drag_spread: 1.5, ..Default::default() });
-        assert!(fault.contains("arena.drag_spread"), "{fault}");
-        let fault = check(ArenaConfig { step_s: f64::NAN, ..Default::default() });
-        assert!(fault.contains("arena.step_s"), "{fault}");
+        let read = |text: &str| InputError::parse_toml::<ArenaConfig>("s.toml", text).unwrap_err().to_string();
+        for text in [
+            "drag_spread = 1.5",
+            "step_s = nan",
+            "frame_rate_hz = 1e-9",
+            "max_spin_radps = 1e300",
+            "latency_s = -1",
+            "substeps = 0",
+            "robot_errors.tool_position_m = 1e300",
+            "gripper = { kind = \"wsg50\", drive_mass_kg = -1 }",
+        ] {
+            let fault = read(text);
+            let field = text.split([' ', '{']).next().unwrap();
+            assert!(fault.starts_with(&format!("s.toml: {field}")), "{fault}");
+        }
+        for wind in [Wind::Always([1e300, 0.0, 0.0]), Wind::Drawn(DrawnWind { max_mps: -1.0 })] {
+            let fault = check(ArenaConfig { wind, ..Default::default() });
+            assert!(fault.contains("arena.wind"), "{fault}");
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! `[arena.depth]`: what real depth cameras make of the truth. Formulas and figures; [`cameras`](crate::cameras) applies them.
 
-use catch_body::InputError;
+use catch_body::{InputError, quantity};
 use serde::{Deserialize, Serialize};
 
 /// How the depth images differ from the truth. Nothing does by default, as in the paper.
@@ -10,11 +10,14 @@ pub struct DepthConfig {
     /// The errors of a pixel's depth.
     pub model: DepthModel,
     /// Fraction of the images that never arrive, each camera and each time by itself. Users of D435 cameras report 5 to 10 %.
+    #[serde(deserialize_with = "quantity::fraction")]
     pub lost_frame_fraction: f64,
     /// Standard deviation, along each axis, of where a camera truly stands around where the brain believes it stands, in
     /// metres. Drawn once per scene and camera.
+    #[serde(deserialize_with = "quantity::error_m")]
     pub calibration_sd_m: f64,
     /// The same for its orientation: standard deviation of the rotation about each of its axes, in radians.
+    #[serde(deserialize_with = "quantity::error_rad")]
     pub calibration_sd_rad: f64,
 }
 
@@ -47,6 +50,7 @@ pub enum DepthModel {
 #[serde(deny_unknown_fields)]
 pub struct GaussianNoise {
     /// Standard deviation of a depth in metres.
+    #[serde(deserialize_with = "quantity::error_m")]
     pub sd_m: f64,
 }
 
@@ -59,23 +63,32 @@ pub struct GaussianNoise {
 #[serde(default, deny_unknown_fields)]
 pub struct StereoNoise {
     /// Distance between the two eyes in metres.
+    #[serde(deserialize_with = "quantity::size_m")]
     pub baseline_m: f64,
     /// Standard deviation of the disparity in pixels.
+    #[serde(deserialize_with = "quantity::error_px")]
     pub subpixel_px: f64,
     /// Fraction of the disparity's variance that all pixels of one image have in common; the rest each pixel has by itself.
+    #[serde(deserialize_with = "quantity::fraction")]
     pub common_fraction: f64,
     /// Fraction of the pixels that are missing on surfaces which face the camera.
+    #[serde(deserialize_with = "quantity::fraction")]
     pub dropout_fraction: f64,
     /// Angles of incidence, from the surface's normal in radians, between which the fraction of missing pixels rises linearly to all.
     /// None: it does not.
+    #[serde(deserialize_with = "quantity::incidence_rad")]
     pub grazing_rad: Option<[f64; 2]>,
     /// How many pixels beside a depth edge are affected by it: half of the window that is matched.
+    #[serde(deserialize_with = "quantity::edge_px")]
     pub edge_px: u32,
     /// Of those behind the edge the fraction that shows the nearer surface, which so grows by some pixels.
+    #[serde(deserialize_with = "quantity::fraction")]
     pub bleed_fraction: f64,
     /// Of those on both sides the fraction that shows no surface, but a disparity evenly anywhere between the two: flying pixels.
+    #[serde(deserialize_with = "quantity::fraction")]
     pub flying_fraction: f64,
     /// Depths that can be measured, from and to, in metres. None: all.
+    #[serde(deserialize_with = "quantity::distance_m")]
     pub range_m: Option<[f64; 2]>,
 }
 
@@ -98,9 +111,6 @@ impl Default for StereoNoise {
 
 /// Neighbouring disparities that differ by more than this, in pixels, are a depth edge: less is not told from noise.
 pub(crate) const EDGE_JUMP_PX: f64 = 0.5;
-
-/// The farthest that an edge may reach, in pixels.
-const MAX_EDGE_PX: u32 = 8;
 
 impl StereoNoise {
     /// A small stereo camera with a projector, from the figures of an Intel RealSense D435 at 848×480.
@@ -198,54 +208,25 @@ impl DepthModel {
 }
 
 impl DepthConfig {
-    /// Whether every value can be used; `file` and `table` name the place in errors.
+    /// Whether the values fit together; `file` and `table` name the place in errors.
     ///
     /// # Errors
-    /// The first value out of range.
+    /// Ranges whose ends are swapped, fractions whose sum is above one.
     pub fn check(&self, file: &str, table: &str) -> Result<(), InputError> {
-        let fraction = |field: &str, value: f64| match value {
-            0.0..=1.0 => Ok(()),
-            _ => Err(InputError::new(file, format!("{table}.{field}"), value, "a fraction from 0 to 1")),
-        };
-        let not_negative = |field: &str, value: f64| match value {
-            0.0..f64::INFINITY => Ok(()),
-            _ => Err(InputError::new(file, format!("{table}.{field}"), value, "zero or more")),
-        };
-        let rising = |field: &str, values: Option<[f64; 2]>| match values {
-            Some([from, to]) if !(from >= 0.0 && to > from && to.is_finite()) => {
-                let expected = "two rising numbers, the first zero or more";
-                Err(InputError::new(file, format!("{table}.{field}"), format!("[{from}, {to}]"), expected))
+        let DepthModel::Stereo(noise) = &self.model else { return Ok(()) };
+        let field = |name: &str| format!("{table}.model.stereo.{name}");
+        let rising = |name: &str, values: Option<[f64; 2]>| match values {
+            Some([from, to]) if from >= to => {
+                Err(InputError::new(file, field(name), format!("[{from}, {to}]"), "two rising numbers"))
             }
             _ => Ok(()),
         };
-        let mut checks = vec![
-            fraction("lost_frame_fraction", self.lost_frame_fraction),
-            not_negative("calibration_sd_m", self.calibration_sd_m),
-            not_negative("calibration_sd_rad", self.calibration_sd_rad),
-        ];
-        match &self.model {
-            DepthModel::Gaussian(noise) => checks.push(not_negative("model.gaussian.sd_m", noise.sd_m)),
-            DepthModel::Stereo(noise) => {
-                let field = |name: &str| format!("model.stereo.{name}");
-                checks.extend([
-                    InputError::positive(file, format!("{table}.{}", field("baseline_m")), noise.baseline_m).map(drop),
-                    not_negative(&field("subpixel_px"), noise.subpixel_px),
-                    fraction(&field("common_fraction"), noise.common_fraction),
-                    fraction(&field("dropout_fraction"), noise.dropout_fraction),
-                    rising(&field("grazing_rad"), noise.grazing_rad),
-                    fraction(&field("bleed_fraction"), noise.bleed_fraction),
-                    fraction(&field("flying_fraction"), noise.flying_fraction),
-                    fraction(&field("bleed_fraction + flying_fraction"), noise.bleed_fraction + noise.flying_fraction),
-                    rising(&field("range_m"), noise.range_m),
-                ]);
-                if noise.edge_px > MAX_EDGE_PX {
-                    let (at, most) = (format!("{table}.{}", field("edge_px")), format!("at most {MAX_EDGE_PX}"));
-                    checks.push(Err(InputError::new(file, at, noise.edge_px, most)));
-                }
-            }
-            _ => {}
-        }
-        InputError::first_of(checks)
+        let affected = noise.bleed_fraction + noise.flying_fraction;
+        InputError::first_of([
+            rising("grazing_rad", noise.grazing_rad),
+            rising("range_m", noise.range_m),
+            quantity::FRACTION.check(file, field("bleed_fraction + flying_fraction"), affected).map(drop),
+        ])
     }
 }
 
@@ -302,6 +283,16 @@ mod tests {
         assert!(sheet.constant_m + sheet.quadratic_per_m * 49.0 >= DepthModel::Kinect.sd_m(7.0, 362.0));
     }
 
+    #[derive(Deserialize)]
+    struct File {
+        arena: Arena,
+    }
+
+    #[derive(Deserialize)]
+    struct Arena {
+        depth: DepthConfig,
+    }
+
     #[test]
     fn values_out_of_range_are_named() {
         for (text, field) in [
@@ -317,8 +308,9 @@ mod tests {
             ("model = { stereo = { range_m = [3.0, 1.0] } }", "arena.depth.model.stereo.range_m"),
             ("model = { stereo = { edge_px = 100 } }", "arena.depth.model.stereo.edge_px"),
         ] {
-            let config: DepthConfig = toml::from_str(text).unwrap();
-            let fault = config.check("s.toml", "arena.depth").unwrap_err().to_string();
+            let text = text.split_once('=').map(|(name, value)| format!("arena.depth.{name}={value}")).unwrap();
+            let config = InputError::parse_toml::<File>("s.toml", &text).map(|file| file.arena.depth);
+            let fault = config.and_then(|config| config.check("s.toml", "arena.depth")).unwrap_err().to_string();
             assert!(fault.contains(field), "{fault}");
         }
         assert_eq!(DepthConfig::default().check("s.toml", "arena.depth"), Ok(()));

@@ -2,7 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use catch_body::{InputError, TriangleMesh, shape::Cuboid};
+use catch_body::{InputError, TriangleMesh, quantity, shape::Cuboid};
 use nalgebra::{Matrix3, Point3};
 use serde::Deserialize;
 
@@ -43,17 +43,18 @@ pub struct ThrownObject {
 #[serde(deny_unknown_fields)]
 pub struct ObjectPrior {
     /// Expected drag constant k of a = −k·|v|·v, in 1/m.
+    #[serde(deserialize_with = "quantity::drag_per_m")]
     pub drag_per_m: f64,
     /// Its standard deviation.
+    #[serde(deserialize_with = "quantity::drag_per_m")]
     pub drag_sd_per_m: f64,
     /// Expected coefficient of restitution against the gripper, 0 to 1, if anything is known of it.
+    #[serde(default, deserialize_with = "quantity::fraction")]
     pub restitution: Option<f64>,
 }
 
 /// How long something may be that is thrown: what is outside comes from a file in other units.
 const LENGTHS_M: RangeInclusive<f64> = 0.005..=0.5;
-/// How heavy it may be, likewise.
-const MASSES_KG: RangeInclusive<f64> = 0.001..=5.0;
 
 /// Radius of gyration of the thinnest needle.
 const LEAST_GYRATION_M: f64 = 1e-4;
@@ -83,15 +84,21 @@ struct ObjectFile {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct TruthFields {
+    #[serde(deserialize_with = "quantity::thrown_mass_kg")]
     mass_kg: f64,
+    #[serde(deserialize_with = "quantity::fraction")]
     restitution: f64,
+    #[serde(deserialize_with = "quantity::drag_per_m")]
     drag_per_m: f64,
     /// Centre of mass in the axes of the shape; that of uniform density otherwise.
+    #[serde(default, deserialize_with = "quantity::shape_m")]
     com_m: Option<[f64; 3]>,
     /// Inertia about the centre of mass along the axes of the shape: ixx, ixy, ixz, iyy, iyz, izz, in the order of URDF; that of
     /// uniform density otherwise.
+    #[serde(default, deserialize_with = "quantity::inertia_kgm2")]
     inertia_kgm2: Option<[f64; 6]>,
     friction: Option<Drawn>,
+    #[serde(default, deserialize_with = "quantity::stiffness_npm")]
     stiffness_npm: Option<f64>,
     shape: ShapeFields,
 }
@@ -108,27 +115,10 @@ impl ThrownObject {
     ) -> Result<Self, InputError> {
         let ObjectFile { name, truth, prior } = InputError::parse_toml(file, text)?;
         let mass_kg = truth.mass_kg;
-        let within = |field: &str, value: f64, range: &RangeInclusive<f64>, expected: &str| {
-            let fault = || InputError::new(file, field, value, expected);
-            if range.contains(&value) { Ok(()) } else { Err(fault()) }
-        };
-        let (fraction, not_negative) = (0.0..=1.0, 0.0..=f64::MAX);
-        let masses = format!("{} to {}, in kilogrammes", MASSES_KG.start(), MASSES_KG.end());
-        InputError::first_of([
-            within("truth.mass_kg", mass_kg, &MASSES_KG, &masses),
-            within("truth.restitution", truth.restitution, &fraction, "0 to 1"),
-            within("prior.restitution", prior.restitution.unwrap_or_default(), &fraction, "0 to 1"),
-            within("truth.drag_per_m", truth.drag_per_m, &not_negative, "zero or more"),
-            within("prior.drag_per_m", prior.drag_per_m, &not_negative, "zero or more"),
-            within("prior.drag_sd_per_m", prior.drag_sd_per_m, &not_negative, "zero or more"),
-            InputError::positive(file, "truth.stiffness_npm", truth.stiffness_npm.unwrap_or(1.0)).map(drop),
-        ])?;
         if let Some(friction) = truth.friction {
             friction.check_friction(file, "truth.friction")?;
         }
         let Solid { mesh, parts, mut inertia } = truth.shape.solid(file, mass_kg, load)?;
-        let advice = "a mesh in millimetres needs `scale = 0.001`";
-        check_length(file, "truth.shape", mesh.aabb().size.max(), advice)?;
         if let Some(com_m) = truth.com_m {
             inertia.com = checked_com(file, com_m, &mesh.aabb())?;
         }
@@ -177,7 +167,7 @@ impl ThrownObject {
 
 /// A centre of mass within the box around the shape.
 fn checked_com(file: &str, com_m: [f64; 3], bounds: &Cuboid) -> Result<Point3<f64>, InputError> {
-    let com = Point3::from(InputError::finite(file, "truth.com_m", com_m)?);
+    let com = Point3::from(com_m);
     if (com - bounds.centre).abs().iter().zip(bounds.size.iter()).all(|(offset, size)| 2.0 * offset <= *size) {
         return Ok(com);
     }
@@ -192,7 +182,7 @@ fn checked_com(file: &str, com_m: [f64; 3], bounds: &Cuboid) -> Result<Point3<f6
 /// An inertia that a body of this mass within `length_m` can have.
 fn checked_inertia(file: &str, moments: [f64; 6], mass_kg: f64, length_m: f64) -> Result<Matrix3<f64>, InputError> {
     let field = "truth.inertia_kgm2";
-    let [xx, xy, xz, yy, yz, zz] = InputError::finite(file, field, moments)?;
+    let [xx, xy, xz, yy, yz, zz] = moments;
     let inertia = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
     let principal = inertia.symmetric_eigenvalues();
     // No moment is larger than the sum of the other two, by rounding for flat bodies.
@@ -281,7 +271,11 @@ mod tests {
         let fault = read("banana.toml", &text).unwrap_err().to_string();
         assert!(fault.contains("banana.toml: truth.mass_kg"), "{fault}");
         let text = FILES[0].1.replace("restitution = 0.75", "restitution = 1.75");
-        assert!(read("ball.toml", &text).unwrap_err().to_string().contains("truth.restitution"));
+        let faults = read("ball.toml", &text).unwrap_err().all();
+        assert_eq!(
+            faults.iter().map(|it| it.field.as_str()).collect::<Vec<_>>(),
+            ["prior.restitution", "truth.restitution"]
+        );
         // A ball of 67.2 m is one of 67.2 mm.
         let text = FILES[0].1.replace("diameter_m = 0.0672", "diameter_m = 67.2");
         let fault = read("ball.toml", &text).unwrap_err().to_string();

@@ -4,12 +4,16 @@ use catch_body::{
     InputError, TriangleMesh,
     mesh::TubeRing,
     mesh_file::{groups_from_bytes, mesh_from_bytes},
+    quantity,
     robot::Inertia,
 };
 use nalgebra::{Matrix3, Point3, Vector3};
 use serde::Deserialize;
 
-use crate::convex_parts::{convex_parts, hull_volume_m3};
+use crate::{
+    convex_parts::{convex_parts, hull_volume_m3},
+    object::check_length,
+};
 
 /// Flat strips around a solid of revolution or a tube: at 32 a radius of 25 mm is 0.12 mm short between them.
 const SEGMENTS: u32 = 32;
@@ -53,11 +57,25 @@ impl ColliderPart {
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub(crate) enum ShapeFields {
     /// A ball, hollow (all mass in its skin) or solid.
-    Ball { diameter_m: f64, hollow: bool },
+    Ball {
+        #[serde(deserialize_with = "quantity::shape_size_m")]
+        diameter_m: f64,
+        hollow: bool,
+    },
     /// What a profile of points (z, r) sweeps around the z axis.
-    Revolution { profile_m: Vec<[f64; 2]> },
+    Revolution {
+        #[serde(deserialize_with = "quantity::shape_m")]
+        profile_m: Vec<[f64; 2]>,
+    },
     /// A round tube along an arc in the y–z plane, its radii evenly spaced along it.
-    BentTube { arc_radius_m: f64, arc_angle_deg: f64, radii_m: Vec<f64> },
+    BentTube {
+        #[serde(deserialize_with = "quantity::shape_size_m")]
+        arc_radius_m: f64,
+        #[serde(deserialize_with = "quantity::arc_deg")]
+        arc_angle_deg: f64,
+        #[serde(deserialize_with = "quantity::shape_radius_m")]
+        radii_m: Vec<f64>,
+    },
     /// A mesh from a file beside this one. It collides as the groups of the `parts` files, the convex hull of each; without them it
     /// is cut into convex parts.
     Mesh {
@@ -65,7 +83,7 @@ pub(crate) enum ShapeFields {
         #[serde(default)]
         parts: Vec<String>,
         /// Metres per unit of the files.
-        #[serde(default = "one")]
+        #[serde(default = "one", deserialize_with = "quantity::scale")]
         scale: f64,
     },
 }
@@ -89,12 +107,12 @@ impl ShapeFields {
     pub fn solid(&self, file: &str, mass_kg: f64, load: Load) -> Result<Solid, InputError> {
         match self {
             Self::Ball { diameter_m, hollow } => {
-                let radius_m = InputError::positive(file, "truth.shape.diameter_m", *diameter_m)? / 2.0;
+                let radius_m = *diameter_m / 2.0;
                 // 2/3·m·r² for a spherical shell, 2/5·m·r² for a solid ball.
                 let fraction = if *hollow { 2.0 / 3.0 } else { 2.0 / 5.0 };
                 let about_com = Matrix3::identity() * (fraction * mass_kg * radius_m * radius_m);
                 Ok(Solid {
-                    mesh: TriangleMesh::sphere(radius_m, BALL_SUBDIVISIONS),
+                    mesh: of_thrown_size(file, TriangleMesh::sphere(radius_m, BALL_SUBDIVISIONS))?,
                     parts: vec![ColliderPart::Ball { centre: Point3::origin(), radius_m }],
                     inertia: Inertia { mass: mass_kg, com: Point3::origin(), about_com },
                 })
@@ -104,12 +122,11 @@ impl ShapeFields {
                 bent_tube(file, mass_kg, *arc_radius_m, *arc_angle_deg, radii_m)
             }
             Self::Mesh { file: mesh_file, parts, scale } => {
-                let scale = InputError::positive(file, "truth.shape.scale", *scale)?;
-                let mesh = mesh_from_bytes(mesh_file, &load(mesh_file)?, scale)?;
+                let mesh = of_thrown_size(file, mesh_from_bytes(mesh_file, &load(mesh_file)?, *scale)?)?;
                 let parts = if parts.is_empty() {
                     convex_parts(&mesh).into_iter().map(ColliderPart::Hull).collect()
                 } else {
-                    named_parts(parts, scale, &mesh, load)?
+                    named_parts(parts, *scale, &mesh, load)?
                 };
                 Ok(Solid { inertia: mesh.mass_properties(mass_kg), parts, mesh })
             }
@@ -119,8 +136,27 @@ impl ShapeFields {
 
 /// Most convex parts of an object.
 const MOST_PARTS: usize = 64;
+/// Most points of a profile and radii of a tube.
+const MOST_RINGS: usize = 65;
+/// Two points of a profile at the same height are at least this far apart, and a radius that is not zero is at least as long.
+const LEAST_STEP_M: f64 = 1e-4;
+/// The thinnest shape: its volume as a fraction of the cube of its longest side.
+const LEAST_FILLING: f64 = 1e-6;
 /// How far parts may stick out of the box around their mesh, as a fraction of its longest side.
 const STICKS_OUT: f64 = 0.05;
+
+/// A mesh of the size of something that is thrown. Its mass properties are worked out afterwards.
+fn of_thrown_size(file: &str, mesh: TriangleMesh) -> Result<TriangleMesh, InputError> {
+    let length_m = mesh.aabb().size.max();
+    check_length(file, "truth.shape", length_m, "a mesh in millimetres needs `scale = 0.001`")?;
+    let volume_m3 = mesh.volume();
+    if volume_m3 > LEAST_FILLING * length_m.powi(3) {
+        Ok(mesh)
+    } else {
+        let found = format!("{length_m:.3} m long with a volume of {volume_m3:.1e} m³");
+        Err(InputError::new(file, "truth.shape", found, "a solid that is thicker"))
+    }
+}
 
 /// The convex hulls of all groups of the `files`, which must lie where the mesh does.
 fn named_parts(files: &[String], scale: f64, mesh: &TriangleMesh, load: Load) -> Result<Vec<ColliderPart>, InputError> {
@@ -155,14 +191,25 @@ fn named_parts(files: &[String], scale: f64, mesh: &TriangleMesh, load: Load) ->
     Ok(parts)
 }
 
-fn revolution(file: &str, mass_kg: f64, profile_m: &[[f64; 2]]) -> Result<Solid, InputError> {
-    let rising = profile_m.windows(2).all(|pair| pair[0][0] < pair[1][0]);
-    let finite = profile_m.iter().all(|[z, r]| z.is_finite() && r.is_finite() && *r >= 0.0);
-    if profile_m.len() < 2 || !rising || !finite || profile_m.iter().all(|[_, r]| *r == 0.0) {
-        let expected = "two points (z, r) or more, z rising, r zero or more and somewhere above zero";
-        return Err(InputError::new(file, "truth.shape.profile_m", format!("{profile_m:?}"), expected));
+/// A list as an error repeats it.
+fn list(values: &[impl std::fmt::Debug]) -> String {
+    match values.len() {
+        0..=10 => format!("{values:?}"),
+        length => format!("{length} values, {:?} …", &values[..3]),
     }
-    let mesh = TriangleMesh::revolution(profile_m, SEGMENTS);
+}
+
+fn revolution(file: &str, mass_kg: f64, profile_m: &[[f64; 2]]) -> Result<Solid, InputError> {
+    let rising = profile_m.windows(2).all(|pair| pair[0][0] + LEAST_STEP_M <= pair[1][0]);
+    let thick = profile_m.iter().all(|[_, r]| *r == 0.0 || *r >= LEAST_STEP_M);
+    let is_solid = rising && thick && profile_m.iter().any(|[_, r]| *r > 0.0);
+    if !(2..=MOST_RINGS).contains(&profile_m.len()) || !is_solid {
+        let expected = format!(
+            "2 to {MOST_RINGS} points (z, r), z rising by {LEAST_STEP_M} m or more, r zero or from {LEAST_STEP_M} m on"
+        );
+        return Err(InputError::new(file, "truth.shape.profile_m", list(profile_m), expected));
+    }
+    let mesh = of_thrown_size(file, TriangleMesh::revolution(profile_m, SEGMENTS))?;
     let inertia = mesh.mass_properties(mass_kg);
     // A profile that bends inwards is cut there, so that each part is convex.
     let mut parts = Vec::new();
@@ -207,11 +254,9 @@ fn bent_tube(
     arc_angle_deg: f64,
     radii_m: &[f64],
 ) -> Result<Solid, InputError> {
-    InputError::positive(file, "truth.shape.arc_radius_m", arc_radius_m)?;
-    InputError::positive(file, "truth.shape.arc_angle_deg", arc_angle_deg)?;
-    if radii_m.len() < 2 || !radii_m.iter().all(|&radius| radius > 0.0 && radius < arc_radius_m) {
-        let expected = "two radii or more, above zero and below arc_radius_m";
-        return Err(InputError::new(file, "truth.shape.radii_m", format!("{radii_m:?}"), expected));
+    if !(2..=MOST_RINGS).contains(&radii_m.len()) || radii_m.iter().any(|&radius| radius >= arc_radius_m) {
+        let expected = format!("2 to {MOST_RINGS} radii below arc_radius_m");
+        return Err(InputError::new(file, "truth.shape.radii_m", list(radii_m), expected));
     }
     let angle = arc_angle_deg.to_radians();
     let rings: Vec<TubeRing> = radii_m
@@ -227,7 +272,7 @@ fn bent_tube(
             }
         })
         .collect();
-    let mesh = TriangleMesh::tube(&rings, SEGMENTS);
+    let mesh = of_thrown_size(file, TriangleMesh::tube(&rings, SEGMENTS))?;
     let inertia = mesh.mass_properties(mass_kg);
     let parts = rings.windows(2).map(|pair| ColliderPart::Hull(TriangleMesh::tube(pair, SEGMENTS).vertices)).collect();
     Ok(Solid { mesh, parts, inertia })

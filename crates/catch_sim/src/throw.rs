@@ -4,7 +4,7 @@ mod random;
 
 use std::collections::BTreeMap;
 
-use catch_body::InputError;
+use catch_body::{InputError, quantity};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use serde::Deserialize;
 
@@ -40,8 +40,12 @@ struct ThrowFile {
     motion: Motion,
     /// Per object: intrinsic rotations from left to right, an axis and an angle in degrees each.
     #[serde(default)]
-    orientations_deg: BTreeMap<String, Vec<(Axis, f64)>>,
+    orientations_deg: BTreeMap<String, Vec<AxisAngle>>,
 }
+
+/// An axis, and an angle in degrees.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+struct AxisAngle(Axis, #[serde(deserialize_with = "quantity::angle_deg")] f64);
 
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -55,15 +59,28 @@ enum Axis {
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 enum Motion {
     /// The same throw every time.
-    Fixed { position_m: [f64; 3], velocity_mps: [f64; 3], spin_radps: [f64; 3] },
+    Fixed {
+        #[serde(deserialize_with = "quantity::place_m")]
+        position_m: [f64; 3],
+        #[serde(deserialize_with = "quantity::velocity_mps")]
+        velocity_mps: [f64; 3],
+        #[serde(deserialize_with = "quantity::spin_radps")]
+        spin_radps: [f64; 3],
+    },
     /// The sampler of the paper's code. The horizontal velocity is that speed times (−x, −y)/√(x² + y²) + a·(1, −1): aimed at
     /// the base's axis, then sheared aside by `a`, the same in both directions.
     Sampled {
+        #[serde(deserialize_with = "quantity::place_m")]
         x_m: [f64; 2],
+        #[serde(deserialize_with = "quantity::place_m")]
         y_m: [f64; 2],
+        #[serde(deserialize_with = "quantity::place_m")]
         z_m: f64,
+        #[serde(deserialize_with = "quantity::velocity_mps")]
         horizontal_speed_mps: [f64; 2],
+        #[serde(deserialize_with = "quantity::shear")]
         aside: [f64; 2],
+        #[serde(deserialize_with = "quantity::velocity_mps")]
         vertical_speed_mps: [f64; 2],
     },
     /// From anywhere in a sector, past the robot's base on one side.
@@ -78,13 +95,8 @@ impl Throw {
     pub fn from_toml(file: &str, text: &str) -> Result<Self, InputError> {
         let fields: ThrowFile = InputError::parse_toml(file, text)?;
         match &fields.motion {
-            Motion::Fixed { position_m, velocity_mps, spin_radps } => {
-                InputError::finite(file, "motion.position_m", *position_m)?;
-                InputError::finite(file, "motion.velocity_mps", *velocity_mps)?;
-                InputError::finite(file, "motion.spin_radps", *spin_radps)?;
-            }
-            Motion::Sampled { x_m, y_m, z_m, horizontal_speed_mps, aside, vertical_speed_mps } => {
-                InputError::finite(file, "motion.z_m", [*z_m])?;
+            Motion::Fixed { .. } => {}
+            Motion::Sampled { x_m, y_m, z_m: _, horizontal_speed_mps, aside, vertical_speed_mps } => {
                 for (field, range) in [
                     ("x_m", x_m),
                     ("y_m", y_m),
@@ -94,15 +106,18 @@ impl Throw {
                 ] {
                     check_range(file, field, *range)?;
                 }
+                let contains_zero = |[low, high]: &[f64; 2]| *low < LEAST_DISTANCE_M && *high > -LEAST_DISTANCE_M;
+                if contains_zero(x_m) && contains_zero(y_m) {
+                    let expected = "releases beside the base's axis, at which they are aimed";
+                    return Err(InputError::new(file, "motion.x_m", format!("{x_m:?} with y_m {y_m:?}"), expected));
+                }
             }
             Motion::Random(motion) => motion.check(file)?,
         }
         let mut orientations = BTreeMap::new();
         for (object, rotations) in &fields.orientations_deg {
             let mut q_WO = UnitQuaternion::identity();
-            for &(axis, angle_deg) in rotations {
-                let field = format!("orientations_deg.{object}");
-                let [angle_deg] = InputError::finite(file, field, [angle_deg])?;
+            for AxisAngle(axis, angle_deg) in rotations {
                 q_WO *= UnitQuaternion::from_axis_angle(&axis.direction(), angle_deg.to_radians());
             }
             orientations.insert(object.clone(), q_WO);
@@ -157,9 +172,12 @@ impl Throw {
     }
 }
 
+/// How near the base's axis a release that is aimed at it may be.
+const LEAST_DISTANCE_M: f64 = 0.01;
+
 /// Whether a field of the motion is a range.
 fn check_range(file: &str, field: &str, range: [f64; 2]) -> Result<(), InputError> {
-    let [low, high] = InputError::finite(file, format!("motion.{field}"), range)?;
+    let [low, high] = range;
     if low > high {
         let expected = "a range, its lower end first";
         return Err(InputError::new(file, format!("motion.{field}"), format!("{range:?}"), expected));

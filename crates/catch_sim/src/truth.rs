@@ -1,6 +1,6 @@
 //! What really happened: for the referee, recordings and pictures, never for the brain.
 
-use catch_body::{JointVector, Pose, Twist};
+use catch_body::{JointVector, Pose, Twist, quantity};
 use catch_cell::LimitViolation;
 use serde::{Deserialize, Serialize};
 
@@ -22,22 +22,30 @@ pub struct Truth {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TruthSample {
     /// When.
+    #[serde(deserialize_with = "quantity::clock_s")]
     pub time_s: f64,
     /// Joint positions in radians.
+    #[serde(deserialize_with = "quantity::true_value")]
     pub q: JointVector,
     /// Joint velocities in rad/s.
+    #[serde(deserialize_with = "quantity::true_value")]
     pub dq: JointVector,
     /// Torques of the motors in N·m.
+    #[serde(deserialize_with = "quantity::true_value")]
     pub torque: JointVector,
     /// Pose of the gripper.
+    #[serde(deserialize_with = "quantity::true_pose")]
     pub X_WG: Pose,
     /// Its spatial velocity.
     pub V_WG: Twist,
     /// Distance between the fingers' inner faces in metres.
+    #[serde(deserialize_with = "quantity::true_value")]
     pub width_m: f64,
     /// Force between left and right finger and the object in N, averaged over the step.
+    #[serde(deserialize_with = "quantity::true_value")]
     pub finger_force_n: [f64; 2],
     /// Pose of the object.
+    #[serde(deserialize_with = "quantity::true_pose")]
     pub X_WO: Pose,
     /// Its spatial velocity, the linear part at the centre of mass.
     pub V_WO: Twist,

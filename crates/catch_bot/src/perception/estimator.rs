@@ -156,7 +156,7 @@ impl ObjectFinder {
             information: fit.information,
             points: fit.points,
             residual_m: fit.residual_m,
-            silhouette_residual_m: fit.silhouette_residual_m,
+            mismatch: fit.mismatch,
             iterations: fit.iterations,
             registered_globally,
         })

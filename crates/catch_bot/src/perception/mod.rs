@@ -191,8 +191,9 @@ pub struct ObjectPose {
     pub points: usize,
     /// Root mean square distance of those points from the reference surface, in metres.
     pub residual_m: f64,
-    /// The same of the silhouette's rays, where they were needed: what tells shapes apart in noisy depths.
-    pub silhouette_residual_m: Option<f64>,
+    /// How badly the object explains what was seen, which tells known objects apart: the mean square of the residuals in standard
+    /// deviations, of the silhouette's rays where these were needed, else of the points.
+    pub mismatch: f64,
     /// Iterations that it took.
     pub iterations: usize,
     /// Whether it was found without regard to the predicted pose.

@@ -28,6 +28,8 @@ pub struct Fit {
     pub residual_m: f64,
     /// Root mean square by which the silhouette's bounds are broken, where it was used.
     pub silhouette_residual_m: Option<f64>,
+    /// Mean square of the residuals in standard deviations, see [`ObjectPose::mismatch`](super::ObjectPose::mismatch).
+    pub mismatch: f64,
     /// How badly all residuals fit, outliers included: what different starts are compared by.
     pub robust_cost: f64,
     /// The same as the sensors' noise alone would make it.
@@ -165,6 +167,7 @@ impl Registration<'_> {
             noise_m: if points.is_empty() { noise_m } else { (on_points.variances_m2 / weight).sqrt() },
             silhouette_residual_m: (!silhouette.is_empty())
                 .then(|| (on_rays.squares_m2 / on_rays.weight.max(1.0)).sqrt()),
+            mismatch: if silhouette.is_empty() { on_points.squares / weight } else { silhouette.mean_square() },
             robust_cost: robust_cost(&on_points, points.len(), LEAST_MEAN_M)
                 + robust_cost(&on_rays, silhouette.len(), LEAST_MEAN_PX * silhouette.pixel_m()),
             iterations,

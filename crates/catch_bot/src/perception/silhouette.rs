@@ -268,6 +268,13 @@ impl Silhouette {
         ((squares + 2.0 / 3.0) / (weights + 1.0) * 1.5).sqrt()
     }
 
+    /// Mean square over all rays by which bounds are broken, in standard deviations; what is broken by more than outliers are counts
+    /// like them, so that every ray that says otherwise has one vote.
+    pub(super) fn mean_square(&self) -> f64 {
+        let broken = self.near().map(|ray| (ray.violation_m() / ray.sd_m).clamp(0.0, OUTLIER_SD));
+        broken.map(|in_sd| in_sd * in_sd).sum::<f64>() / self.len().max(1) as f64
+    }
+
     /// What a pixel covers at the object, in metres.
     pub(super) fn pixel_m(&self) -> f64 {
         let sum: f64 = self.rays.iter().map(|ray| ray.pixel_rad * ray.along_m).sum();

@@ -1,5 +1,3 @@
-#![allow(clippy::print_stdout, reason = "tests tell what they measured")]
-
 use catch_body::Pose;
 use nalgebra::{Matrix3, Matrix6, Translation3, UnitQuaternion, Vector3, Vector6};
 
@@ -56,17 +54,12 @@ fn seen(throw: &Throw, count: usize, sd_m: f64, sd_rad: f64, outliers: f64, norm
             information,
             points: 200,
             residual_m: sd_m,
-            silhouette_residual_m: None,
+            mismatch: 1.0,
             iterations: 5,
             registered_globally: false,
         }
     });
     poses.collect()
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
 #[test]
@@ -83,21 +76,33 @@ fn clean_poses_give_the_flight() {
     }
 }
 
+/// Each frame is an outlier with a probability of 0.4; where hardly any are left that agree, that is said.
 #[test]
 fn prediction_survives_outliers_of_four_frames_in_ten() {
+    const FRAMES: usize = 20;
     let config = Config::default();
-    let mut worst = 0.0_f64;
+    let mut without = 0;
     for seed in 0..1000 {
         let mut normal = Normal::new(seed);
         let throw = throw(&mut normal, 0.0, 0.0, &Symmetry::Sphere);
-        let poses = seen(&throw, 20, 0.001, 0.02, 0.4, &mut normal);
-        let flight = predict(&poses, None, Symmetry::Sphere, &config, seed, &mut Default::default())
-            .unwrap_or_else(|status| panic!("{seed}: {status:?}"));
-        let off_m = (flight.pose_at(0.7).translation.vector - throw.pose_at(0.7).translation.vector).norm();
-        worst = worst.max(off_m);
-        assert!(off_m < 0.03, "{seed}: {off_m} m");
+        let poses = seen(&throw, FRAMES, 0.001, 0.02, 0.4, &mut normal);
+        let off_m =
+            |X_WO: &Pose, time_s: f64| (X_WO.translation.vector - throw.pose_at(time_s).translation.vector).norm();
+        match predict(&poses, None, Symmetry::Sphere, &config, seed, &mut Default::default()) {
+            Ok(flight) => {
+                let off_m = off_m(&flight.pose_at(0.7), 0.7);
+                assert!(off_m < 0.03, "{seed}: {off_m} m");
+            }
+            Err(status) => {
+                let agree = poses.iter().filter(|pose| off_m(&pose.X_WO, pose.capture_s) < 0.02).count();
+                let is_too_few = (agree as f64) < config.min_inlier_fraction * FRAMES as f64;
+                assert!(status == PredictionStatus::NoAgreement && is_too_few, "{seed}: {status:?}, {agree} agree");
+                without += 1;
+            }
+        }
     }
-    println!("worst {worst} m");
+    // Fewer than 5 of 20 are left with a probability of 0.0003.
+    assert!(without <= 3, "{without} without a flight");
 }
 
 #[test]
@@ -107,7 +112,6 @@ fn claimed_uncertainty_holds() {
     {
         let config = Config { drag_prior_per_m: Some(0.05), drag_prior_sd_per_m: Some(drag_sd), ..Config::default() };
         let mut inside = 0;
-        let mut errors = Vec::new();
         for seed in 0..300 {
             let mut normal = Normal::new(seed);
             let drag = 0.05 + drag_sd * normal.draw();
@@ -119,10 +123,8 @@ fn claimed_uncertainty_holds() {
             let square = error.dot(&covariance.cholesky().unwrap().solve(&error));
             // 95 % of χ² with three degrees of freedom.
             inside += usize::from(square < 7.815);
-            errors.push(error.norm());
         }
         let fraction = f64::from(inside as u32) / 300.0;
-        println!("{fraction} inside, median error {} mm", median(errors) * 1e3);
         assert!((0.9..=0.98).contains(&fraction), "{fraction}");
     }
 }
@@ -181,22 +183,11 @@ fn drag_against_the_bound(throws: u64) -> f64 {
         let at_catch = by_start(0.7);
         bounds += (at_catch * information.try_inverse().unwrap() * at_catch.transpose()).trace();
     }
-    let ratio = (squares / bounds).sqrt();
-    println!(
-        "{:.2} mm, the bound is {:.2} mm: {ratio:.3}",
-        (squares / throws as f64).sqrt() * 1e3,
-        (bounds / throws as f64).sqrt() * 1e3
-    );
-    ratio
+    (squares / bounds).sqrt()
 }
 
 #[test]
 fn drag_is_found_as_well_as_it_can_be() {
-    assert!(drag_against_the_bound(200) < 1.3);
-}
-
-#[test]
-#[ignore = "the long version"]
-fn measured_drag_against_the_bound() {
-    assert!(drag_against_the_bound(2000) < 1.3);
+    let ratio = drag_against_the_bound(200);
+    assert!((0.7..1.3).contains(&ratio), "{ratio}");
 }

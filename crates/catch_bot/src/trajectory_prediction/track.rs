@@ -111,7 +111,7 @@ impl TrackSample {
             information: Matrix6::from_diagonal(&nalgebra::Vector6::new(turn, turn, turn, shift, shift, shift)),
             points: 0,
             residual_m: 0.0,
-            silhouette_residual_m: None,
+            mismatch: 1.0,
             iterations: 0,
             registered_globally: false,
         }

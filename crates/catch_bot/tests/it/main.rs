@@ -1,8 +1,8 @@
 //! Tests of the brain's first half from outside.
 mod allocation;
 mod camera_alignment;
+mod coverage;
 mod edge_cases;
-mod measured;
 mod pose_estimation;
 mod synthetic;
 mod unlabelled;

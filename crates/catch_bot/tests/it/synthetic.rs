@@ -7,6 +7,7 @@ use catch_body::{Pose, pose::look_at};
 use catch_cell::{CameraModel, DepthFrame, ReferenceScan};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
+use rand_distr::StandardNormal;
 use rand_pcg::Pcg64Mcg;
 
 /// A solid in its own frame, its centre of mass not at the origin.
@@ -90,8 +91,7 @@ impl Normal {
     }
 
     pub fn draw(&mut self) -> f64 {
-        let (a, b): (f64, f64) = (self.0.random(), self.0.random());
-        (-2.0 * (1.0 - a).ln()).sqrt() * (std::f64::consts::TAU * b).cos()
+        self.0.sample(StandardNormal)
     }
 
     pub fn vector(&mut self) -> Vector3<f64> {

@@ -1,6 +1,6 @@
 //! The pages in a real browser: they open from a disk, complain about nothing, ask no network for anything, and move.
 //!
-//! Needs Chromium (Debian: `apt-get install chromium`); without it these tests say so and pass. Screenshots stay in
+//! Needs Chromium (Debian: `apt-get install chromium`); without it these tests say so and pass, but fail in CI. Screenshots stay in
 //! `target/tmp/screenshots`.
 
 use std::{
@@ -9,17 +9,16 @@ use std::{
     process::Command,
 };
 
-use crate::{catchingbot, stderr};
+use crate::{catchingbot, skipped_without, stderr};
 
-/// A browser, or a word that there is none.
-#[expect(clippy::print_stderr, reason = "whoever runs the tests should know what was not tested")]
+/// A browser, if there is one.
 fn chromium() -> Option<PathBuf> {
     let names = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
     let folders: Vec<PathBuf> = env::split_paths(&env::var_os("PATH").unwrap_or_default()).collect();
     let found =
         names.iter().flat_map(|name| folders.iter().map(move |folder| folder.join(name))).find(|it| it.is_file());
     if found.is_none() {
-        eprintln!("skipped: no Chromium is installed, so the pages were not opened");
+        skipped_without("Chromium, in which the pages open (Debian: apt-get install chromium)");
     }
     found
 }

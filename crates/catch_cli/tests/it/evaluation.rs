@@ -9,7 +9,7 @@ use std::{
 
 use serde_json::Value;
 
-use crate::{catchingbot, stderr, stdout};
+use crate::{catchingbot, skipped_without, stderr, stdout};
 
 /// What an evaluation leaves that is promised byte for byte.
 const FILES: [&str; 5] = ["evaluation.toml", "trials.jsonl", "trials.csv", "trials.parquet", "table.md"];
@@ -141,7 +141,6 @@ fn the_files_are_the_same_for_any_number_of_threads_however_often_it_is_killed_a
 }
 
 /// The table in the tools in which people look at tables, whichever of them there is.
-#[expect(clippy::print_stdout, reason = "a check that is skipped says so")]
 fn read_by_python(folder: &Path) {
     let script = r#"
 import sys
@@ -171,7 +170,7 @@ assert parquet[5]["index"] == 2 and type(parquet[0]["caught"]).__name__ in ("boo
     let python = |arguments: &[&str]| Command::new("python3").env("PYTHONPATH", &packages).args(arguments).output();
     let has_any = python(&["-c", "try:\n import polars\nexcept ImportError:\n import pandas, pyarrow"]);
     if !has_any.is_ok_and(|output| output.status.success()) {
-        println!("skipped: no polars or pandas with pyarrow (python3 -m pip install --target target/python polars)");
+        skipped_without("polars, or pandas with pyarrow (python3 -m pip install --target target/python polars)");
         return;
     }
     let output = python(&["-c", script, folder.to_str().unwrap()]).unwrap();

@@ -13,6 +13,16 @@ mod wrong_input;
 
 use std::process::{Command, Output};
 
+/// Says that a test is skipped for want of a tool; in CI, which installs the tools, that is a failure.
+///
+/// # Panics
+/// Where the environment variable `CI` is `true`.
+#[expect(clippy::print_stderr, reason = "whoever runs the tests should know what was not tested")]
+fn skipped_without(tool: &str) {
+    assert!(std::env::var_os("CI").is_none_or(|value| value != "true"), "CI lacks {tool}");
+    eprintln!("skipped for want of {tool}");
+}
+
 /// Runs the program.
 fn catchingbot(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_catchingbot")).args(arguments).output().unwrap()

@@ -15,6 +15,7 @@ use catch_body::InputError;
 
 use crate::{
     assets::COMMAND_LINE,
+    bounded_file::FileKind,
     evaluation::{Evaluation, Identity, Row, summary_table, trial_table},
 };
 
@@ -26,6 +27,9 @@ pub const SUMMARY_FILE: &str = "table.md";
 pub const REPORT_FILE: &str = "report.html";
 /// Name of the file that says what was evaluated.
 const IDENTITY_FILE: &str = "evaluation.toml";
+
+/// What rows are read from.
+const ROWS: FileKind = FileKind::recorded("a readable file of results");
 
 /// Results that grow.
 #[derive(Debug)]
@@ -167,7 +171,7 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<(Identity, Vec<Row>), In
         let path = folder.join(TRIALS_FILE);
         let (rows, bytes) = read_rows(&path, &identity)?;
         let file = path.display().to_string();
-        let lines = fs::read(&path).map_err(|fault| InputError::new(&file, "the file", fault, "a readable file"))?;
+        let lines = ROWS.read(&path)?;
         if rows.len() % identity.cells.len().max(1) != 0 || bytes != lines.len() as u64 || rows.is_empty() {
             let found = format!("{} whole rows of {} cells", rows.len(), identity.cells.len());
             return Err(InputError::new(&file, "the file", found, "a complete part; --resume completes it"));
@@ -199,9 +203,7 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<(Identity, Vec<Row>), In
 
 fn read_identity(path: &Path) -> Result<Identity, InputError> {
     let file = path.display().to_string();
-    let text =
-        fs::read_to_string(path).map_err(|fault| InputError::new(&file, "the file", fault, "a folder of results"))?;
-    InputError::parse_toml(&file, &text)
+    InputError::parse_toml(&file, &FileKind::text("a folder of results").read_text(path)?)
 }
 
 fn check_identity(path: &Path, identity: &Identity) -> Result<(), InputError> {
@@ -227,11 +229,10 @@ fn compare(file: &str, found: &Identity, identity: &Identity) -> Result<(), Inpu
 /// The rows of a file that may not exist, and how many bytes they take. A last line that was cut off does not count.
 fn read_rows(path: &Path, identity: &Identity) -> Result<(Vec<Row>, u64), InputError> {
     let file = path.display().to_string();
-    let text = match fs::read_to_string(path) {
-        Ok(text) => text,
-        Err(fault) if fault.kind() == io::ErrorKind::NotFound => return Ok((Vec::new(), 0)),
-        Err(fault) => return Err(InputError::new(&file, "the file", fault, "a readable file of results")),
-    };
+    if !path.exists() {
+        return Ok((Vec::new(), 0));
+    }
+    let text = ROWS.read_text(path)?;
     let (mut rows, mut bytes) = (Vec::new(), 0);
     for line in text.split_inclusive('\n').filter(|line| line.ends_with('\n')) {
         let field = format!("line {}", rows.len() + 1);

@@ -26,11 +26,24 @@ pub fn wilson95(successes: usize, trials: usize) -> [f64; 2] {
 }
 
 /// The middle of the values, the mean of the two middle ones where their number is even.
-pub fn median(mut values: Vec<f64>) -> Option<f64> {
+pub fn median(values: Vec<f64>) -> Option<f64> {
+    quantile(&sorted(values), 0.5)
+}
+
+/// The values in ascending order, as [`quantile`] takes them.
+pub fn sorted(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
+    let mut values: Vec<f64> = values.into_iter().collect();
     values.sort_by(f64::total_cmp);
-    let upper = *values.get(values.len() / 2)?;
-    let lower = values[(values.len() - 1) / 2];
-    Some(f64::midpoint(lower, upper))
+    values
+}
+
+/// The value below which a fraction of the sorted values lies, linear between neighbours (Hyndman & Fan, Sample quantiles in
+/// statistical packages, 1996, definition 7); none of no values.
+pub fn quantile(sorted: &[f64], fraction: f64) -> Option<f64> {
+    let at = fraction.clamp(0.0, 1.0) * sorted.len().checked_sub(1)? as f64;
+    let (low, high) = (sorted[at.floor() as usize], sorted[at.ceil() as usize]);
+    // Equal infinities have no difference.
+    Some(if low == high { low } else { low + (high - low) * at.fract() })
 }
 
 /// All trials of one object and one throw.
@@ -135,6 +148,22 @@ mod tests {
             );
         }
         assert!(wilson95(561, 570)[0] >= 0.97 && wilson95(560, 570)[0] < 0.97);
+    }
+
+    #[test]
+    fn quantiles_lie_between_neighbours() {
+        assert_eq!(quantile(&[], 0.5), None);
+        for fraction in [0.0, 0.25, 1.0] {
+            assert_eq!(quantile(&[3.0], fraction), Some(3.0));
+        }
+        let values = sorted([8.0, 1.0, 4.0, 2.0]);
+        assert_eq!(values, [1.0, 2.0, 4.0, 8.0]);
+        for (fraction, expected) in
+            [(-1.0, 1.0), (0.0, 1.0), (0.25, 1.75), (0.5, 3.0), (0.9, 6.8), (1.0, 8.0), (2.0, 8.0)]
+        {
+            assert!((quantile(&values, fraction).unwrap() - expected).abs() < 1e-12, "{fraction}");
+        }
+        assert_eq!(quantile(&[1.0, f64::INFINITY, f64::INFINITY], 0.75), Some(f64::INFINITY));
     }
 
     #[test]

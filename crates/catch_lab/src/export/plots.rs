@@ -7,7 +7,7 @@ use plotters::prelude::*;
 use crate::{
     evaluation::{
         published::{published_rate, published_rates},
-        statistics::CellSummary,
+        statistics::{CellSummary, sorted},
     },
     pages::report_page::Report,
 };
@@ -141,12 +141,8 @@ fn prediction(report: &Report, path: &Path) -> Result<(), Failure> {
         .map(|cell| {
             let rows =
                 report.rows.iter().filter(|row| row.scene.object == cell.object && row.scene.throw == cell.throw);
-            let mut errors: Vec<f64> = rows
-                .filter_map(|row| row.verdict.measures.prediction_error_m)
-                .map(|metres| (metres * 1e3).max(1e-4))
-                .collect();
-            errors.sort_by(f64::total_cmp);
-            (name_of(cell), errors)
+            let errors_m = rows.filter_map(|row| row.verdict.measures.prediction_error_m);
+            (name_of(cell), sorted(errors_m.map(|metres| (metres * 1e3).max(1e-4))))
         })
         .collect();
     let all = || curves.iter().flat_map(|(_, errors)| errors.iter().copied());

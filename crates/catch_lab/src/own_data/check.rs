@@ -135,11 +135,11 @@ fn faults_of(kind: Kind, asset: &Asset) -> Vec<InputError> {
 
 /// A scenario's own faults and those of all the files that it names.
 fn faults_of_scenario(asset: &Asset) -> Vec<InputError> {
-    let scenario: Scenario = match InputError::parse_toml(&asset.file, &asset.text) {
-        Ok(scenario) => scenario,
-        Err(fault) => return vec![fault],
+    let (scenario, mut faults): (Scenario, _) = match InputError::parse_toml_all(&asset.file, &asset.text) {
+        Ok(parsed) => parsed,
+        Err(fault) => return fault.all(),
     };
-    let mut faults = scenario.faults(&asset.file);
+    faults.extend(scenario.faults(&asset.file));
     for (kind, field, name) in scenario.parts() {
         match Asset::find(kind, name, &asset.origin, (&asset.file, field)) {
             Ok(part) => faults.extend(faults_of(kind, &part)),

@@ -8,7 +8,7 @@
 //! p_WG + `grasp_centre_y_m`·y_G is to be at `object_p` with velocity s·`object_v`. `q_start`, `dq_start` and `robot` may stand
 //! in a case, too, and count for it alone.
 
-use std::{fs, path::Path};
+use std::path::Path;
 
 use catch_body::{Gripper, InputError, JointVector, Pose, Robot, dynamics::gravity};
 use catch_bot::trajectory_optimization::posed::Target;
@@ -17,6 +17,7 @@ use serde_json::{Map, Value};
 
 use crate::{
     assets::{Asset, COMMAND_LINE, Kind, Origin},
+    bounded_file::FileKind,
     scenario::{
         Scenario,
         setup::{DEFAULT_SCENARIO, SourceNames, Sources},
@@ -55,9 +56,7 @@ pub struct PlannerCase {
 /// The first fault: file, field, what stands there and what would be right.
 pub fn read(path: &Path) -> Result<Vec<PlannerCase>, InputError> {
     let file = path.display().to_string();
-    let text = fs::read_to_string(path)
-        .map_err(|fault| InputError::new(&file, "the file", fault, "a readable JSON file of planner cases"))?;
-    parse(&file, &text)
+    parse(&file, &FileKind::text("a readable JSON file of planner cases").read_text(path)?)
 }
 
 /// Reads cases from the text of a file that errors call `file`.

@@ -1,9 +1,11 @@
 //! Recorded tracks of flying things: CSV files of `t,x,y,z` or `t,x,y,z,qx,qy,qz,qw`, in seconds and metres.
 
-use std::{fs, path::Path};
+use std::path::Path;
 
 use catch_body::InputError;
 use nalgebra::{Point3, Quaternion, UnitQuaternion};
+
+use crate::bounded_file::FileKind;
 
 /// What was seen at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,9 +25,7 @@ pub struct Sighting {
 /// A file that cannot be read, rows with another number of columns or with words, times that do not rise, or no sighting.
 pub fn read(path: &Path) -> Result<(Vec<Sighting>, f64), InputError> {
     let file = path.display().to_string();
-    let text = fs::read_to_string(path)
-        .map_err(|fault| InputError::new(&file, "the file", fault, "a readable CSV file of t,x,y,z"))?;
-    parse(&file, &text)
+    parse(&file, &FileKind::text("a readable CSV file of t,x,y,z").read_text(path)?)
 }
 
 /// Reads the text of a track; `file` names it in errors.

@@ -11,7 +11,7 @@ use crate::{
     evaluation::{
         Row,
         published::{published_rate, published_rates},
-        statistics::CellSummary,
+        statistics::{CellSummary, quantile, sorted},
     },
     pages::{STYLE, fill, packed::text_in_html},
     referee::{LEADS_S, Measures},
@@ -132,11 +132,13 @@ fn misses(report: &Report) -> String {
 }
 
 /// Median, spread and largest of some errors as a row of marks; none without errors.
-fn errors_row(label: &str, errors_mm: &mut [f64], scale: &Scale) -> Option<String> {
-    errors_mm.sort_by(f64::total_cmp);
-    let last = errors_mm.len().checked_sub(1)?;
-    let [low, middle, high, most] =
-        [0.1, 0.5, 0.9, 1.0].map(|fraction| errors_mm[(fraction * last as f64).round() as usize]);
+fn errors_row(label: &str, errors_mm: &[f64], scale: &Scale) -> Option<String> {
+    let errors_mm = sorted(errors_mm.iter().copied());
+    let [Some(low), Some(middle), Some(high), Some(most)] =
+        [0.1, 0.5, 0.9, 1.0].map(|fraction| quantile(&errors_mm, fraction))
+    else {
+        return None;
+    };
     let marks = [
         Mark::Range(scale.place(low), scale.place(high)),
         Mark::Most(scale.place(most)),
@@ -168,7 +170,7 @@ fn prediction(report: &Report) -> String {
     }
     let all: Vec<f64> = over_time.iter().flat_map(|(_, errors)| errors.iter().copied()).collect();
     let scale = Scale::decades(&all, "mm");
-    for (label, errors) in &mut over_time {
+    for (label, errors) in &over_time {
         html += &errors_row(label, errors, &scale).unwrap_or_default();
     }
     html + &scale.axis()

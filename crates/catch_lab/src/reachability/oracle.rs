@@ -241,27 +241,6 @@ mod tests {
         assert!(reach.from_release_s.is_some_and(|time_s| time_s > 0.55), "{reach:?}");
     }
 
-    /// How many random throws are within reach, and what it costs to know.
-    #[test]
-    #[ignore = "prints what docs/honesty.md says"]
-    #[allow(clippy::print_stdout, reason = "tests tell what they measured")]
-    fn measured_reach() {
-        for scenario in ["honest", "paper"] {
-            let choice = Choice { scenario: Some(scenario), throw: Some("random"), ..Choice::default() };
-            let setup = Setup::load(&choice).unwrap();
-            let oracle = Oracle::of(&setup).unwrap();
-            let started = std::time::Instant::now();
-            let reaches: Vec<Reach> = (0..1000).map(|index| oracle.reach(&setup, 1, index)).collect();
-            let mean_ms = started.elapsed().as_secs_f64();
-            let count = |within: &dyn Fn(&Reach) -> bool| reaches.iter().filter(|reach| within(reach)).count();
-            let (first, release) =
-                (count(&|it| it.from_first_image_s.is_some()), count(&|it| it.from_release_s.is_some()));
-            println!(
-                "{scenario}: of 1000 throws {first} within reach, {release} from the release; {mean_ms:.1} ms each"
-            );
-        }
-    }
-
     #[test]
     fn nobody_reaches_a_throw_that_passes_far_away() {
         let mut setup = Setup::load(&Choice::default()).unwrap();

@@ -17,7 +17,7 @@ use catch_sim::Release;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use crate::scenario::setup::Setup;
+use crate::{evaluation::statistics::median, scenario::setup::Setup};
 
 /// When the brain usually has its first estimate: the paper's six frames at 100 Hz, and one more.
 const FIRST_ESTIMATE_S: f64 = 0.07;
@@ -102,14 +102,13 @@ impl Corridor {
         let catches = self.catches(q);
         let cost = catches.iter().map(|plan| plan.as_ref().map_or(MISSED, |plan| plan.cost)).sum::<f64>()
             / catches.len() as f64;
-        let mut travels: Vec<f64> = catches.iter().flatten().map(|plan| (plan.q - q).amax()).collect();
-        travels.sort_by(f64::total_cmp);
+        let travels: Vec<f64> = catches.iter().flatten().map(|plan| (plan.q - q).amax()).collect();
         Some(Ready {
             q: *q,
             caught: travels.len(),
             throws: catches.len(),
             cost,
-            travel_rad: travels.get(travels.len() / 2).copied().unwrap_or(0.0),
+            travel_rad: median(travels).unwrap_or(0.0),
         })
     }
 

@@ -15,6 +15,7 @@ use serde::Serialize;
 
 use crate::{
     assets::COMMAND_LINE,
+    evaluation::statistics::{quantile, sorted},
     recording::{Part, RecordingReader, replay::RECORDED},
 };
 
@@ -73,8 +74,7 @@ pub fn measure(recordings: &[PathBuf]) -> Result<GripperLatency, InputError> {
         let measured = recorded.latencies(&mut unused).into_iter();
         moves.extend(measured.map(|(start_s, latency_s)| MoveLatency { recording: path.clone(), start_s, latency_s }));
     }
-    let mut sorted: Vec<f64> = moves.iter().map(|it| it.latency_s).collect();
-    sorted.sort_by(f64::total_cmp);
+    let sorted = sorted(moves.iter().map(|it| it.latency_s));
     let [Some(low_s), Some(median_s), Some(high_s)] = [0.25, 0.5, 0.75].map(|part| quantile(&sorted, part)) else {
         let UnusedMoves { late, not_at_rest, not_moved } = unused;
         let found = match late + not_at_rest + not_moved {
@@ -89,13 +89,6 @@ pub fn measure(recordings: &[PathBuf]) -> Result<GripperLatency, InputError> {
         return Err(InputError::new(COMMAND_LINE, "RECORDING", found, expected));
     };
     Ok(GripperLatency { median_s, quartiles_s: [low_s, high_s], moves, unused })
-}
-
-/// The value below which a part of the sorted values lies, between neighbours.
-fn quantile(sorted: &[f64], part: f64) -> Option<f64> {
-    let at = part * sorted.len().checked_sub(1)? as f64;
-    let (low, high) = (sorted[at.floor() as usize], sorted[at.ceil() as usize]);
-    Some(low + (high - low) * at.fract())
 }
 
 /// A width as it was sensed.
@@ -295,12 +288,5 @@ mod tests {
         moves.tick(0.6, &Command::default());
         let started: Vec<(f64, bool)> = moves.started.iter().map(|it| (it.start_s, it.is_timely)).collect();
         assert_eq!(started, [(0.01, false), (0.3, true)]);
-    }
-
-    #[test]
-    fn quantiles_lie_between_neighbours() {
-        assert_eq!(quantile(&[], 0.5), None);
-        assert_eq!(quantile(&[3.0], 0.25), Some(3.0));
-        assert_eq!(quantile(&[1.0, 2.0, 4.0, 8.0], 0.5), Some(3.0));
     }
 }

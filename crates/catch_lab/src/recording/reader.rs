@@ -2,7 +2,7 @@
 
 use std::{
     fs::File,
-    io::{self, BufReader, Read},
+    io::{self, BufReader, Read, Take},
     path::Path,
 };
 
@@ -10,12 +10,20 @@ use catch_body::InputError;
 use flate2::read::GzDecoder;
 use serde::{Deserialize, de::DeserializeOwned};
 
-use super::{EXPECTED, Ending, FORMAT, FORMAT_VERSION, Header, Preamble, RecordedTick};
+use super::{Ending, FORMAT, FORMAT_VERSION, Header, Preamble, RecordedTick, consistency};
+use crate::bounded_file::FileKind;
+
+/// What every reader wants.
+const EXPECTED: &str = "a recording written by `catchingbot catch` or by a cell's recorder (*.catch)";
+/// Bytes of an unpacked recording at most.
+const MOST_UNPACKED_BYTES: u64 = 1 << 30;
 
 /// Reads a recording, tick by tick.
 pub struct RecordingReader {
     file: String,
-    input: BufReader<GzDecoder<BufReader<File>>>,
+    input: Input,
+    /// When the last tick was.
+    last_s: Option<f64>,
     /// What was known before the throw.
     pub header: Header,
 }
@@ -37,11 +45,7 @@ impl RecordingReader {
     /// If there is no such file, it is not a recording, or a recording of another version.
     pub fn open(path: &Path) -> Result<Self, InputError> {
         let file = path.display().to_string();
-        let input = || {
-            let opened = File::open(path).map_err(|fault| InputError::new(&file, "the file", fault, EXPECTED))?;
-            Ok(BufReader::new(GzDecoder::new(BufReader::new(opened))))
-        };
-        let Preamble { format, format_version, version } = read(&file, &mut input()?, true)?;
+        let Preamble { format, format_version, version } = read(&file, &mut open(path)?, true)?;
         if format != FORMAT {
             return Err(InputError::new(&file, "format", format, FORMAT));
         }
@@ -49,9 +53,10 @@ impl RecordingReader {
             let found = format!("{format_version}, written by version {version}");
             return Err(InputError::new(&file, "format_version", found, FORMAT_VERSION));
         }
-        let mut input = input()?;
-        let header = read(&file, &mut input, true)?;
-        Ok(Self { file, input, header })
+        let mut input = open(path)?;
+        let header: Header = read(&file, &mut input, true)?;
+        consistency::header(&file, &header)?;
+        Ok(Self { file, input, last_s: None, header })
     }
 
     /// The next part of the recording.
@@ -60,8 +65,13 @@ impl RecordingReader {
     /// If the file ends before its ending or is damaged.
     pub fn next_part(&mut self) -> Result<Part, InputError> {
         let part = read(&self.file, &mut self.input, false)?;
-        if matches!(part, Part::Tick(_)) {
-            return Ok(part);
+        match &part {
+            Part::Tick(tick) => {
+                consistency::tick(&self.file, tick, self.last_s, &self.header.cell.cameras)?;
+                self.last_s = Some(tick.observation.time_s);
+                return Ok(part);
+            }
+            Part::Ending(ending) => consistency::ending(&self.file, ending)?,
         }
         // Reading on to the end checks the checksum, too.
         let rest = io::copy(&mut self.input.by_ref().take(1), &mut io::sink());
@@ -73,8 +83,31 @@ impl RecordingReader {
     }
 }
 
-fn read<T: DeserializeOwned>(file: &str, input: &mut impl Read, first: bool) -> Result<T, InputError> {
-    rmp_serde::decode::from_read(input).map_err(|fault| {
+/// An unpacked recording, as far as it may go.
+type Input = BufReader<Take<GzDecoder<BufReader<File>>>>;
+
+/// Opens a packed recording.
+fn open(path: &Path) -> Result<Input, InputError> {
+    let packed = FileKind::recorded(EXPECTED).open(path)?;
+    Ok(BufReader::new(GzDecoder::new(BufReader::new(packed)).take(MOST_UNPACKED_BYTES)))
+}
+
+/// Reads the next part; of a file that is no recording the `first` one cannot be read.
+fn read<T: DeserializeOwned>(file: &str, input: &mut Input, first: bool) -> Result<T, InputError> {
+    let read = serde_path_to_error::deserialize(&mut rmp_serde::Deserializer::new(&mut *input));
+    read.map_err(|fault: serde_path_to_error::Error<rmp_serde::decode::Error>| {
+        if input.get_ref().limit() == 0 {
+            let expected = format!("a recording of at most {} MiB unpacked", MOST_UNPACKED_BYTES >> 20);
+            return InputError::new(file, "size", "more", expected);
+        }
+        let field = fault.path().to_string();
+        let fault = fault.into_inner();
+        if let (rmp_serde::decode::Error::Syntax(said), true) = (&fault, field.contains(|it: char| it.is_alphabetic()))
+        {
+            let (found, expected) = said.split_once(", expected ").unwrap_or((said, "an undamaged recording"));
+            let found = found.trim_start_matches("invalid value: ").trim_start_matches("found ");
+            return InputError::new(file, field, found, expected);
+        }
         let cut_off = match &fault {
             rmp_serde::decode::Error::InvalidMarkerRead(fault) | rmp_serde::decode::Error::InvalidDataRead(fault) => {
                 fault.kind() == io::ErrorKind::UnexpectedEof

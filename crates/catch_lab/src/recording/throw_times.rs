@@ -8,7 +8,10 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 
-use crate::trial::{Trial, stopwatch::StageTimes};
+use crate::{
+    bounded_file::FileKind,
+    trial::{Trial, stopwatch::StageTimes},
+};
 
 /// Wall times of one throw.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -55,6 +58,6 @@ impl ThrowTimes {
 
     /// Reads the file beside a recording; `None` where there is none or it is none.
     pub fn read(recording: &Path) -> Option<Self> {
-        serde_json::from_str(&fs::read_to_string(Self::path(recording)).ok()?).ok()
+        serde_json::from_str(&FileKind::text("wall times").read_text(&Self::path(recording)).ok()?).ok()
     }
 }

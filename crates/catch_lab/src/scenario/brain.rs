@@ -8,6 +8,7 @@ use std::{
 use catch_bot::{
     CatchingBot, Config, Preparation, Report, control,
     control::CatchPlanner,
+    cycle::{CatchingCycle, CycleConfig},
     grasp_selection, perception,
     perception::PoseEstimator,
     settings::{Faults, SettingError, Settings},
@@ -54,6 +55,8 @@ pub struct BrainSettings {
     pub trajectory_optimization: trajectory_optimization::Config,
     /// Commands and their timing.
     pub control: control::Config,
+    /// How it lives through many throws.
+    pub cycle: CycleConfig,
     /// Whose method it is.
     pub method: Method,
     /// Whose pose estimation, if not that of `method`.
@@ -121,8 +124,8 @@ impl From<Config> for BrainSettings {
 
 impl Settings for BrainSettings {
     fn faults(&self) -> Vec<SettingError> {
-        let paper = Faults::default().table("paper_method", &self.paper_method);
-        self.config().faults().into_iter().chain(paper.all()).collect()
+        let others = Faults::default().table("paper_method", &self.paper_method).table("cycle", &self.cycle);
+        self.config().faults().into_iter().chain(others.all()).collect()
     }
 }
 
@@ -135,6 +138,12 @@ pub trait ObservedBrain: Brain {
     /// how well the flight was predicted.
     fn report(&self) -> Option<&Report> {
         None
+    }
+}
+
+impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> ObservedBrain for CatchingCycle<E, P, C> {
+    fn report(&self) -> Option<&Report> {
+        self.report()
     }
 }
 

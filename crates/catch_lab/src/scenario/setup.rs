@@ -163,12 +163,16 @@ impl Setup {
             // The scenario's pose is one of its own arm.
             (scenario.ready_rad, scenario.place_rad) = (None, None);
         }
+        let of_file = scenario.clone();
         let mut scenario = scenario.with_settings(choice.settings)?;
-        let find = |kind: Kind, asked: Option<&str>, named: &str, field: &str| match asked {
-            Some(name) => {
-                Asset::find(kind, name, &Origin::BuiltIn(PathBuf::new()), (COMMAND_LINE, &format!("--{kind}")))
+        let find = |kind: Kind, asked: Option<&str>, named: &str, field: &str| {
+            let nowhere = Origin::BuiltIn(PathBuf::new());
+            let is_set = !of_file.parts().contains(&(kind, field, named));
+            match asked {
+                Some(name) => Asset::find(kind, name, &nowhere, (COMMAND_LINE, &format!("--{kind}"))),
+                None if is_set => Asset::find(kind, named, &nowhere, (COMMAND_LINE, &format!("--set {field}"))),
+                None => Asset::find(kind, named, origin, (file, field)),
             }
-            None => Asset::find(kind, named, origin, (file, field)),
         };
         let robot = find(Kind::Robot, choice.robot, &scenario.robot, "robot")?;
         let gripper = find(Kind::Gripper, None, &scenario.gripper, "gripper")?;
@@ -186,17 +190,24 @@ impl Setup {
         };
         let names = SourceNames { robot_urdf: &urdf_file, robot_toml: &robot.file, gripper_toml: &gripper.file };
         let (mut arm, hand) = sources.parse(&names)?;
+        let said_by = |is_set: bool| if is_set { COMMAND_LINE } else { file };
         if let Some(values) = &scenario.ready_rad {
+            let file = said_by(scenario.ready_rad != of_file.ready_rad);
             arm.ready_q = arm.checked_pose(file, "ready_rad", values)?;
         }
         if let Some(values) = &scenario.place_rad {
-            arm.checked_pose(file, "place_rad", values)?;
+            arm.checked_pose(said_by(scenario.place_rad != of_file.place_rad), "place_rad", values)?;
         }
         let thrown = object.thrown_object()?;
         check_closing(file, &scenario, &hand, &gripper.file)?;
         let cameras = rig_from_toml(&flight_rig.file, &flight_rig.text)?;
         let scanners = rig_from_toml(&reference_rig.file, &reference_rig.text)?;
         let reference_scan = reference_scan(&thrown.mesh, &scanners);
+        if !reference_scan.frames.iter().flat_map(|it| &it.depth_m).any(|depth| depth.is_finite()) {
+            let found = format!("{} cameras, none of which sees the object", scanners.len());
+            let expected = "cameras that look at the origin, where the object is scanned";
+            return Err(InputError::new(&reference_rig.file, "cameras", found, expected));
+        }
 
         // Names only: results of the same content are the same wherever the files lie.
         if is_other_robot {

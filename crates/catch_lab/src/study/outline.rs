@@ -6,7 +6,10 @@ use catch_body::InputError;
 use serde::{Deserialize, Serialize};
 
 use super::throw_grid::{GridPoint, ThrowGrid};
-use crate::evaluation::{Identity, Row, statistics::CellSummary, trial_table::replace};
+use crate::{
+    bounded_file::FileKind,
+    evaluation::{Identity, Row, statistics::CellSummary, trial_table::replace},
+};
 
 /// A study without its scenarios, as it lies beside the folders of its steps; each of those has a description of its own.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -52,9 +55,7 @@ impl Outline {
     pub fn read(folder: &Path) -> Result<Self, InputError> {
         let path = folder.join(FILE);
         let file = path.display().to_string();
-        let text = fs::read_to_string(&path)
-            .map_err(|fault| InputError::new(&file, "the file", fault, "a folder of results of a study"))?;
-        InputError::parse_toml(&file, &text)
+        InputError::parse_toml(&file, &FileKind::text("a folder of results of a study").read_text(&path)?)
     }
 
     /// Writes it into a folder, where there may be one like it.

@@ -7,6 +7,7 @@ use catch_lab::{
     trial,
 };
 use catch_sim::{Truth, TruthSample};
+use nalgebra::Point3;
 
 fn run(object: &str, throw: &str, seed: u64, index: u64) -> (Truth, Verdict) {
     run_with(&[], object, throw, seed, index)
@@ -49,13 +50,23 @@ fn a_catch_needs_an_arm_at_rest_and_no_floor() {
     assert_eq!(referee::judge(&setup, &trial).reason, Some(Reason::HitFloor));
 }
 
+/// Whether the object lies in the hand at the end and has touched nothing else: seen in the truth, by none of the referee's rules.
+fn is_in_hand_at_the_end(truth: &Truth, grasp_centre_G: &Point3<f64>) -> bool {
+    let end = truth.samples.last().unwrap();
+    let p_GO = end.X_WG.inverse_transform_point(&end.X_WO.translation.vector.into());
+    let touched_else = truth.samples.iter().any(|sample| sample.contact.arm || sample.contact.floor);
+    (p_GO - grasp_centre_G).norm() < 0.1 && !touched_else
+}
+
 #[test]
 fn every_throw_of_every_object_has_an_outcome() {
+    let grasp_centre_G = Setup::load(&Choice::default()).unwrap().gripper.grasp_centre();
     for object in Kind::Object.names() {
         for throw in Kind::Throw.names() {
             let (truth, verdict) = run(object, throw, 3, 1);
             let cell = format!("{object}, {throw}: {verdict:?}");
-            assert_eq!(verdict.caught, verdict.reason.is_none(), "{cell}");
+            assert_eq!(verdict.caught, is_in_hand_at_the_end(&truth, &grasp_centre_G), "{cell}");
+            assert!(verdict.caught || !["near", "far"].contains(&throw), "{cell}");
             assert!(truth.samples.iter().all(is_finite) && truth.diverged_s.is_none(), "{cell}");
             assert_eq!(verdict.limit_violations, 0, "{cell}: {:?}", truth.servo);
             let measures = &verdict.measures;
@@ -63,6 +74,18 @@ fn every_throw_of_every_object_has_an_outcome() {
                 assert!(clearance.is_some_and(|it| it > 0.0), "{cell}");
             }
         }
+    }
+}
+
+/// Fingers that close much too early catch nothing, and the truth shows it.
+#[test]
+fn what_is_missed_is_not_in_the_hand() {
+    let grasp_centre_G = Setup::load(&Choice::default()).unwrap().gripper.grasp_centre();
+    let early = ["brain.control.gripper_latency_s=0.3".to_owned()];
+    for object in Kind::Object.names() {
+        let (truth, verdict) = run_with(&early, object, "near", 3, 1);
+        assert!(!verdict.caught && verdict.reason.is_some(), "{object}: {verdict:?}");
+        assert!(!is_in_hand_at_the_end(&truth, &grasp_centre_G), "{object}: {verdict:?}");
     }
 }
 

@@ -4,7 +4,7 @@ mod all_cells;
 mod blanked;
 mod circles;
 mod frames;
-mod holding;
+mod mutations;
 mod planning;
 mod play;
 mod robot_controller;

@@ -59,7 +59,9 @@ fn after_a_miss_the_arm_is_ready_again() {
 
 #[test]
 fn a_scenario_without_a_place_is_told() {
-    let mut play = play("near_sampled", &[], 1);
+    let mut play = play("near_sampled", &["brain.cycle.hold_s=1.5"], 1);
+    let fault = play.run(&mut |_| ()).unwrap_err().to_string();
+    assert!(fault.contains("brain.cycle.hold_s: found 1.5, expected more than 1.5"), "{fault}");
     play.setups[0].scenario.place_rad = None;
     let fault = play.run(&mut |_| ()).unwrap_err().to_string();
     assert!(fault.contains("place_rad: found nothing"), "{fault}");

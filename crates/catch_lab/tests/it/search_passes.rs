@@ -1,4 +1,4 @@
-//! A search in bounded passes: what it costs, and what it misses.
+//! A search in bounded passes: what it misses.
 
 #![allow(clippy::print_stdout, reason = "figures for the docs, shown by --nocapture")]
 
@@ -8,20 +8,9 @@ use rand_pcg::Pcg64;
 
 use crate::planning::{Desk, OBJECTS, random_flight};
 
-/// CPU time of this thread in milliseconds, which other programs do not disturb; zero where it cannot be told.
-fn cpu_ms() -> f64 {
-    #[cfg(unix)]
-    let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
-    #[cfg(unix)]
-    return time.tv_sec as f64 * 1e3 + time.tv_nsec as f64 * 1e-6;
-    #[cfg(not(unix))]
-    0.0
-}
-
 /// Throws that a search on a grid five times finer catches and the passes of a search, one after the other, do not.
 fn lost(throws: usize) -> (usize, usize, Vec<(usize, PlanningFailure)>) {
     let (mut caught, mut caught_finer, mut lost) = (0, 0, Vec::new());
-    let mut times = [Vec::new(), Vec::new()];
     for (o, object) in OBJECTS.iter().enumerate() {
         let desk = Desk::new(object, |_| {});
         let finer = Desk::new(object, |config| config.time_step_s /= 5.0);
@@ -30,9 +19,7 @@ fn lost(throws: usize) -> (usize, usize, Vec<(usize, PlanningFailure)>) {
             let flight = random_flight(&mut rng);
             let (mut pass, mut found) = (0, None);
             while pass < PASSES && !matches!(found, Some(Ok(_))) {
-                let (before, is_later) = (cpu_ms(), pass > 0);
                 found = Some(desk.search_in_passes(&mut pass, &desk.waiting(), &flight));
-                times[usize::from(is_later)].push(cpu_ms() - before);
             }
             let found_finer = finer.search(&finer.waiting(), &flight);
             caught += usize::from(matches!(found, Some(Ok(_))));
@@ -41,17 +28,6 @@ fn lost(throws: usize) -> (usize, usize, Vec<(usize, PlanningFailure)>) {
                 lost.push((i, refusal));
             }
         }
-    }
-    for (which, mut times) in ["first", "later"].into_iter().zip(times) {
-        times.sort_by(f64::total_cmp);
-        let fraction = |fraction: f64| {
-            times.get(((times.len().max(1) - 1) as f64 * fraction) as usize).copied().unwrap_or_default()
-        };
-        let [half, most, nearly, max] = [0.5, 0.9, 0.99, 1.0].map(fraction);
-        let count = times.len();
-        println!(
-            "{count} {which} passes: median {half:.2} ms, 90 % {most:.2} ms, 99 % {nearly:.2} ms, max {max:.2} ms of CPU time"
-        );
     }
     (caught, caught_finer, lost)
 }

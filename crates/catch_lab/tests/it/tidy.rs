@@ -19,6 +19,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("catch_sim", &["catch_body", "catch_cell"]),
     ("catch_lab", &["catch_body", "catch_cell", "catch_bot", "catch_paper", "catch_sim"]),
     ("catch_cli", &["catch_body", "catch_cell", "catch_bot", "catch_paper", "catch_sim", "catch_lab"]),
+    ("catch_experiments", &["catch_body", "catch_cell", "catch_bot", "catch_paper", "catch_sim", "catch_lab"]),
 ];
 
 /// Modules of the brain in the order in which data flows; a module may use only those above it, and nothing of the crate's root.

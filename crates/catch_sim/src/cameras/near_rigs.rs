@@ -1,7 +1,5 @@
 //! What the rigs of near cameras see of flights, with the arm in its waiting pose between them.
 
-#![allow(clippy::print_stdout, reason = "tests tell what they measured")]
-
 use catch_body::{Pose, dynamics};
 use catch_cell::rig_from_toml;
 
@@ -80,29 +78,6 @@ fn near_cameras_see_the_papers_throws_all_the_way() {
                 );
                 assert!(flight.pixels.iter().all(|pixels| *pixels >= 100), "{rig} {throw}: {flight:?}");
             }
-        }
-    }
-}
-
-#[test]
-#[ignore = "measures"]
-fn measured_sight_of_near_rigs() {
-    for rig in RIGS {
-        for (throw, throws) in [("near", 1), ("far", 1), ("near_sampled", 100), ("far_sampled", 100), ("random", 300)] {
-            let flights = seen(rig, throw, throws);
-            let percent = |of: &dyn Fn(&Flight) -> f64| {
-                let fractions = || flights.iter().map(of);
-                let mean = fractions().sum::<f64>() / flights.len() as f64;
-                format!("{:3.0} % (at least {:.0} %)", 100.0 * mean, 100.0 * fractions().fold(1.0, f64::min))
-            };
-            println!(
-                "{rig} {throw}: one camera {}, two {}; in the last 0.2 s {} and {}; at most {} pixels",
-                percent(&|flight| flight.fraction(1)),
-                percent(&|flight| flight.fraction(2)),
-                percent(&|flight| flight.last(20).fraction(1)),
-                percent(&|flight| flight.last(20).fraction(2)),
-                flights.iter().flat_map(|flight| &flight.pixels).max().unwrap(),
-            );
         }
     }
 }

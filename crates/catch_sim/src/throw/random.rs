@@ -1,6 +1,6 @@
 //! Throws from anywhere in front of a robot that all pass within its reach, on one side.
 
-use catch_body::{InputError, dynamics};
+use catch_body::{InputError, dynamics, quantity};
 use nalgebra::{Point3, Vector3};
 use serde::Deserialize;
 
@@ -13,18 +13,24 @@ use crate::{conditions::Conditions, random_streams::Draws};
 #[serde(deny_unknown_fields)]
 pub(super) struct RandomMotion {
     /// Where the thrower stands, seen from the base: counterclockwise from x.
+    #[serde(deserialize_with = "quantity::angle_deg")]
     azimuth_deg: [f64; 2],
     /// How far from the base's axis the object is released.
+    #[serde(deserialize_with = "quantity::distance_m")]
     distance_m: [f64; 2],
     /// How high.
+    #[serde(deserialize_with = "quantity::place_m")]
     height_m: [f64; 2],
     /// On which side the flight passes.
     side: Side,
     /// Its smallest distance from the axis.
+    #[serde(deserialize_with = "quantity::distance_m")]
     passage_distance_m: [f64; 2],
     /// Its height there.
+    #[serde(deserialize_with = "quantity::place_m")]
     passage_height_m: [f64; 2],
     /// When it is there, after the release.
+    #[serde(deserialize_with = "quantity::flight_s")]
     passage_s: [f64; 2],
 }
 
@@ -48,11 +54,14 @@ impl RandomMotion {
         ] {
             check_range(file, field, range)?;
         }
-        InputError::positive(file, "motion.passage_s", self.passage_s[0])?;
-        InputError::positive(file, "motion.passage_distance_m", self.passage_distance_m[0])?;
         if self.distance_m[0] <= self.passage_distance_m[1] {
             let expected = "a release that is farther away than the passage";
             return Err(InputError::new(file, "motion.distance_m", format!("{:?}", self.distance_m), expected));
+        }
+        let [fastest_mps, most_mps] = [self.distance_m[1] / self.passage_s[0], quantity::VELOCITY_MPS.most];
+        if fastest_mps > most_mps {
+            let expected = format!("a time in which the farthest release needs at most {most_mps} m/s");
+            return Err(InputError::new(file, "motion.passage_s", format!("{:?}", self.passage_s), expected));
         }
         Ok(())
     }
@@ -82,13 +91,20 @@ impl RandomMotion {
     }
 }
 
+/// No throw is faster.
+const MOST_SPEED_MPS: f64 = 200.0;
+
 /// The velocity with which a flight that begins at `p_WO` is at `target_W` after `time_s`: that of a parabola, corrected by what
-/// the flight with drag misses the target by until it does not.
+/// the flight with drag misses the target by until it does not. A target that no throw reaches through the air leaves the parabola.
 fn aimed(p_WO: Point3<f64>, target_W: Point3<f64>, time_s: f64, conditions: &Conditions) -> Vector3<f64> {
-    let mut v_WO = (target_W - p_WO) / time_s - dynamics::gravity() * (time_s / 2.0);
+    let parabola = (target_W - p_WO) / time_s - dynamics::gravity() * (time_s / 2.0);
+    let mut v_WO = parabola;
     for _ in 0..20 {
         let miss = target_W - flown(p_WO, v_WO, time_s, conditions);
         v_WO += miss / time_s;
+        if !(v_WO.norm() <= MOST_SPEED_MPS) {
+            return parabola;
+        }
         if miss.norm() < 1e-9 {
             break;
         }

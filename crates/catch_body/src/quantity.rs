@@ -1,0 +1,409 @@
+//! Checked quantities: the ranges that numbers in files may have, by what they measure.
+//!
+//! A field of a file names its quantity, whatever its shape (a number, an optional one, a list, a vector of fixed length):
+//!
+//! ```
+//! use catch_body::{InputError, quantity};
+//!
+//! #[derive(Debug, serde::Deserialize)]
+//! struct Ball {
+//!     #[serde(deserialize_with = "quantity::thrown_mass_kg")]
+//!     mass_kg: f64,
+//!     #[serde(deserialize_with = "quantity::place_m")]
+//!     position_m: [f64; 3],
+//! }
+//! let fault = InputError::parse_toml::<Ball>("ball.toml", "mass_kg = 58\nposition_m = [0, 0, 1]").unwrap_err();
+//! assert_eq!(fault.to_string(), "ball.toml: mass_kg: found 58, expected 0.001 to 5 kg");
+//! ```
+//!
+//! No range contains infinity or NaN. The ranges are wide: outside of them a file is in other units, or nonsense.
+
+use std::{
+    fmt::{self, Display},
+    marker::PhantomData,
+};
+
+use nalgebra::SVector;
+use serde::{
+    Deserialize, Deserializer,
+    de::{DeserializeSeed, Error, Expected, SeqAccess, Unexpected, Visitor},
+};
+
+use crate::pose::Pose;
+
+/// A closed range of numbers with their unit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Quantity {
+    /// The least.
+    pub least: f64,
+    /// The most.
+    pub most: f64,
+    /// The unit's symbol; empty for plain numbers.
+    pub unit: &'static str,
+}
+
+impl Quantity {
+    /// Whether `value` is within the range.
+    pub fn contains(&self, value: f64) -> bool {
+        (self.least..=self.most).contains(&value)
+    }
+
+    /// `value` if it is within the range.
+    ///
+    /// # Errors
+    /// If it is not; `file` and `field` name the place.
+    pub fn check(&self, file: &str, field: impl Display, value: f64) -> Result<f64, crate::InputError> {
+        if self.contains(value) { Ok(value) } else { Err(crate::InputError::new(file, field, value, self)) }
+    }
+}
+
+impl Display for Quantity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { least, most, unit } = self;
+        let space = if unit.is_empty() { "" } else { " " };
+        write!(f, "{least} to {most}{space}{unit}")
+    }
+}
+
+impl Expected for Quantity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        Display::fmt(self, f)
+    }
+}
+
+/// Numbers in any shape that can be read and checked against a range.
+pub trait Numbers<'de>: Sized {
+    /// Reads the numbers.
+    ///
+    /// # Errors
+    /// One that is out of range, of another kind, or a list of another length.
+    fn within<D: Deserializer<'de>>(range: Quantity, from: D) -> Result<Self, D::Error>;
+}
+
+impl<'de> Numbers<'de> for f64 {
+    fn within<D: Deserializer<'de>>(range: Quantity, from: D) -> Result<Self, D::Error> {
+        let value = Self::deserialize(from)?;
+        if range.contains(value) { Ok(value) } else { Err(D::Error::invalid_value(Unexpected::Float(value), &range)) }
+    }
+}
+
+macro_rules! whole_numbers {
+    ($($whole:ty),*) => {$(
+        impl<'de> Numbers<'de> for $whole {
+            fn within<D: Deserializer<'de>>(range: Quantity, from: D) -> Result<Self, D::Error> {
+                let value = Self::deserialize(from)?;
+                let unexpected = || D::Error::invalid_value(Unexpected::Unsigned(u64::try_from(value).unwrap_or(u64::MAX)), &range);
+                if range.contains(value as f64) { Ok(value) } else { Err(unexpected()) }
+            }
+        }
+    )*};
+}
+
+whole_numbers!(u32, usize);
+
+impl<'de, T: Numbers<'de>> Numbers<'de> for Option<T> {
+    fn within<D: Deserializer<'de>>(range: Quantity, from: D) -> Result<Self, D::Error> {
+        struct Optional<T>(Quantity, PhantomData<T>);
+        impl<'de, T: Numbers<'de>> Visitor<'de> for Optional<T> {
+            type Value = Option<T>;
+
+            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                Display::fmt(&self.0, f)
+            }
+
+            fn visit_none<E: Error>(self) -> Result<Self::Value, E> {
+                Ok(None)
+            }
+
+            fn visit_unit<E: Error>(self) -> Result<Self::Value, E> {
+                Ok(None)
+            }
+
+            fn visit_some<D: Deserializer<'de>>(self, from: D) -> Result<Self::Value, D::Error> {
+                T::within(self.0, from).map(Some)
+            }
+        }
+        from.deserialize_option(Optional(range, PhantomData))
+    }
+}
+
+impl<'de, T: Numbers<'de>> Numbers<'de> for Vec<T> {
+    fn within<D: Deserializer<'de>>(range: Quantity, from: D) -> Result<Self, D::Error> {
+        from.deserialize_seq(List { range, length: None, of: PhantomData })
+    }
+}
+
+impl<'de, T: Numbers<'de>, const N: usize> Numbers<'de> for [T; N] {
+    fn within<D: Deserializer<'de>>(range: Quantity, from: D) -> Result<Self, D::Error> {
+        let list = from.deserialize_tuple(N, List { range, length: Some(N), of: PhantomData })?;
+        // The list has this length, or its reader has complained.
+        list.try_into().map_err(|_| D::Error::custom(format_args!("a list of {N}")))
+    }
+}
+
+impl<'de, const N: usize> Numbers<'de> for SVector<f64, N> {
+    fn within<D: Deserializer<'de>>(range: Quantity, from: D) -> Result<Self, D::Error> {
+        <[f64; N]>::within(range, from).map(Self::from)
+    }
+}
+
+impl<'de> Numbers<'de> for Pose {
+    /// The range is that of the coordinates; the rotation is a unit quaternion.
+    fn within<D: Deserializer<'de>>(range: Quantity, from: D) -> Result<Self, D::Error> {
+        let pose = Self::deserialize(from)?;
+        if let Some(value) = pose.translation.vector.iter().find(|value| !range.contains(**value)) {
+            return Err(D::Error::invalid_value(Unexpected::Float(*value), &range));
+        }
+        let length = pose.rotation.quaternion().norm();
+        if (length - 1.0).abs() <= 1e-6 {
+            return Ok(pose);
+        }
+        Err(D::Error::invalid_value(Unexpected::Float(length), &"a quaternion of length 1"))
+    }
+}
+
+/// Reads a list, of exactly `length` elements where that is set.
+struct List<T> {
+    range: Quantity,
+    length: Option<usize>,
+    of: PhantomData<T>,
+}
+
+impl<'de, T: Numbers<'de>> Visitor<'de> for List<T> {
+    type Value = Vec<T>;
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let length = self.length.map_or(String::new(), |length| format!(" of {length}"));
+        write!(f, "a list{length}, each {}", self.range)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut elements: A) -> Result<Self::Value, A::Error> {
+        let mut list = Vec::new();
+        // What is left of a list that is too long is the reader's to complain of.
+        while self.length != Some(list.len())
+            && let Some(element) = elements.next_element_seed(Element(self.range, PhantomData::<T>))?
+        {
+            list.push(element);
+        }
+        match self.length {
+            Some(length) if length != list.len() => Err(A::Error::invalid_length(list.len(), &self)),
+            _ => Ok(list),
+        }
+    }
+}
+
+/// Reads one element of a list.
+struct Element<T>(Quantity, PhantomData<T>);
+
+impl<'de, T: Numbers<'de>> DeserializeSeed<'de> for Element<T> {
+    type Value = T;
+
+    fn deserialize<D: Deserializer<'de>>(self, from: D) -> Result<T, D::Error> {
+        T::within(self.0, from)
+    }
+}
+
+macro_rules! quantities {
+    ($($(#[$doc:meta])* $name:ident $constant:ident = $least:literal to $most:literal $unit:literal;)*) => {$(
+        $(#[$doc])*
+        pub const $constant: Quantity = Quantity { least: $least, most: $most, unit: $unit };
+
+        $(#[$doc])*
+        ///
+        /// # Errors
+        /// A value out of this range, or of another kind.
+        pub fn $name<'de, D: Deserializer<'de>, T: Numbers<'de>>(from: D) -> Result<T, D::Error> {
+            T::within($constant, from)
+        }
+    )*};
+}
+
+quantities! {
+    /// Coordinates of a place in or around a cell.
+    place_m PLACE_M = -50.0 to 50.0 "m";
+    /// Coordinates of a place on a body, such as a link or a gripper.
+    offset_m OFFSET_M = -2.0 to 2.0 "m";
+    /// Extents of a part.
+    size_m SIZE_M = 0.001 to 2.0 "m";
+    /// Radii of the parts of an arm.
+    radius_m RADIUS_M = 0.001 to 0.5 "m";
+    /// Distances within a cell.
+    distance_m DISTANCE_M = 0.001 to 50.0 "m";
+    /// Lengths and coordinates of a thrown object's shape.
+    shape_m SHAPE_M = -1.0 to 1.0 "m";
+    /// Diameters of a thrown object and radii of its bends, in whatever unit somebody took for metres.
+    shape_size_m SHAPE_SIZE_M = 0.0001 to 1000.0 "m";
+    /// Radii of a thrown object.
+    shape_radius_m SHAPE_RADIUS_M = 0.0001 to 0.5 "m";
+    /// Errors of a position.
+    error_m ERROR_M = 0.0 to 1.0 "m";
+    /// Angles, a turn at most.
+    angle_rad ANGLE_RAD = -7.0 to 7.0 "rad";
+    /// Angles, a turn at most.
+    angle_deg ANGLE_DEG = -360.0 to 360.0 "degrees";
+    /// Angles above the horizontal.
+    elevation_deg ELEVATION_DEG = -90.0 to 90.0 "degrees";
+    /// Angles of an arc.
+    arc_deg ARC_DEG = 0.1 to 360.0 "degrees";
+    /// Errors of an angle.
+    error_rad ERROR_RAD = 0.0 to 1.0 "rad";
+    /// Errors of an angle.
+    error_deg ERROR_DEG = 0.0 to 60.0 "degrees";
+    /// Shears of a velocity.
+    shear SHEAR = -10.0 to 10.0 "";
+    /// Parts of a unit quaternion.
+    quaternion QUATERNION = -1.001 to 1.001 "";
+    /// Coordinates of a direction.
+    coordinate COORDINATE = -1000.0 to 1000.0 "";
+    /// Masses of parts of a robot.
+    part_mass_kg PART_MASS_KG = 0.000001 to 1000.0 "kg";
+    /// Masses of what is thrown.
+    thrown_mass_kg THROWN_MASS_KG = 0.001 to 5.0 "kg";
+    /// Masses that may be left out of account.
+    added_mass_kg ADDED_MASS_KG = 0.0 to 1000.0 "kg";
+    /// Times on the clock of a cell.
+    clock_s CLOCK_S = -1e11 to 1e11 "s";
+    /// Poses in or around a cell.
+    pose POSE = -50.0 to 50.0 "m";
+    /// Positions of joints as they are sensed and commanded.
+    joint_rad JOINT_RAD = -1000.0 to 1000.0 "rad";
+    /// Velocities of joints as they are sensed and commanded.
+    joint_radps JOINT_RADPS = -1e5 to 1e5 "rad/s";
+    /// Accelerations of joints as they are commanded.
+    joint_radps2 JOINT_RADPS2 = -1e8 to 1e8 "rad/s²";
+    /// Positions of fingers as they are sensed and commanded.
+    drive_m DRIVE_M = -10.0 to 10.0 "m";
+    /// Velocities of fingers as they are sensed and commanded.
+    drive_mps DRIVE_MPS = -1000.0 to 1000.0 "m/s";
+    /// Forces of fingers as they are sensed and commanded.
+    drive_n DRIVE_N = -1e6 to 1e6 "N";
+    /// Values of a simulated state, which may have diverged.
+    true_value TRUE_VALUE = -1e12 to 1e12 "";
+    /// Poses of a simulated state, which may have diverged.
+    true_pose TRUE_POSE = -1e12 to 1e12 "m";
+    /// Columns and rows of images.
+    pixel PIXEL = 0.0 to 8192.0 "pixels";
+    /// Moments and products of inertia.
+    inertia_kgm2 INERTIA_KGM2 = -1000.0 to 1000.0 "kg·m²";
+    /// Inertias of rotors, reflected to the joint.
+    rotor_inertia_kgm2 ROTOR_INERTIA_KGM2 = 0.0 to 1000.0 "kg·m²";
+    /// Forces of a gripper.
+    force_n FORCE_N = 0.01 to 100000.0 "N";
+    /// Stiffnesses of surfaces.
+    stiffness_npm STIFFNESS_NPM = 1.0 to 1000000000.0 "N/m";
+    /// Torques of joints.
+    torque_nm TORQUE_NM = 0.001 to 100000.0 "N·m";
+    /// Viscous damping of joints.
+    damping_nmsprad DAMPING_NMSPRAD = 0.0 to 10000.0 "N·m·s/rad";
+    /// Speeds of drives.
+    drive_speed_mps DRIVE_SPEED_MPS = 0.001 to 100.0 "m/s";
+    /// Accelerations of drives.
+    drive_acceleration_mps2 DRIVE_ACCELERATION_MPS2 = 0.001 to 10000000.0 "m/s²";
+    /// Velocities of what flies.
+    velocity_mps VELOCITY_MPS = -50.0 to 50.0 "m/s";
+    /// Velocities of the air.
+    wind_mps WIND_MPS = -60.0 to 60.0 "m/s";
+    /// Angular velocities of what flies.
+    spin_radps SPIN_RADPS = -200.0 to 200.0 "rad/s";
+    /// Magnitudes of the same.
+    speed_radps SPEED_RADPS = 0.0 to 200.0 "rad/s";
+    /// Errors of an angular velocity.
+    error_radps ERROR_RADPS = 0.0 to 10.0 "rad/s";
+    /// Velocities of joints.
+    joint_velocity_radps JOINT_VELOCITY_RADPS = 0.001 to 1000.0 "rad/s";
+    /// Accelerations of joints.
+    joint_acceleration_radps2 JOINT_ACCELERATION_RADPS2 = 0.001 to 1000000.0 "rad/s²";
+    /// Jerks of joints.
+    joint_jerk_radps3 JOINT_JERK_RADPS3 = 0.001 to 1000000000.0 "rad/s³";
+    /// Drag constants k of a = −k·|v|·v.
+    drag_per_m DRAG_PER_M = 0.0 to 10.0 "1/m";
+    /// Fractions.
+    fraction FRACTION = 0.0 to 1.0 "";
+    /// Fractions by which something is drawn around its mean, below one.
+    spread SPREAD = 0.0 to 0.99 "";
+    /// Factors.
+    factor FACTOR = 0.0 to 1000.0 "";
+    /// Metres per unit of a file.
+    scale SCALE = 0.000001 to 1000.0 "m per unit";
+    /// Factors on limits.
+    limit_factor LIMIT_FACTOR = 0.001 to 1000000.0 "";
+    /// Friction coefficients.
+    friction FRICTION = 0.0 to 100.0 "";
+    /// Rates of cameras and drives.
+    rate_hz RATE_HZ = 1.0 to 10000.0 "Hz";
+    /// Times that something takes within a flight.
+    latency_s LATENCY_S = 0.0 to 0.5 "s, a time within a flight";
+    /// The same in milliseconds.
+    latency_ms LATENCY_MS = 0.0 to 500.0 "ms, a time within a flight";
+    /// Times by which a robot controller may be off.
+    controller_time_s CONTROLLER_TIME_S = 0.0 to 0.05 "s";
+    /// Times of flight.
+    flight_s FLIGHT_S = 0.1 to 10.0 "s";
+    /// Steps of a simulation.
+    step_s STEP_S = 0.00001 to 0.002 "s, beyond which contacts are wrong";
+    /// Counts of the steps of a solver.
+    solver_steps SOLVER_STEPS = 1.0 to 100.0 "";
+    /// Widths and heights of images.
+    image_px IMAGE_PX = 1.0 to 8192.0 "pixels";
+    /// Focal lengths.
+    focal_px FOCAL_PX = 1.0 to 1000000.0 "pixels";
+    /// Image coordinates, in an image or beside it.
+    image_coordinate_px IMAGE_COORDINATE_PX = -100000.0 to 100000.0 "pixels";
+    /// Errors in an image.
+    error_px ERROR_PX = 0.0 to 100.0 "pixels";
+    /// Widths of what lies along an edge in an image.
+    edge_px EDGE_PX = 0.0 to 8.0 "pixels";
+    /// Angles between a ray and a surface's normal.
+    incidence_rad INCIDENCE_RAD = 0.0 to 1.6 "rad";
+    /// Fields of view.
+    field_of_view_deg FIELD_OF_VIEW_DEG = 0.1 to 175.0 "degrees";
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::InputError;
+
+    #[derive(Debug, PartialEq, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct File {
+        #[serde(deserialize_with = "size_m")]
+        size_m: [f64; 3],
+        #[serde(default, deserialize_with = "fraction")]
+        ratio: Option<f64>,
+        #[serde(default, deserialize_with = "shape_m")]
+        profile_m: Vec<[f64; 2]>,
+        #[serde(default = "one", deserialize_with = "image_px")]
+        width_px: u32,
+    }
+
+    fn one() -> u32 {
+        1
+    }
+
+    #[test]
+    fn any_shape_of_numbers_is_checked() {
+        let read = |text: &str| InputError::parse_toml::<File>("f.toml", text);
+        let right = read("size_m = [1, 0.5, 2.0]\nprofile_m = [[0.0, 0.1]]\nratio = 1").unwrap();
+        assert_eq!(right, File { size_m: [1.0, 0.5, 2.0], ratio: Some(1.0), profile_m: vec![[0.0, 0.1]], width_px: 1 });
+        for (text, said) in [
+            ("size_m = [1, 1, 1, 7]", "size_m: found [1, 1, 1, 7], expected a list of 3"),
+            ("size_m = [1, 1]", "size_m: found [1, 1], expected a list of 3"),
+            ("size_m = [1, 1e300, 1]", "size_m[1]: found 1e300, expected 0.001 to 2 m"),
+            ("size_m = [1, nan, 1]", "size_m[1]: found nan, expected a finite number"),
+            ("size_m = 3", "size_m: found 3, expected a list of 3, each 0.001 to 2 m"),
+            ("size_m = [1, \"2\", 1]", "size_m[1]: found \"2\", expected a number"),
+            ("size_m = [1, 1, 1]\nratio = -1", "ratio: found -1, expected 0 to 1"),
+            (
+                "size_m = [1, 1, 1]\nprofile_m = [[0, 1], [0, 1, 2]]",
+                "profile_m[1]: found [0, 1, 2], expected a list of 2",
+            ),
+            ("size_m = [1, 1, 1]\nprofile_m = [[0, 5]]", "profile_m[0][1]: found 5, expected -1 to 1 m"),
+            ("size_m = [1, 1, 1]\nwidth_px = 9000", "width_px: found 9000, expected 1 to 8192 pixels"),
+            ("size_m = [1, 1, 1]\nwidth_px = -1", "width_px: found -1, expected a whole number"),
+        ] {
+            let fault = read(text).unwrap_err().to_string();
+            assert!(fault.starts_with(&format!("f.toml: {said}")), "{fault}");
+        }
+    }
+}

@@ -1,0 +1,237 @@
+//! `catchingbot learn`: what recorded throws teach about an object's flights.
+
+use std::{
+    fmt::Write,
+    fs,
+    path::{Path, PathBuf},
+};
+
+use anyhow::Context;
+use catch_body::InputError;
+use catch_bot::trajectory_prediction::{TrackSample, aerodynamics::FlightPrior};
+use catch_lab::{
+    VERSION,
+    assets::COMMAND_LINE,
+    own_data::{
+        flight_learning::{self, broad},
+        flight_misses::{Misses, QUANTILES, Reliability, Seen, Throw},
+        track_file,
+    },
+};
+use clap::Args;
+use serde::Serialize;
+
+use super::predict::Up;
+use crate::screen;
+
+/// Arguments of `learn`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Each folder holds the throws of one object, a CSV file each, as for `predict`. With more than one
+folder a prior for any object is learned, and tested on each object with one learned from the others.
+Tables say how far predicted ends were off and how many lay in the ellipsoids that were claimed, for
+throws that were not learned from.
+
+Examples:
+  catchingbot learn --tracks throws/gourd --up y --out gourd.toml
+  catchingbot predict --track new.csv --up y --object gourd.toml")]
+pub struct LearnArguments {
+    /// Folder of recorded throws of one object; may be repeated
+    #[arg(long, value_name = "DIR", required = true)]
+    tracks: Vec<PathBuf>,
+    /// Axis of the tracks that points up
+    #[arg(long, value_enum, default_value_t = Up::Z)]
+    up: Up,
+    /// File for what was learned
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Where the recordings come from, for the file and the report
+    #[arg(long, value_name = "TEXT", default_value = "own recordings")]
+    source: String,
+    /// Parts for the cross-validation
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(2..=100))]
+    folds: u64,
+    /// Also write the tables to a Markdown file
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Print one JSON document
+    #[arg(long)]
+    json: bool,
+}
+
+/// Throws that are needed for learning.
+const LEAST_THROWS: usize = 5;
+
+/// A line of a table.
+#[derive(Debug, Serialize)]
+struct Row {
+    object: String,
+    seen: String,
+    throws: usize,
+    failed: usize,
+    median_m: f64,
+    p95_m: f64,
+    /// Fractions of the ends in the ellipsoids that claim 50, 80, 95 and 99 %.
+    covered: [f64; 4],
+}
+
+#[derive(Debug, Serialize)]
+struct Document {
+    version: &'static str,
+    throws: usize,
+    /// Each throw predicted by others of its object.
+    cross_validated: Vec<Row>,
+    /// Each object predicted by the others.
+    other_objects: Vec<Row>,
+}
+
+/// Learns a prior, tests it, and writes it.
+///
+/// # Errors
+/// Faults of the arguments and of the tracks' files, or throws from which nothing could be learned.
+pub fn run(arguments: &LearnArguments) -> anyhow::Result<()> {
+    let objects = arguments.tracks.iter().map(|folder| read(folder, arguments.up)).collect::<Result<Vec<_>, _>>()?;
+    let folds = usize::try_from(arguments.folds)?;
+    let nothing = |folder: &Path| {
+        let expected = "throws that fall as gravity has it: is --up right, are they metres and seconds?";
+        InputError::new(folder.display().to_string(), "tracks", "no flight in any of them", expected)
+    };
+    let total = objects.len() * (folds + 1);
+    let progress = screen::progress_bar(total, "parts");
+    let (mut priors, mut tables) = (Vec::new(), Vec::new());
+    for (throws, folder) in objects.iter().zip(&arguments.tracks) {
+        let misses =
+            flight_learning::cross_validated(throws, folds, || progress.inc(1)).ok_or_else(|| nothing(folder))?;
+        tables.push((name(folder), misses));
+        let all: Vec<&Throw> = throws.iter().collect();
+        priors.push(flight_learning::learn(&all, &broad()).ok_or_else(|| nothing(folder))?);
+        progress.inc(1);
+    }
+    progress.finish_and_clear();
+    let mut others = Vec::new();
+    for (i, (throws, folder)) in objects.iter().zip(&arguments.tracks).enumerate().filter(|_| objects.len() > 1) {
+        let rest: Vec<FlightPrior> =
+            priors.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, it)| it.clone()).collect();
+        others.extend(flight_learning::left_out(throws, &rest).map(|misses| (name(folder), misses)));
+    }
+    let prior = if priors.len() > 1 { flight_learning::generic(&priors) } else { priors.pop() };
+    let prior = prior.with_context(|| "no folder of throws")?;
+    let throws = objects.iter().map(Vec::len).sum();
+    let prior = FlightPrior { source: format!("{}; {throws} throws", arguments.source), ..prior };
+    fs::write(&arguments.out, flight_learning::text(&prior)?)
+        .map_err(|fault| InputError::new(COMMAND_LINE, "--out", fault, "a file that can be written"))?;
+    let document = Document { version: VERSION, throws, cross_validated: rows(tables), other_objects: rows(others) };
+    if let Some(path) = &arguments.report {
+        fs::write(path, report(&document, arguments))
+            .map_err(|fault| InputError::new(COMMAND_LINE, "--report", fault, "a file that can be written"))?;
+    }
+    if arguments.json {
+        return screen::json(&document);
+    }
+    screen::fact("throws", &throws.to_string())?;
+    for (title, rows) in [(OWN, &document.cross_validated), (OTHERS, &document.other_objects)] {
+        if !rows.is_empty() {
+            screen::line("")?;
+            screen::line(title)?;
+            screen::text(&table(rows))?;
+        }
+    }
+    screen::fact("written", &arguments.out.display().to_string())?;
+    Ok(())
+}
+
+const OWN: &str = "Learned from other throws of the object (cross-validated)";
+const OTHERS: &str = "Learned from the other objects";
+
+/// Last part of a folder's path.
+fn name(folder: &Path) -> String {
+    folder.file_name().unwrap_or(folder.as_os_str()).to_string_lossy().into_owned()
+}
+
+/// Throws in a folder, in the order of their names.
+fn read(folder: &Path, up: Up) -> Result<Vec<Throw>, InputError> {
+    let shown = folder.display().to_string();
+    let entries = fs::read_dir(folder)
+        .map_err(|fault| InputError::new(&shown, "the folder", fault, "a folder of CSV files, a throw each"))?;
+    let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+    paths.retain(|path| path.extension().is_some_and(|it| it.eq_ignore_ascii_case("csv")));
+    paths.sort();
+    if paths.len() < LEAST_THROWS {
+        let expected = format!("{LEAST_THROWS} or more, a throw each");
+        return Err(InputError::new(shown, "CSV files", paths.len(), expected));
+    }
+    let throw = |path: &PathBuf| {
+        let (track, _) = track_file::read(path)?;
+        let sample = |it: &track_file::Sighting| TrackSample {
+            time_s: it.time_s,
+            position: it.p,
+            orientation: it.rotation,
+            position_sd_m: 0.0,
+            orientation_sd_rad: 0.0,
+        };
+        Ok(Throw { samples: track.iter().map(sample).collect(), up: up.direction() })
+    };
+    paths.iter().map(throw).collect()
+}
+
+/// Rows for each object by how much was seen, and for all together.
+fn rows(tables: Vec<(String, Misses)>) -> Vec<Row> {
+    let mut rows = Vec::new();
+    let pooled = (tables.len() > 1).then(|| {
+        let mut pooled = Misses::default();
+        for (_, misses) in &tables {
+            for (all, of) in pooled.iter_mut().zip(misses) {
+                all.extend_from_slice(of);
+            }
+        }
+        ("all".to_owned(), pooled)
+    });
+    for (object, misses) in tables.into_iter().chain(pooled) {
+        for (seen, misses) in Seen::ALL.into_iter().zip(&misses) {
+            let Reliability { throws, failed, median_m, p95_m, covered } = Reliability::of(misses);
+            let seen = match seen {
+                Seen::Half => "half".to_owned(),
+                Seen::AllBut(left_s) => format!("{left_s} s to go"),
+            };
+            rows.push(Row { object: object.clone(), seen, throws, failed, median_m, p95_m, covered });
+        }
+    }
+    rows
+}
+
+/// The rows as a Markdown table.
+fn table(rows: &[Row]) -> String {
+    let mut text = String::from("| object | seen | throws | failed | median cm | p95 cm |");
+    for (claimed, _) in QUANTILES {
+        let _ = write!(text, " in {:.0} % |", claimed * 100.0);
+    }
+    text.push_str("\n|---|---|---|---|---|---|---|---|---|---|\n");
+    for row in rows {
+        let Row { object, seen, throws, failed, median_m, p95_m, covered } = row;
+        let (median_cm, p95_cm) = (median_m * 100.0, p95_m * 100.0);
+        let _ = write!(text, "| {object} | {seen} | {throws} | {failed} | {median_cm:.2} | {p95_cm:.1} |");
+        for fraction in covered {
+            let _ = write!(text, " {:.1} % |", fraction * 100.0);
+        }
+        text.push('\n');
+    }
+    text
+}
+
+/// The tables with what they are from.
+fn report(document: &Document, arguments: &LearnArguments) -> String {
+    let mut text = format!(
+        "# Predictions of recorded flights\n\n\
+         Written by `catchingbot learn --report`, version {VERSION}. Recordings: {}; {} throws.\n\n\
+         The end of each throw is predicted from its first half, or from all but its last tenths of a second. An error is the \
+         distance from the predicted to the recorded position. The last columns are reliability: how many of the recorded ends \
+         lie in the ellipsoids that claim to hold 50, 80, 95 and 99 % of them.\n",
+        arguments.source, document.throws
+    );
+    for (title, rows) in [(OWN, &document.cross_validated), (OTHERS, &document.other_objects)] {
+        if !rows.is_empty() {
+            let _ = write!(text, "\n## {title}\n\n{}", table(rows));
+        }
+    }
+    text
+}

@@ -1,0 +1,120 @@
+//! What tells whether a catch holds: a logistic regression of the outcomes of honest throws on what each catch was like.
+
+use anyhow::{Context, Result};
+use catch_lab::{
+    assets::Kind,
+    referee::{self, Measures},
+    scenario::setup::{Choice, Setup},
+    trial,
+};
+use nalgebra::{DMatrix, DVector};
+
+use crate::{
+    Findings, Options, parallel,
+    results::{Entry, Table},
+    spread::percent,
+};
+
+/// What a catch is described by, in the units of the weights of grasp selection.
+const FEATURES: [&str; 7] = [
+    "sideways fraction (catchability)",
+    "1 − palm fraction (pass_through)",
+    "overhang / 30 mm (overhang)",
+    "distance from the axis / 30 mm (strength)",
+    "width / 100 mm (width)",
+    "relative speed, m/s (speed)",
+    "touches the open gripper",
+];
+
+const LEGEND: &str = "Logistic regression of *caught* on what each catch was like, one intercept per object; throws without a plan are left \
+out. *Weight*: the coefficient in the proportion in which that of the relative speed is the weight `speed` of the scenario. The weights \
+of grasp selection in the scenario `honest` are near such proportions.";
+
+/// The features of a throw that was tried to be caught.
+fn features(it: &Measures) -> Option<[f64; FEATURES.len()]> {
+    Some([
+        it.sideways_fraction?,
+        1.0 - it.palm_fraction?,
+        it.grasp_overhang_m? / 0.03,
+        it.grasp_strength_m? / 0.03,
+        it.grasp_width_m? / 0.1,
+        it.relative_speed_mps?,
+        if it.approach_is_free? { 0.0 } else { 1.0 },
+    ])
+}
+
+/// Coefficients and their standard errors, by Newton's method. A little ridge keeps what the data do not tell near zero; `None` if
+/// even so nothing is told.
+fn logistic_regression(X: &DMatrix<f64>, y: &DVector<f64>) -> Option<(DVector<f64>, DVector<f64>)> {
+    let ridge = DMatrix::identity(X.ncols(), X.ncols()) * 0.05;
+    let mut w = DVector::zeros(X.ncols());
+    let mut inverse = ridge.clone();
+    for _ in 0..30 {
+        let p = (X * &w).map(|z| 1.0 / (1.0 + (-z).exp()));
+        let weighted = DMatrix::from_fn(X.nrows(), X.ncols(), |i, j| X[(i, j)] * p[i] * (1.0 - p[i]));
+        inverse = (X.transpose() * weighted + &ridge).try_inverse()?;
+        w += &inverse * (X.transpose() * (y - p) - &ridge * &w);
+    }
+    Some((w, inverse.diagonal().map(f64::sqrt)))
+}
+
+/// Honest throws of all objects.
+pub fn run(options: &Options) -> Result<Findings> {
+    let objects = Kind::Object.names();
+    let mut speed_weight = 1.0;
+    let (mut rows, mut outcomes) = (Vec::new(), Vec::new());
+    let mut caught = Table::new("Throws", &["object", "throws", "caught, %", "in the regression"]);
+    for (at, object) in objects.iter().enumerate() {
+        let setup = Setup::load(&Choice { scenario: Some("honest"), object: Some(object), ..Choice::default() })?;
+        speed_weight = setup.scenario.brain.trajectory_optimization.weights.speed;
+        setup.prepare();
+        let count = options.trials as usize;
+        let verdicts = parallel::map(count, |index| {
+            let trial = trial::run(&setup, options.seed, index as u64, &mut |_, _| Ok(()));
+            trial.map(|trial| referee::judge(&setup, &trial))
+        });
+        let verdicts = verdicts.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let before = outcomes.len();
+        for verdict in &verdicts {
+            let Some(features) = features(&verdict.measures) else { continue };
+            let indicators = (0..objects.len()).map(|it| f64::from(u8::from(it == at)));
+            rows.extend(features.into_iter().chain(indicators));
+            outcomes.push(f64::from(u8::from(verdict.caught)));
+        }
+        caught.rows.push(vec![
+            Entry::text(*object),
+            Entry::Count(count),
+            percent(verdicts.iter().filter(|it| it.caught).count(), count),
+            Entry::Count(outcomes.len() - before),
+        ]);
+    }
+    let X = DMatrix::from_row_slice(outcomes.len(), FEATURES.len() + objects.len(), &rows);
+    let (w, error) = logistic_regression(&X, &DVector::from(outcomes)).context("the regression has no solution")?;
+    let mut table = Table::new("Coefficients", &["feature", "coefficient", "standard error", "weight"]);
+    for (i, name) in FEATURES.iter().enumerate() {
+        let figures = [w[i], error[i], w[i] / w[5] * speed_weight].map(|it| Entry::Number(Some(it)));
+        table.rows.push([Entry::text(*name)].into_iter().chain(figures).collect());
+    }
+    Ok(Findings { legend: LEGEND, tables: vec![caught, table] })
+}
+
+#[cfg(test)]
+mod tests {
+    use catch_sim::random_streams::{Draws, Stream};
+
+    use super::*;
+
+    #[test]
+    fn the_regression_finds_coefficients_that_data_have() {
+        let mut draws = Draws::new(Stream::Throw, 1, 0);
+        let X = DMatrix::from_fn(20_000, 3, |_, j| if j == 2 { 1.0 } else { draws.between([-2.0, 2.0]) });
+        let truth = DVector::from_column_slice(&[1.5, -0.7, 0.3]);
+        let probability = (&X * &truth).map(|z: f64| 1.0 / (1.0 + (-z).exp()));
+        let y = probability.map(|p| f64::from(u8::from(draws.unit() < p)));
+        let (found, error) = logistic_regression(&X, &y).unwrap();
+        for i in 0..3 {
+            assert!((found[i] - truth[i]).abs() < 4.0 * error[i], "{found} {error}");
+            assert!(error[i] < 0.04);
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! Experiments: what is measured and asserted by no test, written to `docs/results/`.
+//!
+//! `cargo run --release -p catch_experiments -- NAME [--seed S] [--trials N]` runs one in the arena, with the arena's own cameras,
+//! and writes `docs/results/NAME.md` and `docs/results/NAME.json`; `list` lists them.
+
+mod flights;
+mod holding;
+mod near_rigs;
+mod parallel;
+mod reachability;
+mod results;
+mod spread;
+mod stage_times;
+
+use std::{collections::BTreeSet, path::PathBuf};
+
+use anyhow::{Context, Result, bail};
+use clap::Parser;
+
+use results::Table;
+
+/// An experiment.
+struct Experiment {
+    name: &'static str,
+    /// What it measures, in one line.
+    about: &'static str,
+    /// Trials per condition unless told otherwise.
+    trials: u64,
+    run: fn(&Options) -> Result<Findings>,
+}
+
+/// How an experiment is run.
+#[derive(Debug, Clone, Copy)]
+pub struct Options {
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Trials per condition.
+    pub trials: u64,
+}
+
+/// What an experiment found.
+pub struct Findings {
+    /// What the columns mean, as Markdown.
+    pub legend: &'static str,
+    /// The figures.
+    pub tables: Vec<Table>,
+}
+
+const EXPERIMENTS: [Experiment; 7] = [
+    Experiment {
+        name: "perception",
+        about: "errors of poses and predicted positions by depth noise, with labels and without",
+        trials: 48,
+        run: flights::perception,
+    },
+    Experiment {
+        name: "spin-and-drag",
+        about: "the same for objects that spin through air, and in the scenario honest",
+        trials: 48,
+        run: flights::spin_and_drag,
+    },
+    Experiment {
+        name: "paper-stages",
+        about: "the paper's pose estimation and flight prediction beside ours, on the same throws",
+        trials: 24,
+        run: flights::paper_stages,
+    },
+    Experiment {
+        name: "stage-times",
+        about: "CPU time of each stage of the brain by depth noise, with labels and without",
+        trials: 8,
+        run: stage_times::run,
+    },
+    Experiment {
+        name: "near-rigs",
+        about: "in how many images rigs of a few near cameras see the object",
+        trials: 100,
+        run: near_rigs::run,
+    },
+    Experiment {
+        name: "reachability",
+        about: "how many random throws the oracle calls within reach",
+        trials: 1000,
+        run: reachability::run,
+    },
+    Experiment {
+        name: "holding",
+        about: "logistic regression of the outcome of honest throws on what each catch was like",
+        trials: 100,
+        run: holding::run,
+    },
+];
+
+#[derive(Debug, Parser)]
+#[command(about = "Measures and writes docs/results/NAME.md and NAME.json; `list` lists the experiments")]
+struct Arguments {
+    /// Name of an experiment, or `list`.
+    name: String,
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Trials per condition instead of the experiment's own number.
+    #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
+    trials: Option<u64>,
+    /// Folder of the results.
+    #[arg(long, default_value = "docs/results")]
+    out: PathBuf,
+}
+
+#[expect(clippy::print_stdout, reason = "the list and where the results are is what was asked for")]
+fn main() -> Result<()> {
+    let Arguments { name, seed, trials, out } = Arguments::parse();
+    if name == "list" {
+        for Experiment { name, about, trials, .. } in &EXPERIMENTS {
+            println!("{name:14} {about} ({trials} trials per condition)");
+        }
+        return Ok(());
+    }
+    let Some(experiment) = EXPERIMENTS.iter().find(|it| it.name == name) else {
+        let names: BTreeSet<&str> = EXPERIMENTS.iter().map(|it| it.name).collect();
+        bail!("there is no experiment `{name}`; expected `list` or one of {names:?}");
+    };
+    let options = Options { seed, trials: trials.unwrap_or(experiment.trials) };
+    let findings = (experiment.run)(&options).with_context(|| format!("experiment {name}"))?;
+    let path = results::write(&out, experiment.name, experiment.about, &options, &findings)?;
+    println!("{}", path.display());
+    Ok(())
+}

@@ -1,0 +1,22 @@
+//! Quantiles of what was measured, as entries of tables.
+
+use catch_lab::evaluation::statistics::{quantile, sorted};
+
+use crate::results::Entry;
+
+/// The values below which these fractions of the values lie, times a factor.
+pub fn quantiles<const N: usize>(values: &[f64], fractions: [f64; N], factor: f64) -> [Entry; N] {
+    let values = sorted(values.iter().map(|value| factor * value));
+    fractions.map(|fraction| Entry::Number(quantile(&values, fraction)))
+}
+
+/// The median, times a factor.
+pub fn median(values: &[f64], factor: f64) -> Entry {
+    let [middle] = quantiles(values, [0.5], factor);
+    middle
+}
+
+/// A part of a whole in percent.
+pub fn percent(part: usize, whole: usize) -> Entry {
+    Entry::Number((whole > 0).then(|| 100.0 * part as f64 / whole as f64))
+}

@@ -1,0 +1,120 @@
+//! Reads the user's files: regular ones only, and none larger than what its kind can need.
+
+use std::{
+    fs::{self, File},
+    io::Read,
+    path::Path,
+};
+
+use catch_body::InputError;
+
+/// What a kind of file may be.
+#[derive(Debug, Clone, Copy)]
+pub struct FileKind<'a> {
+    /// What would be right, as errors call it.
+    pub expected: &'a str,
+    /// The most bytes that are read.
+    pub most_bytes: u64,
+}
+
+const MIB: u64 = 1 << 20;
+
+impl<'a> FileKind<'a> {
+    /// Settings and descriptions in TOML.
+    pub const fn toml(expected: &'a str) -> Self {
+        Self { expected, most_bytes: MIB }
+    }
+
+    /// Robots, tracks and cases: numbers as text.
+    pub const fn text(expected: &'a str) -> Self {
+        Self { expected, most_bytes: 16 * MIB }
+    }
+
+    /// Meshes and point clouds.
+    pub const fn geometry(expected: &'a str) -> Self {
+        Self { expected, most_bytes: 64 * MIB }
+    }
+
+    /// Recordings, packed, and rows of results.
+    pub const fn recorded(expected: &'a str) -> Self {
+        Self { expected, most_bytes: 2048 * MIB }
+    }
+
+    /// Opens a file.
+    ///
+    /// # Errors
+    /// If it does not exist, is no regular file, is too large or cannot be read.
+    pub fn open(&self, path: &Path) -> Result<File, InputError> {
+        let file = path.display().to_string();
+        let fault = |field: &str, found: String, expected: String| InputError::new(&file, field, found, expected);
+        // A pipe without a writer would never be opened.
+        let metadata = fs::metadata(path).map_err(|it| fault("the file", it.to_string(), self.expected.to_owned()))?;
+        if !metadata.is_file() {
+            let found = if metadata.is_dir() { "a folder" } else { "a device or a pipe" };
+            return Err(fault("the file", found.to_owned(), format!("a regular file: {}", self.expected)));
+        }
+        if metadata.len() > self.most_bytes {
+            return Err(self.too_large(&file, metadata.len()));
+        }
+        File::open(path).map_err(|it| fault("the file", it.to_string(), self.expected.to_owned()))
+    }
+
+    /// Reads a whole file.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn read(&self, path: &Path) -> Result<Vec<u8>, InputError> {
+        let file = path.display().to_string();
+        let mut bytes = Vec::new();
+        // A file may grow after it was opened, or say that it is empty.
+        let read = self.open(path)?.take(self.most_bytes + 1).read_to_end(&mut bytes);
+        read.map_err(|it| InputError::new(&file, "the file", it, self.expected))?;
+        if bytes.len() as u64 > self.most_bytes {
+            return Err(self.too_large(&file, bytes.len() as u64));
+        }
+        Ok(bytes)
+    }
+
+    /// Reads a whole file as text.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open), or if it is not UTF-8.
+    pub fn read_text(&self, path: &Path) -> Result<String, InputError> {
+        String::from_utf8(self.read(path)?).map_err(|fault| {
+            let file = path.display();
+            let found = format!("binary data at byte {}", fault.utf8_error().valid_up_to());
+            InputError::new(file, "the file", found, format!("text in UTF-8: {}", self.expected))
+        })
+    }
+
+    fn too_large(&self, file: &str, bytes: u64) -> InputError {
+        let found = format!("{} MiB", bytes.div_ceil(MIB));
+        InputError::new(file, "size", found, format!("at most {} MiB: {}", self.most_bytes / MIB, self.expected))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_regular_files_of_some_size_are_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        let kind = FileKind { expected: "settings", most_bytes: 3 };
+        fs::write(&path, "abc").unwrap();
+        assert_eq!(kind.read_text(&path).unwrap(), "abc");
+        fs::write(&path, [b'a', 255]).unwrap();
+        assert!(kind.read_text(&path).unwrap_err().to_string().contains("binary data at byte 1"));
+        fs::write(&path, "abcd").unwrap();
+        assert!(kind.read(&path).unwrap_err().to_string().ends_with("expected at most 0 MiB: settings"));
+        let fault = kind.read(folder.path()).unwrap_err().to_string();
+        assert!(fault.contains("found a folder, expected a regular file: settings"), "{fault}");
+        assert!(kind.read(&folder.path().join("none")).is_err());
+        #[cfg(target_os = "linux")]
+        for endless in ["/dev/zero", "/dev/stdin"] {
+            let fault = kind.read(Path::new(endless)).map(|bytes| bytes.len());
+            assert!(fault.is_err(), "{endless}: {fault:?}");
+        }
+    }
+}

@@ -1,0 +1,138 @@
+//! Predicted ends of recorded throws against where they ended.
+
+use catch_bot::trajectory_prediction::{
+    TrackSample,
+    aerodynamics::{AerodynamicFit, FlightPrior},
+};
+use nalgebra::{Matrix3, Unit, Vector3};
+
+/// A recorded throw.
+#[derive(Debug, Clone)]
+pub struct Throw {
+    /// Its samples, in the order of time; two or more.
+    pub samples: Vec<TrackSample>,
+    /// Direction against which gravity pulls.
+    pub up: Unit<Vector3<f64>>,
+}
+
+/// How much of a throw is seen before its end is predicted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Seen {
+    /// Half of its time.
+    Half,
+    /// All but that many seconds.
+    AllBut(f64),
+}
+
+impl Seen {
+    /// Those that are reported.
+    pub const ALL: [Self; 4] = [Self::Half, Self::AllBut(0.3), Self::AllBut(0.2), Self::AllBut(0.1)];
+}
+
+/// A predicted end against the recorded one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Miss {
+    /// From the predicted position to the recorded one, in metres.
+    pub error: Vector3<f64>,
+    /// Covariance of the predicted position, in m².
+    pub covariance: Matrix3<f64>,
+}
+
+impl Miss {
+    /// Squared Mahalanobis distance and the logarithm of the covariance's determinant, with more variance along each axis;
+    /// infinite where there is none.
+    pub fn measures(&self, more_variance: f64) -> (f64, f64) {
+        let covariance = self.covariance + Matrix3::identity() * more_variance;
+        covariance.cholesky().map_or((f64::INFINITY, f64::INFINITY), |factor| {
+            let log_determinant = 2.0 * factor.l().diagonal().map(f64::ln).sum();
+            (self.error.dot(&factor.solve(&self.error)), log_determinant)
+        })
+    }
+
+    /// Squared Mahalanobis distance by the predicted covariance.
+    pub fn mahalanobis2(&self) -> f64 {
+        self.measures(0.0).0
+    }
+}
+
+/// Misses by how much was seen, in the order of [`Seen::ALL`].
+pub type Misses = [Vec<Option<Miss>>; 4];
+
+/// Quantiles of χ² with three degrees of freedom at the fractions that are reported.
+pub const QUANTILES: [(f64, f64); 4] = [(0.5, 2.366), (0.8, 4.642), (0.95, 7.815), (0.99, 11.345)];
+
+/// Quantile of χ² at one of these fractions.
+pub fn quantile(fraction: f64) -> f64 {
+    QUANTILES.iter().find(|it| it.0 >= fraction).map_or(f64::INFINITY, |it| it.1)
+}
+
+/// Predicts the end of each throw; `None` where there is no flight.
+pub fn misses(throws: &[&Throw], prior: &FlightPrior, seen: Seen) -> Vec<Option<Miss>> {
+    in_parallel(throws, prior, |fit, throw| {
+        let (first, last) = (throw.samples.first()?, throw.samples.last()?);
+        let until_s = match seen {
+            Seen::Half => f64::midpoint(first.time_s, last.time_s),
+            Seen::AllBut(left_s) => last.time_s - left_s,
+        };
+        let known = throw.samples.partition_point(|it| it.time_s <= until_s);
+        let end = fit.fit(&throw.samples[..known], &throw.up, None).ok()?.at(last.time_s);
+        let covariance = end.covariance.fixed_view::<3, 3>(0, 0).into_owned();
+        Some(Miss { error: last.position - end.position, covariance })
+    })
+}
+
+/// Fits all throws on all cores; results in their order.
+pub fn in_parallel<T: Send>(
+    throws: &[&Throw],
+    prior: &FlightPrior,
+    with: impl Fn(&mut AerodynamicFit, &Throw) -> Option<T> + Sync,
+) -> Vec<Option<T>> {
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let chunk = throws.len().div_ceil(threads).max(1);
+    let with = &with;
+    std::thread::scope(|scope| {
+        let parts: Vec<_> = throws
+            .chunks(chunk)
+            .map(|part| {
+                scope.spawn(move || {
+                    let mut fit = AerodynamicFit::new(prior.clone());
+                    part.iter().map(|throw| with(&mut fit, throw)).collect::<Vec<_>>()
+                })
+            })
+            .collect();
+        parts.into_iter().flat_map(|part| part.join().unwrap_or_default()).collect()
+    })
+}
+
+/// Errors of predictions, and how many of the ends lay in the ellipsoids that were claimed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reliability {
+    /// Throws, and those among them without a prediction.
+    pub throws: usize,
+    /// Throws without a prediction; they are in no other number.
+    pub failed: usize,
+    /// Median of the errors, in metres.
+    pub median_m: f64,
+    /// Their 95th percentile.
+    pub p95_m: f64,
+    /// Fractions of the ends in the ellipsoids of [`QUANTILES`].
+    pub covered: [f64; 4],
+}
+
+impl Reliability {
+    /// Of some predictions.
+    pub fn of(misses: &[Option<Miss>]) -> Self {
+        let made: Vec<&Miss> = misses.iter().flatten().collect();
+        let mut errors: Vec<f64> = made.iter().map(|miss| miss.error.norm()).collect();
+        errors.sort_by(f64::total_cmp);
+        let at = |fraction: f64| {
+            let index = (errors.len() as f64 * fraction) as usize;
+            errors.get(index.min(errors.len().saturating_sub(1))).copied().unwrap_or(f64::NAN)
+        };
+        let covered = QUANTILES.map(|(_, limit)| {
+            made.iter().filter(|miss| miss.mahalanobis2() <= limit).count() as f64 / made.len() as f64
+        });
+        let (throws, failed) = (misses.len(), misses.len() - made.len());
+        Self { throws, failed, median_m: at(0.5), p95_m: at(0.95), covered }
+    }
+}
