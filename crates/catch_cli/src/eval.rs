@@ -21,7 +21,7 @@ use catch_lab::{
     trial::stopwatch::{StageTimes, Stopwatch},
 };
 use clap::Args;
-use comfy_table::{CellAlignment, ContentArrangement, Table, TableComponent, presets};
+use comfy_table::Table;
 use serde::Serialize;
 
 use super::{ChoiceArguments, MOST, whole};
@@ -288,22 +288,12 @@ fn print(cells: &[CellSummary], times: &Times, stopwatch: &Stopwatch, folder: &P
 
 /// The table for the terminal.
 pub fn table(cells: &[CellSummary]) -> Table {
-    let mut table = Table::new();
-    table.load_preset(presets::UTF8_HORIZONTAL_ONLY).set_content_arrangement(ContentArrangement::Disabled);
-    table.remove_style(TableComponent::HorizontalLines).remove_style(TableComponent::MiddleIntersections);
     // Long headings and lists of reasons take several lines, so that the table fits into a terminal.
-    table.set_header(summary_table::HEADINGS.map(|heading| match heading.split_once(' ') {
+    let headings = summary_table::HEADINGS.map(|heading| match heading.split_once(' ') {
         Some((first, words)) if heading.len() > 8 => format!("{first}\n{words}"),
         _ => heading.to_owned(),
-    }));
-    for column in summary_table::NUMBERS {
-        if let Some(column) = table.column_mut(column) {
-            column.set_cell_alignment(CellAlignment::Right);
-        }
-    }
-    if let Some(width) = screen::width() {
-        table.set_content_arrangement(ContentArrangement::Dynamic).set_width(width);
-    }
+    });
+    let mut table = screen::table(headings, summary_table::NUMBERS);
     table.add_rows(summary_table::lines(cells).into_iter().map(|line| line.map(|cell| cell.replace(", ", ",\n"))));
     table
 }

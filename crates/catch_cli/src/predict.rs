@@ -115,6 +115,8 @@ struct Document {
 
 /// With more noise than this something is wrong, most likely.
 const IMPLAUSIBLE_NOISE_M: f64 = 0.02;
+/// Status of what does not fall.
+const NO_GRAVITY: &str = "no_gravity";
 /// Names of the models.
 const AERODYNAMIC: &str = "aerodynamic";
 const ISOTROPIC_DRAG: &str = "isotropic_drag";
@@ -190,6 +192,9 @@ fn print(document: &Document) -> std::io::Result<()> {
     if document.noise_m > IMPLAUSIBLE_NOISE_M || document.inliers.is_some_and(|count| 2 * count < document.sightings) {
         screen::fact("implausible", "they are far from one flight: is --up right, are they metres and seconds?")?;
     }
+    if document.status == NO_GRAVITY {
+        screen::fact("what is wrong", "their acceleration is not 9.81 m/s² against --up, nor that and drag")?;
+    }
     if document.end.is_none() {
         screen::fact(
             "what may help",
@@ -240,7 +245,7 @@ fn falls(seen: &[Sighting], up: &Unit<Vector3<f64>>) -> Result<(), &'static str>
     if let Some(along) = median(&velocities).try_normalize(1e-9) {
         rest -= along * along.dot(&rest).min(0.0);
     }
-    if rest.norm() > STRANGE_MPS2 + 3.0 * scatter { Err("no_gravity") } else { Ok(()) }
+    if rest.norm() > STRANGE_MPS2 + 3.0 * scatter { Err(NO_GRAVITY) } else { Ok(()) }
 }
 
 /// The times for which a prediction is asked: the end, and others.
@@ -272,24 +277,25 @@ fn isotropic_drag(
     drag: [f64; 2],
     (end_s, at): Asked,
 ) -> serde_json::Result<Document> {
-    let samples: Vec<TrackSample> = seen.iter().map(|it| sample(it, 1.0)).collect();
-    let (flying, contact_s) = free_flight(&samples, up);
     // More sightings than these tell nothing more.
-    let every = flying.len().div_ceil(MOST_SIGHTINGS).max(1);
-    let seen: Vec<Sighting> = seen[flying].iter().rev().step_by(every).rev().copied().collect();
-    let (noise_m, fitted) = fit(&seen, up, drag);
+    let every = seen.len().div_ceil(MOST_SIGHTINGS).max(1);
+    let mut all: Vec<Sighting> = seen.iter().rev().step_by(every).copied().collect();
+    all.reverse();
+    let samples: Vec<TrackSample> = all.iter().map(|it| sample(it, 1.0)).collect();
+    let (flying, contact_s) = free_flight(&samples, up);
+    let flown = &all[flying];
+    let (noise_m, fitted) = fit(flown, up, drag);
     let found = fitted.as_ref().ok();
     Ok(Document {
         status: fitted.as_ref().map_or_else(serde_json::to_value, |_| Ok("predicted".into()))?,
         contact_s,
-        sightings: samples.len(),
         inliers: found.map(|track| track.flight.inliers),
         noise_m,
         drag_per_m: found.map(Track::drag_per_m),
         drag_sd_per_m: found.map(|track| track.flight.covariance[(6, 6)].max(0.0).sqrt()),
         end: found.map(|track| prediction(end_s, track)),
         at: found.map_or_else(Vec::new, |it| at.iter().map(|&time_s| prediction(time_s, it)).collect()),
-        ..Document::of(&seen, ISOTROPIC_DRAG)
+        ..Document::of(seen, ISOTROPIC_DRAG)
     })
 }
 

@@ -1,10 +1,21 @@
 //! What appears on the terminal. Colours only where the output is a terminal; results on standard output, faults on standard
 //! error.
 
-use std::io::{self, IsTerminal, Write};
+use std::{
+    io::{self, IsTerminal, Write},
+    ops::Range,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread,
+    time::Duration,
+};
 
 use anstyle::{AnsiColor, Style};
+use comfy_table::{Cell, CellAlignment, ContentArrangement, Table, TableComponent, presets};
 use indicatif::{ProgressBar, ProgressStyle};
+use signal_hook::consts::SIGINT;
 
 /// For what went well.
 pub const GOOD: Style = AnsiColor::Green.on_default().bold();
@@ -20,13 +31,22 @@ const LABEL_WIDTH: usize = 24;
 
 /// What is said when somebody presses Ctrl-C, which then ends the program as ever. Once is enough: what is said stays.
 pub fn at_interrupt(said: String) {
+    let pressed = Arc::new(AtomicBool::new(false));
     // Where no handler can be set the program ends without a word.
-    let _ = ctrlc::set_handler(move || {
+    if signal_hook::flag::register(SIGINT, pressed.clone()).is_err() {
+        return;
+    }
+    thread::spawn(move || {
+        while !pressed.load(Ordering::Relaxed) {
+            thread::sleep(LOOKS_EVERY);
+        }
         let _ = writeln!(anstream::stderr().lock(), "\n{said}");
         std::process::exit(INTERRUPTED);
     });
 }
 
+/// How often it is looked whether somebody did.
+const LOOKS_EVERY: Duration = Duration::from_millis(50);
 /// Exit code of a program that an interrupt ended: 128 and the signal's number.
 const INTERRUPTED: i32 = 130;
 
@@ -86,6 +106,23 @@ pub fn fact(label: &str, value: &str) -> io::Result<()> {
 pub fn json(document: &impl serde::Serialize) -> anyhow::Result<()> {
     let text = serde_json::to_string_pretty(document)?;
     Ok(line(&text)?)
+}
+
+/// A table with headings, whose columns in the range `numbers` stand to the right.
+pub fn table<T: Into<Cell>>(headings: impl IntoIterator<Item = T>, numbers: Range<usize>) -> Table {
+    let mut table = Table::new();
+    table.load_preset(presets::UTF8_HORIZONTAL_ONLY).set_content_arrangement(ContentArrangement::Disabled);
+    table.remove_style(TableComponent::HorizontalLines).remove_style(TableComponent::MiddleIntersections);
+    table.set_header(headings.into_iter().collect::<Vec<T>>());
+    for column in numbers {
+        if let Some(column) = table.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    if let Some(width) = width() {
+        table.set_content_arrangement(ContentArrangement::Dynamic).set_width(width);
+    }
+    table
 }
 
 /// A bar on standard error for `total` of `things`; it shows itself on a terminal only.

@@ -14,7 +14,7 @@ use catch_lab::{
         results::{REPORT_FILE, make_writable},
         trial_table::replace,
     },
-    export::mcap_file,
+    export::{mcap_file, urdf},
     pages::catch_page,
     recording::{EXTENSION, playback::Playback},
 };
@@ -72,7 +72,8 @@ impl FileArguments {
         }
         if self.mcap {
             write("mcap", "mcap", &mcap_file::mcap(playback)?)?;
-            write("urdf", "urdf", playback.header.cell.sources.robot_urdf.as_bytes())?;
+            let urdf = urdf::with_visuals(&playback.header.cell.sources.robot_urdf, &playback.robot);
+            write("urdf", "urdf", urdf.as_bytes())?;
         }
         Ok(written)
     }

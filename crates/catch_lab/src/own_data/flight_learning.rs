@@ -163,8 +163,8 @@ pub fn generic(objects: &[FlightPrior]) -> Option<FlightPrior> {
     let noise = |of: &dyn Fn(&FlightPrior) -> f64| average(&|it| of(it).powi(2)).sqrt();
     Some(FlightPrior {
         throws: objects.iter().map(|it| it.throws).sum(),
-        acceleration_noise: noise(&|it| it.acceleration_noise),
-        angular_acceleration_noise: noise(&|it| it.angular_acceleration_noise),
+        acceleration_noise: UNKNOWN * noise(&|it| it.acceleration_noise),
+        angular_acceleration_noise: UNKNOWN * noise(&|it| it.angular_acceleration_noise),
         systematic_sd_m: noise(&|it| it.systematic_sd_m),
         least_noise: Noise {
             position_sd_m: noise(&|it| it.least_noise.position_sd_m),
@@ -229,7 +229,7 @@ pub fn any_object() -> FlightPrior {
     toml::from_str(ANY_OBJECT).unwrap_or_else(|_| broad())
 }
 
-const ANY_OBJECT: &str = include_str!("any_object.toml");
+const ANY_OBJECT: &str = include_str!("../../../../assets/flights/any_object.toml");
 
 /// Prior to begin learning with: any object of hand's size.
 pub fn broad() -> FlightPrior {
@@ -251,4 +251,36 @@ pub fn broad() -> FlightPrior {
     prior.mean[3..6].fill(0.06);
     prior.mean[10] = 0.1;
     prior
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_built_in_is_a_prior_and_is_written_as_it_is_read() {
+        let prior = any_object();
+        assert!(prior.throws > 0 && prior.source.contains("github.com"), "{}", prior.source);
+        prior.check().unwrap();
+        broad().check().unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("object.toml");
+        std::fs::write(&path, text(&prior).unwrap()).unwrap();
+        assert_eq!(read(&path).unwrap(), prior);
+        std::fs::write(&path, text(&prior).unwrap().replace("throws", "throw")).unwrap();
+        assert!(read(&path).unwrap_err().to_string().contains("throw"));
+        let mut wrong = prior;
+        wrong.covariance[2][2] = -1.0;
+        std::fs::write(&path, text(&wrong).unwrap()).unwrap();
+        assert!(read(&path).unwrap_err().to_string().contains("positive definite"));
+    }
+
+    #[test]
+    fn of_any_object_no_direction_is_told_from_another() {
+        let prior = generic(&[broad(), any_object()]).unwrap();
+        let (mean, covariance) = (prior.mean(), prior.covariance());
+        assert_eq!(mean.fixed_rows::<3>(0).norm(), 0.0);
+        assert!((mean[3] - mean[5]).abs() < 1e-12 && (covariance[(3, 3)] - covariance[(5, 5)]).abs() < 1e-12);
+        assert!(generic(&[]).is_none());
+    }
 }

@@ -7,6 +7,8 @@
 //! CATCHINGBOT_MUTATIONS=20000 cargo test --release -p catch_lab --test it mutations -- --ignored --nocapture
 //! ```
 
+#![allow(clippy::print_stdout, reason = "tests tell what they measured")]
+
 mod mutator;
 
 use std::{

@@ -8,8 +8,8 @@
 mod dynamics;
 mod smoother;
 mod start;
-#[cfg(test)]
-mod tests;
+
+use std::sync::Arc;
 
 use nalgebra::{Matrix6, Point3, SMatrix, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
@@ -101,11 +101,8 @@ pub struct Noise {
 
 /// Samples that one fit looks at, at most; of more, every second, third … one.
 const MOST_SAMPLES: usize = 400;
-/// Passes of the smoother at most, and after which of them the noise of the samples stays as it is.
-const MOST_PASSES: usize = 12;
+/// Passes after which the noise of the samples stays as it is.
 const NOISE_PASSES: usize = 4;
-/// A pass has changed nothing when its step is shorter than that many standard deviations.
-const STEP_SD: f64 = 0.02;
 /// The noise of the samples before it is estimated.
 const FIRST_NOISE: Noise = Noise { position_sd_m: 2e-3, orientation_sd_rad: 0.02 };
 /// A sample agrees with the flight within this many standard deviations.
@@ -118,7 +115,11 @@ const CONTACT_M: f64 = 0.01;
 /// Fits flights to tracks; keeps its buffers from one to the next, and nothing else.
 #[derive(Debug, Clone)]
 pub struct AerodynamicFit {
-    prior: FlightPrior,
+    /// Passes of the smoother at most.
+    pub most_passes: usize,
+    /// A pass has changed nothing when its step is shorter than that many standard deviations.
+    pub step_sd: f64,
+    prior: Arc<FlightPrior>,
     samples: Vec<Sample>,
     nodes: Vec<Node>,
     start: start::Scratch,
@@ -146,7 +147,7 @@ pub struct AerodynamicFlight {
     body: Body,
     covariance: Covariance,
     oriented: bool,
-    prior: FlightPrior,
+    prior: Arc<FlightPrior>,
     g: Vector3<f64>,
 }
 
@@ -179,8 +180,15 @@ pub fn free_flight(samples: &[TrackSample], up: &Unit<Vector3<f64>>) -> (std::op
 impl AerodynamicFit {
     /// With a prior of the parameters.
     pub fn new(prior: FlightPrior) -> Self {
-        let (samples, nodes, numbers) = (Vec::new(), Vec::new(), Vec::new());
-        Self { prior, samples, nodes, start: start::Scratch::default(), numbers }
+        Self {
+            most_passes: 12,
+            step_sd: 0.02,
+            prior: Arc::new(prior),
+            samples: Vec::new(),
+            nodes: Vec::new(),
+            start: start::Scratch::default(),
+            numbers: Vec::new(),
+        }
     }
 
     /// The prior.
@@ -206,17 +214,13 @@ impl AerodynamicFit {
         self.samples.clear();
         self.samples.extend(samples.iter().filter_map(sample));
         self.samples.dedup_by(|next, last| next.time_s <= last.time_s);
+        // A flight is found among as few more.
+        thin(&mut self.samples, 2 * MOST_SAMPLES);
         let (first, last, ended) = start::free_flight(&g, &self.samples, &mut self.start);
         let mut contact_s = ended.then(|| self.samples[last].time_s);
         self.samples.truncate(last);
         self.samples.drain(..first);
-        let every = self.samples.len().div_ceil(MOST_SAMPLES).max(1);
-        let newest = self.samples.len().wrapping_sub(1) % every;
-        let mut index = 0;
-        self.samples.retain(|_| {
-            index += 1;
-            (index - 1) % every == newest
-        });
+        thin(&mut self.samples, MOST_SAMPLES);
         loop {
             let flight = self.fit_free_flight(g, contact_s, noise)?;
             let far = |node: &&Node| node.error_m > CONTACT_M && node.error_m > CONTACT_SD * flight.noise.position_sd_m;
@@ -236,7 +240,7 @@ impl AerodynamicFit {
         contact_s: Option<f64>,
         noise: Option<Noise>,
     ) -> Result<AerodynamicFlight, PredictionStatus> {
-        let Self { prior, samples, nodes, start, numbers } = self;
+        let Self { most_passes, step_sd, prior, samples, nodes, start, numbers } = self;
         let (Some(first), Some(newest)) = (samples.first(), samples.last()) else {
             return Err(PredictionStatus::TooFewPoses);
         };
@@ -247,16 +251,16 @@ impl AerodynamicFit {
         nodes.resize_with(samples.len(), Node::new);
         start::nodes(&g, samples, nodes, start);
         let problem = Problem { g, prior, samples, oriented };
-        let mut body = problem.body(&prior.mean());
+        let mut body = problem.body();
         let mut sds = noise.unwrap_or(FIRST_NOISE);
         let mut converged = false;
-        for pass in 0..MOST_PASSES {
+        for pass in 0..*most_passes {
             let step = problem.pass(&mut body, nodes, &sds).ok_or(PredictionStatus::NotConverged)?;
             problem.weigh(&body, nodes, &sds);
             if pass < NOISE_PASSES && noise.is_none() {
                 sds = problem.noise(nodes, numbers);
                 problem.weigh(&body, nodes, &sds);
-            } else if step < STEP_SD {
+            } else if step < *step_sd {
                 converged = true;
                 break;
             }
@@ -279,6 +283,16 @@ impl AerodynamicFit {
             g,
         })
     }
+}
+
+/// Leaves every second, third … sample, the newest among them, so that no more than `most` are left.
+fn thin(samples: &mut Vec<Sample>, most: usize) {
+    let every = samples.len().div_ceil(most).max(1);
+    let mut left = samples.len();
+    samples.retain(|_| {
+        left -= 1;
+        left.is_multiple_of(every)
+    });
 }
 
 fn sample(sample: &TrackSample) -> Option<Sample> {

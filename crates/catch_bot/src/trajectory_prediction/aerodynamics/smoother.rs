@@ -7,7 +7,7 @@
 use nalgebra::{Matrix6, SMatrix, UnitQuaternion, Vector3, Vector6};
 
 use super::{
-    FlightPrior, Noise,
+    FlightPrior, Noise, ParameterCovariance,
     dynamics::{
         Body, Covariance, ErrorState, N, OMEGA, PARAMETERS, POINT, ParameterVector, State, THETA, Transition, V,
     },
@@ -84,13 +84,24 @@ pub(super) struct Problem<'a> {
 const FIRST_SD: [(usize, f64); 4] = [(0, 10.0), (V, 100.0), (THETA, 10.0), (OMEGA, 300.0)];
 
 impl Problem<'_> {
-    /// Body for some parameters.
-    pub fn body(&self, parameters: &ParameterVector) -> Body {
-        let mut parameters = *parameters;
-        if !self.oriented {
-            parameters.fixed_rows_mut::<3>(0).fill(0.0);
+    /// Mean and covariance of the parameters before anything is seen.
+    ///
+    /// Without orientations the tracked point cannot be told from the centre of mass, and of the drag only what is left on
+    /// average over all orientations: a third of the matrix's trace along each axis.
+    fn moments(&self) -> (ParameterVector, ParameterCovariance) {
+        let (mean, covariance) = (self.prior.mean(), self.prior.covariance());
+        if self.oriented {
+            return (mean, covariance);
         }
-        Body::new(&parameters)
+        let (mut isotropic, mut shared) = (ParameterVector::zeros(), ParameterCovariance::zeros());
+        isotropic.fixed_rows_mut::<3>(3).fill(mean.fixed_rows::<3>(3).mean());
+        shared.fixed_view_mut::<3, 3>(3, 3).fill(covariance.fixed_view::<3, 3>(3, 3).sum() / 9.0);
+        (isotropic, shared)
+    }
+
+    /// The body as the prior has it.
+    pub fn body(&self) -> Body {
+        Body::new(&self.moments().0)
     }
 
     /// One pass; returns the largest step in units of the posterior's standard deviations at the last sample.
@@ -120,14 +131,8 @@ impl Problem<'_> {
             let fixed = !self.oriented && first >= THETA;
             (first..first + 3).for_each(|i| covariance[(i, i)] = if fixed { 0.0 } else { sd * sd });
         }
-        let mut offset = self.prior.mean() - body.parameters;
-        let mut parameters = self.prior.covariance();
-        if !self.oriented {
-            offset.fixed_rows_mut::<3>(0).fill(0.0);
-            parameters.fixed_rows_mut::<3>(0).fill(0.0);
-            parameters.fixed_columns_mut::<3>(0).fill(0.0);
-        }
-        mean.fixed_rows_mut::<PARAMETERS>(POINT).copy_from(&offset);
+        let (prior, parameters) = self.moments();
+        mean.fixed_rows_mut::<PARAMETERS>(POINT).copy_from(&(prior - body.parameters));
         covariance.fixed_view_mut::<PARAMETERS, PARAMETERS>(POINT, POINT).copy_from(&parameters);
         for k in 0..nodes.len() {
             if k > 0 {
@@ -145,7 +150,7 @@ impl Problem<'_> {
 
     /// C → F·C·Fᵀ + Q.
     pub fn carry(&self, transition: &Transition, covariance: &mut Covariance, duration_s: f64) {
-        let product = transition * &*covariance;
+        let product = transition * *covariance;
         let own = product * transition.transpose();
         let mixed = product.fixed_columns::<PARAMETERS>(POINT).into_owned();
         covariance.fixed_view_mut::<12, 12>(0, 0).copy_from(&own);

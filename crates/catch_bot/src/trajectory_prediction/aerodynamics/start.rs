@@ -13,7 +13,7 @@ const REACH: usize = 5;
 /// Velocities before and after a sample are taken over this time and at least over three samples.
 const SPAN_S: f64 = 0.07;
 /// A change of velocity beyond gravity that is a contact: larger than drag and tumbling explain, smaller than a bounce.
-const CONTACT_MPS: f64 = 2.5;
+const CONTACT_MPS: f64 = 2.0;
 /// Samples of a flight, at least.
 pub const LEAST_SAMPLES: usize = 6;
 
