@@ -24,7 +24,7 @@ pub struct InputError {
     /// What would be right.
     pub expected: String,
     /// More faults that were found with it.
-    pub also: Vec<InputError>,
+    pub also: Box<[InputError]>,
     /// Whether nothing is wrong with the input, but a result could not be written.
     pub of_output: bool,
 }
@@ -37,7 +37,7 @@ impl InputError {
             field: field.to_string(),
             found: found.to_string(),
             expected: expected.to_string(),
-            also: Vec::new(),
+            also: Box::default(),
             of_output: false,
         }
     }

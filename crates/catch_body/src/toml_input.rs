@@ -59,7 +59,7 @@ impl InputError {
             faults.push(Self::new(file, fault.field(), &fault.found, &fault.expected));
             match substitute.zip(at(&mut root, &fault.path)) {
                 Some((substitute, place)) if faults.len() < MOST_FAULTS => *place = substitute,
-                _ => return Err(Self { also: faults.split_off(1), ..faults.remove(0) }),
+                _ => return Err(Self { also: faults.split_off(1).into(), ..faults.remove(0) }),
             }
         }
     }

@@ -9,7 +9,7 @@ use crate::screen;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  catchingbot completions bash > ~/.local/share/bash-completion/completions/catchingbot
+  catchingbot completions bash >> ~/.bash_completion
   catchingbot completions fish > ~/.config/fish/completions/catchingbot.fish")]
 pub struct CompletionsArguments {
     /// The shell
