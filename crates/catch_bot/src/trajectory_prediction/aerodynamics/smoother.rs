@@ -150,7 +150,7 @@ impl Problem<'_> {
 
     /// C → F·C·Fᵀ + Q.
     pub fn carry(&self, transition: &Transition, covariance: &mut Covariance, duration_s: f64) {
-        let product = transition * &*covariance;
+        let product = transition * *covariance;
         let own = product * transition.transpose();
         let mixed = product.fixed_columns::<PARAMETERS>(POINT).into_owned();
         covariance.fixed_view_mut::<12, 12>(0, 0).copy_from(&own);
