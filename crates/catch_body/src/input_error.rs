@@ -25,6 +25,8 @@ pub struct InputError {
     pub expected: String,
     /// More faults that were found with it.
     pub also: Vec<InputError>,
+    /// Whether nothing is wrong with the input, but a result could not be written.
+    pub of_output: bool,
 }
 
 impl InputError {
@@ -36,7 +38,13 @@ impl InputError {
             found: found.to_string(),
             expected: expected.to_string(),
             also: Vec::new(),
+            of_output: false,
         }
+    }
+
+    /// A result that cannot be written to `file`; `expected` says what would help.
+    pub fn unwritten(file: impl Display, fault: &std::io::Error, expected: impl Display) -> Self {
+        Self { of_output: true, ..Self::new(file, "the file", fault, expected) }
     }
 
     /// All faults among several checks as one, the first of them with the others.

@@ -23,13 +23,11 @@ use std::{
     marker::PhantomData,
 };
 
-use nalgebra::SVector;
+use nalgebra::{Isometry3, SVector};
 use serde::{
     Deserialize, Deserializer,
     de::{DeserializeSeed, Error, Expected, SeqAccess, Unexpected, Visitor},
 };
-
-use crate::pose::Pose;
 
 /// A closed range of numbers with their unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -147,7 +145,7 @@ impl<'de, const N: usize> Numbers<'de> for SVector<f64, N> {
     }
 }
 
-impl<'de> Numbers<'de> for Pose {
+impl<'de> Numbers<'de> for Isometry3<f64> {
     /// The range is that of the coordinates; the rotation is a unit quaternion.
     fn within<D: Deserializer<'de>>(range: Quantity, from: D) -> Result<Self, D::Error> {
         let pose = Self::deserialize(from)?;

@@ -21,7 +21,7 @@ use catch_bot::{
     trajectory_optimization::{CatchSearch, Incoming, Start},
     trajectory_prediction::{self, FlightTrajectory, predict},
 };
-use inputs::Images;
+use inputs::{Images, arm};
 use nalgebra::Vector3;
 use synthetic::{Noise, Shape};
 
@@ -88,13 +88,13 @@ fn predict_flight() {
 
 /// A catch of the paper's near throw, or its replan after the flight has changed by 5 mm.
 fn plan(again: bool) {
-    let search = CatchSearch::new(inputs::planner(|_| {}));
+    let search = CatchSearch::new(arm::planner(|_| {}));
     let reference = ReferenceModel::from_scan(&synthetic::scan(&Shape::banana(), 64), &perception::Config::default());
     let config = grasp_selection::Config::default();
     let grasps = GraspSet::sample(&reference, search.motion().gripper(), &config);
     let flight = inputs::near_throw();
     let incoming = Incoming { flight: &flight, grasps: &grasps, config: &config };
-    let start = inputs::at_rest(search.motion(), &inputs::READY, 0.07);
+    let start = arm::at_rest(search.motion(), &inputs::READY, 0.07);
     if !again {
         return run(|| search.search(&start, &incoming).expect("a catch"));
     }

@@ -138,3 +138,10 @@ pub struct ReferenceScan {
     /// One image per camera or more, masked.
     pub frames: Vec<DepthFrame>,
 }
+
+impl ReferenceScan {
+    /// Whether no image shows anything.
+    pub fn is_empty(&self) -> bool {
+        !self.frames.iter().flat_map(|frame| &frame.depth_m).any(|depth| depth.is_finite())
+    }
+}

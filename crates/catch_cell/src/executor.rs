@@ -193,12 +193,12 @@ impl Executor {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::LimitKind;
     use catch_body::robot_file::RobotFiles;
 
-    fn robot() -> Robot {
+    pub(crate) fn robot() -> Robot {
         let files = RobotFiles {
             urdf_file: "robot.urdf",
             urdf: include_str!("../../../assets/robots/iiwa14/robot.urdf"),

@@ -196,6 +196,63 @@ mod tests {
     }
 
     #[test]
+    fn what_does_not_fit_together_is_not_valid() {
+        let whole = BSpline::at_rest(1.0, JointVector::from_element(0.5));
+        assert!(whole.is_valid());
+        let without = |change: &dyn Fn(&mut BSpline)| {
+            let mut spline = whole.clone();
+            change(&mut spline);
+            spline.is_valid()
+        };
+        assert!(!without(&|it| it.control_points.truncate(3)));
+        assert!(!without(&|it| {
+            it.control_points.pop();
+            it.knots_s.pop();
+        }));
+        assert!(!without(&|it| it.knots_s.push(2.0)));
+        assert!(!without(&|it| it.knots_s[7] = f64::INFINITY));
+        assert!(!without(&|it| it.knots_s[4] = 0.9));
+        assert!(!without(&|it| it.control_points[3][7] = f64::NAN));
+        // A knot may be repeated.
+        assert!(without(&|it| it.knots_s[4] = 1.0));
+    }
+
+    #[test]
+    fn a_motion_stands_still_before_and_after_itself() {
+        let point = |value| JointVector::from_element(value);
+        let knots_s = vec![1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0];
+        let spline = BSpline { knots_s, control_points: [0.0, 0.0, 0.0, 1.0].map(point).to_vec() };
+        assert_eq!((spline.start_s(), spline.end_s()), (1.0, 2.0));
+        assert_eq!(spline.setpoint(0.0), spline.setpoint(1.0));
+        // q = t³: it still moves just before its end, and stands there.
+        let last = spline.setpoint(2.0 - 1e-9);
+        assert!((last.dq - point(3.0)).amax() < 1e-6 && (last.ddq - point(6.0)).amax() < 1e-6, "{last:?}");
+        assert_eq!(spline.setpoint(2.0), Setpoint::at_rest(point(1.0)));
+        assert_eq!(spline.setpoint(9.0), Setpoint::at_rest(point(1.0)));
+        let resting = BSpline::at_rest(3.0, point(0.7));
+        assert_eq!((resting.start_s(), resting.end_s()), (3.0, 4.0));
+        assert!((resting.setpoint(3.4).q - point(0.7)).amax() < 1e-15);
+    }
+
+    #[test]
+    fn spans_lie_between_distinct_knots() {
+        let knots_s = vec![0.0, 0.0, 0.0, 0.0, 0.5, 0.5, 1.0, 1.0, 1.0, 1.0];
+        let spline = BSpline { knots_s, control_points: vec![JointVector::zeros(); 6] };
+        assert_eq!(spline.spans().collect::<Vec<_>>(), [[0.0, 0.5_f64.next_down()], [0.5, 1.0_f64.next_down()]]);
+    }
+
+    #[test]
+    fn setpoints_differ_by_the_largest_of_all_differences() {
+        let zero = Setpoint::at_rest(JointVector::zeros());
+        let mut other = zero;
+        (other.q[0], other.dq[1], other.ddq[2]) = (-0.1, 0.2, -0.3);
+        (other.q[3], other.dq[3]) = (0.5, -0.4);
+        for distance in [zero.distance(&other), other.distance(&zero)] {
+            assert_eq!(distance.as_slice()[..5], [0.1, 0.2, 0.3, 0.5, 0.0]);
+        }
+    }
+
+    #[test]
     fn joined_splines_evaluate_like_their_parts() {
         let point = |value| JointVector::from_element(value);
         let first = BSpline {

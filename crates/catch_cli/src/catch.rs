@@ -107,7 +107,7 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
             screen::fact(kind, &path.display().to_string())?;
         }
         if written.is_empty() {
-            screen::fact("look at it", &format!("catchingbot view {}", recording.display()))?;
+            screen::fact("look at it", &screen::command(&["view", &recording.to_string_lossy()]))?;
         }
         return Ok(screen::line("")?);
     }

@@ -21,7 +21,7 @@ use catch_lab::{
     trial::stopwatch::{StageTimes, Stopwatch},
 };
 use clap::Args;
-use comfy_table::{CellAlignment, ContentArrangement, Table, TableComponent, presets};
+use comfy_table::Table;
 use serde::Serialize;
 
 use super::{ChoiceArguments, MOST, whole};
@@ -282,25 +282,18 @@ fn print(cells: &[CellSummary], times: &Times, stopwatch: &Stopwatch, folder: &P
     for (stage, StageTimes { p50_ms, p99_ms, max_ms, .. }) in stopwatch.summary() {
         screen::fact(stage, &format!("p50 {p50_ms:.2} ms, p99 {p99_ms:.2} ms, max {max_ms:.1} ms"))?;
     }
-    screen::fact("report", &format!("catchingbot view {}", folder.display()))?;
+    screen::fact("report", &screen::command(&["view", &folder.to_string_lossy()]))?;
     screen::fact("results", &folder.join(PARQUET_FILE).display().to_string())
 }
 
 /// The table for the terminal.
 pub fn table(cells: &[CellSummary]) -> Table {
-    let mut table = Table::new();
-    table.load_preset(presets::UTF8_HORIZONTAL_ONLY).set_content_arrangement(ContentArrangement::Disabled);
-    table.remove_style(TableComponent::HorizontalLines).remove_style(TableComponent::MiddleIntersections);
     // Long headings and lists of reasons take several lines, so that the table fits into a terminal.
-    table.set_header(summary_table::HEADINGS.map(|heading| match heading.split_once(' ') {
+    let headings = summary_table::HEADINGS.map(|heading| match heading.split_once(' ') {
         Some((first, words)) if heading.len() > 8 => format!("{first}\n{words}"),
         _ => heading.to_owned(),
-    }));
-    for column in summary_table::NUMBERS {
-        if let Some(column) = table.column_mut(column) {
-            column.set_cell_alignment(CellAlignment::Right);
-        }
-    }
+    });
+    let mut table = screen::table(headings, summary_table::NUMBERS);
     table.add_rows(summary_table::lines(cells).into_iter().map(|line| line.map(|cell| cell.replace(", ", ",\n"))));
     table
 }

@@ -7,6 +7,7 @@
 
 mod catch;
 mod check;
+mod completions;
 mod eval;
 mod gripper_latency;
 mod learn;
@@ -23,14 +24,18 @@ mod screen;
 mod study;
 mod view;
 
-use std::{io, path::PathBuf, process::ExitCode};
+use std::{io, path::PathBuf, process::ExitCode, sync::LazyLock};
 
 use catch_body::InputError;
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
+use serde::Serialize;
 
-use catch_lab::scenario::{
-    brain::Method,
-    setup::{Choice, DEFAULT_SCENARIO},
+use catch_lab::{
+    VERSION,
+    scenario::{
+        brain::Method,
+        setup::{Choice, DEFAULT_SCENARIO},
+    },
 };
 
 /// Throws things at a robot arm that catches them from depth images alone.
@@ -38,7 +43,7 @@ use catch_lab::scenario::{
 /// Without a subcommand it does what `catch` does: one throw, simulated from the thrower's hand to the arm's, with its story
 /// on the terminal and a recording on disk.
 #[derive(Debug, Parser)]
-#[command(name = "catchingbot", version, args_conflicts_with_subcommands = true, max_term_width = 100)]
+#[command(name = "catchingbot", version = version_with_commit(), args_conflicts_with_subcommands = true, max_term_width = 100)]
 #[command(after_help = "\
 Examples:
   catchingbot                                     a tennis ball, thrown from near
@@ -91,6 +96,16 @@ enum Command {
     New(new::NewArguments),
     /// Is this robot, gripper, object, throw, rig, scenario or study file right?
     Check(check::CheckArguments),
+    /// What a shell needs to complete this program's arguments
+    Completions(completions::CompletionsArguments),
+}
+
+/// The version, with the commit where the program was built from a repository.
+fn version_with_commit() -> &'static str {
+    const COMMIT: Option<&str> = option_env!("CATCHINGBOT_COMMIT");
+    static VERSION_AND_COMMIT: LazyLock<String> =
+        LazyLock::new(|| COMMIT.map_or(VERSION.to_owned(), |commit| format!("{VERSION} ({commit})")));
+    &VERSION_AND_COMMIT
 }
 
 /// The largest number that a throw or a seed can have: what TOML can hold.
@@ -171,14 +186,59 @@ pub struct OutputArguments {
 
 /// Reads the program's arguments, does what they ask for, and says on standard error what went wrong.
 pub fn main() -> ExitCode {
-    let Err(fault) = run(Arguments::parse()) else { return ExitCode::SUCCESS };
+    let wants_json = std::env::args_os().any(|argument| argument == "--json");
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(fault) if wants_json && fault.use_stderr() => {
+            screen::error(fault.to_string().trim_start_matches("error: ").trim_end());
+            return fault_as_json(&anyhow::anyhow!("{}", fault.render()), 2);
+        }
+        Err(fault) => fault.exit(),
+    };
+    let Err(fault) = run(arguments) else { return ExitCode::SUCCESS };
     let of_output = fault.chain().find_map(|cause| cause.downcast_ref::<io::Error>());
     if of_output.is_some_and(|it| it.kind() == io::ErrorKind::BrokenPipe) {
         // Whoever read the output has seen enough.
         return ExitCode::SUCCESS;
     }
     screen::error(&format!("{fault:#}"));
-    if fault.is::<InputError>() || fault.is::<check::Faulty>() { ExitCode::from(2) } else { ExitCode::FAILURE }
+    let is_of_input = fault.downcast_ref::<InputError>().is_some_and(|it| !it.of_output);
+    let code = if is_of_input || fault.is::<check::Faulty>() { 2 } else { 1 };
+    // What a check found is its result.
+    if wants_json && !fault.is::<check::Faulty>() { fault_as_json(&fault, code) } else { ExitCode::from(code) }
+}
+
+/// What went wrong, as a JSON document on standard output.
+#[derive(Serialize)]
+struct FaultDocument {
+    version: &'static str,
+    error: String,
+    exit_code: u8,
+    /// Where in the input, if that is known.
+    faults: Vec<FaultPlace>,
+}
+
+/// A fault in a file or an argument.
+#[derive(Serialize)]
+struct FaultPlace {
+    file: String,
+    field: String,
+    found: String,
+    expected: String,
+}
+
+fn fault_as_json(fault: &anyhow::Error, code: u8) -> ExitCode {
+    let faults = fault.downcast_ref::<InputError>().map(|it| it.clone().all()).unwrap_or_default();
+    let place = |InputError { file, field, found, expected, .. }| FaultPlace { file, field, found, expected };
+    let document = FaultDocument {
+        version: VERSION,
+        error: format!("{fault:#}").trim_end().to_owned(),
+        exit_code: code,
+        faults: faults.into_iter().map(place).collect(),
+    };
+    // Nobody is left to be told if this fails, too.
+    let _ = screen::json(&document);
+    ExitCode::from(code)
 }
 
 fn run(arguments: Arguments) -> anyhow::Result<()> {
@@ -199,5 +259,6 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         Some(Command::GripperLatency(latency)) => gripper_latency::run(&latency),
         Some(Command::New(new)) => new::run(&new),
         Some(Command::Check(check)) => check::run(&check),
+        Some(Command::Completions(completions)) => completions::run(&completions, Arguments::command()),
     }
 }

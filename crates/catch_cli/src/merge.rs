@@ -65,7 +65,7 @@ pub fn run(arguments: &MergeArguments) -> anyhow::Result<()> {
     screen::line("")?;
     screen::line(&eval::table(&cells).trim_fmt())?;
     screen::line("")?;
-    screen::fact("report", &format!("catchingbot view {}", out.display()))?;
+    screen::fact("report", &screen::command(&["view", &out.to_string_lossy()]))?;
     Ok(screen::fact("results", &out.join(PARQUET_FILE).display().to_string())?)
 }
 

@@ -37,6 +37,10 @@ enum NewKind {
     Scenario,
     /// Variants of a scenario
     Study,
+    /// A sample of a recorded flight, for `predict`
+    Track,
+    /// A sample of a point cloud, for `register`
+    Cloud,
 }
 
 /// Writes the files; none is overwritten.
@@ -44,16 +48,18 @@ enum NewKind {
 /// # Errors
 /// A name that cannot be a file's; a file that is already there.
 pub fn run(arguments: &NewArguments) -> anyhow::Result<()> {
-    let (kind, option) = match arguments.kind {
-        NewKind::Robot => (Kind::Robot, "robot"),
-        NewKind::Object => (Kind::Object, "object"),
-        NewKind::Scenario => (Kind::Scenario, "scenario"),
-        NewKind::Study => (Kind::Study, "study"),
+    let name = &arguments.name;
+    let object = Kind::Object.names()[0];
+    let (new_files, trial) = match arguments.kind {
+        NewKind::Robot => (templates::files(Kind::Robot, name)?, vec!["--robot"]),
+        NewKind::Object => (templates::files(Kind::Object, name)?, vec!["--object"]),
+        NewKind::Scenario => (templates::files(Kind::Scenario, name)?, vec!["--scenario"]),
+        NewKind::Study => (templates::files(Kind::Study, name)?, vec!["eval", "--study"]),
+        NewKind::Track => (vec![templates::track(name)?], vec!["predict", "--until", "0.3", "--track"]),
+        NewKind::Cloud => (vec![templates::cloud(name, object)?], vec!["register", "--reference", object, "--cloud"]),
     };
-    let files: Vec<(PathBuf, String)> = templates::files(kind, &arguments.name)?
-        .into_iter()
-        .map(|(name, content)| (arguments.out.join(name), content))
-        .collect();
+    let files: Vec<(PathBuf, String)> =
+        new_files.into_iter().map(|(name, content)| (arguments.out.join(name), content)).collect();
     if let Some((path, _)) = files.iter().find(|(path, _)| path.exists()) {
         let found = format!("`{}`, which is already there", path.display());
         return Err(InputError::new(COMMAND_LINE, "NAME", found, "another name or another --out").into());
@@ -64,8 +70,9 @@ pub fn run(arguments: &NewArguments) -> anyhow::Result<()> {
         written().with_context(|| format!("{}", path.display()))?;
         screen::fact("written", &path.display().to_string())?;
     }
-    let first = files[0].0.display();
-    screen::fact("is it right?", &format!("catchingbot check {first}"))?;
-    let subcommand = if kind == Kind::Study { "eval " } else { "" };
-    Ok(screen::fact("try it", &format!("catchingbot {subcommand}--{option} {first}"))?)
+    let first = files[0].0.to_string_lossy();
+    if !matches!(arguments.kind, NewKind::Track | NewKind::Cloud) {
+        screen::fact("is it right?", &screen::command(&["check", &first]))?;
+    }
+    Ok(screen::fact("try it", &screen::command(&[&trial[..], &[&first]].concat()))?)
 }

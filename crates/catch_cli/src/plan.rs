@@ -3,7 +3,7 @@
 use std::{path::PathBuf, time::Instant};
 
 use catch_body::{Gripper, JointVector, Robot};
-use catch_bot::trajectory_optimization::{Config, MotionPlanner, PlanningFailure, Start, posed::PosedCatch};
+use catch_bot::trajectory_optimization::{Config, MotionPlanner, PlanningFailure, Start};
 use catch_cell::arm::Setpoint;
 use catch_lab::{
     VERSION,
@@ -11,8 +11,8 @@ use catch_lab::{
     evaluation::statistics::{median, quantile, sorted},
     own_data::planner_cases::{self, PlannerCase},
 };
+use catch_paper::posed::{PosedCatch, PosedPlanner};
 use clap::Args;
-use comfy_table::{CellAlignment, ContentArrangement, Table, TableComponent, presets};
 use nalgebra::Point3;
 use serde::Serialize;
 use serde_json::Value;
@@ -107,7 +107,7 @@ struct LimitRatio {
 pub fn run(arguments: &PlanArguments) -> anyhow::Result<()> {
     let cases = planner_cases::read(&arguments.cases)?;
     let file = arguments.cases.display().to_string();
-    let mut planners: Vec<(Option<&str>, f64, MotionPlanner)> = Vec::new();
+    let mut planners: Vec<(Option<&str>, f64, PosedPlanner)> = Vec::new();
     let mut rows = Vec::new();
     for case in &cases {
         let name = arguments.robot.as_deref().or(case.robot.as_deref());
@@ -119,7 +119,7 @@ pub fn run(arguments: &PlanArguments) -> anyhow::Result<()> {
         }
         let planner = planners.iter().find(|(known, y, _)| (*known, *y) == (name, centre)).map(|it| &it.2);
         let planner = planner.expect("it was made just now");
-        let (q, dq) = case.start(&file, planner.robot())?;
+        let (q, dq) = case.start(&file, planner.motion().robot())?;
         let start = Start { time_s: 0.0, state: Setpoint { q, dq, ddq: JointVector::zeros() } };
         rows.push(row(planner, &start, case, arguments.general));
     }
@@ -130,16 +130,17 @@ pub fn run(arguments: &PlanArguments) -> anyhow::Result<()> {
 }
 
 /// A planner that may use all of the limits: nothing is held back for replans here.
-fn planner(robot: Robot, mut gripper: Gripper, grasp_centre_y_m: f64) -> MotionPlanner {
+fn planner(robot: Robot, mut gripper: Gripper, grasp_centre_y_m: f64) -> PosedPlanner {
     gripper.grasp_centre_y_m = grasp_centre_y_m;
     let all = Config { position_margin_rad: 0.0, velocity_scaling: 1.0, torque_scaling: 1.0, ..Config::default() };
-    MotionPlanner::new(robot, gripper, all)
+    PosedPlanner::new(MotionPlanner::new(robot, gripper, all))
 }
 
-fn row(planner: &MotionPlanner, start: &Start, case: &PlannerCase, general: bool) -> Row {
+fn row(planner: &PosedPlanner, start: &Start, case: &PlannerCase, general: bool) -> Row {
     let plan = || {
         if general {
-            return catch_paper::general::catch_at(planner, start, &case.target).ok_or(PlanningFailure::NoMotion);
+            return catch_paper::general::catch_at(planner.motion(), start, &case.target)
+                .ok_or(PlanningFailure::NoMotion);
         }
         planner.catch_at(start, &case.target)
     };
@@ -166,8 +167,8 @@ fn timed<T>(mut run: impl FnMut() -> T) -> (T, f64) {
     (result, median(times).unwrap_or(last))
 }
 
-fn figures(planner: &MotionPlanner, start: &Start, case: &PlannerCase, plan: &PosedCatch) -> PlanFigures {
-    let (robot, target, spline) = (planner.robot(), &case.target, &plan.spline);
+fn figures(planner: &PosedPlanner, start: &Start, case: &PlannerCase, plan: &PosedCatch) -> PlanFigures {
+    let (robot, target, spline) = (planner.motion().robot(), &case.target, &plan.spline);
     let [q, dq, _] = spline.evaluate(target.catch_s);
     let X_WL = robot.link_poses(&q);
     let X_WG = robot.gripper_in(&X_WL);
@@ -230,26 +231,9 @@ fn limit_ratio(robot: &Robot, plan: &PosedCatch) -> LimitRatio {
 }
 
 fn print(rows: &[Row]) -> std::io::Result<()> {
-    let mut table = Table::new();
-    table.load_preset(presets::UTF8_HORIZONTAL_ONLY).set_content_arrangement(ContentArrangement::Disabled);
-    table.remove_style(TableComponent::HorizontalLines).remove_style(TableComponent::MiddleIntersections);
-    table.set_header([
-        "case",
-        "status",
-        "speed",
-        "off by",
-        "turned by",
-        "m/s off",
-        "velocity",
-        "acceler.",
-        "torque",
-        "ms",
-    ]);
-    for column in 2..10 {
-        if let Some(column) = table.column_mut(column) {
-            column.set_cell_alignment(CellAlignment::Right);
-        }
-    }
+    let headings =
+        ["case", "status", "speed", "off by", "turned by", "m/s off", "velocity", "acceler.", "torque", "ms"];
+    let mut table = screen::table(headings, 2..10);
     for row in rows {
         let figure = |show: fn(&PlanFigures) -> String| row.plan.as_ref().map_or("–".to_owned(), show);
         table.add_row([

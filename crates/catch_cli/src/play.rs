@@ -96,7 +96,7 @@ pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
         bar.inc(1);
     })?;
     bar.finish_and_clear();
-    let alone = if arguments.compare { Some(alone(&play, life.rows.len())?) } else { None };
+    let alone = arguments.compare.then(|| alone(&play, life.rows.len()));
     if let Some(path) = &arguments.html {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
         folder.map_or(Ok(()), fs::create_dir_all).with_context(|| path.display().to_string())?;
@@ -128,15 +128,15 @@ pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
 }
 
 /// How many of the same throws are caught if each is a trial of its own.
-fn alone(play: &Play, throws: usize) -> anyhow::Result<usize> {
+fn alone(play: &Play, throws: usize) -> usize {
     let bar = screen::progress_bar(throws, "throws alone");
     let mut caught = 0;
     for index in 0..throws as u64 {
-        caught += usize::from(play.alone(index)?.verdict.caught);
+        caught += usize::from(play.alone(index).verdict.caught);
         bar.inc(1);
     }
     bar.finish_and_clear();
-    Ok(caught)
+    caught
 }
 
 fn document<'a>(play: &'a Play, life: &'a Life, caught_alone: Option<usize>) -> Document<'a> {

@@ -1,10 +1,21 @@
 //! What appears on the terminal. Colours only where the output is a terminal; results on standard output, faults on standard
 //! error.
 
-use std::io::{self, Write};
+use std::{
+    io::{self, IsTerminal, Write},
+    ops::Range,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread,
+    time::Duration,
+};
 
 use anstyle::{AnsiColor, Style};
+use comfy_table::{Cell, CellAlignment, ContentArrangement, Table, TableComponent, presets};
 use indicatif::{ProgressBar, ProgressStyle};
+use signal_hook::consts::SIGINT;
 
 /// For what went well.
 pub const GOOD: Style = AnsiColor::Green.on_default().bold();
@@ -20,15 +31,49 @@ const LABEL_WIDTH: usize = 24;
 
 /// What is said when somebody presses Ctrl-C, which then ends the program as ever. Once is enough: what is said stays.
 pub fn at_interrupt(said: String) {
+    let pressed = Arc::new(AtomicBool::new(false));
     // Where no handler can be set the program ends without a word.
-    let _ = ctrlc::set_handler(move || {
+    if signal_hook::flag::register(SIGINT, pressed.clone()).is_err() {
+        return;
+    }
+    thread::spawn(move || {
+        while !pressed.load(Ordering::Relaxed) {
+            thread::sleep(LOOKS_EVERY);
+        }
         let _ = writeln!(anstream::stderr().lock(), "\n{said}");
         std::process::exit(INTERRUPTED);
     });
 }
 
+/// How often it is looked whether somebody did.
+const LOOKS_EVERY: Duration = Duration::from_millis(50);
 /// Exit code of a program that an interrupt ended: 128 and the signal's number.
 const INTERRUPTED: i32 = 130;
+
+/// A command line of this program that can be pasted into a shell: as the program was called, its arguments quoted where they
+/// need it.
+pub fn command(arguments: &[&str]) -> String {
+    // cargo sets this for what it runs, whose file is on no search path.
+    let by_cargo = std::env::var_os("CARGO_MANIFEST_DIR").is_some();
+    let program = if by_cargo { "cargo run --release --" } else { "catchingbot" };
+    let quoted = arguments.iter().map(|it| quoted(it));
+    std::iter::once(program.to_owned()).chain(quoted).collect::<Vec<_>>().join(" ")
+}
+
+/// An argument as a POSIX shell reads it back.
+fn quoted(argument: &str) -> String {
+    let is_plain = |it: char| it.is_alphanumeric() || "_-./+=:,@%".contains(it);
+    if !argument.is_empty() && argument.chars().all(is_plain) {
+        argument.to_owned()
+    } else {
+        format!("'{}'", argument.replace('\'', "'\\''"))
+    }
+}
+
+/// Columns of the terminal that results appear on, if it is one.
+pub fn width() -> Option<u16> {
+    io::stdout().is_terminal().then(terminal_size::terminal_size).flatten().map(|(width, _)| width.0)
+}
 
 /// Prints one line of results.
 ///
@@ -63,6 +108,23 @@ pub fn json(document: &impl serde::Serialize) -> anyhow::Result<()> {
     Ok(line(&text)?)
 }
 
+/// A table with headings, whose columns in the range `numbers` stand to the right.
+pub fn table<T: Into<Cell>>(headings: impl IntoIterator<Item = T>, numbers: Range<usize>) -> Table {
+    let mut table = Table::new();
+    table.load_preset(presets::UTF8_HORIZONTAL_ONLY).set_content_arrangement(ContentArrangement::Disabled);
+    table.remove_style(TableComponent::HorizontalLines).remove_style(TableComponent::MiddleIntersections);
+    table.set_header(headings.into_iter().collect::<Vec<T>>());
+    for column in numbers {
+        if let Some(column) = table.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    if let Some(width) = width() {
+        table.set_content_arrangement(ContentArrangement::Dynamic).set_width(width);
+    }
+    table
+}
+
 /// A bar on standard error for `total` of `things`; it shows itself on a terminal only.
 pub fn progress_bar(total: usize, things: &str) -> ProgressBar {
     let template = format!("{{bar:30}} {{pos}}/{{len}} {things}, {{per_sec}}, {{eta}} left, {{msg}}");
@@ -74,4 +136,17 @@ pub fn progress_bar(total: usize, things: &str) -> ProgressBar {
 pub fn error(message: &str) {
     // Nobody is left to be told if this fails.
     let _ = writeln!(anstream::stderr().lock(), "{BAD}error:{BAD:#} {message}");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn arguments_are_quoted_for_a_shell() {
+        assert_eq!(quoted("out/paper-1.catch"), "out/paper-1.catch");
+        assert_eq!(quoted("my results/it's"), "'my results/it'\\''s'");
+        assert_eq!(quoted("$(rm)"), "'$(rm)'");
+        assert_eq!(quoted(""), "''");
+    }
 }

@@ -18,7 +18,6 @@ use catch_lab::{
         throw_grid::{GridPoint, ThrowGrid},
     },
 };
-use comfy_table::{CellAlignment, ContentArrangement, Table, TableComponent, presets};
 use serde::Serialize;
 
 use super::eval::{self, EvalArguments};
@@ -137,15 +136,8 @@ fn print_grid(grid: &ThrowGrid, step: &StepSummary) -> io::Result<()> {
 
 /// A line per step and object.
 fn print(steps: &[StepSummary]) -> io::Result<()> {
-    let mut table = Table::new();
-    table.load_preset(presets::UTF8_HORIZONTAL_ONLY).set_content_arrangement(ContentArrangement::Disabled);
-    table.remove_style(TableComponent::HorizontalLines).remove_style(TableComponent::MiddleIntersections);
-    table.set_header(["step", "object", "trials", "caught", "95 %", "out of\nreach", "of the\nrest", "95 %", "misses"]);
-    for column in 2..8 {
-        if let Some(column) = table.column_mut(column) {
-            column.set_cell_alignment(CellAlignment::Right);
-        }
-    }
+    let headings = ["step", "object", "trials", "caught", "95 %", "out of\nreach", "of the\nrest", "95 %", "misses"];
+    let mut table = screen::table(headings, 2..8);
     let percent = |value: f64| format!("{:.1}", value * 100.0);
     let range = |interval: Option<[f64; 2]>| {
         interval.map_or("same throw".to_owned(), |[low, high]| format!("{} – {} %", percent(low), percent(high)))

@@ -2,17 +2,19 @@
 
 use std::{
     collections::BTreeMap,
-    fs,
+    env, fs,
     path::{Path, PathBuf},
     process::{Command, Stdio},
 };
 
-use anyhow::Context;
 use catch_body::InputError;
 use catch_lab::{
     assets::COMMAND_LINE,
-    evaluation::results::{REPORT_FILE, make_writable},
-    export::mcap_file,
+    evaluation::{
+        results::{REPORT_FILE, make_writable},
+        trial_table::replace,
+    },
+    export::{mcap_file, urdf},
     pages::catch_page,
     recording::{EXTENSION, playback::Playback},
 };
@@ -29,6 +31,9 @@ pub struct ViewArguments {
     /// Write the page and print its path, but open no browser
     #[arg(long)]
     no_open: bool,
+    /// Folder for what is written [default: beside the recording]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
     #[command(flatten)]
     files: FileArguments,
 }
@@ -50,15 +55,15 @@ impl FileArguments {
         self.gif || self.mcap
     }
 
-    /// Writes what was asked for beside the recording; returns the files by their kinds.
+    /// Writes what was asked for beside a file, which need not exist; returns the files by their kinds.
     ///
     /// # Errors
     /// If a file cannot be written.
-    pub fn write(&self, recording: &Path, playback: &Playback) -> anyhow::Result<BTreeMap<&'static str, PathBuf>> {
+    pub fn write(&self, beside: &Path, playback: &Playback) -> anyhow::Result<BTreeMap<&'static str, PathBuf>> {
         let mut written = BTreeMap::new();
         let mut write = |kind: &'static str, extension: &str, content: &[u8]| {
-            let path = recording.with_extension(extension);
-            fs::write(&path, content).with_context(|| format!("{}", path.display()))?;
+            let path = beside.with_extension(extension);
+            replace(&path, |path| fs::write(path, content))?;
             written.insert(kind, path);
             anyhow::Ok(())
         };
@@ -67,7 +72,8 @@ impl FileArguments {
         }
         if self.mcap {
             write("mcap", "mcap", &mcap_file::mcap(playback)?)?;
-            write("urdf", "urdf", playback.header.cell.sources.robot_urdf.as_bytes())?;
+            let urdf = urdf::with_visuals(&playback.header.cell.sources.robot_urdf, &playback.robot);
+            write("urdf", "urdf", urdf.as_bytes())?;
         }
         Ok(written)
     }
@@ -89,22 +95,30 @@ fn gif(_: &Playback) -> anyhow::Result<Vec<u8>> {
 /// # Errors
 /// A file that is neither a complete recording nor a page; a page that cannot be written.
 pub fn run(arguments: &ViewArguments) -> anyhow::Result<()> {
-    let ViewArguments { file, files, .. } = arguments;
-    let page = page_of(file, files)?;
+    let page = page_of(arguments)?;
     if arguments.no_open {
         return Ok(screen::line(&page.display().to_string())?);
     }
-    if !open(&page) {
+    if !has_display() {
+        screen::line("There is no display here; open this file in a browser elsewhere:")?;
+    } else if !open(&page) {
         screen::line("No browser could be started; open this file yourself:")?;
     }
     Ok(screen::line(&page.display().to_string())?)
 }
 
-fn page_of(file: &Path, files: &FileArguments) -> anyhow::Result<PathBuf> {
+/// Whether a browser has somewhere to appear.
+fn has_display() -> bool {
+    let is_set = |name: &str| env::var_os(name).is_some_and(|it| !it.is_empty());
+    !cfg!(all(unix, not(target_os = "macos")))
+        || ["DISPLAY", "WAYLAND_DISPLAY", "WSL_DISTRO_NAME"].into_iter().any(is_set)
+}
+
+fn page_of(ViewArguments { file, files, out, .. }: &ViewArguments) -> anyhow::Result<PathBuf> {
     let is_page = file.is_file() && file.extension().is_some_and(|it| it == "html");
-    if files.any() && (file.is_dir() || is_page) {
+    if (files.any() || out.is_some()) && (file.is_dir() || is_page) {
         let found = file.display().to_string();
-        return Err(InputError::new(COMMAND_LINE, "FILE", found, "a recording, for --gif and --mcap").into());
+        return Err(InputError::new(COMMAND_LINE, "FILE", found, "a recording, for --gif, --mcap and --out").into());
     }
     if file.is_dir() {
         let report = file.join(REPORT_FILE);
@@ -119,14 +133,16 @@ fn page_of(file: &Path, files: &FileArguments) -> anyhow::Result<PathBuf> {
     if is_page {
         return Ok(file.to_owned());
     }
-    if file.is_file() {
-        make_writable(file.parent().unwrap_or(Path::new("")), "FILE")?;
-    }
     let playback = Playback::read(file)?;
-    for path in files.write(file, &playback)?.values() {
+    match out {
+        Some(folder) => make_writable(folder, "--out")?,
+        None => make_writable(file.parent().unwrap_or(Path::new("")), "FILE")?,
+    }
+    let beside = out.as_ref().map_or(file.clone(), |folder| folder.join(file.file_name().unwrap_or_default()));
+    for path in files.write(&beside, &playback)?.values() {
         screen::line(&path.display().to_string())?;
     }
-    write_page(file, &playback)
+    write_page(&beside, &playback)
 }
 
 /// Writes the page of a recording beside it.
@@ -135,7 +151,7 @@ fn page_of(file: &Path, files: &FileArguments) -> anyhow::Result<PathBuf> {
 /// If it cannot be written.
 pub fn write_page(recording: &Path, playback: &Playback) -> anyhow::Result<PathBuf> {
     let page = recording.with_extension("html");
-    fs::write(&page, catch_page::page(playback)).with_context(|| format!("{}", page.display()))?;
+    replace(&page, |path| fs::write(path, catch_page::page(playback)))?;
     Ok(page)
 }
 

@@ -27,8 +27,8 @@ const FEATURES: [&str; 7] = [
 ];
 
 const LEGEND: &str = "Logistic regression of *caught* on what each catch was like, one intercept per object; throws without a plan are left \
-out. *Weight*: the coefficient in the proportion in which that of the relative speed is the weight `speed` of the scenario. The weights \
-of grasp selection in the scenario `honest` are near such proportions.";
+out. *Weight*: the coefficient in the proportion in which that of the relative speed is the weight `speed` of the scenario. How \
+the weights of the scenario `honest` were chosen is in `docs/honesty.md`.";
 
 /// The features of a throw that was tried to be caught.
 fn features(it: &Measures) -> Option<[f64; FEATURES.len()]> {

@@ -174,8 +174,7 @@ impl Evaluation {
     fn trial(&self, job: usize) -> (Verdict, Stopwatch) {
         let (cell, index) = self.job(job);
         let mut brain = cell.brain.make(&cell.setup, self.seed, index);
-        let trial = trial::run_brain(&mut *brain, &cell.setup, self.seed, index, &mut |_, _| Ok(()))
-            .expect("this observer has no objections");
+        let trial = trial::run_unobserved(&mut *brain, &cell.setup, self.seed, index);
         let mut verdict = referee::judge(&cell.setup, &trial);
         if !verdict.caught {
             verdict.reach = Oracle::of(&cell.setup).map(|oracle| oracle.reach(&cell.setup, self.seed, index));

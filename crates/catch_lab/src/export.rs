@@ -6,3 +6,5 @@ pub mod gif_picture;
 pub mod mcap_file;
 #[cfg(feature = "plots")]
 pub mod plots;
+#[cfg(feature = "mcap")]
+pub mod urdf;

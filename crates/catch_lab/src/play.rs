@@ -1,7 +1,5 @@
 //! Many throws in one life: one arena, one brain that knows all objects, and a thrower who waits until the arm is ready.
 
-use std::io;
-
 use catch_body::InputError;
 use catch_bot::{
     Report,
@@ -18,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     referee::{self, HELD_UNTIL_S, Row},
     scenario::{Scenario, brain::BrainSettings, setup::Setup},
-    trial::{EndWatch, StateSnapshot, Trial, stopwatch::Stopwatch},
+    trial::{self, EndWatch, StateSnapshot, Trial, stopwatch::Stopwatch},
 };
 
 /// How long the thrower waits for the arm before it counts as stuck, in seconds of the cell's clock.
@@ -74,13 +72,10 @@ impl Play {
     }
 
     /// The same throw as a trial of its own, in another arena and by another brain.
-    ///
-    /// # Errors
-    /// None: nothing is written.
-    pub fn alone(&self, index: u64) -> io::Result<Row> {
+    pub fn alone(&self, index: u64) -> Row {
         let setup = &self.setups[self.object(index)];
-        let trial = crate::trial::run(setup, self.seed, index, &mut |_, _| Ok(()))?;
-        Ok(Row { scene: setup.scene(self.seed, index), verdict: referee::judge(setup, &trial) })
+        let trial = trial::run_unobserved(&mut setup.brain(self.seed, index), setup, self.seed, index);
+        Row { scene: setup.scene(self.seed, index), verdict: referee::judge(setup, &trial) }
     }
 
     /// Lets all of it happen; `on_row` is told of each throw as soon as the next one flies.

@@ -3,9 +3,9 @@
 pub mod brain;
 pub mod setup;
 
-use catch_body::{InputError, quantity, robot::LimitScale};
+use catch_body::{Gripper, InputError, quantity, robot::LimitScale};
 use catch_bot::settings::{SettingError, Settings};
-use catch_sim::ArenaConfig;
+use catch_sim::{ArenaConfig, GripperDriveKind};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -162,6 +162,33 @@ impl Scenario {
             return Err(fault(format!("a field of the scenario{hint}")));
         }
         Ok(value)
+    }
+
+    /// Whether the brain expects fingers that are no faster than those of a gripper with limits.
+    ///
+    /// # Errors
+    /// If it does not: every catch would come too late.
+    pub(crate) fn check_closing(&self, file: &str, gripper: &Gripper, gripper_file: &str) -> Result<(), InputError> {
+        if self.arena.gripper == (GripperDriveKind::Ideal {}) {
+            return Ok(());
+        }
+        let grasping = &self.brain.grasp_selection;
+        for (field, value, limit, most) in [
+            ("closing_speed_mps", grasping.closing_speed_mps, "max_speed_mps", gripper.max_speed_mps),
+            (
+                "closing_acceleration_mps2",
+                grasping.closing_acceleration_mps2,
+                "max_acceleration_mps2",
+                gripper.max_acceleration_mps2,
+            ),
+        ] {
+            if let Some(value) = value.filter(|value| *value > most) {
+                let expected =
+                    format!("at most {most}, the {limit} of {gripper_file} that arena.gripper keeps to, or nothing");
+                return Err(InputError::new(file, format!("brain.grasp_selection.{field}"), value, expected));
+            }
+        }
+        Ok(())
     }
 
     /// The files that it names: what kind, in which field, by which name.

@@ -2,7 +2,7 @@
 
 pub mod stopwatch;
 
-use std::io;
+use std::{convert::Infallible, io};
 
 use catch_bot::Report;
 use catch_cell::{Cell, Command, Observation};
@@ -74,13 +74,13 @@ pub fn run(
 ///
 /// # Errors
 /// Those of the observer.
-pub fn run_brain(
+pub fn run_brain<E>(
     brain: &mut dyn ObservedBrain,
     setup: &Setup,
     seed: u64,
     index: u64,
-    observer: &mut dyn FnMut(&Tick, &Truth) -> io::Result<()>,
-) -> io::Result<Trial> {
+    observer: &mut dyn FnMut(&Tick, &Truth) -> Result<(), E>,
+) -> Result<Trial, E> {
     let mut arena = setup.arena(seed, index);
     let mut stopwatch = Stopwatch::default();
     let mut snapshots = Vec::new();
@@ -103,6 +103,12 @@ pub fn run_brain(
             return Ok(Trial { truth: arena.truth().clone(), snapshots, stopwatch });
         }
     }
+}
+
+/// The same with nobody watching.
+pub fn run_unobserved(brain: &mut dyn ObservedBrain, setup: &Setup, seed: u64, index: u64) -> Trial {
+    let Ok(trial) = run_brain::<Infallible>(brain, setup, seed, index, &mut |_, _| Ok(()));
+    trial
 }
 
 /// Watches for the end of a trial, and shakes the world when it is time.

@@ -1,16 +1,16 @@
-//! A catch whose time and pose are given, by the general form ([`crate::sqp`]): what [`MotionPlanner::catch_at`] does by closed forms
+//! A catch whose time and pose are given, by the general form ([`crate::sqp`]): what [`PosedPlanner`](crate::posed::PosedPlanner) does by closed forms
 //! and one small program per joint, for arms and demands that have none.
 
 use catch_body::JointVector;
 use catch_bot::trajectory_optimization::{
     MotionPlanner, Start,
     motion::{LimitScaling, ROUNDING},
-    posed::{PosedCatch, Target},
     posture::Posture,
     reachability::fraction_used,
 };
 use catch_cell::spline::DEGREE;
 
+use crate::posed::{PosedCatch, Target};
 use crate::sqp::{MET, Problem, Tolerance, Waypoint, clamped_knots};
 
 /// Control points of the motion.

@@ -8,16 +8,18 @@
 //! safe, and the gripper closes when the prediction says so, not when the simulator's truth does. A scenario may lift the
 //! limits of its arm; the method is the same.
 //!
-//! [`sqp`] is the general nonlinear form of the trajectory optimization over all joints at once, for any arm; [`general`] plans
-//! catches with it whose time and pose are given.
+//! [`sqp`] is the general nonlinear form of the trajectory optimization over all joints at once, for any arm. Catches whose time and
+//! pose are given, as the paper's are, [`general`] plans with it and [`posed`] with our own motions, or proves them out of reach.
 
 pub mod general;
 pub mod grasp;
 pub mod motion;
 pub mod planner;
+pub mod posed;
 pub mod prediction;
 pub mod registration;
 pub mod sqp;
+pub mod unreachable;
 
 use catch_bot::settings::{DURATION_S, Faults, LIMIT_SCALE, NOT_NEGATIVE, PERIOD_S, SettingError, Settings};
 use serde::{Deserialize, Serialize};

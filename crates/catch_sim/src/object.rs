@@ -1,11 +1,10 @@
 //! Thrown objects: what they truly are, and what the brain is told of them.
 
-use std::ops::RangeInclusive;
-
 use catch_body::{InputError, TriangleMesh, quantity, shape::Cuboid};
 use nalgebra::{Matrix3, Point3};
 use serde::Deserialize;
 
+pub use crate::object_shape::check_length;
 use crate::{
     config::Drawn,
     object_shape::{ColliderPart, ShapeFields, Solid},
@@ -53,25 +52,8 @@ pub struct ObjectPrior {
     pub restitution: Option<f64>,
 }
 
-/// How long something may be that is thrown: what is outside comes from a file in other units.
-const LENGTHS_M: RangeInclusive<f64> = 0.005..=0.5;
-
 /// Radius of gyration of the thinnest needle.
 const LEAST_GYRATION_M: f64 = 1e-4;
-
-/// Whether a shape is as long as something that is thrown; `advice` says what to do if it is in millimetres.
-///
-/// # Errors
-/// If it is not.
-pub fn check_length(file: &str, field: &str, length_m: f64, advice: &str) -> Result<(), InputError> {
-    if LENGTHS_M.contains(&length_m) {
-        return Ok(());
-    }
-    let advice = if length_m > *LENGTHS_M.end() { format!("; {advice}") } else { String::new() };
-    let expected = format!("{} m to {} m{advice}", LENGTHS_M.start(), LENGTHS_M.end());
-    let digits = if length_m < 1e-3 { 6 } else { 3 };
-    Err(InputError::new(file, field, format!("something {length_m:.digits$} m long"), expected))
-}
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -1,5 +1,7 @@
 //! From the few numbers of an object's file to its surface, its convex parts and its inertia.
 
+use std::ops::RangeInclusive;
+
 use catch_body::{
     InputError, TriangleMesh,
     mesh::TubeRing,
@@ -10,10 +12,7 @@ use catch_body::{
 use nalgebra::{Matrix3, Point3, Vector3};
 use serde::Deserialize;
 
-use crate::{
-    convex_parts::{convex_parts, hull_volume_m3},
-    object::check_length,
-};
+use crate::convex_parts::{convex_parts, hull_volume_m3};
 
 /// Flat strips around a solid of revolution or a tube: at 32 a radius of 25 mm is 0.12 mm short between them.
 const SEGMENTS: u32 = 32;
@@ -144,6 +143,23 @@ const LEAST_STEP_M: f64 = 1e-4;
 const LEAST_FILLING: f64 = 1e-6;
 /// How far parts may stick out of the box around their mesh, as a fraction of its longest side.
 const STICKS_OUT: f64 = 0.05;
+
+/// How long something may be that is thrown: what is outside comes from a file in other units.
+const LENGTHS_M: RangeInclusive<f64> = 0.005..=0.5;
+
+/// Whether a shape is as long as something that is thrown; `advice` says what to do if it is in millimetres.
+///
+/// # Errors
+/// If it is not.
+pub fn check_length(file: &str, field: &str, length_m: f64, advice: &str) -> Result<(), InputError> {
+    if LENGTHS_M.contains(&length_m) {
+        return Ok(());
+    }
+    let advice = if length_m > *LENGTHS_M.end() { format!("; {advice}") } else { String::new() };
+    let expected = format!("{} m to {} m{advice}", LENGTHS_M.start(), LENGTHS_M.end());
+    let digits = if length_m < 1e-3 { 6 } else { 3 };
+    Err(InputError::new(file, field, format!("something {length_m:.digits$} m long"), expected))
+}
 
 /// A mesh of the size of something that is thrown. Its mass properties are worked out afterwards.
 fn of_thrown_size(file: &str, mesh: TriangleMesh) -> Result<TriangleMesh, InputError> {

@@ -2,15 +2,16 @@
 
 #![allow(dead_code, reason = "shared by benches, of which each uses a part")]
 
+pub mod arm;
+
 use std::sync::Arc;
 
-use catch_body::{Gripper, Pose, Robot, robot_file::RobotFiles};
+use catch_body::Pose;
 use catch_bot::{
     perception::{Config, ObjectPose, PoseEstimator, Prior, ReferenceModel, SdfEstimator, View, Workspace},
-    trajectory_optimization::{self, MotionPlanner, Start},
     trajectory_prediction::FlightTrajectory,
 };
-use catch_cell::{CameraModel, DepthFrame, arm::Setpoint};
+use catch_cell::{CameraModel, DepthFrame};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 use crate::synthetic::{self, Noise, Normal, Shape};
@@ -64,23 +65,4 @@ pub fn near_throw() -> FlightTrajectory {
         v_WO: Vector3::new(-1.58705, -2.68301, 3.75643),
         ..FlightTrajectory::default()
     }
-}
-
-/// An arm with a gripper, with settings changed.
-pub fn planner(change: impl Fn(&mut trajectory_optimization::Config)) -> MotionPlanner {
-    let files = RobotFiles {
-        urdf_file: "robot.urdf",
-        urdf: include_str!("../../../../assets/robots/iiwa14/robot.urdf"),
-        toml_file: "robot.toml",
-        toml: include_str!("../../../../assets/robots/iiwa14/robot.toml"),
-    };
-    let gripper = include_str!("../../../../assets/grippers/wsg50.toml");
-    let mut config = trajectory_optimization::Config::default();
-    change(&mut config);
-    MotionPlanner::new(Robot::from_files(&files).unwrap(), Gripper::from_toml("gripper.toml", gripper).unwrap(), config)
-}
-
-/// The arm standing still at joint angles.
-pub fn at_rest(planner: &MotionPlanner, q: &[f64], time_s: f64) -> Start {
-    Start { time_s, state: Setpoint::at_rest(planner.robot().joint_vector(q).unwrap()) }
 }

@@ -8,13 +8,10 @@
 //! * [`terminal_velocity`]: the joint velocities at the catch, so that the gripper moves along with the object;
 //! * [`joint_spline`]: the motion, one small quadratic program per joint ([`quadratic_program`]), and the braking after it;
 //! * [`motion`]: both put together and checked against torque limits and collision.
-//!
-//! [`posed`] answers for a catch whose time and pose are given, without a search.
 
 pub mod joint_spline;
 pub mod motion;
-mod point_to_point;
-pub mod posed;
+pub mod point_to_point;
 pub mod posture;
 pub mod quadratic_program;
 pub mod reachability;
@@ -23,7 +20,6 @@ pub mod retarget;
 pub mod search;
 mod swept_volume;
 pub mod terminal_velocity;
-mod unreachable;
 
 use catch_body::{Gripper, JointVector, Pose, Robot, clearance::ArmClearance};
 use catch_cell::{BSpline, Setpoint};
@@ -223,20 +219,21 @@ pub struct MotionPlanner {
     extents_m: JointVector,
     clearance: ArmClearance,
     catch_splines: CatchSplines,
-    /// The same where the acceleration at the start is free.
-    standing_splines: CatchSplines,
     brake_spline: JointSpline,
 }
 
 /// Splines of one kind: to a given velocity at the catch, and for the range of such velocities.
 #[derive(Debug)]
-struct CatchSplines {
-    at: JointSpline,
-    range: JointSpline,
+pub struct CatchSplines {
+    /// To a given velocity.
+    pub at: JointSpline,
+    /// To the lowest or highest velocity.
+    pub range: JointSpline,
 }
 
 impl CatchSplines {
-    fn new(spans: &[f64], start_acceleration: bool, config: &Config) -> Self {
+    /// With spans of these relative lengths; `start_acceleration` tells whether the acceleration at the start is given.
+    pub fn new(spans: &[f64], start_acceleration: bool, config: &Config) -> Self {
         let ends = |end| Ends { start_acceleration, end };
         Self {
             at: JointSpline::new(spans, ends(EndKind::At), config.comfort_weight, config.steady_end_weight),
@@ -250,7 +247,6 @@ impl MotionPlanner {
     pub fn new(robot: Robot, gripper: Gripper, config: Config) -> Self {
         // Short first spans take up the acceleration at a replan, short last ones steady the velocity before the catch.
         let catch_splines = CatchSplines::new(&[0.35, 0.65, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5], true, &config);
-        let standing_splines = CatchSplines::new(&[1.0; 10], false, &config);
         let at_rest = Ends { start_acceleration: true, end: EndKind::Rest };
         let brake_spline = JointSpline::new(&[0.5, 0.5, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5], at_rest, 0.0, 0.0);
         let hand_m = robot.X_LG.translation.vector.norm() + gripper.fingertip_y_m();
@@ -266,7 +262,6 @@ impl MotionPlanner {
             gripper,
             config,
             catch_splines,
-            standing_splines,
             brake_spline,
         }
     }
@@ -274,6 +269,21 @@ impl MotionPlanner {
     /// Its settings.
     pub fn config(&self) -> &Config {
         &self.config
+    }
+
+    /// What finds the arm's postures.
+    pub fn finder(&self) -> &PostureFinder {
+        &self.finder
+    }
+
+    /// How far the arm with the gripper can extend beyond each joint, in metres.
+    pub fn extents_m(&self) -> &JointVector {
+        &self.extents_m
+    }
+
+    /// The base's distance from the farthest object that the gripper could hold, and a little more, in metres.
+    pub fn longest_reach_m(&self) -> f64 {
+        self.longest_reach_m
     }
 
     /// The gripper that it plans for.

@@ -21,23 +21,32 @@ use super::{
 const INSIDE: f64 = 1e-7;
 
 /// Where to be and how, from where.
-pub(super) struct PointToPoint<'a> {
+#[derive(Debug)]
+pub struct PointToPoint<'a> {
+    /// The arm and its limits.
     pub planner: &'a MotionPlanner,
+    /// What the joints' motions are like.
     pub splines: &'a CatchSplines,
+    /// From where and when.
     pub start: &'a Start,
+    /// Until when.
     pub catch_s: f64,
+    /// Joint positions then.
     pub q: JointVector,
+    /// Velocity of the object then.
     pub v_WO: Vector3<f64>,
     /// Of the grasp centre at `q`.
     pub jacobian: Jacobian,
+    /// How much of the limits it may use.
     pub scaling: LimitScaling,
+    /// What counts in the choice of the end velocities.
     pub weights: Weights,
     /// Whether a braking spline is to follow.
     pub brakes: bool,
 }
 
 /// End velocities, and the control points of splines that have them.
-pub(super) type Reached = (TerminalVelocity, Vec<JointVector>);
+pub type Reached = (TerminalVelocity, Vec<JointVector>);
 
 impl PointToPoint<'_> {
     /// The best velocities within `bounds`.

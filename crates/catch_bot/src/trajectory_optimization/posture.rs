@@ -34,15 +34,18 @@ pub struct Posture {
 /// The arm's way of finding postures.
 #[derive(Debug)]
 #[expect(clippy::large_enum_variant, reason = "there is one, and it is never moved")]
-pub(super) enum PostureFinder {
+pub enum PostureFinder {
+    /// In closed form.
     Srs(SrsArm),
+    /// By iteration from several starts.
     Numerical,
 }
 
 /// Lowest and highest position of every joint.
-type Ranges = [[f64; 2]; MAX_JOINTS];
+pub type Ranges = [[f64; 2]; MAX_JOINTS];
 
 impl PostureFinder {
+    /// For an arm.
     pub fn new(robot: &Robot) -> Self {
         SrsArm::of(robot).map_or(Self::Numerical, Self::Srs)
     }
@@ -115,7 +118,7 @@ impl PostureFinder {
 }
 
 /// The ranges of the seven joints of an S-R-S arm.
-pub(super) fn first_seven(ranges: &Ranges) -> [[f64; 2]; 7] {
+pub fn first_seven(ranges: &Ranges) -> [[f64; 2]; 7] {
     std::array::from_fn(|i| ranges[i])
 }
 

@@ -10,10 +10,10 @@
 //! The bounds on q̇ are what each joint can have on arrival ([`super::reachability`]). s = 0 is always consistent with J_v q̇ = 0.
 
 use catch_body::{JointVector, MAX_JOINTS, robot::Jacobian};
-use nalgebra::{SMatrix, Vector3};
+use nalgebra::Vector3;
 
 use super::{
-    quadratic_program::{Hessian, MAX_VARIABLES, Row, Square, Variables},
+    quadratic_program::{Hessian, Row, Square, Variables},
     reachability::Interval,
 };
 
@@ -91,52 +91,4 @@ pub fn terminal_velocity(
     let x = Hessian::new(&H)?.minimize(&gradient, &rows, &limits, 3).ok()?;
     let dq: JointVector = x.fixed_rows::<MAX_JOINTS>(0).into_owned();
     Some(TerminalVelocity { dq, speed_fraction: x[S].max(0.0), w_WG: angular * dq })
-}
-
-/// What is missing between the velocities that the grasp centre can have within `bounds` and those along the object's: the
-/// shortest difference s·v − J_v·q̇.
-pub fn shortfall(
-    jacobian: &Jacobian,
-    v_WO: &Vector3<f64>,
-    bounds: &[Interval; MAX_JOINTS],
-    max_speed_fraction: f64,
-) -> Option<Vector3<f64>> {
-    const S: usize = MAX_JOINTS;
-    let linear = jacobian.fixed_rows::<3>(3);
-    let mut A = SMatrix::<f64, 3, MAX_VARIABLES>::zeros();
-    A.fixed_view_mut::<3, MAX_JOINTS>(0, 0).copy_from(&linear);
-    A.set_column(S, &-v_WO);
-    let H = A.transpose() * A + Square::identity() * 1e-6;
-    let rows: [Row; S + 1] = std::array::from_fn(|i| Row::new(Variables::ith(i, 1.0)));
-    let limits: [_; S + 1] =
-        std::array::from_fn(|i| bounds.get(i).map_or([0.0, max_speed_fraction], |it| [it.low, it.high]));
-    let x = Hessian::new(&H)?.minimize(&Variables::zeros(), &rows, &limits, 0).ok()?;
-    Some(-A * x)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_grasp_centre_moves_along_with_the_object() {
-        let jacobian =
-            Jacobian::from_fn(
-                |row, column| if column < 7 { ((row * 7 + column * 3) % 11) as f64 / 11.0 - 0.4 } else { 0.0 },
-            );
-        let v_WO = Vector3::new(-2.0, -3.0, -1.0);
-        for width in [0.1, 0.5, 2.0] {
-            let found = terminal_velocity(
-                &jacobian,
-                &v_WO,
-                &[Interval { low: -width, high: width }; MAX_JOINTS],
-                0.3,
-                &Weights::BALANCED,
-            )
-            .unwrap();
-            let moved = jacobian.fixed_rows::<3>(3) * found.dq;
-            assert!((moved - v_WO * found.speed_fraction).norm() < 1e-10);
-            assert!(found.dq.amax() <= width + 1e-12 && found.speed_fraction <= 0.3 + 1e-12);
-        }
-    }
 }

@@ -1,7 +1,7 @@
 //! How a flight goes on: gravity, quadratic drag and free rotation.
 
 use catch_body::{Pose, Twist, dynamics::gravity};
-use nalgebra::{Matrix3, Matrix3x6, Matrix6, Point3, SMatrix, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Matrix6, Point3, SMatrix, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::{LocalFlight, tumbling::Tumbling};
@@ -202,44 +202,6 @@ impl FlightTrajectory {
     pub fn position_sd_at(&self, time_s: f64) -> f64 {
         let covariance = self.covariance_at(time_s).fixed_view::<3, 3>(0, 0).into_owned();
         covariance.symmetric_eigenvalues().max().max(0.0).sqrt()
-    }
-
-    /// Standard deviation of the orientation at `time_s` in radians, the largest over all directions that can be seen.
-    ///
-    /// To first order, with δθ(t) = δθ₀ + t·δω₀.
-    pub fn rotation_sd_at(&self, time_s: f64) -> f64 {
-        let mut transition = Matrix3x6::zeros();
-        transition.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
-        transition.fixed_view_mut::<3, 3>(0, 3).copy_from(&(Matrix3::identity() * (time_s - self.time_s)));
-        let covariance = transition * self.rotation_covariance * transition.transpose();
-        covariance.symmetric_eigenvalues().max().max(0.0).sqrt()
-    }
-
-    /// When the centre of mass crosses the plane through `point` across `normal`, searched from `from_s` to `to_s`, and the
-    /// standard deviation of that time.
-    ///
-    /// With d(t) = n·(p(t) − c): σ_t = σ(n·p) / |n·v|.
-    pub fn crossing_after(
-        &self,
-        point: &Point3<f64>,
-        normal: &Vector3<f64>,
-        from_s: f64,
-        to_s: f64,
-    ) -> Option<(f64, f64)> {
-        let ahead = |time_s: f64| normal.dot(&(self.propagator().position_at(time_s) - point));
-        let steps = ((to_s - from_s) / STEP_S).ceil().clamp(1.0, MAX_STEPS) as usize;
-        let times = |i: usize| from_s + (to_s - from_s) * i as f64 / steps as f64;
-        let i = (0..steps).find(|&i| ahead(times(i)) * ahead(times(i + 1)) <= 0.0)?;
-        let (mut low, mut high) = (times(i), times(i + 1));
-        let below = ahead(low) < 0.0;
-        for _ in 0..50 {
-            let middle = f64::midpoint(low, high);
-            if (ahead(middle) < 0.0) == below { low = middle } else { high = middle }
-        }
-        let covariance = self.covariance_at(low).fixed_view::<3, 3>(0, 0).into_owned();
-        let variance = normal.dot(&(covariance * normal)).max(0.0);
-        let speed = normal.dot(&self.twist_at(low).linear).abs();
-        (speed > 1e-9).then(|| (low, variance.sqrt() / speed))
     }
 }
 

@@ -8,8 +8,6 @@ mod fit;
 mod flight;
 mod local_flight;
 pub mod ransac;
-#[cfg(test)]
-mod tests;
 mod track;
 mod tumbling;
 

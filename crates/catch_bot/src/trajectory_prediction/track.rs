@@ -62,7 +62,8 @@ impl Track {
     ) -> Result<Self, PredictionStatus> {
         let across = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
         let R_WT = UnitQuaternion::rotation_between_axis(up, &Vector3::z_axis()).unwrap_or(across);
-        let poses: Vec<ObjectPose> = samples.iter().map(|sample| sample.pose(&R_WT)).filter(is_finite).collect();
+        let poses: Vec<ObjectPose> =
+            samples.iter().map(|sample| sample.pose(&R_WT)).filter(super::ransac::is_finite).collect();
         let has_orientation = samples.iter().any(|sample| sample.orientation.is_some());
         // Nothing is known of how the object's mass lies: it is taken to turn at a constant rate, like a ball's.
         let symmetry = if has_orientation { Symmetry::default() } else { Symmetry::Sphere };
@@ -78,11 +79,6 @@ impl Track {
     /// Velocity at a time, in m/s.
     pub fn velocity_at(&self, time_s: f64) -> Vector3<f64> {
         self.R_WT.inverse() * self.flight.twist_at(time_s).linear
-    }
-
-    /// Orientation at a time; that of the first sample's axes where the track has none.
-    pub fn orientation_at(&self, time_s: f64) -> UnitQuaternion<f64> {
-        self.R_WT.inverse() * self.flight.pose_at(time_s).rotation
     }
 
     /// Covariance of (position, velocity) at a time, in m² and m²/s².
@@ -114,41 +110,6 @@ impl TrackSample {
             mismatch: 1.0,
             iterations: 0,
             registered_globally: false,
-        }
-    }
-}
-
-fn is_finite(pose: &ObjectPose) -> bool {
-    super::ransac::is_finite(pose)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn tracks_in_any_axes_with_gaps_and_rows_of_nothing_are_fitted() {
-        let config = Config { drag_prior_per_m: Some(0.05), drag_prior_sd_per_m: Some(0.05), ..Config::default() };
-        for up in
-            [Vector3::y_axis(), Vector3::z_axis(), -Vector3::z_axis(), Unit::new_normalize(Vector3::new(1.0, 2.0, 3.0))]
-        {
-            let forward = up.cross(&Vector3::new(0.3, 0.1, -0.9)).normalize();
-            let at = |t: f64| Point3::from(forward * (5.0 * t) + up.into_inner() * (4.0 * t - 0.5 * 9.81 * t * t));
-            let mut samples: Vec<TrackSample> = (0..40)
-                .filter(|i| !(10..20).contains(i))
-                .map(|i| TrackSample {
-                    time_s: 0.01 * f64::from(i),
-                    position: at(0.01 * f64::from(i)),
-                    orientation: None,
-                    position_sd_m: 0.001,
-                    orientation_sd_rad: 1.0,
-                })
-                .collect();
-            samples[3].position.x = f64::NAN;
-            let track = Track::fit(&samples, &up, &config, 1).unwrap();
-            assert!((track.position_at(0.6) - at(0.6)).norm() < 0.01, "{up:?}");
-            assert!((track.velocity_at(0.6).dot(&up) - (4.0 - 9.81 * 0.6)).abs() < 0.05);
-            assert!(track.drag_per_m().abs() < 0.01);
         }
     }
 }

@@ -62,8 +62,8 @@ fn cameras_are_turned_to_where_they_look() {
     let surface = ArmSurface::new(&robot, &gripper);
     let surroundings = Surroundings { arm: &surface, X_WL: robot.link_poses(&robot.ready_q), width_m: 0.1 };
     let rigs: Vec<_> = (0..6).map(|seed| aligned(&surroundings, seed)).collect();
-    let sum = |of: &dyn Fn(&(f64, [f64; 4])) -> f64| rigs.iter().map(of).sum::<f64>();
-    let (before, first, last) = (sum(&|it| it.0), sum(&|it| it.1[0]), sum(&|it| it.1[3]));
+    let before = rigs.iter().map(|it| it.0).sum::<f64>();
+    let [first, last] = [0, 3].map(|image| rigs.iter().map(|it| it.1[image]).sum::<f64>());
     assert!(rigs.iter().all(|it| it.0 > SD_RAD), "{rigs:?}");
     assert!(first < before / 3.0 && last < before / 6.0, "{rigs:?}");
     assert!(rigs.iter().all(|it| it.1[3] < it.0 / 4.0), "{rigs:?}");

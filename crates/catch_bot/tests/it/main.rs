@@ -1,11 +1,24 @@
-//! Tests of the brain's first half from outside.
+//! Tests of the brain from outside.
+
 mod aerodynamic_flight;
 mod allocation;
 mod camera_alignment;
+mod closing;
+mod contact_lead;
 mod coverage;
+mod darboux;
 mod edge_cases;
+mod grasp_fit;
+mod joint_spline;
 mod pose_estimation;
+mod quadratic_program;
+mod reachability;
+mod settings;
+mod symmetry;
 mod synthetic;
+mod terminal_velocity;
+mod track;
+mod trajectory_prediction;
 mod unlabelled;
 
 use catch_bot::perception::ReferenceModel;

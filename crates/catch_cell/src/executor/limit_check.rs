@@ -103,3 +103,131 @@ impl PeakRatios {
         violations
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::executor::tests::robot;
+    use proptest::prelude::*;
+
+    /// An arm whose limits differ from joint to joint, those of position on both sides too, and state the jerk.
+    fn arm() -> Robot {
+        let mut robot = robot();
+        for (joint, i) in robot.joints.iter_mut().zip(0..) {
+            let limits = &mut joint.limits;
+            (limits.lower, limits.upper) = (-1.0 - 0.1 * f64::from(i), 2.0 + 0.2 * f64::from(i));
+            limits.jerk = Some(500.0 + 10.0 * f64::from(i));
+        }
+        robot
+    }
+
+    /// Ratios to the limits of `robot` at one instant, but for torque and jerk.
+    fn ratios(robot: &Robot, spline: &BSpline, time_s: f64) -> [JointVector; 3] {
+        let [q, dq, ddq] = spline.evaluate(time_s);
+        let mut ratios = [JointVector::zeros(); 3];
+        for (i, joint) in robot.joints.iter().enumerate() {
+            let limits = &joint.limits;
+            let beyond =
+                if q[i] > 0.5 * (limits.lower + limits.upper) { q[i] - limits.lower } else { limits.upper - q[i] };
+            ratios[0][i] = 2.0 * beyond / (limits.upper - limits.lower) - 1.0;
+            ratios[1][i] = (dq[i] / limits.velocity).abs();
+            ratios[2][i] = (ddq[i] / limits.acceleration).abs();
+        }
+        ratios
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        /// Against a dense sampling, which lies below the exact peaks by little.
+        #[test]
+        fn peaks_are_those_of_a_dense_sampling(
+            spans in prop::collection::vec(0.05f64..0.3, 1..6),
+            values in prop::collection::vec(-1.0f64..1.0, 9 * 7),
+        ) {
+            const SAMPLES: usize = 4000;
+            let robot = arm();
+            let mut knots_s = vec![0.5; 4];
+            spans.iter().for_each(|span| knots_s.push(knots_s[knots_s.len() - 1] + span));
+            knots_s.extend([knots_s[knots_s.len() - 1]; 3]);
+            let point = |k: usize| JointVector::from_fn(|i, _| if i < 7 { values[7 * k + i] } else { 0.0 });
+            let spline = BSpline { knots_s, control_points: (0..spans.len() + 3).map(point).collect() };
+            let peaks = PeakRatios::of(&robot, &spline);
+            let mut sampled = [JointVector::zeros(); 3];
+            for k in 0..=SAMPLES {
+                let time_s = spline.start_s() + (spline.end_s() - spline.start_s()) * k as f64 / SAMPLES as f64;
+                for (most, now) in sampled.iter_mut().zip(ratios(&robot, &spline, time_s)) {
+                    *most = most.sup(&now);
+                }
+            }
+            for (kind, sampled) in sampled.iter().enumerate() {
+                for i in 0..7 {
+                    let (exact, sampled) = (peaks.ratio[kind][i], sampled[i]);
+                    prop_assert!(exact >= sampled - 1e-9 && exact <= sampled + 2e-3 * (1.0 + sampled), "{kind} {i}: {exact} {sampled}");
+                    let at = ratios(&robot, &spline, peaks.time_s[kind][i])[kind][i];
+                    prop_assert!((at - exact).abs() < 1e-6 * (1.0 + exact), "{kind} {i}: {at} at the time of {exact}");
+                }
+            }
+            for (i, joint) in robot.joints.iter().enumerate() {
+                let jerks = spline.spans().map(|[start_s, end_s]| {
+                    let [first, last] = [start_s, end_s].map(|time_s| spline.evaluate(time_s)[2][i]);
+                    ((last - first) / (end_s - start_s) / joint.limits.jerk.unwrap()).abs()
+                });
+                let highest = jerks.fold(0.0, f64::max);
+                prop_assert!((peaks.ratio[4][i] - highest).abs() < 1e-6 * (1.0 + highest));
+            }
+        }
+    }
+
+    /// Torques against inverse dynamics in a fine grid; between their own samples they are smooth.
+    #[test]
+    fn torques_are_those_of_inverse_dynamics() {
+        let robot = robot();
+        let point = |value: f64| JointVector::from_fn(|i, _| if i < 7 { value * (1.0 - 0.2 * i as f64) } else { 0.0 });
+        let knots_s = vec![0.0, 0.0, 0.0, 0.0, 0.2, 0.3, 0.3, 0.3, 0.3];
+        let spline = BSpline { knots_s, control_points: [0.0, 0.1, 0.4, 0.2, 0.3].map(point).to_vec() };
+        let peaks = PeakRatios::of(&robot, &spline);
+        let mut highest = JointVector::zeros();
+        for k in 0..=3000 {
+            let [q, dq, ddq] = spline.evaluate(f64::from(k) * 1e-4);
+            let torque = robot.inverse_dynamics(&q, &dq, &ddq);
+            for (i, joint) in robot.joints.iter().enumerate() {
+                highest[i] = highest[i].max((torque[i] / joint.limits.torque).abs());
+            }
+        }
+        for i in 0..7 {
+            assert!((peaks.ratio[3][i] / highest[i] - 1.0).abs() < 5e-3, "{i}: {peaks:?} {highest:?}");
+        }
+        assert_eq!(peaks.highest(LimitKind::Torque), peaks.ratio[3].max());
+    }
+
+    /// An acceleration that jumps has no finite jerk; who states no limit of it is not told.
+    #[test]
+    fn jumps_of_the_acceleration_break_any_limit_of_the_jerk() {
+        let point = |value| JointVector::ith(0, value);
+        let knots_s = vec![0.0, 0.0, 0.0, 0.0, 0.5, 0.5, 1.0, 1.0, 1.0, 1.0];
+        let spline = BSpline { knots_s, control_points: [0.0, 0.0, 0.0, 0.1, 0.1, 0.1].map(point).to_vec() };
+        let limited = PeakRatios::of(&arm(), &spline).violations();
+        assert!(
+            limited
+                .iter()
+                .any(|it| (it.joint, it.kind, it.ratio, it.time_s) == (0, LimitKind::Jerk, f64::INFINITY, 0.5))
+        );
+        assert!(limited.iter().all(|it| it.joint == 0), "{limited:?}");
+        assert_eq!(PeakRatios::of(&robot(), &spline).highest(LimitKind::Jerk), 0.0);
+    }
+
+    #[test]
+    fn limits_are_broken_beyond_rounding_only() {
+        let mut peaks = PeakRatios::of(&robot(), &BSpline::at_rest(0.0, JointVector::zeros()));
+        assert_eq!(peaks.violations(), []);
+        peaks.note(1, 3, -(1.0 + 0.5 * ROUNDING), 0.1);
+        assert_eq!(peaks.violations(), []);
+        peaks.note(1, 3, -1.5, 0.2);
+        peaks.note(1, 3, 1.2, 0.3);
+        peaks.note(2, 4, f64::NAN, 0.4);
+        let expected = [(3, LimitKind::Velocity, 1.5, 0.2), (4, LimitKind::Acceleration, f64::INFINITY, 0.4)]
+            .map(|(joint, kind, ratio, time_s)| LimitViolation { joint, kind, ratio, time_s });
+        assert_eq!(peaks.violations(), expected);
+    }
+}

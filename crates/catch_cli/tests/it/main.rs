@@ -10,6 +10,7 @@ mod own_data;
 mod pages;
 mod recorded_flights;
 mod recording;
+mod refusals;
 mod wrong_input;
 
 use std::process::{Command, Output};

@@ -8,7 +8,7 @@ use std::{
 
 use base64::{Engine, prelude::BASE64_STANDARD};
 use catch_body::Pose;
-use catch_lab::{export::mcap_file, recording::playback::Playback};
+use catch_lab::{export::mcap_file, recording::playback::Playback, scenario::setup::SourceNames};
 use nalgebra::{Point3, Quaternion, Translation3, UnitQuaternion};
 use prost_reflect::{DescriptorPool, DynamicMessage, Kind, SerializeOptions};
 use serde_json::Value;
@@ -82,7 +82,9 @@ fn every_message_is_what_its_schema_says() {
             assert!(message.log_time >= before, "{topic} goes back in time");
             *counts.entry(topic).or_default() += 1;
         }
-        for topic in ["/tf", "/joint_states", "/points", "/object/true", "/object/seen", "/object/predicted", "/log"] {
+        for topic in
+            ["/tf", "/joint_states", "/gripper", "/points", "/object/true", "/object/seen", "/object/predicted", "/log"]
+        {
             assert!(counts.get(topic).is_some_and(|&count| count > 5), "{object}: {topic} in {counts:?}");
         }
         for what in ["/depth", "/calibration"] {
@@ -164,6 +166,67 @@ fn frames_lead_from_the_world_to_the_hand() {
     let last_link = *playback.robot.link_poses(&first.q).last().unwrap();
     assert!((last_link.inverse() * X_WF).translation.vector.norm() < 1e-12);
     assert!((last_link.inverse() * X_WF).rotation.angle() < 1e-7);
+}
+
+/// Arm, hand and object have shapes in frames that `/tf` moves, also in the URDF beside the file.
+#[test]
+fn the_scene_has_arm_hand_and_object() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = catchingbot(&["catch", "--json", "--mcap", "--out", folder.path().to_str().unwrap()]);
+    let document: Value = serde_json::from_str(&stdout(&output)).unwrap();
+    let path = |value: &Value| Path::new(value.as_str().unwrap()).to_path_buf();
+    let playback = Playback::read(&path(&document["recording"])).unwrap();
+    let file = fs::read(path(&document["pictures"]["mcap"])).unwrap();
+    let messages = || mcap::MessageStream::new(&file).unwrap().map(Result::unwrap);
+    let of = |topic: &str| decode(&messages().find(|it| it.channel.topic == topic).unwrap());
+    let (scene, frames) = (of("/scene"), of("/tf"));
+    let frames: BTreeSet<&str> =
+        frames["transforms"].as_array().unwrap().iter().map(|it| it["child_frame_id"].as_str().unwrap()).collect();
+    let mut shapes = BTreeMap::new();
+    for entity in scene["entities"].as_array().unwrap() {
+        let frame = entity["frame_id"].as_str().unwrap();
+        assert!(frames.contains(frame), "{frame} in {frames:?}");
+        let count = |kind: &str| entity[kind].as_array().unwrap().len();
+        for (kind, count) in ["cylinders", "spheres", "cubes", "triangles"].map(|kind| (kind, count(kind))) {
+            *shapes.entry(kind).or_insert(0) += count;
+        }
+    }
+    let capsules = playback.robot.capsules.len();
+    assert!(capsules > 5);
+    assert_eq!(shapes, [("cylinders", capsules), ("spheres", 2 * capsules), ("cubes", 3), ("triangles", 1)].into());
+    let points = |it: &Value| it["triangles"][0]["points"].as_array().map(Vec::len);
+    let surface = scene["entities"].as_array().unwrap().iter().find_map(points).unwrap();
+    assert_eq!(surface, playback.ground_truth().unwrap().surface.vertices_m.len());
+    // How far the gripper is open, at the end about as far as the object is wide.
+    let aperture = messages().filter(|it| it.channel.topic == "/gripper").last().unwrap();
+    let width_m = decode(&aperture)["joints"][0]["position"].as_f64().unwrap();
+    assert_eq!(width_m, playback.truth_at(aperture.log_time as f64 / 1e9).unwrap().width_m);
+    // The URDF shows the same, and is the same robot.
+    let urdf = fs::read_to_string(path(&document["pictures"]["urdf"])).unwrap();
+    assert_eq!(urdf.matches("<visual>").count(), 3 * capsules);
+    let mut sources = playback.header.cell.sources.clone();
+    sources.robot_urdf = urdf;
+    let names = SourceNames { robot_urdf: "urdf", robot_toml: "toml", gripper_toml: "gripper" };
+    assert_eq!(sources.parse(&names).unwrap().0.link_poses(&playback.robot.ready_q), {
+        playback.robot.link_poses(&playback.robot.ready_q)
+    });
+}
+
+#[test]
+fn metadata_tell_scenario_and_outcome() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = file_of(folder.path(), &["catch", "--object", "banana"]);
+    let summary = mcap::Summary::read(&file).unwrap().unwrap();
+    let metadata: BTreeMap<String, BTreeMap<String, String>> = summary
+        .metadata_indexes
+        .iter()
+        .map(|index| mcap::read::metadata(&file, index).unwrap())
+        .map(|it| (it.name, it.metadata))
+        .collect();
+    assert_eq!(metadata["scene"]["object"], "banana");
+    assert_eq!(metadata["outcome"]["caught"], "true");
+    let scenario: toml::Table = toml::from_str(&metadata["scenario"]["toml"]).unwrap();
+    assert_eq!(scenario["name"].as_str(), Some("paper"));
 }
 
 #[test]

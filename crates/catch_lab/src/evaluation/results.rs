@@ -6,8 +6,8 @@
 //! merged; the union is what one evaluation would have written, byte for byte.
 
 use std::{
-    fs::{self, File, OpenOptions},
-    io::{self, Write},
+    fs::{self, File, OpenOptions, TryLockError},
+    io::{self, Read, Write},
     path::{Path, PathBuf},
 };
 
@@ -37,6 +37,8 @@ pub struct Results {
     folder: PathBuf,
     identity: Identity,
     trials: File,
+    /// Keeps others out of the folder.
+    _lock: WorkLock,
 }
 
 impl Results {
@@ -44,9 +46,10 @@ impl Results {
     ///
     /// # Errors
     /// A folder that cannot be written, that holds results though nothing is to be resumed, that holds results of something
-    /// else or of nobody knows what, more trials than are asked for, or rows that are none.
+    /// else or of nobody knows what, in which another process is at work, more trials than are asked for, or rows that are none.
     pub fn open(folder: &Path, evaluation: &Evaluation, resume: bool) -> Result<(Self, Vec<Row>), InputError> {
         let identity = evaluation.identity();
+        let lock = WorkLock::take(folder)?;
         if folder.join(IDENTITY_FILE).exists() {
             if !resume {
                 return Err(holds_results(folder, "--resume to go on with them, or another folder"));
@@ -65,13 +68,11 @@ impl Results {
             let expected = format!("at least the {there} that `{}` holds already", folder.display());
             return Err(InputError::new(COMMAND_LINE, "--trials", evaluation.trials, expected));
         }
-        let unwritable = |fault: io::Error| {
-            InputError::new(path.display().to_string(), "the file", fault, "a file that can be written")
-        };
+        let unwritable = |fault: io::Error| InputError::unwritten(path.display(), &fault, "a file that can be written");
         let trials = OpenOptions::new().create(true).truncate(false).write(true).open(&path).map_err(unwritable)?;
         // A line that was cut off is written again.
         trials.set_len(bytes).map_err(unwritable)?;
-        let mut results = Self { folder: folder.to_owned(), identity, trials };
+        let mut results = Self { folder: folder.to_owned(), identity, trials, _lock: lock };
         io::Seek::seek(&mut results.trials, io::SeekFrom::End(0)).map_err(unwritable)?;
         Ok((results, rows))
     }
@@ -83,8 +84,8 @@ impl Results {
     pub fn add(&mut self, row: &Row) -> Result<(), InputError> {
         let line = serde_json::to_string(row).map_err(io::Error::from).map(|line| line + "\n");
         line.and_then(|line| self.trials.write_all(line.as_bytes())).map_err(|fault| {
-            let file = self.folder.join(TRIALS_FILE).display().to_string();
-            InputError::new(file, "the file", fault, "room for more rows; --resume goes on where this stopped")
+            let expected = "room for more rows; --resume goes on where this stopped";
+            InputError::unwritten(self.folder.join(TRIALS_FILE).display(), &fault, expected)
         })
     }
 
@@ -94,6 +95,44 @@ impl Results {
     /// If they cannot be written; the log stays.
     pub fn finish(&self, rows: &[Row]) -> Result<(), InputError> {
         write_tables(&self.folder, &self.identity, rows)
+    }
+}
+
+/// Name of the file that says who is at work in a folder.
+const LOCK_FILE: &str = ".at-work";
+
+/// A folder in which this process alone writes results.
+#[derive(Debug)]
+struct WorkLock {
+    path: PathBuf,
+    /// Closing it unlocks it.
+    _file: File,
+}
+
+impl WorkLock {
+    fn take(folder: &Path) -> Result<Self, InputError> {
+        make_writable(folder, "--out")?;
+        let path = folder.join(LOCK_FILE);
+        let unwritable = |fault: io::Error| InputError::unwritten(path.display(), &fault, "a file that can be written");
+        let options = OpenOptions::new().create(true).truncate(false).read(true).write(true).open(&path);
+        let mut file = options.map_err(unwritable)?;
+        // File systems that know no locks let everybody in.
+        if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
+            let mut who = String::new();
+            let _ = file.take(100).read_to_string(&mut who);
+            let found = format!("`{}`, in which {} is at work", folder.display(), who.trim());
+            return Err(InputError::new(COMMAND_LINE, "--out", found, "another folder, or patience"));
+        }
+        let who = format!("process {}\n", std::process::id());
+        file.set_len(0).and_then(|()| file.write_all(who.as_bytes())).map_err(unwritable)?;
+        Ok(Self { path, _file: file })
+    }
+}
+
+impl Drop for WorkLock {
+    fn drop(&mut self) {
+        // A file that stays does no harm: only its lock counts.
+        let _ = fs::remove_file(&self.path);
     }
 }
 
@@ -113,7 +152,8 @@ pub fn make_writable(folder: &Path, asked_by: &str) -> Result<(), InputError> {
     let made = fs::create_dir_all(folder).and_then(|()| File::create(&trial)).and_then(|_| fs::remove_file(&trial));
     made.map_err(|fault| {
         let found = format!("`{}`: {fault}", folder.display());
-        InputError::new(COMMAND_LINE, asked_by, found, "a folder that can be written")
+        let of_output = fault.kind() == io::ErrorKind::StorageFull;
+        InputError { of_output, ..InputError::new(COMMAND_LINE, asked_by, found, "a folder that can be written") }
     })
 }
 

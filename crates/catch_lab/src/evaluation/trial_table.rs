@@ -158,7 +158,7 @@ pub fn replace(path: &Path, write: impl FnOnce(&Path) -> io::Result<()>) -> Resu
     write(&unfinished).and_then(|()| fs::rename(&unfinished, path)).map_err(|fault| {
         // Best effort: what is reported is why it could not be written.
         let _ = fs::remove_file(&unfinished);
-        InputError::new(path.display().to_string(), "the file", fault, "a place to write to; --resume writes it again")
+        InputError::unwritten(path.display(), &fault, "a place to write to; --resume writes it again")
     })
 }
 

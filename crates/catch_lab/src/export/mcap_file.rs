@@ -5,8 +5,10 @@
 //!
 //! | topic | message | what |
 //! |---|---|---|
-//! | `/tf` | `foxglove.FrameTransforms` | the arm link by link from `world`; hand, object and cameras in `world` |
+//! | `/tf` | `foxglove.FrameTransforms` | the arm link by link from `world`; hand, object and cameras in `world`; fingers in the hand |
+//! | `/scene` | `foxglove.SceneUpdate` | shapes of arm, hand and object, each in the frame that moves it; once, at the beginning |
 //! | `/joint_states` | `foxglove.JointStates` | positions, velocities and torques |
+//! | `/gripper` | `foxglove.JointStates` | `aperture`: distance between the fingers' inner faces in metres, and the force of a finger in N |
 //! | `/points` | `foxglove.PointCloud` | what the depth images show of the object |
 //! | `/camera_NN/depth` | `foxglove.RawImage` | the part of a depth image that was read out, in metres |
 //! | `/camera_NN/calibration` | `foxglove.CameraCalibration` | where that part lies in the camera's image |
@@ -15,19 +17,37 @@
 //! | `/log` | `foxglove.Log` | the story of the throw |
 //!
 //! Arm and object are as they truly were. In a recording without ground truth the arm is as it was sensed, and torques, `/object/true`
-//! and the object's frame are absent.
+//! and the object's frame and shape are absent.
+//!
+//! Metadata: `recording` (title, version), and of a simulated throw `scene` (object, throw, seed, index), `scenario` (its TOML) and
+//! `outcome` (each column of a row of an evaluation, as JSON).
 
-mod protobuf;
-mod schemas;
+mod messages;
+mod scene;
 
 use std::{collections::BTreeMap, io::Cursor};
 
 use catch_body::Pose;
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};
-use mcap::{McapError, WriteOptions, Writer, records::MessageHeader};
+use mcap::{
+    McapError, WriteOptions, Writer,
+    records::{MessageHeader, Metadata},
+};
+use prost::{Message, Name};
+use serde::Serialize;
 
-use crate::recording::{RecordedTick, playback::Playback, points::points_of};
-use protobuf::{Content, Fields, MessageType};
+use super::urdf::base_link;
+use crate::recording::{
+    Header, RecordedTick,
+    playback::{MotionSample, Playback},
+    points::points_of,
+};
+use messages::{
+    CameraCalibration, DESCRIPTORS, FLOAT32, FrameTransform, FrameTransforms, INFO, JointState, JointStates, Log,
+    PackedElementField, PointCloud, PoseInFrame, RawImage, SceneUpdate, nanoseconds, pose, rotation, time, vector,
+};
+
+pub use scene::segment;
 
 /// Depth images are thinned until they take no more than this many bytes in all.
 const MOST_IMAGE_BYTES: usize = 3_000_000;
@@ -45,6 +65,15 @@ pub fn mcap(playback: &Playback) -> Result<Vec<u8>, McapError> {
     let mut file = Cursor::new(Vec::new());
     let mut log =
         Topics { writer: WriteOptions::new().compression(None).create(&mut file)?, channels: BTreeMap::new() };
+    for metadata in metadata(playback) {
+        log.writer.write_metadata(&metadata)?;
+    }
+    let links = links(playback);
+    let links: Vec<&str> = links.iter().map(String::as_str).collect();
+    let surface = playback.ground_truth().map(|it| it.surface.mesh());
+    let start_s = playback.ticks.first().map_or(0.0, |tick| tick.observation.time_s);
+    let entities = scene::entities(&playback.robot, &links, &playback.gripper, surface.as_ref(), start_s);
+    log.write("/scene", start_s, &SceneUpdate { entities })?;
     let mut events = playback.ending.timeline.iter().peekable();
     let images_every = images_every(playback);
     for (i, tick) in playback.ticks.iter().enumerate() {
@@ -52,7 +81,7 @@ pub fn mcap(playback: &Playback) -> Result<Vec<u8>, McapError> {
         while let Some(entry) = events.next_if(|entry| entry.time_s <= now_s) {
             log.event(entry.time_s, entry.event.label(), &entry.detail)?;
         }
-        log.tick(playback, tick)?;
+        log.tick(playback, &links, tick)?;
         if i % images_every == 0 {
             for frame in tick.observation.frames.iter().filter(|frame| frame.window.area() > 0) {
                 if let Some(camera) = playback.header.cell.cameras.get(frame.camera) {
@@ -67,6 +96,36 @@ pub fn mcap(playback: &Playback) -> Result<Vec<u8>, McapError> {
     log.writer.finish()?;
     drop(log);
     Ok(file.into_inner())
+}
+
+/// What is known of the throw as a whole.
+fn metadata(playback: &Playback) -> Vec<Metadata> {
+    let Header { title, version, simulation, .. } = &playback.header;
+    let text = |key: &str, value: &str| (key.to_owned(), value.to_owned());
+    let named = |name: &str, metadata: BTreeMap<String, String>| Metadata { name: name.to_owned(), metadata };
+    let mut all = vec![named("recording", [text("title", title), text("version", version)].into())];
+    if let Some(simulation) = simulation {
+        all.push(named("scene", fields(&simulation.scene)));
+        let toml = toml::to_string(&simulation.scenario).unwrap_or_else(|fault| fault.to_string());
+        all.push(named("scenario", [("toml".to_owned(), toml)].into()));
+    }
+    all.extend(playback.ground_truth().map(|it| named("outcome", fields(&it.verdict))));
+    all
+}
+
+/// The fields of a value as JSON, texts without quotes.
+fn fields(value: &impl Serialize) -> BTreeMap<String, String> {
+    let serde_json::Value::Object(fields) = serde_json::to_value(value).unwrap_or_default() else {
+        return BTreeMap::new();
+    };
+    let text = |value: serde_json::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+    fields.into_iter().map(|(name, value)| (name, text(value))).collect()
+}
+
+/// Names of the arm's links, the base first.
+fn links(playback: &Playback) -> Vec<String> {
+    let base = base_link(&playback.header.cell.sources.robot_urdf);
+    std::iter::once(base).chain(playback.robot.joints.iter().map(|joint| joint.link_name.clone())).collect()
 }
 
 /// Every how manieth tick's images fit in.
@@ -84,76 +143,28 @@ struct Topics<'a> {
 }
 
 impl Topics<'_> {
-    fn write(
-        &mut self,
-        topic: &str,
-        message: &'static MessageType,
-        time_s: f64,
-        content: &Fields,
-    ) -> Result<(), McapError> {
+    fn write<M: Message + Name>(&mut self, topic: &str, time_s: f64, message: &M) -> Result<(), McapError> {
         if !self.channels.contains_key(topic) {
-            let schema = self.writer.add_schema(&message.full_name(), "protobuf", &message.descriptor_set())?;
+            let schema = self.writer.add_schema(&M::full_name(), "protobuf", DESCRIPTORS)?;
             let channel = self.writer.add_channel(schema, topic, "protobuf", &BTreeMap::new())?;
             self.channels.insert(topic.to_owned(), (channel, 0));
         }
         let Some((channel_id, sequence)) = self.channels.get_mut(topic) else { return Ok(()) };
         *sequence += 1;
-        let nanoseconds = (time_s.max(0.0) * 1e9).round() as u64;
-        let header = MessageHeader {
-            channel_id: *channel_id,
-            sequence: *sequence,
-            log_time: nanoseconds,
-            publish_time: nanoseconds,
-        };
-        self.writer.write_to_known_channel(&header, &message.encode(content))
+        let (log_time, channel_id, sequence) = (nanoseconds(time_s), *channel_id, *sequence);
+        let header = MessageHeader { channel_id, sequence, log_time, publish_time: log_time };
+        self.writer.write_to_known_channel(&header, &message.encode_to_vec())
     }
 
     fn event(&mut self, time_s: f64, label: &str, detail: &str) -> Result<(), McapError> {
-        let content = vec![
-            ("timestamp", time(time_s)),
-            ("level", Content::Whole(schemas::INFO)),
-            ("message", text(&format!("{label}: {detail}"))),
-            ("name", text("catchingbot")),
-        ];
-        self.write("/log", &schemas::LOG, time_s, &content)
+        let (message, name) = (format!("{label}: {detail}"), "catchingbot".to_owned());
+        self.write("/log", time_s, &Log { timestamp: time(time_s), level: INFO, message, name })
     }
 
-    fn tick(&mut self, playback: &Playback, tick: &RecordedTick) -> Result<(), McapError> {
+    fn tick(&mut self, playback: &Playback, links: &[&str], tick: &RecordedTick) -> Result<(), McapError> {
         let now_s = tick.observation.time_s;
         if let Some(sample) = playback.motion_at(now_s) {
-            let X_WL = playback.robot.link_poses(&sample.q);
-            let base = base_link(&playback.header.cell.sources.robot_urdf);
-            let mut frames = vec![
-                transform(now_s, RERUN_ROOT, "world", &Pose::identity()),
-                transform(now_s, "world", "gripper", &sample.X_WG),
-                transform(now_s, "world", &base, &X_WL[0]),
-            ];
-            frames.extend(sample.X_WO.map(|X_WO| transform(now_s, "world", "object", &X_WO)));
-            // Each link in the one before it, as in the URDF, so that both can be shown together.
-            let joints = || playback.robot.joints.iter().enumerate();
-            let parents = std::iter::once(base.as_str()).chain(joints().map(|(_, joint)| joint.link_name.as_str()));
-            let links = joints().zip(parents);
-            frames.extend(links.map(|((i, joint), parent)| {
-                transform(now_s, parent, &joint.link_name, &(X_WL[i].inverse() * X_WL[i + 1]))
-            }));
-            let cameras = playback.header.cell.cameras.iter().enumerate();
-            frames.extend(cameras.map(|(i, camera)| transform(now_s, "world", &camera_name(i), &camera.X_WC)));
-            self.write("/tf", &schemas::FRAME_TRANSFORMS, now_s, &vec![("transforms", Content::Many(frames))])?;
-
-            let joints = joints().map(|(i, joint)| {
-                let mut fields = vec![
-                    ("name", text(&joint.name)),
-                    ("position", Content::Number(sample.q[i])),
-                    ("velocity", Content::Number(sample.dq[i])),
-                ];
-                fields.extend(sample.torque.map(|torque| ("effort", Content::Number(torque[i]))));
-                fields
-            });
-            let content = vec![("timestamp", time(now_s)), ("joints", Content::Many(joints.collect()))];
-            self.write("/joint_states", &schemas::JOINT_STATES, now_s, &content)?;
-            if let Some(X_WO) = &sample.X_WO {
-                self.pose("/object/true", now_s, X_WO)?;
-            }
+            self.motion(playback, links, &sample, now_s)?;
         }
         let report = &tick.report;
         if let Some(pose) = &report.pose {
@@ -168,9 +179,63 @@ impl Topics<'_> {
         self.cloud(playback, tick)
     }
 
+    /// Frames, joints, aperture and the object's pose.
+    fn motion(
+        &mut self,
+        playback: &Playback,
+        links: &[&str],
+        sample: &MotionSample,
+        now_s: f64,
+    ) -> Result<(), McapError> {
+        let transform = |parent: &str, child: &str, X_PC: &Pose| FrameTransform {
+            timestamp: time(now_s),
+            parent_frame_id: parent.to_owned(),
+            child_frame_id: child.to_owned(),
+            translation: vector(&X_PC.translation.vector),
+            rotation: rotation(X_PC),
+        };
+        let X_WL = playback.robot.link_poses(&sample.q);
+        let mut transforms = vec![
+            transform(RERUN_ROOT, "world", &Pose::identity()),
+            transform("world", "gripper", &sample.X_WG),
+            transform("world", links[0], &X_WL[0]),
+        ];
+        transforms.extend(sample.X_WO.map(|X_WO| transform("world", "object", &X_WO)));
+        // Each link in the one before it, as in the URDF, so that both can be shown together.
+        let pairs = links.windows(2).enumerate();
+        transforms.extend(pairs.map(|(i, pair)| transform(pair[0], pair[1], &(X_WL[i].inverse() * X_WL[i + 1]))));
+        let fingers = scene::FINGERS.into_iter().zip(playback.gripper.fingers(sample.width_m));
+        transforms.extend(
+            fingers.map(|(name, it)| {
+                transform("gripper", name, &Pose::translation(it.centre.x, it.centre.y, it.centre.z))
+            }),
+        );
+        let cameras = playback.header.cell.cameras.iter().enumerate();
+        transforms.extend(cameras.map(|(i, camera)| transform("world", &camera_name(i), &camera.X_WC)));
+        self.write("/tf", now_s, &FrameTransforms { transforms })?;
+
+        let joint = |(i, name): (usize, &String)| JointState {
+            name: name.clone(),
+            position: Some(sample.q[i]),
+            velocity: Some(sample.dq[i]),
+            effort: sample.torque.map(|torque| torque[i]),
+        };
+        let joints = playback.robot.joints.iter().map(|joint| &joint.name).enumerate().map(joint).collect();
+        self.write("/joint_states", now_s, &JointStates { timestamp: time(now_s), joints })?;
+        let [left, right] = sample.finger_force_n;
+        let aperture = JointState {
+            name: "aperture".to_owned(),
+            position: Some(sample.width_m),
+            velocity: None,
+            effort: Some(left.max(right)),
+        };
+        self.write("/gripper", now_s, &JointStates { timestamp: time(now_s), joints: vec![aperture] })?;
+        sample.X_WO.as_ref().map_or(Ok(()), |X_WO| self.pose("/object/true", now_s, X_WO))
+    }
+
     fn pose(&mut self, topic: &str, time_s: f64, X_WF: &Pose) -> Result<(), McapError> {
-        let content = vec![("timestamp", time(time_s)), ("frame_id", text("world")), ("pose", pose(X_WF))];
-        self.write(topic, &schemas::POSE_IN_FRAME, time_s, &content)
+        let message = PoseInFrame { timestamp: time(time_s), frame_id: "world".to_owned(), pose: pose(X_WF) };
+        self.write(topic, time_s, &message)
     }
 
     fn cloud(&mut self, playback: &Playback, tick: &RecordedTick) -> Result<(), McapError> {
@@ -181,19 +246,17 @@ impl Topics<'_> {
         };
         let every = points.len().div_ceil(MOST_POINTS);
         let numbers = points.iter().step_by(every).flat_map(|point| point.coords.cast::<f32>().data.0[0]);
-        let bytes: Vec<u8> = numbers.flat_map(f32::to_le_bytes).collect();
-        let field = |(i, name): (u32, &str)| {
-            vec![("name", text(name)), ("offset", Content::Whole(i * 4)), ("type", Content::Whole(schemas::FLOAT32))]
+        let field =
+            |(i, name): (u32, &str)| PackedElementField { name: name.to_owned(), offset: i * 4, numeric_type: FLOAT32 };
+        let message = PointCloud {
+            timestamp: time(capture_s),
+            frame_id: "world".to_owned(),
+            pose: pose(&Pose::identity()),
+            point_stride: 12,
+            fields: (0..).zip(["x", "y", "z"]).map(field).collect(),
+            data: numbers.flat_map(f32::to_le_bytes).collect(),
         };
-        let content = vec![
-            ("timestamp", time(capture_s)),
-            ("frame_id", text("world")),
-            ("pose", pose(&Pose::identity())),
-            ("point_stride", Content::Whole(12)),
-            ("fields", Content::Many((0..).zip(["x", "y", "z"]).map(field).collect())),
-            ("data", Content::Bytes(bytes)),
-        ];
-        self.write("/points", &schemas::POINT_CLOUD, tick.observation.time_s, &content)
+        self.write("/points", tick.observation.time_s, &message)
     }
 
     fn image(&mut self, frame: &DepthFrame, camera: &CameraModel) -> Result<(), McapError> {
@@ -201,74 +264,31 @@ impl Topics<'_> {
         // Here the centre of the first pixel is at 0, not at 0.5.
         let [cx, cy] = [(0, left), (1, top)].map(|(i, first)| camera.principal_px[i] - f64::from(first) - 0.5);
         let f = camera.focal_px;
-        let calibration = vec![
-            ("timestamp", time(frame.capture_s)),
-            ("frame_id", text(&camera_name(frame.camera))),
-            ("width", Content::Whole(width)),
-            ("height", Content::Whole(height)),
-            ("K", Content::Numbers(vec![f, 0.0, cx, 0.0, f, cy, 0.0, 0.0, 1.0])),
-            ("R", Content::Numbers(vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])),
-            ("P", Content::Numbers(vec![f, 0.0, cx, 0.0, 0.0, f, cy, 0.0, 0.0, 0.0, 1.0, 0.0])),
-        ];
+        let (timestamp, frame_id) = (time(frame.capture_s), camera_name(frame.camera));
         let topic = |what: &str| format!("/{}/{what}", camera_name(frame.camera));
-        self.write(&topic("calibration"), &schemas::CAMERA_CALIBRATION, frame.capture_s, &calibration)?;
-        let content = vec![
-            ("timestamp", time(frame.capture_s)),
-            ("frame_id", text(&camera_name(frame.camera))),
-            ("width", Content::Whole(width)),
-            ("height", Content::Whole(height)),
-            ("encoding", text("32FC1")),
-            ("step", Content::Whole(width * 4)),
-            ("data", Content::Bytes(frame.depth_m.iter().flat_map(|depth| depth.to_le_bytes()).collect())),
-        ];
-        self.write(&topic("depth"), &schemas::RAW_IMAGE, frame.capture_s, &content)
+        let calibration = CameraCalibration {
+            timestamp: timestamp.clone(),
+            frame_id: frame_id.clone(),
+            width,
+            height,
+            K: vec![f, 0.0, cx, 0.0, f, cy, 0.0, 0.0, 1.0],
+            R: vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            P: vec![f, 0.0, cx, 0.0, 0.0, f, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
+        };
+        self.write(&topic("calibration"), frame.capture_s, &calibration)?;
+        let image = RawImage {
+            timestamp,
+            frame_id,
+            width,
+            height,
+            encoding: "32FC1".to_owned(),
+            step: width * 4,
+            data: frame.depth_m.iter().flat_map(|depth| depth.to_le_bytes()).collect(),
+        };
+        self.write(&topic("depth"), frame.capture_s, &image)
     }
 }
 
 fn camera_name(index: usize) -> String {
     format!("camera_{index:02}")
-}
-
-/// Name of the link that stands still: the first in the URDF.
-fn base_link(urdf: &str) -> String {
-    let name = urdf.split("<link").nth(1).and_then(|it| it.split("name=\"").nth(1)).and_then(|it| it.split('"').next());
-    name.unwrap_or("base").to_owned()
-}
-
-fn text(text: &str) -> Content {
-    Content::Text(text.to_owned())
-}
-
-fn time(time_s: f64) -> Content {
-    let nanoseconds = (time_s.max(0.0) * 1e9).round() as u64;
-    let whole = |value: u64| Content::Whole(u32::try_from(value).unwrap_or(u32::MAX));
-    Content::Message(vec![
-        ("seconds", whole(nanoseconds / 1_000_000_000)),
-        ("nanos", whole(nanoseconds % 1_000_000_000)),
-    ])
-}
-
-fn vector(X_AB: &Pose) -> Content {
-    let p = &X_AB.translation.vector;
-    Content::Message(vec![("x", Content::Number(p.x)), ("y", Content::Number(p.y)), ("z", Content::Number(p.z))])
-}
-
-fn rotation(X_AB: &Pose) -> Content {
-    let q = X_AB.rotation.coords;
-    let fields = ["x", "y", "z", "w"].into_iter().zip(q.iter().map(|value| Content::Number(*value)));
-    Content::Message(fields.collect())
-}
-
-fn pose(X_AB: &Pose) -> Content {
-    Content::Message(vec![("position", vector(X_AB)), ("orientation", rotation(X_AB))])
-}
-
-fn transform(time_s: f64, parent: &str, child: &str, X_PC: &Pose) -> Fields {
-    vec![
-        ("timestamp", time(time_s)),
-        ("parent_frame_id", text(parent)),
-        ("child_frame_id", text(child)),
-        ("translation", vector(X_PC)),
-        ("rotation", rotation(X_PC)),
-    ]
 }

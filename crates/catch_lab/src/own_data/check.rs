@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use catch_body::{Gripper, InputError};
+use catch_body::{Gripper, InputError, robot_file::ignored_elements};
 use catch_sim::Throw;
 
 use crate::{
@@ -44,8 +44,10 @@ pub fn check(path: &Path) -> Checked {
     // Every kind of file is read in the same way; which kind it is only shows afterwards.
     let asset = match Asset::on_disk(Kind::Scenario, &path) {
         Ok(asset) => asset,
-        Err(InputError { file, field, found, .. }) => {
-            let expected = "a readable file: a scenario, robot, gripper, object, throw, rig or study";
+        Err(InputError { file, field, found, expected, .. }) => {
+            // "at most 1 MiB: …", "a regular file: …"
+            let limit = expected.split_once(": ").map(|(limit, _)| format!("{limit}: ")).unwrap_or_default();
+            let expected = format!("{limit}a readable file: a scenario, robot, gripper, object, throw, rig or study");
             return Checked::unreadable(InputError::new(file, field, found, expected));
         }
     };
@@ -67,7 +69,12 @@ pub fn check(path: &Path) -> Checked {
             vec![InputError::new(&asset.file, "the file", found, expected)]
         }
     };
-    let notes = if kind == Some(Kind::Object) { notes_of_object(&asset) } else { Vec::new() };
+    let notes = match kind {
+        Some(Kind::Object) => notes_of_object(&asset),
+        Some(Kind::Robot) => notes_of_robot(&asset),
+        Some(Kind::Scenario | Kind::Gripper) => notes_of_name(&asset, &table),
+        _ => Vec::new(),
+    };
     Checked { kind, faults, notes }
 }
 
@@ -75,6 +82,20 @@ impl Checked {
     fn unreadable(fault: InputError) -> Self {
         Self { kind: None, faults: vec![fault], notes: Vec::new() }
     }
+}
+
+/// What a URDF says that nothing reads.
+fn notes_of_robot(asset: &Asset) -> Vec<String> {
+    let Ok((_, urdf)) = asset.read_text_beside("robot.urdf") else { return Vec::new() };
+    let ignored = ignored_elements(&urdf);
+    if ignored.is_empty() { Vec::new() } else { vec![format!("robot.urdf: ignored are {}", ignored.join(", "))] }
+}
+
+/// A name in the file that is not the one by which things are called.
+fn notes_of_name(asset: &Asset, table: &toml::Table) -> Vec<String> {
+    let name = table.get("name").and_then(toml::Value::as_str).filter(|name| *name != asset.name);
+    let note = |name: &str| format!("name = \"{name}\" is ignored: it is called `{}`, as its file is", asset.name);
+    name.map(note).into_iter().collect()
 }
 
 /// As what an object collides; nothing for one that cannot be read.

@@ -336,7 +336,7 @@ fn parse_pcd(file: &str, bytes: &[u8]) -> Result<CloudFile, InputError> {
     match entry("DATA")[..] {
         ["ascii"] => table.read(None),
         ["binary"] => table.read(Some(false)),
-        _ => Err(fault("DATA", &entry("DATA").join(" "), "ascii or binary, not compressed")),
+        _ => Err(fault("DATA", &format!("`{}`", entry("DATA").join(" ")), "ascii or binary, not compressed")),
     }
 }
 

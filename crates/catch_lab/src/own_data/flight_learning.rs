@@ -3,7 +3,7 @@
 //! Empirical Bayes: the moments of the parameters over the throws by expectation maximization, the noise of the process by the
 //! likelihood of where throws ended given what had been seen before.
 
-use std::{fs, path::Path};
+use std::path::Path;
 
 use catch_body::InputError;
 use catch_bot::{
@@ -12,6 +12,7 @@ use catch_bot::{
 };
 
 use super::flight_misses::{Miss, Misses, Seen, Throw, in_parallel, misses, quantile};
+use crate::bounded_file::FileKind;
 
 /// Iterations of expectation maximization.
 const ITERATIONS: usize = 3;
@@ -202,9 +203,8 @@ pub fn left_out(throws: &[Throw], others: &[FlightPrior]) -> Option<Misses> {
 pub fn read(path: &Path) -> Result<FlightPrior, InputError> {
     let file = path.display().to_string();
     let expected = "a file that `catchingbot learn` has written";
-    let text = fs::read_to_string(path).map_err(|fault| InputError::new(&file, "the file", fault, expected))?;
-    let prior: FlightPrior =
-        toml::from_str(&text).map_err(|fault| InputError::new(&file, "the file", fault.message(), expected))?;
+    let text = FileKind::toml(expected).read_text(path)?;
+    let prior: FlightPrior = InputError::parse_toml(&file, &text)?;
     prior.check().map_err(|fault| InputError::new(&file, fault.field, fault.found, fault.expected))?;
     Ok(prior)
 }
@@ -265,13 +265,13 @@ mod tests {
         broad().check().unwrap();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("object.toml");
-        fs::write(&path, text(&prior).unwrap()).unwrap();
+        std::fs::write(&path, text(&prior).unwrap()).unwrap();
         assert_eq!(read(&path).unwrap(), prior);
-        fs::write(&path, text(&prior).unwrap().replace("throws", "throw")).unwrap();
+        std::fs::write(&path, text(&prior).unwrap().replace("throws", "throw")).unwrap();
         assert!(read(&path).unwrap_err().to_string().contains("throw"));
         let mut wrong = prior;
         wrong.covariance[2][2] = -1.0;
-        fs::write(&path, text(&wrong).unwrap()).unwrap();
+        std::fs::write(&path, text(&wrong).unwrap()).unwrap();
         assert!(read(&path).unwrap_err().to_string().contains("positive definite"));
     }
 

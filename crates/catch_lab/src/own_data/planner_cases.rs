@@ -11,7 +11,7 @@
 use std::path::Path;
 
 use catch_body::{Gripper, InputError, JointVector, Pose, Robot, dynamics::gravity};
-use catch_bot::trajectory_optimization::posed::Target;
+use catch_paper::posed::Target;
 use nalgebra::{Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use serde_json::{Map, Value};
 

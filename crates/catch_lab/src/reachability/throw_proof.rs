@@ -21,11 +21,11 @@ use catch_bot::{
         MotionPlanner, Start,
         motion::LimitScaling,
         reachability::{Interval, ReachableSet},
-        terminal_velocity::shortfall,
     },
     trajectory_prediction::FlightTrajectory,
 };
 use catch_cell::arm::Setpoint;
+use catch_paper::unreachable::shortfall;
 use nalgebra::{Point3, Vector3};
 
 /// Times of the first pieces, in seconds.

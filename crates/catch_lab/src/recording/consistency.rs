@@ -13,8 +13,8 @@ const MOST_AHEAD_S: f64 = 100.0;
 /// Whether the reference scan is one of its cameras.
 pub fn header(file: &str, header: &Header) -> Result<(), InputError> {
     let scan = &header.cell.reference_scan;
-    let frames = scan.frames.iter().enumerate();
-    frames.map(|(i, it)| frame(file, &format!("cell.reference_scan.frames[{i}]"), it, &scan.cameras)).collect()
+    let mut frames = scan.frames.iter().enumerate();
+    frames.try_for_each(|(i, it)| frame(file, &format!("cell.reference_scan.frames[{i}]"), it, &scan.cameras))
 }
 
 /// Whether a tick comes after the last one, its images are those of its cameras, and its trajectory is one.

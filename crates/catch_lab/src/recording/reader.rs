@@ -54,7 +54,7 @@ impl RecordingReader {
             return Err(InputError::new(&file, "format_version", found, FORMAT_VERSION));
         }
         let mut input = open(path)?;
-        let header: Header = read(&file, &mut input, true)?;
+        let header: Header = read(&file, &mut input, false)?;
         consistency::header(&file, &header)?;
         Ok(Self { file, input, last_s: None, header })
     }
@@ -102,19 +102,20 @@ fn read<T: DeserializeOwned>(file: &str, input: &mut Input, first: bool) -> Resu
         }
         let field = fault.path().to_string();
         let fault = fault.into_inner();
-        if let (rmp_serde::decode::Error::Syntax(said), true) = (&fault, field.contains(|it: char| it.is_alphabetic()))
-        {
-            let (found, expected) = said.split_once(", expected ").unwrap_or((said, "an undamaged recording"));
-            let found = found.trim_start_matches("invalid value: ").trim_start_matches("found ");
-            return InputError::new(file, field, found, expected);
-        }
         let cut_off = match &fault {
             rmp_serde::decode::Error::InvalidMarkerRead(fault) | rmp_serde::decode::Error::InvalidDataRead(fault) => {
                 fault.kind() == io::ErrorKind::UnexpectedEof
             }
             _ => false,
         };
+        let is_in_field = field.contains(|it: char| it.is_alphabetic());
         match (first, cut_off) {
+            (false, false) if is_in_field => {
+                let said = fault.to_string();
+                let (found, expected) = said.split_once(", expected ").unwrap_or((&said, "a value of another kind"));
+                let found = found.trim_start_matches("invalid value: ").trim_start_matches("found ");
+                InputError::new(file, field, found, expected)
+            }
             (true, false) => InputError::new(file, "the file", "something else", EXPECTED),
             (_, true) => {
                 InputError::new(file, "the file", "an end too early", "a complete recording; this one was cut off")

@@ -120,7 +120,7 @@ impl StepSummary {
         let of_object = |object: &str| {
             let cells = identity.cells.iter().zip(&identity.throws_are_fixed).filter(|(cell, _)| cell.object == object);
             let throws: Vec<&str> = cells.clone().map(|(cell, _)| cell.throw.as_str()).collect();
-            let is_fixed = cells.map(|(_, is_fixed)| *is_fixed).all(|is_fixed| is_fixed);
+            let is_fixed = cells.into_iter().all(|(_, is_fixed)| *is_fixed);
             let rows: Vec<&Row> = rows.iter().filter(|row| row.scene.object == object).collect();
             let throws = if grid.is_some() { "grid".to_owned() } else { throws.join(", ") };
             let all = CellSummary::of(object, &throws, &rows, is_fixed);

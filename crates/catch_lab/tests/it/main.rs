@@ -11,5 +11,6 @@ mod robot_controller;
 mod search_passes;
 mod source;
 mod standard_terms;
+mod supply_chain;
 mod throws_out_of_reach;
 mod tidy;

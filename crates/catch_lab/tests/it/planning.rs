@@ -9,8 +9,7 @@ use catch_bot::{
     grasp_selection::GraspSet,
     perception::ReferenceModel,
     trajectory_optimization::{
-        CatchPlan, CatchSearch, Config, Incoming, MotionPlanner, PlanningFailure, Start, posed::Target,
-        reachability::ReachableSet,
+        CatchPlan, CatchSearch, Config, Incoming, MotionPlanner, PlanningFailure, Start, reachability::ReachableSet,
     },
     trajectory_prediction::FlightTrajectory,
 };
@@ -23,6 +22,7 @@ use catch_lab::{
     },
     trial,
 };
+use catch_paper::posed::{PosedPlanner, Target};
 use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -342,8 +342,8 @@ fn a_hundred_thousand_random_catches_hold_when_recomputed() {
 /// along with them. Returns how many of how many are solved.
 fn solved_by(robot: &str, count: usize) -> (usize, usize) {
     let (robot, gripper) = planner_cases::arm(Some(robot), ("test", "robot")).unwrap();
-    let planner = MotionPlanner::new(robot, gripper.clone(), Config::default());
-    let robot = planner.robot();
+    let planner = PosedPlanner::new(MotionPlanner::new(robot, gripper.clone(), Config::default()));
+    let robot = planner.motion().robot();
     let mut rng = Pcg64::seed_from_u64(11);
     let start = Start { time_s: 0.0, state: Setpoint::at_rest(robot.ready_q) };
     let (mut solved, mut asked) = (0, 0);
@@ -397,10 +397,10 @@ fn arms_of_other_kinds_catch_what_sampling_shows_feasible() {
 }
 
 /// The files of cases that stand beside the benches.
-fn cases(text: &str) -> (MotionPlanner, Vec<planner_cases::PlannerCase>) {
+fn cases(text: &str) -> (PosedPlanner, Vec<planner_cases::PlannerCase>) {
     let (robot, gripper) = planner_cases::arm(None, ("test", "robot")).unwrap();
     let all = Config { position_margin_rad: 0.0, velocity_scaling: 1.0, torque_scaling: 1.0, ..Config::default() };
-    (MotionPlanner::new(robot, gripper, all), planner_cases::parse("test", text).unwrap())
+    (PosedPlanner::new(MotionPlanner::new(robot, gripper, all)), planner_cases::parse("test", text).unwrap())
 }
 
 #[test]
@@ -410,7 +410,7 @@ fn feasible_cases_are_solved_and_unreachable_ones_proven_so() {
     let (planner, feasible) = cases(text);
     let mut fractions = Vec::new();
     for (case, value) in feasible.iter().zip(best["cases"].as_array().unwrap()) {
-        let (q, dq) = case.start("test", planner.robot()).unwrap();
+        let (q, dq) = case.start("test", planner.motion().robot()).unwrap();
         let start = Start { time_s: 0.0, state: Setpoint { q, dq, ddq: JointVector::zeros() } };
         let plan = planner.catch_at(&start, &case.target).unwrap();
         fractions.push(plan.speed_fraction / value["s_max"].as_f64().unwrap());
@@ -421,7 +421,7 @@ fn feasible_cases_are_solved_and_unreachable_ones_proven_so() {
 
     let (planner, unreachable) = cases(include_str!("../../../catch_bot/benches/cases/planner_cases_unreachable.json"));
     for case in &unreachable {
-        let (q, dq) = case.start("test", planner.robot()).unwrap();
+        let (q, dq) = case.start("test", planner.motion().robot()).unwrap();
         let start = Start { time_s: 0.0, state: Setpoint { q, dq, ddq: JointVector::zeros() } };
         assert_eq!(planner.catch_at(&start, &case.target), Err(PlanningFailure::OutOfReach), "{}", case.id);
     }

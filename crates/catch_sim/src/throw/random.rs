@@ -102,7 +102,8 @@ fn aimed(p_WO: Point3<f64>, target_W: Point3<f64>, time_s: f64, conditions: &Con
     for _ in 0..20 {
         let miss = target_W - flown(p_WO, v_WO, time_s, conditions);
         v_WO += miss / time_s;
-        if !(v_WO.norm() <= MOST_SPEED_MPS) {
+        let speed_mps = v_WO.norm();
+        if speed_mps > MOST_SPEED_MPS || speed_mps.is_nan() {
             return parabola;
         }
         if miss.norm() < 1e-9 {

@@ -1,41 +1,42 @@
+//! Flights predicted from poses.
+
 use catch_body::Pose;
-use nalgebra::{Matrix3, Matrix6, Translation3, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Matrix3, Matrix6, Point3, Translation3, UnitQuaternion, Vector3, Vector6};
 
-use super::{flight::Motion, tumbling::Tumbling, *};
-use crate::perception::synthetic::Normal;
+use catch_bot::{
+    perception::{ObjectPose, Symmetry},
+    trajectory_prediction::*,
+};
 
-/// A throw as in the paper: about 0.7 s.
-struct Throw {
-    start: Motion,
-    R_WO: UnitQuaternion<f64>,
-    w_WO: Vector3<f64>,
-    inertia: Option<Matrix3<f64>>,
-    drag_per_m: f64,
-}
-
-impl Throw {
-    fn pose_at(&self, time_s: f64) -> Pose {
-        let p_WO = self.start.after(time_s, self.drag_per_m, false).p;
-        let R_WO = Tumbling::new(self.R_WO, &self.w_WO, self.inertia.as_ref()).after(time_s, false).R_WO;
-        Pose::from_parts(Translation3::from(p_WO), R_WO)
-    }
-}
+use crate::synthetic::Normal;
 
 fn banana() -> Symmetry {
     Symmetry::None { half_turn: None, inertia_per_kg: Matrix3::from_diagonal(&Vector3::new(0.0002, 0.0017, 0.0018)) }
 }
 
-fn throw(normal: &mut Normal, spin_radps: f64, drag_per_m: f64, symmetry: &Symmetry) -> Throw {
-    let p_WO = Vector3::new(2.66, 2.61, 0.5) + normal.vector() * 0.05;
-    let v_WO = Vector3::new(-2.96, -4.06, 3.59) + normal.vector() * 0.1;
-    let w_WO = normal.vector().normalize() * spin_radps;
-    let inertia = tumbling::inertia_per_kg(symmetry);
-    Throw { start: Motion::new(p_WO, v_WO), R_WO: normal.rotation(), w_WO, inertia, drag_per_m }
+/// A throw as in the paper: about 0.7 s.
+fn throw(normal: &mut Normal, spin_radps: f64, drag_per_m: f64, symmetry: &Symmetry) -> FlightTrajectory {
+    FlightTrajectory {
+        p_WO: Point3::new(2.66, 2.61, 0.5) + normal.vector() * 0.05,
+        v_WO: Vector3::new(-2.96, -4.06, 3.59) + normal.vector() * 0.1,
+        w_WO: normal.vector().normalize() * spin_radps,
+        inertia_per_kg: inertia_per_kg(symmetry),
+        R_WO: normal.rotation(),
+        drag_per_m,
+        ..FlightTrajectory::default()
+    }
 }
 
 /// What is seen of a throw in `count` frames at 100 Hz, with the given standard deviations; a fraction of the frames is
 /// shifted by 5 to 20 cm.
-fn seen(throw: &Throw, count: usize, sd_m: f64, sd_rad: f64, outliers: f64, normal: &mut Normal) -> Vec<ObjectPose> {
+fn seen(
+    throw: &FlightTrajectory,
+    count: usize,
+    sd_m: f64,
+    sd_rad: f64,
+    outliers: f64,
+    normal: &mut Normal,
+) -> Vec<ObjectPose> {
     let (turn, shift) = (sd_rad.powi(-2), sd_m.powi(-2));
     let information = Matrix6::from_diagonal(&Vector6::new(turn, turn, turn, shift, shift, shift));
     let poses = (0..count).map(|i| {
@@ -175,7 +176,18 @@ fn drag_against_the_bound(throws: u64) -> f64 {
         let by_start = |time_s: f64| {
             let mut J = nalgebra::SMatrix::<f64, 3, 7>::zeros();
             J.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
-            J.fixed_view_mut::<3, 4>(0, 3).copy_from(&throw.start.after(time_s, drag, true).dp);
+            for i in 0..4 {
+                let at = |change: f64| {
+                    let mut throw = throw.clone();
+                    if i < 3 {
+                        throw.v_WO[i] += change;
+                    } else {
+                        throw.drag_per_m += change;
+                    }
+                    throw.pose_at(time_s).translation.vector
+                };
+                J.set_column(3 + i, &((at(1e-4) - at(-1e-4)) / 2e-4));
+            }
             J
         };
         let information: nalgebra::SMatrix<f64, 7, 7> =

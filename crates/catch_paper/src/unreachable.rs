@@ -4,15 +4,16 @@
 use catch_body::{
     MAX_JOINTS,
     inverse_kinematics::{Branch, ElbowCircle, SrsArm},
+    robot::Jacobian,
 };
-use nalgebra::Point3;
-
-use super::{
-    posed::Task,
+use catch_bot::trajectory_optimization::{
     posture::{PostureFinder, first_seven},
+    quadratic_program::{Hessian, MAX_VARIABLES, Row, Square, Variables},
     reachability::Interval,
-    terminal_velocity::shortfall,
 };
+use nalgebra::{Point3, SMatrix, Vector3};
+
+use crate::posed::Task;
 
 /// Pieces of arcs that a proof may look at.
 const PROOF_PIECES: usize = 4000;
@@ -20,7 +21,7 @@ const PROOF_PIECES: usize = 4000;
 impl Task<'_> {
     /// Whether no swivel that the arm can reach leaves joint velocities that keep the direction.
     pub fn is_proven_unreachable(&self) -> bool {
-        let PostureFinder::Srs(srs) = &self.planner.finder else { return false };
+        let PostureFinder::Srs(srs) = self.planner.finder() else { return false };
         let Some(circle) = srs.elbow_circle(&self.target.X_WG) else { return true };
         let proof = Proof { task: self, srs, circle };
         let mut pieces = PROOF_PIECES;
@@ -32,14 +33,14 @@ impl Task<'_> {
     /// cannot come so far, each joint moving it by no more than its angle times the length of what is beyond it.
     pub fn is_too_far(&self) -> bool {
         let planner = self.planner;
-        if matches!(planner.finder, PostureFinder::Srs(_)) {
+        if matches!(planner.finder(), PostureFinder::Srs(_)) {
             return true;
         }
-        let from = planner.robot.gripper_pose(&self.start.state.q);
+        let from = planner.robot().gripper_pose(&self.start.state.q);
         let far = (from.translation.vector - self.target.X_WG.translation.vector).norm();
-        let reached = (0..planner.robot.dof()).map(|i| {
+        let reached = (0..planner.robot().dof()).map(|i| {
             let angles = self.reaches[i].displacements();
-            planner.extents_m[i] * angles.high.max(-angles.low)
+            planner.extents_m()[i] * angles.high.max(-angles.low)
         });
         far > reached.sum::<f64>()
     }
@@ -73,7 +74,7 @@ impl Proof<'_> {
     }
 
     fn is_barred_as_one(&self, branch: Branch, swivel: f64, half: f64) -> bool {
-        let robot = &self.task.planner.robot;
+        let robot = self.task.planner.robot();
         let q = self.srs.solve_branch(&self.circle, swivel, branch);
         let turns = self.srs.turned_by(&self.circle, swivel, branch, half + 1e-9);
         let mut bounds = [Interval { low: 0.0, high: 0.0 }; MAX_JOINTS];
@@ -87,10 +88,10 @@ impl Proof<'_> {
             bounds[i] = Interval { low: at(-turn).low - 1e-9, high: at(*turn).high + 1e-9 };
         }
         let jacobian = self.task.jacobian(&q);
-        let most = self.task.planner.config.max_speed_fraction;
+        let most = self.task.planner.config().max_speed_fraction;
         let Some(lambda) = shortfall(&jacobian, &self.task.target.v_WO, &bounds, most) else { return false };
         let X_WL = robot.link_poses(&q);
-        let grasp_centre: Point3<f64> = self.task.target.X_WG * self.task.planner.gripper.grasp_centre();
+        let grasp_centre: Point3<f64> = self.task.target.X_WG * self.task.planner.gripper().grasp_centre();
         let mut reached = 0.0;
         for i in 0..turns.len() {
             let (_, origin) = robot.joint_axis(&X_WL, i);
@@ -100,7 +101,7 @@ impl Proof<'_> {
                     let (_, before) = robot.joint_axis(&X_WL, k);
                     // The distances vary along the arc, too: each by less than the turns before it move its ends.
                     let distance = (grasp_centre - origin).norm() + (origin - before).norm();
-                    turns[k] * (distance + turns[..i].iter().sum::<f64>() * 2.0 * self.task.planner.longest_reach_m)
+                    turns[k] * (distance + turns[..i].iter().sum::<f64>() * 2.0 * self.task.planner.longest_reach_m())
                 })
                 .sum();
             let Interval { low, high } = bounds[i];
@@ -108,4 +109,25 @@ impl Proof<'_> {
         }
         reached < (most * lambda.dot(&self.task.target.v_WO)).min(0.0)
     }
+}
+
+/// What is missing between the velocities that the grasp centre can have within `bounds` and those along the object's: the
+/// shortest difference s·v − J_v·q̇.
+pub fn shortfall(
+    jacobian: &Jacobian,
+    v_WO: &Vector3<f64>,
+    bounds: &[Interval; MAX_JOINTS],
+    max_speed_fraction: f64,
+) -> Option<Vector3<f64>> {
+    const S: usize = MAX_JOINTS;
+    let linear = jacobian.fixed_rows::<3>(3);
+    let mut A = SMatrix::<f64, 3, MAX_VARIABLES>::zeros();
+    A.fixed_view_mut::<3, MAX_JOINTS>(0, 0).copy_from(&linear);
+    A.set_column(S, &-v_WO);
+    let H = A.transpose() * A + Square::identity() * 1e-6;
+    let rows: [Row; S + 1] = std::array::from_fn(|i| Row::new(Variables::ith(i, 1.0)));
+    let limits: [_; S + 1] =
+        std::array::from_fn(|i| bounds.get(i).map_or([0.0, max_speed_fraction], |it| [it.low, it.high]));
+    let x = Hessian::new(&H)?.minimize(&Variables::zeros(), &rows, &limits, 0).ok()?;
+    Some(-A * x)
 }

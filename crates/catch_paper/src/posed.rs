@@ -1,22 +1,22 @@
 //! A catch whose time and pose are given: the redundancy, the joint velocities and the motion are still to be found.
 //!
-//! The arm is redundant, so a pose leaves arcs of swivel angles ([`super::posture`]), cut to what each joint can reach in the
+//! The arm is redundant, so a pose leaves arcs of swivel angles ([`posture`](catch_bot::trajectory_optimization::posture)), cut to what each joint can reach in the
 //! time: where none is left, the catch is out of reach whatever the redundancy. On the arcs the highest speed fraction is
-//! sought, first with the exact bounds of [`super::reachability`], which are optimistic for a spline, then with the
+//! sought, first with the exact bounds of
+//! [`reachability`](catch_bot::trajectory_optimization::reachability), which are optimistic for a spline, then with the
 //! spline's own range of end velocities. Within that range the spline's program is feasible, so nothing fails afterwards.
 
 use catch_body::{JointVector, MAX_JOINTS, Pose, robot::Jacobian};
-use catch_cell::BSpline;
-use nalgebra::{Point3, Vector3};
-
-use super::{
-    MotionPlanner, PlanningFailure, Start,
+use catch_bot::trajectory_optimization::{
+    CatchSplines, MotionPlanner, PlanningFailure, Start,
     motion::{LimitScaling, ROUNDING},
     point_to_point::PointToPoint,
     posture::Posture,
     reachability::{Interval, ReachableSet, fraction_used},
     terminal_velocity::{TerminalVelocity, Weights},
 };
+use catch_cell::BSpline;
+use nalgebra::{Point3, Vector3};
 
 /// Where the gripper is to be, and where the object goes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,13 +52,33 @@ const EASY_FRACTION: f64 = 0.9;
 /// One call's circumstances.
 pub(super) struct Task<'a> {
     pub planner: &'a MotionPlanner,
+    splines: &'a CatchSplines,
     pub start: &'a Start,
     pub target: &'a Target,
     pub reaches: [ReachableSet; MAX_JOINTS],
+    scaling: LimitScaling,
 }
 
-impl MotionPlanner {
-    /// The motion to `target` with the highest speed fraction over all redundancy. The acceleration at the start is free.
+/// Plans catches whose time and pose are given, with the acceleration at the start free.
+#[derive(Debug)]
+pub struct PosedPlanner {
+    motion: MotionPlanner,
+    splines: CatchSplines,
+}
+
+impl PosedPlanner {
+    /// Over the motions that can be generated.
+    pub fn new(motion: MotionPlanner) -> Self {
+        let splines = CatchSplines::new(&[1.0; 10], false, motion.config());
+        Self { motion, splines }
+    }
+
+    /// What generates the motions.
+    pub fn motion(&self) -> &MotionPlanner {
+        &self.motion
+    }
+
+    /// The motion to `target` with the highest speed fraction over all redundancy.
     ///
     /// # Errors
     /// [`PlanningFailure::OutOfReach`] where no motion within the velocity and acceleration limits exists, whatever the redundancy;
@@ -111,7 +131,7 @@ impl MotionPlanner {
         known: &PosedCatch,
     ) -> Result<PosedCatch, PlanningFailure> {
         let task = self.task(start, target);
-        let adjusted = self.finder.adjusted(&self.robot, &target.X_WG, &known.posture, 0.0);
+        let adjusted = self.motion.finder().adjusted(self.motion.robot(), &target.X_WG, &known.posture, 0.0);
         let found = adjusted
             .filter(|it| task.reach_fraction(&it.q) <= 1.0)
             .and_then(|posture| task.easily(&posture).or_else(|| task.solve(&posture, -1.0)));
@@ -122,14 +142,11 @@ impl MotionPlanner {
         }
     }
 
-    /// Where nothing is held back for replans.
-    fn posed_scaling(&self) -> LimitScaling {
-        LimitScaling { velocity: self.config.velocity_scaling, acceleration: 1.0 - ROUNDING }
-    }
-
     fn task<'a>(&'a self, start: &'a Start, target: &'a Target) -> Task<'a> {
-        let reaches = self.reaches(start, target.catch_s - start.time_s, self.posed_scaling());
-        Task { planner: self, start, target, reaches }
+        // Nothing is held back for replans.
+        let scaling = LimitScaling { velocity: self.motion.config().velocity_scaling, acceleration: 1.0 - ROUNDING };
+        let reaches = self.motion.reaches(start, target.catch_s - start.time_s, scaling);
+        Task { planner: &self.motion, splines: &self.splines, start, target, reaches, scaling }
     }
 }
 
@@ -141,30 +158,34 @@ impl Task<'_> {
 
     /// Postures that the arm can reach, with the largest fraction of its reach that a joint uses.
     fn postures(&self) -> Vec<(f64, Posture)> {
-        let MotionPlanner { finder, robot, .. } = self.planner;
-        let found = finder.postures(robot, &self.target.X_WG, &self.start.state.q, &self.ranges());
+        let found = self.planner.finder().postures(
+            self.planner.robot(),
+            &self.target.X_WG,
+            &self.start.state.q,
+            &self.ranges(),
+        );
         found.into_iter().map(|posture| (self.reach_fraction(&posture.q), posture)).collect()
     }
 
     fn reach_fraction(&self, q: &JointVector) -> f64 {
-        fraction_used(&self.reaches, &self.start.state.q, q, self.planner.robot.dof()).unwrap_or(2.0)
+        fraction_used(&self.reaches, &self.start.state.q, q, self.planner.robot().dof()).unwrap_or(2.0)
     }
 
     pub fn jacobian(&self, q: &JointVector) -> Jacobian {
-        let grasp_centre: Point3<f64> = self.target.X_WG * self.planner.gripper.grasp_centre();
-        self.planner.robot.jacobian(&self.planner.robot.link_poses(q), &grasp_centre)
+        let grasp_centre: Point3<f64> = self.target.X_WG * self.planner.gripper().grasp_centre();
+        self.planner.robot().jacobian(&self.planner.robot().link_poses(q), &grasp_centre)
     }
 
     fn point_to_point(&self, q: &JointVector) -> PointToPoint<'_> {
         PointToPoint {
             planner: self.planner,
-            splines: &self.planner.standing_splines,
+            splines: self.splines,
             start: self.start,
             catch_s: self.target.catch_s,
             q: *q,
             v_WO: self.target.v_WO,
             jacobian: self.jacobian(q),
-            scaling: self.planner.posed_scaling(),
+            scaling: self.scaling,
             weights: Weights::FASTEST,
             brakes: false,
         }
@@ -177,7 +198,7 @@ impl Task<'_> {
 
     fn exact_bounds(&self, q: &JointVector, acceleration_scaling: f64) -> Option<[Interval; MAX_JOINTS]> {
         let mut bounds = [Interval { low: 0.0, high: 0.0 }; MAX_JOINTS];
-        for i in 0..self.planner.robot.dof() {
+        for i in 0..self.planner.robot().dof() {
             let mut reach = self.reaches[i];
             reach.acceleration *= acceleration_scaling;
             let displacement = q[i] - self.start.state.q[i];
@@ -192,7 +213,7 @@ impl Task<'_> {
 
     /// The motion to a posture at the highest speed fraction, if the arm need not exhaust its limits for it.
     fn easily(&self, posture: &Posture) -> Option<PosedCatch> {
-        let enough = self.planner.config.max_speed_fraction * (1.0 - GOOD_ENOUGH);
+        let enough = self.planner.config().max_speed_fraction * (1.0 - GOOD_ENOUGH);
         let terminal_velocity = self
             .optimistic(&posture.q, EASY_FRACTION)
             .filter(|terminal_velocity| terminal_velocity.speed_fraction >= enough)?;
@@ -213,7 +234,7 @@ impl Task<'_> {
         control_points: Vec<JointVector>,
     ) -> Option<PosedCatch> {
         let (start_s, duration_s) = (self.start.time_s, self.target.catch_s - self.start.time_s);
-        let knots_s = self.planner.standing_splines.at.knots.iter().map(|knot| start_s + knot * duration_s).collect();
+        let knots_s = self.splines.at.knots.iter().map(|knot| start_s + knot * duration_s).collect();
         let spline = BSpline { knots_s, control_points };
         let (posture, speed_fraction) = (*posture, terminal_velocity.speed_fraction);
         self.planner.keeps_torque(&spline).then_some(PosedCatch { posture, speed_fraction, spline })
@@ -229,7 +250,7 @@ impl Task<'_> {
         for _ in 0..REFINEMENTS {
             let better = [step, -step].iter().find_map(|by| {
                 let swivel = best.elbow?.swivel + by;
-                let next = self.planner.finder.moved(&self.target.X_WG, &best, swivel)?;
+                let next = self.planner.finder().moved(&self.target.X_WG, &best, swivel)?;
                 let fraction = value(&next.q);
                 (fraction > most).then_some((fraction, next))
             });

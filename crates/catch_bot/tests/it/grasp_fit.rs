@@ -1,0 +1,80 @@
+//! How an object fits between the fingers.
+
+use catch_body::{Gripper, Pose};
+use catch_bot::{
+    grasp_selection::{Config, GraspSet},
+    perception::ReferenceModel,
+};
+use nalgebra::Point3;
+use nalgebra::Vector3;
+
+fn gripper() -> Gripper {
+    Gripper::from_toml("wsg50.toml", include_str!("../../../../assets/grippers/wsg50.toml")).unwrap()
+}
+
+/// Points all over an ellipsoid.
+fn ellipsoid(semi_axes: Vector3<f64>) -> ReferenceModel {
+    let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+    let mut model = ReferenceModel::default();
+    for i in 0..3000 {
+        let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / 3000.0;
+        let (s, c) = (golden * f64::from(i)).sin_cos();
+        let r = (1.0 - z * z).sqrt();
+        let unit = Vector3::new(r * c, r * s, z);
+        model.points.push(Point3::from(unit.component_mul(&semi_axes)));
+        model.normals.push(unit.component_div(&semi_axes).normalize());
+    }
+    model.radius_m = semi_axes.max();
+    model
+}
+
+#[test]
+fn a_ball_can_be_held_from_everywhere() {
+    let config = Config { samples: 50, ..Config::default() };
+    let set = GraspSet::sample(&ellipsoid(Vector3::repeat(0.0335)), &gripper(), &config);
+    assert_eq!(set.grasps.len(), 200);
+    for grasp in &set.grasps {
+        assert!((grasp.object_width_m - 0.067).abs() < 1e-3);
+        assert!((grasp.X_OG * gripper().grasp_centre()).coords.norm() < 2e-3, "the ball is at the grasp centre");
+    }
+}
+
+#[test]
+fn a_long_body_is_held_across_and_a_wide_one_not_at_all() {
+    let config = Config { samples: 100, ..Config::default() };
+    let set = GraspSet::sample(&ellipsoid(Vector3::new(0.02, 0.03, 0.09)), &gripper(), &config);
+    assert!(!set.grasps.is_empty());
+    for grasp in &set.grasps {
+        let closing = grasp.X_OG * Vector3::x();
+        assert!(closing.z.abs() < 0.5, "never closes along the length");
+        assert!(grasp.object_width_m < 0.062);
+    }
+    assert!(GraspSet::sample(&ellipsoid(Vector3::repeat(0.06)), &gripper(), &config).grasps.is_empty());
+}
+
+/// A body without symmetry of a ball gets grasps that come from elsewhere and close in the same direction.
+#[test]
+fn turned_grasps_close_in_the_same_direction() {
+    let body = ellipsoid(Vector3::new(0.02, 0.02, 0.04));
+    let config = Config { samples: 1, turns_rad: vec![0.5], ..Config::default() };
+    let set = GraspSet::sample(&body, &gripper(), &config);
+    let plain = GraspSet::sample(&body, &gripper(), &Config { turns_rad: Vec::new(), ..config });
+    assert!(set.grasps.len() > plain.grasps.len() && !plain.grasps.is_empty());
+    for pair in set.grasps.windows(2) {
+        let [one, two] = [&pair[0].X_OG, &pair[1].X_OG];
+        if one.rotation.angle_to(&two.rotation) < 0.6 {
+            assert!((one * Vector3::x()).dot(&(two * Vector3::x())) > 1.0 - 1e-9);
+        }
+    }
+}
+
+#[test]
+fn only_what_may_be_reached_is_ranked() {
+    let set = GraspSet::sample(&ellipsoid(Vector3::repeat(0.0335)), &gripper(), &Config::default());
+    let rank = |may_reach: bool| {
+        let config = Config::default();
+        set.rank(&Pose::identity(), &Vector3::x(), &Point3::origin(), &config, |_| may_reach)
+    };
+    assert_eq!((rank(true).0.len(), rank(true).1), (Config::default().kept, true));
+    assert_eq!((rank(false).0.len(), rank(false).1), (0, true));
+}

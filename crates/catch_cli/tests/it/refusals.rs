@@ -1,0 +1,155 @@
+//! Files and arguments that once made the program panic, hang, swell or call nonsense right, and how refusals are told.
+
+use std::fs;
+
+use serde_json::Value;
+
+use crate::{catchingbot, stderr, stdout};
+
+/// A built-in file with a piece of text replaced, checked as `check` does it.
+fn checked(name: &str, file: &str, right: &str, wrong: &str) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let text = stdout(&catchingbot(&["list", "--show", name]));
+    assert!(text.contains(right), "{name} has no {right}");
+    let path = folder.path().join(file);
+    fs::write(&path, text.replacen(right, wrong, 1)).unwrap();
+    let output = catchingbot(&["check", path.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(2), "{right} → {wrong} is right: {}", stdout(&output));
+    assert!(!stderr(&output).contains("panicked"), "{}", stderr(&output));
+    stdout(&output)
+}
+
+#[test]
+fn nonsense_is_refused_with_its_field() {
+    for (name, file, right, wrong, field) in [
+        ("wsg50", "g.toml", "finger_size_m = [0.012", "finger_size_m = [1e300", "finger_size_m[0]"),
+        ("wsg50", "g.toml", "finger_centre_y_m = 0.077", "finger_centre_y_m = nan", "finger_centre_y_m"),
+        ("wsg50", "g.toml", "body_mass_kg = 0.989", "body_mass_kg = 1e9", "body_mass_kg"),
+        ("pill_bottle", "o.toml", "[[0.0, 0.0254]", "[[0.0, 1e300]", "truth.shape.profile_m[0][1]"),
+        ("pill_bottle", "o.toml", "[[0.0, 0.0254]", "[[0.0, 1e-200]", "truth.shape.profile_m"),
+        ("pill_bottle", "o.toml", "[[0.0, 0.0254]", "[[0.0, 0.0254, 7.0]", "truth.shape.profile_m[0]"),
+        ("banana", "o.toml", "arc_radius_m = 0.1008", "arc_radius_m = 1e200", "truth.shape.arc_radius_m"),
+        ("banana", "o.toml", "drag_per_m = 0.05", "drag_per_m = 1e300", "truth.drag_per_m"),
+        ("paper", "s.toml", "frame_rate_hz = 100.0", "frame_rate_hz = 1e-9", "arena.frame_rate_hz"),
+        ("paper", "s.toml", "wind = [0.0, 0.0, 0.0]", "wind = [1e300, 0.0, 0.0]", "arena.wind"),
+        ("paper", "s.toml", "wind = [0.0, 0.0, 0.0]", "wind = [0.0, 0.0, 0.0, 7.0]", "arena.wind"),
+        ("paper", "s.toml", "max_spin_radps = 0.0", "max_spin_radps = 1e300", "arena.max_spin_radps"),
+        ("near", "t.toml", "position_m = [", "position_m = [0.0, ", "motion.position_m"),
+        ("near", "t.toml", "spin_radps = [0.0", "spin_radps = [1e300", "motion.spin_radps[0]"),
+    ] {
+        let said = checked(name, file, right, wrong);
+        assert!(said.contains(field), "{wrong}: {said}");
+    }
+}
+
+#[test]
+fn endless_and_large_files_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let large = folder.path().join("large.toml");
+    fs::write(&large, "# x\n".repeat(500_000)).unwrap();
+    let large = large.to_str().unwrap();
+    let mut files = vec![(large, "at most 1 MiB")];
+    if cfg!(target_os = "linux") {
+        files.push(("/dev/zero", "a regular file"));
+    }
+    for (file, said) in files {
+        for arguments in [["check", file, "--json"], ["replay", file, "--json"], ["--scenario", file, "--json"]] {
+            let output = catchingbot(&arguments);
+            assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+            let told = format!("{}{}", stdout(&output), stderr(&output));
+            assert!(told.contains(said) || arguments[0] == "replay", "{arguments:?}: {told}");
+        }
+    }
+}
+
+#[test]
+fn faults_are_json_where_json_is_asked_for() {
+    for (arguments, field, code) in [
+        (&["catch", "--json", "--object", "nope"][..], Some("--object"), 2),
+        (&["catch", "--json", "--set", "object=nope"], Some("--set object"), 2),
+        (&["catch", "--json", "--set", "arena.step_s=7"], Some("arena.step_s"), 2),
+        (&["catch", "--json", "--sede", "3"], None, 2),
+        (&["predict", "--json", "--track", "no.csv"], Some("the file"), 2),
+    ] {
+        let output = catchingbot(arguments);
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}");
+        let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(document["exit_code"], code);
+        assert!(!document["error"].as_str().unwrap().is_empty());
+        assert_eq!(document["faults"][0]["field"].as_str(), field, "{document}");
+    }
+    let output = catchingbot(&["catch", "--set", "object=nope"]);
+    assert!(stderr(&output).contains("command line: --set object: found `nope`"), "{}", stderr(&output));
+}
+
+#[test]
+fn samples_are_predicted_and_registered() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().to_str().unwrap();
+    for kind in ["track", "cloud"] {
+        let output = catchingbot(&["new", kind, "sample", "--out", out]);
+        assert!(output.status.success(), "{}", stderr(&output));
+        let shown = stdout(&output);
+        let command = shown.lines().find_map(|line| line.trim().strip_prefix("try it")).unwrap().trim();
+        let arguments: Vec<&str> = command.split(' ').skip_while(|it| !["predict", "register"].contains(it)).collect();
+        let output = catchingbot(&[&arguments[..], &["--json"]].concat());
+        let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let expected = if kind == "track" { "predicted" } else { "registered" };
+        assert_eq!(document["status"], expected, "{document}");
+    }
+}
+
+/// Points in one place, on a line and on a plane agree with many poses.
+#[test]
+fn a_degenerate_cloud_is_not_registered() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("points.xyz");
+    type Place = fn(u32) -> [f64; 3];
+    let places: [Place; 2] = [|_| [0.1, 0.2, 0.3], |i| [f64::from(i) * 1e-4, 0.0, 0.0]];
+    for place in places {
+        let rows: String = (0..300).map(|i| place(i).map(|it| it.to_string()).join(" ") + "\n").collect();
+        fs::write(&path, rows).unwrap();
+        let output = catchingbot(&["register", "--cloud", path.to_str().unwrap(), "--reference", "banana", "--json"]);
+        let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_ne!(document["status"], "registered", "{document}");
+        assert_eq!(document["X_CR"], Value::Null);
+    }
+}
+
+#[test]
+fn pages_go_where_they_are_wanted() {
+    let folder = tempfile::tempdir().unwrap();
+    let (out, pages) = (folder.path().join("with space"), folder.path().join("pages"));
+    let output = catchingbot(&["catch", "--out", out.to_str().unwrap()]);
+    let shown = stdout(&output);
+    let hint = shown.lines().find(|line| line.contains("look at it")).unwrap();
+    assert!(hint.contains(&format!("view '{}", out.display())), "{hint}");
+    let recording = fs::read_dir(&out).unwrap().map(|it| it.unwrap().path());
+    let recording = recording.into_iter().find(|it| it.extension().is_some_and(|it| it == "catch")).unwrap();
+    let arguments = ["view", "--no-open", "--out", pages.to_str().unwrap(), recording.to_str().unwrap()];
+    let output = catchingbot(&arguments);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let written: Vec<_> = fs::read_dir(&pages).unwrap().map(|it| it.unwrap().path()).collect();
+    assert!(written.len() == 1 && written[0].extension().is_some_and(|it| it == "html"), "{written:?}");
+    assert!(!recording.with_extension("html").exists());
+}
+
+#[test]
+fn completions_and_the_version_are_printed() {
+    for shell in ["bash", "fish", "zsh"] {
+        assert!(stdout(&catchingbot(&["completions", shell])).contains("gripper-latency"));
+    }
+    assert!(stdout(&catchingbot(&["--version"])).starts_with(&format!("catchingbot {}", catch_lab::VERSION)));
+}
+
+#[test]
+fn one_process_at_a_time_works_in_a_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let lock = fs::File::create(folder.path().join(".at-work")).unwrap();
+    fs::write(folder.path().join(".at-work"), "process 1").unwrap();
+    lock.lock().unwrap();
+    let arguments = ["eval", "--trials", "1", "--resume", "--out", folder.path().to_str().unwrap()];
+    let output = catchingbot(&arguments);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("in which process 1 is at work"), "{}", stderr(&output));
+}

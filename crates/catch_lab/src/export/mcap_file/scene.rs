@@ -1,0 +1,98 @@
+//! Arm, hand and object as shapes that move with their frames.
+
+use catch_body::{Gripper, Pose, Robot, TriangleMesh, shape::Capsule};
+use nalgebra::{Translation3, UnitQuaternion, Vector3};
+
+use super::messages::{
+    Color, CylinderPrimitive, SceneEntity, SizedPrimitive, TriangleListPrimitive, point, pose, time, vector,
+};
+
+/// Frames of the fingers, each in the middle of its box.
+pub const FINGERS: [&str; 2] = ["finger_left", "finger_right"];
+
+const ARM: Color = Color { r: 0.75, g: 0.77, b: 0.80, a: 1.0 };
+const HAND: Color = Color { r: 0.35, g: 0.37, b: 0.40, a: 1.0 };
+const OBJECT: Color = Color { r: 0.95, g: 0.55, b: 0.15, a: 1.0 };
+
+/// The scene at `time_s`: the arm's capsules in the frames of its `links`, the gripper's boxes in its own, and the object's surface
+/// where it is known.
+pub fn entities(
+    robot: &Robot,
+    links: &[&str],
+    gripper: &Gripper,
+    object: Option<&TriangleMesh>,
+    time_s: f64,
+) -> Vec<SceneEntity> {
+    let entity = |frame: &str, content: SceneEntity| SceneEntity {
+        timestamp: time(time_s),
+        frame_id: frame.to_owned(),
+        id: frame.to_owned(),
+        frame_locked: true,
+        ..content
+    };
+    let mut entities = Vec::new();
+    for (i, link) in links.iter().enumerate() {
+        let mut content = SceneEntity::default();
+        for (_, capsule) in robot.capsules.iter().filter(|(of, _)| *of == i) {
+            let diameter = Vector3::repeat(2.0 * capsule.radius);
+            content.spheres.extend([capsule.from, capsule.to].map(|end| SizedPrimitive {
+                pose: pose(&Pose::translation(end.x, end.y, end.z)),
+                size: vector(&diameter),
+                color: Some(ARM),
+            }));
+            let (X_LS, length_m) = segment(capsule);
+            content.cylinders.push(CylinderPrimitive {
+                pose: pose(&X_LS),
+                size: vector(&Vector3::new(diameter.x, diameter.y, length_m)),
+                bottom_scale: 1.0,
+                top_scale: 1.0,
+                color: Some(ARM),
+            });
+        }
+        entities.push(entity(link, content));
+    }
+    let cuboid = |X_FB: &Pose, size: &Vector3<f64>| SceneEntity {
+        cubes: vec![SizedPrimitive { pose: pose(X_FB), size: vector(size), color: Some(HAND) }],
+        ..SceneEntity::default()
+    };
+    let body = gripper.body();
+    let X_GB = Pose::translation(body.centre.x, body.centre.y, body.centre.z);
+    entities.push(entity("gripper", cuboid(&X_GB, &body.size)));
+    entities.extend(FINGERS.map(|name| entity(name, cuboid(&Pose::identity(), &gripper.finger_size_m.into()))));
+    entities.extend(object.map(|mesh| {
+        let triangles = TriangleListPrimitive {
+            pose: pose(&Pose::identity()),
+            points: mesh.vertices.iter().map(point).collect(),
+            color: Some(OBJECT),
+            indices: mesh.triangles.iter().flatten().copied().collect(),
+        };
+        entity("object", SceneEntity { triangles: vec![triangles], ..SceneEntity::default() })
+    }));
+    entities
+}
+
+/// The segment of a capsule as a cylinder along z: its middle with its direction in the link's frame, and its length in metres.
+pub fn segment(capsule: &Capsule) -> (Pose, f64) {
+    let along = capsule.to - capsule.from;
+    // Half a turn about x where both are opposite.
+    let R_LS = UnitQuaternion::rotation_between(&Vector3::z(), &along)
+        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
+    let middle = nalgebra::center(&capsule.from, &capsule.to);
+    (Pose::from_parts(Translation3::from(middle.coords), R_LS), along.norm())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Point3;
+
+    #[test]
+    fn cylinders_lie_between_the_ends() {
+        for to in [[0.1, 0.2, 0.5], [0.1, 0.2, -0.7], [0.4, -0.1, 0.3]] {
+            let capsule = Capsule { from: Point3::new(0.1, 0.2, 0.3), to: Point3::from(to), radius: 0.05 };
+            let (X_LS, length_m) = segment(&capsule);
+            let top = X_LS * Point3::new(0.0, 0.0, length_m / 2.0);
+            assert!((top - capsule.to).norm() < 1e-12, "{top} {to:?}");
+        }
+    }
+}
