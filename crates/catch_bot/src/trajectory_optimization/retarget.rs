@@ -1,4 +1,4 @@
-//! The ladder of replans: a running catch adjusted to a flight that is known better.
+//! Replans: a running catch adjusted to a flight that is known better.
 
 use catch_body::Pose;
 use nalgebra::Point3;

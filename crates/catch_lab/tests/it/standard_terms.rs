@@ -27,6 +27,9 @@ const GIVEN_UP: &[(&str, &str)] = &[
     ("thought", "snapshot"),
     ("askew", "misaligned"),
     ("brink", "marginal"),
+    ("ladder", "ablation study"),
+    ("rung", "ablation step"),
+    ("climb", "ablation study"),
 ];
 /// Names that only the search of the brain must not use; elsewhere a pair of things may be called so.
 const GIVEN_UP_IN_SEARCH: &[(&str, &str)] = &[("moment", "catch-time sample"), ("pair", "candidate")];
@@ -78,7 +81,9 @@ fn contains(identifier: &str, words: &str) -> bool {
     }
     let words: Vec<&str> = words.split('_').collect();
     parts.windows(words.len()).any(|window| {
-        window.iter().zip(&words).all(|(part, word)| part == word || part.strip_suffix('s') == Some(*word))
+        let (last, first) = (words.len() - 1, &words[..words.len() - 1]);
+        window.iter().zip(first).all(|(part, word)| part == word)
+            && (window[last] == words[last] || window[last].strip_suffix('s') == Some(words[last]))
     })
 }
 
