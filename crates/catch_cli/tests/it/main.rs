@@ -8,6 +8,7 @@ mod honest;
 mod mcap_file;
 mod own_data;
 mod pages;
+mod recorded_flights;
 mod recording;
 mod refusals;
 mod wrong_input;

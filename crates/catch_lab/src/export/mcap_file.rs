@@ -47,8 +47,6 @@ use messages::{
     PackedElementField, PointCloud, PoseInFrame, RawImage, SceneUpdate, nanoseconds, pose, rotation, time, vector,
 };
 
-pub use scene::segment;
-
 /// Depth images are thinned until they take no more than this many bytes in all.
 const MOST_IMAGE_BYTES: usize = 3_000_000;
 /// Points of a cloud at most.

@@ -2,9 +2,8 @@
 
 use std::fmt::Write;
 
-use catch_body::Robot;
-
-use super::mcap_file::segment;
+use catch_body::{Pose, Robot, shape::Capsule};
+use nalgebra::{Translation3, UnitQuaternion, Vector3};
 
 /// The URDF with the robot's capsules as `<visual>` primitives of its links; as it is where it has visuals already.
 pub fn with_visuals(urdf: &str, robot: &Robot) -> String {
@@ -43,6 +42,16 @@ fn visuals(robot: &Robot, link: usize) -> String {
     text
 }
 
+/// The segment of a capsule as a cylinder along z: its middle with its direction in the link's frame, and its length in metres.
+pub fn segment(capsule: &Capsule) -> (Pose, f64) {
+    let along = capsule.to - capsule.from;
+    // Half a turn about x where both are opposite.
+    let R_LS = UnitQuaternion::rotation_between(&Vector3::z(), &along)
+        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
+    let middle = nalgebra::center(&capsule.from, &capsule.to);
+    (Pose::from_parts(Translation3::from(middle.coords), R_LS), along.norm())
+}
+
 /// The URDF with `content` at the beginning of a link.
 fn add(urdf: &str, link: &str, content: &str) -> String {
     let tag = urdf.match_indices("<link").map(|(at, _)| at).find_map(|at| {
@@ -61,6 +70,7 @@ fn add(urdf: &str, link: &str, content: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::Point3;
 
     #[test]
     fn links_of_both_forms_take_visuals() {
@@ -71,5 +81,15 @@ mod tests {
             both,
             "<robot>\n  <link name=\"a\"><v/>\n  </link>\n  <link name=\"ab\"><w/>\n    <x/>\n  </link>\n</robot>"
         );
+    }
+
+    #[test]
+    fn cylinders_lie_between_the_ends() {
+        for to in [[0.1, 0.2, 0.5], [0.1, 0.2, -0.7], [0.4, -0.1, 0.3]] {
+            let capsule = Capsule { from: Point3::new(0.1, 0.2, 0.3), to: Point3::from(to), radius: 0.05 };
+            let (X_LS, length_m) = segment(&capsule);
+            let top = X_LS * Point3::new(0.0, 0.0, length_m / 2.0);
+            assert!((top - capsule.to).norm() < 1e-12, "{top} {to:?}");
+        }
     }
 }

@@ -1,11 +1,12 @@
 //! Arm, hand and object as shapes that move with their frames.
 
-use catch_body::{Gripper, Pose, Robot, TriangleMesh, shape::Capsule};
-use nalgebra::{Translation3, UnitQuaternion, Vector3};
+use catch_body::{Gripper, Pose, Robot, TriangleMesh};
+use nalgebra::Vector3;
 
 use super::messages::{
     Color, CylinderPrimitive, SceneEntity, SizedPrimitive, TriangleListPrimitive, point, pose, time, vector,
 };
+use crate::export::urdf::segment;
 
 /// Frames of the fingers, each in the middle of its box.
 pub const FINGERS: [&str; 2] = ["finger_left", "finger_right"];
@@ -69,30 +70,4 @@ pub fn entities(
         entity("object", SceneEntity { triangles: vec![triangles], ..SceneEntity::default() })
     }));
     entities
-}
-
-/// The segment of a capsule as a cylinder along z: its middle with its direction in the link's frame, and its length in metres.
-pub fn segment(capsule: &Capsule) -> (Pose, f64) {
-    let along = capsule.to - capsule.from;
-    // Half a turn about x where both are opposite.
-    let R_LS = UnitQuaternion::rotation_between(&Vector3::z(), &along)
-        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
-    let middle = nalgebra::center(&capsule.from, &capsule.to);
-    (Pose::from_parts(Translation3::from(middle.coords), R_LS), along.norm())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use nalgebra::Point3;
-
-    #[test]
-    fn cylinders_lie_between_the_ends() {
-        for to in [[0.1, 0.2, 0.5], [0.1, 0.2, -0.7], [0.4, -0.1, 0.3]] {
-            let capsule = Capsule { from: Point3::new(0.1, 0.2, 0.3), to: Point3::from(to), radius: 0.05 };
-            let (X_LS, length_m) = segment(&capsule);
-            let top = X_LS * Point3::new(0.0, 0.0, length_m / 2.0);
-            assert!((top - capsule.to).norm() < 1e-12, "{top} {to:?}");
-        }
-    }
 }

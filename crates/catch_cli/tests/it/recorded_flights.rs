@@ -1,0 +1,142 @@
+//! `learn`, and `predict` with what was learned, on tumbling throws and on tracks that are none.
+
+use std::{fmt::Write, fs, path::Path};
+
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use serde_json::Value;
+
+use crate::{catchingbot, stderr, stdout};
+
+fn json(arguments: &[&str]) -> Value {
+    let output = catchingbot(arguments);
+    assert!(output.status.success(), "{}", stderr(&output));
+    serde_json::from_str(&stdout(&output)).unwrap()
+}
+
+/// A tumbling object with drag by direction, 15 mm beside whose centre of mass a point is tracked at 100 Hz; y is up. Another
+/// throw for each number; bounces from a floor, if there is one.
+fn write_throw(path: &Path, number: u32, rows: u32, floor_m: f64, unit_m: f64) -> [f64; 3] {
+    let turn = f64::from(number);
+    let drag = Matrix3::from_diagonal(&Vector3::new(0.1, 0.06, 0.03));
+    let point = Vector3::new(0.01, -0.01, 0.005);
+    let (mut p, mut v) = (Vector3::new(0.0, 1.2, 0.0), Vector3::new(5.0 + 0.2 * turn, 4.0, 0.5 * turn.sin()));
+    let (mut R, w) = (
+        UnitQuaternion::from_euler_angles(turn, 0.4 * turn, -0.3),
+        Vector3::new(6.0 + turn.sin(), 9.0 * turn.cos(), -4.0),
+    );
+    let mut text = "t,x,y,z,qx,qy,qz,qw\n".to_owned();
+    let mut last = [0.0; 3];
+    for i in 0..rows {
+        // As good as noise of 0.3 mm.
+        let noise = Vector3::from_fn(|axis, _| 4e-4 * (f64::from(i * 37 + number * 11) + 2.0 * axis as f64).sin());
+        let seen = (p + R * point + noise) / unit_m;
+        last = seen.into();
+        let q = R.coords;
+        writeln!(text, "{:.4},{},{},{},{},{},{},{}", f64::from(i) * 0.01, seen.x, seen.y, seen.z, q.x, q.y, q.z, q.w)
+            .unwrap();
+        for _ in 0..100 {
+            let h = 1e-4;
+            let force = R * (drag * (R.inverse() * v)) * v.norm();
+            v += (Vector3::y() * -9.81 - force + w.cross(&v) * 0.003) * h;
+            p += v * h;
+            R = UnitQuaternion::from_scaled_axis(w * h) * R;
+            if p.y < floor_m && v.y < 0.0 {
+                v.y *= -0.7;
+            }
+        }
+    }
+    fs::write(path, text).unwrap();
+    last
+}
+
+#[test]
+fn what_is_learned_predicts_other_throws() {
+    let folder = tempfile::tempdir().unwrap();
+    let throws = folder.path().join("throws");
+    fs::create_dir(&throws).unwrap();
+    for number in 0..6 {
+        write_throw(&throws.join(format!("{number}.csv")), number, 60, -9.0, 1.0);
+    }
+    let file = folder.path().join("object.toml");
+    let report = folder.path().join("report.md");
+    let [throws, out, page] = [&throws, &file, &report].map(|it| it.to_str().unwrap());
+    let document =
+        json(&["learn", "--tracks", throws, "--up", "y", "--out", out, "--folds", "2", "--report", page, "--json"]);
+    let half = &document["cross_validated"][0];
+    assert_eq!((half["seen"].as_str(), half["throws"].as_u64()), (Some("half"), Some(6)));
+    assert!(half["median_m"].as_f64().unwrap() < 0.05, "{half}");
+    assert!(fs::read_to_string(&report).unwrap().contains("| throws | half | 6 |"));
+
+    let track = folder.path().join("new.csv");
+    let end = write_throw(&track, 9, 80, -9.0, 1.0);
+    let track = track.to_str().unwrap();
+    for object in [&["--object", out][..], &[]] {
+        let asked = ["predict", "--track", track, "--up", "y", "--until", "0.4", "--json"];
+        let document = json(&[&asked, object].concat());
+        assert_eq!((&document["status"], &document["model"]), (&"predicted".into(), &"aerodynamic".into()));
+        let position = &document["end"]["position"];
+        let error: f64 = (0..3).map(|i| (position[i].as_f64().unwrap() - end[i]).powi(2)).sum::<f64>().sqrt();
+        assert!(error < 0.05, "{object:?}: {error}");
+        assert_eq!(document["end"]["covariance"].as_array().unwrap().len(), 6);
+    }
+}
+
+#[test]
+fn a_contact_is_reported_and_what_does_not_fall_has_a_status() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("track.csv");
+    let track = path.to_str().unwrap();
+    write_throw(&path, 1, 100, 1.0, 1.0);
+    let bounced = json(&["predict", "--track", track, "--up", "y", "--json"]);
+    let contact_s = bounced["contact_s"].as_f64().unwrap();
+    assert!((0.7..0.9).contains(&contact_s), "{bounced}");
+    for drag in [&["--drag", "0.05"][..], &[]] {
+        let seen = [&["predict", "--track", track, "--up", "y", "--until", "0.6", "--json"][..], drag].concat();
+        assert!(json(&seen)["contact_s"].is_null());
+        let wrong = json(&[&["predict", "--track", track, "--until", "0.6", "--json"], drag].concat());
+        assert_eq!((&wrong["status"], &wrong["end"]), (&"no_gravity".into(), &Value::Null));
+    }
+    write_throw(&path, 1, 60, -9.0, 1e-3);
+    assert_eq!(json(&["predict", "--track", track, "--up", "y", "--json"])["status"], "no_gravity", "millimetres");
+    let shown = catchingbot(&["predict", "--track", track, "--up", "y"]);
+    assert!(stdout(&shown).contains("9.81 m/s²"), "{}", stdout(&shown));
+}
+
+#[test]
+fn as_many_rows_as_a_file_may_have_are_fitted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("track.csv");
+    for orientation in ["", ",0,0,0,1"] {
+        let row = |i: u32| {
+            let t = f64::from(i) * 4e-6;
+            format!("{t:.6},{:.7},0,{:.7}{orientation}\n", 3.0 * t, 4.0 * t - 4.905 * t * t)
+        };
+        fs::write(&path, (0..250_000).map(row).collect::<String>()).unwrap();
+        let track = path.to_str().unwrap();
+        let document = json(&["predict", "--track", track, "--until", "0.7", "--drag", "0", "--json"]);
+        assert_eq!(document["status"], "predicted");
+        let document = json(&["predict", "--track", track, "--until", "0.7", "--json"]);
+        assert!((document["end"]["position"][0].as_f64().unwrap() - 3.0).abs() < 0.05, "{document}");
+    }
+}
+
+#[test]
+fn files_that_teach_nothing_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("0.csv");
+    write_throw(&path, 1, 60, -9.0, 1.0);
+    let few = folder.path().to_str().unwrap();
+    let out = folder.path().join("out.toml");
+    let out = out.to_str().unwrap();
+    let track = path.to_str().unwrap();
+    for (arguments, hint) in [
+        (vec!["learn", "--tracks", few, "--out", out], "5 or more"),
+        (vec!["learn", "--tracks", "no-folder", "--out", out], "no-folder"),
+        (vec!["predict", "--track", track, "--object", "missing.toml"], "missing.toml"),
+        (vec!["predict", "--track", track, "--object", track], "catchingbot learn"),
+    ] {
+        let output = catchingbot(&arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", stderr(&output));
+        assert!(stderr(&output).contains(hint), "{arguments:?}: {}", stderr(&output));
+    }
+}
