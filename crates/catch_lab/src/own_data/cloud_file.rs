@@ -395,10 +395,10 @@ mod tests {
             (parse_ply("a.ply", b"solid"), "a.ply: header"),
             (
                 parse_ply("a.ply", PLY.replace("1 2 3", "1 b 3").as_bytes()),
-                "line 9: found `b`, expected a number: the y",
+                "line 10: found `b`, expected a number: the y",
             ),
-            (parse_ply("a.ply", PLY.replace("1 2 3", "1 2 3 4").as_bytes()), "line 9: found `1 2 3 4`"),
-            (parse_ply("a.ply", PLY.replace("1 2 3", "1 2 1e300").as_bytes()), "line 9: found 1e300"),
+            (parse_ply("a.ply", PLY.replace("1 2 3", "1 2 3 4").as_bytes()), "line 10: found `1 2 3 4`"),
+            (parse_ply("a.ply", PLY.replace("1 2 3", "1 2 1e300").as_bytes()), "line 10: found 1e300"),
             (
                 parse_ply("a.ply", (NO_FACES.to_owned() + "7 8 9\n").as_bytes()),
                 "line 9: found `7 8 9`, expected no more",
@@ -407,7 +407,7 @@ mod tests {
             (parse_pcd("c.pcd", PCD.replace("COUNT 1 1 1", "COUNT 1 -1 1").as_bytes()), "COUNT: found -1"),
             (parse_pcd("c.pcd", PCD.replace("POINTS 2", "POINTS two").as_bytes()), "POINTS: found two"),
             (parse_xyz("d.xyz", b"a b c\nd e f\n1 2 3\n"), "line 2: found `d e f`"),
-            (parse_ply("a.ply", PLY.replace("vertex 2", "vertex 9").as_bytes()), "line 11: found `3 0 1 1`"),
+            (parse_ply("a.ply", PLY.replace("vertex 2", "vertex 9").as_bytes()), "line 12: found `3 0 1 1`"),
             (
                 parse_ply("a.ply", NO_FACES.replace("vertex 1", "vertex 9").as_bytes()),
                 "rows: found 1, expected the 9 of the header",
