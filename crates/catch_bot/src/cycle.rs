@@ -85,15 +85,8 @@ impl Settings for CycleConfig {
         Faults::default()
             .values(&POSITIVE, [("min_flight_mps", self.min_flight_mps), ("max_flight_mps", self.max_flight_mps)])
             .values(&PERIOD_S, [("max_gap_s", self.max_gap_s), ("max_overdue_s", self.max_overdue_s)])
-            .values(
-                &DURATION_S,
-                [
-                    ("give_up_s", self.give_up_s),
-                    ("squeeze_s", self.squeeze_s),
-                    ("hold_s", self.hold_s),
-                    ("release_s", self.release_s),
-                ],
-            )
+            .values(&DURATION_S, [("give_up_s", self.give_up_s), ("squeeze_s", self.squeeze_s)])
+            .values(&DURATION_S, [("hold_s", self.hold_s), ("release_s", self.release_s)])
             .values(&FRACTION, [("min_held_fraction", self.min_held_fraction)])
             .counts([("identify_images", self.identify_images), ("max_sent", self.max_sent)])
             .all()

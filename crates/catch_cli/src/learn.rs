@@ -8,7 +8,8 @@ use std::{
 
 use anyhow::Context;
 use catch_body::InputError;
-use catch_bot::trajectory_prediction::{TrackSample, aerodynamics::FlightPrior};
+use catch_bot::trajectory_prediction::TrackSample;
+use catch_lab::own_data::aerodynamics::FlightPrior;
 use catch_lab::{
     VERSION,
     assets::COMMAND_LINE,

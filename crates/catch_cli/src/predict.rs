@@ -3,14 +3,12 @@
 use std::path::PathBuf;
 
 use catch_body::InputError;
-use catch_bot::trajectory_prediction::{
-    Config, PredictionStatus, Track, TrackSample,
-    aerodynamics::{AerodynamicFit, FlightPrior, free_flight},
-};
+use catch_bot::trajectory_prediction::{Config, PredictionStatus, Track, TrackSample};
 use catch_lab::{
     VERSION,
     assets::COMMAND_LINE,
     own_data::{
+        aerodynamics::{AerodynamicFit, FlightPrior, free_flight},
         flight_learning,
         track_file::{self, Sighting},
     },

@@ -1,5 +1,6 @@
 //! What users bring along: files of their own to start from, their checks, and data of other systems.
 
+pub mod aerodynamics;
 pub mod check;
 pub mod cloud_file;
 pub mod flight_learning;

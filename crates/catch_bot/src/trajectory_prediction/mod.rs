@@ -3,7 +3,6 @@
 //! Sampling ([`ransac`]) finds a flight that most poses lie on, and which they are; a robust fit to all of them (`fit.rs`)
 //! makes it as good as the poses' information allows and says how good that is.
 
-pub mod aerodynamics;
 mod fit;
 mod flight;
 mod local_flight;

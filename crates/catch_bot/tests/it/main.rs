@@ -1,6 +1,5 @@
 //! Tests of the brain from outside.
 
-mod aerodynamic_flight;
 mod allocation;
 mod camera_alignment;
 mod closing;
@@ -13,6 +12,7 @@ mod joint_spline;
 mod pose_estimation;
 mod quadratic_program;
 mod reachability;
+mod sent_plans;
 mod settings;
 mod symmetry;
 mod synthetic;

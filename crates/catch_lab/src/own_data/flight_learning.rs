@@ -6,11 +6,9 @@
 use std::path::Path;
 
 use catch_body::InputError;
-use catch_bot::{
-    settings::Settings,
-    trajectory_prediction::aerodynamics::{FlightPrior, Noise, PARAMETERS, ParameterCovariance, ParameterVector},
-};
+use catch_bot::settings::Settings;
 
+use super::aerodynamics::{FlightPrior, Noise, PARAMETERS, ParameterCovariance, ParameterVector};
 use super::flight_misses::{Miss, Misses, Seen, Throw, in_parallel, misses, quantile};
 use crate::bounded_file::FileKind;
 

@@ -1,10 +1,9 @@
 //! Predicted ends of recorded throws against where they ended.
 
-use catch_bot::trajectory_prediction::{
-    TrackSample,
-    aerodynamics::{AerodynamicFit, FlightPrior},
-};
+use catch_bot::trajectory_prediction::TrackSample;
 use nalgebra::{Matrix3, Unit, Vector3};
+
+use super::aerodynamics::{AerodynamicFit, FlightPrior};
 
 /// A recorded throw.
 #[derive(Debug, Clone)]

@@ -1,5 +1,6 @@
 //! Tests of the whole: the architecture, every object and throw, and what the brain cannot see.
 
+mod aerodynamic_flight;
 mod all_cells;
 mod blanked;
 mod circles;

@@ -14,9 +14,11 @@ use std::sync::Arc;
 use nalgebra::{Matrix6, Point3, SMatrix, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::{PredictionStatus, TrackSample};
-use crate::settings::{Faults, NOT_NEGATIVE, SettingError, Settings};
 use catch_body::dynamics::gravity;
+use catch_bot::{
+    settings::{Faults, NOT_NEGATIVE, SettingError, Settings},
+    trajectory_prediction::{PredictionStatus, TrackSample},
+};
 use dynamics::{Body, Covariance, POINT, State};
 pub use dynamics::{PARAMETERS, ParameterVector};
 use smoother::{Node, Problem, Sample};

@@ -1,13 +1,13 @@
 //! Flights with aerodynamics: against a fit by SciPy, and on tracks with outliers, gaps and contacts.
 
-use catch_bot::trajectory_prediction::{
-    PredictionStatus, TrackSample,
-    aerodynamics::{AerodynamicFit, FlightPrior, Noise, PARAMETERS},
-};
+use catch_bot::trajectory_prediction::{PredictionStatus, TrackSample};
+use catch_lab::own_data::aerodynamics::{AerodynamicFit, FlightPrior, Noise, PARAMETERS};
 use nalgebra::{Matrix3, Point3, Quaternion, UnitQuaternion, Vector3};
 use serde_json::Value;
 
-use crate::synthetic::Normal;
+use rand::{RngExt, SeedableRng};
+use rand_distr::StandardNormal;
+use rand_pcg::Pcg64Mcg;
 
 /// A prior with independent parameters.
 fn prior(mean: [f64; PARAMETERS], sd: [f64; PARAMETERS], noise: [f64; 2]) -> FlightPrior {
@@ -88,14 +88,14 @@ const ROWS: usize = 100;
 
 /// A tumbling throw at 120 Hz with 0.5 mm and 5 mrad of noise, by tiny steps; z is up. Bounces from a floor, if there is one.
 fn throw(seed: u64, floor_m: Option<f64>) -> Vec<TrackSample> {
-    let mut normal = Normal::new(seed);
+    let mut random = Pcg64Mcg::seed_from_u64(seed);
     let drag = Matrix3::new(0.1, 0.01, 0.0, 0.01, 0.06, 0.0, 0.0, 0.0, 0.03);
     let point = Vector3::new(0.01, -0.015, 0.005);
     let (mut p, mut v) = (Vector3::new(0.0, 0.0, 1.2), Vector3::new(5.0, 0.5, 4.0));
     let (mut R, w) = (UnitQuaternion::from_euler_angles(0.2, 0.4, -0.3), Vector3::new(6.0, 9.0, -4.0));
     let mut samples = Vec::new();
     for i in 0..ROWS {
-        let mut noise = |sd: f64| Vector3::from_fn(|_, _| sd * normal.draw());
+        let mut noise = |sd: f64| Vector3::from_fn(|_, _| sd * random.sample::<f64, _>(StandardNormal));
         let noisy = R * UnitQuaternion::from_scaled_axis(noise(0.005));
         samples.push(sample(i as f64 * STEP_S, Point3::from(p + R * point + noise(5e-4)), noisy));
         for _ in 0..200 {
