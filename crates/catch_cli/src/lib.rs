@@ -9,6 +9,7 @@ mod catch;
 mod check;
 mod completions;
 mod eval;
+mod fall;
 mod gripper_latency;
 mod learn;
 mod list;
