@@ -9,9 +9,9 @@ use catch_lab::{
     assets::COMMAND_LINE,
     evaluation::{
         Cell, Evaluation, Identity, Row,
+        cell_summary::CellSummary,
         published::{published_rate, published_rates},
         results::{REPORT_FILE, Results},
-        statistics::CellSummary,
         summary_table,
         trial_table::{PARQUET_FILE, replace},
     },
@@ -62,7 +62,7 @@ pub struct EvalArguments {
     /// Variants of a scenario: a built-in study or a file; `ablation` removes the paper's assumptions one after the other and one at a
     /// time, from the scenario `paper` to `honest`
     #[arg(long, value_name = "NAME|FILE", conflicts_with_all = ["scenario", "method", "settings", "markdown"])]
-    study: Option<String>,
+    pub study: Option<String>,
     /// Write plots as SVG beside the report
     #[arg(long)]
     pub(super) plots: bool,
@@ -135,18 +135,20 @@ struct Times {
     stages: BTreeMap<&'static str, StageTimes>,
 }
 
+/// Tells how an evaluation goes on, should it be interrupted.
+pub fn tell_how_to_resume(arguments: &EvalArguments) {
+    screen::at_interrupt(format!(
+        "interrupted: the trials that were finished are kept in {}; the same command with --resume goes on",
+        arguments.out.display()
+    ));
+}
+
 /// Many throws: a table, and a row per trial on disk.
 ///
 /// # Errors
 /// Faults in the arguments and files; results that cannot be written.
 pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
-    screen::at_interrupt(format!(
-        "interrupted: the trials that were finished are kept in {}; the same command with --resume goes on",
-        arguments.out.display()
-    ));
-    if let Some(name) = &arguments.study {
-        return super::study::run(arguments, name);
-    }
+    tell_how_to_resume(arguments);
     let started = Instant::now();
     let (evaluation, folder) = (evaluation(arguments)?, &arguments.out);
     let Done { rows, timed, stopwatch } = complete(arguments, &evaluation, folder, "trials")?;

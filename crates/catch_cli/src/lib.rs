@@ -246,7 +246,10 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
     match arguments.command {
         None => catch::run(&arguments.catch),
         Some(Command::Catch(catch)) => catch::run(&catch),
-        Some(Command::Eval(eval)) => eval::run(&eval),
+        Some(Command::Eval(eval)) => match &eval.study {
+            Some(name) => study::run(&eval, name),
+            None => eval::run(&eval),
+        },
         Some(Command::Play(play)) => play::run(&play),
         Some(Command::Merge(merge)) => merge::run(&merge),
         Some(Command::List(list)) => list::run(&list),

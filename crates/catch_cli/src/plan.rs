@@ -8,8 +8,8 @@ use catch_cell::arm::Setpoint;
 use catch_lab::{
     VERSION,
     assets::COMMAND_LINE,
-    evaluation::statistics::{median, quantile, sorted},
     own_data::planner_cases::{self, PlannerCase},
+    statistics::{median, quantile, sorted},
 };
 use catch_paper::posed::{PosedCatch, PosedPlanner};
 use clap::Args;

@@ -7,10 +7,10 @@ use catch_body::InputError;
 use catch_lab::{
     VERSION,
     assets::{COMMAND_LINE, Kind},
-    evaluation::statistics::wilson95,
     play::{Life, Play, PlayRow},
     referee::Row,
     scenario::{Scenario, setup::Setup},
+    statistics::wilson95,
 };
 use clap::Args;
 use comfy_table::{CellAlignment, Table, presets::NOTHING};

@@ -44,6 +44,7 @@ pub fn run(arguments: &EvalArguments, name: &str) -> anyhow::Result<()> {
         let expected = "no throw: a study names its own";
         return Err(InputError::new(COMMAND_LINE, "--throw", arguments.throw.join(", "), expected).into());
     }
+    eval::tell_how_to_resume(arguments);
     let study = Study::load(name, (COMMAND_LINE, "--study"))?;
     let objects = if arguments.object.is_empty() { study.objects() } else { arguments.object.clone() };
     results::check_holds_none(&arguments.out)?;

@@ -1,9 +1,9 @@
 //! Evaluations: many throws of many objects, on all cores, with the same rows in the same order whatever the number of
 //! threads.
 
+pub mod cell_summary;
 pub mod published;
 pub mod results;
-pub mod statistics;
 pub mod summary_table;
 pub mod trial_table;
 
@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     VERSION,
-    evaluation::statistics::CellSummary,
+    evaluation::cell_summary::CellSummary,
     reachability::oracle::Oracle,
     referee::{self, Verdict},
     scenario::{

@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::statistics::CellSummary;
+use super::cell_summary::CellSummary;
 
 const PUBLISHED: &str = include_str!("published.toml");
 

@@ -6,8 +6,8 @@ use crate::{
     VERSION,
     evaluation::{
         Identity,
+        cell_summary::CellSummary,
         published::{published_rate, published_rates},
-        statistics::CellSummary,
     },
     trial::stopwatch::StageTimes,
 };

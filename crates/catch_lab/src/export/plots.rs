@@ -6,10 +6,11 @@ use plotters::prelude::*;
 
 use crate::{
     evaluation::{
+        cell_summary::CellSummary,
         published::{published_rate, published_rates},
-        statistics::{CellSummary, sorted},
     },
     pages::report_page::Report,
+    statistics::sorted,
 };
 
 type Failure = Box<dyn Error>;

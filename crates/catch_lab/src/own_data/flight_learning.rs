@@ -202,7 +202,8 @@ pub fn read(path: &Path) -> Result<FlightPrior, InputError> {
     let file = path.display().to_string();
     let expected = "a file that `catchingbot learn` has written";
     let text = FileKind::toml(expected).read_text(path)?;
-    let prior: FlightPrior = InputError::parse_toml(&file, &text)?;
+    let prior: FlightPrior = InputError::parse_toml(&file, &text)
+        .map_err(|fault| InputError { expected: format!("{}, as in {expected}", fault.expected), ..fault })?;
     prior.check().map_err(|fault| InputError::new(&file, fault.field, fault.found, fault.expected))?;
     Ok(prior)
 }

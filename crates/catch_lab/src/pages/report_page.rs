@@ -10,11 +10,12 @@ use crate::{
     VERSION,
     evaluation::{
         Row,
+        cell_summary::CellSummary,
         published::{published_rate, published_rates},
-        statistics::{CellSummary, quantile, sorted},
     },
     pages::{STYLE, fill, packed::text_in_html},
     referee::{LEADS_S, Measures},
+    statistics::{quantile, sorted},
     trial::stopwatch::{StageTimes, Stopwatch},
 };
 use rows::{Mark, Scale, row};

@@ -17,7 +17,7 @@ use catch_sim::Release;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use crate::{evaluation::statistics::median, scenario::setup::Setup};
+use crate::{scenario::setup::Setup, statistics::median};
 
 /// When the brain usually has its first estimate: the paper's six frames at 100 Hz, and one more.
 const FIRST_ESTIMATE_S: f64 = 0.07;

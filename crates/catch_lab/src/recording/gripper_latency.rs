@@ -15,8 +15,8 @@ use serde::Serialize;
 
 use crate::{
     assets::COMMAND_LINE,
-    evaluation::statistics::{quantile, sorted},
     recording::{Part, RecordingReader, replay::RECORDED},
+    statistics::{quantile, sorted},
 };
 
 /// Fingers are at rest while the width changes by no more, in metres.

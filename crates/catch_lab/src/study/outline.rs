@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::throw_grid::{GridPoint, ThrowGrid};
 use crate::{
     bounded_file::FileKind,
-    evaluation::{Identity, Row, statistics::CellSummary, trial_table::replace},
+    evaluation::{Identity, Row, cell_summary::CellSummary, trial_table::replace},
 };
 
 /// A study without its scenarios, as it lies beside the folders of its steps; each of those has a description of its own.

@@ -9,11 +9,9 @@ use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    evaluation::{
-        Row,
-        statistics::{CellSummary, median},
-    },
+    evaluation::{Row, cell_summary::CellSummary},
     scenario::setup::Setup,
+    statistics::median,
 };
 
 /// Where throws come from, and how fast.

@@ -3,7 +3,7 @@ const plots = [];
 const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const evenly = (count) => Float32Array.from({ length: count }, (_, i) => i * motion.step_s);
 const column = (table, columns, c) => table.filter((_, i) => i % columns === c);
-const percent = (share) => `${Math.round(share * 100)} %`.replace("-", "−");
+const percent = (ratio) => `${Math.round(ratio * 100)} %`.replace("-", "−");
 
 function legend(entries) {
   const it = document.createElement("div");

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{
     VERSION,
-    evaluation::statistics::CellSummary,
+    evaluation::cell_summary::CellSummary,
     pages::{STYLE, fill, packed::text_in_html},
     study::{ObjectSummary, Outline, StepSummary},
 };

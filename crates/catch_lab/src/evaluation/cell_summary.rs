@@ -1,50 +1,13 @@
-//! What many trials say together.
+//! What the trials of one object and one throw say together.
 
 use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::referee::{Row, reason::Reason};
-
-/// The 97.5 % quantile of the normal distribution.
-const Z_95: f64 = 1.959_963_984_540_054;
-
-/// Wilson's score interval at 95 % for a probability of which `successes` of `trials` were seen.
-///
-/// (p + z²/2n ± z·√(p·(1 − p)/n + z²/4n²)) / (1 + z²/n) (Wilson, Probable inference, the law of succession, and statistical
-/// inference, 1927). Unlike the textbook's interval it is right near 0 and 1.
-pub fn wilson95(successes: usize, trials: usize) -> [f64; 2] {
-    if trials == 0 {
-        return [0.0, 1.0];
-    }
-    let n = trials as f64;
-    let p = successes as f64 / n;
-    let z2 = Z_95 * Z_95;
-    let centre = p + z2 / (2.0 * n);
-    let reach = Z_95 * (p * (1.0 - p) / n + z2 / (4.0 * n * n)).sqrt();
-    [(centre - reach) / (1.0 + z2 / n), (centre + reach) / (1.0 + z2 / n)].map(|bound| bound.clamp(0.0, 1.0))
-}
-
-/// The middle of the values, the mean of the two middle ones where their number is even.
-pub fn median(values: Vec<f64>) -> Option<f64> {
-    quantile(&sorted(values), 0.5)
-}
-
-/// The values in ascending order, as [`quantile`] takes them.
-pub fn sorted(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
-    let mut values: Vec<f64> = values.into_iter().collect();
-    values.sort_by(f64::total_cmp);
-    values
-}
-
-/// The value below which a fraction of the sorted values lies, linear between neighbours (Hyndman & Fan, Sample quantiles in
-/// statistical packages, 1996, definition 7); none of no values.
-pub fn quantile(sorted: &[f64], fraction: f64) -> Option<f64> {
-    let at = fraction.clamp(0.0, 1.0) * sorted.len().checked_sub(1)? as f64;
-    let (low, high) = (sorted[at.floor() as usize], sorted[at.ceil() as usize]);
-    // Equal infinities have no difference.
-    Some(if low == high { low } else { low + (high - low) * at.fract() })
-}
+use crate::{
+    referee::{Row, reason::Reason},
+    statistics::{median, wilson95},
+};
 
 /// All trials of one object and one throw.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -125,51 +88,5 @@ impl CellSummary {
     /// How often it was within the arm's reach, as far as that is known.
     pub fn within_reach(&self) -> Option<usize> {
         self.out_of_reach.map(|out_of_reach| self.trials - out_of_reach)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Against the figures of Newcombe, Two-sided confidence intervals for the single proportion (1998), table I, method 3.
-    #[test]
-    fn wilson_agrees_with_published_figures() {
-        for (successes, trials, expected) in [
-            (81, 263, [0.2553, 0.3662]),
-            (15, 148, [0.0624, 0.1605]),
-            (0, 20, [0.0, 0.1611]),
-            (1, 29, [0.0061, 0.1718]),
-        ] {
-            let [low, high] = wilson95(successes, trials);
-            assert!(
-                (low - expected[0]).abs() < 6e-5 && (high - expected[1]).abs() < 6e-5,
-                "{successes}/{trials}: {low} {high}"
-            );
-        }
-        assert!(wilson95(561, 570)[0] >= 0.97 && wilson95(560, 570)[0] < 0.97);
-    }
-
-    #[test]
-    fn quantiles_lie_between_neighbours() {
-        assert_eq!(quantile(&[], 0.5), None);
-        for fraction in [0.0, 0.25, 1.0] {
-            assert_eq!(quantile(&[3.0], fraction), Some(3.0));
-        }
-        let values = sorted([8.0, 1.0, 4.0, 2.0]);
-        assert_eq!(values, [1.0, 2.0, 4.0, 8.0]);
-        for (fraction, expected) in
-            [(-1.0, 1.0), (0.0, 1.0), (0.25, 1.75), (0.5, 3.0), (0.9, 6.8), (1.0, 8.0), (2.0, 8.0)]
-        {
-            assert!((quantile(&values, fraction).unwrap() - expected).abs() < 1e-12, "{fraction}");
-        }
-        assert_eq!(quantile(&[1.0, f64::INFINITY, f64::INFINITY], 0.75), Some(f64::INFINITY));
-    }
-
-    #[test]
-    fn median_is_in_the_middle() {
-        assert_eq!(median(vec![]), None);
-        assert_eq!(median(vec![3.0, 1.0, 2.0]), Some(2.0));
-        assert_eq!(median(vec![4.0, 1.0, 2.0, 3.0]), Some(2.5));
     }
 }
