@@ -24,6 +24,12 @@ pub fn median(values: Vec<f64>) -> Option<f64> {
     quantile(&sorted(values), 0.5)
 }
 
+/// The upper of the two middle values, or zero if there is none, without memory of its own: the slice is reordered.
+pub fn median_in_place(values: &mut [f64]) -> f64 {
+    let middle = values.len() / 2;
+    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
+}
+
 /// The values in ascending order, as [`quantile`] takes them.
 pub fn sorted(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
     let mut values: Vec<f64> = values.into_iter().collect();

@@ -10,6 +10,7 @@ mod distance_field;
 mod estimator;
 mod global_registration;
 mod neighbours;
+mod normal_distribution;
 mod normal_equations;
 pub mod point_cloud;
 pub mod reference;

@@ -11,8 +11,8 @@ use super::{
     dynamics::{
         Body, Covariance, ErrorState, N, OMEGA, PARAMETERS, POINT, ParameterVector, State, THETA, Transition, V,
     },
-    start::median,
 };
+use crate::statistics::median_in_place;
 
 /// Degrees of freedom of the errors' distribution.
 const STUDENT_DOF: f64 = 4.0;
@@ -226,7 +226,7 @@ impl Problem<'_> {
         let mut typical = |error: &dyn Fn(&Node) -> f64| {
             buffer.clear();
             buffer.extend(nodes.iter().map(error));
-            median(buffer) / MEDIAN
+            median_in_place(buffer) / MEDIAN
         };
         Noise {
             position_sd_m: typical(&|node| node.error_m).max(self.prior.least_noise.position_sd_m),

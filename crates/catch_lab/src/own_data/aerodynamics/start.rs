@@ -7,6 +7,7 @@ use super::{
     dynamics::State,
     smoother::{Node, Sample},
 };
+use crate::statistics::median_in_place;
 
 /// Neighbours on each side that a sample is compared with.
 const REACH: usize = 5;
@@ -17,17 +18,11 @@ const CONTACT_MPS: f64 = 2.0;
 /// Samples of a flight, at least.
 pub const LEAST_SAMPLES: usize = 6;
 
-/// The median; the slice is reordered.
-pub(super) fn median(values: &mut [f64]) -> f64 {
-    let middle = values.len() / 2;
-    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
-}
-
 fn median_vector(vectors: &[Vector3<f64>], buffer: &mut Vec<f64>) -> Vector3<f64> {
     Vector3::from_fn(|axis, _| {
         buffer.clear();
         buffer.extend(vectors.iter().map(|it| it[axis]));
-        median(buffer)
+        median_in_place(buffer)
     })
 }
 
@@ -94,7 +89,7 @@ fn velocity_change(g: &Vector3<f64>, samples: &[Sample], at: usize, scratch: &mu
         let velocity = median_vector(&scratch.pairs, &mut scratch.numbers);
         scratch.numbers.clear();
         scratch.numbers.extend(scratch.pairs.iter().map(|it| (it - velocity).norm()));
-        (velocity, median(&mut scratch.numbers))
+        (velocity, median_in_place(&mut scratch.numbers))
     };
     let (after, scatter_after) = slope(&samples[at + 1..last]);
     let (before, scatter_before) = slope(&samples[first..at]);
@@ -136,7 +131,7 @@ pub(super) fn nodes(g: &Vector3<f64>, samples: &[Sample], nodes: &mut [Node], sc
     }
     scratch.numbers.clear();
     scratch.numbers.extend(&scratch.distances);
-    let scale_m = (2.0 * median(&mut scratch.numbers)).max(1e-3);
+    let scale_m = (2.0 * median_in_place(&mut scratch.numbers)).max(1e-3);
     for (node, distance) in nodes.iter_mut().zip(&scratch.distances) {
         node.weight_p = (5.0 / (4.0 + (distance / scale_m).powi(2))).min(1.0);
     }
@@ -175,11 +170,11 @@ fn orientations(samples: &[Sample], nodes: &mut [Node], scratch: &mut Scratch) {
                 from * UnitQuaternion::from_scaled_axis(nodes[i].state.w * (samples[j].time_s - samples[i].time_s));
             scratch.numbers.push(carried.angle_to(&R));
         }
-        scratch.distances.push(median(&mut scratch.numbers));
+        scratch.distances.push(median_in_place(&mut scratch.numbers));
     }
     scratch.numbers.clear();
     scratch.numbers.extend(scratch.distances.iter().filter(|it| it.is_finite()));
-    let scale = (2.0 * median(&mut scratch.numbers)).max(0.01);
+    let scale = (2.0 * median_in_place(&mut scratch.numbers)).max(0.01);
     for (node, distance) in nodes.iter_mut().zip(&scratch.distances) {
         node.weight_R = if distance.is_finite() { (5.0 / (4.0 + (distance / scale).powi(2))).min(1.0) } else { 0.0 };
     }
