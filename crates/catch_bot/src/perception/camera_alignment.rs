@@ -48,11 +48,11 @@ pub struct CameraAlignment {
 
 /// Pixels to each side of the silhouette that are looked at: several times as many as cameras are off.
 const REACH_PX: usize = 3;
-/// Steps in which an silhouette is found between two pixels: to a 64th.
+/// Steps in which a silhouette is found between two pixels: to a 64th.
 const BISECTIONS: usize = 6;
 /// Silhouettes more slanted than this to their line are left to the lines across.
 const STEEPEST: f64 = 1.3;
-/// An image tells where an silhouette is to a pixel; its standard deviation is that of a uniform distribution.
+/// An image tells where a silhouette is to a pixel; its standard deviation is that of a uniform distribution.
 const CROSSING_SD_PX: f64 = 0.289;
 /// Crossings that are farther than this from what the others say are something else's, in pixels.
 const OUTLIER_PX: f64 = 1.2;

@@ -38,7 +38,7 @@ pub struct Fit {
     pub iterations: usize,
 }
 
-/// Depth noise in radii of the object from which on depths are left aside where there is an silhouette.
+/// Depth noise in radii of the object from which on depths are left aside where there is a silhouette.
 const HOPELESS_RADII: f64 = 0.5;
 /// Steps that turn back and do not get shorter jump to and fro across a kink of the field, later ones that do not get shorter
 /// do so some other way: they are halved.

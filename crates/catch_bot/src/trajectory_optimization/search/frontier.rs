@@ -13,7 +13,7 @@ pub struct Node {
     pub stage: Stage,
     /// The least that it can cost.
     pub cost: f64,
-    /// Failures of its grasp, at whatever time, by which it has been put off.
+    /// Failures of its grasp at any time; each adds the penalty to its cost.
     pub failures: usize,
 }
 
