@@ -222,7 +222,7 @@ impl Asset {
     /// If there is no such file or it is not text.
     pub fn read_text_beside(&self, name: &str) -> Result<(String, String), InputError> {
         let (file, bytes) = self.read_beside(name)?;
-        let text = String::from_utf8(bytes).map_err(|_| InputError::new(&file, "the file", "binary data", "text"))?;
+        let text = FileKind::text("a description of a robot").decode(&file, bytes)?;
         Ok((file, text))
     }
 }

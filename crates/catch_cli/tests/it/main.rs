@@ -6,6 +6,7 @@ mod evaluation;
 mod general_form;
 mod honest;
 mod mcap_file;
+mod mutated_files;
 mod own_data;
 mod pages;
 mod recorded_flights;

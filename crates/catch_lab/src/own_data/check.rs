@@ -26,8 +26,10 @@ pub struct Checked {
 }
 
 /// Fields that only one kind of file has.
-const TELLTALES: [(&str, Kind); 9] = [
+const TELLTALES: [(&str, Kind); 11] = [
     ("overlay", Kind::Study),
+    ("throw_grid", Kind::Study),
+    ("objects", Kind::Study),
     ("flight_rig", Kind::Scenario),
     ("arena", Kind::Scenario),
     ("gripper_mount", Kind::Robot),
