@@ -114,7 +114,8 @@ impl Scenario {
         for setting in settings {
             let fault = |expected: String| InputError::new(COMMAND_LINE, "--set", format!("`{setting}`"), expected);
             let example = || fault("FIELD=VALUE, such as arena.restitution_scale=0.5".to_owned());
-            let (path, text) = setting.split_once('=').ok_or_else(example)?;
+            let whole = |path: &str| path.split('.').all(|field| !field.trim().is_empty());
+            let (path, text) = setting.split_once('=').filter(|(path, _)| whole(path)).ok_or_else(example)?;
             // What is no TOML is meant as text.
             let value = toml::from_str::<toml::Table>(&format!("value = {text}")).ok();
             let value = value.and_then(|mut table| table.remove("value")).unwrap_or_else(|| text.trim().into());
