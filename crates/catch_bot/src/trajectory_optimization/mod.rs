@@ -4,6 +4,7 @@
 //! [`CatchSearch::retarget`]: the flight is known better now, how does the running motion change? A [`MotionPlanner`] generates
 //! the motions for both. Its steps are each in a module:
 //!
+//! * [`reach_map`]: when the gripper can be where, before any inverse kinematics;
 //! * [`reachability`]: what each joint can reach in the time left, exactly;
 //! * [`terminal_velocity`]: the joint velocities at the catch, so that the gripper moves along with the object;
 //! * [`joint_spline`]: the motion, one small quadratic program per joint ([`quadratic_program`]), and the braking after it;
@@ -14,12 +15,15 @@ pub mod motion;
 pub mod point_to_point;
 pub mod posture;
 pub mod quadratic_program;
+pub mod reach_map;
 pub mod reachability;
 mod rest_to_rest;
 pub mod retarget;
 pub mod search;
 mod swept_volume;
 pub mod terminal_velocity;
+
+use std::sync::Arc;
 
 use catch_body::{Gripper, JointVector, Pose, Robot, clearance::ArmClearance};
 use catch_cell::{BSpline, Setpoint};
@@ -32,6 +36,7 @@ use crate::{
 };
 use joint_spline::{EndKind, Ends, JointSpline};
 use posture::{Elbow, PostureFinder};
+use reach_map::ReachMap;
 
 /// Settings of trajectory optimization.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -301,12 +306,20 @@ impl MotionPlanner {
 #[derive(Debug)]
 pub struct CatchSearch {
     motion: MotionPlanner,
+    /// When the gripper can be where, if that was worked out.
+    reach_map: Option<Arc<ReachMap>>,
 }
 
 impl CatchSearch {
-    /// Over the motions that can be generated.
-    pub fn new(motion: MotionPlanner) -> Self {
-        Self { motion }
+    /// Over the motions that can be generated. With a map of what the arm can reach when from its ready pose, hopeless times and
+    /// grasps cost next to nothing; arms of [some kinds](ReachMap::serves) need it to be quick.
+    pub fn new(motion: MotionPlanner, reach_map: Option<Arc<ReachMap>>) -> Self {
+        Self { motion, reach_map }
+    }
+
+    /// When an arm that is about to move departs from the ready pose of the map, `None` if it is elsewhere already.
+    pub fn departure_s(&self, start: &Start) -> Option<f64> {
+        self.reach_map.as_ref().filter(|map| map.departs_at(start)).map(|_| start.time_s)
     }
 
     /// What generates the motions.

@@ -3,14 +3,19 @@
 //! The oracle knows the true flight and has no noise. It asks, for every 10 ms of the flight and for many orientations of the hand
 //! around the object, whether any posture of the arm that holds the hand there can be reached from the waiting pose. What a joint
 //! can reach in a time T from rest is an interval, exact and in closed form; which postures lie in those intervals is answered by
-//! the inverse kinematics for all redundancy at once. The arm may be moving at the catch, if it can stop before its joints' limits
+//! the inverse kinematics: of S-R-S arms for all redundancy at once, of others by iteration from starts all over the intervals and
+//! along the null space from what that finds. It shares neither the grid, the grasps, the map nor the bound on work with the
+//! search of the brain. The arm may be moving at the catch, if it can stop before its joints' limits
 //! afterwards. Of the torque limits, of the gripper and of the object's shape it takes no notice: a throw that it calls out of
 //! reach is out of reach between its samples, one that it calls within reach may still be hard.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use catch_body::{
-    Gripper, JointVector, Pose, Robot, clearance::ArmClearance, dynamics, inverse_kinematics::SrsArm,
+    Gripper, JointVector, MAX_JOINTS, Pose, Robot,
+    clearance::ArmClearance,
+    dynamics,
+    inverse_kinematics::{Ranges, SrsArm},
     robot::JointLimits,
 };
 use catch_sim::{Conditions, Release};
@@ -48,16 +53,16 @@ pub struct Reach {
 pub struct Oracle<'a> {
     robot: &'a Robot,
     gripper: &'a Gripper,
-    arm: SrsArm,
+    /// The closed form, where there is one.
+    srs: Option<SrsArm>,
     clearance: ArmClearance,
 }
 
 impl<'a> Oracle<'a> {
-    /// For the arm of a setup; `None` if its inverse kinematics has no closed form.
-    pub fn of(setup: &'a Setup) -> Option<Self> {
+    /// For the arm of a setup.
+    pub fn of(setup: &'a Setup) -> Self {
         let Setup { robot, gripper, .. } = setup;
-        let clearance = ArmClearance::new(robot, gripper);
-        Some(Self { robot, gripper, arm: SrsArm::of(robot)?, clearance })
+        Self { robot, gripper, srs: SrsArm::of(robot), clearance: ArmClearance::new(robot, gripper) }
     }
 
     /// What is possible in one scene.
@@ -79,7 +84,7 @@ impl<'a> Oracle<'a> {
 
     /// Whether the hand can be at the object after moving for `time_s`, in any orientation.
     fn is_possible(&self, sample: &FlightSample, time_s: f64) -> bool {
-        let mut ranges = [[0.0; 2]; 7];
+        let mut ranges = [[0.0; 2]; MAX_JOINTS];
         for (i, joint) in self.robot.joints.iter().enumerate() {
             let way = farthest(&joint.limits, time_s);
             ranges[i] = [
@@ -92,14 +97,11 @@ impl<'a> Oracle<'a> {
                 (sample.p_WO - R_WG * self.gripper.grasp_centre().coords).coords.into(),
                 UnitQuaternion::from_rotation_matrix(&R_WG),
             );
-            let Some(circle) = self.arm.elbow_circle(&X_WG) else { return false };
-            self.arm.swivels(&circle, &ranges).into_iter().any(|(branch, [low, high])| {
-                (0..SWIVELS).any(|i| {
-                    let fraction = (i as f64 + 0.5) / SWIVELS as f64;
-                    let q = self.arm.solve_branch(&circle, low + (high - low) * fraction, branch);
-                    self.can_stop_after(&q, time_s) && self.is_clear(&q)
-                })
-            })
+            let holds = |q: &JointVector| self.can_stop_after(q, time_s) && self.is_clear(q);
+            match &self.srs {
+                Some(srs) => swivelled(srs, &X_WG, &ranges).any(|q| holds(&q)),
+                None => self.robot.solutions_within(&X_WG, &self.robot.ready_q, &ranges).iter().any(holds),
+            }
         })
     }
 
@@ -118,6 +120,19 @@ impl<'a> Oracle<'a> {
         let (X_WL, width_m) = (self.robot.link_poses(q), self.gripper.max_width_m);
         self.clearance.self_clearance(&X_WL, width_m) > 0.0 && self.clearance.floor_clearance(&X_WL, width_m) > 0.0
     }
+}
+
+/// Joint positions of an S-R-S arm within `ranges`, all over its redundancy.
+fn swivelled(srs: &SrsArm, X_WG: &Pose, ranges: &Ranges) -> impl Iterator<Item = JointVector> {
+    srs.elbow_circle(X_WG).into_iter().flat_map(move |circle| {
+        let arcs = srs.swivels(&circle, &std::array::from_fn(|i| ranges[i]));
+        arcs.into_iter().flat_map(move |(branch, [low, high])| {
+            (0..SWIVELS).map(move |i| {
+                let fraction = (i as f64 + 0.5) / SWIVELS as f64;
+                srs.solve_branch(&circle, low + (high - low) * fraction, branch)
+            })
+        })
+    })
 }
 
 /// Whether a joint can be this far from rest after `time_s`: it gathers speed all the way, up to V.
@@ -233,10 +248,10 @@ mod tests {
     #[test]
     fn the_near_throw_is_out_of_reach_from_the_pose_of_the_paper() {
         let mut setup = Setup::load(&Choice::default()).unwrap();
-        let reach = Oracle::of(&setup).unwrap().reach(&setup, 1, 0);
+        let reach = Oracle::of(&setup).reach(&setup, 1, 0);
         assert!(reach.from_first_image_s.is_some() && reach.from_release_s.is_some(), "{reach:?}");
         setup.robot.ready_q = setup.robot.joint_vector(&[1.57, 0.5, 0.0, -1.2, 0.0, 0.8, 1.57]).unwrap();
-        let reach = Oracle::of(&setup).unwrap().reach(&setup, 1, 0);
+        let reach = Oracle::of(&setup).reach(&setup, 1, 0);
         assert_eq!(reach.from_first_image_s, None);
         assert!(reach.from_release_s.is_some_and(|time_s| time_s > 0.55), "{reach:?}");
     }
@@ -247,7 +262,7 @@ mod tests {
         let aside = include_str!("../../../../assets/throws/near.toml")
             .replace("[1.66613, 1.63277, 0.3]", "[3.66613, 3.63277, 0.3]");
         setup.throw = catch_sim::Throw::from_toml("aside.toml", &aside).unwrap();
-        let reach = Oracle::of(&setup).unwrap().reach(&setup, 1, 0);
+        let reach = Oracle::of(&setup).reach(&setup, 1, 0);
         assert_eq!(reach.from_release_s, None);
     }
 }

@@ -21,6 +21,7 @@ use crate::{
     scenario::{
         Clock, Scenario,
         brain::{BrainSettings, ChosenBrain, Method},
+        reach_map,
     },
 };
 
@@ -364,7 +365,9 @@ impl Setup {
         self.known.get_or_init(|| {
             let Self { robot, gripper, cameras, .. } = self.clone();
             let config = self.brain_config(0, 0).config();
-            Arc::new(Preparation::new(config, robot, gripper, cameras, &self.reference_scan).expect(CHECKED))
+            let reach_map = reach_map::of(&robot);
+            let known = Preparation::new(config, robot, gripper, cameras, &self.reference_scan, reach_map);
+            Arc::new(known.expect(CHECKED))
         })
     }
 
