@@ -68,6 +68,9 @@ pub struct Config {
     pub braking_acceleration_fraction: f64,
     /// Shortest braking in seconds.
     pub min_braking_s: f64,
+    /// Longest braking in seconds: no joint is faster at the catch than this allows. What is caught must be at rest 0.5 s after the
+    /// first contact, which may be a little before the catch.
+    pub max_braking_s: f64,
     /// Distance between the catch times that are tried, in seconds.
     pub time_step_s: f64,
     /// A new search must leave at least this much time until the catch, in seconds.
@@ -95,6 +98,7 @@ impl Default for Config {
             clearance_m: 0.02,
             braking_acceleration_fraction: 0.5,
             min_braking_s: 0.2,
+            max_braking_s: 0.45,
             time_step_s: 0.02,
             min_lead_s: 0.12,
             weights: search::Weights::default(),
@@ -129,7 +133,14 @@ impl Settings for Config {
             )
             // Motions are followed in steps as long as the clearance that is left.
             .values(&(1e-3..=1.0), [("clearance_m", self.clearance_m)])
-            .values(&PERIOD_S, [("time_step_s", self.time_step_s), ("min_braking_s", self.min_braking_s)])
+            .values(
+                &PERIOD_S,
+                [
+                    ("time_step_s", self.time_step_s),
+                    ("min_braking_s", self.min_braking_s),
+                    ("max_braking_s", self.max_braking_s),
+                ],
+            )
             .values(&DURATION_S, [("min_lead_s", self.min_lead_s)])
             .table("weights", &self.weights)
             .table("search", &self.search)

@@ -103,9 +103,10 @@ fn orientation(X_WG: &Pose) -> usize {
 }
 
 impl ReachMap {
-    /// Whether a search for `robot` is served by a map: where inverse kinematics has no closed form.
+    /// Whether a search for `robot` is served by a map: where inverse kinematics does not tell at once of a pose, over all
+    /// redundancy, whether it can be reached.
     pub fn serves(robot: &Robot) -> bool {
-        PostureFinder::new(robot).is_numerical()
+        !PostureFinder::new(robot).covers_redundancy()
     }
 
     /// For an arm that waits at its ready pose, worked out on one thread, which takes some seconds.

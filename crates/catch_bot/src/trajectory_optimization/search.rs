@@ -5,7 +5,7 @@
 //! cut to what each joint can reach), a posture gets its arrival velocities, an arrival its motion, and each step adds what it
 //! costs. The first motion that keeps all limits and clearances ends a pass, and most of the rest is never looked at.
 //!
-//! Arms without closed form have a [`ReachMap`]: pairs that are too far by it are left out, and the others enter with the
+//! Arms without closed form have a [`ReachMap`](super::reach_map::ReachMap): pairs that are too far by it are left out, and the others enter with the
 //! reachability margin that it estimates, until postures tell the true one.
 //!
 //! The search is weighted, not admissible: failures of a grasp add a penalty to its catches at all times, and the map's estimate
@@ -14,22 +14,25 @@
 //! and what got as far as a motion or the approach is tried a little sooner and later; only then has the search failed. In flight
 //! each image brings as many passes as a bounded amount of work allows, the same for all arms.
 
+mod candidate;
 mod frontier;
+mod reach;
 mod settings;
 
-use catch_body::{JointVector, MAX_JOINTS, Pose};
+use catch_body::{JointVector, Pose};
 use nalgebra::{Point3, Vector3};
 
 use super::{
     CatchPlan, CatchSearch, Incoming, PlanningFailure, Start,
     point_to_point::{PointToPoint, Reached},
     posture::Posture,
-    reach_map::ReachMap,
-    reachability::{ReachableSet, fraction_used},
+    reachability::fraction_used,
     swept_volume::{Entering, Obstacle},
     terminal_velocity::{TerminalVelocity, Weights as TerminalVelocityWeights},
 };
+use candidate::{Candidate, CatchTimeSample};
 use frontier::{Frontier, Node, Stage};
+use reach::Reach;
 pub use settings::{Config, Weights};
 
 use crate::{
@@ -61,38 +64,12 @@ pub(super) struct ReachableCatch {
     pub grasp_cost: f64,
 }
 
-/// What is known at one catch time.
-struct CatchTimeSample {
-    local_flight: LocalFlight,
-    joints: [ReachableSet; MAX_JOINTS],
-    ranges: [[f64; 2]; MAX_JOINTS],
-}
-
-/// A catch time with a grasp.
-struct Candidate {
-    sample: usize,
-    ranked: RankedGrasp,
-    /// What the cost of its reachability margin is by the reach map.
-    margin_cost: f64,
-    /// Whether the object can come into the open gripper on a straight line, once that was asked.
-    enters: Option<bool>,
-    /// Postures whose velocities at the catch were looked for, and those that were tried in vain.
-    velocity_trials: usize,
-    failed: usize,
-}
-
-impl Candidate {
-    fn new(sample: usize, ranked: RankedGrasp, margin_cost: f64) -> Self {
-        Self { sample, ranked, margin_cost, enters: None, velocity_trials: 0, failed: 0 }
-    }
-}
-
 /// What a search is about, and what it has met.
 struct Search<'a> {
     start: &'a Start,
     incoming: &'a Incoming<'a>,
-    /// The reach map, and when the arm departed from the pose for which it holds.
-    reach: Option<(&'a ReachMap, f64)>,
+    /// What can be reached when, if that is known for where the arm departed from.
+    reach: Option<Reach<'a>>,
     /// What was last in the way into each grasp.
     obstacles: Vec<Obstacle>,
     /// The work that has been done.
@@ -148,7 +125,9 @@ impl CatchSearch {
 
     fn begin<'a>(&'a self, start: &'a Start, incoming: &'a Incoming<'a>, departure_s: Option<f64>) -> Search<'a> {
         let obstacles = vec![Obstacle::default(); incoming.grasps.grasps.len()];
-        Search { start, incoming, reach: self.reach_map.as_deref().zip(departure_s), obstacles, work: 0 }
+        let reach = self.reach_map.as_deref().zip(departure_s);
+        let reach = reach.map(|(map, departure_s)| Reach { map, departure_s });
+        Search { start, incoming, reach, obstacles, work: 0 }
     }
 
     /// The cheapest catch that one pass finds, doing no more than `most_work`.
@@ -293,6 +272,7 @@ impl CatchSearch {
     fn candidates(&self, task: &Search, offset: f64, thorough: bool) -> (Vec<CatchTimeSample>, Vec<Candidate>, bool) {
         let base = Point3::from(self.motion.robot.X_WB.translation.vector);
         let (mut samples, mut candidates, mut any_grasp) = (Vec::new(), Vec::new(), false);
+        let weights = &self.motion.config.weights;
         let mut propagator = task.incoming.flight.propagator();
         let steps = (self.motion.config.search.latest_catch_s / self.motion.config.time_step_s) as usize;
         for step in 0..steps {
@@ -308,14 +288,14 @@ impl CatchSearch {
             let at = self.sample(task.start, &mut propagator, catch_s);
             let (X_WO, v_WO) = (&at.local_flight.X_WO, &at.local_flight.V_WO.linear);
             let may_reach = self.motion.finder.may_reach(X_WO, &at.ranges);
-            let is_in_time = |X_OG: &Pose| {
-                thorough || task.reach.is_none_or(|(map, since_s)| map.is_in_time(&(X_WO * X_OG), catch_s - since_s))
-            };
+            let is_in_time =
+                |X_OG: &Pose| thorough || task.reach.is_none_or(|reach| reach.is_in_time(&(X_WO * X_OG), catch_s));
             let may_catch = |X_OG: &Pose| may_reach(X_OG) && is_in_time(X_OG);
             let (ranked, any) = task.incoming.grasps.rank(X_WO, v_WO, &base, task.incoming.config, may_catch);
             any_grasp |= any;
             candidates.extend(ranked.into_iter().map(|ranked| {
-                Candidate::new(samples.len(), ranked, self.margin_cost(task.reach, &ranked.X_WG, catch_s))
+                let margin_cost = task.reach.map_or(0.0, |it| it.margin_cost(&ranked.X_WG, catch_s, weights));
+                Candidate::new(samples.len(), ranked, margin_cost)
             }));
             samples.push(at);
         }
@@ -327,7 +307,7 @@ impl CatchSearch {
         &self,
         start: &Start,
         incoming: &Incoming,
-        reach: Option<(&ReachMap, f64)>,
+        reach: Option<Reach>,
         samples: &mut Vec<CatchTimeSample>,
         candidates: &mut Vec<Candidate>,
     ) {
@@ -346,7 +326,8 @@ impl CatchSearch {
                 for &index in &close {
                     let (grasp, weights) = (&incoming.grasps.grasps[index], &incoming.config.weights);
                     let ranked = heuristics::rank_alone(index, grasp, X_WO, &V_WO.linear, &base, weights);
-                    let margin_cost = self.margin_cost(reach, &ranked.X_WG, catch_s);
+                    let weights = &self.motion.config.weights;
+                    let margin_cost = reach.map_or(0.0, |it| it.margin_cost(&ranked.X_WG, catch_s, weights));
                     candidates.push(Candidate::new(samples.len(), ranked, margin_cost));
                 }
                 samples.push(sample);
@@ -359,13 +340,6 @@ impl CatchSearch {
         let joints = self.motion.reaches(start, catch_s - start.time_s, self.motion.moving_scaling());
         let ranges = self.motion.ranges(&joints, &start.state.q);
         CatchTimeSample { local_flight: propagator.local_flight_at(catch_s), joints, ranges }
-    }
-
-    /// What the reachability margin at a pose of the gripper costs by the reach map: what takes most of the time is reached by most of
-    /// what the joints can do.
-    fn margin_cost(&self, reach: Option<(&ReachMap, f64)>, X_WG: &Pose, catch_s: f64) -> f64 {
-        let fraction = reach.map_or(0.0, |(map, since_s)| map.fraction_of_time(X_WG, catch_s - since_s));
-        self.motion.config.weights.reach_fraction * fraction.powi(4)
     }
 
     /// What tells how well an object will be held: its grasp's heuristics, how fast it passes the fingers and how fast they turn.
