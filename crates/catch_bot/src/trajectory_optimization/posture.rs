@@ -34,7 +34,6 @@ pub struct Posture {
 
 /// The arm's way of finding postures.
 #[derive(Debug)]
-#[expect(clippy::large_enum_variant, reason = "there is one, and it is never moved")]
 pub enum PostureFinder {
     /// In closed form, all over the redundancy.
     Srs(SrsArm),
