@@ -147,6 +147,12 @@ impl Robot {
         self.joints.len()
     }
 
+    /// The arm's length in metres: from its second joint to the gripper, link by link.
+    pub fn length_m(&self) -> f64 {
+        let links = self.joints.iter().skip(2).map(|joint| joint.X_PL.translation.vector.norm());
+        links.sum::<f64>() + self.X_LG.translation.vector.norm()
+    }
+
     /// One value per joint, zero beyond the last.
     pub fn per_joint(&self, value: impl Fn(&Joint) -> f64) -> JointVector {
         JointVector::from_fn(|i, _| self.joints.get(i).map_or(0.0, &value))

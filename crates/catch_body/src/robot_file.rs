@@ -292,6 +292,14 @@ pub(crate) mod tests {
         read(URDF, TOML).unwrap()
     }
 
+    pub fn ur10e() -> Robot {
+        let assets = [
+            include_str!("../../../assets/robots/ur10e/robot.urdf"),
+            include_str!("../../../assets/robots/ur10e/robot.toml"),
+        ];
+        read(assets[0], assets[1]).unwrap()
+    }
+
     fn read(urdf: &str, toml: &str) -> Result<Robot, InputError> {
         Robot::from_files(&RobotFiles { urdf_file: "robot.urdf", urdf, toml_file: "robot.toml", toml })
     }

@@ -1,6 +1,7 @@
 //! Scenarios: everything that a set of trials shares, in one file.
 
 pub mod brain;
+pub mod reach_map;
 pub mod setup;
 
 use catch_body::{Gripper, InputError, quantity, robot::LimitScale};

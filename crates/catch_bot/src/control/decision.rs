@@ -49,6 +49,8 @@ impl Status {
 pub struct Progress {
     /// Search passes in a row that found no catch.
     pub passes: usize,
+    /// When the arm departed from its ready pose; `None` if it was elsewhere when the first catch was planned.
+    pub departure_s: Option<f64>,
     /// Holding cost at which the running catch was chosen or last compared with others; `None` before there is one.
     pub reference_cost: Option<f64>,
 }

@@ -244,7 +244,10 @@ fn arguments_that_cannot_be_right_say_what_would_be() {
         ),
         (&["register", "--cloud", "no.ply", "--reference", "banana"], &["no.ply"]),
         (&["catch", "--object", "cup.obj"], &["--object", "the mesh `cup.obj`", "`catchingbot new object cup`"]),
-        (&["ready", "--robot", "ur10e", "--trials", "1", "--tries", "1"], &["no pose", "within reach"]),
+        (
+            &["ready", "--set", "ready_rad=[2.8, 1.2, 1.1, -1.5, 1.6, 1.4, 0.2]", "--trials", "1", "--tries", "1"],
+            &["no pose", "within reach"],
+        ),
         (&["eval", "--study", "ablation", "--method", "paper"], &["--study", "--method"]),
         (&["eval", "--study", "ablation", "--set", "arena.friction=1"], &["--study", "--set"]),
         (&["eval", "--study", "ablatoin"], &["--study", "did you mean `ablation`?"]),

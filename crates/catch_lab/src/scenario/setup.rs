@@ -21,6 +21,7 @@ use crate::{
     scenario::{
         Clock, Scenario,
         brain::{BrainSettings, ChosenBrain, Method},
+        reach_map,
     },
 };
 
@@ -222,13 +223,14 @@ impl Setup {
         scenario.throw = throw.name;
         scenario.flight_rig = flight_rig.name;
         scenario.reference_rig = reference_rig.name;
+        let length_m = arm.length_m();
         scenario.ready_rad = Some(arm.ready_q.as_slice()[..arm.dof()].to_vec());
         Ok(Self {
             scenario,
             robot: arm,
             gripper: hand,
             cameras,
-            throw: Throw::from_toml(&throw.file, &throw.text)?,
+            throw: Throw::from_toml(&throw.file, &throw.text)?.for_arm(length_m),
             object: thrown,
             reference_scan,
             sources,
@@ -278,7 +280,8 @@ impl Setup {
     /// As [`load`](Self::load).
     pub fn thrown(&self, throw: &str) -> Result<Self, InputError> {
         let asset = Asset::find(Kind::Throw, throw, &Origin::BuiltIn(PathBuf::new()), (COMMAND_LINE, "--throw"))?;
-        Ok(self.with_throw(asset.name, Throw::from_toml(&asset.file, &asset.text)?))
+        let throw = Throw::from_toml(&asset.file, &asset.text)?.for_arm(self.robot.length_m());
+        Ok(self.with_throw(asset.name, throw))
     }
 
     /// The same with a throw that is given; what has been prepared is shared.
@@ -364,7 +367,9 @@ impl Setup {
         self.known.get_or_init(|| {
             let Self { robot, gripper, cameras, .. } = self.clone();
             let config = self.brain_config(0, 0).config();
-            Arc::new(Preparation::new(config, robot, gripper, cameras, &self.reference_scan).expect(CHECKED))
+            let reach_map = reach_map::of(&robot);
+            let known = Preparation::new(config, robot, gripper, cameras, &self.reference_scan, reach_map);
+            Arc::new(known.expect(CHECKED))
         })
     }
 

@@ -60,7 +60,7 @@ impl Desk {
         let grasps = GraspSet::sample(&reference, &setup.gripper, &config.grasp_selection);
         let motion =
             MotionPlanner::new(setup.robot.clone(), setup.gripper.clone(), config.trajectory_optimization.clone());
-        Self { setup, config, grasps, search: CatchSearch::new(motion) }
+        Self { setup, config, grasps, search: CatchSearch::new(motion, None) }
     }
 
     fn incoming<'a>(&'a self, flight: &'a FlightTrajectory) -> Incoming<'a> {
@@ -77,7 +77,7 @@ impl Desk {
         start: &Start,
         flight: &FlightTrajectory,
     ) -> Result<CatchPlan, PlanningFailure> {
-        self.search.search_in_passes(pass, start, &self.incoming(flight))
+        self.search.search_in_passes(pass, start, &self.incoming(flight), None)
     }
 
     pub fn waiting(&self) -> Start {
