@@ -21,6 +21,7 @@ mod predict;
 mod ready;
 mod register;
 mod replay;
+mod robot;
 mod screen;
 mod study;
 mod view;
@@ -85,6 +86,8 @@ enum Command {
     Learn(learn::LearnArguments),
     /// The best waiting pose for a distribution of throws
     Ready(ready::ReadyArguments),
+    /// Arms that others described
+    Robot(robot::RobotArguments),
     /// The pose of one point cloud against another, or against a mesh
     Register(register::RegisterArguments),
     /// The brain once more on the observations of a recording: does it want the same, bit for bit?
@@ -258,6 +261,7 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         Some(Command::Learn(learn)) => learn::run(&learn),
         Some(Command::Register(register)) => register::run(&register),
         Some(Command::Ready(ready)) => ready::run(&ready),
+        Some(Command::Robot(robot)) => robot::run(&robot),
         Some(Command::Replay(replay)) => replay::run(&replay),
         Some(Command::View(view)) => view::run(&view),
         Some(Command::GripperLatency(latency)) => gripper_latency::run(&latency),
