@@ -3,6 +3,7 @@
 //! [`Description`] holds what a file says, [`Chain`] the serial arm within it: fixed joints folded, fingers taken off. Nothing is
 //! made up here; what a file does not say is `None`.
 
+mod arm_in_tree;
 mod chain;
 mod urdf_reader;
 
@@ -11,7 +12,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Unit, Vector3};
 
 use crate::{
-    InputError, Pose, TriangleMesh,
+    Pose, TriangleMesh,
     robot::Inertia,
     shape::{Capsule, Cuboid},
 };
@@ -127,14 +128,6 @@ pub enum JointKind {
 }
 
 impl Description {
-    /// Reads a URDF file.
-    ///
-    /// # Errors
-    /// If it is no URDF, or has elements of xacro; an element without its name, a number out of its range.
-    pub fn from_urdf(file: &str, text: &str) -> Result<Self, InputError> {
-        urdf_reader::read(file, text)
-    }
-
     /// The joints whose parent is `link`.
     pub fn joints_of(&self, link: &str) -> &[TreeJoint] {
         self.joints.get(link).map_or(&[], Vec::as_slice)

@@ -132,6 +132,9 @@ pub struct ChoiceArguments {
     /// Arm: a built-in name, or a robot.toml with a robot.urdf beside it [default: the scenario's]
     #[arg(long, value_name = "NAME|FILE")]
     robot: Option<String>,
+    /// Gripper: a built-in name or a file [default: the scenario's]
+    #[arg(long, value_name = "NAME|FILE")]
+    gripper: Option<String>,
     /// Whose method catches [default: the scenario's, which is ours if it says nothing]
     #[arg(long, value_enum)]
     method: Option<MethodArgument>,
@@ -150,9 +153,9 @@ enum MethodArgument {
 }
 
 impl ChoiceArguments {
-    /// The arm, if another than the scenario's is asked for.
-    pub fn robot(&self) -> Option<&str> {
-        self.robot.as_deref()
+    /// Arm and gripper, where others than the scenario's are asked for.
+    pub fn equipment(&self) -> Choice<'_> {
+        Choice { robot: self.robot.as_deref(), gripper: self.gripper.as_deref(), ..Choice::default() }
     }
 
     /// Whose method is asked for.
@@ -166,14 +169,7 @@ impl ChoiceArguments {
     /// The choice, with an object and a throw.
     pub fn with<'a>(&'a self, object: Option<&'a str>, throw: Option<&'a str>) -> Choice<'a> {
         let method = self.method();
-        Choice {
-            scenario: Some(&self.scenario),
-            robot: self.robot.as_deref(),
-            object,
-            throw,
-            method,
-            settings: &self.settings,
-        }
+        Choice { scenario: Some(&self.scenario), object, throw, method, settings: &self.settings, ..self.equipment() }
     }
 }
 

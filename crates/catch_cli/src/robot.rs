@@ -94,6 +94,8 @@ const THROWS: [&str; 2] = ["near_sampled", "far_sampled"];
 const CHOSEN_FOR: u64 = 6;
 /// Throws of each kind on which it is tried afterwards.
 const TRIED_ON: u64 = 25;
+/// Shapes that could not be read, of which each is told.
+const MOST_FAULTS: usize = 3;
 /// Poses from which the search may begin.
 const STARTS: usize = 30;
 
@@ -219,7 +221,8 @@ fn tell(arguments: &ImportArguments, imported: &ImportedRobot, reach: Option<Rea
     let chain = imported.chain();
     let robot = &imported.robot;
     let assumed = imported.assumptions();
-    let unread: Vec<String> = imported.shapes().iter().flat_map(|it| &it.unread).map(ToString::to_string).collect();
+    let mut unread: Vec<String> = imported.shapes().iter().flat_map(|it| &it.unread).map(ToString::to_string).collect();
+    unread.dedup();
     let taken_off = chain.fingers.as_ref().map(|it| it.links.clone()).unwrap_or_default();
     if arguments.json {
         return screen::json(&Document {
@@ -248,8 +251,11 @@ fn tell(arguments: &ImportArguments, imported: &ImportedRobot, reach: Option<Rea
     let inside = if imported.shapes().iter().all(|it| it.is_inside()) { "every shape is inside" } else { "some shape is outside" };
     let page = arguments.out.join("capsules.html");
     screen::fact("capsules", &format!("{}; {inside} ({})", robot.capsules.len(), page.display()))?;
-    for fault in &unread {
+    for fault in unread.iter().take(MOST_FAULTS) {
         screen::fact("not read", fault)?;
+    }
+    if unread.len() > MOST_FAULTS {
+        screen::fact("not read", &format!("{} more shapes", unread.len() - MOST_FAULTS))?;
     }
     screen::fact("assumed", &format!("{} values that no file says", assumed.len()))?;
     if let Some(Reach { within_reach, throws }) = &reach {

@@ -16,8 +16,17 @@ const EXTENT_M: Quantity = Quantity { least: 0.0, most: 10.0, unit: "m" };
 /// Factors on the axes of a mesh; a mirrored one has a negative factor.
 const MESH_SCALE: Quantity = Quantity { least: -1000.0, most: 1000.0, unit: "m per unit" };
 
-/// Reads a URDF file.
-pub fn read(file: &str, text: &str) -> Result<Description, InputError> {
+impl Description {
+    /// Reads a URDF file.
+    ///
+    /// # Errors
+    /// If it is no URDF, or has elements of xacro; an element without its name, a number out of its range.
+    pub fn from_urdf(file: &str, text: &str) -> Result<Self, InputError> {
+        read(file, text)
+    }
+}
+
+fn read(file: &str, text: &str) -> Result<Description, InputError> {
     let document = urdf::parse(file, text)?;
     let urdf = Urdf::read(file, &document)?;
     let roots = urdf.roots();
@@ -52,7 +61,8 @@ fn link(element: &Element) -> Result<Link, InputError> {
 }
 
 fn weighs_something(inertial: &Element) -> Result<bool, InputError> {
-    Ok(inertial.required("mass")?.number("value", ANY_NUMBER)? > 0.0)
+    // Frames without a body get the least mass that some simulator takes.
+    Ok(inertial.required("mass")?.number("value", ANY_NUMBER)? >= quantity::PART_MASS_KG.least)
 }
 
 fn geometry(element: &Element) -> Result<Geometry, InputError> {

@@ -11,6 +11,7 @@ mod pages;
 mod recorded_flights;
 mod recording;
 mod refusals;
+mod robot_import;
 mod wrong_input;
 
 use std::process::{Command, Output};

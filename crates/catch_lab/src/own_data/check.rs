@@ -168,7 +168,7 @@ fn faults_of(kind: Kind, asset: &Asset) -> Vec<InputError> {
         Kind::Study => Study::of(asset.clone()).and_then(|study| {
             let objects = study.objects();
             // Whatever a step names is read.
-            study.steps.iter().try_for_each(|step| study.cells(step, None, &objects[..1]).map(drop))
+            study.steps.iter().try_for_each(|step| study.cells(step, &Choice::default(), &objects[..1]).map(drop))
         }),
     };
     result.err().into_iter().flat_map(InputError::all).collect()

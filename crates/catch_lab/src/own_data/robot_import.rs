@@ -95,7 +95,7 @@ impl ImportedRobot {
             name: if description.name.trim().is_empty() { "robot".into() } else { description.name.clone() },
             source: file_name,
             inertias: inertias(&chain, &shapes),
-            X_LG: mount(&chain, &shapes),
+            X_LG: mount(&chain, &shapes, gripper),
             chain,
             shapes,
             joints,
@@ -230,15 +230,16 @@ fn inertias(chain: &Chain, shapes: &[BodyShape]) -> Vec<Stated<Inertia>> {
     chain.joints.iter().zip(shapes.iter().skip(1)).map(of_body).collect()
 }
 
-/// Where the gripper is mounted; in front of the last link's shape where the description has no frame for it.
-fn mount(chain: &Chain, shapes: &[BodyShape]) -> Stated<catch_body::Pose> {
-    let X_LG = chain.X_LF * chain.X_FG();
+/// Where the gripper is mounted: the back of its housing at the flange, or in front of the last link's shape where the description has
+/// no frame for it.
+fn mount(chain: &Chain, shapes: &[BodyShape], gripper: &Gripper) -> Stated<catch_body::Pose> {
+    let X_LG = chain.X_LF * chain.X_FG() * Translation3::new(0.0, gripper.palm_y_m(), 0.0);
     if chain.has_flange {
         return Stated { value: X_LG, assumed: None };
     }
     let approach_L = X_LG.rotation * nalgebra::Vector3::y();
-    let from_L = approach_L.dot(&X_LG.translation.vector);
-    let beyond_m = shapes.last().and_then(|it| it.reach(&approach_L)).map_or(0.0, |reach| (reach - from_L).max(0.0));
+    let from_m = approach_L.dot(&chain.X_LF.translation.vector);
+    let beyond_m = shapes.last().and_then(|it| it.reach(&approach_L)).map_or(0.0, |reach| (reach - from_m).max(0.0));
     let value = Translation3::from(approach_L * beyond_m) * X_LG;
     let reason = "the description has no frame for a gripper: where the shape of the last link ends along its joint's axis";
     Stated { value, assumed: Some(reason.into()) }

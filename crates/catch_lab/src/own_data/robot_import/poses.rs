@@ -7,20 +7,20 @@ use rand_pcg::Pcg64;
 
 /// Random poses of each search.
 const POSES: usize = 6_000;
-/// This fraction of random poses has to be free of collision.
+/// This fraction of random poses has to be clear of the arm itself, as a waiting arm is.
 const LEAST_FREE: f64 = 0.15;
 /// An arm that waits keeps this far from itself and from the floor.
 const CLEARANCE_M: f64 = 0.06;
 /// Torque limits that are worked out exceed what motions need by this factor.
 const TORQUE_MARGIN: f64 = 1.2;
 
-/// The least number of neighbours along the chain that are not compared with each other, so that most poses count as free.
+/// The least number of neighbours along the chain that are not compared with each other, so that an arm can wait in many poses.
 pub fn ignored_neighbours(robot: &Robot, gripper: &Gripper) -> usize {
     let mut robot = robot.clone();
     let is_enough = |robot: &Robot| {
         let clearance = ArmClearance::new(robot, gripper);
         let free = random_poses(robot, POSES / 20).filter(|q| {
-            clearance.self_clearance(&robot.link_poses(q), gripper.max_width_m) > 0.0
+            clearance.self_clearance(&robot.link_poses(q), gripper.max_width_m) > CLEARANCE_M
         });
         free.count() as f64 > LEAST_FREE * (POSES / 20) as f64
     };
