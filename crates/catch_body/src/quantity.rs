@@ -265,6 +265,8 @@ quantities! {
     pose POSE = -50.0 to 50.0 "m";
     /// Positions of joints as they are sensed and commanded.
     joint_rad JOINT_RAD = -1000.0 to 1000.0 "rad";
+    /// Limits of the positions of joints.
+    joint_position_rad JOINT_POSITION_RAD = -100.0 to 100.0 "rad";
     /// Velocities of joints as they are sensed and commanded.
     joint_radps JOINT_RADPS = -1e5 to 1e5 "rad/s";
     /// Accelerations of joints as they are commanded.

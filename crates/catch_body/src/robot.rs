@@ -76,6 +76,12 @@ impl Inertia {
         Self { mass, com, about_com }
     }
 
+    /// Whether a body can have these moments: principal moments above zero, none larger than the sum of the other two.
+    pub fn is_of_a_body(&self) -> bool {
+        let moments = self.about_com.symmetric_eigenvalues();
+        moments.min() > 0.0 && 2.0 * moments.max() <= moments.sum() * (1.0 + 1e-9)
+    }
+
     /// The same body in another frame: `X_AB` is the pose of the body's present frame B in the new frame A.
     pub fn transformed(&self, X_AB: &Pose) -> Self {
         let R_AB = X_AB.rotation.to_rotation_matrix();

@@ -171,15 +171,15 @@ impl Study {
         }
     }
 
-    /// The cells of a step, object by object, by another arm than the scenario's if one is named.
+    /// The cells of a step, object by object, with another arm or gripper than the scenario's where `equipment` names one.
     ///
     /// # Errors
     /// As [`Setup::load`]; a throw that no place of the grid can be made after.
-    pub fn cells(&self, step: &Step, robot: Option<&str>, objects: &[String]) -> Result<Vec<Cell>, InputError> {
+    pub fn cells(&self, step: &Step, equipment: &Choice, objects: &[String]) -> Result<Vec<Cell>, InputError> {
         let mut cells = Vec::new();
         for object in objects {
             for throw in &step.throws {
-                let choice = Choice { robot, object: Some(object), throw: Some(throw), ..Choice::default() };
+                let choice = Choice { object: Some(object), throw: Some(throw), ..*equipment };
                 let file = format!("{}, step {}", self.path, step.head.name);
                 let setup = Setup::of_scenario(step.scenario.clone(), &file, &self.origin, &choice)?;
                 let Some(grid) = &self.file.throw_grid else {
@@ -321,7 +321,7 @@ mod tests {
         assert_eq!(top.scenario, built_in("honest"));
         assert_eq!(top.throws, ["random"]);
         let honest = Setup::load(&Choice { scenario: Some("honest"), object: Some("banana"), ..Choice::default() });
-        let cells = study.cells(top, None, &["banana".to_owned()]).unwrap();
+        let cells = study.cells(top, &Choice::default(), &["banana".to_owned()]).unwrap();
         assert_eq!(cells[0].setup.scenario, honest.unwrap().scenario);
     }
 
@@ -342,7 +342,7 @@ mod tests {
     fn throws_are_the_same_in_all_steps() {
         let study = load("ablation");
         let random = study.steps.iter().filter(|step| step.throws == ["random"]);
-        let release = |step: &Step| study.cells(step, None, &["banana".to_owned()]).unwrap()[0].setup.release(1, 17);
+        let release = |step: &Step| study.cells(step, &Choice::default(), &["banana".to_owned()]).unwrap()[0].setup.release(1, 17);
         let random: Vec<_> = random.map(release).collect();
         assert!(random.len() > 8);
         assert!(random.iter().all(|it| (it.p_WO, it.q_WO) == (random[0].p_WO, random[0].q_WO)));

@@ -12,6 +12,7 @@ mod pages;
 mod recorded_flights;
 mod recording;
 mod refusals;
+mod robot_import;
 mod wrong_input;
 
 use std::process::{Command, Output};

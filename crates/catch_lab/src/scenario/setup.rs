@@ -33,6 +33,8 @@ pub struct Choice<'a> {
     /// Name or file.
     pub robot: Option<&'a str>,
     /// Name or file.
+    pub gripper: Option<&'a str>,
+    /// Name or file.
     pub object: Option<&'a str>,
     /// Name or file.
     pub throw: Option<&'a str>,
@@ -160,6 +162,7 @@ impl Setup {
         choice: &Choice,
     ) -> Result<Self, InputError> {
         let is_other_robot = choice.robot.is_some_and(|robot| robot != scenario.robot);
+        let is_other_gripper = choice.gripper.is_some_and(|gripper| gripper != scenario.gripper);
         if is_other_robot {
             // The scenario's pose is one of its own arm.
             (scenario.ready_rad, scenario.place_rad) = (None, None);
@@ -176,7 +179,7 @@ impl Setup {
             }
         };
         let robot = find(Kind::Robot, choice.robot, &scenario.robot, "robot")?;
-        let gripper = find(Kind::Gripper, None, &scenario.gripper, "gripper")?;
+        let gripper = find(Kind::Gripper, choice.gripper, &scenario.gripper, "gripper")?;
         let object = find(Kind::Object, choice.object, &scenario.object, "object")?;
         let throw = find(Kind::Throw, choice.throw, &scenario.throw, "throw")?;
         let flight_rig = find(Kind::Rig, None, &scenario.flight_rig, "flight_rig")?;
@@ -212,6 +215,9 @@ impl Setup {
         // Names only: results of the same content are the same wherever the files lie.
         if is_other_robot {
             scenario.name += &format!("+robot={}", robot.name);
+        }
+        if is_other_gripper {
+            scenario.name += &format!("+gripper={}", gripper.name);
         }
         if let Some(method) = choice.method.filter(|method| *method != scenario.brain.method) {
             scenario.name += &format!("+method={method}");
