@@ -293,6 +293,10 @@ quantities! {
     stiffness_npm STIFFNESS_NPM = 1.0 to 1000000000.0 "N/m";
     /// Torques of joints.
     torque_nm TORQUE_NM = 0.001 to 100000.0 "N·m";
+    /// Damping of drives.
+    damping_nspm DAMPING_NSPM = 0.0 to 1000000.0 "N·s/m";
+    /// Gains of a joint's controller.
+    gain GAIN = 0.0 to 1000000.0 "";
     /// Viscous damping of joints.
     damping_nmsprad DAMPING_NMSPRAD = 0.0 to 10000.0 "N·m·s/rad";
     /// Speeds of drives.

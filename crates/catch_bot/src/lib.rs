@@ -176,6 +176,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingBot<E, P, C>
             observed_s: self.tracker.observed_s(),
             first_seen_s: first.capture_s,
             start: self.controller.start(observation),
+            sensed: (observation.arm.q, observation.arm.dq),
             flight: &flight,
             running: self.controller.plan(),
             closing: self.controller.closing(),

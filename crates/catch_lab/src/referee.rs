@@ -22,6 +22,10 @@ use reason::Reason;
 
 /// How far along z of the gripper the object may be for the paper to call it caught.
 const PAPER_DISTANCE_M: f64 = 0.025;
+/// The same for the authors' code.
+const CODE_DISTANCE_M: f64 = 0.05;
+/// When it is asked whether what the paper counts is still held.
+const HELD_LATER_S: f64 = PAPER_LOOKS_AT_S + 0.4;
 /// From the first contact on: when the object has to be held, and until when.
 const HELD_FROM_S: f64 = 0.5;
 /// The end of the test.
@@ -48,6 +52,15 @@ pub struct Verdict {
     pub caught: bool,
     /// Whether the paper would call it caught: at 0.875 s the object is less than 2.5 cm from the gripper along its z axis.
     pub caught_paper: bool,
+    /// Whether the authors' code would: less than 5 cm.
+    #[serde(default)]
+    pub caught_paper_code: bool,
+    /// Whether it is squeezed 0.4 s after that, at 1.275 s.
+    #[serde(default)]
+    pub held_later: bool,
+    /// Whether it was caught and held but for broken limits of the arm.
+    #[serde(default)]
+    pub caught_beyond_limits: bool,
     /// Why not, for every trial in which the object was not caught.
     pub reason: Option<Reason>,
     /// What an oracle would have reached, for trials in which the object was not caught; `None` also where it cannot tell.
@@ -80,9 +93,13 @@ pub fn judge(setup: &Setup, trial: &Trial) -> Verdict {
     let evidence = Evidence::new(setup, trial, contact_s);
     let reason = reason::why_not_caught(&evidence);
     let servo = &truth.servo;
+    let distance_m = distance_along_z_m(truth, &setup.object.origin_O);
     Verdict {
         caught: reason.is_none(),
-        caught_paper: caught_as_in_the_paper(truth),
+        caught_paper: distance_m.is_some_and(|distance_m| distance_m < PAPER_DISTANCE_M),
+        caught_paper_code: distance_m.is_some_and(|distance_m| distance_m < CODE_DISTANCE_M),
+        held_later: is_held_at(truth, HELD_LATER_S),
+        caught_beyond_limits: reason::why_not_held(&evidence).is_none(),
         reason,
         reach: None,
         limit_violations: servo.command_violations.len() + servo.motion_violations.len(),
@@ -372,10 +389,16 @@ pub(crate) fn undisturbed_position(truth: &Truth, time_s: f64) -> Option<Point3<
     Some(p.into())
 }
 
-fn caught_as_in_the_paper(truth: &Truth) -> bool {
-    let distance = sample_at(truth, PAPER_LOOKS_AT_S).map(|sample| {
-        let p_GO_W = sample.X_WO.translation.vector - sample.X_WG.translation.vector;
-        sample.X_WG.rotation.inverse_transform_vector(&p_GO_W).z.abs()
-    });
-    distance.is_some_and(|distance| distance < PAPER_DISTANCE_M)
+/// How far the object's origin is from the gripper's along z of the gripper when the paper looks.
+fn distance_along_z_m(truth: &Truth, origin_O: &Point3<f64>) -> Option<f64> {
+    let sample = sample_at(truth, PAPER_LOOKS_AT_S)?;
+    let p_GO_W = (sample.X_WO * origin_O).coords - sample.X_WG.translation.vector;
+    Some(sample.X_WG.rotation.inverse_transform_vector(&p_GO_W).z.abs())
+}
+
+/// Whether the object is squeezed at `time_s`; a trial that ended before has no object to hold any more.
+fn is_held_at(truth: &Truth, time_s: f64) -> bool {
+    let at = truth.samples.partition_point(|sample| sample.time_s < time_s - 0.5e-3);
+    let pair = at.checked_sub(1).and_then(|before| truth.samples.get(before..=at));
+    pair.is_some_and(|pair| is_squeezed(&pair[0], &pair[1]))
 }

@@ -171,7 +171,7 @@ impl Scenario {
     /// # Errors
     /// If it does not: every catch would come too late.
     pub(crate) fn check_closing(&self, file: &str, gripper: &Gripper, gripper_file: &str) -> Result<(), InputError> {
-        if self.arena.gripper == (GripperDriveKind::Ideal {}) {
+        if !matches!(self.arena.gripper, GripperDriveKind::Wsg50(_)) {
             return Ok(());
         }
         let grasping = &self.brain.grasp_selection;

@@ -301,6 +301,7 @@ impl Overlay {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scenario::brain::Method;
 
     fn load(name: &str) -> Study {
         Study::load(name, ("test", "name")).unwrap()
@@ -323,6 +324,22 @@ mod tests {
         let honest = Setup::load(&Choice { scenario: Some("honest"), object: Some("banana"), ..Choice::default() });
         let cells = study.cells(top, &Choice::default(), &["banana".to_owned()]).unwrap();
         assert_eq!(cells[0].setup.scenario, honest.unwrap().scenario);
+    }
+
+    /// What is left when every assumption of the published code is taken away is the paper's method under the arm's limits.
+    #[test]
+    fn the_published_system_ends_at_its_method_in_the_scenario_of_the_paper() {
+        let study = load("as-published");
+        assert_eq!(
+            study.steps[0].scenario,
+            Scenario { name: "01-as-published".to_owned(), ..built_in("as-published") }
+        );
+        let top = &study.steps[study.file.overlays.len() - 1];
+        let mut paper = built_in("paper");
+        paper.brain.method = Method::Paper;
+        let Scenario { name, description, .. } = top.scenario.clone();
+        assert_eq!(top.scenario, Scenario { name, description, ..paper });
+        assert_eq!(top.throws, ["near", "far"]);
     }
 
     #[test]

@@ -28,7 +28,7 @@ use catch_cell::{
 use nalgebra::{DMatrix, DVector};
 
 use interior_point::{Program, Row};
-pub use problem::{Problem, Solution};
+pub use problem::{Problem, Solution, StartState};
 use waypoint::{ERRORS, Linearized};
 pub use waypoint::{Tolerance, Waypoint};
 
@@ -67,7 +67,7 @@ impl Problem<'_> {
     pub fn solve(&self, guess: &[JointVector]) -> Result<Solution, ProgramFailure> {
         let layout = Layout::new(self);
         let limits = layout.limit_rows(self).ok_or(ProgramFailure::Infeasible)?;
-        let mut x = layout.feasible(&limits, guess, self.speed_fraction)?;
+        let mut x = layout.feasible(&limits, guess, self.speed_fraction[1])?;
         let mut now = layout.linearize(self, &x);
         let mut radius = RADIUS;
         let mut iterations = 0;
@@ -84,7 +84,7 @@ impl Problem<'_> {
             let step = &candidate - &x;
             let merit = layout.objective(self, &x) + PRICE * layout.violation(self, &now, None);
             let promised =
-                merit - layout.objective(self, &candidate) - PRICE * layout.violation(self, &now, Some(&step));
+                merit - layout.objective(self, &candidate) - PRICE * layout.violation(self, &now, Some((&x, &step)));
             let enough = if layout.excess(self, &now) < MET { CONVERGED } else { LEAST_GAIN };
             if promised < enough * (1.0 + merit.abs()) {
                 break;
@@ -116,7 +116,10 @@ impl Problem<'_> {
                 (x, now) = (candidate, next);
             }
         }
-        let spline = BSpline { knots_s: self.knots_s.clone(), control_points: layout.control_points(&x) };
+        let (start_s, stretch) = (self.knots_s[0], layout.stretch_of(&x));
+        let knots_s = self.knots_s.iter().map(|knot_s| start_s + (knot_s - start_s) * stretch).collect();
+        let knots_s = if layout.stretch.is_some() { knots_s } else { self.knots_s.clone() };
+        let spline = BSpline { knots_s, control_points: layout.control_points(&x) };
         let (speed_fraction, excess) = (x[layout.fraction()], layout.excess(self, &now));
         Ok(Solution { spline, speed_fraction, excess, iterations, converged })
     }
@@ -125,7 +128,7 @@ impl Problem<'_> {
     pub fn excess_of(&self, motion: impl Fn(f64) -> Setpoint, fraction: f64) -> f64 {
         let of_waypoint = |waypoint: &Waypoint| {
             let at = motion(waypoint.time_s);
-            waypoint.excess(&waypoint.linearize(self.robot, &self.p_GP, &at.q, &at.dq, fraction))
+            waypoint.excess(&waypoint.linearize(self.robot, &at.q, &at.dq, fraction))
         };
         self.waypoints.iter().map(of_waypoint).fold(0.0, f64::max)
     }
@@ -135,10 +138,13 @@ impl Problem<'_> {
     /// P₀ = q, P₁ = q + q̇·h₁/3, and P₂ from q̈ = 2·(V₁ − V₀)/h₁ with V the control points of the velocity, h₁ being the first
     /// span.
     fn fixed_points(&self) -> Vec<JointVector> {
+        if self.keeps_start == StartState::Nothing {
+            return Vec::new();
+        }
         let t = &self.knots_s;
         let first_span = t[DEGREE + 1] - t[1];
         let mut points = vec![self.start.q, self.start.q + self.start.dq * (first_span / 3.0)];
-        if self.start_acceleration {
+        if self.keeps_start == StartState::Acceleration {
             let V1 = self.start.dq + self.start.ddq * (first_span / 2.0);
             points.push(points[1] + V1 * ((t[DEGREE + 2] - t[2]) / 3.0));
         }
@@ -146,9 +152,12 @@ impl Problem<'_> {
     }
 }
 
-/// Which variable is which: joint by joint the control points that are free, then s, then the slacks of the errors.
+/// Which variable is which: joint by joint the control points that are free, then s, the stretch of the duration if that is free,
+/// and the slacks of the errors.
 struct Layout {
     dof: usize,
+    /// Bounds of the stretch, if it is free.
+    stretch: Option<[f64; 2]>,
     /// Control points that are given.
     fixed: Vec<JointVector>,
     /// Control points that are free.
@@ -162,6 +171,7 @@ impl Layout {
         let fixed = problem.fixed_points();
         Self {
             dof: problem.robot.dof(),
+            stretch: Some(problem.stretch).filter(|[least, most]| least < most),
             free: problem.control_points() - fixed.len(),
             fixed,
             at: problem.waypoints.iter().map(|it| basis(&problem.knots_s, it.time_s)).collect(),
@@ -173,7 +183,17 @@ impl Layout {
     }
 
     fn variables(&self) -> usize {
+        self.fraction() + 1 + usize::from(self.stretch.is_some())
+    }
+
+    /// The variable of the stretch.
+    fn stretch_variable(&self) -> usize {
         self.fraction() + 1
+    }
+
+    /// The factor by which the duration is longer than that of the knots.
+    fn stretch_of(&self, x: &DVector<f64>) -> f64 {
+        if self.stretch.is_some() { x[self.stretch_variable()] } else { 1.0 }
     }
 
     fn slacks(&self) -> usize {
@@ -222,47 +242,62 @@ impl Layout {
                 rows.push(Row { first: variable, a: vec![1.0], slack: None, bound: limits.upper });
                 rows.push(Row { first: variable, a: vec![-1.0], slack: None, bound: -limits.lower });
             }
-            for (coefficients, limit) in
-                [(&velocity, limits.velocity * inside), (&acceleration, limits.acceleration * inside)]
-            {
-                for row in coefficients {
-                    self.add_limit(&mut rows, joint, row, limit)?;
-                }
+            for row in &velocity {
+                self.add_limit(&mut rows, joint, row, limits.velocity * inside, self.stretch.is_some())?;
             }
+            for row in acceleration.iter().filter(|_| limits.acceleration.is_finite()) {
+                self.add_limit(&mut rows, joint, row, limits.acceleration * inside, false)?;
+            }
+        }
+        if let Some([least, most]) = self.stretch {
+            let first = self.stretch_variable();
+            rows.push(Row { first, a: vec![1.0], slack: None, bound: most });
+            rows.push(Row { first, a: vec![-1.0], slack: None, bound: -least });
         }
         Some(rows)
     }
 
     /// Two rows |Σ coefficientᵢ·Pᵢ| ≤ limit for one joint, scaled to a unit normal; none where nothing is free, and
-    /// `None` where that alone is too much.
-    fn add_limit(&self, rows: &mut Vec<Row>, joint: usize, coefficients: &[f64], limit: f64) -> Option<()> {
+    /// `None` where that alone is too much. Where it is one of the stretched motion, |Σ coefficientᵢ·Pᵢ| ≤ limit·stretch.
+    fn add_limit(
+        &self,
+        rows: &mut Vec<Row>,
+        joint: usize,
+        coefficients: &[f64],
+        limit: f64,
+        is_stretched: bool,
+    ) -> Option<()> {
         let given: f64 = coefficients.iter().zip(&self.fixed).map(|(fraction, point)| fraction * point[joint]).sum();
         let free = &coefficients[self.fixed.len()..];
         let Some(from) = free.iter().position(|it| *it != 0.0) else { return (given.abs() <= limit).then_some(()) };
         let until = free.iter().rposition(|it| *it != 0.0).unwrap_or(from) + 1;
-        let scale = 1.0 / free[from..until].iter().map(|it| it * it).sum::<f64>().sqrt();
+        let slack = is_stretched.then(|| self.stretch_variable());
+        // A row has its slack with a factor of one.
+        let scale = if is_stretched {
+            1.0 / limit
+        } else {
+            1.0 / free[from..until].iter().map(|it| it * it).sum::<f64>().sqrt()
+        };
         for sign in [1.0, -1.0] {
             let a = free[from..until].iter().map(|it| sign * it * scale).collect();
-            let bound = (limit - sign * given) * scale - SOLVED_RAD;
-            rows.push(Row { first: joint * self.free + from, a, slack: None, bound });
+            let bound = (if is_stretched { 0.0 } else { limit } - sign * given) * scale - SOLVED_RAD;
+            rows.push(Row { first: joint * self.free + from, a, slack, bound });
         }
         Some(())
     }
 
     /// The motion within the limits that is nearest to a guess.
-    fn feasible(
-        &self,
-        limits: &[Row],
-        guess: &[JointVector],
-        fraction: [f64; 2],
-    ) -> Result<DVector<f64>, ProgramFailure> {
+    fn feasible(&self, limits: &[Row], guess: &[JointVector], fraction: f64) -> Result<DVector<f64>, ProgramFailure> {
         let mut x = DVector::zeros(self.variables());
         for joint in 0..self.dof {
             for k in 0..self.free {
                 x[joint * self.free + k] = guess[self.fixed.len() + k][joint];
             }
         }
-        x[self.fraction()] = fraction[1];
+        x[self.fraction()] = fraction;
+        if self.stretch.is_some() {
+            x[self.stretch_variable()] = 1.0;
+        }
         let hessian = DMatrix::identity(self.variables(), self.variables());
         Program { hessian, gradient: -&x, rows: limits.to_vec() }.minimize(x)
     }
@@ -273,23 +308,32 @@ impl Layout {
             let sum = |weights: &[f64]| {
                 weights.iter().zip(&points[*first..]).map(|(weight, point)| point * *weight).sum::<JointVector>()
             };
-            waypoint.linearize(problem.robot, &problem.p_GP, &sum(value), &sum(rate), x[self.fraction()])
+            waypoint.linearize(problem.robot, &sum(value), &(sum(rate) / self.stretch_of(x)), x[self.fraction()])
         };
         problem.waypoints.iter().zip(&self.at).map(at).collect()
     }
 
-    /// Gradient of error `error` at waypoint `index`.
-    fn gradient(&self, index: usize, at: &Linearized, error: usize) -> Vec<f64> {
+    /// Gradient of error `error` at waypoint `index`, around `x`.
+    fn gradient(&self, x: &DVector<f64>, index: usize, at: &Linearized, error: usize) -> Vec<f64> {
         let (first, [value, rate, _]) = &self.at[index];
+        let stretch = self.stretch_of(x);
         let mut a = vec![0.0; self.variables()];
         for joint in 0..self.dof {
             for k in 0..=DEGREE {
                 if let Some(variable) = self.variable(joint, first + k) {
-                    a[variable] = at.by_q[(error, joint)] * value[k] + at.by_dq[(error, joint)] * rate[k];
+                    a[variable] = at.by_q[(error, joint)] * value[k] + at.by_dq[(error, joint)] * rate[k] / stretch;
                 }
             }
         }
         a[self.fraction()] = at.by_fraction[error];
+        if self.stretch.is_some() {
+            // The velocity is inversely proportional to it.
+            let points = self.control_points(x);
+            let dq: JointVector =
+                rate.iter().zip(&points[*first..]).map(|(weight, point)| point * *weight).sum::<JointVector>()
+                    / stretch;
+            a[self.stretch_variable()] = -(at.by_dq.row(error) * dq)[0] / stretch;
+        }
         a
     }
 
@@ -302,8 +346,14 @@ impl Layout {
             for k in 0..self.free {
                 let variable = joint * self.free + k;
                 hessian[(variable, variable)] += problem.comfort_weight;
-                gradient[variable] = -problem.comfort_weight * problem.comfortable_q[joint];
+                let wanted = problem.comfortable_q.map_or(x[variable], |it| it[joint]);
+                gradient[variable] = -problem.comfort_weight * wanted;
             }
+        }
+        if self.stretch.is_some() {
+            let variable = self.stretch_variable();
+            hessian[(variable, variable)] += problem.comfort_weight;
+            gradient[variable] = -problem.comfort_weight * x[variable];
         }
         gradient[self.fraction()] = -problem.speed_weight;
         let mut rows = limits.to_vec();
@@ -320,11 +370,11 @@ impl Layout {
             }
         }
         for (index, (at, waypoint)) in now.iter().zip(&problem.waypoints).enumerate() {
-            for error in 0..ERRORS {
+            for error in (0..ERRORS).filter(|error| waypoint.tolerance.of(*error).is_finite()) {
                 let slack = self.variables() + index * ERRORS + error;
                 gradient[slack] = PRICE;
                 rows.push(Row { first: 0, a: vec![0.0], slack: Some(slack), bound: 0.0 });
-                let a = self.gradient(index, at, error);
+                let a = self.gradient(x, index, at, error);
                 let offset: f64 = at.error[error] - a.iter().zip(x.iter()).map(|(a, x)| a * x).sum::<f64>();
                 for sign in [1.0, -1.0] {
                     let bound = waypoint.tolerance.of(error) - sign * offset;
@@ -337,18 +387,20 @@ impl Layout {
     }
 
     fn objective(&self, problem: &Problem, x: &DVector<f64>) -> f64 {
-        let distance = |(i, x): (usize, &f64)| (x - problem.comfortable_q[i / self.free]).powi(2);
-        let far: f64 = x.iter().enumerate().take(self.fraction()).map(distance).sum();
+        let far: f64 = problem.comfortable_q.map_or(0.0, |comfortable_q| {
+            let distance = |(i, x): (usize, &f64)| (x - comfortable_q[i / self.free]).powi(2);
+            x.iter().enumerate().take(self.fraction()).map(distance).sum()
+        });
         0.5 * problem.comfort_weight * far - problem.speed_weight * x[self.fraction()]
     }
 
-    /// Sum of what the errors exceed their tolerances by, here or, by the linearization, a step away.
-    fn violation(&self, problem: &Problem, now: &[Linearized], step: Option<&DVector<f64>>) -> f64 {
+    /// Sum of what the errors exceed their tolerances by, here or, by the linearization, a step away from here.
+    fn violation(&self, problem: &Problem, now: &[Linearized], step: Option<(&DVector<f64>, &DVector<f64>)>) -> f64 {
         let mut sum = 0.0;
         for (index, (at, waypoint)) in now.iter().zip(&problem.waypoints).enumerate() {
             for error in 0..ERRORS {
-                let change = step.map_or(0.0, |step| {
-                    self.gradient(index, at, error).iter().zip(step.iter()).map(|(a, step)| a * step).sum()
+                let change = step.map_or(0.0, |(x, step)| {
+                    self.gradient(x, index, at, error).iter().zip(step.iter()).map(|(a, step)| a * step).sum()
                 });
                 sum += ((at.error[error] + change).abs() - waypoint.tolerance.of(error)).max(0.0);
             }
@@ -399,18 +451,20 @@ pub(crate) mod tests {
             time_s: 0.5,
             X_WG: robot.gripper_pose(&q),
             v_WO: Vector3::new(-1.5, -2.5, -3.0),
+            p_GP: Point3::new(0.0, 0.0833, 0.0),
+            fraction: None,
             tolerance: Tolerance::NONE,
         };
         Problem {
             robot,
-            p_GP: Point3::new(0.0, 0.0833, 0.0),
             knots_s: clamped_knots(0.0, 0.5, 8),
             start,
-            start_acceleration: true,
+            keeps_start: StartState::Acceleration,
+            stretch: [1.0; 2],
             limits,
             waypoints: vec![waypoint],
             speed_fraction: [0.0, 0.3],
-            comfortable_q: robot.comfortable_q,
+            comfortable_q: Some(robot.comfortable_q),
             comfort_weight: 0.01,
             speed_weight: 1.0,
             first_will_do: false,
@@ -438,6 +492,35 @@ pub(crate) mod tests {
                 }
             }
             prop_assert!(found.excess < MET, "{} after {} programs", found.excess, found.iterations);
+        }
+    }
+
+    /// Joints that are free at the start, a duration within bounds, no limit of acceleration: as in the authors' code.
+    #[test]
+    fn a_start_within_tolerances_leaves_the_joints_free() {
+        let robot = iiwa();
+        let mut problem = problem(&robot, &JointVector::from_fn(|i, _| if i < 7 { 0.6 } else { 0.0 }));
+        let X_WG = robot.gripper_pose(&problem.start.q);
+        let tolerance = Tolerance { position_m: 0.02, rotation_error_rad: 0.1, velocity_mps: 0.4 };
+        let (p_GP, v_WO) = (Point3::origin(), Vector3::zeros());
+        let start = Waypoint { time_s: 0.0, X_WG, p_GP, v_WO, fraction: Some(1.0), tolerance };
+        problem.waypoints[0].tolerance = tolerance;
+        problem.waypoints.push(start);
+        problem.keeps_start = StartState::Nothing;
+        problem.stretch = [0.98, 1.02];
+        problem.speed_fraction = [0.3; 2];
+        (problem.comfortable_q, problem.first_will_do) = (None, true);
+        problem.limits.iter_mut().for_each(|limits| limits.acceleration = f64::INFINITY);
+        let found = problem.solve(&[problem.start.q; 8]).unwrap();
+        assert!(found.excess < MET, "{found:?}");
+        let end_s = found.spline.end_s();
+        assert!((0.49..=0.51).contains(&end_s), "{end_s}");
+        let [q, dq, _] = found.spline.evaluate(0.0);
+        assert!((robot.gripper_pose(&q).translation.vector - X_WG.translation.vector).amax() <= 0.02 + 1e-6);
+        assert!(robot.gripper_twist(&q, &dq).linear.amax() <= 0.4 + 1e-6);
+        for i in 0..=200 {
+            let [_, dq, _] = found.spline.evaluate(end_s * f64::from(i) / 200.0);
+            assert!(problem.limits.iter().enumerate().all(|(j, limits)| dq[j].abs() <= limits.velocity * (1.0 + 1e-6)));
         }
     }
 

@@ -1,5 +1,6 @@
 //! Catch planning as a stage that can be exchanged: what it is asked, and what it answers.
 
+use catch_body::JointVector;
 use serde::{Deserialize, Serialize};
 
 use super::GripperPlan;
@@ -64,6 +65,8 @@ pub struct Situation<'a> {
     pub first_seen_s: f64,
     /// Where the arm is when a motion that is planned now takes over.
     pub start: Start,
+    /// Positions and velocities of the joints as they are sensed.
+    pub sensed: (JointVector, JointVector),
     /// The flight as predicted now.
     pub flight: &'a FlightTrajectory,
     /// The plan that is being executed.

@@ -186,7 +186,7 @@ fn results_are_not_lost_by_mistake() {
         (&["--trials", "1"][..], "--resume"),
         (&["--trials", "1", "--resume", "--seed", "9"], "seed"),
         (&["--trials", "1", "--resume", "--throw", "far"], "cells"),
-        (&["--trials", "1", "--resume", "--scenario", "paper-unlimited"], "cells"),
+        (&["--trials", "1", "--resume", "--scenario", "as-published"], "cells"),
         (&["--trials", "1", "--resume", "--set", "arena.friction=0.5"], "cells"),
         (&["--trials", "0"], "0"),
         (&["--trials", "1", "--throw", "near_sampled"], "twice"),

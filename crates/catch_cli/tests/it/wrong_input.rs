@@ -294,8 +294,8 @@ fn every_asset_is_right_and_what_is_not_is_told() {
             "arena.frame_rate_hz: found \"100\", expected a number",
         ),
         (
-            "scenarios/paper-unlimited.toml",
-            "\ngripper = { kind = \"ideal\" }",
+            "scenarios/as-published.toml",
+            "\ngripper = { kind = \"position\", stiffness_npm = 2500.0, damping_nspm = 20.0, max_force_n = 1000.0, open_width_m = 1.0 }",
             "\ngripper = { kind = \"wsg50\" }",
             "brain.grasp_selection.closing_speed_mps: found 6, expected at most 0.42, the max_speed_mps of grippers/wsg50.toml",
         ),

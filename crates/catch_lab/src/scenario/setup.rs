@@ -202,11 +202,18 @@ impl Setup {
         if let Some(values) = &scenario.place_rad {
             arm.checked_pose(said_by(scenario.place_rad != of_file.place_rad), "place_rad", values)?;
         }
-        let thrown = object.thrown_object()?;
+        let mut thrown = object.thrown_object()?;
+        if scenario.arena.published_bodies {
+            let expected = "the table [published], or arena.published_bodies = false";
+            let missing = || InputError::new(&object.file, "published", "nothing", expected);
+            thrown = thrown.as_published().ok_or_else(missing)?;
+        }
         scenario.check_closing(file, &hand, &gripper.file)?;
         let cameras = rig_from_toml(&flight_rig.file, &flight_rig.text)?;
         let scanners = rig_from_toml(&reference_rig.file, &reference_rig.text)?;
-        let reference_scan = reference_scan(&thrown.mesh, &scanners);
+        let depth = &scenario.arena.depth;
+        let shifted: Vec<CameraModel> = scanners.iter().map(|camera| depth.shifted(camera)).collect();
+        let reference_scan = ReferenceScan { cameras: scanners, ..reference_scan(&thrown.mesh, &shifted) };
         if reference_scan.is_empty() {
             let expected = "cameras that look at the origin, where the object is scanned";
             return Err(InputError::new(&reference_rig.file, "cameras", "none that sees the object", expected));
