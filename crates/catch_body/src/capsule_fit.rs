@@ -56,7 +56,8 @@ pub fn enclosing_capsule(points: &[Point3<f64>]) -> Option<Capsule> {
     let mut step = 0.2;
     while step > 0.01 {
         let (u, v) = perpendicular(&best.0);
-        let tries = [u, -u, v, -v].map(|aside| along(&outermost, Unit::new_normalize(best.0.into_inner() + aside * step)));
+        let tries =
+            [u, -u, v, -v].map(|aside| along(&outermost, Unit::new_normalize(best.0.into_inner() + aside * step)));
         let nearest = tries.into_iter().min_by(|one, other| volume(&one.1).total_cmp(&volume(&other.1)))?;
         if volume(&nearest.1) < volume(&best.1) * (1.0 - 1e-4) { best = nearest } else { step /= 2.0 }
     }
@@ -92,7 +93,11 @@ impl Part {
         let cuts = axes.iter().flat_map(|axis| CUTS.map(|cut| (*axis, cut)));
         let halves = cuts.filter_map(|(axis, cut)| {
             let along = |triangle: &[Point3<f64>; 3]| axis.dot(&middle(triangle));
-            let (low, high) = self.triangles.iter().map(along).fold((f64::MAX, f64::MIN), |(low, high), it| (low.min(it), high.max(it)));
+            let (low, high) = self
+                .triangles
+                .iter()
+                .map(along)
+                .fold((f64::MAX, f64::MIN), |(low, high), it| (low.min(it), high.max(it)));
             let plane = low + (high - low) * cut;
             let (below, above): (Vec<_>, Vec<_>) = self.triangles.iter().partition(|it| along(it) < plane);
             let size = |triangles: &[[Point3<f64>; 3]]| rough(triangles.as_flattened()).map(|it| volume(&it));
@@ -157,7 +162,8 @@ fn perpendicular(axis: &Unit<Vector3<f64>>) -> (Vector3<f64>, Vector3<f64>) {
 /// The capsule along `axis` that holds all points, as short as the radius of its circle allows, or a little wider and shorter.
 fn along(points: &[Point3<f64>], axis: Unit<Vector3<f64>>) -> (Unit<Vector3<f64>>, Capsule) {
     let (u, v) = perpendicular(&axis);
-    let across: Vec<Vector2<f64>> = points.iter().map(|it| Vector2::new(u.dot(&it.coords), v.dot(&it.coords))).collect();
+    let across: Vec<Vector2<f64>> =
+        points.iter().map(|it| Vector2::new(u.dot(&it.coords), v.dot(&it.coords))).collect();
     let (centre, least) = circle(&across);
     let with_radius = |radius: f64| {
         let (mut from, mut to) = (f64::INFINITY, f64::NEG_INFINITY);

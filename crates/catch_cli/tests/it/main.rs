@@ -5,6 +5,7 @@ mod determinism;
 mod evaluation;
 mod general_form;
 mod honest;
+mod inputs;
 mod mcap_file;
 mod mutated_files;
 mod own_data;

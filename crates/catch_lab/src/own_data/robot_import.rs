@@ -109,7 +109,8 @@ impl ImportedRobot {
         for (i, values) in draft.joints.iter_mut().enumerate() {
             if values.torque.assumed.is_some() {
                 debug_assert_eq!(values.torque.value, UNKNOWN_TORQUE_NM);
-                let reason = "no file has one: what the arm and a gripper need at the highest accelerations, and a fifth more";
+                let reason =
+                    "no file has one: what the arm and a gripper need at the highest accelerations, and a fifth more";
                 values.torque = Stated { value: rounded(torques[i].max(1.0)), assumed: Some(reason.into()) };
             }
         }
@@ -199,7 +200,12 @@ fn per_joint(values: &[f64], dof: usize, option: &str) -> Result<Vec<Option<f64>
         values if values.len() == dof => Ok(values.iter().copied().map(Some).collect()),
         values => {
             let found = format!("{} values", values.len());
-            Err(InputError::new(COMMAND_LINE, option, found, format!("one for all joints or one for each of the {dof}")))
+            Err(InputError::new(
+                COMMAND_LINE,
+                option,
+                found,
+                format!("one for all joints or one for each of the {dof}"),
+            ))
         }
     }
 }
@@ -220,7 +226,9 @@ fn inertias(chain: &Chain, shapes: &[BodyShape]) -> Vec<Stated<Inertia>> {
         Some(inertia) if inertia.is_of_a_body() => Stated { value: inertia, assumed: None },
         Some(inertia) => Stated {
             value: Inertia { com: inertia.com, ..assumed_inertia(shape, Some(inertia.mass)) },
-            assumed: Some("no body has the moments that the description states: those of its capsules with its mass".into()),
+            assumed: Some(
+                "no body has the moments that the description states: those of its capsules with its mass".into(),
+            ),
         },
         None => Stated {
             value: assumed_inertia(shape, None),
@@ -241,6 +249,7 @@ fn mount(chain: &Chain, shapes: &[BodyShape], gripper: &Gripper) -> Stated<catch
     let from_m = approach_L.dot(&chain.X_LF.translation.vector);
     let beyond_m = shapes.last().and_then(|it| it.reach(&approach_L)).map_or(0.0, |reach| (reach - from_m).max(0.0));
     let value = Translation3::from(approach_L * beyond_m) * X_LG;
-    let reason = "the description has no frame for a gripper: where the shape of the last link ends along its joint's axis";
+    let reason =
+        "the description has no frame for a gripper: where the shape of the last link ends along its joint's axis";
     Stated { value, assumed: Some(reason.into()) }
 }

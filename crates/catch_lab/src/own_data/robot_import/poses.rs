@@ -19,9 +19,8 @@ pub fn ignored_neighbours(robot: &Robot, gripper: &Gripper) -> usize {
     let mut robot = robot.clone();
     let is_enough = |robot: &Robot| {
         let clearance = ArmClearance::new(robot, gripper);
-        let free = random_poses(robot, POSES / 20).filter(|q| {
-            clearance.self_clearance(&robot.link_poses(q), gripper.max_width_m) > CLEARANCE_M
-        });
+        let free = random_poses(robot, POSES / 20)
+            .filter(|q| clearance.self_clearance(&robot.link_poses(q), gripper.max_width_m) > CLEARANCE_M);
         free.count() as f64 > LEAST_FREE * (POSES / 20) as f64
     };
     let found = (1..=robot.dof()).find(|&neighbours| {
@@ -72,7 +71,8 @@ pub fn sufficient_torques(robot: &Robot, gripper: &Gripper) -> JointVector {
     let mut rng = Pcg64::seed_from_u64(2);
     let mut most = JointVector::zeros();
     for q in random_poses(&robot, POSES / 6) {
-        let ddq = robot.per_joint(|joint| joint.limits.acceleration).map(|it| if rng.random_bool(0.5) { it } else { -it });
+        let ddq =
+            robot.per_joint(|joint| joint.limits.acceleration).map(|it| if rng.random_bool(0.5) { it } else { -it });
         most = most.sup(&robot.inverse_dynamics(&q, &JointVector::zeros(), &ddq).abs());
     }
     most * TORQUE_MARGIN
