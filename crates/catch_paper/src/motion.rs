@@ -51,6 +51,8 @@ pub struct Config {
     /// How far the last link may be from where it is when a motion starts, the joints being free (code). At zero the joints
     /// start where they are as well (text).
     pub start: Tolerances,
+    /// Whether the last link is then meant where it is sensed, and not where the running plan has it.
+    pub starts_where_sensed: bool,
     /// Whether the gripper's velocity counts before the grasp (text).
     pub pre_grasp_velocity: bool,
     /// How long the spline goes on after the catch, in seconds, without coming to rest (code: 0.6). At zero it ends there, and
@@ -83,6 +85,7 @@ impl Default for Config {
             stops_when_met: true,
             has_cost: true,
             start: Tolerances::default(),
+            starts_where_sensed: false,
             pre_grasp_velocity: true,
             tail_s: 0.0,
             limits_acceleration: true,
