@@ -128,11 +128,11 @@ pub fn plan(
     start: &Start,
     flight: &FlightTrajectory,
     catch_s: f64,
-    grasp: Grasp,
+    grasp: &Grasp,
     config: &Config,
 ) -> Option<CatchPlan> {
     let X_WG = flight.pose_at(catch_s) * grasp.X_OG;
-    let goal = Goal { flight, catch_s, grasp: &grasp, R_WG: config.freezes_orientation.then_some(X_WG.rotation) };
+    let goal = Goal { flight, catch_s, grasp, R_WG: config.freezes_orientation.then_some(X_WG.rotation) };
     let q = inverse_kinematics(planner, &X_WG, config)?;
     let mut guess = between(&start.state.q, &q, config.control_points);
     let mut tolerances = config.loosest;
@@ -142,7 +142,7 @@ pub fn plan(
         let is_met = found.excess < MET;
         if is_met || (round == 0 && config.keeps_unsolved) {
             guess.clone_from(&found.spline.control_points);
-            let trajectory = completed(planner, &found.spline, &grasp, config);
+            let trajectory = completed(planner, &found.spline, grasp, config);
             best = trajectory.map(|trajectory| (found.spline, trajectory)).or(best);
         }
         if !is_met {

@@ -51,7 +51,7 @@ impl PaperPlanner {
         else {
             return (Status::NoGrasp, None);
         };
-        match motion::plan(planner, &start(situation, &config.motion), flight, catch_s, chosen, &config.motion) {
+        match motion::plan(planner, &start(situation, &config.motion), flight, catch_s, &chosen, &config.motion) {
             Some(plan) => (Status::Planned, Some(plan)),
             None => (Status::NoPlan, None),
         }
