@@ -51,6 +51,8 @@ pub struct Config {
     /// How far the last link may be from where it is when a motion starts, the joints being free (code). At zero the joints
     /// start where they are as well (text).
     pub start: Tolerances,
+    /// Whether the last link is then meant where it is sensed, and not where the running plan has it.
+    pub starts_where_sensed: bool,
     /// Whether the gripper's velocity counts before the grasp (text).
     pub pre_grasp_velocity: bool,
     /// How long the spline goes on after the catch, in seconds, without coming to rest (code: 0.6). At zero it ends there, and
@@ -83,6 +85,7 @@ impl Default for Config {
             stops_when_met: true,
             has_cost: true,
             start: Tolerances::default(),
+            starts_where_sensed: false,
             pre_grasp_velocity: true,
             tail_s: 0.0,
             limits_acceleration: true,
@@ -125,11 +128,11 @@ pub fn plan(
     start: &Start,
     flight: &FlightTrajectory,
     catch_s: f64,
-    grasp: Grasp,
+    grasp: &Grasp,
     config: &Config,
 ) -> Option<CatchPlan> {
     let X_WG = flight.pose_at(catch_s) * grasp.X_OG;
-    let goal = Goal { flight, catch_s, grasp: &grasp, R_WG: config.freezes_orientation.then_some(X_WG.rotation) };
+    let goal = Goal { flight, catch_s, grasp, R_WG: config.freezes_orientation.then_some(X_WG.rotation) };
     let q = inverse_kinematics(planner, &X_WG, config)?;
     let mut guess = between(&start.state.q, &q, config.control_points);
     let mut tolerances = config.loosest;
@@ -139,7 +142,7 @@ pub fn plan(
         let is_met = found.excess < MET;
         if is_met || (round == 0 && config.keeps_unsolved) {
             guess.clone_from(&found.spline.control_points);
-            let trajectory = completed(planner, &found.spline, &grasp, config);
+            let trajectory = completed(planner, &found.spline, grasp, config);
             best = trajectory.map(|trajectory| (found.spline, trajectory)).or(best);
         }
         if !is_met {

@@ -51,18 +51,18 @@ impl PaperPlanner {
         else {
             return (Status::NoGrasp, None);
         };
-        match motion::plan(planner, &start(situation, &config.motion), flight, catch_s, chosen, &config.motion) {
+        match motion::plan(planner, &start(situation, &config.motion), flight, catch_s, &chosen, &config.motion) {
             Some(plan) => (Status::Planned, Some(plan)),
             None => (Status::NoPlan, None),
         }
     }
 }
 
-/// Where a motion starts: in what the arm is commanded, or, if it need not continue that, where the arm is.
+/// Where a motion starts: in what the arm is commanded, or where the arm is.
 fn start(situation: &Situation<'_>, config: &motion::Config) -> Start {
     let Start { time_s, state } = situation.start;
     let (q, dq) = situation.sensed;
-    let state = if config.starts_in_joints() { state } else { Setpoint { q, dq, ..state } };
+    let state = if config.starts_where_sensed { Setpoint { q, dq, ..state } } else { state };
     Start { time_s, state }
 }
 

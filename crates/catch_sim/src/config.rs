@@ -284,8 +284,8 @@ pub struct RobotController {
     pub unlimited_torque: bool,
     /// Gains of its computed torque.
     pub gains: ControllerGains,
-    /// The links by which it computes torques, base to tip, without gripper, rotors and damping. None: it knows the arm that it
-    /// moves.
+    /// The links, base to tip, of whose mass matrix it computes torques, without gripper and rotors. None: it knows the arm that
+    /// it moves.
     pub links: Vec<ModelLink>,
 }
 

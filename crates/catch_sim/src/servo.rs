@@ -24,8 +24,8 @@ pub struct Servo {
     config: RobotController,
     draws: Draws,
     executor: Executor,
-    /// The arm by which torques are computed.
-    dynamics: Robot,
+    /// The arm whose mass matrix it computes with, if that is another.
+    mass_model: Option<Robot>,
     /// What the integral of the errors of the joints' positions asks for, in rad/s².
     error_integral: JointVector,
     /// Excursions that last: entries of the report by joint, for position and velocity.
@@ -47,7 +47,7 @@ impl Servo {
             limit_check: LimitCheck::Report,
         };
         Self {
-            dynamics: believed(&model, &config.links),
+            mass_model: (!config.links.is_empty()).then(|| with_links(&model, &config.links)),
             config,
             draws,
             executor: Executor::new(model, q, checks),
@@ -114,7 +114,16 @@ impl Servo {
             + error * gains.proportional_per_s2
             + (wanted.dq - dq) * gains.derivative_per_s
             + self.error_integral;
-        let mut torque = self.dynamics.inverse_dynamics(q, dq, &acceleration);
+        let model = self.executor.robot();
+        let mut torque = match &self.mass_model {
+            None => model.inverse_dynamics(q, dq, &acceleration),
+            // Inverse dynamics without motion is gravity, so what is left of the other model's is its mass matrix times q̈.
+            Some(other) => {
+                let at_rest = JointVector::zeros();
+                let gravity = other.inverse_dynamics(q, &at_rest, &at_rest);
+                model.inverse_dynamics(q, dq, &at_rest) + other.inverse_dynamics(q, &at_rest, &acceleration) - gravity
+            }
+        };
         let mut is_clamped = false;
         for (i, joint) in self.executor.robot().joints.iter().enumerate() {
             let limit = joint.limits.torque;
@@ -168,13 +177,13 @@ impl Servo {
     }
 }
 
-/// The arm as its controller believes it to be: itself, or one of these links without rotors and damping.
-fn believed(model: &Robot, links: &[ModelLink]) -> Robot {
-    let mut believed = model.clone();
-    for (joint, link) in believed.joints.iter_mut().zip(links) {
+/// An arm of these links, without rotors.
+fn with_links(model: &Robot, links: &[ModelLink]) -> Robot {
+    let mut other = model.clone();
+    for (joint, link) in other.joints.iter_mut().zip(links) {
         let about_com = Matrix3::from_diagonal(&Vector3::from(link.inertia_kgm2));
         joint.inertia = Inertia { mass: link.mass_kg, com: link.com_m.into(), about_com };
-        (joint.rotor_inertia, joint.damping) = (0.0, 0.0);
+        joint.rotor_inertia = 0.0;
     }
-    believed
+    other
 }
