@@ -5,6 +5,7 @@
 
 mod arm_in_tree;
 mod chain;
+mod mjcf_reader;
 mod urdf_reader;
 
 use std::collections::BTreeMap;

@@ -212,7 +212,8 @@ fn serial_chain(files: &RobotFiles, urdf: &Urdf, extra: &RobotFile) -> Result<(S
         };
         let kind = joint.text("type")?;
         if !matches!(kind, "revolute" | "continuous") {
-            let expected = "revolute or continuous: `catchingbot robot import` makes a serial arm of other descriptions";
+            let expected =
+                "revolute or continuous: `catchingbot robot import` makes a serial arm of other descriptions";
             return Err(joint.fault("type", kind, expected));
         }
         match revolute_joint(files, urdf, joint, extra) {
@@ -243,12 +244,7 @@ fn serial_chain(files: &RobotFiles, urdf: &Urdf, extra: &RobotFile) -> Result<(S
     Ok((base.to_owned(), joints))
 }
 
-fn revolute_joint(
-    files: &RobotFiles,
-    urdf: &Urdf,
-    joint: &Element,
-    extra: &RobotFile,
-) -> Result<Joint, InputError> {
+fn revolute_joint(files: &RobotFiles, urdf: &Urdf, joint: &Element, extra: &RobotFile) -> Result<Joint, InputError> {
     let name = joint.text("name")?;
     if let Some(mimic) = joint.child("mimic")? {
         return Err(mimic.fault("joint", mimic.text("joint")?, "no <mimic>: joints that are driven on their own"));

@@ -154,7 +154,8 @@ mod tests {
 
     #[test]
     fn values_are_plain_or_say_that_they_are_assumed() {
-        let fields = read("torque_nm = 20\nrange_rad = { value = [-1, 2.5], assumed = true, reason = \"why\" }").unwrap();
+        let fields =
+            read("torque_nm = 20\nrange_rad = { value = [-1, 2.5], assumed = true, reason = \"why\" }").unwrap();
         assert_eq!(fields.torque_nm, Stated { value: 20.0, assumed: None });
         assert_eq!(fields.range_rad.unwrap(), Stated { value: [-1.0, 2.5], assumed: Some("why".into()) });
         let fields = read("torque_nm = { value = 3.0, assumed = false, reason = \"a data sheet\" }").unwrap();

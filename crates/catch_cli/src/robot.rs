@@ -47,7 +47,7 @@ Example:
   catchingbot robot import kortex_description/robots/gen3.urdf --out gen3
   catchingbot --robot gen3")]
 pub struct ImportArguments {
-    /// A URDF file
+    /// A URDF file, or a MuJoCo model (MJCF)
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// Folder for robot.urdf, robot.toml and capsules.html; it must not exist yet
@@ -181,7 +181,11 @@ impl Drop for Unfinished {
 }
 
 /// Searches for the best waiting pose, and tries it on other throws.
-fn choose_ready_pose(arguments: &ImportArguments, folder: &Path, imported: &mut ImportedRobot) -> anyhow::Result<Reach> {
+fn choose_ready_pose(
+    arguments: &ImportArguments,
+    folder: &Path,
+    imported: &mut ImportedRobot,
+) -> anyhow::Result<Reach> {
     let robot = folder.join("robot.toml").display().to_string();
     let named: Vec<&str> = arguments.throws.iter().map(String::as_str).collect();
     let throws = if named.is_empty() { &THROWS[..] } else { &named };
@@ -248,7 +252,11 @@ fn tell(arguments: &ImportArguments, imported: &ImportedRobot, reach: Option<Rea
     if !chain.left_out.is_empty() {
         screen::fact("left out", &format!("what moves on its own: {}", chain.left_out.join(", ")))?;
     }
-    let inside = if imported.shapes().iter().all(|it| it.is_inside()) { "every shape is inside" } else { "some shape is outside" };
+    let inside = if imported.shapes().iter().all(|it| it.is_inside()) {
+        "every shape is inside"
+    } else {
+        "some shape is outside"
+    };
     let page = arguments.out.join("capsules.html");
     screen::fact("capsules", &format!("{}; {inside} ({})", robot.capsules.len(), page.display()))?;
     for fault in unread.iter().take(MOST_FAULTS) {

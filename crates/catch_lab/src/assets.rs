@@ -139,9 +139,9 @@ impl Asset {
             );
             return Err(InputError::new(field.0, field.1, format!("the mesh `{name}`"), expected));
         }
-        let is_description = path.extension().is_some_and(|it| {
-            ["urdf", "xacro", "xml", "mjcf"].iter().any(|known| it.eq_ignore_ascii_case(known))
-        });
+        let is_description = path
+            .extension()
+            .is_some_and(|it| ["urdf", "xacro", "xml", "mjcf"].iter().any(|known| it.eq_ignore_ascii_case(known)));
         if kind == Kind::Robot && is_description {
             let expected = format!(
                 "a robot.toml, which says what a description cannot: `catchingbot robot import {name} --out {}` makes one",

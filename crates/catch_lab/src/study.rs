@@ -342,7 +342,9 @@ mod tests {
     fn throws_are_the_same_in_all_steps() {
         let study = load("ablation");
         let random = study.steps.iter().filter(|step| step.throws == ["random"]);
-        let release = |step: &Step| study.cells(step, &Choice::default(), &["banana".to_owned()]).unwrap()[0].setup.release(1, 17);
+        let release = |step: &Step| {
+            study.cells(step, &Choice::default(), &["banana".to_owned()]).unwrap()[0].setup.release(1, 17)
+        };
         let random: Vec<_> = random.map(release).collect();
         assert!(random.len() > 8);
         assert!(random.iter().all(|it| (it.p_WO, it.q_WO) == (random[0].p_WO, random[0].q_WO)));

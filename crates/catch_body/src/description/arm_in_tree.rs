@@ -46,7 +46,8 @@ impl<'a> Tree<'a> {
     fn new(description: &'a Description) -> Self {
         let mut places = HashMap::new();
         let mut order = vec![description.root.as_str()];
-        places.insert(description.root.as_str(), Place { joint: None, parent: None, arm_joints: 0, moves_below: false });
+        places
+            .insert(description.root.as_str(), Place { joint: None, parent: None, arm_joints: 0, moves_below: false });
         let mut next = 0;
         while let Some(&link) = order.get(next) {
             for joint in description.joints_of(link) {
@@ -58,7 +59,8 @@ impl<'a> Tree<'a> {
         }
         // Children come after their parents.
         for link in order.into_iter().rev() {
-            let Some(&Place { joint: Some(joint), parent: Some(parent), arm_joints, moves_below }) = places.get(link) else {
+            let Some(&Place { joint: Some(joint), parent: Some(parent), arm_joints, moves_below }) = places.get(link)
+            else {
                 continue;
             };
             let joints = arm_joints + usize::from(drives_an_arm(joint));
@@ -94,7 +96,8 @@ impl<'a> Tree<'a> {
         let moving: Vec<usize> = (0..path.len()).filter(|&i| path[i].kind != JointKind::Fixed).collect();
         for &i in &moving {
             if !drives_an_arm(path[i]) {
-                let found = if path[i].mimics { "a joint that another drives" } else { "a joint that slides or floats" };
+                let found =
+                    if path[i].mimics { "a joint that another drives" } else { "a joint that slides or floats" };
                 let expected = format!("revolute joints only: `--base {}` begins behind it", path[i].child);
                 return Err(self.fault(&format!("joint {}", path[i].name), found, expected));
             }
@@ -140,7 +143,11 @@ impl<'a> Tree<'a> {
                 (_, [_, _, ..]) if passed < MOST_JOINTS_BEFORE_A_HAND => {
                     let tips: Vec<&str> = arms.iter().map(|it| self.last_of(it)).collect();
                     let found = format!("{} arms that begin at {at}", arms.len());
-                    return Err(self.fault("joint", found, format!("one: `--tip LINK`, such as {}", tips.join(" or "))));
+                    return Err(self.fault(
+                        "joint",
+                        found,
+                        format!("one: `--tip LINK`, such as {}", tips.join(" or ")),
+                    ));
                 }
                 _ => return Ok((path[..end].to_vec(), None, Some(at))),
             };
@@ -202,7 +209,8 @@ impl<'a> Tree<'a> {
         let (base_body, mut X_BL) = body(base);
         let mut joints = Vec::new();
         for &i in moving {
-            let X_BP = X_BL.get(self.places[path[i].child.as_str()].parent.unwrap_or(base)).copied().unwrap_or_default();
+            let X_BP =
+                X_BL.get(self.places[path[i].child.as_str()].parent.unwrap_or(base)).copied().unwrap_or_default();
             let (body, poses) = body(&path[i].child);
             let joint = TreeJoint { X_PL: X_BP * path[i].X_PL, ..path[i].clone() };
             joints.push(ChainJoint { joint, body });

@@ -105,7 +105,9 @@ fn joint(urdf: &Urdf, element: &Element) -> Result<TreeJoint, InputError> {
             "revolute" | "continuous" => JointKind::Revolute,
             "prismatic" => JointKind::Prismatic,
             "floating" | "planar" => JointKind::Other,
-            kind => return Err(element.fault("type", kind, "fixed, revolute, continuous, prismatic, floating or planar")),
+            kind => {
+                return Err(element.fault("type", kind, "fixed, revolute, continuous, prismatic, floating or planar"));
+            }
         },
         child: child.to_owned(),
         X_PL: element.origin()?,

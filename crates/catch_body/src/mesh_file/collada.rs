@@ -109,14 +109,19 @@ impl<'a> Reader<'a> {
         let inputs: Vec<Node> = elements(primitive, "input").collect();
         let offset = |input: &Node| input.attribute("offset").and_then(|it| it.parse::<usize>().ok()).unwrap_or(0);
         let stride = inputs.iter().map(offset).max().unwrap_or(0).saturating_add(1);
-        let vertex = inputs.iter().find(|it| it.attribute("semantic") == Some("VERTEX")).ok_or("faces without vertices")?;
+        let vertex =
+            inputs.iter().find(|it| it.attribute("semantic") == Some("VERTEX")).ok_or("faces without vertices")?;
         let vertices = self.target(*vertex, "source").ok_or("vertices that are not there")?;
         let input = elements(vertices, "input").find(|it| it.attribute("semantic") == Some("POSITION"));
         let source = input.and_then(|it| self.target(it, "source")).ok_or("positions that are not there")?;
         let positions = numbers::<f64>(elements(source, "float_array").next().and_then(|it| it.text()))?;
 
         let first = self.soup.0.len();
-        let moved = positions.as_chunks::<3>().0.iter().map(|it| <[f64; 3]>::from(X_WG.transform_point(&Point3::from(*it)).coords));
+        let moved = positions
+            .as_chunks::<3>()
+            .0
+            .iter()
+            .map(|it| <[f64; 3]>::from(X_WG.transform_point(&Point3::from(*it)).coords));
         self.soup.0.extend(moved);
         let counts = numbers::<usize>(elements(primitive, "vcount").next().and_then(|it| it.text()))?;
         for list in elements(primitive, "p") {
@@ -152,7 +157,9 @@ fn transform(node: Node) -> Matrix4<f64> {
         ("translate", &[x, y, z]) => Matrix4::new_translation(&Vector3::new(x, y, z)),
         ("scale", &[x, y, z]) => Matrix4::new_nonuniform_scaling(&Vector3::new(x, y, z)),
         ("rotate", &[x, y, z, degrees]) => Unit::try_new(Vector3::new(x, y, z), 1e-9)
-            .map_or_else(Matrix4::identity, |axis| Rotation3::from_axis_angle(&axis, degrees.to_radians()).to_homogeneous()),
+            .map_or_else(Matrix4::identity, |axis| {
+                Rotation3::from_axis_angle(&axis, degrees.to_radians()).to_homogeneous()
+            }),
         _ => Matrix4::identity(),
     }
 }
@@ -163,7 +170,9 @@ fn elements<'a>(node: Node<'a, 'a>, name: &'static str) -> impl Iterator<Item = 
 
 fn numbers<T: std::str::FromStr>(text: Option<&str>) -> Result<Vec<T>, String> {
     let words = text.unwrap_or_default().split_whitespace();
-    words.map(|word| word.parse().map_err(|_| format!("`{}` for a number", word.chars().take(40).collect::<String>()))).collect()
+    words
+        .map(|word| word.parse().map_err(|_| format!("`{}` for a number", word.chars().take(40).collect::<String>())))
+        .collect()
 }
 
 #[cfg(test)]
@@ -199,7 +208,9 @@ mod tests {
             ("\"#v\"", "\"#none\""),
             ("polylist", "tristrips"),
         ] {
-            let text = SQUARE.replace(from, to).replace("</COLLADA>", if from.starts_with("COLL") { "</collada>" } else { "</COLLADA>" });
+            let text = SQUARE
+                .replace(from, to)
+                .replace("</COLLADA>", if from.starts_with("COLL") { "</collada>" } else { "</COLLADA>" });
             assert!(read("a.dae", text.as_bytes()).is_err(), "{from}");
         }
     }

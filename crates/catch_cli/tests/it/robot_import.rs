@@ -33,14 +33,22 @@ const BENDS: &str = "<axis xyz=\"0 1 0\"/><limit lower=\"-2\" upper=\"2\" veloci
 /// An arm on a stand, with a sensor in a fixed joint, a joint without end, one without torque, and a hand with two fingers.
 fn description() -> String {
     let mut text = "<robot name=\"arm\">\n<link name=\"world\"/>\n".to_owned();
-    for (name, mass) in [("base", "5"), ("one", "4"), ("two", "3"), ("three", "2"), ("four", "2"), ("five", "1"), ("six", "1")] {
+    for (name, mass) in
+        [("base", "5"), ("one", "4"), ("two", "3"), ("three", "2"), ("four", "2"), ("five", "1"), ("six", "1")]
+    {
         text += &link(name, mass);
     }
     text += &link("sensor", "0.5");
     text += &link("hand", "0.7");
     text += "<link name=\"flange\"/><link name=\"left\"/><link name=\"right\"/>\n";
     text += &joint("stand", "fixed", ["world", "base"], "0 0 0.1", "");
-    text += &joint("j1", "continuous", ["base", "one"], "0 0 0.3", "<axis xyz=\"0 0 1\"/><limit velocity=\"3\" effort=\"80\"/>");
+    text += &joint(
+        "j1",
+        "continuous",
+        ["base", "one"],
+        "0 0 0.3",
+        "<axis xyz=\"0 0 1\"/><limit velocity=\"3\" effort=\"80\"/>",
+    );
     text += &joint("j2", "revolute", ["one", "two"], "0 0.1 0", BENDS);
     text += &joint("j3", "revolute", ["two", "three"], "0 0 0.4", BENDS);
     text += &joint("on_two", "fixed", ["two", "sensor"], "0.1 0 0.2", "");
@@ -49,7 +57,8 @@ fn description() -> String {
     text += &joint("j6", "revolute", ["five", "six"], "0 0 0.1", TURNS);
     text += &joint("at_six", "fixed", ["six", "flange"], "0 0 0.25", "");
     text += &joint("on_flange", "fixed", ["flange", "hand"], "0 0 0.01", "");
-    let slides = |y: &str| format!("<axis xyz=\"0 {y} 0\"/><limit lower=\"0\" upper=\"0.04\" velocity=\"0.2\" effort=\"20\"/>");
+    let slides =
+        |y: &str| format!("<axis xyz=\"0 {y} 0\"/><limit lower=\"0\" upper=\"0.04\" velocity=\"0.2\" effort=\"20\"/>");
     text += &joint("f1", "prismatic", ["hand", "left"], "0 0 0.06", &slides("1"));
     text += &joint("f2", "prismatic", ["hand", "right"], "0 0 0.06", &(slides("-1") + "<mimic joint=\"f1\"/>"));
     text + "</robot>\n"
@@ -76,7 +85,11 @@ fn package(folder: &Path) -> PathBuf {
     fs::create_dir_all(root.join("urdf")).unwrap();
     fs::create_dir_all(root.join("meshes")).unwrap();
     fs::write(root.join("meshes/tube.obj"), tube()).unwrap();
-    fs::write(root.join("urdf/joint_limits.yaml"), "joint_limits:\n  j2:\n    max_acceleration: 9.5\n    max_velocity: 2.5\n").unwrap();
+    fs::write(
+        root.join("urdf/joint_limits.yaml"),
+        "joint_limits:\n  j2:\n    max_acceleration: 9.5\n    max_velocity: 2.5\n",
+    )
+    .unwrap();
     let file = root.join("urdf/arm.urdf");
     fs::write(&file, description()).unwrap();
     file
@@ -166,7 +179,10 @@ fn what_cannot_be_imported_is_refused_and_nothing_is_written() {
         (vec![xacro], "arm.urdf.xacro > robot.urdf` expands it"),
         (vec![sliding], "`--base two` begins behind it"),
         (vec![file, "--tip", "nose"], "--tip: found `nose`, expected one of the links base, five"),
-        (vec![file, "--max-acceleration", "1,2"], "found 2 values, expected one for all joints or one for each of the 6"),
+        (
+            vec![file, "--max-acceleration", "1,2"],
+            "found 2 values, expected one for all joints or one for each of the 6",
+        ),
         (vec![file, "--max-jerk=-1"], "max_jerk_radps3"),
         (vec!["none.urdf"], "none.urdf: the file"),
     ] {

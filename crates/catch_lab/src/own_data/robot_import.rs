@@ -24,7 +24,7 @@ use catch_body::{
 use nalgebra::{Point3, Translation3};
 
 use crate::{assets::COMMAND_LINE, bounded_file::FileKind};
-use draft::{Draft, GivenValues, JointValues, UNKNOWN_TORQUE_NM, assumed_inertia, limits_of, rounded};
+use draft::{Draft, GivenValues, JointValues, assumed_inertia, limits_of, rounded};
 use geometry::BodyShape;
 use joint_limits::JointLimitFields;
 
@@ -71,8 +71,10 @@ impl ImportedRobot {
     /// What is wrong with the description or with the options: no serial arm, more than one, numbers out of their ranges.
     pub fn read(file: &Path, options: &ImportOptions, gripper: &Gripper) -> Result<Self, InputError> {
         let name = file.display().to_string();
-        let text = FileKind::text("a URDF description of a robot").read_text(file)?;
-        let description = Description::from_urdf(&name, &text)?;
+        let text = FileKind::text("a description of a robot, URDF or MJCF").read_text(file)?;
+        let is_mjcf = text.contains("<mujoco");
+        let description =
+            if is_mjcf { Description::from_mjcf(&name, &text)? } else { Description::from_urdf(&name, &text)? };
         let selection = Selection { base: options.base.as_deref(), tip: options.tip.as_deref() };
         let chain = Chain::of(&description, &selection)?;
         let limits = read_limits(file, options)?;
@@ -95,6 +97,7 @@ impl ImportedRobot {
             name: if description.name.trim().is_empty() { "robot".into() } else { description.name.clone() },
             source: file_name,
             inertias: inertias(&chain, &shapes),
+            base_height_m: 0.0,
             X_LG: mount(&chain, &shapes, gripper),
             chain,
             shapes,
@@ -108,12 +111,13 @@ impl ImportedRobot {
         let torques = poses::sufficient_torques(&robot, gripper);
         for (i, values) in draft.joints.iter_mut().enumerate() {
             if values.torque.assumed.is_some() {
-                debug_assert_eq!(values.torque.value, UNKNOWN_TORQUE_NM);
-                let reason = "no file has one: what the arm and a gripper need at the highest accelerations, and a fifth more";
+                let reason =
+                    "no file has one: what the arm and a gripper need at the highest accelerations, and a fifth more";
                 values.torque = Stated { value: rounded(torques[i].max(1.0)), assumed: Some(reason.into()) };
             }
         }
         draft.ignored_neighbours = poses::ignored_neighbours(&robot, gripper);
+        draft.base_height_m = poses::base_height_m(&robot);
         let starts = poses::good_poses(&parsed(&draft)?, gripper, MOST_STARTS);
         let mut imported = Self { robot: parsed(&draft)?, draft, starts };
         if let Some(&best) = imported.starts.first() {
@@ -199,7 +203,12 @@ fn per_joint(values: &[f64], dof: usize, option: &str) -> Result<Vec<Option<f64>
         values if values.len() == dof => Ok(values.iter().copied().map(Some).collect()),
         values => {
             let found = format!("{} values", values.len());
-            Err(InputError::new(COMMAND_LINE, option, found, format!("one for all joints or one for each of the {dof}")))
+            Err(InputError::new(
+                COMMAND_LINE,
+                option,
+                found,
+                format!("one for all joints or one for each of the {dof}"),
+            ))
         }
     }
 }
@@ -220,7 +229,9 @@ fn inertias(chain: &Chain, shapes: &[BodyShape]) -> Vec<Stated<Inertia>> {
         Some(inertia) if inertia.is_of_a_body() => Stated { value: inertia, assumed: None },
         Some(inertia) => Stated {
             value: Inertia { com: inertia.com, ..assumed_inertia(shape, Some(inertia.mass)) },
-            assumed: Some("no body has the moments that the description states: those of its capsules with its mass".into()),
+            assumed: Some(
+                "no body has the moments that the description states: those of its capsules with its mass".into(),
+            ),
         },
         None => Stated {
             value: assumed_inertia(shape, None),
@@ -241,6 +252,7 @@ fn mount(chain: &Chain, shapes: &[BodyShape], gripper: &Gripper) -> Stated<catch
     let from_m = approach_L.dot(&chain.X_LF.translation.vector);
     let beyond_m = shapes.last().and_then(|it| it.reach(&approach_L)).map_or(0.0, |reach| (reach - from_m).max(0.0));
     let value = Translation3::from(approach_L * beyond_m) * X_LG;
-    let reason = "the description has no frame for a gripper: where the shape of the last link ends along its joint's axis";
+    let reason =
+        "the description has no frame for a gripper: where the shape of the last link ends along its joint's axis";
     Stated { value, assumed: Some(reason.into()) }
 }

@@ -15,8 +15,12 @@ pub use data::PageData;
 pub(super) use {data::seven, surfaces::PackedSurface};
 
 const PAGE: &str = include_str!("catch_page/page.html");
-const SCRIPTS: [&str; 4] =
-    [VIEWER, include_str!("catch_page/scene.js"), include_str!("catch_page/plots.js"), include_str!("catch_page/controls.js")];
+const SCRIPTS: [&str; 4] = [
+    VIEWER,
+    include_str!("catch_page/scene.js"),
+    include_str!("catch_page/plots.js"),
+    include_str!("catch_page/controls.js"),
+];
 
 /// The page of a throw.
 pub fn page(playback: &Playback) -> String {

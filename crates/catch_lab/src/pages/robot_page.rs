@@ -66,10 +66,7 @@ pub fn page(imported: &ImportedRobot) -> String {
     };
     let script = [VIEWER, SCRIPT].concat();
     let title = packed::text_in_html(&robot.name);
-    fill(
-        PAGE,
-        &[("title", &title), ("style", STYLE), ("data", &packed::json_in_html(&data)), ("script", &script)],
-    )
+    fill(PAGE, &[("title", &title), ("style", STYLE), ("data", &packed::json_in_html(&data)), ("script", &script)])
 }
 
 fn joints(robot: &Robot) -> Vec<JointData> {

@@ -45,7 +45,8 @@ fn random_files(rng: &mut Pcg64) -> [String; 2] {
         let half = 10f64.powf(rng.random_range(-1.0..0.8));
         let (velocity, torque) = (10f64.powf(rng.random_range(-0.5..1.0)), 10f64.powf(rng.random_range(0.5..3.0)));
         let is_endless = rng.random_bool(0.2);
-        let range = if is_endless { String::new() } else { format!("lower=\"{}\" upper=\"{}\"", middle - half, middle + half) };
+        let range =
+            if is_endless { String::new() } else { format!("lower=\"{}\" upper=\"{}\"", middle - half, middle + half) };
         let _ = writeln!(
             urdf,
             "<joint name=\"j{i}\" type=\"{}\"><parent link=\"l{i}\"/><child link=\"l{}\"/><origin xyz=\"{} {} {}\" rpy=\"{} {} {}\"/>\
@@ -62,9 +63,11 @@ fn random_files(rng: &mut Pcg64) -> [String; 2] {
             axis[1],
             axis[2],
         );
-        let range = if is_endless { "range_rad = { value = [-6.3, 6.3], assumed = true, reason = \"endless\" }\n" } else { "" };
+        let range =
+            if is_endless { "range_rad = { value = [-6.3, 6.3], assumed = true, reason = \"endless\" }\n" } else { "" };
         let acceleration = velocity * 10f64.powf(rng.random_range(0.0..1.5));
-        let jerk = if rng.random_bool(0.2) { format!("max_jerk_radps3 = {}\n", acceleration * 100.0) } else { String::new() };
+        let jerk =
+            if rng.random_bool(0.2) { format!("max_jerk_radps3 = {}\n", acceleration * 100.0) } else { String::new() };
         let rotor = rng.random_range(0.0..1.0);
         let _ = writeln!(
             joints,

@@ -28,6 +28,8 @@ pub struct Draft {
     pub joints: Vec<JointValues>,
     /// Mass properties of each moved body.
     pub inertias: Vec<Stated<Inertia>>,
+    /// How high the base stands above the floor.
+    pub base_height_m: f64,
     /// Pose of the gripper on the last body.
     pub X_LG: Stated<Pose>,
     /// Links so near in the chain are not compared.
@@ -64,7 +66,7 @@ const TO_FULL_SPEED_S: f64 = 0.2;
 /// The reflected rotor inertia of most models in MuJoCo Menagerie.
 const ROTOR_INERTIA_KGM2: f64 = 0.1;
 /// Stands for a torque that is worked out when all else is known.
-pub const UNKNOWN_TORQUE_NM: f64 = 1e4;
+const UNKNOWN_TORQUE_NM: f64 = 1e4;
 
 /// Values that were given when the robot was imported, for one joint.
 #[derive(Debug, Clone, Copy, Default)]
@@ -89,7 +91,8 @@ impl JointValues {
         let assumed = |value: f64, reason: &str| Stated { value, assumed: Some(reason.to_owned()) };
 
         let is_bounded = |range: &[f64; 2]| range.iter().all(|it| it.abs() <= 100.0);
-        let range = limits.lower.zip(limits.upper).map(|(lower, upper)| [lower, upper]).filter(|[low, high]| low < high);
+        let range =
+            limits.lower.zip(limits.upper).map(|(lower, upper)| [lower, upper]).filter(|[low, high]| low < high);
         let range = range.or(joint.range).filter(is_bounded).map(|value| Stated { value, assumed: None });
         let range = range.unwrap_or_else(|| Stated {
             value: [-ENDLESS_RAD, ENDLESS_RAD],
@@ -97,15 +100,17 @@ impl JointValues {
         });
         let velocity = published(limits.velocity.or(joint.velocity))
             .unwrap_or_else(|| assumed(SPEED_RADPS, "the description has none: as arms of this kind have"));
-        let acceleration = by_hand(given.acceleration, "--max-acceleration")
-            .or(published(limits.acceleration))
-            .unwrap_or_else(|| {
-                let reason = format!("no file has one: full speed within {TO_FULL_SPEED_S} s, as published limits of other arms allow");
+        let acceleration =
+            by_hand(given.acceleration, "--max-acceleration").or(published(limits.acceleration)).unwrap_or_else(|| {
+                let reason = format!(
+                    "no file has one: full speed within {TO_FULL_SPEED_S} s, as published limits of other arms allow"
+                );
                 assumed(rounded(velocity.value / TO_FULL_SPEED_S), &reason)
             });
-        let rotor_inertia = by_hand(given.rotor_inertia, "--rotor-inertia")
-            .or(published(joint.rotor_inertia))
-            .unwrap_or_else(|| assumed(ROTOR_INERTIA_KGM2, "no file has one: what models of such arms in MuJoCo Menagerie have"));
+        let rotor_inertia =
+            by_hand(given.rotor_inertia, "--rotor-inertia").or(published(joint.rotor_inertia)).unwrap_or_else(|| {
+                assumed(ROTOR_INERTIA_KGM2, "no file has one: what models of such arms in MuJoCo Menagerie have")
+            });
         let torque = published(limits.effort.or(joint.effort)).unwrap_or_else(|| assumed(UNKNOWN_TORQUE_NM, "unknown"));
         let jerk = by_hand(given.jerk, "--max-jerk").or(published(limits.jerk));
         Self { range, velocity, torque, acceleration, jerk, rotor_inertia }
@@ -122,7 +127,10 @@ impl Draft {
     pub fn urdf(&self) -> String {
         let mut text = String::from("<?xml version=\"1.0\"?>\n");
         let source = text_in_html(&self.source).replace("--", "- -");
-        let _ = writeln!(text, "<!-- Made by `catchingbot robot import` from {source}: fixed joints folded, fingers taken off. -->");
+        let _ = writeln!(
+            text,
+            "<!-- Made by `catchingbot robot import` from {source}: fixed joints folded, fingers taken off. -->"
+        );
         let _ = writeln!(text, "<robot name=\"{}\">", text_in_html(&self.name));
         let base = &self.chain.base;
         let of_base = base.inertia.filter(Inertia::is_of_a_body).map(|it| inertial(&it)).unwrap_or_default();
@@ -137,7 +145,8 @@ impl Draft {
             let child = &joint.body.links[0];
             let kind = if values.range.assumed.is_some() { "continuous" } else { "revolute" };
             let [lower, upper] = values.range.value;
-            let range = if kind == "revolute" { format!(" lower=\"{lower}\" upper=\"{upper}\"") } else { String::new() };
+            let range =
+                if kind == "revolute" { format!(" lower=\"{lower}\" upper=\"{upper}\"") } else { String::new() };
             let published = |name: &str, value: &Stated<f64>| {
                 if value.assumed.is_none() { format!(" {name}=\"{}\"", value.value) } else { String::new() }
             };
@@ -166,9 +175,10 @@ impl Draft {
         let mut text = format!(
             "# What the URDF of {} cannot say. Made by `catchingbot robot import` from\n# {}.\n#\n# A value that nobody \
              published is marked `assumed = true`, with its reason; `catchingbot check` lists them.\n\n# Where the robot stands: \
-             the pose of its base in the world.\n[base]\nposition_m = [0.0, 0.0, 0.0]\nrpy_rad = [0.0, 0.0, 0.0]\n\n",
+             the pose of its base in the world.\n[base]\nposition_m = [0.0, 0.0, {:?}]\nrpy_rad = [0.0, 0.0, 0.0]\n\n",
             one_line(&self.name),
             one_line(&self.source),
+            self.base_height_m,
         );
         let X_LG = &self.X_LG.value;
         let (roll, pitch, yaw) = X_LG.rotation.euler_angles();
@@ -297,9 +307,10 @@ pub fn assumed_inertia(shape: &BodyShape, mass_kg: Option<f64>) -> Inertia {
     let volumes: Vec<f64> = shape.capsules.iter().map(catch_body::capsule_fit::volume).collect();
     let volume: f64 = volumes.iter().sum();
     let mass_kg = mass_kg.unwrap_or(volume * DENSITY_KGPM3).max(0.01);
-    let parts = shape.capsules.iter().zip(&volumes).map(|(capsule, part)| {
-        catch_body::TriangleMesh::capsule(capsule, 24).mass_properties(mass_kg * part / volume)
-    });
+    let parts =
+        shape.capsules.iter().zip(&volumes).map(|(capsule, part)| {
+            catch_body::TriangleMesh::capsule(capsule, 24).mass_properties(mass_kg * part / volume)
+        });
     let of_point = || Inertia {
         mass: mass_kg,
         com: nalgebra::Point3::origin(),

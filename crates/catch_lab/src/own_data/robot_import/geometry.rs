@@ -68,7 +68,8 @@ impl BodyShape {
     pub fn assume_capsule(&mut self, to: Point3<f64>, radius_m: f64) {
         let unread = self.unread.first().map(|it| format!(" ({}: {})", it.file, it.found)).unwrap_or_default();
         self.capsules = vec![rounded_outwards(&Capsule { from: Point3::origin(), to, radius: radius_m })];
-        self.assumed = Some(format!("no shape of this link can be read{unread}: from its joint to the next, {radius_m} m around"));
+        self.assumed =
+            Some(format!("no shape of this link can be read{unread}: from its joint to the next, {radius_m} m around"));
     }
 }
 
@@ -86,7 +87,12 @@ fn surface(file: &Path, geometry: &Geometry) -> Result<TriangleMesh, InputError>
         Shape::Mesh { file: named, scale } => {
             let expected = "a mesh of the description: STL, OBJ or COLLADA (.dae)";
             let path = resolve(file, named).ok_or_else(|| {
-                InputError::new(named, "the file", "no such file below or beside the folders above the description", expected)
+                InputError::new(
+                    named,
+                    "the file",
+                    "no such file below or beside the folders above the description",
+                    expected,
+                )
             })?;
             let bytes = FileKind::geometry(expected).read(&path)?;
             let mut surface = surface_from_bytes(&path.display().to_string(), &bytes)?;

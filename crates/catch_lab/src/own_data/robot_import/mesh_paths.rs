@@ -26,7 +26,9 @@ pub fn resolve(file: &Path, named: &str) -> Option<PathBuf> {
         let manifest = crate::bounded_file::FileKind::toml("a manifest").read_text(&folder.join("package.xml"));
         manifest.is_ok_and(|text| text.contains(&format!("<name>{package}</name>")))
     };
-    let by_name = folders().filter(|it| it.file_name().is_some_and(|name| name == package)).find_map(|it| existing(it.join(rest)));
+    let by_name = folders()
+        .filter(|it| it.file_name().is_some_and(|name| name == package))
+        .find_map(|it| existing(it.join(rest)));
     by_name
         .or_else(|| folders().find_map(|it| existing(it.join(package).join(rest))))
         .or_else(|| folders().filter(|it| is_package(it)).find_map(|it| existing(it.join(rest))))

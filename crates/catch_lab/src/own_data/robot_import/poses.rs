@@ -11,6 +11,8 @@ const POSES: usize = 6_000;
 const LEAST_FREE: f64 = 0.15;
 /// An arm that waits keeps this far from itself and from the floor.
 const CLEARANCE_M: f64 = 0.06;
+/// Angles of the first joint that are looked at.
+const TURNS: u32 = 32;
 /// Torque limits that are worked out exceed what motions need by this factor.
 const TORQUE_MARGIN: f64 = 1.2;
 
@@ -19,9 +21,8 @@ pub fn ignored_neighbours(robot: &Robot, gripper: &Gripper) -> usize {
     let mut robot = robot.clone();
     let is_enough = |robot: &Robot| {
         let clearance = ArmClearance::new(robot, gripper);
-        let free = random_poses(robot, POSES / 20).filter(|q| {
-            clearance.self_clearance(&robot.link_poses(q), gripper.max_width_m) > CLEARANCE_M
-        });
+        let free = random_poses(robot, POSES / 20)
+            .filter(|q| clearance.self_clearance(&robot.link_poses(q), gripper.max_width_m) > CLEARANCE_M);
         free.count() as f64 > LEAST_FREE * (POSES / 20) as f64
     };
     let found = (1..=robot.dof()).find(|&neighbours| {
@@ -29,6 +30,19 @@ pub fn ignored_neighbours(robot: &Robot, gripper: &Gripper) -> usize {
         is_enough(&robot)
     });
     found.unwrap_or(robot.dof())
+}
+
+/// How high the base has to stand so that the first moved link is clear of the floor wherever it turns, in centimetres rounded up.
+pub fn base_height_m(robot: &Robot) -> f64 {
+    let lowest = |turned: u32| {
+        let mut q = JointVector::zeros();
+        q[0] = std::f64::consts::TAU * f64::from(turned) / f64::from(TURNS);
+        let X_WL = robot.link_poses(&q);
+        let first = robot.capsules.iter().filter(|(link, _)| *link == 1).map(|(_, it)| it.transformed(&X_WL[1]));
+        first.map(|it| it.from.z.min(it.to.z) - it.radius).fold(f64::INFINITY, f64::min)
+    };
+    let lowest_m = (0..TURNS).map(lowest).fold(f64::INFINITY, f64::min);
+    ((CLEARANCE_M - lowest_m).max(0.0) * 100.0).ceil() / 100.0
 }
 
 /// Poses to begin a search for the waiting pose with, the best first: free, easy to move in all directions, far from the ends of the
@@ -72,7 +86,8 @@ pub fn sufficient_torques(robot: &Robot, gripper: &Gripper) -> JointVector {
     let mut rng = Pcg64::seed_from_u64(2);
     let mut most = JointVector::zeros();
     for q in random_poses(&robot, POSES / 6) {
-        let ddq = robot.per_joint(|joint| joint.limits.acceleration).map(|it| if rng.random_bool(0.5) { it } else { -it });
+        let ddq =
+            robot.per_joint(|joint| joint.limits.acceleration).map(|it| if rng.random_bool(0.5) { it } else { -it });
         most = most.sup(&robot.inverse_dynamics(&q, &JointVector::zeros(), &ddq).abs());
     }
     most * TORQUE_MARGIN
