@@ -135,6 +135,25 @@ impl Description {
     }
 }
 
+impl TreeJoint {
+    /// A joint that does not move, its child where its parent is.
+    pub fn fixed(name: String, child: &str) -> Self {
+        Self {
+            name,
+            kind: JointKind::Fixed,
+            child: child.to_owned(),
+            X_PL: Pose::identity(),
+            axis: Vector3::z_axis(),
+            range: None,
+            velocity: None,
+            effort: None,
+            damping: 0.0,
+            rotor_inertia: None,
+            mimics: false,
+        }
+    }
+}
+
 impl Geometry {
     /// The surface in the link's frame; `None` for a mesh, which is in a file of its own. Circles become polygons around them.
     pub fn surface(&self) -> Option<TriangleMesh> {

@@ -242,7 +242,7 @@ impl<'a> Reader<'a> {
             (parent, X_PL) = (link, Pose::identity());
         }
         if hinges.is_empty() {
-            let joint = TreeJoint { X_PL, ..fixed(format!("{name}_fixed"), &name) };
+            let joint = TreeJoint { X_PL, ..TreeJoint::fixed(format!("{name}_fixed"), &name) };
             self.insert(&parent, &name, joint)?;
         }
         let link = self.link(body, class, &Translation3::from(-p_BL))?;
@@ -250,7 +250,7 @@ impl<'a> Reader<'a> {
         for site in elements(body, "site") {
             if let Some(frame) = site.attribute("name").filter(|it| !self.links.contains_key(*it)) {
                 let X_LS = Translation3::from(-p_BL) * self.pose(site, "site", class)?;
-                let joint = TreeJoint { X_PL: X_LS, ..fixed(format!("{frame}_fixed"), frame) };
+                let joint = TreeJoint { X_PL: X_LS, ..TreeJoint::fixed(format!("{frame}_fixed"), frame) };
                 self.insert(&name, frame, joint)?;
             }
         }
@@ -305,7 +305,7 @@ impl<'a> Reader<'a> {
             damping: number("damping")?.unwrap_or(0.0),
             rotor_inertia: number("armature")?,
             mimics: self.mimicking.contains(&name),
-            ..fixed(name, child)
+            ..TreeJoint::fixed(name, child)
         })
     }
 
@@ -377,23 +377,6 @@ impl<'a> Reader<'a> {
             _ => return Ok(None),
         };
         Ok(Some(Geometry { X_LS, shape }))
-    }
-}
-
-/// A joint that does not move.
-fn fixed(name: String, child: &str) -> TreeJoint {
-    TreeJoint {
-        name,
-        kind: JointKind::Fixed,
-        child: child.to_owned(),
-        X_PL: Pose::identity(),
-        axis: Vector3::z_axis(),
-        range: None,
-        velocity: None,
-        effort: None,
-        damping: 0.0,
-        rotor_inertia: None,
-        mimics: false,
     }
 }
 
