@@ -157,6 +157,11 @@ impl ImportedRobot {
         &self.draft.shapes
     }
 
+    /// Whether each triangle of these shapes is inside a capsule.
+    pub fn shapes_are_inside(&self) -> bool {
+        self.shapes().iter().all(BodyShape::is_inside)
+    }
+
     /// All values that nobody published.
     pub fn assumptions(&self) -> Vec<Assumption> {
         assumptions("robot.toml", &self.toml())
