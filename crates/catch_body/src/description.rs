@@ -5,6 +5,7 @@
 
 mod arm_in_tree;
 mod chain;
+mod mjcf_reader;
 mod urdf_reader;
 
 use std::collections::BTreeMap;
@@ -131,6 +132,25 @@ impl Description {
     /// The joints whose parent is `link`.
     pub fn joints_of(&self, link: &str) -> &[TreeJoint] {
         self.joints.get(link).map_or(&[], Vec::as_slice)
+    }
+}
+
+impl TreeJoint {
+    /// A joint that does not move, its child where its parent is.
+    pub fn fixed(name: String, child: &str) -> Self {
+        Self {
+            name,
+            kind: JointKind::Fixed,
+            child: child.to_owned(),
+            X_PL: Pose::identity(),
+            axis: Vector3::z_axis(),
+            range: None,
+            velocity: None,
+            effort: None,
+            damping: 0.0,
+            rotor_inertia: None,
+            mimics: false,
+        }
     }
 }
 

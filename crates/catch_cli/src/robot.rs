@@ -47,7 +47,7 @@ Example:
   catchingbot robot import kortex_description/robots/gen3.urdf --out gen3
   catchingbot --robot gen3")]
 pub struct ImportArguments {
-    /// A URDF file
+    /// A URDF file, or a MuJoCo model (MJCF)
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// Folder for robot.urdf, robot.toml and capsules.html; it must not exist yet
@@ -252,11 +252,7 @@ fn tell(arguments: &ImportArguments, imported: &ImportedRobot, reach: Option<Rea
     if !chain.left_out.is_empty() {
         screen::fact("left out", &format!("what moves on its own: {}", chain.left_out.join(", ")))?;
     }
-    let inside = if imported.shapes().iter().all(|it| it.is_inside()) {
-        "every shape is inside"
-    } else {
-        "some shape is outside"
-    };
+    let inside = if imported.shapes_are_inside() { "every shape is inside" } else { "some shape is outside" };
     let page = arguments.out.join("capsules.html");
     screen::fact("capsules", &format!("{}; {inside} ({})", robot.capsules.len(), page.display()))?;
     for fault in unread.iter().take(MOST_FAULTS) {

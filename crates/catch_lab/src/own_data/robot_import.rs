@@ -24,7 +24,7 @@ use catch_body::{
 use nalgebra::{Point3, Translation3};
 
 use crate::{assets::COMMAND_LINE, bounded_file::FileKind};
-use draft::{Draft, GivenValues, JointValues, UNKNOWN_TORQUE_NM, assumed_inertia, limits_of, rounded};
+use draft::{Draft, GivenValues, JointValues, assumed_inertia, limits_of, rounded};
 use geometry::BodyShape;
 use joint_limits::JointLimitFields;
 
@@ -71,8 +71,10 @@ impl ImportedRobot {
     /// What is wrong with the description or with the options: no serial arm, more than one, numbers out of their ranges.
     pub fn read(file: &Path, options: &ImportOptions, gripper: &Gripper) -> Result<Self, InputError> {
         let name = file.display().to_string();
-        let text = FileKind::text("a URDF description of a robot").read_text(file)?;
-        let description = Description::from_urdf(&name, &text)?;
+        let text = FileKind::text("a description of a robot, URDF or MJCF").read_text(file)?;
+        let is_mjcf = text.contains("<mujoco");
+        let description =
+            if is_mjcf { Description::from_mjcf(&name, &text)? } else { Description::from_urdf(&name, &text)? };
         let selection = Selection { base: options.base.as_deref(), tip: options.tip.as_deref() };
         let chain = Chain::of(&description, &selection)?;
         let limits = read_limits(file, options)?;
@@ -95,6 +97,7 @@ impl ImportedRobot {
             name: if description.name.trim().is_empty() { "robot".into() } else { description.name.clone() },
             source: file_name,
             inertias: inertias(&chain, &shapes),
+            base_height_m: 0.0,
             X_LG: mount(&chain, &shapes, gripper),
             chain,
             shapes,
@@ -108,13 +111,13 @@ impl ImportedRobot {
         let torques = poses::sufficient_torques(&robot, gripper);
         for (i, values) in draft.joints.iter_mut().enumerate() {
             if values.torque.assumed.is_some() {
-                debug_assert_eq!(values.torque.value, UNKNOWN_TORQUE_NM);
                 let reason =
                     "no file has one: what the arm and a gripper need at the highest accelerations, and a fifth more";
                 values.torque = Stated { value: rounded(torques[i].max(1.0)), assumed: Some(reason.into()) };
             }
         }
         draft.ignored_neighbours = poses::ignored_neighbours(&robot, gripper);
+        draft.base_height_m = poses::base_height_m(&robot);
         let starts = poses::good_poses(&parsed(&draft)?, gripper, MOST_STARTS);
         let mut imported = Self { robot: parsed(&draft)?, draft, starts };
         if let Some(&best) = imported.starts.first() {
@@ -152,6 +155,11 @@ impl ImportedRobot {
     /// Shapes of the base and of each moved link, with the capsules around them.
     pub fn shapes(&self) -> &[ImportedShape] {
         &self.draft.shapes
+    }
+
+    /// Whether each triangle of these shapes is inside a capsule.
+    pub fn shapes_are_inside(&self) -> bool {
+        self.shapes().iter().all(BodyShape::is_inside)
     }
 
     /// All values that nobody published.

@@ -62,7 +62,7 @@ pub fn page(imported: &ImportedRobot) -> String {
         joints: joints(robot),
         ready_rad: robot.ready_q.iter().take(robot.dof()).copied().collect(),
         surfaces,
-        inside: imported.shapes().iter().all(|it| it.is_inside()),
+        inside: imported.shapes_are_inside(),
     };
     let script = [VIEWER, SCRIPT].concat();
     let title = packed::text_in_html(&robot.name);

@@ -28,6 +28,8 @@ pub struct Draft {
     pub joints: Vec<JointValues>,
     /// Mass properties of each moved body.
     pub inertias: Vec<Stated<Inertia>>,
+    /// How high the base stands above the floor.
+    pub base_height_m: f64,
     /// Pose of the gripper on the last body.
     pub X_LG: Stated<Pose>,
     /// Links so near in the chain are not compared.
@@ -64,7 +66,7 @@ const TO_FULL_SPEED_S: f64 = 0.2;
 /// The reflected rotor inertia of most models in MuJoCo Menagerie.
 const ROTOR_INERTIA_KGM2: f64 = 0.1;
 /// Stands for a torque that is worked out when all else is known.
-pub const UNKNOWN_TORQUE_NM: f64 = 1e4;
+const UNKNOWN_TORQUE_NM: f64 = 1e4;
 
 /// Values that were given when the robot was imported, for one joint.
 #[derive(Debug, Clone, Copy, Default)]
@@ -173,9 +175,10 @@ impl Draft {
         let mut text = format!(
             "# What the URDF of {} cannot say. Made by `catchingbot robot import` from\n# {}.\n#\n# A value that nobody \
              published is marked `assumed = true`, with its reason; `catchingbot check` lists them.\n\n# Where the robot stands: \
-             the pose of its base in the world.\n[base]\nposition_m = [0.0, 0.0, 0.0]\nrpy_rad = [0.0, 0.0, 0.0]\n\n",
+             the pose of its base in the world.\n[base]\nposition_m = [0.0, 0.0, {:?}]\nrpy_rad = [0.0, 0.0, 0.0]\n\n",
             one_line(&self.name),
             one_line(&self.source),
+            self.base_height_m,
         );
         let X_LG = &self.X_LG.value;
         let (roll, pitch, yaw) = X_LG.rotation.euler_angles();

@@ -11,6 +11,8 @@ const POSES: usize = 6_000;
 const LEAST_FREE: f64 = 0.15;
 /// An arm that waits keeps this far from itself and from the floor.
 const CLEARANCE_M: f64 = 0.06;
+/// Angles of the first joint that are looked at.
+const TURNS: u32 = 32;
 /// Torque limits that are worked out exceed what motions need by this factor.
 const TORQUE_MARGIN: f64 = 1.2;
 
@@ -28,6 +30,19 @@ pub fn ignored_neighbours(robot: &Robot, gripper: &Gripper) -> usize {
         is_enough(&robot)
     });
     found.unwrap_or(robot.dof())
+}
+
+/// How high the base has to stand so that the first moved link is clear of the floor wherever it turns, in centimetres rounded up.
+pub fn base_height_m(robot: &Robot) -> f64 {
+    let lowest = |turned: u32| {
+        let mut q = JointVector::zeros();
+        q[0] = std::f64::consts::TAU * f64::from(turned) / f64::from(TURNS);
+        let X_WL = robot.link_poses(&q);
+        let first = robot.capsules.iter().filter(|(link, _)| *link == 1).map(|(_, it)| it.transformed(&X_WL[1]));
+        first.map(|it| it.from.z.min(it.to.z) - it.radius).fold(f64::INFINITY, f64::min)
+    };
+    let lowest_m = (0..TURNS).map(lowest).fold(f64::INFINITY, f64::min);
+    ((CLEARANCE_M - lowest_m).max(0.0) * 100.0).ceil() / 100.0
 }
 
 /// Poses to begin a search for the waiting pose with, the best first: free, easy to move in all directions, far from the ends of the
