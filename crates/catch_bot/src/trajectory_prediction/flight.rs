@@ -4,7 +4,7 @@ use catch_body::{Pose, Twist, dynamics::gravity};
 use nalgebra::{Matrix3, Matrix6, Point3, SMatrix, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::{LocalFlight, tumbling::Tumbling};
+use super::{LocalFlight, ProcessNoise, tumbling::Tumbling};
 
 /// A flight: the state at one instant and the law by which it goes on.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -30,6 +30,9 @@ pub struct FlightTrajectory {
     pub rotation_covariance: Matrix6<f64>,
     /// Error in metres that all poses may share and no number of them reduces (calibration); part of every covariance.
     pub systematic_sd_m: f64,
+    /// What no model of the flight knows; part of every covariance after `time_s`.
+    #[serde(default)]
+    pub process_noise: ProcessNoise,
     /// Poses that agree with it.
     pub inliers: usize,
     /// Poses that were looked at.
@@ -192,6 +195,9 @@ impl FlightTrajectory {
         transition.fixed_view_mut::<3, 4>(0, 3).copy_from(&motion.dp);
         transition.fixed_view_mut::<3, 4>(3, 3).copy_from(&motion.dv);
         let mut covariance = transition * self.covariance * transition.transpose();
+        if self.process_noise.any() {
+            covariance += self.process_noise.covariance(time_s - self.time_s);
+        }
         for i in 0..3 {
             covariance[(i, i)] += self.systematic_sd_m.powi(2);
         }

@@ -6,6 +6,7 @@
 mod fit;
 mod flight;
 mod local_flight;
+mod process_noise;
 pub mod ransac;
 mod track;
 mod tumbling;
@@ -14,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 pub use flight::{FlightPropagator, FlightTrajectory};
 pub use local_flight::LocalFlight;
+pub use process_noise::ProcessNoise;
 use ransac::Rotation;
 pub use track::{Track, TrackSample};
 pub use tumbling::inertia_per_kg;
@@ -52,6 +54,8 @@ pub struct Config {
     pub spin_prior_sd_radps: f64,
     /// Error in metres that all poses may share (calibration of the cameras).
     pub systematic_sd_m: f64,
+    /// What no model of the flight knows. None by default, as in the paper's simulator.
+    pub process_noise: ProcessNoise,
     /// Iterations of the fit at most.
     pub max_iterations: usize,
 }
@@ -71,6 +75,7 @@ impl Default for Config {
             drag_prior_sd_per_m: None,
             spin_prior_sd_radps: 10.0,
             systematic_sd_m: 0.0,
+            process_noise: ProcessNoise::default(),
             max_iterations: 10,
         }
     }
@@ -97,6 +102,7 @@ impl Settings for Config {
                 ],
             )
             .values(&LIMIT_SCALE, [("min_inlier_fraction", self.min_inlier_fraction)])
+            .table("process_noise", &self.process_noise)
             .options(
                 &NOT_NEGATIVE,
                 [("drag_prior_per_m", self.drag_prior_per_m), ("drag_prior_sd_per_m", self.drag_prior_sd_per_m)],

@@ -119,6 +119,7 @@ fn through(
         covariance: SMatrix::zeros(),
         rotation_covariance: Matrix6::zeros(),
         systematic_sd_m: config.systematic_sd_m,
+        process_noise: config.process_noise,
         inliers: 2,
         considered: 2,
         error_scale: 1.0,
