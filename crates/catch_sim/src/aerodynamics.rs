@@ -7,18 +7,37 @@
 //! E is symmetric and fixed to the object: the drag matrix is k·(1 + E), which also makes lift. c_M is the Magnus coefficient and c the
 //! decay of the spin. No other torque of the air is modelled.
 
+use std::f64::consts::TAU;
+
 use catch_body::quantity;
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, SymmetricEigen, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::random_streams::Draws;
+
+/// Moments of inertia that differ by less than this fraction are those of an object that the air brakes alike along both axes.
+const ALIKE: f64 = 0.01;
+
+/// A matrix without trace along the principal axes of inertia, with size·cos φ, size·cos(φ + 120°) and size·cos(φ + 240°) on its diagonal; of those
+/// along axes of equal moments, the mean.
+fn deviation(inertia_kgm2: &Matrix3<f64>, size: f64, phase: f64) -> Matrix3<f64> {
+    let SymmetricEigen { eigenvalues, eigenvectors } = inertia_kgm2.symmetric_eigen();
+    let each = Vector3::from_fn(|i, _| size * (phase + TAU / 3.0 * i as f64).cos());
+    let alike = |i: usize, j: usize| (eigenvalues[i] - eigenvalues[j]).abs() <= ALIKE * eigenvalues.max();
+    let shared = Vector3::from_fn(|i, _| {
+        let with: Vec<usize> = (0..3).filter(|&j| alike(i, j)).collect();
+        with.iter().map(|&j| each[j]).sum::<f64>() / with.len() as f64
+    });
+    eigenvectors * Matrix3::from_diagonal(&shared) * eigenvectors.transpose()
+}
 
 /// Ranges of the aerodynamic forces of a throw. All zero by default: the air brakes an object alike from all sides, if at all.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AerodynamicsConfig {
-    /// Every throw draws the drag along each of three axes of the object uniformly within this fraction around the throw's drag
-    /// constant; the axes are orthogonal and in any orientation. It counts where there is drag.
+    /// How much more or less than the mean of the three the air may brake an object along one of its principal axes of inertia. Every throw
+    /// draws the largest deviation uniformly up to this, and how it is divided; axes of equal moments of inertia have equal drag, so
+    /// none deviates in a ball. It counts where there is drag.
     #[serde(deserialize_with = "quantity::spread")]
     pub drag_anisotropy: f64,
     /// Every throw draws its Magnus coefficient c_M of a = c_M·ω×v uniformly up to this.
@@ -48,12 +67,12 @@ impl Aerodynamics {
         spin_decay_per_s: 0.0,
     };
 
-    /// Those of a throw.
-    pub(crate) fn draw(config: &AerodynamicsConfig, draws: &mut Draws) -> Self {
-        let principal = Vector3::from_fn(|_, _| draws.between([-1.0, 1.0])) * config.drag_anisotropy;
-        let axes = draws.orientation().to_rotation_matrix().into_inner();
+    /// Those of a throw of an object with this inertia about its centre of mass, in O.
+    pub(crate) fn draw(config: &AerodynamicsConfig, inertia_kgm2: &Matrix3<f64>, draws: &mut Draws) -> Self {
+        let size = config.drag_anisotropy * draws.unit();
+        let phase = TAU * draws.unit();
         Self {
-            drag_deviation_O: axes * Matrix3::from_diagonal(&principal) * axes.transpose(),
+            drag_deviation_O: deviation(inertia_kgm2, size, phase),
             magnus: config.max_magnus * draws.unit(),
             spin_decay_per_s: config.max_spin_decay_per_s * draws.unit(),
         }

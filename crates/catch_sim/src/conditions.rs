@@ -68,7 +68,11 @@ impl Conditions {
             friction: draws(Stream::Friction).between(object.friction.unwrap_or(config.friction).bounds()),
             restitution: restitution.min(1.0),
             drag_per_m,
-            aerodynamics: Aerodynamics::draw(&config.aerodynamics, &mut draws(Stream::Aerodynamics)),
+            aerodynamics: Aerodynamics::draw(
+                &config.aerodynamics,
+                &object.inertia_kgm2,
+                &mut draws(Stream::Aerodynamics),
+            ),
             wind_mps,
             spin_radps,
             link_mass_ratio: std::array::from_fn(|_| around(1.0, errors.link_mass_spread, &mut masses)),

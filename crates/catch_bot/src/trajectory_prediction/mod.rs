@@ -3,6 +3,7 @@
 //! Sampling ([`ransac`]) finds a flight that most poses lie on, and which they are; a robust fit to all of them (`fit.rs`)
 //! makes it as good as the poses' information allows and says how good that is.
 
+mod aerodynamics;
 mod fit;
 mod flight;
 mod local_flight;
@@ -13,6 +14,7 @@ mod tumbling;
 
 use serde::{Deserialize, Serialize};
 
+pub use aerodynamics::{AerodynamicForces, AerodynamicPrior};
 pub use flight::{FlightPropagator, FlightTrajectory};
 pub use local_flight::LocalFlight;
 pub use process_noise::ProcessNoise;
@@ -54,6 +56,10 @@ pub struct Config {
     pub spin_prior_sd_radps: f64,
     /// Error in metres that all poses may share (calibration of the cameras).
     pub systematic_sd_m: f64,
+    /// Forces that depend on orientation and spin. None are expected by default.
+    pub aerodynamics: AerodynamicPrior,
+    /// How the error that neighbouring poses share wanders, in m/√s: a random walk.
+    pub pose_drift_m: f64,
     /// What no model of the flight knows. None by default, as in the paper's simulator.
     pub process_noise: ProcessNoise,
     /// Iterations of the fit at most.
@@ -75,6 +81,8 @@ impl Default for Config {
             drag_prior_sd_per_m: None,
             spin_prior_sd_radps: 10.0,
             systematic_sd_m: 0.0,
+            aerodynamics: AerodynamicPrior::default(),
+            pose_drift_m: 0.0,
             process_noise: ProcessNoise::default(),
             max_iterations: 10,
         }
@@ -99,9 +107,11 @@ impl Settings for Config {
                     ("inlier_rad", self.inlier_rad),
                     ("spin_prior_sd_radps", self.spin_prior_sd_radps),
                     ("systematic_sd_m", self.systematic_sd_m),
+                    ("pose_drift_m", self.pose_drift_m),
                 ],
             )
             .values(&LIMIT_SCALE, [("min_inlier_fraction", self.min_inlier_fraction)])
+            .table("aerodynamics", &self.aerodynamics)
             .table("process_noise", &self.process_noise)
             .options(
                 &NOT_NEGATIVE,
@@ -203,6 +213,7 @@ impl FlightPredictor for InformationFit {
 #[derive(Debug, Clone, Default)]
 pub struct Workspace {
     fit: fit::Scratch,
+    aerodynamics: Vec<aerodynamics::Row>,
     ransac: ransac::Scratch,
 }
 
@@ -217,19 +228,36 @@ pub fn predict(
     seed: u64,
     workspace: &mut Workspace,
 ) -> Result<FlightTrajectory, PredictionStatus> {
-    let newest = |count: usize| &poses[poses.len() - count.min(poses.len())..];
+    let fitted = &poses[poses.len() - config.fit_window.min(poses.len())..];
+    let mut flight = fit_flight(poses, fitted, previous, &symmetry, config, seed, workspace)?;
+    if config.aerodynamics.any() {
+        aerodynamics::refine(fitted, &mut flight, &symmetry, config, &mut workspace.aerodynamics);
+    }
+    Ok(flight)
+}
+
+/// The flight that fits without forces by which orientation and spin matter.
+fn fit_flight(
+    poses: &[ObjectPose],
+    fitted: &[ObjectPose],
+    previous: Option<&FlightTrajectory>,
+    symmetry: &Symmetry,
+    config: &Config,
+    seed: u64,
+    workspace: &mut Workspace,
+) -> Result<FlightTrajectory, PredictionStatus> {
     let window = config.sampled(poses).ok_or(PredictionStatus::TooFewPoses)?;
-    let Workspace { fit: fitting, ransac: sampling } = workspace;
+    let Workspace { fit: fitting, ransac: sampling, .. } = workspace;
     let enough = |inliers: usize| inliers >= 3 && inliers as f64 >= config.min_inlier_fraction * window.len() as f64;
     if let Some(previous) = previous
-        && let Ok((flight, agreeing)) = fit::fit(newest(config.fit_window), previous, &symmetry, config, fitting)
+        && let Ok((flight, agreeing)) = fit::fit(fitted, previous, symmetry, config, fitting)
         && enough(agreeing)
     {
         return Ok(flight);
     }
-    let start = ransac::best_flight(window, &symmetry, Rotation::Free, config, seed, sampling)?;
+    let start = ransac::best_flight(window, symmetry, Rotation::Free, config, seed, sampling)?;
     if !enough(start.inliers) {
         return Err(PredictionStatus::NoAgreement);
     }
-    fit::fit(newest(config.fit_window), &start, &symmetry, config, fitting).map(|(flight, _)| flight)
+    fit::fit(fitted, &start, symmetry, config, fitting).map(|(flight, _)| flight)
 }

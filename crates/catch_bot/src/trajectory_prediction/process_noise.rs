@@ -74,3 +74,45 @@ pub(super) fn lost_square(W: &Matrix3<f64>, e: &Vector3<f64>, density: f64, age_
     let factor = (W + Matrix3::identity() / variance).cholesky();
     factor.map_or(0.0, |factor| push.dot(&factor.solve(&push)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Against the impulse as three more parameters, of which the least squares solution keeps the others.
+    #[test]
+    fn an_impulse_leaves_what_its_elimination_leaves() {
+        const N: usize = 8;
+        let rows = SMatrix::<f64, 12, N>::from_fn(|i, j| ((3 * i + 7 * j) as f64).sin() + f64::from(u8::from(i == j)));
+        let seen = SVector::<f64, 12>::from_fn(|i, _| (5.0 * i as f64).cos());
+        let (age_s, variance) = (0.3, 0.07);
+        let (mut H, mut g) = (rows.transpose() * rows, -rows.transpose() * seen);
+        // What was seen depends on x − Γ·u.
+        let mut by_impulse = SMatrix::<f64, N, 3>::zeros();
+        by_impulse.fixed_view_mut::<3, 3>(1, 0).fill_diagonal(age_s);
+        by_impulse.fixed_view_mut::<3, 3>(5, 0).fill_diagonal(1.0);
+        let mut all = SMatrix::<f64, 11, 11>::zeros();
+        let crossed = -H * by_impulse;
+        all.fixed_view_mut::<N, N>(0, 0).copy_from(&H);
+        all.fixed_view_mut::<N, 3>(0, N).copy_from(&crossed);
+        all.fixed_view_mut::<3, N>(N, 0).copy_from(&crossed.transpose());
+        let own = by_impulse.transpose() * H * by_impulse + Matrix3::identity() / variance;
+        all.fixed_view_mut::<3, 3>(N, N).copy_from(&own);
+        let mut slope = SVector::<f64, 11>::zeros();
+        slope.fixed_rows_mut::<N>(0).copy_from(&g);
+        slope.fixed_rows_mut::<3>(N).copy_from(&(-by_impulse.transpose() * g));
+        let expected = -all.try_inverse().unwrap() * slope;
+        after_impulse(&mut H, &mut g, [1, 5], age_s, variance);
+        let found = -H.try_inverse().unwrap() * g;
+        assert!((found - expected.fixed_rows::<N>(0)).amax() < 1e-9, "{found} {expected}");
+    }
+
+    #[test]
+    fn noise_leaves_the_information_of_the_sum_of_covariances() {
+        let W = Matrix3::new(4.0, 1.0, 0.0, 1.0, 3.0, 0.5, 0.0, 0.5, 5.0);
+        let (e, density, age_s) = (Vector3::new(0.3, -0.2, 0.5), 2.0, 0.6_f64);
+        let noise = Matrix3::identity() * (density * density * age_s.powi(3) / 3.0);
+        let expected = e.dot(&((W.try_inverse().unwrap() + noise).try_inverse().unwrap() * e));
+        assert!((e.dot(&(W * e)) - lost_square(&W, &e, density, age_s) - expected).abs() < 1e-12);
+    }
+}
