@@ -54,8 +54,7 @@ impl Condition {
 
     /// What its trials of an object share, throw by throw.
     pub fn setups(&self, object: &str) -> Result<Vec<Setup>> {
-        let mut settings: Vec<String> = self.settings.iter().map(|&it| it.to_owned()).collect();
-        settings.extend(std::env::var("AERO_SET").unwrap_or_default().split_whitespace().map(str::to_owned));
+        let settings: Vec<String> = self.settings.iter().map(|&it| it.to_owned()).collect();
         let (scenario, first) = (Some(self.scenario), self.throws.first().copied());
         let choice = Choice { scenario, object: Some(object), throw: first, settings: &settings, ..Choice::default() };
         let setup = Setup::load(&choice)?;

@@ -9,7 +9,10 @@ use catch_body::dynamics::gravity;
 use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::{Config, FlightTrajectory, process_noise::after_impulse};
+use super::{
+    AerodynamicForces, Config, FlightTrajectory,
+    process_noise::{after_impulse, lost_square},
+};
 use crate::{
     perception::{ObjectPose, Symmetry},
     settings::{Faults, NOT_NEGATIVE, SettingError, Settings},
@@ -36,28 +39,6 @@ impl AerodynamicPrior {
     /// Whether any forces are expected.
     pub fn any(&self) -> bool {
         self.drag_deviation_sd_per_m > 0.0 || self.lift_sd_radps > 0.0
-    }
-}
-
-/// Forces on an object, per mass.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct AerodynamicForces {
-    /// E in O, in 1/m.
-    pub drag_deviation_O: Matrix3<f64>,
-    /// s in W, in rad/s.
-    pub lift_W: Vector3<f64>,
-}
-
-impl AerodynamicForces {
-    /// The acceleration f of an object with this orientation and velocity.
-    pub fn acceleration_mps2(&self, R_WO: &UnitQuaternion<f64>, v_WO: &Vector3<f64>) -> Vector3<f64> {
-        let across = R_WO * (self.drag_deviation_O * R_WO.inverse_transform_vector(v_WO));
-        self.lift_W.cross(v_WO) - across * v_WO.norm()
-    }
-
-    /// Whether there are any.
-    pub fn any(&self) -> bool {
-        *self != Self::default()
     }
 }
 
@@ -186,13 +167,8 @@ pub(super) fn refine(
         let (mut squares, mut freedom) = (12.0, 12.0);
         for row in rows.iter_mut() {
             let error = row.rest - row.by * x;
-            let drift = config.process_noise.acceleration.powi(2) * row.age_s.powi(3) / 3.0;
-            let pull = row.information * error;
-            let lost = (drift > 0.0)
-                .then(|| (row.information + Matrix3::identity() / drift).cholesky())
-                .flatten()
-                .map_or(0.0, |factor| pull.dot(&factor.solve(&pull)));
-            let square = (error.dot(&pull) - lost).max(0.0) / 3.0;
+            let lost = lost_square(&row.information, &error, config.process_noise.acceleration, row.age_s);
+            let square = (error.dot(&(row.information * error)) - lost).max(0.0) / 3.0;
             row.weight = (1.0 + square / (OUTLIER_SD * scale).powi(2)).powi(-2);
             squares += row.weight * square * 3.0;
             freedom += row.weight * 3.0;

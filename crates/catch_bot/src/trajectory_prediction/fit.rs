@@ -159,11 +159,7 @@ pub(super) fn fit(
         return Err(PredictionStatus::NotConverged);
     }
     let error_scale = ((sums.squares + SCALE_PRIOR_DOF) / (sums.freedom + SCALE_PRIOR_DOF)).sqrt();
-    let sums = if config.process_noise.any() || config.pose_drift_m > 0.0 {
-        problem.sums(scale, error_scale, scratch)
-    } else {
-        sums
-    };
+    let sums = if config.process_noise.any() { problem.sums(scale, error_scale, scratch) } else { sums };
     let (information, _) = problem.with_priors(&sums, &state, error_scale);
     let covariance = information.cholesky().ok_or(PredictionStatus::NotConverged)?.inverse();
     let flight = FlightTrajectory {
@@ -309,7 +305,7 @@ impl Problem<'_> {
         let mut sums =
             Sums { information: SMatrix::zeros(), gradient: SVector::zeros(), squares: 0.0, freedom: 0.0, inliers: 0 };
         let noise = self.config.process_noise;
-        if noise.any() || self.config.pose_drift_m > 0.0 {
+        if noise.any() {
             let mut older_s = None;
             for row in scratch.rows.iter().rev() {
                 if let Some(older_s) = older_s.replace(row.age_s) {
@@ -332,14 +328,10 @@ impl Problem<'_> {
         let variance = |density: f64| density.powi(2) * (older_s - age_s) / noise_scale.powi(2);
         let middle_s = f64::midpoint(older_s, age_s);
         sums.information.fill_lower_triangle_with_upper_triangle();
-        for (blocks, age_s, density) in [
-            ([0, 3], middle_s, noise.acceleration),
-            ([TURN, SPIN], middle_s, noise.angular_acceleration),
-            ([0, 0], 0.0, self.config.pose_drift_m),
-        ] {
+        for (blocks, density) in [([0, 3], noise.acceleration), ([TURN, SPIN], noise.angular_acceleration)] {
             let variance = variance(density);
             if variance > 0.0 {
-                after_impulse(&mut sums.information, &mut sums.gradient, blocks, age_s, variance);
+                after_impulse(&mut sums.information, &mut sums.gradient, blocks, middle_s, variance);
             }
         }
     }

@@ -3,6 +3,7 @@
 //! Sampling ([`ransac`]) finds a flight that most poses lie on, and which they are; a robust fit to all of them (`fit.rs`)
 //! makes it as good as the poses' information allows and says how good that is.
 
+mod aerodynamic_forces;
 mod aerodynamics;
 mod fit;
 mod flight;
@@ -14,7 +15,8 @@ mod tumbling;
 
 use serde::{Deserialize, Serialize};
 
-pub use aerodynamics::{AerodynamicForces, AerodynamicPrior};
+pub use aerodynamic_forces::AerodynamicForces;
+pub use aerodynamics::AerodynamicPrior;
 pub use flight::{FlightPropagator, FlightTrajectory};
 pub use local_flight::LocalFlight;
 pub use process_noise::ProcessNoise;
@@ -58,8 +60,6 @@ pub struct Config {
     pub systematic_sd_m: f64,
     /// Forces that depend on orientation and spin. None are expected by default.
     pub aerodynamics: AerodynamicPrior,
-    /// How the error that neighbouring poses share wanders, in m/√s: a random walk.
-    pub pose_drift_m: f64,
     /// What no model of the flight knows. None by default, as in the paper's simulator.
     pub process_noise: ProcessNoise,
     /// Iterations of the fit at most.
@@ -82,7 +82,6 @@ impl Default for Config {
             spin_prior_sd_radps: 10.0,
             systematic_sd_m: 0.0,
             aerodynamics: AerodynamicPrior::default(),
-            pose_drift_m: 0.0,
             process_noise: ProcessNoise::default(),
             max_iterations: 10,
         }
@@ -107,7 +106,6 @@ impl Settings for Config {
                     ("inlier_rad", self.inlier_rad),
                     ("spin_prior_sd_radps", self.spin_prior_sd_radps),
                     ("systematic_sd_m", self.systematic_sd_m),
-                    ("pose_drift_m", self.pose_drift_m),
                 ],
             )
             .values(&LIMIT_SCALE, [("min_inlier_fraction", self.min_inlier_fraction)])
