@@ -321,6 +321,10 @@ quantities! {
     joint_jerk_radps3 JOINT_JERK_RADPS3 = 0.001 to 1000000000.0 "rad/s³";
     /// Drag constants k of a = −k·|v|·v.
     drag_per_m DRAG_PER_M = 0.0 to 10.0 "1/m";
+    /// Magnus coefficients c of a = c·ω×v.
+    magnus MAGNUS = 0.0 to 1.0 "";
+    /// Rates at which something decays.
+    decay_per_s DECAY_PER_S = 0.0 to 100.0 "1/s";
     /// Fractions.
     fraction FRACTION = 0.0 to 1.0 "";
     /// Fractions by which something is drawn around its mean, below one.

@@ -342,6 +342,18 @@ mod tests {
         assert_eq!(top.throws, ["near", "far"]);
     }
 
+    /// The scenario `honest-aero` is `honest` but for the air and for what the brain does about it.
+    #[test]
+    fn honest_aero_is_honest_with_other_air() {
+        let (honest, mut aero) = (built_in("honest"), built_in("honest-aero"));
+        assert_ne!(aero.arena.aerodynamics, honest.arena.aerodynamics);
+        aero.arena.aerodynamics = honest.arena.aerodynamics;
+        let (prediction, of_honest) = (&mut aero.brain.trajectory_prediction, &honest.brain.trajectory_prediction);
+        (prediction.process_noise, prediction.aerodynamics) = (of_honest.process_noise, of_honest.aerodynamics);
+        (aero.name, aero.description) = (honest.name.clone(), honest.description.clone());
+        assert_eq!(aero, honest);
+    }
+
     #[test]
     fn every_overlay_changes_the_scenario_or_its_throws() {
         for name in Kind::Study.names() {

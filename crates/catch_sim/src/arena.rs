@@ -11,6 +11,7 @@ use crate::{
     conditions::Conditions,
     config::{ArenaConfig, GripperDriveKind, GripperTrigger},
     equipment::{Equipment, Shared},
+    free_flight::Air,
     gripper_drive::GripperDrive,
     physics::{ContactForces, Loads, Mount, World, WorldSettings, WorldState},
     random_streams::{Draws, Stream},
@@ -195,13 +196,6 @@ impl Arena {
         if self.is_alone { config.substeps_alone } else { config.substeps }
     }
 
-    /// Force of the air on the object during the step to come, by its velocity in the middle of it.
-    fn drag(&self, v_WO: &Vector3<f64>) -> Vector3<f64> {
-        let half_s = self.config().step_s / 2.0;
-        let middle = v_WO + (dynamics::gravity() + self.conditions.air_mps2(v_WO)) * half_s;
-        self.conditions.air_mps2(&middle) * self.equipment.shared.object.mass_kg
-    }
-
     /// Torque on a soft object by the fingers' patches, against its rotation about their normal; it stops the rotation at most. What
     /// the gripper feels of it is less than a thousandth of its own weight.
     fn spin_friction(&self) -> Vector3<f64> {
@@ -247,12 +241,12 @@ impl Arena {
         self.trigger(now_s);
         let before = self.state;
         let torque = self.servo.torque(now_s, step_s, &before.q, &before.dq);
-        let object_force_n = self.drag(&before.V_WO.linear);
+        let air = Air::in_step(&self.equipment.shared.body, &self.conditions, (&before.X_WO, &before.V_WO), step_s);
         let loads = Loads {
             torque,
             finger_force_n: self.drive.forces(now_s, before.finger_m, before.finger_mps),
-            object_force_n,
-            object_torque_nm: self.spin_friction(),
+            object_force_n: air.acceleration_mps2 * self.equipment.shared.object.mass_kg,
+            object_torque_nm: self.spin_friction() + air.torque_nm,
             gravity: self.gravity(),
         };
         self.steps += 1;

@@ -5,10 +5,11 @@
 
 use std::f64::consts::TAU;
 
-use catch_body::{Pose, Robot};
+use catch_body::{Pose, Robot, Twist};
 use nalgebra::{Translation3, Unit, UnitQuaternion, Vector3};
 
 use crate::{
+    aerodynamics::Aerodynamics,
     config::{ArenaConfig, DrawnWind, Wind},
     object::ThrownObject,
     random_streams::{Draws, Stream},
@@ -23,6 +24,8 @@ pub struct Conditions {
     pub restitution: f64,
     /// Drag constant k of a = −k·|v|·v in 1/m, v relative to the air; zero without air.
     pub drag_per_m: f64,
+    /// Aerodynamic coefficients besides it.
+    pub aerodynamics: Aerodynamics,
     /// Velocity of the air in W.
     pub wind_mps: Vector3<f64>,
     /// Angular velocity in W that the thrower gives besides the throw's own.
@@ -65,6 +68,11 @@ impl Conditions {
             friction: draws(Stream::Friction).between(object.friction.unwrap_or(config.friction).bounds()),
             restitution: restitution.min(1.0),
             drag_per_m,
+            aerodynamics: Aerodynamics::draw(
+                &config.aerodynamics,
+                &object.inertia_kgm2,
+                &mut draws(Stream::Aerodynamics),
+            ),
             wind_mps,
             spin_radps,
             link_mass_ratio: std::array::from_fn(|_| around(1.0, errors.link_mass_spread, &mut masses)),
@@ -83,8 +91,14 @@ impl Conditions {
         robot
     }
 
-    /// The deceleration by the air of an object that flies with `v_WO`, in m/s²: a = −k·|v − w|·(v − w).
-    pub fn air_mps2(&self, v_WO: &Vector3<f64>) -> Vector3<f64> {
+    /// The acceleration by the air of an object of this orientation and spatial velocity, in m/s².
+    pub fn air_mps2(&self, R_WO: &UnitQuaternion<f64>, V_WO: &Twist) -> Vector3<f64> {
+        let v_AO = V_WO.linear - self.wind_mps;
+        self.drag_mps2(&V_WO.linear) + self.aerodynamics.deviation_mps2(self.drag_per_m, R_WO, &V_WO.angular, &v_AO)
+    }
+
+    /// The part of it that brakes alike from all sides: a = −k·|v − w|·(v − w).
+    pub fn drag_mps2(&self, v_WO: &Vector3<f64>) -> Vector3<f64> {
         let v_AO = v_WO - self.wind_mps;
         -v_AO * (self.drag_per_m * v_AO.norm())
     }

@@ -3,7 +3,7 @@
 use catch_body::{InputError, quantity};
 use serde::{Deserialize, Serialize};
 
-use crate::depth_noise::DepthConfig;
+use crate::{aerodynamics::AerodynamicsConfig, depth_noise::DepthConfig};
 
 /// What the arena is like. The defaults are the paper's where the paper says something.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -34,6 +34,8 @@ pub struct ArenaConfig {
     /// brain is told of the object beforehand.
     #[serde(deserialize_with = "quantity::spread")]
     pub drag_spread: f64,
+    /// How the air acts besides that. Off by default.
+    pub aerodynamics: AerodynamicsConfig,
     /// How the air moves; it counts where there is drag.
     pub wind: Wind,
     /// Every throw spins about a random axis at a rate drawn uniformly up to this one, besides what the throw's own file says.
@@ -338,6 +340,7 @@ impl Default for ArenaConfig {
             restitution_spread: 0.0,
             drag: false,
             drag_spread: 0.0,
+            aerodynamics: AerodynamicsConfig::default(),
             wind: Wind::Always([0.0; 3]),
             max_spin_radps: 0.0,
             robot_errors: RobotErrors::default(),
@@ -428,6 +431,9 @@ mod tests {
             "latency_s = -1",
             "substeps = 0",
             "robot_errors.tool_position_m = 1e300",
+            "aerodynamics.drag_anisotropy = 1.0",
+            "aerodynamics.max_magnus = -0.1",
+            "aerodynamics.max_spin_decay_per_s = inf",
             "gripper = { kind = \"wsg50\", drive_mass_kg = -1 }",
         ] {
             let fault = read(text);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use catch_body::{Gripper, Robot, clearance::ArmClearance};
 use catch_cell::CameraModel;
 
-use crate::{cameras::Renderer, config::ArenaConfig, object::ThrownObject};
+use crate::{cameras::Renderer, config::ArenaConfig, object::ThrownObject, physics::FreeBody};
 
 /// Arm, gripper, cameras and the object to be thrown, prepared once for any number of throws. Clones share it.
 #[derive(Debug, Clone)]
@@ -23,6 +23,8 @@ pub(crate) struct Shared {
     pub robot_with_gripper: Robot,
     pub gripper: Gripper,
     pub object: ThrownObject,
+    /// The object without contacts.
+    pub body: FreeBody,
     pub renderer: Renderer,
     /// As calibrated.
     pub cameras: Vec<CameraModel>,
@@ -49,6 +51,7 @@ impl Equipment {
             config,
             robot,
             gripper,
+            body: FreeBody::of(&object),
             object,
         };
         Self { shared: Arc::new(shared) }

@@ -7,6 +7,7 @@
 //!
 //! A scene is a pure function of its files, its seed and its index; see [`random_streams`].
 
+pub mod aerodynamics;
 pub mod arena;
 pub mod cameras;
 pub mod conditions;
@@ -14,6 +15,7 @@ pub mod config;
 mod convex_parts;
 pub mod depth_noise;
 pub mod equipment;
+pub mod free_flight;
 pub mod gripper_drive;
 pub mod object;
 pub mod object_shape;
@@ -28,6 +30,7 @@ pub use arena::Arena;
 pub use conditions::Conditions;
 pub use config::{ArenaConfig, GripperDriveKind};
 pub use equipment::Equipment;
+pub use free_flight::FreeFlight;
 pub use object::{ObjectPrior, ThrownObject};
 pub use throw::{Release, Throw};
 pub use truth::{Contact, ServoReport, Truth, TruthSample};

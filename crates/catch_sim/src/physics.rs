@@ -22,7 +22,7 @@ use rapier3d_f64::prelude as engine;
 
 use crate::{object::ThrownObject, throw::Release, truth::Contact};
 use convert::{from_pose, from_vector, to_pose, to_vector};
-use free_motion::FreeBody;
+pub(crate) use free_motion::FreeBody;
 
 /// What the gripper is mounted on.
 #[derive(Debug, Clone, Copy)]

@@ -42,6 +42,8 @@ pub enum Stream {
     RobotController = 24,
     /// Which of several objects is thrown.
     Object = 25,
+    /// Aerodynamic coefficients.
+    Aerodynamics = 26,
 }
 
 /// Uniform numbers.

@@ -8,8 +8,9 @@ use catch_body::Pose;
 use nalgebra::{Matrix3, Matrix3x4, Matrix3x6, Point3, SMatrix, SVector, UnitQuaternion, Vector3};
 
 use super::{
-    Config, FlightTrajectory, LocalFlight, PredictionStatus,
+    AerodynamicForces, Config, FlightTrajectory, LocalFlight, PredictionStatus, ProcessNoise,
     flight::Motion,
+    process_noise::{after_impulse, lost_square},
     ransac::{is_finite, reach_m},
     tumbling,
     tumbling::Tumbling,
@@ -44,6 +45,8 @@ struct State {
 /// How the flight stands to one pose: the error, and how the flight's pose there depends on its parameters.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Row {
+    /// How much older than the newest pose this one is, in seconds.
+    age_s: f64,
     /// Turn and shift from the flight to the pose.
     turn: Vector3<f64>,
     shift: Vector3<f64>,
@@ -54,16 +57,22 @@ pub(super) struct Row {
     turns: Matrix3<f64>,
     mixed: Matrix3<f64>,
     shifts: Matrix3<f64>,
-    /// eᵀ·W·e
+    /// eᵀ·W·e, W less the noise of the process since then.
     square: f64,
 }
 
 impl Row {
     /// Notes eᵀ·W·e.
-    fn weigh(&mut self, turns: bool) {
+    fn weigh(&mut self, turns: bool, noise: &ProcessNoise) {
         self.square = self.shift.dot(&(self.shifts * self.shift));
         if turns {
             self.square += self.turn.dot(&(self.turns * self.turn + self.mixed * (self.shift * 2.0)));
+        }
+        if noise.any() && self.age_s > 0.0 {
+            self.square -= lost_square(&self.shifts, &self.shift, noise.acceleration, self.age_s);
+            if turns {
+                self.square -= lost_square(&self.turns, &self.turn, noise.angular_acceleration, self.age_s);
+            }
         }
         self.square = self.square.max(0.0);
     }
@@ -123,7 +132,7 @@ pub(super) fn fit(
     let mut agreeing = near_start;
     let mut converged = false;
     for _ in 0..config.max_iterations {
-        let sums = problem.sums(scale, scratch);
+        let sums = problem.sums(scale, scale, scratch);
         let (information, gradient) = problem.with_priors(&sums, &state, scale);
         let factor = information.cholesky().ok_or(PredictionStatus::NotConverged)?;
         let step = -factor.solve(&gradient);
@@ -145,11 +154,12 @@ pub(super) fn fit(
             break;
         }
     }
-    let sums = problem.sums(scale, scratch);
+    let sums = problem.sums(scale, scale, scratch);
     if !converged && scale > 10.0 {
         return Err(PredictionStatus::NotConverged);
     }
     let error_scale = ((sums.squares + SCALE_PRIOR_DOF) / (sums.freedom + SCALE_PRIOR_DOF)).sqrt();
+    let sums = if config.process_noise.any() { problem.sums(scale, error_scale, scratch) } else { sums };
     let (information, _) = problem.with_priors(&sums, &state, error_scale);
     let covariance = information.cholesky().ok_or(PredictionStatus::NotConverged)?.inverse();
     let flight = FlightTrajectory {
@@ -163,6 +173,8 @@ pub(super) fn fit(
         covariance: covariance.fixed_view::<7, 7>(0, 0).into_owned(),
         rotation_covariance: covariance.fixed_view::<6, 6>(TURN, TURN).into_owned(),
         systematic_sd_m: config.systematic_sd_m,
+        process_noise: config.process_noise,
+        forces: AerodynamicForces::default(),
         inliers: sums.inliers,
         considered: poses.len(),
         error_scale,
@@ -230,6 +242,7 @@ impl Problem<'_> {
             time_s = pose.capture_s;
             let X_WO: &Pose = &pose.X_WO;
             let mut row = Row {
+                age_s: self.newest_s - pose.capture_s,
                 turn: Vector3::zeros(),
                 shift: X_WO.translation.vector - motion.p,
                 by_rotation: Matrix3x6::zeros(),
@@ -245,7 +258,7 @@ impl Problem<'_> {
                 row.turns = pose.information.fixed_view::<3, 3>(0, 0).into_owned();
                 row.mixed = pose.information.fixed_view::<3, 3>(0, 3).into_owned();
             }
-            row.weigh(turns);
+            row.weigh(turns, &self.config.process_noise);
             agreeing += usize::from(age < window && row.shift.norm() < reach_m(pose, self.config));
             scratch.rows.push(row);
         }
@@ -265,7 +278,7 @@ impl Problem<'_> {
             if turns {
                 row.turn -= row.by_rotation * rotation;
             }
-            row.weigh(turns);
+            row.weigh(turns, &self.config.process_noise);
             agreeing += usize::from(age < window && row.shift.norm() < reach_m(pose, self.config));
         }
         agreeing
@@ -283,51 +296,86 @@ impl Problem<'_> {
         squares.select_nth_unstable_by(middle, f64::total_cmp).1.sqrt()
     }
 
-    /// Σ w·JᵀWJ and Σ w·JᵀWe, block by block: J is [1, ∂shift] on position, velocity and drag, and ∂turn on the rest.
-    fn sums(&self, scale: f64, scratch: &Scratch) -> Sums {
+    /// Σ w·JᵀWJ and Σ w·JᵀWe. The noise of the process counts as for poses whose errors are scaled by `noise_scale`.
+    ///
+    /// With noise they are gathered from the oldest pose on: between two poses, an impulse of the variance q²·Δt has changed the velocity in the
+    /// middle of the time Δt between them, and one the angular velocity, so that what is known of the state till then is known less well. An
+    /// impulse u on the velocity, of age τ, is τ·u in the position now and u in the velocity; drag and the axes of tumbling are left out of that.
+    fn sums(&self, scale: f64, noise_scale: f64, scratch: &Scratch) -> Sums {
         let mut sums =
             Sums { information: SMatrix::zeros(), gradient: SVector::zeros(), squares: 0.0, freedom: 0.0, inliers: 0 };
+        let noise = self.config.process_noise;
+        if noise.any() {
+            let mut older_s = None;
+            for row in scratch.rows.iter().rev() {
+                if let Some(older_s) = older_s.replace(row.age_s) {
+                    self.lose_to_noise(&mut sums, [older_s, row.age_s], noise_scale);
+                }
+                self.add(&mut sums, row, scale);
+            }
+        } else {
+            for row in &scratch.rows {
+                self.add(&mut sums, row, scale);
+            }
+        }
+        sums.information.fill_lower_triangle_with_upper_triangle();
+        sums
+    }
+
+    /// What the noise between two ages leaves of what the poses till then tell.
+    fn lose_to_noise(&self, sums: &mut Sums, [older_s, age_s]: [f64; 2], noise_scale: f64) {
+        let noise = self.config.process_noise;
+        let variance = |density: f64| density.powi(2) * (older_s - age_s) / noise_scale.powi(2);
+        let middle_s = f64::midpoint(older_s, age_s);
+        sums.information.fill_lower_triangle_with_upper_triangle();
+        for (blocks, density) in [([0, 3], noise.acceleration), ([TURN, SPIN], noise.angular_acceleration)] {
+            let variance = variance(density);
+            if variance > 0.0 {
+                after_impulse(&mut sums.information, &mut sums.gradient, blocks, middle_s, variance);
+            }
+        }
+    }
+
+    /// Adds a row, block by block: J is [1, ∂shift] on position, velocity and drag, and ∂turn on the rest. Of the information, the upper
+    /// triangle is filled.
+    fn add(&self, sums: &mut Sums, row: &Row, scale: f64) {
         let turns = !matches!(self.symmetry, Symmetry::Sphere);
         let H = &mut sums.information;
         let add = |H: &mut SMatrix<f64, N, N>, at: (usize, usize), block: &Matrix3<f64>| {
             let mut view = H.fixed_view_mut::<3, 3>(at.0, at.1);
             view += block;
         };
-        for row in &scratch.rows {
-            let in_sd = (row.square / self.freedom).sqrt() / scale;
-            let weight = (1.0 + (in_sd / OUTLIER_SD).powi(2)).powi(-2);
-            let shifts = row.shifts * weight;
-            let by_motion = shifts * row.by_motion;
-            add(H, (0, 0), &shifts);
-            let mut view = H.fixed_view_mut::<3, 4>(0, 3);
-            view += by_motion;
-            let mut view = H.fixed_view_mut::<4, 4>(3, 3);
-            view += row.by_motion.transpose() * by_motion;
-            let mut push = shifts * row.shift;
-            if turns {
-                let mixed = row.mixed * weight;
-                push += mixed.transpose() * row.turn;
-                let by_rotation = row.by_rotation.transpose();
-                let crossed = mixed.transpose() * row.by_rotation;
-                let mut view = H.fixed_view_mut::<3, 6>(0, TURN);
-                view += crossed;
-                let mut view = H.fixed_view_mut::<4, 6>(3, TURN);
-                view += row.by_motion.transpose() * crossed;
-                let mut view = H.fixed_view_mut::<6, 6>(TURN, TURN);
-                view += by_rotation * (row.turns * weight * row.by_rotation);
-                let mut view = sums.gradient.fixed_rows_mut::<6>(TURN);
-                view -= by_rotation * (row.turns * row.turn * weight + mixed * row.shift);
-            }
-            let mut view = sums.gradient.fixed_rows_mut::<3>(0);
-            view -= push;
-            let mut view = sums.gradient.fixed_rows_mut::<4>(3);
-            view -= row.by_motion.transpose() * push;
-            sums.squares += weight * row.square;
-            sums.freedom += weight * self.freedom;
-            sums.inliers += usize::from(in_sd < OUTLIER_SD);
+        let in_sd = (row.square / self.freedom).sqrt() / scale;
+        let weight = (1.0 + (in_sd / OUTLIER_SD).powi(2)).powi(-2);
+        let shifts = row.shifts * weight;
+        let by_motion = shifts * row.by_motion;
+        add(H, (0, 0), &shifts);
+        let mut view = H.fixed_view_mut::<3, 4>(0, 3);
+        view += by_motion;
+        let mut view = H.fixed_view_mut::<4, 4>(3, 3);
+        view += row.by_motion.transpose() * by_motion;
+        let mut push = shifts * row.shift;
+        if turns {
+            let mixed = row.mixed * weight;
+            push += mixed.transpose() * row.turn;
+            let by_rotation = row.by_rotation.transpose();
+            let crossed = mixed.transpose() * row.by_rotation;
+            let mut view = H.fixed_view_mut::<3, 6>(0, TURN);
+            view += crossed;
+            let mut view = H.fixed_view_mut::<4, 6>(3, TURN);
+            view += row.by_motion.transpose() * crossed;
+            let mut view = H.fixed_view_mut::<6, 6>(TURN, TURN);
+            view += by_rotation * (row.turns * weight * row.by_rotation);
+            let mut view = sums.gradient.fixed_rows_mut::<6>(TURN);
+            view -= by_rotation * (row.turns * row.turn * weight + mixed * row.shift);
         }
-        sums.information.fill_lower_triangle_with_upper_triangle();
-        sums
+        let mut view = sums.gradient.fixed_rows_mut::<3>(0);
+        view -= push;
+        let mut view = sums.gradient.fixed_rows_mut::<4>(3);
+        view -= row.by_motion.transpose() * push;
+        sums.squares += weight * row.square;
+        sums.freedom += weight * self.freedom;
+        sums.inliers += usize::from(in_sd < OUTLIER_SD);
     }
 
     /// The normal equations with the priors on drag and spin, and a trace of one on everything, for what is not observed.

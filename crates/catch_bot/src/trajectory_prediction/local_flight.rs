@@ -15,6 +15,8 @@ pub struct LocalFlight {
     pub V_WO: Twist,
     /// Drag constant, as in [`FlightTrajectory`](super::FlightTrajectory).
     pub drag_per_m: f64,
+    /// Acceleration then by other aerodynamic forces.
+    pub forces_mps2: Vector3<f64>,
 }
 
 impl LocalFlight {
@@ -22,7 +24,7 @@ impl LocalFlight {
     pub fn pose_at(&self, time_s: f64) -> Pose {
         let elapsed_s = time_s - self.time_s;
         let v = self.V_WO.linear;
-        let acceleration = gravity() - v * (self.drag_per_m * v.norm());
+        let acceleration = gravity() - v * (self.drag_per_m * v.norm()) + self.forces_mps2;
         let mut X_WO = self.X_WO;
         X_WO.translation.vector += v * elapsed_s + acceleration * (0.5 * elapsed_s * elapsed_s);
         X_WO.rotation = UnitQuaternion::from_scaled_axis(self.V_WO.angular * elapsed_s) * X_WO.rotation;

@@ -3,17 +3,23 @@
 //! Sampling ([`ransac`]) finds a flight that most poses lie on, and which they are; a robust fit to all of them (`fit.rs`)
 //! makes it as good as the poses' information allows and says how good that is.
 
+mod aerodynamic_forces;
+mod aerodynamics;
 mod fit;
 mod flight;
 mod local_flight;
+mod process_noise;
 pub mod ransac;
 mod track;
 mod tumbling;
 
 use serde::{Deserialize, Serialize};
 
+pub use aerodynamic_forces::AerodynamicForces;
+pub use aerodynamics::AerodynamicPrior;
 pub use flight::{FlightPropagator, FlightTrajectory};
 pub use local_flight::LocalFlight;
+pub use process_noise::ProcessNoise;
 use ransac::Rotation;
 pub use track::{Track, TrackSample};
 pub use tumbling::inertia_per_kg;
@@ -52,6 +58,10 @@ pub struct Config {
     pub spin_prior_sd_radps: f64,
     /// Error in metres that all poses may share (calibration of the cameras).
     pub systematic_sd_m: f64,
+    /// Forces that depend on orientation and spin. None are expected by default.
+    pub aerodynamics: AerodynamicPrior,
+    /// What no model of the flight knows. None by default, as in the paper's simulator.
+    pub process_noise: ProcessNoise,
     /// Iterations of the fit at most.
     pub max_iterations: usize,
 }
@@ -71,6 +81,8 @@ impl Default for Config {
             drag_prior_sd_per_m: None,
             spin_prior_sd_radps: 10.0,
             systematic_sd_m: 0.0,
+            aerodynamics: AerodynamicPrior::default(),
+            process_noise: ProcessNoise::default(),
             max_iterations: 10,
         }
     }
@@ -97,6 +109,8 @@ impl Settings for Config {
                 ],
             )
             .values(&LIMIT_SCALE, [("min_inlier_fraction", self.min_inlier_fraction)])
+            .table("aerodynamics", &self.aerodynamics)
+            .table("process_noise", &self.process_noise)
             .options(
                 &NOT_NEGATIVE,
                 [("drag_prior_per_m", self.drag_prior_per_m), ("drag_prior_sd_per_m", self.drag_prior_sd_per_m)],
@@ -197,6 +211,7 @@ impl FlightPredictor for InformationFit {
 #[derive(Debug, Clone, Default)]
 pub struct Workspace {
     fit: fit::Scratch,
+    aerodynamics: Vec<aerodynamics::Row>,
     ransac: ransac::Scratch,
 }
 
@@ -211,20 +226,37 @@ pub fn predict(
     seed: u64,
     workspace: &mut Workspace,
 ) -> Result<FlightTrajectory, PredictionStatus> {
-    let newest = |count: usize| &poses[poses.len() - count.min(poses.len())..];
+    let fitted = &poses[poses.len() - config.fit_window.min(poses.len())..];
+    let mut flight = fit_flight(poses, fitted, previous, &symmetry, config, seed, workspace)?;
+    if config.aerodynamics.any() {
+        aerodynamics::refine(fitted, &mut flight, &symmetry, config, &mut workspace.aerodynamics);
+    }
+    Ok(flight)
+}
+
+/// The flight that fits without forces by which orientation and spin matter.
+fn fit_flight(
+    poses: &[ObjectPose],
+    fitted: &[ObjectPose],
+    previous: Option<&FlightTrajectory>,
+    symmetry: &Symmetry,
+    config: &Config,
+    seed: u64,
+    workspace: &mut Workspace,
+) -> Result<FlightTrajectory, PredictionStatus> {
     let window = config.sampled(poses).ok_or(PredictionStatus::TooFewPoses)?;
-    let Workspace { fit: fitting, ransac: sampling } = workspace;
+    let Workspace { fit: fitting, ransac: sampling, .. } = workspace;
     let enough = |inliers: usize| inliers >= 3 && inliers as f64 >= config.min_inlier_fraction * window.len() as f64;
     if let Some(previous) = previous
-        && let Ok((flight, agreeing)) = fit::fit(newest(config.fit_window), previous, &symmetry, config, fitting)
+        && let Ok((flight, agreeing)) = fit::fit(fitted, previous, symmetry, config, fitting)
         && enough(agreeing)
     {
         return Ok(flight);
     }
     let start =
-        ransac::best_flight(window, &symmetry, (Rotation::Free, ransac::TieBreak::MeanSquare), config, seed, sampling)?;
+        ransac::best_flight(window, symmetry, (Rotation::Free, ransac::TieBreak::MeanSquare), config, seed, sampling)?;
     if !enough(start.inliers) {
         return Err(PredictionStatus::NoAgreement);
     }
-    fit::fit(newest(config.fit_window), &start, &symmetry, config, fitting).map(|(flight, _)| flight)
+    fit::fit(fitted, &start, symmetry, config, fitting).map(|(flight, _)| flight)
 }

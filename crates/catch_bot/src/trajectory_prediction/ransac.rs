@@ -5,7 +5,7 @@ use nalgebra::{Matrix6, Point3, SMatrix, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::{Config, FlightTrajectory, PredictionStatus, flight::Motion, tumbling};
+use super::{AerodynamicForces, Config, FlightTrajectory, PredictionStatus, flight::Motion, tumbling};
 use crate::perception::{ObjectPose, Symmetry};
 
 /// Buffers of the search.
@@ -125,6 +125,8 @@ fn through(
         covariance: SMatrix::zeros(),
         rotation_covariance: Matrix6::zeros(),
         systematic_sd_m: config.systematic_sd_m,
+        process_noise: config.process_noise,
+        forces: AerodynamicForces::default(),
         inliers: 2,
         considered: 2,
         error_scale: 1.0,

@@ -203,3 +203,36 @@ fn drag_is_found_as_well_as_it_can_be() {
     let ratio = drag_against_the_bound(200);
     assert!((0.7..1.3).contains(&ratio), "{ratio}");
 }
+
+/// Forces that depend on orientation and spin are found along with the flight: predictions are better than without, and their errors as
+/// large as claimed.
+#[test]
+fn aerodynamic_forces_are_found() {
+    let calm = Config { drag_prior_per_m: Some(0.05), drag_prior_sd_per_m: Some(0.01), ..Config::default() };
+    let process_noise = ProcessNoise { acceleration: 0.05, angular_acceleration: 0.5 };
+    let aerodynamics = AerodynamicPrior { drag_deviation_sd_per_m: 0.02, lift_sd_radps: 0.03 };
+    let aware = Config { process_noise, aerodynamics, ..calm.clone() };
+    let (mut errors, mut inside) = ([Vec::new(), Vec::new()], 0);
+    for seed in 0..200 {
+        let mut normal = Normal::new(seed);
+        let mut throw = throw(&mut normal, 10.0, 0.05, &banana());
+        let diagonal = normal.vector() * 0.02;
+        let drag_deviation_O = Matrix3::from_diagonal(&diagonal.add_scalar(-diagonal.mean()));
+        throw.forces = AerodynamicForces { drag_deviation_O, lift_W: normal.vector() * 0.03 };
+        let poses = seen(&throw, 40, 0.0006, 0.02, 0.1, &mut normal);
+        for (config, errors) in [&calm, &aware].into_iter().zip(&mut errors) {
+            let flight = predict(&poses, None, banana(), config, seed, &mut Default::default()).unwrap();
+            let error = throw.pose_at(0.55).translation.vector - flight.pose_at(0.55).translation.vector;
+            errors.push(error.norm());
+            if config.aerodynamics.any() {
+                let covariance = flight.covariance_at(0.55).fixed_view::<3, 3>(0, 0).into_owned();
+                inside += usize::from(error.dot(&covariance.cholesky().unwrap().solve(&error)) < 7.815);
+            }
+        }
+    }
+    let median = errors.map(|mut errors| {
+        errors.sort_by(f64::total_cmp);
+        errors[errors.len() / 2]
+    });
+    assert!(median[1] < 0.5 * median[0] && (170..=200).contains(&inside), "{median:?}, {inside} of 200 within 95 %");
+}

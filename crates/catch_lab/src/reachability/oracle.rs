@@ -12,12 +12,12 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use catch_body::{
-    Gripper, JointVector, MAX_JOINTS, Pose, Robot,
+    Gripper, JointVector, MAX_JOINTS, Pose, Robot, Twist,
     clearance::ArmClearance,
-    dynamics,
     inverse_kinematics::{ParallelAxesArm, Ranges, SrsArm},
     robot::JointLimits,
 };
+use catch_sim::FreeFlight;
 use nalgebra::{Point3, Rotation3, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -223,15 +223,15 @@ impl Flight {
     /// That of throw number `index`.
     pub fn of(setup: &Setup, seed: u64, index: u64) -> Self {
         let (release, conditions) = (setup.release(seed, index), setup.conditions(seed, index));
-        let (mut p_WO, mut v_WO, mut samples) = (release.p_WO, release.v_WO, Vec::new());
-        let acceleration = |v_WO: &Vector3<f64>| dynamics::gravity() + conditions.air_mps2(v_WO);
-        while p_WO.z > 0.0 && (samples.len() as f64) * FLIGHT_STEP_S < LONGEST_S {
-            samples.push(FlightSample { time_s: samples.len() as f64 * FLIGHT_STEP_S, p_WO, v_WO });
-            let middle = v_WO + acceleration(&v_WO) * (FLIGHT_STEP_S / 2.0);
-            p_WO += middle * FLIGHT_STEP_S;
-            v_WO += acceleration(&middle) * FLIGHT_STEP_S;
-        }
-        Self { samples }
+        let flight = FreeFlight::new(&setup.object, &release, &conditions, FLIGHT_STEP_S);
+        let longest = (LONGEST_S / FLIGHT_STEP_S) as usize;
+        let in_flight = flight.take(longest).take_while(|(X_WO, _)| X_WO.translation.z > 0.0);
+        let sample = |(i, (X_WO, V_WO)): (usize, (Pose, Twist))| FlightSample {
+            time_s: i as f64 * FLIGHT_STEP_S,
+            p_WO: X_WO.translation.vector.into(),
+            v_WO: V_WO.linear,
+        };
+        Self { samples: in_flight.enumerate().map(sample).collect() }
     }
 }
 

@@ -36,7 +36,7 @@ pub(super) fn assemble(
     };
     builder.attach_box(hand, &X_HG, &gripper.body(), Part::Palm);
     let fingers = builder.add_fingers(gripper, hand, &X_HG);
-    let (free, com_O) = (free_body(object), object.com_O.coords);
+    let (free, com_O) = (FreeBody::of(object), object.com_O.coords);
     let object = builder.add_object(object, release);
     // The engine would take the masses into account in the first step only, but the kinematics below need them.
     for (_, body) in builder.bodies.iter_mut() {
@@ -105,14 +105,9 @@ impl World {
         self.object = builder.add_object(object, release);
         builder.bodies[self.object].recompute_mass_properties_from_colliders(&builder.colliders);
         (self.bodies, self.colliders) = (builder.bodies, builder.colliders);
-        (self.free, self.com_O) = (free_body(object), object.com_O.coords);
+        (self.free, self.com_O) = (FreeBody::of(object), object.com_O.coords);
         self.contact_forces = ContactForces::default();
     }
-}
-
-/// The object without its contacts.
-fn free_body(object: &ThrownObject) -> FreeBody {
-    FreeBody::new(object.mass_kg, &object.inertia_kgm2).expect("an object's inertia is positive definite")
 }
 
 struct Builder {

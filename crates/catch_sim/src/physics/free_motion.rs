@@ -7,6 +7,8 @@
 use catch_body::{Pose, Twist};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
+use crate::object::ThrownObject;
+
 /// Longest rotation of one integration step, in radians; the error of a step is of its fifth power.
 const STEP_RAD: f64 = 0.05;
 /// Most integration steps: a spin that needs more is not one of a thrown object.
@@ -14,7 +16,7 @@ const MOST_STEPS: f64 = 1000.0;
 
 /// A rigid body without contact.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct FreeBody {
+pub(crate) struct FreeBody {
     mass_kg: f64,
     /// Inertia about the centre of mass, along the axes of O, and its inverse.
     inertia_kgm2: Matrix3<f64>,
@@ -22,17 +24,16 @@ pub(super) struct FreeBody {
 }
 
 impl FreeBody {
-    /// `None` if the inertia has no inverse.
-    pub fn new(mass_kg: f64, inertia_kgm2: &Matrix3<f64>) -> Option<Self> {
-        let inverse_inertia = inertia_kgm2.try_inverse()?;
-        Some(Self { mass_kg, inertia_kgm2: *inertia_kgm2, inverse_inertia })
+    /// An object.
+    pub fn of(object: &ThrownObject) -> Self {
+        let inverse_inertia = object.inertia_kgm2.try_inverse().expect("an object's inertia is positive definite");
+        Self { mass_kg: object.mass_kg, inertia_kgm2: object.inertia_kgm2, inverse_inertia }
     }
 
     /// Pose and velocity after `duration_s`, under constant gravity, force and torque in W; the force acts on the centre of mass,
     /// which is the origin of O.
     ///
-    /// Translation is exact. Rotation follows q̇ = ½·ω·q with ω = R·I⁻¹·Rᵀ·L and L(t) = L₀ + τ·t, by Runge and Kutta's method of
-    /// fourth order: momentum is kept to rounding, whatever the error of the orientation.
+    /// Translation is exact.
     pub fn advanced(
         &self,
         (X_WO, V_WO): (&Pose, &Twist),
@@ -42,22 +43,40 @@ impl FreeBody {
     ) -> (Pose, Twist) {
         let acceleration = gravity + force_n / self.mass_kg;
         let p_WO = X_WO.translation.vector + (V_WO.linear + acceleration * (duration_s / 2.0)) * duration_s;
-        let q_WO = X_WO.rotation;
-        let L_W = q_WO * (self.inertia_kgm2 * (q_WO.inverse() * V_WO.angular));
-        let steps = (V_WO.angular.norm() * duration_s / STEP_RAD).ceil().clamp(1.0, MOST_STEPS);
-        let step_s = duration_s / steps;
-        let mut q = q_WO.into_inner();
-        for step in 0..steps as usize {
-            q = self.rotated(&q, &(L_W + torque_nm * (step as f64 * step_s)), torque_nm, step_s);
-        }
-        let q_WO = UnitQuaternion::new_normalize(q);
-        let angular = q_WO * (self.inverse_inertia * (q_WO.inverse() * (L_W + torque_nm * duration_s)));
+        let (q_WO, angular) = self.rotated((&X_WO.rotation, &V_WO.angular), torque_nm, duration_s);
         let linear = V_WO.linear + acceleration * duration_s;
         (Pose::from_parts(p_WO.into(), q_WO), Twist { angular, linear })
     }
 
+    /// Orientation and angular velocity in W after `duration_s` under a constant torque in W.
+    ///
+    /// Rotation follows q̇ = ½·ω·q with ω = R·I⁻¹·Rᵀ·L and L(t) = L₀ + τ·t, by Runge and Kutta's method of fourth order: momentum is
+    /// kept to rounding, whatever the error of the orientation.
+    pub fn rotated(
+        &self,
+        (q_WO, angular): (&UnitQuaternion<f64>, &Vector3<f64>),
+        torque_nm: &Vector3<f64>,
+        duration_s: f64,
+    ) -> (UnitQuaternion<f64>, Vector3<f64>) {
+        let L_W = self.momentum(q_WO, angular);
+        let steps = (angular.norm() * duration_s / STEP_RAD).ceil().clamp(1.0, MOST_STEPS);
+        let step_s = duration_s / steps;
+        let mut q = q_WO.into_inner();
+        for step in 0..steps as usize {
+            q = self.rotation_step(&q, &(L_W + torque_nm * (step as f64 * step_s)), torque_nm, step_s);
+        }
+        let q_WO = UnitQuaternion::new_normalize(q);
+        let angular = q_WO * (self.inverse_inertia * (q_WO.inverse() * (L_W + torque_nm * duration_s)));
+        (q_WO, angular)
+    }
+
+    /// Angular momentum in W.
+    pub fn momentum(&self, q_WO: &UnitQuaternion<f64>, angular: &Vector3<f64>) -> Vector3<f64> {
+        q_WO * (self.inertia_kgm2 * (q_WO.inverse() * angular))
+    }
+
     /// One step of the rotation from `q`, at whose beginning the angular momentum in W is `L_W`.
-    fn rotated(
+    fn rotation_step(
         &self,
         q: &Quaternion<f64>,
         L_W: &Vector3<f64>,

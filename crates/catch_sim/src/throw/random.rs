@@ -86,7 +86,8 @@ impl RandomMotion {
     ///
     /// Without wind the flight is in a vertical plane. It touches the cylinder of radius r about the axis where it is nearest:
     /// seen from above, at the point of the circle whose tangent goes through the release, acos(r/d) away from it. That
-    /// point, its height and the time are drawn, so drag is met by aiming; wind blows the flight off that point.
+    /// point, its height and the time are drawn, so drag is met by aiming; wind blows the flight off that point, and so do other
+    /// aerodynamic forces.
     pub fn draw(&self, conditions: &Conditions, draws: &mut Draws) -> (Point3<f64>, Vector3<f64>) {
         let azimuth = draws.between(self.azimuth_deg).to_radians();
         let distance = draws.between(self.distance_m);
@@ -135,7 +136,7 @@ fn aimed(p_WO: Point3<f64>, target_W: Point3<f64>, time_s: f64, conditions: &Con
 fn flown(mut p_WO: Point3<f64>, mut v_WO: Vector3<f64>, time_s: f64, conditions: &Conditions) -> Point3<f64> {
     const STEPS: u32 = 200;
     let step_s = time_s / f64::from(STEPS);
-    let acceleration = |v_WO: &Vector3<f64>| dynamics::gravity() + conditions.air_mps2(v_WO);
+    let acceleration = |v_WO: &Vector3<f64>| dynamics::gravity() + conditions.drag_mps2(v_WO);
     for _ in 0..STEPS {
         let middle = v_WO + acceleration(&v_WO) * (step_s / 2.0);
         p_WO += middle * step_s;

@@ -1,5 +1,6 @@
 //! Physics, servo and truth of the arena, against theory and against another engine.
 
+mod aerodynamics;
 mod catch_table;
 mod contacts;
 mod free_motion;

@@ -5,6 +5,7 @@ use std::thread;
 use catch_body::dynamics;
 use catch_sim::{
     ArenaConfig, Conditions, Release, Throw,
+    aerodynamics::{Aerodynamics, AerodynamicsConfig},
     config::{Between, Drawn, DrawnWind, RobotErrors, Wind},
 };
 use nalgebra::Vector3;
@@ -37,6 +38,7 @@ fn everything() -> ArenaConfig {
         restitution_spread: 0.3,
         drag: true,
         drag_spread: 0.3,
+        aerodynamics: AerodynamicsConfig { drag_anisotropy: 0.8, max_magnus: 0.006, max_spin_decay_per_s: 0.6 },
         max_spin_radps: 25.0,
         wind: Wind::Drawn(DrawnWind { max_mps: 2.0 }),
         robot_errors: RobotErrors {
@@ -69,6 +71,15 @@ fn materials_air_and_spin_have_their_distributions() {
     assert_uniform("drag", [0.05 * 0.7, 0.05 * 1.3], scenes.iter().map(|it| it.drag_per_m));
     assert_uniform("spin", [0.0, 25.0], scenes.iter().map(|it| it.spin_radps.norm()));
     assert_uniform("wind", [0.0, 2.0], scenes.iter().map(|it| it.wind_mps.norm()));
+    assert_uniform("Magnus coefficient", [0.0, 0.006], scenes.iter().map(|it| it.aerodynamics.magnus));
+    assert_uniform("decay of the spin", [0.0, 0.6], scenes.iter().map(|it| it.aerodynamics.spin_decay_per_s));
+    // Of three numbers that add up to zero on a circle of radius r, Σx² = 3/2·r².
+    let size = |it: &Conditions| it.aerodynamics.drag_deviation_O.norm() / 1.5f64.sqrt();
+    assert_uniform("anisotropy of drag", [0.0, 0.8], scenes.iter().map(size));
+    let along_first = |it: &Conditions| (it.aerodynamics.drag_deviation_O * Vector3::x()).x / 0.8;
+    assert!(
+        scenes.iter().all(|it| along_first(it).abs() <= 1.0 && it.aerodynamics.drag_deviation_O.trace().abs() < 1e-12)
+    );
     for axis in 0..3 {
         let of_spin = scenes.iter().map(|it| it.spin_radps.normalize()[axis]);
         assert_uniform("axis of the spin", [-1.0, 1.0], of_spin);
@@ -114,6 +125,9 @@ fn switching_one_thing_on_changes_nothing_else() {
         assert_eq!(spin.spin_radps, full.spin_radps);
         let drag = scene(&ArenaConfig { drag: true, drag_spread: 0.3, ..paper() }, index).0;
         assert_eq!((drag.drag_per_m, drag.friction), (full.drag_per_m, calm.friction));
+        let aerodynamics = scene(&ArenaConfig { aerodynamics: all.aerodynamics, ..paper() }, index);
+        assert_eq!(aerodynamics.0.aerodynamics, full.aerodynamics);
+        assert_eq!((calm.aerodynamics, aerodynamics.1), (Aerodynamics::NONE, calm_release));
         let errors = scene(&ArenaConfig { robot_errors: all.robot_errors, ..paper() }, index).0;
         assert_eq!(errors.true_robot(&setting::robot()), full.true_robot(&setting::robot()));
     }
@@ -124,7 +138,7 @@ fn passage(conditions: &Conditions, release: &Release) -> (f64, f64, f64, f64) {
     const STEP_S: f64 = 1e-4;
     let (mut p, mut v, mut time_s) = (release.p_WO, release.v_WO, 0.0);
     while p.coords.xy().dot(&v.xy()) < 0.0 {
-        let acceleration = dynamics::gravity() + conditions.air_mps2(&v);
+        let acceleration = dynamics::gravity() + conditions.drag_mps2(&v);
         p += (v + acceleration * (STEP_S / 2.0)) * STEP_S;
         v += acceleration * STEP_S;
         time_s += STEP_S;
@@ -173,4 +187,20 @@ fn a_scene_depends_on_its_number_alone() {
     places.sort_unstable();
     places.dedup();
     assert_eq!(places.len(), 40);
+}
+
+/// A ball is braked alike from all sides, a bottle all around its axis.
+#[test]
+fn drag_has_the_symmetry_of_the_object() {
+    let config = everything();
+    for index in 0..50 {
+        let deviation =
+            |object: &str| Conditions::draw(&config, &setting::object(object), 7, index).aerodynamics.drag_deviation_O;
+        assert!(deviation("tennis_ball").amax() < 1e-12);
+        let of_bottle = deviation("pill_bottle").symmetric_eigenvalues();
+        let mut sorted = [of_bottle[0], of_bottle[1], of_bottle[2]];
+        sorted.sort_by(f64::total_cmp);
+        let smallest_gap = (sorted[1] - sorted[0]).min(sorted[2] - sorted[1]);
+        assert!(smallest_gap < 1e-9 && deviation("pill_bottle").norm() > 0.0, "{sorted:?}");
+    }
 }

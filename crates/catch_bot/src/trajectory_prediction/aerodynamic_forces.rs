@@ -1,0 +1,26 @@
+//! Aerodynamic forces on a flying object besides a drag that is the same from all sides.
+
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// Forces on an object per mass: f = −|v|·R·E·Rᵀ·v + s×v.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct AerodynamicForces {
+    /// E in O, in 1/m.
+    pub drag_deviation_O: Matrix3<f64>,
+    /// s in W, in rad/s.
+    pub lift_W: Vector3<f64>,
+}
+
+impl AerodynamicForces {
+    /// The acceleration f of an object with this orientation and velocity.
+    pub fn acceleration_mps2(&self, R_WO: &UnitQuaternion<f64>, v_WO: &Vector3<f64>) -> Vector3<f64> {
+        let across = R_WO * (self.drag_deviation_O * R_WO.inverse_transform_vector(v_WO));
+        self.lift_W.cross(v_WO) - across * v_WO.norm()
+    }
+
+    /// Whether there are any.
+    pub fn any(&self) -> bool {
+        *self != Self::default()
+    }
+}

@@ -1,0 +1,195 @@
+//! Aerodynamic forces that are found along with a flight: drag by direction, and a force across the flight.
+//!
+//! a = g − k·|v|·v + f with f = −|v|·R·E·Rᵀ·v + s×v: E is symmetric, without trace and fixed to the object, and has the symmetry that the object
+//! looks to have; s is the Magnus coefficient times the angular velocity, which need not be seen. The orientations of the poses are taken
+//! as they are and the velocities as fitted before, so that position, velocity, k, E and s follow from one linear problem with Gaussian
+//! priors.
+
+use catch_body::dynamics::gravity;
+use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
+
+use super::{
+    AerodynamicForces, Config, FlightTrajectory,
+    process_noise::{after_impulse, lost_square},
+};
+use crate::{
+    perception::{ObjectPose, Symmetry},
+    settings::{Faults, NOT_NEGATIVE, SettingError, Settings},
+};
+
+/// What is expected of the forces. Zero by default: there are none.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct AerodynamicPrior {
+    /// Standard deviation of E's elements in 1/m.
+    pub drag_deviation_sd_per_m: f64,
+    /// Standard deviation of each component of s, in rad/s.
+    pub lift_sd_radps: f64,
+}
+
+impl Settings for AerodynamicPrior {
+    fn faults(&self) -> Vec<SettingError> {
+        let values = [("drag_deviation_sd_per_m", self.drag_deviation_sd_per_m), ("lift_sd_radps", self.lift_sd_radps)];
+        Faults::default().values(&NOT_NEGATIVE, values).all()
+    }
+}
+
+impl AerodynamicPrior {
+    /// Whether any forces are expected.
+    pub fn any(&self) -> bool {
+        self.drag_deviation_sd_per_m > 0.0 || self.lift_sd_radps > 0.0
+    }
+}
+
+/// Elements of E.
+const E: usize = 5;
+/// Parameters: position, velocity, k, elements of E, s.
+const N: usize = 15;
+const DRAG: usize = 6;
+const DEVIATION: usize = 7;
+const LIFT: usize = DEVIATION + E;
+/// Passes of reweighting, and the error in scaled standard deviations at which a weight has fallen to a quarter.
+const PASSES: usize = 3;
+const OUTLIER_SD: f64 = 4.0;
+
+/// A basis of the matrices E that have the object's symmetry; what is left of it is zero.
+fn deviations(symmetry: &Symmetry) -> [Matrix3<f64>; E] {
+    let pair = |i: usize, j: usize| {
+        let mut unit = Matrix3::zeros();
+        (unit[(i, j)], unit[(j, i)]) = (1.0, 1.0);
+        unit
+    };
+    let mut basis = [Matrix3::zeros(); E];
+    match symmetry {
+        Symmetry::None { .. } => {
+            let along = |diagonal: [f64; 3]| Matrix3::from_diagonal(&Vector3::from(diagonal));
+            basis = [along([1.0, -1.0, 0.0]), along([-0.5, -0.5, 1.0]), pair(0, 1), pair(0, 2), pair(1, 2)];
+        }
+        Symmetry::Axis { axis, .. } => {
+            basis[0] = axis.into_inner() * axis.transpose() * 1.5 - Matrix3::identity() * 0.5;
+        }
+        Symmetry::Sphere => {}
+    }
+    basis
+}
+
+/// The dependence of the position at one time on the parameters, and what remains of the position without them.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Row {
+    age_s: f64,
+    by: SMatrix<f64, 3, N>,
+    rest: Vector3<f64>,
+    information: Matrix3<f64>,
+    weight: f64,
+}
+
+/// Refines a fitted flight: its position, velocity and drag constant together with the forces. `poses` are oldest first, and those the flight was
+/// fitted to.
+pub(super) fn refine(
+    poses: &[ObjectPose],
+    flight: &mut FlightTrajectory,
+    symmetry: &Symmetry,
+    config: &Config,
+    rows: &mut Vec<Row>,
+) {
+    let basis = deviations(symmetry);
+    // Accelerations by the parameters from the drag constant on.
+    let accelerations = |R_WO: &UnitQuaternion<f64>, v: &Vector3<f64>| {
+        let mut by = SMatrix::<f64, 3, { N - DRAG }>::zeros();
+        by.set_column(0, &(v * -v.norm()));
+        let R = R_WO.to_rotation_matrix();
+        let in_body = R.inverse() * v;
+        for (i, unit) in basis.iter().enumerate() {
+            by.set_column(1 + i, &(R * (unit * in_body) * -v.norm()));
+        }
+        by.fixed_view_mut::<3, 3>(0, 1 + E).copy_from(&-v.cross_matrix());
+        by
+    };
+    rows.clear();
+    rows.reserve(config.fit_window);
+    // Backward from the newest pose, by the trapezoid rule: the velocity along the flight as it was fitted.
+    let mut v = flight.v_WO;
+    let mut last = accelerations(&flight.R_WO, &v);
+    let (mut by_velocity, mut by_position) = (last * 0.0, last * 0.0);
+    let mut age_s = 0.0;
+    for pose in poses.iter().rev().filter(|pose| super::ransac::is_finite(pose)) {
+        let h = (flight.time_s - pose.capture_s - age_s).max(0.0);
+        v -= (gravity() - v * (flight.drag_per_m * v.norm())) * h;
+        let now = accelerations(&pose.X_WO.rotation, &v);
+        let mean = (last + now) * 0.5;
+        by_position += mean * (0.5 * h * h) - by_velocity * h;
+        by_velocity -= mean * h;
+        (age_s, last) = (age_s + h, now);
+        let mut by = SMatrix::<f64, 3, N>::zeros();
+        by.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
+        by.fixed_view_mut::<3, 3>(0, 3).fill_diagonal(-age_s);
+        by.fixed_view_mut::<3, { N - DRAG }>(0, DRAG).copy_from(&by_position);
+        let rest = pose.X_WO.translation.vector - gravity() * (0.5 * age_s * age_s);
+        rows.push(Row { age_s, by, rest, information: of_position(pose), weight: 1.0 });
+    }
+    let mut expected = SVector::<f64, N>::zeros();
+    expected[DRAG] = config.drag_per_m();
+    let mut known = SVector::<f64, N>::repeat(1e-6);
+    let of = |sd: f64| sd.max(1e-7).powi(-2);
+    known[DRAG] = of(config.drag_sd_per_m());
+    for i in 0..E {
+        known[DEVIATION + i] = of(config.aerodynamics.drag_deviation_sd_per_m);
+    }
+    for i in 0..3 {
+        known[LIFT + i] = of(config.aerodynamics.lift_sd_radps);
+    }
+    let mut found = None;
+    let mut scale = 1.0;
+    for pass in 0..=PASSES {
+        let (mut H, mut g) = (SMatrix::<f64, N, N>::zeros(), SVector::<f64, N>::zeros());
+        let mut older_s = None;
+        for row in rows.iter().rev() {
+            if let Some(older_s) = older_s.replace(row.age_s) {
+                let variance = config.process_noise.acceleration.powi(2) * (older_s - row.age_s);
+                if variance > 0.0 {
+                    after_impulse(&mut H, &mut g, [0, 3], f64::midpoint(older_s, row.age_s), variance);
+                }
+            }
+            let pulled = row.by.transpose() * row.information * (row.weight / (scale * scale));
+            H += pulled * row.by;
+            g -= pulled * row.rest;
+        }
+        H += SMatrix::from_diagonal(&known);
+        g -= known.component_mul(&expected);
+        let Some(factor) = H.cholesky() else { return };
+        let x = -factor.solve(&g);
+        if pass == PASSES {
+            found = Some((x, factor.inverse()));
+            break;
+        }
+        // The noise of the process displaces older poses: the newest ones tell how large the errors are.
+        let (mut squares, mut freedom) = (12.0, 12.0);
+        for row in rows.iter_mut() {
+            let error = row.rest - row.by * x;
+            let lost = lost_square(&row.information, &error, config.process_noise.acceleration, row.age_s);
+            let square = (error.dot(&(row.information * error)) - lost).max(0.0) / 3.0;
+            row.weight = (1.0 + square / (OUTLIER_SD * scale).powi(2)).powi(-2);
+            squares += row.weight * square * 3.0;
+            freedom += row.weight * 3.0;
+        }
+        scale = f64::sqrt(squares / freedom);
+    }
+    let Some((x, covariance)) = found.filter(|(x, _)| x.iter().all(|value| value.is_finite())) else { return };
+    flight.p_WO = x.fixed_rows::<3>(0).into_owned().into();
+    flight.v_WO = x.fixed_rows::<3>(3).into_owned();
+    flight.drag_per_m = x[DRAG];
+    flight.forces = AerodynamicForces {
+        drag_deviation_O: basis.iter().enumerate().map(|(i, unit)| unit * x[DEVIATION + i]).sum(),
+        lift_W: x.fixed_rows::<3>(LIFT).into_owned(),
+    };
+    flight.covariance = covariance.fixed_view::<7, 7>(0, 0).into_owned();
+}
+
+/// Information on a pose's position alone, whatever its orientation.
+fn of_position(pose: &ObjectPose) -> Matrix3<f64> {
+    let block = |i, j| pose.information.fixed_view::<3, 3>(i, j).into_owned();
+    let (turns, mixed, shifts) = (block(0, 0), block(0, 3), block(3, 3));
+    let seen = turns + Matrix3::identity() * (1e-6 * turns.trace() + 1e-12);
+    seen.cholesky().map_or(shifts, |factor| shifts - mixed.transpose() * factor.solve(&mixed))
+}

@@ -1,0 +1,118 @@
+//! Noise of the process: what no model of the flight knows.
+//!
+//! The acceleration and the angular acceleration are those of the model and white noise. Poses then tell the less of the present state
+//! the older they are, and predictions become uncertain the sooner the farther ahead they are.
+
+use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Vector3};
+use serde::{Deserialize, Serialize};
+
+use crate::settings::{Faults, NOT_NEGATIVE, SettingError, Settings};
+
+/// Densities of white noise. Both zero by default: the flight obeys its model.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ProcessNoise {
+    /// Noise density of the acceleration, in m/s²/√Hz.
+    pub acceleration: f64,
+    /// Noise density of the angular acceleration, in rad/s²/√Hz.
+    pub angular_acceleration: f64,
+}
+
+impl Settings for ProcessNoise {
+    fn faults(&self) -> Vec<SettingError> {
+        let values = [("acceleration", self.acceleration), ("angular_acceleration", self.angular_acceleration)];
+        Faults::default().values(&NOT_NEGATIVE, values).all()
+    }
+}
+
+impl ProcessNoise {
+    /// Whether there is any.
+    pub fn any(&self) -> bool {
+        self.acceleration > 0.0 || self.angular_acceleration > 0.0
+    }
+
+    /// Covariance of (position, velocity) that the noise of the acceleration adds in `duration_s`.
+    pub fn covariance(&self, duration_s: f64) -> Matrix6<f64> {
+        let (q, t) = (self.acceleration.powi(2), duration_s.abs());
+        let mut covariance = Matrix6::zeros();
+        let unit = Matrix3::identity() * q;
+        covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&(unit * (t.powi(3) / 3.0)));
+        covariance.fixed_view_mut::<3, 3>(0, 3).copy_from(&(unit * (t * t / 2.0 * duration_s.signum())));
+        covariance.fixed_view_mut::<3, 3>(3, 0).copy_from(&(unit * (t * t / 2.0 * duration_s.signum())));
+        covariance.fixed_view_mut::<3, 3>(3, 3).copy_from(&(unit * t));
+        covariance
+    }
+}
+
+/// Normal equations H·x + g = 0 of the state now, before and after an impulse u with variance `variance` per axis, which moved what they say of
+/// two blocks of x: x → x + Γ·u with Γ = `age_s`·1 on the block at `place` and 1 on that at `rate`.
+///
+/// Minimizing over u: H − H·Γ·(ΓᵀHΓ + 1/σ²)⁻¹·ΓᵀH, and the same for g.
+pub(super) fn after_impulse<const N: usize>(
+    H: &mut SMatrix<f64, N, N>,
+    g: &mut SVector<f64, N>,
+    [place, rate]: [usize; 2],
+    age_s: f64,
+    variance: f64,
+) {
+    let by_impulse = H.fixed_columns::<3>(place) * age_s + H.fixed_columns::<3>(rate);
+    let slope = g.fixed_rows::<3>(place) * age_s + g.fixed_rows::<3>(rate);
+    let inner = by_impulse.fixed_rows::<3>(place) * age_s + by_impulse.fixed_rows::<3>(rate);
+    let Some(factor) = (inner + Matrix3::identity() / variance).cholesky() else { return };
+    *H -= by_impulse * factor.solve(&by_impulse.transpose());
+    *g -= by_impulse * factor.solve(&slope);
+}
+
+/// What of eᵀ·W·e the noise accounts for that has displaced an object since a pose of this age: of the information it leaves
+/// (W⁻¹ + Q)⁻¹ = W − W·(Q⁻¹ + W)⁻¹·W, with Q = q²·τ³/3.
+pub(super) fn lost_square(W: &Matrix3<f64>, e: &Vector3<f64>, density: f64, age_s: f64) -> f64 {
+    let variance = density.powi(2) * age_s.powi(3) / 3.0;
+    if variance <= 0.0 {
+        return 0.0;
+    }
+    let push = W * e;
+    let factor = (W + Matrix3::identity() / variance).cholesky();
+    factor.map_or(0.0, |factor| push.dot(&factor.solve(&push)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Against the impulse as three more parameters, of which the least squares solution keeps the others.
+    #[test]
+    fn an_impulse_leaves_what_its_elimination_leaves() {
+        const N: usize = 8;
+        let rows = SMatrix::<f64, 12, N>::from_fn(|i, j| ((3 * i + 7 * j) as f64).sin() + f64::from(u8::from(i == j)));
+        let seen = SVector::<f64, 12>::from_fn(|i, _| (5.0 * i as f64).cos());
+        let (age_s, variance) = (0.3, 0.07);
+        let (mut H, mut g) = (rows.transpose() * rows, -rows.transpose() * seen);
+        // What was seen depends on x − Γ·u.
+        let mut by_impulse = SMatrix::<f64, N, 3>::zeros();
+        by_impulse.fixed_view_mut::<3, 3>(1, 0).fill_diagonal(age_s);
+        by_impulse.fixed_view_mut::<3, 3>(5, 0).fill_diagonal(1.0);
+        let mut all = SMatrix::<f64, 11, 11>::zeros();
+        let crossed = -H * by_impulse;
+        all.fixed_view_mut::<N, N>(0, 0).copy_from(&H);
+        all.fixed_view_mut::<N, 3>(0, N).copy_from(&crossed);
+        all.fixed_view_mut::<3, N>(N, 0).copy_from(&crossed.transpose());
+        let own = by_impulse.transpose() * H * by_impulse + Matrix3::identity() / variance;
+        all.fixed_view_mut::<3, 3>(N, N).copy_from(&own);
+        let mut slope = SVector::<f64, 11>::zeros();
+        slope.fixed_rows_mut::<N>(0).copy_from(&g);
+        slope.fixed_rows_mut::<3>(N).copy_from(&(-by_impulse.transpose() * g));
+        let expected = -all.try_inverse().unwrap() * slope;
+        after_impulse(&mut H, &mut g, [1, 5], age_s, variance);
+        let found = -H.try_inverse().unwrap() * g;
+        assert!((found - expected.fixed_rows::<N>(0)).amax() < 1e-9, "{found} {expected}");
+    }
+
+    #[test]
+    fn noise_leaves_the_information_of_the_sum_of_covariances() {
+        let W = Matrix3::new(4.0, 1.0, 0.0, 1.0, 3.0, 0.5, 0.0, 0.5, 5.0);
+        let (e, density, age_s) = (Vector3::new(0.3, -0.2, 0.5), 2.0, 0.6_f64);
+        let noise = Matrix3::identity() * (density * density * age_s.powi(3) / 3.0);
+        let expected = e.dot(&((W.try_inverse().unwrap() + noise).try_inverse().unwrap() * e));
+        assert!((e.dot(&(W * e)) - lost_square(&W, &e, density, age_s) - expected).abs() < 1e-12);
+    }
+}

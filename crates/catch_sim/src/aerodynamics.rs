@@ -1,0 +1,92 @@
+//! Aerodynamic forces that depend on how an object is oriented and spins.
+//!
+//! With the velocity u relative to the air, the drag constant k of the throw and R = R_WO:
+//!
+//! a = −k·|u|·(u + R·E·Rᵀ·u) + c_M·ω×u, ω̇ = J⁻¹·(J·ω×ω) − c·ω
+//!
+//! E is symmetric and fixed to the object: the drag matrix is k·(1 + E), which also makes lift. c_M is the Magnus coefficient and c the
+//! decay of the spin. No other torque of the air is modelled.
+
+use std::f64::consts::TAU;
+
+use catch_body::quantity;
+use nalgebra::{Matrix3, SymmetricEigen, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
+
+use crate::random_streams::Draws;
+
+/// Moments of inertia that differ by less than this fraction are those of an object that the air brakes alike along both axes.
+const ALIKE: f64 = 0.01;
+
+/// A matrix without trace along the principal axes of inertia, with size·cos φ, size·cos(φ + 120°) and size·cos(φ + 240°) on its diagonal; of those
+/// along axes of equal moments, the mean.
+fn deviation(inertia_kgm2: &Matrix3<f64>, size: f64, phase: f64) -> Matrix3<f64> {
+    let SymmetricEigen { eigenvalues, eigenvectors } = inertia_kgm2.symmetric_eigen();
+    let each = Vector3::from_fn(|i, _| size * (phase + TAU / 3.0 * i as f64).cos());
+    let alike = |i: usize, j: usize| (eigenvalues[i] - eigenvalues[j]).abs() <= ALIKE * eigenvalues.max();
+    let shared = Vector3::from_fn(|i, _| {
+        let with: Vec<usize> = (0..3).filter(|&j| alike(i, j)).collect();
+        with.iter().map(|&j| each[j]).sum::<f64>() / with.len() as f64
+    });
+    eigenvectors * Matrix3::from_diagonal(&shared) * eigenvectors.transpose()
+}
+
+/// Ranges of the aerodynamic forces of a throw. All zero by default: the air brakes an object alike from all sides, if at all.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct AerodynamicsConfig {
+    /// How much more or less than the mean of the three the air may brake an object along one of its principal axes of inertia. Every throw
+    /// draws the largest deviation uniformly up to this, and how it is divided; axes of equal moments of inertia have equal drag, so
+    /// none deviates in a ball. It counts where there is drag.
+    #[serde(deserialize_with = "quantity::spread")]
+    pub drag_anisotropy: f64,
+    /// Every throw draws its Magnus coefficient c_M of a = c_M·ω×v uniformly up to this.
+    #[serde(deserialize_with = "quantity::magnus")]
+    pub max_magnus: f64,
+    /// Every throw draws the decay c of its spin, ω̇ = −c·ω, uniformly up to this, in 1/s.
+    #[serde(deserialize_with = "quantity::decay_per_s")]
+    pub max_spin_decay_per_s: f64,
+}
+
+/// The aerodynamic coefficients of one throw.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Aerodynamics {
+    /// Deviation E of the drag matrix k·(1 + E), in O.
+    pub drag_deviation_O: Matrix3<f64>,
+    /// Magnus coefficient c_M.
+    pub magnus: f64,
+    /// Decay of the spin in 1/s.
+    pub spin_decay_per_s: f64,
+}
+
+impl Aerodynamics {
+    /// Drag that is the same from all sides, and nothing else.
+    pub const NONE: Self = Self {
+        drag_deviation_O: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        magnus: 0.0,
+        spin_decay_per_s: 0.0,
+    };
+
+    /// Those of a throw of an object with this inertia about its centre of mass, in O.
+    pub(crate) fn draw(config: &AerodynamicsConfig, inertia_kgm2: &Matrix3<f64>, draws: &mut Draws) -> Self {
+        let size = config.drag_anisotropy * draws.unit();
+        let phase = TAU * draws.unit();
+        Self {
+            drag_deviation_O: deviation(inertia_kgm2, size, phase),
+            magnus: config.max_magnus * draws.unit(),
+            spin_decay_per_s: config.max_spin_decay_per_s * draws.unit(),
+        }
+    }
+
+    /// What the acceleration is besides a = −k·|u|·u, in m/s². `u_W` is the velocity relative to the air.
+    pub(crate) fn deviation_mps2(
+        &self,
+        drag_per_m: f64,
+        R_WO: &UnitQuaternion<f64>,
+        w_WO: &Vector3<f64>,
+        u_W: &Vector3<f64>,
+    ) -> Vector3<f64> {
+        let across = R_WO * (self.drag_deviation_O * R_WO.inverse_transform_vector(u_W));
+        w_WO.cross(u_W) * self.magnus - across * (drag_per_m * u_W.norm())
+    }
+}
