@@ -199,7 +199,7 @@ fn choose_ready_pose(
     let bar = screen::progress_bar(starts.len() + tries, "poses");
     let mut best: Option<Ready> = None;
     for start in &starts {
-        if let Some(ready) = corridor.value(start)
+        if let Some(ready) = corridor.value(start, f64::INFINITY)
             && best.is_none_or(|best| ready.cost < best.cost)
         {
             best = Some(ready);
@@ -216,8 +216,9 @@ fn choose_ready_pose(
         imported.set_ready(&best.q)?;
     }
     let others = Corridor::new(&setups, TRIED_ON, arguments.seed.wrapping_add(1));
-    let catches = others.catches(&imported.robot.ready_q);
-    Ok(Reach { within_reach: catches.iter().flatten().count(), throws: catches.len() })
+    let at_rest = others.value(&imported.robot.ready_q, f64::INFINITY);
+    let throws = setups.len() * TRIED_ON as usize;
+    Ok(Reach { within_reach: at_rest.map_or(0, |it| it.caught), throws })
 }
 
 /// Says what was made, and what to do next.

@@ -107,7 +107,7 @@ fn prices(options: &Options, count: usize) -> Result<Table> {
     let mut table = Table::new("What each assumption was worth", &columns);
     for step in &study.steps {
         let mut all = Vec::new();
-        for cell in study.cells(step, None, &study.objects())? {
+        for cell in study.cells(step, &Choice::default(), &study.objects())? {
             all.extend(verdicts(&cell.setup, options.seed, count)?);
         }
         let about = step.head.about.strip_prefix("removes ").unwrap_or(&step.head.about);
