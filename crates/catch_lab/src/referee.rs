@@ -1,5 +1,6 @@
 //! The referee: the only place where truth meets score.
 
+mod counted;
 mod impact;
 mod measures;
 pub mod reason;
@@ -14,18 +15,13 @@ use serde::{Deserialize, Serialize};
 use crate::{
     reachability::oracle::Reach,
     scenario::setup::{Scene, Setup},
-    trial::{PAPER_LOOKS_AT_S, StateSnapshot, Trial},
+    trial::{StateSnapshot, Trial},
 };
+use counted::Counted;
 use impact::impact;
 pub use measures::{LEADS_S, Measures};
 use reason::Reason;
 
-/// How far along z of the gripper the object may be for the paper to call it caught.
-const PAPER_DISTANCE_M: f64 = 0.025;
-/// The same for the authors' code.
-const CODE_DISTANCE_M: f64 = 0.05;
-/// When it is asked whether what the paper counts is still held.
-const HELD_LATER_S: f64 = PAPER_LOOKS_AT_S + 0.4;
 /// From the first contact on: when the object has to be held, and until when.
 const HELD_FROM_S: f64 = 0.5;
 /// The end of the test.
@@ -93,12 +89,12 @@ pub fn judge(setup: &Setup, trial: &Trial) -> Verdict {
     let evidence = Evidence::new(setup, trial, contact_s);
     let reason = reason::why_not_caught(&evidence);
     let servo = &truth.servo;
-    let distance_m = distance_along_z_m(truth, &setup.object.origin_O);
+    let published = Counted::of(truth, &setup.object.origin_O);
     Verdict {
         caught: reason.is_none(),
-        caught_paper: distance_m.is_some_and(|distance_m| distance_m < PAPER_DISTANCE_M),
-        caught_paper_code: distance_m.is_some_and(|distance_m| distance_m < CODE_DISTANCE_M),
-        held_later: is_held_at(truth, HELD_LATER_S),
+        caught_paper: published.is_within_text,
+        caught_paper_code: published.is_within_code,
+        held_later: published.is_held_later,
         caught_beyond_limits: reason::why_not_held(&evidence).is_none(),
         reason,
         reach: None,
@@ -387,18 +383,4 @@ pub(crate) fn undisturbed_position(truth: &Truth, time_s: f64) -> Option<Point3<
     let t = time_s - sample.time_s;
     let p = sample.X_WO.translation.vector + sample.V_WO.linear * t + gravity() * (t * t / 2.0);
     Some(p.into())
-}
-
-/// How far the object's origin is from the gripper's along z of the gripper when the paper looks.
-fn distance_along_z_m(truth: &Truth, origin_O: &Point3<f64>) -> Option<f64> {
-    let sample = sample_at(truth, PAPER_LOOKS_AT_S)?;
-    let p_GO_W = (sample.X_WO * origin_O).coords - sample.X_WG.translation.vector;
-    Some(sample.X_WG.rotation.inverse_transform_vector(&p_GO_W).z.abs())
-}
-
-/// Whether the object is squeezed at `time_s`; a trial that ended before has no object to hold any more.
-fn is_held_at(truth: &Truth, time_s: f64) -> bool {
-    let at = truth.samples.partition_point(|sample| sample.time_s < time_s - 0.5e-3);
-    let pair = at.checked_sub(1).and_then(|before| truth.samples.get(before..=at));
-    pair.is_some_and(|pair| is_squeezed(&pair[0], &pair[1]))
 }
