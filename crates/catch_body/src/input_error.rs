@@ -35,7 +35,7 @@ impl InputError {
         Self {
             file: file.to_string(),
             field: field.to_string(),
-            found: found.to_string(),
+            found: abbreviated(&found.to_string()),
             expected: expected.to_string(),
             also: Box::default(),
             of_output: false,
@@ -90,5 +90,51 @@ impl InputError {
         } else {
             Err(Self::new(file, field, format!("{values:?}"), "finite numbers"))
         }
+    }
+}
+
+/// Most characters of what a message says was found.
+const MOST_CHARACTERS: usize = 400;
+/// Numbers with more digits in a row than any f64 needs are told by their power of ten.
+const MOST_DIGITS: usize = 17;
+
+/// A text for one message: long numbers by their power of ten, long texts by their beginning.
+fn abbreviated(text: &str) -> String {
+    let mut short = String::with_capacity(text.len().min(MOST_CHARACTERS));
+    let mut rest = text;
+    while let Some(start) = rest.find(|it: char| it.is_ascii_digit()) {
+        let number = &rest[start..];
+        let digits = |text: &str| text.len() - text.trim_start_matches(|it: char| it.is_ascii_digit()).len();
+        let whole = digits(number);
+        let fraction = if number[whole..].starts_with('.') { 1 + digits(&number[whole + 1..]) } else { 0 };
+        let length = whole + fraction;
+        let is_part_of_word = rest[..start].ends_with(|it: char| it.is_alphanumeric() || it == '_');
+        short += &rest[..start];
+        match number[..length].trim_end_matches('.').parse::<f64>() {
+            Ok(value) if whole.max(fraction) > MOST_DIGITS + 3 && !is_part_of_word => short += &format!("{value:e}"),
+            _ => short += &number[..length],
+        }
+        rest = &number[length..];
+    }
+    short += rest;
+    match short.char_indices().nth(MOST_CHARACTERS) {
+        Some((end, _)) => format!("{}…", &short[..end]),
+        None => short,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_stay_short() {
+        assert_eq!(abbreviated(&format!("floating point `{}.0`", 1e300)), "floating point `1e300`");
+        assert_eq!(abbreviated(&format!("{} and {}", -2.5e-30, 0.1)), "-2.5e-30 and 0.1");
+        assert_eq!(abbreviated("[1.25, -3, 1234567.0]"), "[1.25, -3, 1234567.0]");
+        assert_eq!(abbreviated(&1.234_567_890_123_456_7.to_string()), "1.2345678901234567");
+        let name = "object_123456789012345678901234567890.toml";
+        assert_eq!(abbreviated(name), name);
+        assert_eq!(abbreviated(&"é".repeat(1000)).chars().count(), MOST_CHARACTERS + 1);
     }
 }

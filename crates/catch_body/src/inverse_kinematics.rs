@@ -1,5 +1,5 @@
-//! Inverse kinematics: numerical for any arm, in closed form for S-R-S arms: seven joints, three axes that meet in a shoulder, one elbow, three that
-//! meet in a wrist, and no offsets.
+//! Inverse kinematics: numerical for any arm, in closed form for [six joints with three parallel axes](ParallelAxesArm) and for S-R-S
+//! arms: seven joints, three axes that meet in a shoulder, one elbow, three that meet in a wrist, and no offsets.
 //!
 //! The position of the wrist fixes the elbow but for a swivel about the line from shoulder to wrist; each swivel angle leaves
 //! eight solutions (sign of elbow, shoulder and wrist). After Shimizu et al., Analytical Inverse Kinematic Computation for
@@ -8,9 +8,11 @@
 
 mod arcs;
 mod numerical;
+mod parallel_axes;
 
 pub use arcs::Branch;
 pub use numerical::Ranges;
+pub use parallel_axes::ParallelAxesArm;
 
 use arcs::Harmonic;
 use nalgebra::{Matrix3, Point3, Rotation3, Unit, Vector3};

@@ -7,7 +7,9 @@
 //! Poses are written in monogram notation: `X_WG` is the pose of frame G in frame W, `p_WO` the position of O in W, `R_WG`
 //! a rotation. W is the world (z up), G the gripper, O the object with its origin at the centre of mass, L a link of the arm.
 
+pub mod capsule_fit;
 pub mod clearance;
+pub mod description;
 pub mod dynamics;
 pub mod gripper;
 pub mod input_error;
@@ -21,6 +23,7 @@ pub mod ray_cast;
 pub mod robot;
 pub mod robot_file;
 pub mod shape;
+pub mod stated;
 mod toml_input;
 mod urdf;
 

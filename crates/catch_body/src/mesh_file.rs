@@ -1,4 +1,6 @@
-//! Reads meshes from OBJ and STL files.
+//! Reads meshes from OBJ and STL files, and surfaces from COLLADA files, too.
+
+mod collada;
 
 use std::io::{BufReader, Cursor};
 
@@ -23,12 +25,29 @@ const LEAST_FILLING: f64 = 1e-9;
 /// vertex, holes, or no volume.
 pub fn mesh_from_bytes(file: &str, bytes: &[u8], scale: f64) -> Result<TriangleMesh, InputError> {
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
-    for (points, faces) in read_groups(file, bytes, scale)? {
+    for (points, faces) in read_groups(file, bytes, scale, false)? {
         let first = vertices.len() as u32;
         vertices.extend(points);
         triangles.extend(faces.iter().map(|face| face.map(|index| index + first)));
     }
     solid(file, welded(&vertices, &triangles, scale))
+}
+
+/// Reads a surface in the unit of its file, or in metres where that states its unit; nothing is asked of it but finite vertices.
+///
+/// The extension of `file` says which format the bytes have: `.obj`, `.stl` or `.dae` (COLLADA).
+///
+/// # Errors
+/// If the bytes are not a mesh of that format, or have no triangle, numbers that are not finite or indices without a vertex.
+pub fn surface_from_bytes(file: &str, bytes: &[u8]) -> Result<TriangleMesh, InputError> {
+    let mut surface = TriangleMesh::default();
+    for (points, faces) in read_groups(file, bytes, 1.0, true)? {
+        surface.merge(&welded(&points, &faces, 1.0));
+    }
+    if surface.triangles.is_empty() {
+        return Err(InputError::new(file, "faces", "no triangles", "a surface"));
+    }
+    Ok(surface)
 }
 
 /// Reads the vertices of each group of an OBJ file, in metres; an STL file is one group. Nothing is asked of the faces.
@@ -37,7 +56,7 @@ pub fn mesh_from_bytes(file: &str, bytes: &[u8], scale: f64) -> Result<TriangleM
 /// If the bytes are not a mesh of that format, or a group has no triangle, or numbers that are not finite, or indices without a
 /// vertex.
 pub fn groups_from_bytes(file: &str, bytes: &[u8], scale: f64) -> Result<Vec<Vec<Point3<f64>>>, InputError> {
-    let groups = read_groups(file, bytes, scale)?;
+    let groups = read_groups(file, bytes, scale, false)?;
     if groups.is_empty() {
         return Err(InputError::new(file, "faces", "no triangles", "the surface of a solid"));
     }
@@ -46,7 +65,7 @@ pub fn groups_from_bytes(file: &str, bytes: &[u8], scale: f64) -> Result<Vec<Vec
 }
 
 /// The groups of a file that is not too large, their numbers finite and their indices within range.
-fn read_groups(file: &str, bytes: &[u8], scale: f64) -> Result<Vec<Soup>, InputError> {
+fn read_groups(file: &str, bytes: &[u8], scale: f64, with_collada: bool) -> Result<Vec<Soup>, InputError> {
     InputError::positive(file, "scale", scale)?;
     if bytes.len() > MAX_FILE_BYTES {
         let expected = format!("a mesh file of at most {} MiB", MAX_FILE_BYTES >> 20);
@@ -56,7 +75,11 @@ fn read_groups(file: &str, bytes: &[u8], scale: f64) -> Result<Vec<Soup>, InputE
     let groups = match extension.as_deref() {
         Some("obj") => read_obj(file, bytes)?,
         Some("stl") => vec![read_stl(file, bytes)?],
-        _ => return Err(InputError::new(file, "extension", extension.unwrap_or_default(), "a mesh: .obj or .stl")),
+        Some("dae") if with_collada => vec![collada::read(file, bytes)?],
+        _ => {
+            let expected = if with_collada { "a mesh: .obj, .stl or .dae" } else { "a mesh: .obj or .stl" };
+            return Err(InputError::new(file, "extension", extension.unwrap_or_default(), expected));
+        }
     };
     for (vertices, triangles) in &groups {
         for (i, vertex) in vertices.iter().enumerate() {
@@ -87,6 +110,16 @@ fn read_obj(file: &str, bytes: &[u8]) -> Result<Vec<Soup>, InputError> {
 }
 
 fn read_stl(file: &str, bytes: &[u8]) -> Result<Soup, InputError> {
+    // Some binary files begin like text files; their length tells.
+    let count = bytes.get(80..84).and_then(|it| it.try_into().ok()).map_or(0, u32::from_le_bytes);
+    let is_binary = bytes.len() as u64 == 84 + 50 * u64::from(count);
+    let unmarked: Vec<u8>;
+    let bytes = if is_binary && bytes.starts_with(b"solid") {
+        unmarked = [&[0; 5], &bytes[5..]].concat();
+        &unmarked
+    } else {
+        bytes
+    };
     let mesh = stl_io::read_stl(&mut Cursor::new(bytes))
         .map_err(|fault| InputError::new(file, "content", fault, "an STL mesh, binary or text"))?;
     let vertices = mesh.vertices.iter().map(|vertex| <[f32; 3]>::from(*vertex).map(f64::from)).collect();

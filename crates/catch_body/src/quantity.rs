@@ -265,6 +265,8 @@ quantities! {
     pose POSE = -50.0 to 50.0 "m";
     /// Positions of joints as they are sensed and commanded.
     joint_rad JOINT_RAD = -1000.0 to 1000.0 "rad";
+    /// Limits of the positions of joints.
+    joint_position_rad JOINT_POSITION_RAD = -100.0 to 100.0 "rad";
     /// Velocities of joints as they are sensed and commanded.
     joint_radps JOINT_RADPS = -1e5 to 1e5 "rad/s";
     /// Accelerations of joints as they are commanded.
@@ -291,6 +293,10 @@ quantities! {
     stiffness_npm STIFFNESS_NPM = 1.0 to 1000000000.0 "N/m";
     /// Torques of joints.
     torque_nm TORQUE_NM = 0.001 to 100000.0 "N·m";
+    /// Damping of drives.
+    damping_nspm DAMPING_NSPM = 0.0 to 1000000.0 "N·s/m";
+    /// Gains of a joint's controller.
+    gain GAIN = 0.0 to 1000000.0 "";
     /// Viscous damping of joints.
     damping_nmsprad DAMPING_NMSPRAD = 0.0 to 10000.0 "N·m·s/rad";
     /// Speeds of drives.

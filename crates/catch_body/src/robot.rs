@@ -76,6 +76,12 @@ impl Inertia {
         Self { mass, com, about_com }
     }
 
+    /// Whether a body can have these moments: principal moments above zero, none larger than the sum of the other two.
+    pub fn is_of_a_body(&self) -> bool {
+        let moments = self.about_com.symmetric_eigenvalues();
+        moments.min() > 0.0 && 2.0 * moments.max() <= moments.sum() * (1.0 + 1e-9)
+    }
+
     /// The same body in another frame: `X_AB` is the pose of the body's present frame B in the new frame A.
     pub fn transformed(&self, X_AB: &Pose) -> Self {
         let R_AB = X_AB.rotation.to_rotation_matrix();
@@ -145,6 +151,12 @@ impl Robot {
     /// Number of joints.
     pub fn dof(&self) -> usize {
         self.joints.len()
+    }
+
+    /// The arm's length in metres: from its second joint to the gripper, link by link.
+    pub fn length_m(&self) -> f64 {
+        let links = self.joints.iter().skip(2).map(|joint| joint.X_PL.translation.vector.norm());
+        links.sum::<f64>() + self.X_LG.translation.vector.norm()
     }
 
     /// One value per joint, zero beyond the last.

@@ -2,16 +2,17 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Matrix3, Point3, Unit, Vector3};
+use nalgebra::Matrix3;
 use serde::Deserialize;
 
 pub use crate::urdf::ignored_elements;
 use crate::{
     InputError,
     pose::PoseFields,
-    quantity::{self, Quantity},
+    quantity,
     robot::{Inertia, Joint, JointLimits, MAX_JOINTS, Robot},
     shape::Capsule,
+    stated::Stated,
     urdf::{self, Element, Urdf},
 };
 
@@ -22,6 +23,8 @@ struct RobotFile {
     gripper_mount: MountFields,
     poses: PosesFields,
     joints: BTreeMap<String, JointFields>,
+    #[serde(default)]
+    links: BTreeMap<String, LinkFields>,
     collision: CollisionFields,
 }
 
@@ -33,6 +36,9 @@ struct MountFields {
     position_m: [f64; 3],
     #[serde(deserialize_with = "quantity::angle_rad")]
     rpy_rad: [f64; 3],
+    #[serde(default)]
+    assumed: bool,
+    reason: Option<String>,
 }
 
 #[derive(Deserialize)]
@@ -48,11 +54,34 @@ struct PosesFields {
 #[serde(deny_unknown_fields)]
 struct JointFields {
     #[serde(deserialize_with = "quantity::joint_acceleration_radps2")]
-    max_acceleration_radps2: f64,
+    max_acceleration_radps2: Stated<f64>,
     #[serde(default, deserialize_with = "quantity::joint_jerk_radps3")]
-    max_jerk_radps3: Option<f64>,
+    max_jerk_radps3: Option<Stated<f64>>,
     #[serde(deserialize_with = "quantity::rotor_inertia_kgm2")]
-    rotor_inertia_kgm2: f64,
+    rotor_inertia_kgm2: Stated<f64>,
+    /// These take the place of the URDF's limits, which some lack.
+    #[serde(default, deserialize_with = "quantity::joint_position_rad")]
+    range_rad: Option<Stated<[f64; 2]>>,
+    #[serde(default, deserialize_with = "quantity::joint_velocity_radps")]
+    max_velocity_radps: Option<Stated<f64>>,
+    #[serde(default, deserialize_with = "quantity::torque_nm")]
+    max_torque_nm: Option<Stated<f64>>,
+}
+
+/// Mass properties of a link that take the place of the URDF's.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LinkFields {
+    #[serde(deserialize_with = "quantity::part_mass_kg")]
+    mass_kg: f64,
+    #[serde(deserialize_with = "quantity::offset_m")]
+    com_m: [f64; 3],
+    /// Along the link's axes about the centre of mass: xx, yy, zz, xy, xz, yz.
+    #[serde(deserialize_with = "quantity::inertia_kgm2")]
+    inertia_kgm2: [f64; 6],
+    #[serde(default)]
+    assumed: bool,
+    reason: Option<String>,
 }
 
 #[derive(Deserialize)]
@@ -72,6 +101,9 @@ struct CapsuleFields {
     to_m: [f64; 3],
     #[serde(deserialize_with = "quantity::radius_m")]
     radius_m: f64,
+    #[serde(default)]
+    assumed: bool,
+    reason: Option<String>,
 }
 
 /// The text of a robot's two files, with the names by which errors call them.
@@ -97,7 +129,7 @@ impl Robot {
         let document = urdf::parse(files.urdf_file, files.urdf)?;
         let urdf = Urdf::read(files.urdf_file, &document)?;
         let extra: RobotFile = InputError::parse_toml(files.toml_file, files.toml)?;
-        let (base_link, joints) = serial_chain(files, &urdf, &extra.joints)?;
+        let (base_link, joints) = serial_chain(files, &urdf, &extra)?;
 
         let link_names: Vec<&str> =
             std::iter::once(base_link.as_str()).chain(joints.iter().map(|it| it.link_name.as_str())).collect();
@@ -109,15 +141,17 @@ impl Robot {
                 faults.push(InputError::new(files.toml_file, field("link"), &capsule.link, expected));
                 0
             });
-            let CapsuleFields { from_m, to_m, radius_m, .. } = *capsule;
+            let &CapsuleFields { from_m, to_m, radius_m, .. } = capsule;
             capsules.push((link, Capsule { from: from_m.into(), to: to_m.into(), radius: radius_m }));
+            faults.extend(unreasoned(files, &field(""), capsule.assumed, capsule.reason.as_ref()));
         }
+        let MountFields { position_m, rpy_rad, assumed, ref reason } = extra.gripper_mount;
+        faults.extend(unreasoned(files, "gripper_mount.", assumed, reason.as_ref()));
 
         let mut robot = Self {
             name: urdf.name.clone(),
             X_WB: extra.base.pose(),
-            X_LG: PoseFields { position_m: extra.gripper_mount.position_m, rpy_rad: extra.gripper_mount.rpy_rad }
-                .pose(),
+            X_LG: PoseFields { position_m, rpy_rad }.pose(),
             joints,
             comfortable_q: nalgebra::zero(),
             ready_q: nalgebra::zero(),
@@ -151,12 +185,15 @@ impl Robot {
     }
 }
 
+/// The fault of a mark that says nothing.
+fn unreasoned(files: &RobotFiles, of: &str, assumed: bool, reason: Option<&String>) -> Option<InputError> {
+    let has_reason = reason.is_some_and(|it| !it.trim().is_empty());
+    let expected = "why the value is what it is, as nobody published it";
+    (assumed && !has_reason).then(|| InputError::new(files.toml_file, format!("{of}reason"), "nothing", expected))
+}
+
 /// Orders the URDF's revolute joints from base to tip and returns them with the base link's name.
-fn serial_chain(
-    files: &RobotFiles,
-    urdf: &Urdf,
-    extra: &BTreeMap<String, JointFields>,
-) -> Result<(String, Vec<Joint>), InputError> {
+fn serial_chain(files: &RobotFiles, urdf: &Urdf, extra: &RobotFile) -> Result<(String, Vec<Joint>), InputError> {
     let fault = |field: String, found: String, expected: &str| InputError::new(files.urdf_file, field, found, expected);
     let roots = urdf.roots();
     let [base] = roots[..] else {
@@ -174,8 +211,10 @@ fn serial_chain(
             }
         };
         let kind = joint.text("type")?;
-        if kind != "revolute" {
-            return Err(joint.fault("type", kind, "revolute"));
+        if !matches!(kind, "revolute" | "continuous") {
+            let expected =
+                "revolute or continuous: `catchingbot robot import` makes a serial arm of other descriptions";
+            return Err(joint.fault("type", kind, expected));
         }
         match revolute_joint(files, urdf, joint, extra) {
             Ok(joint) => joints.push(joint),
@@ -191,95 +230,116 @@ fn serial_chain(
     if joints.is_empty() {
         return Err(fault("joint".into(), "none".into(), "a serial arm of revolute joints"));
     }
-    for name in extra.keys() {
-        if !joints.iter().any(|joint| &joint.name == name) {
-            let names: Vec<&str> = joints.iter().map(|joint| joint.name.as_str()).collect();
-            return Err(InputError::new(
-                files.toml_file,
-                "joints",
-                name,
-                format!("joints of the URDF: {}", names.join(", ")),
-            ));
-        }
+    let unknown = |field: &str, given: Vec<&String>, name_of: &dyn Fn(&Joint) -> String| {
+        let names: Vec<String> = joints.iter().map(name_of).collect();
+        let unknown = given.into_iter().find(|name| !names.contains(name))?;
+        let expected = format!("{field} of the URDF: {}", names.join(", "));
+        Some(InputError::new(files.toml_file, field, unknown, expected))
+    };
+    let unknown_joint = unknown("joints", extra.joints.keys().collect(), &|joint| joint.name.clone());
+    let unknown_link = unknown("links", extra.links.keys().collect(), &|joint| joint.link_name.clone());
+    if let Some(fault) = unknown_joint.or(unknown_link) {
+        return Err(fault);
     }
     Ok((base.to_owned(), joints))
 }
 
-fn revolute_joint(
-    files: &RobotFiles,
-    urdf: &Urdf,
-    joint: &Element,
-    extra: &BTreeMap<String, JointFields>,
-) -> Result<Joint, InputError> {
+fn revolute_joint(files: &RobotFiles, urdf: &Urdf, joint: &Element, extra: &RobotFile) -> Result<Joint, InputError> {
     let name = joint.text("name")?;
     if let Some(mimic) = joint.child("mimic")? {
         return Err(mimic.fault("joint", mimic.text("joint")?, "no <mimic>: joints that are driven on their own"));
     }
-    let limit = joint.child("limit")?.ok_or_else(|| {
-        joint.fault("limit", "no limits", "<limit lower upper velocity effort> with the joint's real limits")
-    })?;
-    let [lower, upper] = [limit.number("lower", JOINT_POSITION_RAD)?, limit.number("upper", JOINT_POSITION_RAD)?];
-    if lower >= upper {
-        let found = format!("lower {lower} and upper {upper}");
-        return Err(joint.fault("limit", found, "finite limits, lower below upper"));
+    let limits_of_urdf = joint.child("limit")?;
+    let limit = |field: &str, range| {
+        let limit = limits_of_urdf.as_ref().ok_or_else(|| {
+            joint.fault("limit", "no limits", "<limit lower upper velocity effort> with the joint's real limits")
+        })?;
+        limit.number(field, range)
+    };
+    // A URDF without limits is the first thing to be mended.
+    if limits_of_urdf.is_none() && extra.joints.get(name).is_none_or(|it| it.range_rad.is_none()) {
+        limit("lower", quantity::JOINT_POSITION_RAD)?;
     }
-    let fields = extra.get(name).ok_or_else(|| {
+    let fields = extra.joints.get(name).ok_or_else(|| {
         let expected = "max_acceleration_radps2 and rotor_inertia_kgm2, which the URDF cannot say";
         InputError::new(files.toml_file, format!("joints.{name}"), "nothing", expected)
     })?;
+    let stated = |value: &Option<Stated<f64>>, field: &str, range| match value {
+        Some(stated) => Ok(stated.value),
+        None => limit(field, range),
+    };
+    let is_endless = joint.text("type")? == "continuous";
+    let [lower, upper] = match &fields.range_rad {
+        Some(range) => range.value,
+        None if is_endless => {
+            let expected = format!("revolute with limits, or joints.{name}.range_rad in {}", files.toml_file);
+            return Err(joint.fault("type", "continuous", expected));
+        }
+        None => [limit("lower", quantity::JOINT_POSITION_RAD)?, limit("upper", quantity::JOINT_POSITION_RAD)?],
+    };
+    if lower >= upper {
+        let found = format!("lower {lower} and upper {upper}");
+        let expected = "finite limits, lower below upper";
+        return Err(match &fields.range_rad {
+            Some(_) => InputError::new(files.toml_file, format!("joints.{name}.range_rad"), found, expected),
+            None => joint.fault("limit", found, expected),
+        });
+    }
     let limits = JointLimits {
         lower,
         upper,
-        velocity: limit.number("velocity", quantity::JOINT_VELOCITY_RADPS)?,
-        acceleration: fields.max_acceleration_radps2,
-        torque: limit.number("effort", quantity::TORQUE_NM)?,
-        jerk: fields.max_jerk_radps3,
-    };
-    let axis = match joint.child("axis")? {
-        None => Vector3::x_axis(),
-        Some(axis) => {
-            let xyz = axis.vector("xyz", quantity::COORDINATE)?;
-            Unit::try_new(Vector3::from(xyz), 1e-9)
-                .ok_or_else(|| axis.fault("xyz", format!("{xyz:?}"), "a direction"))?
-        }
+        velocity: stated(&fields.max_velocity_radps, "velocity", quantity::JOINT_VELOCITY_RADPS)?,
+        acceleration: fields.max_acceleration_radps2.value,
+        torque: stated(&fields.max_torque_nm, "effort", quantity::TORQUE_NM)?,
+        jerk: fields.max_jerk_radps3.as_ref().map(|it| it.value),
     };
     let damping = joint.child("dynamics")?.filter(|it| it.has("damping"));
     let child = joint.required("child")?.text("link")?;
+    let link = urdf.link(child).ok_or_else(|| {
+        let expected = "the link that a joint moves";
+        InputError::new(files.urdf_file, format!("link {child}"), "nothing", expected)
+    })?;
     Ok(Joint {
         name: name.to_owned(),
         X_PL: joint.origin()?,
-        axis,
+        axis: joint.axis()?,
         limits,
-        rotor_inertia: fields.rotor_inertia_kgm2,
+        rotor_inertia: fields.rotor_inertia_kgm2.value,
         damping: damping.map_or(Ok(0.0), |it| it.number("damping", quantity::DAMPING_NMSPRAD))?,
-        inertia: link_inertia(urdf.link(child).ok_or_else(|| {
-            let expected = "the link that a joint moves";
-            InputError::new(files.urdf_file, format!("link {child}"), "nothing", expected)
-        })?)?,
+        inertia: match extra.links.get(child) {
+            Some(fields) => stated_inertia(files, child, fields)?,
+            None => link_inertia(link)?,
+        },
         link_name: child.to_owned(),
     })
 }
 
-/// Positions of joints.
-const JOINT_POSITION_RAD: Quantity = Quantity { least: -100.0, most: 100.0, unit: "rad" };
-
 fn link_inertia(link: &Element) -> Result<Inertia, InputError> {
     let inertial = link.required("inertial")?;
-    let mass = inertial.required("mass")?.number("value", quantity::PART_MASS_KG)?;
-    let X_LC = inertial.origin()?;
-    let inertia = inertial.required("inertia")?;
-    let moment = |name: &str| inertia.number(name, quantity::INERTIA_KGM2);
-    let (xx, yy, zz) = (moment("ixx")?, moment("iyy")?, moment("izz")?);
-    let (xy, xz, yz) = (moment("ixy")?, moment("ixz")?, moment("iyz")?);
-    let about_com = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
-    let moments = about_com.symmetric_eigenvalues();
-    if !(moments.min() > 0.0 && 2.0 * moments.max() <= moments.sum() * (1.0 + 1e-9)) {
-        let found = format!("principal moments {:?}", moments.as_slice());
-        let expected = "moments above zero, none larger than the sum of the other two";
-        return Err(inertial.fault("inertia", found, expected));
+    let inertia = inertial.inertia()?;
+    if !inertia.is_of_a_body() {
+        let found = format!("principal moments {:?}", inertia.about_com.symmetric_eigenvalues().as_slice());
+        return Err(inertial.fault("inertia", found, OF_A_BODY));
     }
-    Ok(Inertia { mass, com: Point3::origin(), about_com }.transformed(&X_LC))
+    Ok(inertia)
 }
+
+fn stated_inertia(files: &RobotFiles, link: &str, fields: &LinkFields) -> Result<Inertia, InputError> {
+    let &LinkFields { mass_kg, com_m, inertia_kgm2: [xx, yy, zz, xy, xz, yz], assumed, ref reason } = fields;
+    if let Some(fault) = unreasoned(files, &format!("links.{link}."), assumed, reason.as_ref()) {
+        return Err(fault);
+    }
+    let about_com = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+    let inertia = Inertia { mass: mass_kg, com: com_m.into(), about_com };
+    if inertia.is_of_a_body() {
+        return Ok(inertia);
+    }
+    let found = format!("principal moments {:?}", about_com.symmetric_eigenvalues().as_slice());
+    Err(InputError::new(files.toml_file, format!("links.{link}.inertia_kgm2"), found, OF_A_BODY))
+}
+
+/// What the moments of inertia of a body are.
+const OF_A_BODY: &str = "moments above zero, none larger than the sum of the other two";
 
 #[cfg(test)]
 pub(crate) mod tests {
@@ -290,6 +350,14 @@ pub(crate) mod tests {
 
     pub fn iiwa() -> Robot {
         read(URDF, TOML).unwrap()
+    }
+
+    pub fn ur10e() -> Robot {
+        let assets = [
+            include_str!("../../../assets/robots/ur10e/robot.urdf"),
+            include_str!("../../../assets/robots/ur10e/robot.toml"),
+        ];
+        read(assets[0], assets[1]).unwrap()
     }
 
     fn read(urdf: &str, toml: &str) -> Result<Robot, InputError> {

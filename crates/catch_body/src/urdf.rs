@@ -5,10 +5,10 @@ use std::{
     fmt::Display,
 };
 
-use nalgebra::{Translation3, UnitQuaternion};
+use nalgebra::{Matrix3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 use roxmltree::{Document, Node, ParsingOptions};
 
-use crate::{InputError, pose::Pose, quantity, quantity::Quantity};
+use crate::{InputError, pose::Pose, quantity, quantity::Quantity, robot::Inertia};
 
 /// Elements and attributes of a URDF file at most.
 const MOST_NODES: u32 = 1_000_000;
@@ -23,7 +23,8 @@ const EXPECTED: &str = "a URDF description of a robot";
 pub(crate) fn parse<'a>(file: &str, text: &'a str) -> Result<Document<'a>, InputError> {
     if text.contains("<xacro:") || text.contains("${") {
         let found = if text.contains("<xacro:") { "`<xacro:`" } else { "`${`" };
-        let expected = "a URDF without xacro: `xacro FILE.urdf.xacro > robot.urdf` expands it";
+        let named = if file.contains("xacro") { file } else { "FILE.urdf.xacro" };
+        let expected = format!("a URDF without xacro: `xacro {named} > robot.urdf` expands it");
         return Err(InputError::new(file, "robot", found, expected));
     }
     let options = ParsingOptions { nodes_limit: MOST_NODES, ..ParsingOptions::default() };
@@ -82,6 +83,11 @@ impl<'a> Urdf<'a> {
     /// Names of the links that no joint moves.
     pub fn roots(&self) -> Vec<&'a str> {
         self.links.keys().copied().filter(|link| !self.children.contains(link)).collect()
+    }
+
+    /// All links by their names.
+    pub fn links(&self) -> impl Iterator<Item = (&'a str, &Element<'a>)> {
+        self.links.iter().map(|(name, element)| (*name, element))
     }
 
     /// The joints whose parent is `link`.
@@ -161,6 +167,14 @@ impl<'a> Element<'a> {
         self.child(name)?.ok_or_else(|| self.fault(name, "nothing", format!("an element <{name}>")))
     }
 
+    /// The children of this name.
+    pub fn children(&self, name: &str) -> impl Iterator<Item = Self> {
+        let separator = if self.path.contains(": ") { " " } else { ": " };
+        let path = format!("{}{separator}{name}", self.path);
+        let all = self.node.children().filter(move |it| it.has_tag_name(name));
+        all.enumerate().map(move |(i, node)| Self { file: self.file, node, path: format!("{path} {}", i + 1) })
+    }
+
     /// Whether there is an attribute of this name.
     pub fn has(&self, name: &str) -> bool {
         self.node.attribute(name).is_some()
@@ -205,5 +219,30 @@ impl<'a> Element<'a> {
         let or_zero = |name: &str, range| if origin.has(name) { origin.vector(name, range) } else { Ok([0.0; 3]) };
         let (xyz, [roll, pitch, yaw]) = (or_zero("xyz", quantity::OFFSET_M)?, or_zero("rpy", quantity::ANGLE_RAD)?);
         Ok(Pose::from_parts(Translation3::from(xyz), UnitQuaternion::from_euler_angles(roll, pitch, yaw)))
+    }
+
+    /// The direction in the child `<axis>`; x where there is none.
+    ///
+    /// # Errors
+    /// As [`vector`](Self::vector), or if it has no direction.
+    pub fn axis(&self) -> Result<Unit<Vector3<f64>>, InputError> {
+        let Some(axis) = self.child("axis")? else { return Ok(Vector3::x_axis()) };
+        let xyz = axis.vector("xyz", quantity::COORDINATE)?;
+        Unit::try_new(Vector3::from(xyz), 1e-9).ok_or_else(|| axis.fault("xyz", format!("{xyz:?}"), "a direction"))
+    }
+
+    /// The mass properties that an `<inertial>` states, in its link's frame.
+    ///
+    /// # Errors
+    /// What is missing, no number or out of its range.
+    pub fn inertia(&self) -> Result<Inertia, InputError> {
+        let mass = self.required("mass")?.number("value", quantity::PART_MASS_KG)?;
+        let X_LC = self.origin()?;
+        let inertia = self.required("inertia")?;
+        let moment = |name: &str| inertia.number(name, quantity::INERTIA_KGM2);
+        let (xx, yy, zz) = (moment("ixx")?, moment("iyy")?, moment("izz")?);
+        let (xy, xz, yz) = (moment("ixy")?, moment("ixz")?, moment("iyz")?);
+        let about_com = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+        Ok(Inertia { mass, com: Point3::origin(), about_com }.transformed(&X_LC))
     }
 }

@@ -30,7 +30,7 @@ use control::{CatchPlanner, Controller, GripperPlan, Situation, TimeGridSearch};
 use perception::{ObjectPose, PoseEstimator, SdfEstimator};
 use settings::SettingError;
 use tracker::Tracker;
-use trajectory_optimization::CatchPlan;
+use trajectory_optimization::{CatchPlan, reach_map::ReachMap};
 use trajectory_prediction::{FlightPredictor, FlightTrajectory, InformationFit};
 
 pub use control::Status;
@@ -67,7 +67,8 @@ pub struct CatchingBot<E = SdfEstimator, P = InformationFit, C = TimeGridSearch>
 }
 
 impl CatchingBot {
-    /// A brain for an arm with a gripper, cameras at known places, and an object known from a scan.
+    /// A brain for an arm with a gripper, cameras at known places, and an object known from a scan. Arms that are served by a
+    /// [`ReachMap`] get one, which takes some seconds; who has stored it [prepares](Self::prepared) the brain with it.
     ///
     /// # Errors
     /// A setting that is out of its range.
@@ -79,7 +80,8 @@ impl CatchingBot {
         reference_scan: &ReferenceScan,
     ) -> Result<Self, SettingError> {
         let seed = config.seed;
-        let known = Preparation::new(config, robot, gripper, cameras, reference_scan)?;
+        let reach_map = ReachMap::serves(&robot).then(|| Arc::new(ReachMap::new(&robot)));
+        let known = Preparation::new(config, robot, gripper, cameras, reference_scan, reach_map)?;
         Ok(Self::prepared(Arc::new(known), seed))
     }
 
@@ -174,6 +176,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingBot<E, P, C>
             observed_s: self.tracker.observed_s(),
             first_seen_s: first.capture_s,
             start: self.controller.start(observation),
+            sensed: (observation.arm.q, observation.arm.dq),
             flight: &flight,
             running: self.controller.plan(),
             closing: self.controller.closing(),

@@ -11,7 +11,7 @@ use crate::{
     grasp_selection::{self, GraspSet},
     perception::{self, ReferenceModel, SdfEstimator, Surroundings, camera_alignment::CameraAlignment},
     settings::{Faults, SettingError, Settings},
-    trajectory_optimization::{self, CatchSearch, MotionPlanner},
+    trajectory_optimization::{self, CatchSearch, MotionPlanner, reach_map::ReachMap},
     trajectory_prediction::{self, InformationFit},
 };
 
@@ -63,6 +63,7 @@ impl Preparation {
     /// For an arm with a gripper, cameras at known places, and an object known from a scan.
     ///
     /// The arm is expected to wait at [`Robot::ready_q`] with its gripper open; if it waits elsewhere, the first images take longer.
+    /// `reach_map` is that of this arm and pose, if it is [served](ReachMap::serves) by one.
     ///
     /// # Errors
     /// A setting that is out of its range.
@@ -72,6 +73,7 @@ impl Preparation {
         gripper: Gripper,
         cameras: Vec<CameraModel>,
         reference_scan: &ReferenceScan,
+        reach_map: Option<Arc<ReachMap>>,
     ) -> Result<Self, SettingError> {
         config.check()?;
         let reference = Arc::new(ReferenceModel::from_scan(reference_scan, &config.perception));
@@ -82,7 +84,7 @@ impl Preparation {
         let alignment = CameraAlignment::before_flight(&cameras, &waiting, &config.perception);
         let workspace = perception::Workspace::before_flight(&cameras, &waiting, &config.perception);
         let motion = MotionPlanner::new(robot, gripper, config.trajectory_optimization.clone());
-        let search = Arc::new(CatchSearch::new(motion));
+        let search = Arc::new(CatchSearch::new(motion, reach_map));
         Ok(Self { config, cameras, reference, grasps, search, arm_surface, alignment, workspace })
     }
 

@@ -30,13 +30,15 @@ pub struct ExecutorConfig {
     pub continuous_start: bool,
     /// Whether they must be continuous along it, too.
     pub continuous_inside: bool,
+    /// Whether it must end at rest. Beyond its end the last point is held either way.
+    pub ends_at_rest: bool,
     /// What is done about limits.
     pub limit_check: LimitCheck,
 }
 
 impl Default for ExecutorConfig {
     fn default() -> Self {
-        Self { continuous_start: true, continuous_inside: true, limit_check: LimitCheck::Reject }
+        Self { continuous_start: true, continuous_inside: true, ends_at_rest: true, limit_check: LimitCheck::Reject }
     }
 }
 
@@ -123,7 +125,7 @@ impl Executor {
         let [_, dq, ddq] = spline.evaluate(spline.end_s());
         let moves =
             |i: &usize| dq[*i].abs() > CONTINUITY || (self.config.continuous_inside && ddq[*i].abs() > CONTINUITY);
-        if let Some(joint) = (0..dof).find(moves) {
+        if let Some(joint) = (0..dof).find(moves).filter(|_| self.config.ends_at_rest) {
             return Err(Rejection::NotAtRest { joint });
         }
         let start_s = spline.start_s();
@@ -313,11 +315,20 @@ pub(crate) mod tests {
 
     #[test]
     fn checks_can_be_switched_off() {
-        let off = ExecutorConfig { continuous_start: false, continuous_inside: false, limit_check: LimitCheck::Off };
+        let off = ExecutorConfig {
+            continuous_start: false,
+            continuous_inside: false,
+            ends_at_rest: false,
+            limit_check: LimitCheck::Off,
+        };
         let mut lenient = executor(off);
         let from = lenient.robot().ready_q;
         let away = from + JointVector::ith(3, 0.01);
         assert_eq!(lenient.receive(&motion(1, 0.0, away, 2.0), 0.0), Ok(vec![]));
+        let mut moving = motion(2, 0.5, from, 0.1);
+        moving.spline.control_points[8][2] += 0.1;
+        assert_eq!(lenient.receive(&moving, 0.5), Ok(vec![]));
+        assert_eq!(lenient.setpoint(2.0), Setpoint::at_rest(moving.spline.control_points[8]));
         let mut reporting = executor(ExecutorConfig { limit_check: LimitCheck::Report, ..ExecutorConfig::default() });
         let violations = reporting.receive(&motion(1, 0.0, from, 2.0), 0.0).unwrap();
         assert!(violations.iter().any(|it| it.joint == 0 && it.kind == LimitKind::Velocity), "{violations:?}");

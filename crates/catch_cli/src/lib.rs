@@ -21,6 +21,7 @@ mod predict;
 mod ready;
 mod register;
 mod replay;
+mod robot;
 mod screen;
 mod study;
 mod view;
@@ -85,6 +86,8 @@ enum Command {
     Learn(learn::LearnArguments),
     /// The best waiting pose for a distribution of throws
     Ready(ready::ReadyArguments),
+    /// Arms that others described
+    Robot(robot::RobotArguments),
     /// The pose of one point cloud against another, or against a mesh
     Register(register::RegisterArguments),
     /// The brain once more on the observations of a recording: does it want the same, bit for bit?
@@ -129,6 +132,9 @@ pub struct ChoiceArguments {
     /// Arm: a built-in name, or a robot.toml with a robot.urdf beside it [default: the scenario's]
     #[arg(long, value_name = "NAME|FILE")]
     robot: Option<String>,
+    /// Gripper: a built-in name or a file [default: the scenario's]
+    #[arg(long, value_name = "NAME|FILE")]
+    gripper: Option<String>,
     /// Whose method catches [default: the scenario's, which is ours if it says nothing]
     #[arg(long, value_enum)]
     method: Option<MethodArgument>,
@@ -147,9 +153,9 @@ enum MethodArgument {
 }
 
 impl ChoiceArguments {
-    /// The arm, if another than the scenario's is asked for.
-    pub fn robot(&self) -> Option<&str> {
-        self.robot.as_deref()
+    /// Arm and gripper, where others than the scenario's are asked for.
+    pub fn equipment(&self) -> Choice<'_> {
+        Choice { robot: self.robot.as_deref(), gripper: self.gripper.as_deref(), ..Choice::default() }
     }
 
     /// Whose method is asked for.
@@ -163,14 +169,7 @@ impl ChoiceArguments {
     /// The choice, with an object and a throw.
     pub fn with<'a>(&'a self, object: Option<&'a str>, throw: Option<&'a str>) -> Choice<'a> {
         let method = self.method();
-        Choice {
-            scenario: Some(&self.scenario),
-            robot: self.robot.as_deref(),
-            object,
-            throw,
-            method,
-            settings: &self.settings,
-        }
+        Choice { scenario: Some(&self.scenario), object, throw, method, settings: &self.settings, ..self.equipment() }
     }
 }
 
@@ -258,6 +257,7 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         Some(Command::Learn(learn)) => learn::run(&learn),
         Some(Command::Register(register)) => register::run(&register),
         Some(Command::Ready(ready)) => ready::run(&ready),
+        Some(Command::Robot(robot)) => robot::run(&robot),
         Some(Command::Replay(replay)) => replay::run(&replay),
         Some(Command::View(view)) => view::run(&view),
         Some(Command::GripperLatency(latency)) => gripper_latency::run(&latency),

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use catch_body::InputError;
+use catch_body::{InputError, quantity};
 use catch_bot::trajectory_prediction::{Config, PredictionStatus, Track, TrackSample};
 use catch_lab::{
     VERSION,
@@ -130,16 +130,12 @@ const LEAST_SIGHTINGS: usize = 6;
 /// Faults of the arguments and of the track's file.
 pub fn run(arguments: &PredictArguments) -> anyhow::Result<()> {
     let finite = |field: &str, value: f64| InputError::finite(COMMAND_LINE, field, [value]).map(|_| value);
-    let not_negative = |field: &str, value: f64| match value {
-        value if value.is_finite() && value >= 0.0 => Ok(value),
-        _ => Err(InputError::new(COMMAND_LINE, field, value, "zero or more")),
-    };
     for &time_s in arguments.at.iter().chain(&arguments.until) {
         finite("--at and --until", time_s)?;
     }
     let [drag, drag_sd] = [
-        not_negative("--drag", arguments.drag.unwrap_or(DRAG_PER_M[0]))?,
-        not_negative("--drag-sd", arguments.drag_sd.unwrap_or(DRAG_PER_M[1]))?,
+        quantity::DRAG_PER_M.check(COMMAND_LINE, "--drag", arguments.drag.unwrap_or(DRAG_PER_M[0]))?,
+        quantity::DRAG_PER_M.check(COMMAND_LINE, "--drag-sd", arguments.drag_sd.unwrap_or(DRAG_PER_M[1]))?,
     ];
     let prior = arguments.object.as_deref().map(flight_learning::read).transpose()?;
     let (track, end_s) = track_file::read(&arguments.track)?;

@@ -17,7 +17,8 @@ use crate::screen;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 What is printed is the line `ready_rad = [..]` for a scenario's file, or for the robot.toml of an own
-robot. The search begins at the present pose and keeps it where it finds none that is better.
+robot. The search begins at the present pose and keeps it where it finds none that is better. What the pose
+is worth is told by as many throws of the next seed, too.
 
 Example:
   catchingbot ready --scenario honest --object tennis_ball --object banana --trials 8 --tries 400")]
@@ -53,6 +54,15 @@ struct Answer<'a> {
     throws: usize,
     mean_cost: f64,
     median_travel_rad: f64,
+    /// The same of as many throws that the pose was not chosen for.
+    other_throws: OtherThrows,
+}
+
+#[derive(Serialize)]
+struct OtherThrows {
+    within_reach_by_oracle: usize,
+    within_reach: usize,
+    throws: usize,
 }
 
 /// Searches from the scenario's present pose and prints what it finds.
@@ -84,6 +94,8 @@ pub fn run(arguments: &ReadyArguments) -> anyhow::Result<()> {
         let expected = "throws that pass within the arm's reach, or more --tries";
         return Err(InputError::new(COMMAND_LINE, "--throw", found, expected).into());
     }
+    let others = Corridor::new(&setups, arguments.trials, arguments.seed.wrapping_add(1)).value(&best.q, f64::INFINITY);
+    let others = others.expect("the arm can stand where it was found to");
     let answer = Answer {
         version: VERSION,
         scenario: &setups[0].scenario,
@@ -92,6 +104,11 @@ pub fn run(arguments: &ReadyArguments) -> anyhow::Result<()> {
         throws: best.throws,
         mean_cost: best.cost,
         median_travel_rad: best.travel_rad,
+        other_throws: OtherThrows {
+            within_reach_by_oracle: others.within_reach,
+            within_reach: others.caught,
+            throws: others.throws,
+        },
     };
     if arguments.json {
         return screen::json(&answer);
@@ -99,7 +116,8 @@ pub fn run(arguments: &ReadyArguments) -> anyhow::Result<()> {
     let numbers: Vec<String> = answer.ready_rad.iter().map(|value| format!("{value:.3}")).collect();
     screen::line(&format!("ready_rad = [{}]", numbers.join(", ")))?;
     Ok(screen::line(&format!(
-        "# {} of {} throws within reach; median over them of the largest joint's travel to the catch {:.2} rad",
-        best.caught, best.throws, best.travel_rad
+        "# {} of {} throws within reach; median over them of the largest joint's travel to the catch {:.2} rad\n\
+         # of {} other throws {} are within reach by the oracle, and the planner catches {}",
+        best.caught, best.throws, best.travel_rad, others.throws, others.within_reach, others.caught
     ))?)
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use catch_body::InputError;
+use catch_body::{InputError, quantity};
 use catch_bot::perception::{Config, Fit, ReferenceModel, Symmetry, register_cloud};
 use catch_lab::{
     VERSION,
@@ -67,10 +67,7 @@ struct Document {
 /// # Errors
 /// Files that cannot be read or hold no surface.
 pub fn run(arguments: &RegisterArguments) -> anyhow::Result<()> {
-    let noise_m = arguments.noise;
-    if !(noise_m.is_finite() && noise_m >= 0.0) {
-        return Err(InputError::new(COMMAND_LINE, "--noise", noise_m, "zero or more metres").into());
-    }
+    let noise_m = quantity::ERROR_M.check(COMMAND_LINE, "--noise", arguments.noise)?;
     let cloud = cloud_file::read(&arguments.cloud, false)?;
     let config = Config::default();
     let reference = reference_model(&arguments.reference, &config)?;

@@ -66,7 +66,7 @@ fn summary_of(
     step: &Step,
     objects: &[String],
 ) -> anyhow::Result<StepSummary> {
-    let cells = study.cells(step, arguments.choice.robot(), objects)?;
+    let cells = study.cells(step, &arguments.choice.equipment(), objects)?;
     let trials = arguments.trials.div_ceil(step.throws.len() as u64);
     let evaluation = Evaluation { cells, seed: arguments.seed, first: arguments.first, trials };
     let folder = arguments.out.join(&step.head.name);

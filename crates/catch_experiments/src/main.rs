@@ -3,6 +3,8 @@
 //! `cargo run --release -p catch_experiments -- NAME [--seed S] [--trials N]` runs one in the arena, with the arena's own cameras,
 //! and writes `docs/results/NAME.md` and `docs/results/NAME.json`; `list` lists them.
 
+mod arms;
+mod as_published;
 mod flights;
 mod holding;
 mod near_rigs;
@@ -46,7 +48,7 @@ pub struct Findings {
     pub tables: Vec<Table>,
 }
 
-const EXPERIMENTS: [Experiment; 7] = [
+const EXPERIMENTS: [Experiment; 9] = [
     Experiment {
         name: "perception",
         about: "errors of poses and predicted positions by depth noise, with labels and without",
@@ -82,6 +84,18 @@ const EXPERIMENTS: [Experiment; 7] = [
         about: "how many random throws the oracle calls within reach",
         trials: 1000,
         run: reachability::run,
+    },
+    Experiment {
+        name: "arms",
+        about: "what each built-in arm catches of the throws within its reach, and how long it searches",
+        trials: 100,
+        run: arms::run,
+    },
+    Experiment {
+        name: "as-published",
+        about: "Table I by the paper's own method, what each of its assumptions was worth, and the method under the arm's limits",
+        trials: 57,
+        run: as_published::run,
     },
     Experiment {
         name: "holding",

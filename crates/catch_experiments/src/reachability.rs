@@ -1,6 +1,6 @@
 //! How many throws the oracle calls within reach.
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use catch_lab::{
     assets::Kind,
     reachability::oracle::{Oracle, Reach},
@@ -23,7 +23,7 @@ pub fn run(options: &Options) -> Result<Findings> {
     for scenario in Kind::Scenario.names() {
         let choice = Choice { scenario: Some(scenario), throw: Some("random"), ..Choice::default() };
         let setup = Setup::load(&choice)?;
-        let oracle = Oracle::of(&setup).context("the oracle does not know the arm of this scenario")?;
+        let oracle = Oracle::of(&setup);
         let count = options.trials as usize;
         let reaches = parallel::map(count, |index| oracle.reach(&setup, options.seed, index as u64));
         let within = |of: fn(&Reach) -> bool| percent(reaches.iter().filter(|reach| of(reach)).count(), count);

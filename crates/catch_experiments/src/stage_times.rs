@@ -17,7 +17,7 @@ const LEGEND: &str = "CPU time of one thread in ms, over the ticks of the first 
 perception in ticks that find the object without a prediction.";
 
 /// CPU time of this thread in milliseconds, which other programs hardly disturb; not a number where it cannot be told.
-fn cpu_ms() -> f64 {
+pub fn cpu_ms() -> f64 {
     #[cfg(unix)]
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
     #[cfg(unix)]

@@ -139,6 +139,16 @@ impl Asset {
             );
             return Err(InputError::new(field.0, field.1, format!("the mesh `{name}`"), expected));
         }
+        let is_description = path
+            .extension()
+            .is_some_and(|it| ["urdf", "xacro", "xml", "mjcf"].iter().any(|known| it.eq_ignore_ascii_case(known)));
+        if kind == Kind::Robot && is_description {
+            let expected = format!(
+                "a robot.toml, which says what a description cannot: `catchingbot robot import {name} --out {}` makes one",
+                path.file_stem().unwrap_or_default().display()
+            );
+            return Err(InputError::new(field.0, field.1, format!("the description `{name}`"), expected));
+        }
         let looks_like_path = name.contains(['/', '\\']) || name.ends_with(".toml");
         if looks_like_path || path.is_file() {
             return Self::on_disk(kind, &path);
@@ -222,7 +232,7 @@ impl Asset {
     /// If there is no such file or it is not text.
     pub fn read_text_beside(&self, name: &str) -> Result<(String, String), InputError> {
         let (file, bytes) = self.read_beside(name)?;
-        let text = String::from_utf8(bytes).map_err(|_| InputError::new(&file, "the file", "binary data", "text"))?;
+        let text = FileKind::text("a description of a robot").decode(&file, bytes)?;
         Ok((file, text))
     }
 }

@@ -80,10 +80,17 @@ impl<'a> FileKind<'a> {
     /// # Errors
     /// As [`open`](Self::open), or if it is not UTF-8.
     pub fn read_text(&self, path: &Path) -> Result<String, InputError> {
-        String::from_utf8(self.read(path)?).map_err(|fault| {
-            let file = path.display();
-            let found = format!("binary data at byte {}", fault.utf8_error().valid_up_to());
-            InputError::new(file, "the file", found, format!("text in UTF-8: {}", self.expected))
+        self.decode(&path.display().to_string(), self.read(path)?)
+    }
+
+    /// The content of a file as text.
+    ///
+    /// # Errors
+    /// If it is not UTF-8.
+    pub fn decode(&self, file: &str, content: Vec<u8>) -> Result<String, InputError> {
+        String::from_utf8(content).map_err(|fault| {
+            let field = format!("byte {}", fault.utf8_error().valid_up_to());
+            InputError::new(file, field, "binary data", format!("text in UTF-8: {}", self.expected))
         })
     }
 
@@ -105,7 +112,7 @@ mod tests {
         fs::write(&path, "abc").unwrap();
         assert_eq!(kind.read_text(&path).unwrap(), "abc");
         fs::write(&path, [b'a', 255]).unwrap();
-        assert!(kind.read_text(&path).unwrap_err().to_string().contains("binary data at byte 1"));
+        assert!(kind.read_text(&path).unwrap_err().to_string().contains("byte 1: found binary data"));
         fs::write(&path, "abcd").unwrap();
         assert!(kind.read(&path).unwrap_err().to_string().ends_with("expected at most 0 MiB: settings"));
         let fault = kind.read(folder.path()).unwrap_err().to_string();

@@ -177,7 +177,7 @@ impl Evaluation {
         let trial = trial::run_unobserved(&mut *brain, &cell.setup, self.seed, index);
         let mut verdict = referee::judge(&cell.setup, &trial);
         if !verdict.caught {
-            verdict.reach = Oracle::of(&cell.setup).map(|oracle| oracle.reach(&cell.setup, self.seed, index));
+            verdict.reach = Some(Oracle::of(&cell.setup).reach(&cell.setup, self.seed, index));
         }
         (verdict, trial.stopwatch)
     }

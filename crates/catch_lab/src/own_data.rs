@@ -6,5 +6,6 @@ pub mod cloud_file;
 pub mod flight_learning;
 pub mod flight_misses;
 pub mod planner_cases;
+pub mod robot_import;
 pub mod templates;
 pub mod track_file;

@@ -3,9 +3,13 @@
 pub mod catch_page;
 pub mod packed;
 pub mod report_page;
+pub mod robot_page;
 
 /// Looks that all pages share.
 const STYLE: &str = include_str!("pages/page.css");
+
+/// The three dimensions that pages share: algebra, WebGL, a camera.
+const VIEWER: &str = include_str!("pages/viewer.js");
 
 /// Puts each value in the place of its `{{name}}`. Values are not looked into, whatever they contain.
 fn fill(template: &str, values: &[(&str, &str)]) -> String {

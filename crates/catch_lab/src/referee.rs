@@ -1,5 +1,6 @@
 //! The referee: the only place where truth meets score.
 
+mod counted;
 mod impact;
 mod measures;
 pub mod reason;
@@ -14,14 +15,13 @@ use serde::{Deserialize, Serialize};
 use crate::{
     reachability::oracle::Reach,
     scenario::setup::{Scene, Setup},
-    trial::{PAPER_LOOKS_AT_S, StateSnapshot, Trial},
+    trial::{StateSnapshot, Trial},
 };
+use counted::Counted;
 use impact::impact;
 pub use measures::{LEADS_S, Measures};
 use reason::Reason;
 
-/// How far along z of the gripper the object may be for the paper to call it caught.
-const PAPER_DISTANCE_M: f64 = 0.025;
 /// From the first contact on: when the object has to be held, and until when.
 const HELD_FROM_S: f64 = 0.5;
 /// The end of the test.
@@ -48,6 +48,15 @@ pub struct Verdict {
     pub caught: bool,
     /// Whether the paper would call it caught: at 0.875 s the object is less than 2.5 cm from the gripper along its z axis.
     pub caught_paper: bool,
+    /// Whether the authors' code would: less than 5 cm.
+    #[serde(default)]
+    pub caught_paper_code: bool,
+    /// Whether it is squeezed 0.4 s after that, at 1.275 s.
+    #[serde(default)]
+    pub held_later: bool,
+    /// Whether it was caught and held but for broken limits of the arm.
+    #[serde(default)]
+    pub caught_beyond_limits: bool,
     /// Why not, for every trial in which the object was not caught.
     pub reason: Option<Reason>,
     /// What an oracle would have reached, for trials in which the object was not caught; `None` also where it cannot tell.
@@ -80,9 +89,13 @@ pub fn judge(setup: &Setup, trial: &Trial) -> Verdict {
     let evidence = Evidence::new(setup, trial, contact_s);
     let reason = reason::why_not_caught(&evidence);
     let servo = &truth.servo;
+    let published = Counted::of(truth, &setup.object.origin_O);
     Verdict {
         caught: reason.is_none(),
-        caught_paper: caught_as_in_the_paper(truth),
+        caught_paper: published.is_within_text,
+        caught_paper_code: published.is_within_code,
+        held_later: published.is_held_later,
+        caught_beyond_limits: reason::why_not_held(&evidence).is_none(),
         reason,
         reach: None,
         limit_violations: servo.command_violations.len() + servo.motion_violations.len(),
@@ -370,12 +383,4 @@ pub(crate) fn undisturbed_position(truth: &Truth, time_s: f64) -> Option<Point3<
     let t = time_s - sample.time_s;
     let p = sample.X_WO.translation.vector + sample.V_WO.linear * t + gravity() * (t * t / 2.0);
     Some(p.into())
-}
-
-fn caught_as_in_the_paper(truth: &Truth) -> bool {
-    let distance = sample_at(truth, PAPER_LOOKS_AT_S).map(|sample| {
-        let p_GO_W = sample.X_WO.translation.vector - sample.X_WG.translation.vector;
-        sample.X_WG.rotation.inverse_transform_vector(&p_GO_W).z.abs()
-    });
-    distance.is_some_and(|distance| distance < PAPER_DISTANCE_M)
 }

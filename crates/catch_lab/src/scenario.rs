@@ -1,6 +1,7 @@
 //! Scenarios: everything that a set of trials shares, in one file.
 
 pub mod brain;
+pub mod reach_map;
 pub mod setup;
 
 use catch_body::{Gripper, InputError, quantity, robot::LimitScale};
@@ -114,7 +115,8 @@ impl Scenario {
         for setting in settings {
             let fault = |expected: String| InputError::new(COMMAND_LINE, "--set", format!("`{setting}`"), expected);
             let example = || fault("FIELD=VALUE, such as arena.restitution_scale=0.5".to_owned());
-            let (path, text) = setting.split_once('=').ok_or_else(example)?;
+            let whole = |path: &str| path.split('.').all(|field| !field.trim().is_empty());
+            let (path, text) = setting.split_once('=').filter(|(path, _)| whole(path)).ok_or_else(example)?;
             // What is no TOML is meant as text.
             let value = toml::from_str::<toml::Table>(&format!("value = {text}")).ok();
             let value = value.and_then(|mut table| table.remove("value")).unwrap_or_else(|| text.trim().into());
@@ -169,7 +171,7 @@ impl Scenario {
     /// # Errors
     /// If it does not: every catch would come too late.
     pub(crate) fn check_closing(&self, file: &str, gripper: &Gripper, gripper_file: &str) -> Result<(), InputError> {
-        if self.arena.gripper == (GripperDriveKind::Ideal {}) {
+        if !matches!(self.arena.gripper, GripperDriveKind::Wsg50(_)) {
             return Ok(());
         }
         let grasping = &self.brain.grasp_selection;

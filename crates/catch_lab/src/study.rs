@@ -171,15 +171,15 @@ impl Study {
         }
     }
 
-    /// The cells of a step, object by object, by another arm than the scenario's if one is named.
+    /// The cells of a step, object by object, with another arm or gripper than the scenario's where `equipment` names one.
     ///
     /// # Errors
     /// As [`Setup::load`]; a throw that no place of the grid can be made after.
-    pub fn cells(&self, step: &Step, robot: Option<&str>, objects: &[String]) -> Result<Vec<Cell>, InputError> {
+    pub fn cells(&self, step: &Step, equipment: &Choice, objects: &[String]) -> Result<Vec<Cell>, InputError> {
         let mut cells = Vec::new();
         for object in objects {
             for throw in &step.throws {
-                let choice = Choice { robot, object: Some(object), throw: Some(throw), ..Choice::default() };
+                let choice = Choice { object: Some(object), throw: Some(throw), ..*equipment };
                 let file = format!("{}, step {}", self.path, step.head.name);
                 let setup = Setup::of_scenario(step.scenario.clone(), &file, &self.origin, &choice)?;
                 let Some(grid) = &self.file.throw_grid else {
@@ -301,6 +301,7 @@ impl Overlay {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scenario::brain::Method;
 
     fn load(name: &str) -> Study {
         Study::load(name, ("test", "name")).unwrap()
@@ -321,8 +322,24 @@ mod tests {
         assert_eq!(top.scenario, built_in("honest"));
         assert_eq!(top.throws, ["random"]);
         let honest = Setup::load(&Choice { scenario: Some("honest"), object: Some("banana"), ..Choice::default() });
-        let cells = study.cells(top, None, &["banana".to_owned()]).unwrap();
+        let cells = study.cells(top, &Choice::default(), &["banana".to_owned()]).unwrap();
         assert_eq!(cells[0].setup.scenario, honest.unwrap().scenario);
+    }
+
+    /// What is left when every assumption of the published code is taken away is the paper's method under the arm's limits.
+    #[test]
+    fn the_published_system_ends_at_its_method_in_the_scenario_of_the_paper() {
+        let study = load("as-published");
+        assert_eq!(
+            study.steps[0].scenario,
+            Scenario { name: "01-as-published".to_owned(), ..built_in("as-published") }
+        );
+        let top = &study.steps[study.file.overlays.len() - 1];
+        let mut paper = built_in("paper");
+        paper.brain.method = Method::Paper;
+        let Scenario { name, description, .. } = top.scenario.clone();
+        assert_eq!(top.scenario, Scenario { name, description, ..paper });
+        assert_eq!(top.throws, ["near", "far"]);
     }
 
     /// The scenario `honest-aero` is `honest` but for the air and for what the brain does about it.
@@ -354,7 +371,9 @@ mod tests {
     fn throws_are_the_same_in_all_steps() {
         let study = load("ablation");
         let random = study.steps.iter().filter(|step| step.throws == ["random"]);
-        let release = |step: &Step| study.cells(step, None, &["banana".to_owned()]).unwrap()[0].setup.release(1, 17);
+        let release = |step: &Step| {
+            study.cells(step, &Choice::default(), &["banana".to_owned()]).unwrap()[0].setup.release(1, 17)
+        };
         let random: Vec<_> = random.map(release).collect();
         assert!(random.len() > 8);
         assert!(random.iter().all(|it| (it.p_WO, it.q_WO) == (random[0].p_WO, random[0].q_WO)));

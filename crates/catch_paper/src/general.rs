@@ -11,7 +11,7 @@ use catch_bot::trajectory_optimization::{
 use catch_cell::spline::DEGREE;
 
 use crate::posed::{PosedCatch, Target};
-use crate::sqp::{MET, Problem, Tolerance, Waypoint, clamped_knots};
+use crate::sqp::{MET, Problem, StartState, Tolerance, Waypoint, clamped_knots};
 
 /// Control points of the motion.
 const CONTROL_POINTS: usize = 10;
@@ -38,14 +38,21 @@ pub fn catch_at(planner: &MotionPlanner, start: &Start, target: &Target) -> Opti
     let Target { catch_s, X_WG, v_WO } = *target;
     let problem = Problem {
         robot,
-        p_GP: planner.gripper().grasp_centre(),
         knots_s: clamped_knots(start.time_s, catch_s, CONTROL_POINTS),
         start: start.state,
-        start_acceleration: false,
+        keeps_start: StartState::Velocity,
+        stretch: [1.0; 2],
         limits: (0..dof).map(|i| planner.limits(i, &start.state, scaling)).collect(),
-        waypoints: vec![Waypoint { time_s: catch_s, X_WG, v_WO, tolerance: Tolerance::NONE }],
+        waypoints: vec![Waypoint {
+            time_s: catch_s,
+            X_WG,
+            p_GP: planner.gripper().grasp_centre(),
+            v_WO,
+            fraction: None,
+            tolerance: Tolerance::NONE,
+        }],
         speed_fraction: [0.0, config.max_speed_fraction],
-        comfortable_q: robot.comfortable_q,
+        comfortable_q: Some(robot.comfortable_q),
         comfort_weight: COMFORT_WEIGHT,
         speed_weight: 1.0,
         first_will_do: false,

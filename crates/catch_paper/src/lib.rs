@@ -3,10 +3,10 @@
 //! [`CatchingBot`](catch_bot::CatchingBot).
 //!
 //! Figures that the paper does not give are those of the authors' code. Where code and text differ the modules say so, and which
-//! one is followed. What a real arm could not do is not done here either: motions start where the arm is, none breaks a limit of
-//! the arm (they are part of the program; the paper has position and velocity limits only), none is carried out that is not
-//! safe, and the gripper closes when the prediction says so, not when the simulator's truth does. A scenario may lift the
-//! limits of its arm; the method is the same.
+//! one is followed by default. What a real arm could not do is not done by default either: motions start where the arm is, none
+//! breaks a limit of the arm (they are part of the program; the paper has position and velocity limits only), none is carried out
+//! that is not safe, and the gripper closes when the prediction says so, not when the simulator's truth does. Each of these is a
+//! setting. The scenario `as-published` has them all as the authors' code has them.
 //!
 //! [`sqp`] is the general nonlinear form of the trajectory optimization over all joints at once, for any arm. Catches whose time and
 //! pose are given, as the paper's are, [`general`] plans with it and [`posed`] with our own motions, or proves them out of reach.
@@ -34,6 +34,8 @@ pub use registration::IcpEstimator;
 pub struct Config {
     /// Settings of the registration, III-B.
     pub registration: registration::Config,
+    /// Settings of the prediction, III-B.
+    pub prediction: prediction::SamplingConfig,
     /// Settings of III-C.
     pub grasp: grasp::Config,
     /// Settings of III-D.
@@ -56,6 +58,7 @@ impl Default for Config {
     fn default() -> Self {
         Self {
             registration: registration::Config::default(),
+            prediction: prediction::SamplingConfig::default(),
             grasp: grasp::Config::default(),
             motion: motion::Config::default(),
             reach_m: [0.42, 0.75],

@@ -3,22 +3,22 @@
 //!
 //! Text and code differ. The text minimizes the distance from the comfortable pose; the code has no cost, and its solver stops
 //! where the tolerances are just met. The code is followed; a cost is only there to make the programs convex. The code wants the
-//! start within the tolerances too, so that its plans do not start where the arm is; the text wants it exact and is followed.
-//! The code carries out what could not be solved; here a motion that misses its tolerances is taken only if it comes closer
-//! than the running one, and none that breaks a limit or collides.
+//! start within tolerances too, so that its plans do not start where the arm is; the text wants it exact. The code carries out
+//! what could not be solved. By default the text is followed there, and a motion that misses its tolerances is taken only if it
+//! comes closer than the running one, and none that breaks a limit or collides; settings marked "code" go the other way.
 
-use catch_body::{JointVector, MAX_JOINTS};
-use catch_bot::settings::{DURATION_S, FRACTION, Faults, NOT_NEGATIVE, SettingError, Settings};
+use catch_body::{JointVector, MAX_JOINTS, Pose};
+use catch_bot::settings::{DURATION_S, FRACTION, Faults, NOT_NEGATIVE, PERIOD_S, SettingError, Settings};
 use catch_bot::{
     grasp_selection::{Approach, Grasp},
     trajectory_optimization::{CatchPlan, MotionPlanner, Start, terminal_velocity},
     trajectory_prediction::FlightTrajectory,
 };
-use catch_cell::BSpline;
-use nalgebra::Point3;
+use catch_cell::{BSpline, Setpoint};
+use nalgebra::{Point3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 
-use crate::sqp::{MET, Problem, Solution, Tolerance, Waypoint, clamped_knots};
+use crate::sqp::{MET, Problem, StartState, Tolerance, Waypoint, clamped_knots};
 
 /// Settings of the paper's trajectory optimization.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -45,6 +45,29 @@ pub struct Config {
     pub comfort_weight: f64,
     /// Whether any motion within the tolerances will do, as in the code.
     pub stops_when_met: bool,
+    /// Whether there is a cost at all (text); else each program stays near the last one's motion, which no cost tells it to
+    /// (code).
+    pub has_cost: bool,
+    /// How far the last link may be from where it is when a motion starts, the joints being free (code). At zero the joints
+    /// start where they are as well (text).
+    pub start: Tolerances,
+    /// Whether the last link is then meant where it is sensed, and not where the running plan has it.
+    pub starts_where_sensed: bool,
+    /// Whether the gripper's velocity counts before the grasp (text).
+    pub pre_grasp_velocity: bool,
+    /// How long the spline goes on after the catch, in seconds, without coming to rest (code: 0.6). At zero it ends there, and
+    /// braking follows.
+    pub tail_s: f64,
+    /// Whether acceleration limits are part of the programs; neither text nor code has them.
+    pub limits_acceleration: bool,
+    /// Whether motions are kept from being carried out that break a limit of the arm or collide; the code knows no such check.
+    pub checks_motions: bool,
+    /// Whether what could not be solved is carried out, and is the guess of the next program (code).
+    pub keeps_unsolved: bool,
+    /// Whether the gripper keeps the orientation that it was planned with first; its position follows the flight (code).
+    pub freezes_orientation: bool,
+    /// Whether inverse kinematics for the guess takes the last link's axes for those of the gripper (code).
+    pub confuses_wrist: bool,
 }
 
 impl Default for Config {
@@ -54,13 +77,30 @@ impl Default for Config {
             speed_fraction: 0.3,
             pre_grasp_s: 0.03,
             pre_grasp_loosening: 10.0,
-            loosest: Tolerances { position_m: 0.1, rotation_error_rad: 0.8, velocity_mps: 2.0 },
+            loosest: Tolerances { position_m: 0.1, rotation_error_rad: 0.8, velocity_mps: 2.0, time_s: 0.0 },
             rounds: 12,
             tightening: 0.875,
-            replan: Tolerances { position_m: 0.02, rotation_error_rad: 0.1, velocity_mps: 0.4 },
+            replan: Tolerances { position_m: 0.02, rotation_error_rad: 0.1, velocity_mps: 0.4, time_s: 0.0 },
             comfort_weight: 1e-4,
             stops_when_met: true,
+            has_cost: true,
+            start: Tolerances::default(),
+            starts_where_sensed: false,
+            pre_grasp_velocity: true,
+            tail_s: 0.0,
+            limits_acceleration: true,
+            checks_motions: true,
+            keeps_unsolved: false,
+            freezes_orientation: false,
+            confuses_wrist: false,
         }
+    }
+}
+
+impl Config {
+    /// Whether motions start in the state of the joints.
+    pub fn starts_in_joints(&self) -> bool {
+        self.start == Tolerances::default()
     }
 }
 
@@ -70,13 +110,14 @@ impl Settings for Config {
             .counts([("rounds", self.rounds)])
             .values(&(7.0..=40.0), [("control_points", self.control_points as f64)])
             .values(&FRACTION, [("speed_fraction", self.speed_fraction), ("tightening", self.tightening)])
-            .values(&DURATION_S, [("pre_grasp_s", self.pre_grasp_s)])
+            .values(&DURATION_S, [("pre_grasp_s", self.pre_grasp_s), ("tail_s", self.tail_s)])
             .values(
                 &NOT_NEGATIVE,
                 [("pre_grasp_loosening", self.pre_grasp_loosening), ("comfort_weight", self.comfort_weight)],
             )
             .table("loosest", &self.loosest)
             .table("replan", &self.replan)
+            .table("start", &self.start)
             .all()
     }
 }
@@ -87,24 +128,29 @@ pub fn plan(
     start: &Start,
     flight: &FlightTrajectory,
     catch_s: f64,
-    grasp: Grasp,
+    grasp: &Grasp,
     config: &Config,
 ) -> Option<CatchPlan> {
-    let q = inverse_kinematics(planner, &(flight.pose_at(catch_s) * grasp.X_OG))?;
+    let X_WG = flight.pose_at(catch_s) * grasp.X_OG;
+    let goal = Goal { flight, catch_s, grasp, R_WG: config.freezes_orientation.then_some(X_WG.rotation) };
+    let q = inverse_kinematics(planner, &X_WG, config)?;
     let mut guess = between(&start.state.q, &q, config.control_points);
-    let mut tolerance: Tolerance = config.loosest.into();
-    let mut best: Option<(Solution, BSpline)> = None;
-    for _ in 0..config.rounds {
-        let problem = problem(planner, start, flight, catch_s, &grasp, tolerance, config);
-        let Some(found) = problem.solve(&guess).ok().filter(|found| found.excess < MET) else { break };
-        guess.clone_from(&found.spline.control_points);
-        if let Some(trajectory) = completed(planner, &found.spline, &grasp) {
-            best = Some((found, trajectory));
+    let mut tolerances = config.loosest;
+    let mut best: Option<(BSpline, BSpline)> = None;
+    for round in 0..config.rounds {
+        let Ok(found) = problem(planner, start, &goal, &tolerances, config).solve(&guess) else { break };
+        let is_met = found.excess < MET;
+        if is_met || (round == 0 && config.keeps_unsolved) {
+            guess.clone_from(&found.spline.control_points);
+            let trajectory = completed(planner, &found.spline, grasp, config);
+            best = trajectory.map(|trajectory| (found.spline, trajectory)).or(best);
         }
-        tolerance = tolerance.scaled(config.tightening);
+        if !is_met {
+            break;
+        }
+        tolerances = tolerances.scaled(config.tightening);
     }
-    let (found, trajectory) = best?;
-    Some(catch_plan(planner, flight, catch_s, grasp, &found.spline, trajectory))
+    best.map(|(found, trajectory)| catch_plan(planner, &goal, &found, trajectory))
 }
 
 /// The running plan for a flight that is known better: `None` if nothing comes closer to it.
@@ -115,92 +161,155 @@ pub fn follow(
     plan: &CatchPlan,
     config: &Config,
 ) -> Option<CatchPlan> {
-    let (catch_s, grasp) = (plan.catch_s, &plan.grasp);
-    let problem = problem(planner, start, flight, catch_s, grasp, config.replan.into(), config);
+    let R_WG = config.freezes_orientation.then_some(plan.X_WG.rotation);
+    let goal = Goal { flight, catch_s: plan.catch_s, grasp: &plan.grasp, R_WG };
+    let problem = problem(planner, start, &goal, &config.replan, config);
+    if config.keeps_unsolved && config.tail_s > 0.0 {
+        let found = problem.solve(&plan.trajectory.control_points).ok()?;
+        let trajectory = completed(planner, &found.spline, &plan.grasp, config)?;
+        return Some(catch_plan(planner, &goal, &found.spline, trajectory));
+    }
     // Control points are about where the curve is at the means of three knots (Greville's abscissae).
     let running = |time_s: f64| plan.trajectory.setpoint(time_s);
     let places = problem.knots_s[1..].windows(3).take(config.control_points);
     let guess: Vec<JointVector> = places.map(|knots| running(knots.iter().sum::<f64>() / 3.0).q).collect();
     let found = problem.solve(&guess).ok()?;
-    if found.excess >= MET && found.excess >= problem.excess_of(running, config.speed_fraction) {
+    let is_worse = || found.excess >= MET && found.excess >= problem.excess_of(running, config.speed_fraction);
+    if !config.keeps_unsolved && is_worse() {
         return None;
     }
-    let trajectory = completed(planner, &found.spline, grasp)?;
-    Some(catch_plan(planner, flight, catch_s, grasp.clone(), &found.spline, trajectory))
+    let trajectory = completed(planner, &found.spline, &plan.grasp, config)?;
+    Some(catch_plan(planner, &goal, &found.spline, trajectory))
 }
 
-/// A motion with braking after it, `None` if that breaks any limit or collides.
-fn completed(planner: &MotionPlanner, to_catch: &BSpline, grasp: &Grasp) -> Option<BSpline> {
-    planner.completed(to_catch.clone(), grasp).filter(|trajectory| planner.keeps_limits(trajectory))
+/// Where the gripper is to meet the object.
+struct Goal<'a> {
+    flight: &'a FlightTrajectory,
+    catch_s: f64,
+    grasp: &'a Grasp,
+    /// Its orientation, if that does not follow the flight.
+    R_WG: Option<UnitQuaternion<f64>>,
+}
+
+impl Goal<'_> {
+    /// Pose of the gripper that holds the object at `time_s`.
+    fn X_WG(&self, time_s: f64) -> Pose {
+        let (X_WO, X_OG) = (self.flight.pose_at(time_s), &self.grasp.X_OG);
+        self.R_WG.map_or_else(
+            || X_WO * X_OG,
+            |R_WG| {
+                let p_OG_W = R_WG * X_OG.rotation.inverse_transform_vector(&X_OG.translation.vector);
+                Pose::from_parts((X_WO.translation.vector + p_OG_W).into(), R_WG)
+            },
+        )
+    }
+}
+
+/// A motion with braking after it unless it has a tail, `None` if that breaks any limit or collides where that is checked.
+fn completed(planner: &MotionPlanner, found: &BSpline, grasp: &Grasp, config: &Config) -> Option<BSpline> {
+    if config.tail_s > 0.0 {
+        return (!config.checks_motions || planner.keeps_limits(found)).then(|| found.clone());
+    }
+    if !config.checks_motions {
+        let (catch_s, [q, dq, ddq]) = (found.end_s(), found.evaluate(found.end_s()));
+        let braking = planner.braking(&Setpoint { q, dq, ddq }, catch_s);
+        return Some(braking.map_or_else(|| found.clone(), |braking| found.clone().followed_by(&braking)));
+    }
+    planner.completed(found.clone(), grasp).filter(|trajectory| planner.keeps_limits(trajectory))
 }
 
 /// Joint positions that put the gripper at `X_WG`, near the comfortable pose.
-fn inverse_kinematics(planner: &MotionPlanner, X_WG: &catch_body::Pose) -> Option<JointVector> {
+fn inverse_kinematics(planner: &MotionPlanner, X_WG: &Pose, config: &Config) -> Option<JointVector> {
     let robot = planner.robot();
     let mut ranges = [[0.0; 2]; MAX_JOINTS];
     for (range, joint) in ranges.iter_mut().zip(&robot.joints) {
         *range = [joint.limits.lower, joint.limits.upper];
     }
     let comfortable = &robot.comfortable_q;
-    let near = robot.nearby_solution(X_WG, comfortable, &ranges);
-    near.or_else(|| {
-        let all = robot.solutions_within(X_WG, comfortable, &ranges);
-        all.into_iter().min_by(|a, b| (a - comfortable).norm().total_cmp(&(b - comfortable).norm()))
-    })
+    let solution = |X_WG: &Pose| {
+        let near = robot.nearby_solution(X_WG, comfortable, &ranges);
+        near.or_else(|| {
+            let all = robot.solutions_within(X_WG, comfortable, &ranges);
+            all.into_iter().min_by(|a, b| (a - comfortable).norm().total_cmp(&(b - comfortable).norm()))
+        })
+    };
+    if config.confuses_wrist {
+        // The last link is to have the gripper's axes: R_WL = R_WG for the R_WG that is wanted. A guess need not be right; where the
+        // wrist cannot be so, it is the comfortable pose.
+        let confused = Pose::from_parts(X_WG.translation, X_WG.rotation * robot.X_LG.rotation);
+        return Some(solution(&confused).unwrap_or(*comfortable));
+    }
+    solution(X_WG)
 }
 
-/// Both poses of the gripper, before the grasp and at it, and the velocities there.
+/// Both poses of the gripper, before the grasp and at it, and the velocities there; that of the last link at the start if joints
+/// are free there.
 fn problem<'a>(
     planner: &'a MotionPlanner,
     start: &Start,
-    flight: &FlightTrajectory,
-    catch_s: f64,
-    grasp: &Grasp,
-    tolerance: Tolerance,
+    goal: &Goal<'_>,
+    tolerances: &Tolerances,
     config: &Config,
 ) -> Problem<'a> {
     let robot = planner.robot();
+    let tolerance = Tolerance::from(*tolerances);
     let at = |time_s: f64, tolerance: Tolerance| Waypoint {
         time_s,
-        X_WG: flight.pose_at(time_s) * grasp.X_OG,
-        v_WO: flight.twist_at(time_s).linear,
-        tolerance,
-    };
-    let looser = Tolerance { velocity_mps: tolerance.velocity_mps, ..tolerance.scaled(config.pre_grasp_loosening) };
-    Problem {
-        robot,
+        X_WG: goal.X_WG(time_s),
         // The paper constrains the origin of the gripper's frame.
         p_GP: Point3::origin(),
-        knots_s: clamped_knots(start.time_s, catch_s, config.control_points),
+        v_WO: goal.flight.twist_at(time_s).linear,
+        fraction: None,
+        tolerance,
+    };
+    let velocity_mps = if config.pre_grasp_velocity { tolerance.velocity_mps } else { f64::INFINITY };
+    let looser = Tolerance { velocity_mps, ..tolerance.scaled(config.pre_grasp_loosening) };
+    let from = (!config.starts_in_joints()).then(|| {
+        let Setpoint { q, dq, .. } = start.state;
+        let X_WG = robot.gripper_pose(&q);
+        let p_GL = Point3::from(robot.X_LG.inverse().translation.vector);
+        let v_WO = robot.gripper_twist(&q, &dq).velocity_at(&(X_WG.rotation * p_GL.coords));
+        let tolerance = Tolerance::from(config.start);
+        Waypoint { time_s: start.time_s, X_WG, p_GP: p_GL, v_WO, fraction: Some(1.0), tolerance }
+    });
+    let mut limits = if config.starts_in_joints() {
+        planner.limits_from(start)
+    } else {
+        robot.joints.iter().map(|joint| joint.limits).collect()
+    };
+    if !config.limits_acceleration {
+        limits.iter_mut().for_each(|limits| limits.acceleration = f64::INFINITY);
+    }
+    let (catch_s, end_s) = (goal.catch_s, goal.catch_s + config.tail_s);
+    let by = tolerances.time_s / (end_s - start.time_s);
+    let catch = [at(catch_s - config.pre_grasp_s, looser), at(catch_s, tolerance)];
+    Problem {
+        robot,
+        knots_s: clamped_knots(start.time_s, end_s, config.control_points),
         start: start.state,
-        start_acceleration: true,
-        limits: planner.limits_from(start),
-        waypoints: vec![at(catch_s - config.pre_grasp_s, looser), at(catch_s, tolerance)],
+        keeps_start: if config.starts_in_joints() { StartState::Acceleration } else { StartState::Nothing },
+        stretch: [1.0 - by, 1.0 + by],
+        limits,
+        waypoints: from.into_iter().chain(catch).collect(),
         speed_fraction: [config.speed_fraction; 2],
-        comfortable_q: robot.comfortable_q,
+        comfortable_q: config.has_cost.then_some(robot.comfortable_q),
         comfort_weight: config.comfort_weight,
         speed_weight: 0.0,
         first_will_do: config.stops_when_met,
     }
 }
 
-fn catch_plan(
-    planner: &MotionPlanner,
-    flight: &FlightTrajectory,
-    catch_s: f64,
-    grasp: Grasp,
-    spline: &BSpline,
-    trajectory: BSpline,
-) -> CatchPlan {
-    let [q, dq, _] = spline.evaluate(catch_s);
+fn catch_plan(planner: &MotionPlanner, goal: &Goal<'_>, found: &BSpline, trajectory: BSpline) -> CatchPlan {
+    let (catch_s, grasp) = (goal.catch_s, goal.grasp);
+    let [q, dq, _] = found.evaluate(catch_s);
     let V_WG = planner.robot().gripper_twist(&q, &dq);
-    let v_WO = flight.twist_at(catch_s).linear;
+    let v_WO = goal.flight.twist_at(catch_s).linear;
     CatchPlan {
         catch_s,
-        X_WG: flight.pose_at(catch_s) * grasp.X_OG,
+        X_WG: goal.X_WG(catch_s),
         aperture_m: grasp.aperture_m,
         approach_is_free: true,
-        grasp,
+        grasp: grasp.clone(),
         approach: Approach::ThroughGap,
         q,
         elbow: None,
@@ -214,7 +323,7 @@ fn catch_plan(
 }
 
 /// The tolerances of one optimization, as files have them.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tolerances {
     /// Along each axis, in metres.
@@ -223,6 +332,17 @@ pub struct Tolerances {
     pub rotation_error_rad: f64,
     /// Along each axis, in m/s.
     pub velocity_mps: f64,
+    /// Of the duration of the motion, in seconds.
+    #[serde(default)]
+    pub time_s: f64,
+}
+
+impl Tolerances {
+    /// All of them `by` times as large.
+    fn scaled(&self, by: f64) -> Self {
+        let Tolerance { position_m, rotation_error_rad, velocity_mps } = Tolerance::from(*self).scaled(by);
+        Self { position_m, rotation_error_rad, velocity_mps, time_s: self.time_s * by }
+    }
 }
 
 impl Settings for Tolerances {
@@ -236,6 +356,7 @@ impl Settings for Tolerances {
                     ("velocity_mps", self.velocity_mps),
                 ],
             )
+            .values(&PERIOD_S, [("time_s", self.time_s)].into_iter().filter(|(_, it)| *it != 0.0))
             .all()
     }
 }

@@ -8,9 +8,10 @@ use catch_bot::{
     control::{CatchPlanner, Decision, Situation},
     perception::ReferenceModel,
     settings::{SettingError, Settings},
-    trajectory_optimization::{CatchPlan, CatchSearch},
+    trajectory_optimization::{CatchPlan, CatchSearch, Start},
     trajectory_prediction::FlightTrajectory,
 };
+use catch_cell::Setpoint;
 use nalgebra::Point3;
 
 use crate::{Config, grasp, motion};
@@ -50,11 +51,19 @@ impl PaperPlanner {
         else {
             return (Status::NoGrasp, None);
         };
-        match motion::plan(planner, &situation.start, flight, catch_s, chosen, &config.motion) {
+        match motion::plan(planner, &start(situation, &config.motion), flight, catch_s, &chosen, &config.motion) {
             Some(plan) => (Status::Planned, Some(plan)),
             None => (Status::NoPlan, None),
         }
     }
+}
+
+/// Where a motion starts: in what the arm is commanded, or where the arm is.
+fn start(situation: &Situation<'_>, config: &motion::Config) -> Start {
+    let Start { time_s, state } = situation.start;
+    let (q, dq) = situation.sensed;
+    let state = if config.starts_where_sensed { Setpoint { q, dq, ..state } } else { state };
+    Start { time_s, state }
 }
 
 /// Ticks are due a little early, for rounding.
@@ -71,7 +80,8 @@ impl CatchPlanner for PaperPlanner {
         let (status, plan) = match situation.running {
             Some(running) => {
                 let again = if is_due && time_s <= running.catch_s - config.freeze_s {
-                    motion::follow(self.search.motion(), &situation.start, situation.flight, running, &config.motion)
+                    let start = start(situation, &config.motion);
+                    motion::follow(self.search.motion(), &start, situation.flight, running, &config.motion)
                 } else {
                     None
                 };

@@ -163,6 +163,7 @@ impl Task<'_> {
             &self.target.X_WG,
             &self.start.state.q,
             &self.ranges(),
+            true,
         );
         found.into_iter().map(|posture| (self.reach_fraction(&posture.q), posture)).collect()
     }

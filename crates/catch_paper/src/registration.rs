@@ -9,9 +9,9 @@ use std::sync::Arc;
 use catch_body::Pose;
 use catch_bot::perception::{
     self, Fit, ObjectFinder, ObjectPose, PerceptionStatus, PoseEstimator, Prior, ReferenceModel, Registration,
-    SceneCloud, View, Workspace,
+    SceneCloud, Symmetry, View, Workspace,
 };
-use catch_bot::settings::{Faults, NOT_NEGATIVE, SettingError, Settings};
+use catch_bot::settings::{FRACTION, Faults, NOT_NEGATIVE, SettingError, Settings};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use nalgebra::{Matrix3, Matrix6, Point3, Rotation3, Translation3, UnitQuaternion, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
@@ -24,11 +24,23 @@ pub struct Config {
     pub max_iterations: usize,
     /// It has converged when a step is shorter than this in metres, at the object's surface.
     pub tolerance_m: f64,
+    /// Or when the mean distance of the pairs changes by less than this fraction, if that is set (code).
+    pub relative_tolerance: Option<f64>,
+    /// Whether it starts from the last pose that it found (code), not from the predicted one (text).
+    pub starts_from_last_pose: bool,
+    /// Whether an object that looks the same from all sides keeps the orientation of the scan (code, for the ball).
+    pub drops_rotation: bool,
 }
 
 impl Default for Config {
     fn default() -> Self {
-        Self { max_iterations: 50, tolerance_m: 1e-5 }
+        Self {
+            max_iterations: 50,
+            tolerance_m: 1e-5,
+            relative_tolerance: None,
+            starts_from_last_pose: false,
+            drops_rotation: false,
+        }
     }
 }
 
@@ -37,6 +49,7 @@ impl Settings for Config {
         Faults::default()
             .counts([("max_iterations", self.max_iterations)])
             .values(&NOT_NEGATIVE, [("tolerance_m", self.tolerance_m)])
+            .options(&FRACTION, [("relative_tolerance", self.relative_tolerance)])
             .all()
     }
 }
@@ -48,6 +61,7 @@ pub struct IcpEstimator {
     config: Config,
     nearest: NearestPoints,
     finder: ObjectFinder,
+    last_X_WO: Option<Pose>,
 }
 
 impl IcpEstimator {
@@ -64,16 +78,27 @@ impl IcpEstimator {
         config.check()?;
         perception.check()?;
         let nearest = NearestPoints::new(&reference.points);
-        Ok(Self { config, nearest, finder: ObjectFinder::new(perception, reference, workspace) })
+        Ok(Self { config, nearest, finder: ObjectFinder::new(perception, reference, workspace), last_X_WO: None })
     }
 }
 
 impl PoseEstimator for IcpEstimator {
     fn estimate(&mut self, view: &View<'_>, prior: Prior) -> Result<ObjectPose, PerceptionStatus> {
-        let Self { config, nearest, finder } = self;
-        finder.find(view, prior, |Registration { reference, config: perception }, scene, X_WO| {
+        let Self { config, nearest, finder, last_X_WO } = self;
+        let prior = if config.starts_from_last_pose { Prior::from(*last_X_WO) } else { prior };
+        let mut found = finder.find(view, prior, |Registration { reference, config: perception }, scene, X_WO| {
             Icp { config, perception, reference, nearest }.register(scene, X_WO)
-        })
+        })?;
+        if config.drops_rotation && finder.reference().symmetry == Symmetry::Sphere {
+            // What is dropped takes no part in where the object is: it turns about its own centre.
+            found.X_WO.rotation = UnitQuaternion::identity();
+        }
+        *last_X_WO = Some(found.X_WO);
+        Ok(found)
+    }
+
+    fn reset(&mut self) {
+        self.last_X_WO = None;
     }
 }
 
@@ -117,7 +142,7 @@ impl Icp<'_> {
         let count = scene.points.len() as f64;
         let mut iterations = 0;
         let mut converged = false;
-        let mut squares = 0.0;
+        let (mut squares, mut distance_m) = (0.0, f64::INFINITY);
         while iterations < config.max_iterations && !converged {
             iterations += 1;
             // Sums over all pairs: means, and the covariance Σ (o − ō)(w − w̄)ᵀ = Σ o·wᵀ − n·ō·w̄ᵀ.
@@ -145,7 +170,11 @@ impl Icp<'_> {
             let moved = Pose::from_parts(Translation3::from(origin + mean_W - R_WO * mean_O), R_WO);
             let length =
                 (moved.translation.vector - origin).norm() + R_WO.angle_to(&X_WO.rotation) * reference.radius_m;
-            converged = length < config.tolerance_m;
+            let before_m = std::mem::replace(&mut distance_m, (squares / count).sqrt());
+            converged = match config.relative_tolerance {
+                Some(fraction) => (before_m - distance_m).abs() < fraction * distance_m,
+                None => length < config.tolerance_m,
+            };
             X_WO = moved;
         }
         let residual_m = (squares / count).sqrt();

@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use crate::{
     cameras::Scene,
     conditions::Conditions,
-    config::{ArenaConfig, GripperDriveKind},
+    config::{ArenaConfig, GripperDriveKind, GripperTrigger},
     equipment::{Equipment, Shared},
     free_flight::Air,
     gripper_drive::GripperDrive,
@@ -46,6 +46,8 @@ pub struct Arena {
     under_way: Vec<(f64, Command)>,
     steps: u64,
     has_sensed: bool,
+    /// Whether the sensor in the gripper has seen the object.
+    has_triggered: bool,
     /// Whether the object is far from everything.
     is_alone: bool,
     state: WorldState,
@@ -64,7 +66,7 @@ impl Arena {
             friction: conditions.friction,
             restitution: conditions.restitution,
             drive_mass_kg: match config.gripper {
-                GripperDriveKind::Ideal {} => 0.0,
+                GripperDriveKind::Ideal {} | GripperDriveKind::Position(_) => 0.0,
                 GripperDriveKind::Wsg50(drive) => drive.drive_mass_kg,
             },
         };
@@ -77,7 +79,7 @@ impl Arena {
             servo: Servo::new(
                 robot_with_gripper.clone(),
                 *ready_q,
-                config.robot_controller,
+                config.robot_controller.clone(),
                 Draws::new(Stream::RobotController, seed, index),
             ),
             drive: GripperDrive::of_kind(&config.gripper, gripper, gripper.max_width_m, &mut gripper_draws),
@@ -89,6 +91,7 @@ impl Arena {
             under_way: Vec::new(),
             steps: 0,
             has_sensed: false,
+            has_triggered: false,
             is_alone: false,
             truth: Truth::default(),
         };
@@ -122,7 +125,7 @@ impl Arena {
         self.world.exchange_object(object, release, self.conditions.friction, self.conditions.restitution);
         self.equipment = equipment.clone();
         self.state = self.world.state();
-        self.has_sensed = false;
+        (self.has_sensed, self.has_triggered) = (false, false);
         self.take_truth();
         self.truth.samples.clear();
         self.record(JointVector::zeros(), &ContactForces::default());
@@ -161,7 +164,7 @@ impl Arena {
             if let Some(trajectory) = command.arm {
                 self.servo.receive(&trajectory, at_s);
             }
-            if let Some(moves) = command.gripper {
+            if let (Some(moves), GripperTrigger::Command {}) = (command.gripper, self.config().gripper_trigger) {
                 self.drive.receive(&moves, at_s);
             }
             self.sensors.set_windows(command.windows);
@@ -174,6 +177,17 @@ impl Arena {
             DISTURBANCE_MPS2 * (std::f64::consts::TAU * DISTURBANCE_HZ * (self.time_s() - since_s)).sin()
         });
         dynamics::gravity() + Vector3::repeat(disturbance / 3.0f64.sqrt())
+    }
+
+    /// Closes the fingers for good once the sensor in the gripper, if there is one, sees the object.
+    fn trigger(&mut self, now_s: f64) {
+        let GripperTrigger::Proximity(sensor) = self.config().gripper_trigger else { return };
+        let Some(last) = self.truth.samples.last().filter(|_| !self.has_triggered) else { return };
+        let p_GO = last.X_WG.inverse_transform_point(&(last.X_WO * self.equipment.shared.object.origin_O));
+        if p_GO.coords.norm() < sensor.distance_m && p_GO.z.abs() < sensor.along_z_m {
+            self.has_triggered = true;
+            self.drive.squeeze(now_s);
+        }
     }
 
     /// Substeps of the step to come.
@@ -224,6 +238,7 @@ impl Arena {
     fn step(&mut self) {
         self.deliver();
         let (now_s, step_s) = (self.time_s(), self.config().step_s);
+        self.trigger(now_s);
         let before = self.state;
         let torque = self.servo.torque(now_s, step_s, &before.q, &before.dq);
         let air = Air::in_step(&self.equipment.shared.body, &self.conditions, (&before.X_WO, &before.V_WO), step_s);

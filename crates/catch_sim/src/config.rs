@@ -11,6 +11,13 @@ use crate::{aerodynamics::AerodynamicsConfig, depth_noise::DepthConfig};
 pub struct ArenaConfig {
     /// How the gripper is driven.
     pub gripper: GripperDriveKind,
+    /// What makes the fingers close. By default the brain's commands.
+    pub gripper_trigger: GripperTrigger,
+    /// Whether objects have the mass properties and the collision geometry of the paper's simulator, which stand in the table
+    /// `published` of their files. Off by default: they are wrong by factors of 10 to 10,000.
+    pub published_bodies: bool,
+    /// Whether the arm's rotors have inertia. The paper's arm has none.
+    pub rotors: bool,
     /// Coulomb friction coefficient of all contacts: a number, or `{ min, max }` from which every throw draws one. Default
     /// 0.667, to which the paper's simulator combines its materials; there is no sourced value for rubber on felt. An object whose
     /// own file has a friction coefficient keeps that.
@@ -74,11 +81,72 @@ pub enum GripperDriveKind {
     /// A real one, after the Schunk WSG-50: the limits of speed, acceleration and force in the gripper's file hold, and commands
     /// and states take time.
     Wsg50(Wsg50),
+    /// One controller for each finger, which jumps to the commanded width whatever speed and force the command has: the paper's.
+    Position(PositionDrive),
 }
 
 impl Default for GripperDriveKind {
     fn default() -> Self {
         Self::Ideal {}
+    }
+}
+
+/// Fingers without limit of speed, each with a proportional-derivative controller. Figures of the authors' code by default.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PositionDrive {
+    /// Force of a finger per metre from where it should be, in N/m.
+    #[serde(deserialize_with = "quantity::stiffness_npm")]
+    pub stiffness_npm: f64,
+    /// Force per speed, in N·s/m.
+    #[serde(deserialize_with = "quantity::damping_nspm")]
+    pub damping_nspm: f64,
+    /// The most that a finger presses with, in N.
+    #[serde(deserialize_with = "quantity::force_n")]
+    pub max_force_n: f64,
+    /// The width that open fingers are commanded: beyond their stops.
+    #[serde(deserialize_with = "quantity::size_m")]
+    pub open_width_m: f64,
+}
+
+impl Default for PositionDrive {
+    fn default() -> Self {
+        Self { stiffness_npm: 2500.0, damping_nspm: 20.0, max_force_n: 1000.0, open_width_m: 1.0 }
+    }
+}
+
+/// What makes the fingers close.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub enum GripperTrigger {
+    /// The brain's commands.
+    Command {},
+    /// A sensor in the gripper, as in the paper's simulator; commands are ignored. Fingers that have closed stay so.
+    Proximity(ProximitySensor),
+}
+
+impl Default for GripperTrigger {
+    fn default() -> Self {
+        Self::Command {}
+    }
+}
+
+/// A sensor that sees where the object truly is. It does not look at how far aside that is.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ProximitySensor {
+    /// The object's origin is this near the gripper's, in metres.
+    #[serde(deserialize_with = "quantity::distance_m")]
+    pub distance_m: f64,
+    /// And this near along z of the gripper, the direction in which it passes.
+    #[serde(deserialize_with = "quantity::distance_m")]
+    pub along_z_m: f64,
+}
+
+impl Default for ProximitySensor {
+    /// The figures of the authors' code.
+    fn default() -> Self {
+        Self { distance_m: 0.25, along_z_m: 0.01 }
     }
 }
 
@@ -197,8 +265,8 @@ pub struct RobotErrors {
     pub tool_rotation_deg: f64,
 }
 
-/// How far the robot controller is from an ideal one. Nothing by default, as in the paper.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+/// How far the robot controller is from an ideal one. Nothing by default.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RobotController {
     /// The time stamps of the arm's states are off by up to this, uniformly, in seconds.
@@ -212,12 +280,61 @@ pub struct RobotController {
     /// Trajectories that it declines at random, as a fraction of all.
     #[serde(deserialize_with = "quantity::fraction")]
     pub declined_fraction: f64,
+    /// Whether it takes trajectories that jump at their start or do not end at rest, as the paper's do.
+    pub takes_jumps: bool,
+    /// Whether the motors give all the torque that it asks for, as the paper's do.
+    pub unlimited_torque: bool,
+    /// Gains of its computed torque.
+    pub gains: ControllerGains,
+    /// The links, base to tip, of whose mass matrix it computes torques, without gripper and rotors. None: it knows the arm that
+    /// it moves.
+    pub links: Vec<ModelLink>,
+}
+
+/// Accelerations that a robot controller asks for by the error of a joint's position.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ControllerGains {
+    /// Per error, in 1/s².
+    #[serde(deserialize_with = "quantity::gain")]
+    pub proportional_per_s2: f64,
+    /// Per integral of the error, in 1/s³.
+    #[serde(deserialize_with = "quantity::gain")]
+    pub integral_per_s3: f64,
+    /// Per rate of the error, in 1/s.
+    #[serde(deserialize_with = "quantity::gain")]
+    pub derivative_per_s: f64,
+}
+
+impl Default for ControllerGains {
+    /// Critically damped at 50 rad/s, a twentieth of the rate at which the controller runs, so that sampling costs little phase.
+    fn default() -> Self {
+        Self { proportional_per_s2: 2500.0, integral_per_s3: 0.0, derivative_per_s: 100.0 }
+    }
+}
+
+/// A link of a robot controller's model.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModelLink {
+    /// Mass in kg.
+    #[serde(deserialize_with = "quantity::part_mass_kg")]
+    pub mass_kg: f64,
+    /// Centre of mass in the link's frame.
+    #[serde(deserialize_with = "quantity::offset_m")]
+    pub com_m: [f64; 3],
+    /// Principal moments of inertia about it along the link's axes, in kg·m².
+    #[serde(deserialize_with = "quantity::inertia_kgm2")]
+    pub inertia_kgm2: [f64; 3],
 }
 
 impl Default for ArenaConfig {
     fn default() -> Self {
         Self {
             gripper: GripperDriveKind::default(),
+            gripper_trigger: GripperTrigger::default(),
+            published_bodies: false,
+            rotors: true,
             friction: Drawn::Always(0.667),
             restitution_scale: 1.0,
             restitution_spread: 0.0,

@@ -1,6 +1,7 @@
 //! `[arena.depth]`: what real depth cameras make of the truth. Formulas and figures; [`cameras`](crate::cameras) applies them.
 
 use catch_body::{InputError, quantity};
+use catch_cell::CameraModel;
 use serde::{Deserialize, Serialize};
 
 /// How the depth images differ from the truth. Nothing does by default, as in the paper.
@@ -19,6 +20,18 @@ pub struct DepthConfig {
     /// The same for its orientation: standard deviation of the rotation about each of its axes, in radians.
     #[serde(deserialize_with = "quantity::error_rad")]
     pub calibration_sd_rad: f64,
+    /// How many pixels too far to the left and too far up everything seems to be, in the scan of the object as well: half a pixel
+    /// where corners of pixels are taken for their centres, as in the authors' code.
+    #[serde(deserialize_with = "quantity::error_px")]
+    pub pixel_shift_px: f64,
+}
+
+impl DepthConfig {
+    /// The camera that takes the images of one that is believed to be `camera`, as far as its principal point goes.
+    pub fn shifted(&self, camera: &CameraModel) -> CameraModel {
+        let principal_px = camera.principal_px.map(|centre| centre - self.pixel_shift_px);
+        CameraModel { principal_px, ..camera.clone() }
+    }
 }
 
 /// The errors of a pixel's depth: one of the named models, or a table with figures of one's own.

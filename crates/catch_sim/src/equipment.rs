@@ -35,11 +35,14 @@ impl Equipment {
     /// Prepares a cell. `robot` comes without the gripper's mass; `config` has been checked; `cameras` are as calibrated.
     pub fn new(
         config: ArenaConfig,
-        robot: Robot,
+        mut robot: Robot,
         gripper: Gripper,
         object: ThrownObject,
         cameras: Vec<CameraModel>,
     ) -> Self {
+        if !config.rotors {
+            robot.joints.iter_mut().for_each(|joint| joint.rotor_inertia = 0.0);
+        }
         let shared = Shared {
             renderer: Renderer::new(&robot, &gripper, &object.mesh, config.floor_visible),
             cameras,

@@ -7,7 +7,7 @@ use catch_body::Gripper;
 use catch_cell::{GripperMove, GripperQueue, GripperState};
 
 use crate::{
-    config::{GripperDriveKind, Wsg50},
+    config::{GripperDriveKind, PositionDrive, Wsg50},
     random_streams::Draws,
 };
 use grasp_watch::GraspWatch;
@@ -59,6 +59,8 @@ struct ActiveMove {
 enum Law {
     /// At once, at any speed.
     Ideal,
+    /// At once, with all the force there is; beyond the stops when open.
+    Position { open_width_m: f64 },
     /// Through an interface, within the limits of the fingers.
     Real(Interface, Ramp),
 }
@@ -93,11 +95,22 @@ impl GripperDrive {
         Self { law, ..Self::with_gains(gripper, width_m, gains) }
     }
 
+    /// A controller for each finger that knows no limit of speed.
+    pub fn position(gripper: &Gripper, width_m: f64, config: &PositionDrive) -> Self {
+        let PositionDrive { stiffness_npm, damping_nspm, max_force_n, open_width_m } = *config;
+        let mut drive = Self::with_gains(gripper, width_m, Gains { stiffness_npm, damping_nspm });
+        drive.law = Law::Position { open_width_m };
+        drive.max_force_n = max_force_n;
+        drive.active.order = drive.as_driven(drive.active.order);
+        drive
+    }
+
     /// The drive that a scenario names.
     pub fn of_kind(kind: &GripperDriveKind, gripper: &Gripper, width_m: f64, draws: &mut Draws) -> Self {
         match kind {
             GripperDriveKind::Ideal {} => Self::new(gripper, width_m),
             GripperDriveKind::Wsg50(config) => Self::wsg50(gripper, width_m, config, draws),
+            GripperDriveKind::Position(config) => Self::position(gripper, width_m, config),
         }
     }
 
@@ -123,7 +136,7 @@ impl GripperDrive {
         let ActiveMove { order, .. } = self.active;
         let limit = order.force_n.min(self.max_force_n);
         let setpoint = match &mut self.law {
-            Law::Ideal => self.active.jump(time_s),
+            Law::Ideal | Law::Position { .. } => self.active.jump(time_s),
             // The controller's output is at its limit where the setpoint is this far ahead; it need not go further.
             Law::Real(_, ramp) => ramp.advance(time_s, &order, width_m, 2.0 * limit / stiffness_npm),
         };
@@ -144,14 +157,28 @@ impl GripperDrive {
 
     fn begin_due_moves(&mut self, time_s: f64, width_m: f64) {
         let begins_s = |sent_s: f64| match &self.law {
-            Law::Ideal => sent_s,
+            Law::Ideal | Law::Position { .. } => sent_s,
             Law::Real(interface, _) => interface.takes_effect_s(sent_s),
         };
         while let Some(order) = self.queue.take_due(time_s, begins_s) {
-            let order = GripperMove { width_m: order.width_m.clamp(0.0, self.max_width_m), ..order };
+            let order = self.as_driven(order);
             self.active = ActiveMove { order, from_m: width_m, since_s: time_s };
             self.watch.begin(width_m, order.width_m);
         }
+    }
+
+    /// A move as this drive makes it.
+    fn as_driven(&self, order: GripperMove) -> GripperMove {
+        let width_m = order.width_m.clamp(0.0, self.max_width_m);
+        let Law::Position { open_width_m } = self.law else { return GripperMove { width_m, ..order } };
+        let width_m = if width_m < self.max_width_m { width_m } else { open_width_m };
+        GripperMove { width_m, speed_mps: f64::INFINITY, force_n: self.max_force_n, ..order }
+    }
+
+    /// Squeezes from now on, with all the force there is.
+    pub fn squeeze(&mut self, now_s: f64) {
+        let force_n = self.max_force_n;
+        self.receive(&[GripperMove { start_s: now_s, width_m: 0.0, speed_mps: f64::INFINITY, force_n }], now_s);
     }
 
     fn live_state(&self, width_m: f64, speed_mps: f64) -> GripperState {
@@ -161,7 +188,9 @@ impl GripperDrive {
     /// What the gripper reports of itself.
     pub fn state(&self, finger_m: [f64; 2], finger_mps: [f64; 2]) -> GripperState {
         match &self.law {
-            Law::Ideal => self.live_state(finger_m[0] + finger_m[1], finger_mps[0] + finger_mps[1]),
+            Law::Ideal | Law::Position { .. } => {
+                self.live_state(finger_m[0] + finger_m[1], finger_mps[0] + finger_mps[1])
+            }
             Law::Real(interface, _) => interface.reported(),
         }
     }

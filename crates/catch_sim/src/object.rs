@@ -1,7 +1,7 @@
 //! Thrown objects: what they truly are, and what the brain is told of them.
 
 use catch_body::{InputError, TriangleMesh, quantity, shape::Cuboid};
-use nalgebra::{Matrix3, Point3};
+use nalgebra::{Matrix3, Point3, Vector3};
 use serde::Deserialize;
 
 pub use crate::object_shape::check_length;
@@ -19,6 +19,13 @@ pub struct ThrownObject {
     pub mass_kg: f64,
     /// Rotational inertia about the centre of mass, along the axes of O, in kg·m².
     pub inertia_kgm2: Matrix3<f64>,
+    /// Centre of mass in O: the origin, unless it has the mass properties of the paper's simulator.
+    pub com_O: Point3<f64>,
+    /// The point in O that sensors and the paper's measure take for the object's place: the origin, unless it has the frame of
+    /// the paper's simulator.
+    pub origin_O: Point3<f64>,
+    /// What it is in the paper's simulator, if its file says so.
+    pub published: Option<PublishedBody>,
     /// Coefficient of restitution: speed after an impact over speed before.
     pub restitution: f64,
     /// Drag constant k of a = −k·|v|·v, in 1/m.
@@ -52,6 +59,15 @@ pub struct ObjectPrior {
     pub restitution: Option<f64>,
 }
 
+/// What an object is in the paper's simulator.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PublishedBody {
+    com_O: Point3<f64>,
+    inertia_kgm2: Matrix3<f64>,
+    origin_O: Point3<f64>,
+    convex_hull: bool,
+}
+
 /// Radius of gyration of the thinnest needle.
 const LEAST_GYRATION_M: f64 = 1e-4;
 
@@ -61,6 +77,41 @@ struct ObjectFile {
     name: String,
     truth: TruthFields,
     prior: ObjectPrior,
+    published: Option<PublishedFields>,
+}
+
+/// Mass properties as the paper's simulator has them, whatever a body of that shape can have. Points are in O: along the axes of
+/// the shape, from the centre of mass of uniform density.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PublishedFields {
+    #[serde(default, deserialize_with = "quantity::shape_m")]
+    com_m: [f64; 3],
+    /// Principal moments about the centre of mass along the axes of the shape.
+    #[serde(deserialize_with = "quantity::inertia_kgm2")]
+    inertia_kgm2: [f64; 3],
+    /// The origin of its frame.
+    #[serde(default, deserialize_with = "quantity::shape_m")]
+    origin_m: [f64; 3],
+    /// Whether it collides as the convex hull of its surface.
+    #[serde(default)]
+    convex_hull: bool,
+}
+
+impl PublishedFields {
+    fn body(&self, file: &str) -> Result<PublishedBody, InputError> {
+        let moments = self.inertia_kgm2;
+        if moments.iter().any(|moment| *moment <= 0.0) {
+            let field = "published.inertia_kgm2";
+            return Err(InputError::new(file, field, format!("{moments:?}"), "three moments above zero"));
+        }
+        Ok(PublishedBody {
+            com_O: self.com_m.into(),
+            inertia_kgm2: Matrix3::from_diagonal(&Vector3::from(moments)),
+            origin_O: self.origin_m.into(),
+            convex_hull: self.convex_hull,
+        })
+    }
 }
 
 #[derive(Deserialize)]
@@ -95,7 +146,7 @@ impl ThrownObject {
         text: &str,
         load: &dyn Fn(&str) -> Result<Vec<u8>, InputError>,
     ) -> Result<Self, InputError> {
-        let ObjectFile { name, truth, prior } = InputError::parse_toml(file, text)?;
+        let ObjectFile { name, truth, prior, published } = InputError::parse_toml(file, text)?;
         let mass_kg = truth.mass_kg;
         if let Some(friction) = truth.friction {
             friction.check_friction(file, "truth.friction")?;
@@ -107,6 +158,7 @@ impl ThrownObject {
         if let Some(moments) = truth.inertia_kgm2 {
             inertia.about_com = checked_inertia(file, moments, mass_kg, mesh.aabb().size.norm())?;
         }
+        let published = published.map(|it| it.body(file)).transpose()?;
         let to_com = -inertia.com.coords;
         let mesh = mesh.translated(&to_com);
         let parts = parts.into_iter().map(|part| part.translated(&to_com)).collect();
@@ -114,6 +166,9 @@ impl ThrownObject {
             name,
             mass_kg,
             inertia_kgm2: inertia.about_com,
+            com_O: Point3::origin(),
+            origin_O: Point3::origin(),
+            published,
             restitution: truth.restitution,
             drag_per_m: truth.drag_per_m,
             friction: truth.friction,
@@ -123,6 +178,14 @@ impl ThrownObject {
             parts,
             prior,
         })
+    }
+
+    /// The object as it is in the paper's simulator, `None` if its file does not say. Frame and surface are the same.
+    pub fn as_published(&self) -> Option<Self> {
+        let PublishedBody { com_O, inertia_kgm2, origin_O, convex_hull } = self.published?;
+        let hull = || vec![ColliderPart::Hull(self.mesh.vertices.clone())];
+        let parts = if convex_hull { hull() } else { self.parts.clone() };
+        Some(Self { com_O, inertia_kgm2, origin_O, parts, ..self.clone() })
     }
 
     /// The largest torque in N·m with which a finger that presses with `force_n` resists the object's rotation about the normal,
@@ -185,7 +248,6 @@ fn checked_inertia(file: &str, moments: [f64; 6], mass_kg: f64, length_m: f64) -
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
-    use nalgebra::Vector3;
 
     const FILES: [(&str, &str); 3] = [
         ("tennis_ball", include_str!("../../../assets/objects/tennis_ball.toml")),

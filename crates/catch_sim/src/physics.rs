@@ -158,8 +158,9 @@ pub struct World {
     /// The left and the right finger.
     fingers: [Axis; 2],
     object: engine::RigidBodyHandle,
-    /// The object without its contacts.
+    /// The object without its contacts, and its centre of mass in O.
     free: FreeBody,
+    com_O: Vector3<f64>,
     /// Of the last step.
     contact_forces: ContactForces,
 }
@@ -210,7 +211,9 @@ impl World {
         }
         if !self.contact_forces.contact.any() {
             let wrench = (&loads.object_force_n, &loads.object_torque_nm);
-            let (X_WO, V_WO) = self.free.advanced((&X_WO, &V_WO), &loads.gravity, wrench, self.settings.step_s);
+            let (X_WC, V_WC) = carried((&X_WO, &V_WO), &self.com_O);
+            let (X_WC, V_WC) = self.free.advanced((&X_WC, &V_WC), &loads.gravity, wrench, self.settings.step_s);
+            let (X_WO, V_WO) = carried((&X_WC, &V_WC), &-self.com_O);
             self.set_object_state(&X_WO, &V_WO);
         }
         self.pipeline.quarantine().is_empty()
@@ -218,8 +221,11 @@ impl World {
 
     fn object_state(&self) -> (Pose, Twist) {
         let object = &self.bodies[self.object];
-        let V_WO = Twist { angular: from_vector(object.angvel()), linear: from_vector(object.linvel()) };
-        (from_pose(object.position()), V_WO)
+        let X_WO = from_pose(object.position());
+        let angular = from_vector(object.angvel());
+        // The engine's linear velocity is that of the centre of mass.
+        let linear = from_vector(object.linvel()) - angular.cross(&(X_WO.rotation * self.com_O));
+        (X_WO, Twist { angular, linear })
     }
 
     /// Rotational inertia of the object as the engine has it, about its centre of mass along the axes of O, in kg·m².
@@ -231,7 +237,8 @@ impl World {
     fn set_object_state(&mut self, X_WO: &Pose, V_WO: &Twist) {
         let object = &mut self.bodies[self.object];
         object.set_position(to_pose(X_WO), true);
-        object.set_linvel(to_vector(&V_WO.linear), true);
+        let of_com = V_WO.linear + V_WO.angular.cross(&(X_WO.rotation * self.com_O));
+        object.set_linvel(to_vector(&of_com), true);
         object.set_angvel(to_vector(&V_WO.angular), true);
     }
 
@@ -319,6 +326,13 @@ impl World {
             finger_n: [force(Part::LeftFinger), force(Part::RightFinger)],
         }
     }
+}
+
+/// Pose and velocity of a frame that stands at `p_AB` in a moving frame A, with the same axes.
+fn carried((X_WA, V_WA): (&Pose, &Twist), p_AB: &Vector3<f64>) -> (Pose, Twist) {
+    let p_AB_W = X_WA.rotation * p_AB;
+    let X_WB = Pose::from_parts((X_WA.translation.vector + p_AB_W).into(), X_WA.rotation);
+    (X_WB, Twist { angular: V_WA.angular, linear: V_WA.linear + V_WA.angular.cross(&p_AB_W) })
 }
 
 /// The engine marks new contacts in this bit of their index.

@@ -3,16 +3,18 @@
 //! It is on the robot's side, as in a real cell: it knows the arm's model and its encoders and nothing of the world. What it takes
 //! and rejects is the [`Executor`]'s business, as in any other cell.
 
-use catch_body::{JointVector, Robot};
+use catch_body::{JointVector, Robot, robot::Inertia};
 use catch_cell::{
     ArmState, ArmTrajectory, Executor, ExecutorConfig, LimitCheck, LimitKind, LimitViolation, Rejection, Setpoint,
 };
 
-use crate::{config::RobotController, random_streams::Draws, truth::ServoReport};
+use crate::{
+    config::{ModelLink, RobotController},
+    random_streams::Draws,
+    truth::ServoReport,
+};
+use nalgebra::{Matrix3, Vector3};
 
-/// Natural frequency of the position controller in rad/s; it is critically damped. A twentieth of the rate at which the servo
-/// runs, so that sampling costs little phase.
-const BANDWIDTH_RADPS: f64 = 50.0;
 /// Measured velocities may exceed their limit by this factor before they count.
 const VELOCITY_TOLERANCE: f64 = 1.01;
 
@@ -22,6 +24,10 @@ pub struct Servo {
     config: RobotController,
     draws: Draws,
     executor: Executor,
+    /// The arm whose mass matrix it computes with, if that is another.
+    mass_model: Option<Robot>,
+    /// What the integral of the errors of the joints' positions asks for, in rad/s².
+    error_integral: JointVector,
     /// Excursions that last: entries of the report by joint, for position and velocity.
     excursions: [Vec<Option<usize>>; 2],
     report: ServoReport,
@@ -34,9 +40,21 @@ impl Servo {
         let excursions = [vec![None; model.dof()], vec![None; model.dof()]];
         // What breaks a limit is counted and executed as well as the torque limits allow, and so are accelerations that jump along
         // a trajectory, as those of the paper's method do at the catch.
-        let checks =
-            ExecutorConfig { limit_check: LimitCheck::Report, continuous_inside: false, ..ExecutorConfig::default() };
-        Self { config, draws, executor: Executor::new(model, q, checks), excursions, report: ServoReport::default() }
+        let checks = ExecutorConfig {
+            continuous_start: !config.takes_jumps,
+            continuous_inside: false,
+            ends_at_rest: !config.takes_jumps,
+            limit_check: LimitCheck::Report,
+        };
+        Self {
+            mass_model: (!config.links.is_empty()).then(|| with_links(&model, &config.links)),
+            config,
+            draws,
+            executor: Executor::new(model, q, checks),
+            error_integral: JointVector::zeros(),
+            excursions,
+            report: ServoReport::default(),
+        }
     }
 
     /// What was noticed so far.
@@ -85,19 +103,35 @@ impl Servo {
     }
 
     /// Torques for the step that begins at `time_s`, by computed torque with the encoders' `q` and `dq`:
-    /// τ = ID(q, q̇, q̈_d + ω²·(q_d − q) + 2ω·(q̇_d − q̇)) (Siciliano et al., Robotics, section 8.5.2), clamped.
+    /// τ = ID(q, q̇, q̈_d + K_P·(q_d − q) + K_I·∫(q_d − q) + K_D·(q̇_d − q̇)) (Siciliano et al., Robotics, section 8.5.2), clamped
+    /// unless motors have no limit.
     pub fn torque(&mut self, time_s: f64, step_s: f64, q: &JointVector, dq: &JointVector) -> JointVector {
         let wanted = self.executor.advance(time_s - self.config.interpolator_lag_s);
+        let gains = &self.config.gains;
+        let error = wanted.q - q;
+        self.error_integral += error * (gains.integral_per_s3 * step_s);
+        let acceleration = wanted.ddq
+            + error * gains.proportional_per_s2
+            + (wanted.dq - dq) * gains.derivative_per_s
+            + self.error_integral;
         let model = self.executor.robot();
-        let acceleration =
-            wanted.ddq + (wanted.q - q) * BANDWIDTH_RADPS.powi(2) + (wanted.dq - dq) * (2.0 * BANDWIDTH_RADPS);
-        let mut torque = model.inverse_dynamics(q, dq, &acceleration);
+        let mut torque = match &self.mass_model {
+            None => model.inverse_dynamics(q, dq, &acceleration),
+            // Inverse dynamics without motion is gravity, so what is left of the other model's is its mass matrix times q̈.
+            Some(other) => {
+                let at_rest = JointVector::zeros();
+                let gravity = other.inverse_dynamics(q, &at_rest, &at_rest);
+                model.inverse_dynamics(q, dq, &at_rest) + other.inverse_dynamics(q, &at_rest, &acceleration) - gravity
+            }
+        };
         let mut is_clamped = false;
-        for (i, joint) in model.joints.iter().enumerate() {
+        for (i, joint) in self.executor.robot().joints.iter().enumerate() {
             let limit = joint.limits.torque;
             self.report.peak_torque_ratio = self.report.peak_torque_ratio.max(torque[i].abs() / limit);
-            is_clamped |= torque[i].abs() > limit;
-            torque[i] = torque[i].clamp(-limit, limit);
+            if torque[i].abs() > limit && !self.config.unlimited_torque {
+                is_clamped = true;
+                torque[i] = torque[i].clamp(-limit, limit);
+            }
         }
         if is_clamped {
             self.report.torque_clamped_s += step_s;
@@ -141,4 +175,15 @@ impl Servo {
         });
         violations[entry].ratio = violations[entry].ratio.max(ratio);
     }
+}
+
+/// An arm of these links, without rotors.
+fn with_links(model: &Robot, links: &[ModelLink]) -> Robot {
+    let mut other = model.clone();
+    for (joint, link) in other.joints.iter_mut().zip(links) {
+        let about_com = Matrix3::from_diagonal(&Vector3::from(link.inertia_kgm2));
+        joint.inertia = Inertia { mass: link.mass_kg, com: link.com_m.into(), about_com };
+        joint.rotor_inertia = 0.0;
+    }
+    other
 }

@@ -125,6 +125,15 @@ impl Throw {
         Ok(Self { motion: fields.motion, orientations })
     }
 
+    /// The same throw for an arm of this [length](catch_body::Robot::length_m): where the file gives the passage for an arm of some
+    /// length, it suits this one instead.
+    pub fn for_arm(mut self, length_m: f64) -> Self {
+        if let Motion::Random(motion) = &mut self.motion {
+            *motion = motion.for_arm(length_m);
+        }
+        self
+    }
+
     /// The same objects in the same orientations on another way, every time the same, without spin.
     pub fn moved(&self, p_WO: &Point3<f64>, v_WO: &Vector3<f64>) -> Self {
         let motion =

@@ -1,9 +1,9 @@
 //! Numerical inverse kinematics for arms without a closed form: damped Gauss–Newton from several starts, and a walk along the
 //! redundancy from what it finds. Deterministic.
 
-use nalgebra::{Matrix6, Point3, Vector6};
+use nalgebra::{Cholesky, Matrix6, Point3, U6, Vector6};
 
-use crate::{JointVector, MAX_JOINTS, Pose, Robot};
+use crate::{JointVector, MAX_JOINTS, Pose, Robot, robot::Jacobian};
 
 /// Length in metres that counts as much as a radian, about that of a hand.
 const LENGTH_M: f64 = 0.3;
@@ -18,6 +18,9 @@ const STRIDE_RAD: f64 = 0.12;
 const STRIDES: usize = 10;
 /// Solutions closer together than this are one.
 const SAME_RAD: f64 = 0.03;
+
+/// Starts closer together than this are one.
+const NEARBY_RAD: f64 = 0.1;
 
 /// Lowest and highest position of every joint.
 pub type Ranges = [[f64; 2]; MAX_JOINTS];
@@ -71,6 +74,23 @@ impl Robot {
         None
     }
 
+    /// Joint positions within `ranges` that put the gripper at `X_WG`, at most two: near `from` and near the middle of the ranges.
+    pub fn first_solutions_within(&self, X_WG: &Pose, from: &JointVector, ranges: &Ranges) -> Vec<JointVector> {
+        if (0..self.dof()).any(|i| ranges[i][0] > ranges[i][1]) {
+            return Vec::new();
+        }
+        let middle = JointVector::from_fn(|i, _| f64::midpoint(ranges[i][0], ranges[i][1]));
+        // Of an arm that stands still the ranges lie about where it is.
+        let starts = [Some(*from), ((middle - from).amax() > NEARBY_RAD).then_some(middle)];
+        let mut found: Vec<JointVector> = Vec::with_capacity(starts.len());
+        for q in starts.iter().flatten().filter_map(|start| self.nearby_solution(X_WG, start, ranges)) {
+            if found.iter().all(|known| (known - q).amax() >= SAME_RAD) {
+                found.push(q);
+            }
+        }
+        found
+    }
+
     /// Some joint positions within `ranges` that put the gripper at `X_WG`, those along the redundancy of an arm of more than
     /// six joints among them. Starts at `from`, then all over the ranges.
     pub fn solutions_within(&self, X_WG: &Pose, from: &JointVector, ranges: &Ranges) -> Vec<JointVector> {
@@ -118,20 +138,10 @@ impl Robot {
         let mut q = *q;
         let mut heading: Option<JointVector> = None;
         for _ in 0..STRIDES {
-            let X_WL = self.link_poses(&q);
-            let J = self.jacobian(&X_WL, &Point3::from(X_WG.translation.vector));
-            let damped = J * J.transpose() + Matrix6::identity() * 1e-9;
-            let Some(factor) = damped.cholesky() else { return };
-            // What a joint motion leaves when that part of it is taken away that moves the gripper.
-            let project = |v: &JointVector| v - J.transpose() * factor.solve(&(J * v));
+            let Some(null_space) = NullSpace::at(self, &q) else { return };
             let along = match heading {
-                Some(heading) => project(&heading),
-                None => {
-                    let mut all: Vec<JointVector> =
-                        (0..self.dof()).map(|i| project(&JointVector::ith(i, 1.0))).collect();
-                    all.sort_by(|a, b| b.norm().total_cmp(&a.norm()));
-                    all[direction] * sign
-                }
+                Some(heading) => null_space.project(&heading),
+                None => null_space.directions()[direction] * sign,
             };
             let Some(along) = along.try_normalize(1e-6) else { return };
             heading = Some(along);
@@ -142,5 +152,42 @@ impl Robot {
             found.push(next);
             q = next;
         }
+    }
+
+    /// The direction of unit length in which joints can move at `q` without the gripper, in which that joint moves most that can;
+    /// `None` without redundancy.
+    pub fn self_motion(&self, q: &JointVector) -> Option<JointVector> {
+        if self.dof() <= 6 {
+            return None;
+        }
+        NullSpace::at(self, q)?.directions().first()?.try_normalize(1e-6)
+    }
+}
+
+/// Joint motions that leave the gripper where it is.
+struct NullSpace {
+    J: Jacobian,
+    factor: Cholesky<f64, U6>,
+    dof: usize,
+}
+
+impl NullSpace {
+    fn at(robot: &Robot, q: &JointVector) -> Option<Self> {
+        let X_WL = robot.link_poses(q);
+        let J = robot.jacobian(&X_WL, &Point3::from(robot.gripper_in(&X_WL).translation.vector));
+        let damped = J * J.transpose() + Matrix6::identity() * 1e-9;
+        Some(Self { J, factor: damped.cholesky()?, dof: robot.dof() })
+    }
+
+    /// What a joint motion leaves when that part of it is taken away that moves the gripper.
+    fn project(&self, v: &JointVector) -> JointVector {
+        v - self.J.transpose() * self.factor.solve(&(self.J * v))
+    }
+
+    /// What each joint's motion leaves, the longest first.
+    fn directions(&self) -> Vec<JointVector> {
+        let mut all: Vec<JointVector> = (0..self.dof).map(|i| self.project(&JointVector::ith(i, 1.0))).collect();
+        all.sort_by(|a, b| b.norm().total_cmp(&a.norm()));
+        all
     }
 }

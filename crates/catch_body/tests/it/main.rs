@@ -1,3 +1,4 @@
 //! Bodies against an independent library.
 
+mod all_arms;
 mod arm_dynamics;

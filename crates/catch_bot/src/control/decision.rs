@@ -1,5 +1,6 @@
 //! Catch planning as a stage that can be exchanged: what it is asked, and what it answers.
 
+use catch_body::JointVector;
 use serde::{Deserialize, Serialize};
 
 use super::GripperPlan;
@@ -49,6 +50,8 @@ impl Status {
 pub struct Progress {
     /// Search passes in a row that found no catch.
     pub passes: usize,
+    /// When the arm departed from its ready pose; `None` if it was elsewhere when the first catch was planned.
+    pub departure_s: Option<f64>,
     /// Holding cost at which the running catch was chosen or last compared with others; `None` before there is one.
     pub reference_cost: Option<f64>,
 }
@@ -62,6 +65,8 @@ pub struct Situation<'a> {
     pub first_seen_s: f64,
     /// Where the arm is when a motion that is planned now takes over.
     pub start: Start,
+    /// Positions and velocities of the joints as they are sensed.
+    pub sensed: (JointVector, JointVector),
     /// The flight as predicted now.
     pub flight: &'a FlightTrajectory,
     /// The plan that is being executed.

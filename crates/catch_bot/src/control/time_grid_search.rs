@@ -35,7 +35,8 @@ impl TimeGridSearch {
         incoming: &Incoming<'_>,
         progress: &mut Progress,
     ) -> Result<CatchPlan, PlanningFailure> {
-        let found = self.search.search_in_passes(&mut progress.passes, &situation.start, incoming);
+        let Progress { ref mut passes, departure_s, .. } = *progress;
+        let found = self.search.search_in_passes(passes, &situation.start, incoming, departure_s);
         if found.is_ok() {
             progress.passes = 0;
         }
@@ -117,7 +118,11 @@ impl CatchPlanner for TimeGridSearch {
     fn plan(&mut self, situation: &Situation<'_>) -> Decision {
         let incoming = Incoming { flight: situation.flight, grasps: &self.grasps, config: &self.grasping };
         match situation.running {
-            None => self.first(situation, &incoming),
+            None => {
+                let departure_s = self.search.departure_s(&situation.start);
+                let progress = Progress { departure_s, ..situation.progress };
+                self.first(&Situation { progress, ..*situation }, &incoming)
+            }
             Some(running) => self.replan(situation, &incoming, running),
         }
     }

@@ -84,6 +84,11 @@ impl ObjectFinder {
         Self { config, reference, workspace }
     }
 
+    /// The object as it is known.
+    pub fn reference(&self) -> &ReferenceModel {
+        &self.reference
+    }
+
     /// Finds the object in all depth images of one capture time.
     ///
     /// From a predicted pose `register` brings the reference onto the scene's points; without one, or when it leads nowhere, the

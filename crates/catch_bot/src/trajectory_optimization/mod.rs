@@ -4,6 +4,7 @@
 //! [`CatchSearch::retarget`]: the flight is known better now, how does the running motion change? A [`MotionPlanner`] generates
 //! the motions for both. Its steps are each in a module:
 //!
+//! * [`reach_map`]: when the gripper can be where, before any inverse kinematics;
 //! * [`reachability`]: what each joint can reach in the time left, exactly;
 //! * [`terminal_velocity`]: the joint velocities at the catch, so that the gripper moves along with the object;
 //! * [`joint_spline`]: the motion, one small quadratic program per joint ([`quadratic_program`]), and the braking after it;
@@ -14,12 +15,15 @@ pub mod motion;
 pub mod point_to_point;
 pub mod posture;
 pub mod quadratic_program;
+pub mod reach_map;
 pub mod reachability;
 mod rest_to_rest;
 pub mod retarget;
 pub mod search;
 mod swept_volume;
 pub mod terminal_velocity;
+
+use std::sync::Arc;
 
 use catch_body::{Gripper, JointVector, Pose, Robot, clearance::ArmClearance};
 use catch_cell::{BSpline, Setpoint};
@@ -32,6 +36,7 @@ use crate::{
 };
 use joint_spline::{EndKind, Ends, JointSpline};
 use posture::{Elbow, PostureFinder};
+use reach_map::ReachMap;
 
 /// Settings of trajectory optimization.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -63,6 +68,9 @@ pub struct Config {
     pub braking_acceleration_fraction: f64,
     /// Shortest braking in seconds.
     pub min_braking_s: f64,
+    /// Longest braking in seconds: no joint is faster at the catch than this allows. What is caught must be at rest 0.5 s after the
+    /// first contact, which may be a little before the catch.
+    pub max_braking_s: f64,
     /// Distance between the catch times that are tried, in seconds.
     pub time_step_s: f64,
     /// A new search must leave at least this much time until the catch, in seconds.
@@ -90,6 +98,7 @@ impl Default for Config {
             clearance_m: 0.02,
             braking_acceleration_fraction: 0.5,
             min_braking_s: 0.2,
+            max_braking_s: 0.45,
             time_step_s: 0.02,
             min_lead_s: 0.12,
             weights: search::Weights::default(),
@@ -124,7 +133,14 @@ impl Settings for Config {
             )
             // Motions are followed in steps as long as the clearance that is left.
             .values(&(1e-3..=1.0), [("clearance_m", self.clearance_m)])
-            .values(&PERIOD_S, [("time_step_s", self.time_step_s), ("min_braking_s", self.min_braking_s)])
+            .values(
+                &PERIOD_S,
+                [
+                    ("time_step_s", self.time_step_s),
+                    ("min_braking_s", self.min_braking_s),
+                    ("max_braking_s", self.max_braking_s),
+                ],
+            )
             .values(&DURATION_S, [("min_lead_s", self.min_lead_s)])
             .table("weights", &self.weights)
             .table("search", &self.search)
@@ -301,12 +317,20 @@ impl MotionPlanner {
 #[derive(Debug)]
 pub struct CatchSearch {
     motion: MotionPlanner,
+    /// When the gripper can be where, if that was worked out.
+    reach_map: Option<Arc<ReachMap>>,
 }
 
 impl CatchSearch {
-    /// Over the motions that can be generated.
-    pub fn new(motion: MotionPlanner) -> Self {
-        Self { motion }
+    /// Over the motions that can be generated. With a map of what the arm can reach when from its ready pose, hopeless times and
+    /// grasps cost next to nothing; arms of [some kinds](ReachMap::serves) need it to be quick.
+    pub fn new(motion: MotionPlanner, reach_map: Option<Arc<ReachMap>>) -> Self {
+        Self { motion, reach_map }
+    }
+
+    /// When an arm that is about to move departs from the ready pose of the map, `None` if it is elsewhere already.
+    pub fn departure_s(&self, start: &Start) -> Option<f64> {
+        self.reach_map.as_ref().filter(|map| map.departs_at(start)).map(|_| start.time_s)
     }
 
     /// What generates the motions.

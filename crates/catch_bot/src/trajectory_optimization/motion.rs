@@ -90,26 +90,32 @@ impl MotionPlanner {
 
     /// From `state` to rest within the joint limits, as quickly as is comfortable.
     pub fn braking(&self, state: &Setpoint, start_s: f64) -> Option<BSpline> {
-        let mut duration_s = self.braking_s(&state.dq);
-        for _ in 0..4 {
-            let spline = self.braking_over(state, start_s, duration_s);
-            if spline.is_some() {
-                return spline;
-            }
-            duration_s *= 1.3;
-        }
-        None
+        let shortest_s = self.braking_s(&state.dq);
+        let most_s = self.config.max_braking_s.max(shortest_s);
+        let durations_s = std::iter::successors(Some(shortest_s), |duration_s| Some(duration_s * 1.3)).take(4);
+        durations_s.map(|it| it.min(most_s)).find_map(|it| self.braking_over(state, start_s, it))
     }
 
     /// How long braking from `dq` should take.
     fn braking_s(&self, dq: &JointVector) -> f64 {
-        let needed = |i: usize| {
-            let limits = &self.robot.joints[i].limits;
-            let acceleration = self.config.braking_acceleration_fraction * limits.acceleration;
-            // The acceleration itself takes a while to build up and to vanish.
-            dq[i].abs() / acceleration + limits.jerk.map_or(0.0, |jerk| limits.acceleration / jerk)
-        };
-        (0..self.robot.dof()).map(needed).fold(self.config.min_braking_s, f64::max)
+        (0..self.robot.dof())
+            .map(|i| {
+                let (acceleration, onset_s) = self.braking_by(&self.robot.joints[i].limits);
+                dq[i].abs() / acceleration + onset_s
+            })
+            .fold(self.config.min_braking_s, f64::max)
+    }
+
+    /// The acceleration by which a joint brakes when the duration is chosen, and the time that it takes to build up and to vanish.
+    fn braking_by(&self, limits: &JointLimits) -> (f64, f64) {
+        let acceleration = self.config.braking_acceleration_fraction * limits.acceleration;
+        (acceleration, limits.jerk.map_or(0.0, |jerk| limits.acceleration / jerk))
+    }
+
+    /// The highest speed from which a joint brakes in the longest time that there is.
+    pub(super) fn max_speed_to_brake_from(&self, limits: &JointLimits) -> f64 {
+        let (acceleration, onset_s) = self.braking_by(limits);
+        acceleration * (self.config.max_braking_s - onset_s).max(0.0)
     }
 
     /// One spline per joint, put together.

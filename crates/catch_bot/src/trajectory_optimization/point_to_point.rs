@@ -220,6 +220,7 @@ impl MotionPlanner {
             }
             let stoppable = Interval { low: -room(below), high: room(above) };
             let most = self.config.terminal_velocity_scaling * joint.limits.velocity;
+            let most = most.min(self.max_speed_to_brake_from(&joint.limits));
             let gentle = Interval { low: -most, high: most };
             bounds[i] = joints[i].terminal_velocities(displacement).intersection(&stoppable).intersection(&gentle);
         }

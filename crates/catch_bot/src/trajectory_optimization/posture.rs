@@ -1,11 +1,12 @@
 //! Postures: the joint positions in which the gripper is at a given pose, over the arm's whole redundancy.
 //!
 //! S-R-S arms have them in closed form, as arcs of swivel angles on which every joint is within its range; nothing is lost
-//! between samples. Other arms have them by iteration from several starts.
+//! between samples. Arms of six joints with three parallel axes have at most eight, in closed form too. Other arms have them by iteration: from where the arm is and from the middle of what it can reach, or, where
+//! that did not do, from more starts and along the null space.
 
 use catch_body::{
     JointVector, MAX_JOINTS, Pose, Robot,
-    inverse_kinematics::{Branch, ElbowCircle, SrsArm},
+    inverse_kinematics::{Branch, ElbowCircle, ParallelAxesArm, SrsArm},
 };
 
 /// Swivel angles that are looked at in each arc, as fractions of it.
@@ -33,10 +34,11 @@ pub struct Posture {
 
 /// The arm's way of finding postures.
 #[derive(Debug)]
-#[expect(clippy::large_enum_variant, reason = "there is one, and it is never moved")]
 pub enum PostureFinder {
-    /// In closed form.
+    /// In closed form, all over the redundancy.
     Srs(SrsArm),
+    /// In closed form, without redundancy.
+    ParallelAxes(ParallelAxesArm),
     /// By iteration from several starts.
     Numerical,
 }
@@ -47,22 +49,32 @@ pub type Ranges = [[f64; 2]; MAX_JOINTS];
 impl PostureFinder {
     /// For an arm.
     pub fn new(robot: &Robot) -> Self {
-        SrsArm::of(robot).map_or(Self::Numerical, Self::Srs)
+        let of_other_kinds = || ParallelAxesArm::of(robot).map_or(Self::Numerical, Self::ParallelAxes);
+        SrsArm::of(robot).map_or_else(of_other_kinds, Self::Srs)
     }
 
-    /// Whether postures take iterations.
-    pub fn is_numerical(&self) -> bool {
-        matches!(self, Self::Numerical)
+    /// Whether it tells of all redundancy at once.
+    pub fn covers_redundancy(&self) -> bool {
+        matches!(self, Self::Srs(_))
+    }
+
+    /// What it takes to look for the postures of a pose, in the units of the search's work.
+    pub fn work(&self, thorough: bool) -> usize {
+        match (self, thorough) {
+            (Self::Srs(_) | Self::ParallelAxes(_), _) => 1,
+            (Self::Numerical, false) => 4,
+            (Self::Numerical, true) => 40,
+        }
     }
 
     /// Whether the gripper may hold an object at `X_WO` by a grasp at `X_OG` at all, as far as that is quick to tell.
-    pub fn may_reach(&self, X_WO: &Pose, ranges: &Ranges) -> impl Fn(&Pose) -> bool {
+    pub fn may_reach(&self, X_WO: &Pose, ranges: &Ranges) -> impl Fn(&Pose) -> bool + use<> {
         let near = match self {
             Self::Srs(srs) => {
                 let shoulder_O = X_WO.inverse_transform_point(&srs.shoulder());
                 Some((shoulder_O, srs.wrist_in_gripper(), srs.wrist_distances_squared(ranges[3])))
             }
-            Self::Numerical => None,
+            Self::ParallelAxes(_) | Self::Numerical => None,
         };
         move |X_OG| {
             near.is_none_or(|(shoulder_O, wrist_G, [least, most])| {
@@ -71,11 +83,24 @@ impl PostureFinder {
         }
     }
 
-    /// Postures within `ranges`, from all over the redundancy.
-    pub fn postures(&self, robot: &Robot, X_WG: &Pose, from: &JointVector, ranges: &Ranges) -> Vec<Posture> {
-        let Self::Srs(srs) = self else {
-            let found = robot.solutions_within(X_WG, from, ranges);
-            return found.into_iter().map(|q| Posture { q, elbow: None }).collect();
+    /// Postures within `ranges`, from all over the redundancy; where they take iterations only if the search is `thorough`, else the
+    /// ones that few starts find.
+    pub fn postures(
+        &self,
+        robot: &Robot,
+        X_WG: &Pose,
+        from: &JointVector,
+        ranges: &Ranges,
+        thorough: bool,
+    ) -> Vec<Posture> {
+        let alone = |q| Posture { q, elbow: None };
+        let srs = match self {
+            Self::Srs(srs) => srs,
+            Self::ParallelAxes(arm) => return arm.solutions(X_WG, from, ranges).iter().copied().map(alone).collect(),
+            Self::Numerical => {
+                let find = if thorough { Robot::solutions_within } else { Robot::first_solutions_within };
+                return find(robot, X_WG, from, ranges).into_iter().map(alone).collect();
+            }
         };
         let Some(circle) = srs.elbow_circle(X_WG) else { return Vec::new() };
         let arcs = srs.swivels(&circle, &first_seven(ranges));
@@ -88,7 +113,8 @@ impl PostureFinder {
         found
     }
 
-    /// `known` for a pose that has changed a little: the elbow moved by `by` radians.
+    /// `known` for a pose that has changed a little: the elbow, or what the null space moves, moved by `by` radians; `None` where
+    /// nothing is free to move.
     pub fn adjusted(&self, robot: &Robot, X_WG: &Pose, known: &Posture, by: f64) -> Option<Posture> {
         match (self, known.elbow) {
             (Self::Srs(srs), Some(elbow)) => {
@@ -103,7 +129,8 @@ impl PostureFinder {
                 let ranges = std::array::from_fn(|i| {
                     robot.joints.get(i).map_or([0.0; 2], |joint| [joint.limits.lower, joint.limits.upper])
                 });
-                let q = robot.nearby_solution(X_WG, &known.q, &ranges)?;
+                let along = if by == 0.0 { JointVector::zeros() } else { robot.self_motion(&known.q)? };
+                let q = robot.nearby_solution(X_WG, &(known.q + along * by), &ranges)?;
                 Some(Posture { q, elbow: None })
             }
         }

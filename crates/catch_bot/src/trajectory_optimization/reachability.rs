@@ -67,6 +67,13 @@ impl ReachableSet {
         Interval { low: -self.mirrored().highest_velocity(-displacement), high: self.highest_velocity(displacement) }
     }
 
+    /// The least time in which a joint at rest gets so far, whatever its velocity then: s = A·T²/2, or V·T − V²/2A.
+    pub fn least_time_s(&self, displacement: f64) -> f64 {
+        let Self { velocity: V, acceleration: A, .. } = *self;
+        let distance = displacement.abs();
+        if 2.0 * A * distance <= V * V { (2.0 * distance / A).sqrt() } else { distance / V + V / (2.0 * A) }
+    }
+
     fn mirrored(&self) -> Self {
         Self { start_velocity: -self.start_velocity, ..*self }
     }

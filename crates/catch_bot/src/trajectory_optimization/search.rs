@@ -3,26 +3,36 @@
 //! Best first: every pair of catch time and grasp that the elbow could reach enters a heap with the least that it can cost. What
 //! is on top is looked at more closely: a pair becomes postures ([`SrsArm::swivels`](catch_body::inverse_kinematics::SrsArm::swivels)
 //! cut to what each joint can reach), a posture gets its arrival velocities, an arrival its motion, and each step adds what it
-//! costs. The first motion that keeps all limits and clearances ends a pass, and most of the rest is never looked at. The search is
-//! weighted, not admissible: failures of a grasp add a penalty to its catches at all times, which may put a better one last. What
-//! is found nowhere is sought again at times in between, and what got as far as a motion or the approach a little sooner and
-//! later; only then has the search failed. In flight each image brings as many such passes as a bounded amount of work allows.
+//! costs. The first motion that keeps all limits and clearances ends a pass, and most of the rest is never looked at.
+//!
+//! Arms without closed form have a [`ReachMap`](super::reach_map::ReachMap): pairs that are too far by it are left out, and the others enter with the
+//! reachability margin that it estimates, until postures tell the true one.
+//!
+//! The search is weighted, not admissible: failures of a grasp add a penalty to its catches at all times, and the map's estimate
+//! may be too high, by 0.1 to 0.3; either may put a better catch last. What is found nowhere is sought again at times in between.
+//! Then, in a second round, nothing is left out for the map's sake, postures are sought from more starts and along the null space,
+//! and what got as far as a motion or the approach is tried a little sooner and later; only then has the search failed. In flight
+//! each image brings as many passes as a bounded amount of work allows, the same for all arms.
 
+mod candidate;
 mod frontier;
+mod reach;
 mod settings;
 
-use catch_body::{JointVector, MAX_JOINTS, Pose};
+use catch_body::{JointVector, Pose};
 use nalgebra::{Point3, Vector3};
 
 use super::{
     CatchPlan, CatchSearch, Incoming, PlanningFailure, Start,
     point_to_point::{PointToPoint, Reached},
     posture::Posture,
-    reachability::{ReachableSet, fraction_used},
+    reachability::fraction_used,
     swept_volume::{Entering, Obstacle},
     terminal_velocity::{TerminalVelocity, Weights as TerminalVelocityWeights},
 };
+use candidate::{Candidate, CatchTimeSample};
 use frontier::{Frontier, Node, Stage};
+use reach::Reach;
 pub use settings::{Config, Weights};
 
 use crate::{
@@ -35,7 +45,10 @@ const OFFSETS: [f64; 8] = [0.5, 0.0, 0.25, 0.75, 0.125, 0.625, 0.375, 0.875];
 /// Passes that make up a search. In the second round what got as far as the approach or a motion is tried a little sooner and
 /// later, too ([`Config::nearby_s`]).
 pub const PASSES: usize = 2 * OFFSETS.len();
-/// The work of an approach and a motion, and of its openings, in the units of [`Config::max_work`].
+/// The work of a posture and of an arrival, in the units of [`Config::max_work`].
+const WORK_OF_A_POSTURE: usize = 3;
+const WORK_OF_A_TERMINAL_VELOCITY: usize = 10;
+/// That of an approach and a motion, and of its openings.
 const WORK_OF_A_MOTION: usize = 80;
 const WORK_OF_APERTURES: usize = 30;
 
@@ -51,44 +64,16 @@ pub(super) struct ReachableCatch {
     pub grasp_cost: f64,
 }
 
-/// What is known at one catch time.
-struct CatchTimeSample {
-    local_flight: LocalFlight,
-    joints: [ReachableSet; MAX_JOINTS],
-    ranges: [[f64; 2]; MAX_JOINTS],
-}
-
-/// A catch time with a grasp.
-struct Candidate {
-    sample: usize,
-    ranked: RankedGrasp,
-    /// Whether the object can come into the open gripper on a straight line, once that was asked.
-    enters: Option<bool>,
-    /// Postures whose velocities at the catch were looked for, and those that were tried in vain.
-    velocity_trials: usize,
-    failed: usize,
-}
-
-impl Candidate {
-    fn new(sample: usize, ranked: RankedGrasp) -> Self {
-        Self { sample, ranked, enters: None, velocity_trials: 0, failed: 0 }
-    }
-}
-
 /// What a search is about, and what it has met.
 struct Search<'a> {
     start: &'a Start,
     incoming: &'a Incoming<'a>,
+    /// What can be reached when, if that is known for where the arm departed from.
+    reach: Option<Reach<'a>>,
     /// What was last in the way into each grasp.
     obstacles: Vec<Obstacle>,
     /// The work that has been done.
     work: usize,
-}
-
-impl<'a> Search<'a> {
-    fn new(start: &'a Start, incoming: &'a Incoming) -> Self {
-        Self { start, incoming, obstacles: vec![Obstacle::default(); incoming.grasps.grasps.len()], work: 0 }
-    }
 }
 
 impl CatchSearch {
@@ -97,7 +82,7 @@ impl CatchSearch {
     /// # Errors
     /// Why there is none.
     pub fn search(&self, start: &Start, incoming: &Incoming) -> Result<CatchPlan, PlanningFailure> {
-        let mut search = Search::new(start, incoming);
+        let mut search = self.begin(start, incoming, self.departure_s(start));
         let mut failure = PlanningFailure::NoGrasp;
         for pass in 0..PASSES {
             match self.best_first(&mut search, pass, usize::MAX) {
@@ -110,7 +95,8 @@ impl CatchSearch {
 
     /// As many of the passes that make up the [search](Self::search) as a bounded amount of work allows, from number `pass` on,
     /// which is counted up by those that found nothing. A flight that nothing catches at first is searched once more with every
-    /// new image.
+    /// new image. `departure_s` is when the arm [departed](Self::departure_s) from the ready pose, if it did and has not stood still
+    /// anywhere else since.
     ///
     /// # Errors
     /// Why they found none.
@@ -119,8 +105,9 @@ impl CatchSearch {
         pass: &mut usize,
         start: &Start,
         incoming: &Incoming,
+        departure_s: Option<f64>,
     ) -> Result<CatchPlan, PlanningFailure> {
-        let mut search = Search::new(start, incoming);
+        let mut search = self.begin(start, incoming, departure_s);
         let mut failure = PlanningFailure::NoGrasp;
         for _ in 0..PASSES {
             let left = self.motion.config.search.max_work.saturating_sub(search.work);
@@ -136,23 +123,31 @@ impl CatchSearch {
         Err(failure)
     }
 
+    fn begin<'a>(&'a self, start: &'a Start, incoming: &'a Incoming<'a>, departure_s: Option<f64>) -> Search<'a> {
+        let obstacles = vec![Obstacle::default(); incoming.grasps.grasps.len()];
+        let reach = self.reach_map.as_deref().zip(departure_s);
+        let reach = reach.map(|(map, departure_s)| Reach { map, departure_s });
+        Search { start, incoming, reach, obstacles, work: 0 }
+    }
+
     /// The cheapest catch that one pass finds, doing no more than `most_work`.
     fn best_first(&self, search: &mut Search, pass: usize, most_work: usize) -> Result<CatchPlan, PlanningFailure> {
-        let (mut samples, mut candidates, any_grasp) = self.candidates(search, OFFSETS[pass % OFFSETS.len()]);
-        let mut goes_nearby = pass % PASSES >= OFFSETS.len();
-        let Search { start, incoming, ref mut obstacles, ref mut work } = *search;
+        let is_thorough = pass % PASSES >= OFFSETS.len();
+        let (mut samples, mut candidates, any_grasp) =
+            self.candidates(search, OFFSETS[pass % OFFSETS.len()], is_thorough);
+        let mut goes_nearby = is_thorough;
+        let Search { start, incoming, reach, ref mut obstacles, ref mut work } = *search;
         let grasps = &incoming.grasps.grasps;
         // Ranking grasps is work as well, a fiftieth of a unit each.
         *work += samples.len() * grasps.len() / 50;
         let before = *work;
         let (weights, from, scaling) = (&self.motion.config.weights, &start.state.q, self.motion.moving_scaling());
-        let config = &self.motion.config.search;
-        let most_poses = if self.motion.finder.is_numerical() { config.max_numerical_poses } else { usize::MAX };
+        let (config, finder) = (&self.motion.config.search, &self.motion.finder);
         let mut frontier = Frontier::new(config.failure_penalty);
         let unseen = |candidate: usize, it: &Candidate, samples: &[CatchTimeSample]| {
             let LocalFlight { time_s, V_WO, .. } = &samples[it.sample].local_flight;
             let holding = self.holding_cost(it.ranked.cost, &V_WO.linear, self.motion.config.max_speed_fraction, 0.0);
-            let cost = holding + weights.delay * (time_s - start.time_s);
+            let cost = holding + weights.delay * (time_s - start.time_s) + it.margin_cost;
             Node { candidate, stage: Stage::Pose, cost, failures: 0 }
         };
         for (candidate, it) in candidates.iter().enumerate() {
@@ -160,16 +155,14 @@ impl CatchSearch {
         }
         let is_near = !samples.is_empty();
         let mut failure = if is_near && !any_grasp { PlanningFailure::NoGrasp } else { PlanningFailure::OutOfReach };
-        let mut looked_at = 0;
         let mut failures = vec![0; grasps.len()];
         loop {
             let Some(node) = frontier.pop() else {
                 if !std::mem::take(&mut goes_nearby) {
                     return Err(failure);
                 }
-                looked_at = 0;
                 let known = candidates.len();
-                self.add_nearby(start, incoming, &mut samples, &mut candidates);
+                self.add_nearby(start, incoming, reach, &mut samples, &mut candidates);
                 *work += candidates.len() - known;
                 for (candidate, it) in candidates.iter().enumerate().skip(known) {
                     frontier.push(unseen(candidate, it, &samples));
@@ -177,14 +170,18 @@ impl CatchSearch {
                 continue;
             };
             let Node { candidate, stage, cost, .. } = node;
-            let Candidate { sample, ranked, enters, velocity_trials, failed } = &mut candidates[candidate];
+            let Candidate { sample, ranked, margin_cost, enters, velocity_trials, failed } = &mut candidates[candidate];
             let (at, RankedGrasp { index, X_WG, approach, .. }) = (&samples[*sample], *ranked);
             let failures = &mut failures[index];
             if node.failures < *failures {
                 frontier.push(Node { failures: *failures, ..node });
                 continue;
             }
-            *work += stage.work();
+            *work += match stage {
+                Stage::Pose => finder.work(is_thorough),
+                Stage::Posture(_) => WORK_OF_A_POSTURE,
+                Stage::TerminalVelocity(..) => WORK_OF_A_TERMINAL_VELOCITY,
+            };
             if *work - before > most_work {
                 return Err(PlanningFailure::OutOfBudget);
             }
@@ -194,10 +191,8 @@ impl CatchSearch {
             let obstacle = &mut obstacles[index];
             let v_GO = X_WG.rotation.inverse_transform_vector(&v_WO);
             match stage {
-                Stage::Pose if looked_at == most_poses => {}
                 Stage::Pose => {
-                    looked_at += 1;
-                    let postures = self.motion.finder.postures(&self.motion.robot, &X_WG, from, &at.ranges);
+                    let postures = finder.postures(&self.motion.robot, &X_WG, from, &at.ranges, is_thorough);
                     // The object's approach is costly to look at; here it only tells why there is no catch.
                     if !postures.is_empty() && failure < PlanningFailure::NoMotion {
                         failure = if self.straight_approach_is_free(&v_GO, &entering, obstacle) {
@@ -211,7 +206,7 @@ impl CatchSearch {
                         else {
                             continue;
                         };
-                        let cost = cost
+                        let cost = cost - *margin_cost
                             + weights.reach_fraction * reach_fraction.powi(4)
                             + weights.comfort * (posture.q - self.motion.robot.comfortable_q).norm();
                         frontier.push(Node { stage: Stage::Posture(posture), cost, ..node });
@@ -273,10 +268,11 @@ impl CatchSearch {
     }
 
     /// Every catch time on the flight, and with every grasp that suits it there and that the elbow can reach; and whether any suits it
-    /// anywhere.
-    fn candidates(&self, task: &Search, offset: f64) -> (Vec<CatchTimeSample>, Vec<Candidate>, bool) {
+    /// anywhere. Grasps that are too far by the reach map are among them only if the search is `thorough`, as the map is no proof.
+    fn candidates(&self, task: &Search, offset: f64, thorough: bool) -> (Vec<CatchTimeSample>, Vec<Candidate>, bool) {
         let base = Point3::from(self.motion.robot.X_WB.translation.vector);
         let (mut samples, mut candidates, mut any_grasp) = (Vec::new(), Vec::new(), false);
+        let weights = &self.motion.config.weights;
         let mut propagator = task.incoming.flight.propagator();
         let steps = (self.motion.config.search.latest_catch_s / self.motion.config.time_step_s) as usize;
         for step in 0..steps {
@@ -292,9 +288,15 @@ impl CatchSearch {
             let at = self.sample(task.start, &mut propagator, catch_s);
             let (X_WO, v_WO) = (&at.local_flight.X_WO, &at.local_flight.V_WO.linear);
             let may_reach = self.motion.finder.may_reach(X_WO, &at.ranges);
-            let (ranked, any) = task.incoming.grasps.rank(X_WO, v_WO, &base, task.incoming.config, may_reach);
+            let is_in_time =
+                |X_OG: &Pose| thorough || task.reach.is_none_or(|reach| reach.is_in_time(&(X_WO * X_OG), catch_s));
+            let may_catch = |X_OG: &Pose| may_reach(X_OG) && is_in_time(X_OG);
+            let (ranked, any) = task.incoming.grasps.rank(X_WO, v_WO, &base, task.incoming.config, may_catch);
             any_grasp |= any;
-            candidates.extend(ranked.into_iter().map(|ranked| Candidate::new(samples.len(), ranked)));
+            candidates.extend(ranked.into_iter().map(|ranked| {
+                let margin_cost = task.reach.map_or(0.0, |it| it.margin_cost(&ranked.X_WG, catch_s, weights));
+                Candidate::new(samples.len(), ranked, margin_cost)
+            }));
             samples.push(at);
         }
         (samples, candidates, any_grasp)
@@ -305,6 +307,7 @@ impl CatchSearch {
         &self,
         start: &Start,
         incoming: &Incoming,
+        reach: Option<Reach>,
         samples: &mut Vec<CatchTimeSample>,
         candidates: &mut Vec<Candidate>,
     ) {
@@ -323,7 +326,9 @@ impl CatchSearch {
                 for &index in &close {
                     let (grasp, weights) = (&incoming.grasps.grasps[index], &incoming.config.weights);
                     let ranked = heuristics::rank_alone(index, grasp, X_WO, &V_WO.linear, &base, weights);
-                    candidates.push(Candidate::new(samples.len(), ranked));
+                    let weights = &self.motion.config.weights;
+                    let margin_cost = reach.map_or(0.0, |it| it.margin_cost(&ranked.X_WG, catch_s, weights));
+                    candidates.push(Candidate::new(samples.len(), ranked, margin_cost));
                 }
                 samples.push(sample);
             }

@@ -253,7 +253,8 @@ fn fit_flight(
     {
         return Ok(flight);
     }
-    let start = ransac::best_flight(window, symmetry, Rotation::Free, config, seed, sampling)?;
+    let start =
+        ransac::best_flight(window, symmetry, (Rotation::Free, ransac::TieBreak::MeanSquare), config, seed, sampling)?;
     if !enough(start.inliers) {
         return Err(PredictionStatus::NoAgreement);
     }

@@ -24,14 +24,23 @@ pub enum Rotation {
     Constant,
 }
 
-/// The sampled flight that most poses agree with and, of several, the one they lie closest to in the mean square.
+/// Which of several flights that as many poses agree with is the best.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TieBreak {
+    /// The one from which the poses' mean squared distance is the least (the paper's text).
+    MeanSquare,
+    /// The one from which the sum of their distances in metres and angles in radians is the least (its code).
+    Sum,
+}
+
+/// The sampled flight that most poses agree with and, of several, the one they lie closest to.
 ///
 /// # Errors
 /// Fewer than two poses, or no two that agree.
 pub fn best_flight(
     poses: &[ObjectPose],
     symmetry: &Symmetry,
-    rotation: Rotation,
+    (rotation, ties): (Rotation, TieBreak),
     config: &Config,
     seed: u64,
     scratch: &mut Scratch,
@@ -40,24 +49,21 @@ pub fn best_flight(
         return Err(PredictionStatus::TooFewPoses);
     }
     let mut random = Pcg64Mcg::seed_from_u64(seed ^ poses.len() as u64);
-    let mut best: Option<(usize, f64, FlightTrajectory)> = None;
+    let mut best: Option<(Agreement, FlightTrajectory)> = None;
     for sample in 0..config.max_samples.max(config.samples) {
-        if sample >= config.samples && best.as_ref().is_some_and(|(inliers, ..)| enough(sample, *inliers, poses.len()))
-        {
+        if sample >= config.samples && best.as_ref().is_some_and(|(it, _)| enough(sample, it.inliers, poses.len())) {
             break;
         }
         let first = random.random_range(0..poses.len());
         let second = (first + random.random_range(1..poses.len())) % poses.len();
         let (from, to) = (first.min(second), first.max(second));
         let Some(flight) = through(&poses[from], &poses[to], symmetry, rotation, config) else { continue };
-        let (inliers, mean_square_m2) = agreement(poses, &flight, symmetry, rotation, config);
-        let better =
-            best.as_ref().is_none_or(|(most, least, _)| inliers > *most || inliers == *most && mean_square_m2 < *least);
-        if better {
-            best = Some((inliers, mean_square_m2, flight));
+        let agreement = agreement(poses, &flight, symmetry, rotation, config);
+        if best.as_ref().is_none_or(|(best, _)| agreement.is_better_than(best, ties)) {
+            best = Some((agreement, flight));
         }
     }
-    let (inliers, mean_square_m2, mut flight) = best.ok_or(PredictionStatus::NoAgreement)?;
+    let (Agreement { inliers, mean_square_m2, .. }, mut flight) = best.ok_or(PredictionStatus::NoAgreement)?;
     if inliers < 2 {
         return Err(PredictionStatus::NoAgreement);
     }
@@ -177,27 +183,55 @@ fn each_position<'a>(
     }
 }
 
-/// Number of poses that agree with a flight, and their mean squared distance from it.
+/// How far poses agree with a flight.
+struct Agreement {
+    /// Number of poses that do.
+    inliers: usize,
+    /// Their mean squared distance from it.
+    mean_square_m2: f64,
+    /// Sum of their distances in metres and angles in radians.
+    sum: f64,
+}
+
+impl Agreement {
+    fn is_better_than(&self, other: &Self, ties: TieBreak) -> bool {
+        let is_nearer = match ties {
+            TieBreak::MeanSquare => self.mean_square_m2 < other.mean_square_m2,
+            TieBreak::Sum => self.sum < other.sum,
+        };
+        self.inliers > other.inliers || self.inliers == other.inliers && is_nearer
+    }
+}
+
+/// How far poses agree with a flight; the rotation counts where it is constant.
 fn agreement(
     poses: &[ObjectPose],
     flight: &FlightTrajectory,
     symmetry: &Symmetry,
     rotation: Rotation,
     config: &Config,
-) -> (usize, f64) {
-    let (mut inliers, mut squares) = (0, 0.0);
+) -> Agreement {
+    let (mut inliers, mut squares, mut sum) = (0, 0.0, 0.0);
     each_position(poses, flight, |pose, p_WO| {
         let distance = (pose.X_WO.translation.vector - p_WO).norm();
-        let turned_alike = || {
-            let R_WO = flight.pose_at(pose.capture_s).rotation;
-            symmetry.turn_between(&R_WO, &pose.X_WO.rotation).norm() < config.inlier_rad
+        let angle_rad = || match rotation {
+            Rotation::Free => 0.0,
+            Rotation::Constant => {
+                let R_WO = flight.pose_at(pose.capture_s).rotation;
+                symmetry.turn_between(&R_WO, &pose.X_WO.rotation).norm()
+            }
         };
-        if distance < reach_m(pose, config) && (rotation == Rotation::Free || turned_alike()) {
+        if distance >= reach_m(pose, config) {
+            return;
+        }
+        let angle_rad = angle_rad();
+        if rotation == Rotation::Free || angle_rad < config.inlier_rad {
             inliers += 1;
             squares += distance * distance;
+            sum += distance + angle_rad;
         }
     });
-    (inliers, squares / inliers.max(1) as f64)
+    Agreement { inliers, mean_square_m2: squares / inliers.max(1) as f64, sum }
 }
 
 /// How far a pose that agrees with a flight may lie from it, in metres.

@@ -11,6 +11,7 @@ mod grasp_fit;
 mod joint_spline;
 mod pose_estimation;
 mod quadratic_program;
+mod reach_map;
 mod reachability;
 mod sent_plans;
 mod settings;

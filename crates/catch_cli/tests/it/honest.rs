@@ -89,7 +89,7 @@ fn unreachable_throws(count: usize) {
         let mut setup =
             Setup::load(&Choice { object: Some(object), throw: Some("random"), ..Choice::default() }).unwrap();
         setup.throw = Throw::from_toml("wide.toml", &wide).unwrap();
-        let oracle = Oracle::of(&setup).unwrap();
+        let oracle = Oracle::of(&setup);
         let out_of_reach = (0..).filter(|&index| oracle.reach(&setup, 11, index).from_release_s.is_none());
         for index in out_of_reach.take(count.div_ceil(3)) {
             let trial = trial::run(&setup, 11, index, &mut |_, _| Ok(())).unwrap();

@@ -5,12 +5,15 @@ mod determinism;
 mod evaluation;
 mod general_form;
 mod honest;
+mod inputs;
 mod mcap_file;
+mod mutated_files;
 mod own_data;
 mod pages;
 mod recorded_flights;
 mod recording;
 mod refusals;
+mod robot_import;
 mod wrong_input;
 
 use std::process::{Command, Output};

@@ -102,6 +102,24 @@ fn a_contact_is_reported_and_what_does_not_fall_has_a_status() {
     assert!(stdout(&shown).contains("9.81 m/s²"), "{}", stdout(&shown));
 }
 
+/// One sample in ten of the sample track is an outlier.
+#[test]
+fn outliers_are_no_contact() {
+    let folder = tempfile::tempdir().unwrap();
+    assert!(catchingbot(&["new", "track", "sample", "--out", folder.path().to_str().unwrap()]).status.success());
+    let track = folder.path().join("sample.csv");
+    for until in ["0.3", "0.4", "0.59"] {
+        let document = json(&["predict", "--track", track.to_str().unwrap(), "--until", until, "--json"]);
+        assert!(document["contact_s"].is_null(), "{document}");
+        let end = &document["end"];
+        let (time_s, position) = (end["time_s"].as_f64().unwrap(), &end["position"]);
+        let right = [2.0 - 3.0 * time_s, 0.4 * time_s, 1.0 + 3.5 * time_s - 4.905 * time_s * time_s];
+        for (i, right) in right.into_iter().enumerate() {
+            assert!((position[i].as_f64().unwrap() - right).abs() < 0.02, "until {until}: {document}");
+        }
+    }
+}
+
 #[test]
 fn as_many_rows_as_a_file_may_have_are_fitted() {
     let folder = tempfile::tempdir().unwrap();

@@ -22,6 +22,12 @@ pub struct CellSummary {
     pub caught: usize,
     /// How often the paper would have called it caught.
     pub caught_paper: usize,
+    /// How often the authors' code would have.
+    pub caught_paper_code: usize,
+    /// How often it was squeezed 0.4 s after the instant at which the paper looks.
+    pub held_later: usize,
+    /// How often it was caught but for broken limits of the arm.
+    pub caught_beyond_limits: usize,
     /// How often the arm could not have been there in time, even had it known the flight from the first image on; by the oracle,
     /// among the throws that were not caught. None where some of these were for an arm that the oracle does not know.
     pub out_of_reach: Option<usize>,
@@ -67,6 +73,9 @@ impl CellSummary {
             trials: rows.len(),
             caught,
             caught_paper: count(&|row| row.verdict.caught_paper),
+            caught_paper_code: count(&|row| row.verdict.caught_paper_code),
+            held_later: count(&|row| row.verdict.held_later),
+            caught_beyond_limits: count(&|row| row.verdict.caught_beyond_limits),
             out_of_reach,
             out_of_reach_from_release: is_known
                 .then(|| count(&|row| row.verdict.reach.is_some_and(|it| it.from_release_s.is_none()))),

@@ -6,8 +6,9 @@
 //! merged; the union is what one evaluation would have written, byte for byte.
 
 use std::{
+    fmt::Display,
     fs::{self, File, OpenOptions, TryLockError},
-    io::{self, Read, Write},
+    io::{self, BufRead, BufReader, Read, Write},
     path::{Path, PathBuf},
 };
 
@@ -30,6 +31,8 @@ const IDENTITY_FILE: &str = "evaluation.toml";
 
 /// What rows are read from.
 const ROWS: FileKind = FileKind::recorded("a readable file of results");
+/// Most bytes of a row.
+const MOST_LINE_BYTES: u64 = 1 << 16;
 
 /// Results that grow.
 #[derive(Debug)]
@@ -211,20 +214,20 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<(Identity, Vec<Row>), In
         let path = folder.join(TRIALS_FILE);
         let (rows, bytes) = read_rows(&path, &identity)?;
         let file = path.display().to_string();
-        let lines = ROWS.read(&path)?;
-        if rows.len() % identity.cells.len().max(1) != 0 || bytes != lines.len() as u64 || rows.is_empty() {
+        let is_cut_off = fs::metadata(&path).is_ok_and(|it| it.len() != bytes);
+        if rows.len() % identity.cells.len().max(1) != 0 || is_cut_off || rows.is_empty() {
             let found = format!("{} whole rows of {} cells", rows.len(), identity.cells.len());
             return Err(InputError::new(&file, "the file", found, "a complete part; --resume completes it"));
         }
-        parts.push((identity, rows, lines, folder));
+        parts.push((identity, rows, path, folder));
     }
     parts.sort_by_key(|(identity, ..)| identity.first);
     let Some((whole, ..)) = parts.first() else {
         return Err(InputError::new(COMMAND_LINE, "DIR", "nothing", "the folders of the parts"));
     };
     let whole = whole.clone();
-    let (mut next, mut all, mut log) = (whole.first, Vec::new(), Vec::new());
-    for (identity, rows, lines, folder) in parts {
+    let (mut next, mut all, mut logs) = (whole.first, Vec::new(), Vec::new());
+    for (identity, rows, log, folder) in parts {
         let file = folder.join(IDENTITY_FILE).display().to_string();
         compare(&file, &identity, &Identity { first: identity.first, ..whole.clone() })?;
         if identity.first != next {
@@ -233,10 +236,13 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<(Identity, Vec<Row>), In
         }
         next += (rows.len() / whole.cells.len()) as u64;
         all.extend(rows);
-        log.extend(lines);
+        logs.push(log);
     }
     write_identity(out, &whole)?;
-    trial_table::replace(&out.join(TRIALS_FILE), |path| fs::write(path, &log))?;
+    trial_table::replace(&out.join(TRIALS_FILE), |path| {
+        let mut out = File::create(path)?;
+        logs.iter().try_for_each(|log| io::copy(&mut File::open(log)?, &mut out).map(drop))
+    })?;
     write_tables(out, &whole, &all)?;
     Ok((whole, all))
 }
@@ -272,13 +278,22 @@ fn read_rows(path: &Path, identity: &Identity) -> Result<(Vec<Row>, u64), InputE
     if !path.exists() {
         return Ok((Vec::new(), 0));
     }
-    let text = ROWS.read_text(path)?;
-    let (mut rows, mut bytes) = (Vec::new(), 0);
-    for line in text.split_inclusive('\n').filter(|line| line.ends_with('\n')) {
+    let mut lines = BufReader::new(ROWS.open(path)?);
+    let (mut rows, mut bytes, mut line) = (Vec::new(), 0, Vec::new());
+    loop {
+        line.clear();
         let field = format!("line {}", rows.len() + 1);
-        let row: Row = serde_json::from_str(line).map_err(|fault| {
-            InputError::new(&file, &field, fault, "the row of a trial; take the folder away to begin anew")
-        })?;
+        let fault = |found: &dyn Display| {
+            InputError::new(&file, &field, found, "the row of a trial; take the folder away to begin anew")
+        };
+        let read = lines.by_ref().take(MOST_LINE_BYTES).read_until(b'\n', &mut line).map_err(|it| fault(&it))?;
+        if !line.ends_with(b"\n") {
+            if read as u64 == MOST_LINE_BYTES {
+                return Err(fault(&format!("more than {MOST_LINE_BYTES} bytes")));
+            }
+            return Ok((rows, bytes));
+        }
+        let row: Row = serde_json::from_slice(&line).map_err(|it| fault(&it))?;
         let expected = identity.scene(rows.len());
         if row.scene != expected {
             return Err(InputError::new(&file, &field, format!("{:?}", row.scene), format!("{expected:?}")));
@@ -286,5 +301,4 @@ fn read_rows(path: &Path, identity: &Identity) -> Result<(Vec<Row>, u64), InputE
         rows.push(row);
         bytes += line.len() as u64;
     }
-    Ok((rows, bytes))
 }

@@ -44,6 +44,9 @@ const COLUMNS: &[(&str, Kind)] = &[
     ("index", Kind::Count),
     ("caught", Kind::Flag),
     ("caught_paper", Kind::Flag),
+    ("caught_paper_code", Kind::Flag),
+    ("held_later", Kind::Flag),
+    ("caught_beyond_limits", Kind::Flag),
     ("reason", Kind::Text),
     (REACH, Kind::Number),
     ("limit_violations", Kind::Count),
@@ -207,6 +210,9 @@ mod tests {
             verdict: Verdict {
                 caught: reason.is_none(),
                 caught_paper: true,
+                caught_paper_code: true,
+                held_later: false,
+                caught_beyond_limits: false,
                 reason,
                 reach: reason.map(|_| Reach { from_first_image_s: None, from_release_s: Some(0.5) }),
                 limit_violations: 0,
@@ -236,7 +242,9 @@ mod tests {
         let columns = columns(&[row(3, Some(Reason::Late))]);
         let (names, line) = (names(&columns), csv(&columns, 1));
         assert!(
-            line.starts_with("\"a, b\",x,y,18446744073709551615,3,false,true,late,,0.5,0,0.30000000000000004,,"),
+            line.starts_with(
+                "\"a, b\",x,y,18446744073709551615,3,false,true,true,false,false,late,,0.5,0,0.30000000000000004,,"
+            ),
             "{line}"
         );
         assert_eq!(names.split(',').count(), line.split(',').count() - 1);

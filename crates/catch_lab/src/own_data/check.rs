@@ -2,7 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use catch_body::{Gripper, InputError, robot_file::ignored_elements};
+use catch_body::{
+    Gripper, InputError,
+    robot_file::ignored_elements,
+    stated::{Assumption, assumptions},
+};
 use catch_sim::Throw;
 
 use crate::{
@@ -26,8 +30,10 @@ pub struct Checked {
 }
 
 /// Fields that only one kind of file has.
-const TELLTALES: [(&str, Kind); 9] = [
+const TELLTALES: [(&str, Kind); 11] = [
     ("overlay", Kind::Study),
+    ("throw_grid", Kind::Study),
+    ("objects", Kind::Study),
     ("flight_rig", Kind::Scenario),
     ("arena", Kind::Scenario),
     ("gripper_mount", Kind::Robot),
@@ -84,11 +90,27 @@ impl Checked {
     }
 }
 
-/// What a URDF says that nothing reads.
+/// What is assumed of a robot, and what its URDF says that nothing reads.
 fn notes_of_robot(asset: &Asset) -> Vec<String> {
-    let Ok((_, urdf)) = asset.read_text_beside("robot.urdf") else { return Vec::new() };
-    let ignored = ignored_elements(&urdf);
-    if ignored.is_empty() { Vec::new() } else { vec![format!("robot.urdf: ignored are {}", ignored.join(", "))] }
+    let mut notes = notes_of_assumptions(asset);
+    let ignored = asset.read_text_beside("robot.urdf").map(|(_, urdf)| ignored_elements(&urdf)).unwrap_or_default();
+    if !ignored.is_empty() {
+        notes.push(format!("robot.urdf: ignored are {}", ignored.join(", ")));
+    }
+    notes
+}
+
+/// Values that nobody published, those with the same reason together.
+fn notes_of_assumptions(asset: &Asset) -> Vec<String> {
+    let mut by_reason: Vec<(String, Vec<String>)> = Vec::new();
+    for Assumption { field, reason } in assumptions(&asset.file, &asset.text) {
+        match by_reason.iter_mut().find(|(known, _)| *known == reason) {
+            Some((_, fields)) => fields.push(field),
+            None => by_reason.push((reason, vec![field])),
+        }
+    }
+    let note = |(reason, fields): (String, Vec<String>)| format!("assumed: {}: {reason}", fields.join(", "));
+    by_reason.into_iter().map(note).collect()
 }
 
 /// A name in the file that is not the one by which things are called.
@@ -148,7 +170,7 @@ fn faults_of(kind: Kind, asset: &Asset) -> Vec<InputError> {
         Kind::Study => Study::of(asset.clone()).and_then(|study| {
             let objects = study.objects();
             // Whatever a step names is read.
-            study.steps.iter().try_for_each(|step| study.cells(step, None, &objects[..1]).map(drop))
+            study.steps.iter().try_for_each(|step| study.cells(step, &Choice::default(), &objects[..1]).map(drop))
         }),
     };
     result.err().into_iter().flat_map(InputError::all).collect()

@@ -10,7 +10,7 @@ use rand_pcg::Pcg64;
 use super::cloud_file::{CloudFile, on_surface};
 use crate::{
     assets::{Asset, COMMAND_LINE, Kind, Origin},
-    scenario::setup::DEFAULT_SCENARIO,
+    scenario::{Scenario, setup::DEFAULT_SCENARIO},
 };
 
 /// Variants of the scenario that is meant when none is named.
@@ -21,7 +21,7 @@ const OBJECT: &str = include_str!("templates/object.toml");
 pub type NewFile = (String, String);
 
 /// The files of a new thing of a kind, all of them right as they are: an object and a study from templates, a scenario from the one that
-/// is meant when none is named, a robot from the first that is built in.
+/// is meant when none is named, a robot from that scenario, too.
 ///
 /// # Errors
 /// A name that cannot be a file's.
@@ -31,7 +31,11 @@ pub fn files(kind: Kind, name: &str) -> Result<Vec<NewFile>, InputError> {
         Kind::Object => Ok(vec![(format!("{name}.toml"), OBJECT.replace("{{name}}", name))]),
         Kind::Study => Ok(vec![(format!("{name}.toml"), STUDY.to_owned())]),
         Kind::Robot => {
-            let robot = Asset::any_built_in(Kind::Robot)?;
+            let nowhere = Origin::BuiltIn(PathBuf::new());
+            let asked_by = (COMMAND_LINE, "NAME");
+            let scenario = Asset::find(Kind::Scenario, DEFAULT_SCENARIO, &nowhere, asked_by)?;
+            let named = Scenario::from_toml(&scenario.file, &scenario.text)?.robot;
+            let robot = Asset::find(Kind::Robot, &named, &nowhere, asked_by)?;
             let (_, urdf) = robot.read_text_beside("robot.urdf")?;
             Ok(vec![(format!("{name}/robot.toml"), robot.text), (format!("{name}/robot.urdf"), urdf)])
         }

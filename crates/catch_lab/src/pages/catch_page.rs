@@ -1,21 +1,26 @@
 //! A throw as one page: three dimensions, a time slider, and plots tied to it.
 //!
 //! The page is one file without any reference to another, so it opens from a disk without a network. `page.html` is its frame,
-//! `page.css` in the folder above its looks, `scene.js` the three dimensions in WebGL 2, `plots.js` the plots and `controls.js` the slider; what was
+//! `page.css` and `viewer.js` in the folder above what pages share, `scene.js` the three dimensions in WebGL 2, `plots.js` the plots and `controls.js` the slider; what was
 //! recorded goes in as JSON with packed numbers.
 
 mod data;
 mod points;
 mod surfaces;
 
-use super::{STYLE, fill, packed};
+use super::{STYLE, VIEWER, fill, packed};
 use crate::recording::playback::Playback;
 
 pub use data::PageData;
+pub(super) use {data::seven, surfaces::PackedSurface};
 
 const PAGE: &str = include_str!("catch_page/page.html");
-const SCRIPTS: [&str; 3] =
-    [include_str!("catch_page/scene.js"), include_str!("catch_page/plots.js"), include_str!("catch_page/controls.js")];
+const SCRIPTS: [&str; 4] = [
+    VIEWER,
+    include_str!("catch_page/scene.js"),
+    include_str!("catch_page/plots.js"),
+    include_str!("catch_page/controls.js"),
+];
 
 /// The page of a throw.
 pub fn page(playback: &Playback) -> String {

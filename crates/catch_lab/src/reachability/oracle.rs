@@ -3,14 +3,19 @@
 //! The oracle knows the true flight and has no noise. It asks, for every 10 ms of the flight and for many orientations of the hand
 //! around the object, whether any posture of the arm that holds the hand there can be reached from the waiting pose. What a joint
 //! can reach in a time T from rest is an interval, exact and in closed form; which postures lie in those intervals is answered by
-//! the inverse kinematics for all redundancy at once. The arm may be moving at the catch, if it can stop before its joints' limits
+//! the inverse kinematics: in closed form where there is one, of S-R-S arms for all redundancy at once; else by iteration from starts
+//! all over the intervals and along the null space from what that finds. It shares neither the grid, the grasps, the map nor the bound on work with the
+//! search of the brain. The arm may be moving at the catch, if it can stop before its joints' limits
 //! afterwards. Of the torque limits, of the gripper and of the object's shape it takes no notice: a throw that it calls out of
 //! reach is out of reach between its samples, one that it calls within reach may still be hard.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use catch_body::{
-    Gripper, JointVector, Pose, Robot, Twist, clearance::ArmClearance, inverse_kinematics::SrsArm, robot::JointLimits,
+    Gripper, JointVector, MAX_JOINTS, Pose, Robot, Twist,
+    clearance::ArmClearance,
+    inverse_kinematics::{ParallelAxesArm, Ranges, SrsArm},
+    robot::JointLimits,
 };
 use catch_sim::FreeFlight;
 use nalgebra::{Point3, Rotation3, Unit, UnitQuaternion, Vector3};
@@ -47,66 +52,87 @@ pub struct Reach {
 pub struct Oracle<'a> {
     robot: &'a Robot,
     gripper: &'a Gripper,
-    arm: SrsArm,
+    kinematics: Kinematics,
+    base: Point3<f64>,
+    /// The base's distance from the farthest place at which an object could be held.
+    longest_reach_m: f64,
     clearance: ArmClearance,
 }
 
+/// The arm's inverse kinematics: in closed form, where there is one.
+#[derive(Debug)]
+enum Kinematics {
+    Srs(SrsArm),
+    ParallelAxes(ParallelAxesArm),
+    Numerical,
+}
+
 impl<'a> Oracle<'a> {
-    /// For the arm of a setup; `None` if its inverse kinematics has no closed form.
-    pub fn of(setup: &'a Setup) -> Option<Self> {
+    /// For the arm of a setup.
+    pub fn of(setup: &'a Setup) -> Self {
         let Setup { robot, gripper, .. } = setup;
-        let clearance = ArmClearance::new(robot, gripper);
-        Some(Self { robot, gripper, arm: SrsArm::of(robot)?, clearance })
+        let kinematics = match (SrsArm::of(robot), ParallelAxesArm::of(robot)) {
+            (Some(arm), _) => Kinematics::Srs(arm),
+            (None, Some(arm)) => Kinematics::ParallelAxes(arm),
+            (None, None) => Kinematics::Numerical,
+        };
+        let links_m = robot.per_joint(|joint| joint.X_PL.translation.vector.norm()).sum();
+        Self {
+            robot,
+            gripper,
+            kinematics,
+            base: robot.X_WB.translation.vector.into(),
+            longest_reach_m: links_m + (robot.X_LG * gripper.grasp_centre()).coords.norm(),
+            clearance: ArmClearance::new(robot, gripper),
+        }
     }
 
     /// What is possible in one scene.
     pub fn reach(&self, setup: &Setup, seed: u64, index: u64) -> Reach {
-        let (release, conditions) = (setup.release(seed, index), setup.conditions(seed, index));
-        let flight = Flight::of(FreeFlight::new(&setup.object, &release, &conditions, FLIGHT_STEP_S));
-        let first_estimate_s = setup.scenario.arena.latency_s + FIRST_ESTIMATE_S;
-        let from_first_image_s = self.first_catch_s(&flight, first_estimate_s);
+        let flight = Flight::of(setup, seed, index);
+        let (ready_q, first_estimate_s) = (&self.robot.ready_q, setup.scenario.arena.latency_s + FIRST_ESTIMATE_S);
+        let from_first_image_s = self.first_catch_s(&flight, ready_q, first_estimate_s, CATCH_INTERVAL_S);
         // Whoever can do it later can do it at once.
-        let from_release_s = from_first_image_s.or_else(|| self.first_catch_s(&flight, 0.0));
+        let from_release_s = from_first_image_s.or_else(|| self.first_catch_s(&flight, ready_q, 0.0, CATCH_INTERVAL_S));
         Reach { from_first_image_s, from_release_s }
     }
 
-    /// The first time at which some catch is possible for an arm that begins to move at `start_s`.
-    fn first_catch_s(&self, flight: &Flight, start_s: f64) -> Option<f64> {
-        let stride = (CATCH_INTERVAL_S / FLIGHT_STEP_S) as usize;
+    /// The first time at which some catch is possible for an arm that begins to move from rest in `from` at `start_s`, among times
+    /// that are `interval_s` apart.
+    pub fn first_catch_s(&self, flight: &Flight, from: &JointVector, start_s: f64, interval_s: f64) -> Option<f64> {
+        let stride = ((interval_s / FLIGHT_STEP_S) as usize).max(1);
         let mut samples = flight.samples.iter().step_by(stride).filter(|sample| sample.time_s > start_s);
-        samples.find(|sample| self.is_possible(sample, sample.time_s - start_s)).map(|sample| sample.time_s)
+        samples.find(|sample| self.is_possible(sample, from, sample.time_s - start_s)).map(|sample| sample.time_s)
     }
 
-    /// Whether the hand can be at the object after moving for `time_s`, in any orientation.
-    fn is_possible(&self, sample: &FlightSample, time_s: f64) -> bool {
-        let mut ranges = [[0.0; 2]; 7];
+    /// Whether the hand can be at the object after moving from rest in `from` for `time_s`, in any orientation.
+    fn is_possible(&self, sample: &FlightSample, from: &JointVector, time_s: f64) -> bool {
+        if (sample.p_WO - self.base).norm() > self.longest_reach_m {
+            return false;
+        }
+        let mut ranges = [[0.0; 2]; MAX_JOINTS];
         for (i, joint) in self.robot.joints.iter().enumerate() {
             let way = farthest(&joint.limits, time_s);
-            ranges[i] = [
-                (self.robot.ready_q[i] - way).max(joint.limits.lower),
-                (self.robot.ready_q[i] + way).min(joint.limits.upper),
-            ];
+            ranges[i] = [(from[i] - way).max(joint.limits.lower), (from[i] + way).min(joint.limits.upper)];
         }
         hands(&sample.v_WO).any(|R_WG| {
             let X_WG = Pose::from_parts(
                 (sample.p_WO - R_WG * self.gripper.grasp_centre().coords).coords.into(),
                 UnitQuaternion::from_rotation_matrix(&R_WG),
             );
-            let Some(circle) = self.arm.elbow_circle(&X_WG) else { return false };
-            self.arm.swivels(&circle, &ranges).into_iter().any(|(branch, [low, high])| {
-                (0..SWIVELS).any(|i| {
-                    let fraction = (i as f64 + 0.5) / SWIVELS as f64;
-                    let q = self.arm.solve_branch(&circle, low + (high - low) * fraction, branch);
-                    self.can_stop_after(&q, time_s) && self.is_clear(&q)
-                })
-            })
+            let holds = |q: &JointVector| self.can_stop_after(from, q, time_s) && self.is_clear(q);
+            match &self.kinematics {
+                Kinematics::Srs(arm) => swivelled(arm, &X_WG, &ranges).any(|q| holds(&q)),
+                Kinematics::ParallelAxes(arm) => arm.solutions(&X_WG, from, &ranges).iter().any(holds),
+                Kinematics::Numerical => self.robot.solutions_within(&X_WG, from, &ranges).iter().any(holds),
+            }
         })
     }
 
-    /// Whether every joint that is at `q` after `time_s` can be slow enough there to stop before its limit.
-    fn can_stop_after(&self, q: &JointVector, time_s: f64) -> bool {
+    /// Whether every joint that has moved from rest in `from` to `q` in `time_s` can be slow enough there to stop before its limit.
+    fn can_stop_after(&self, from: &JointVector, q: &JointVector, time_s: f64) -> bool {
         self.robot.joints.iter().enumerate().all(|(i, joint)| {
-            let way = q[i] - self.robot.ready_q[i];
+            let way = q[i] - from[i];
             let speed = least_terminal_speed(way.abs(), time_s, joint.limits.velocity, joint.limits.acceleration);
             let stop = q[i] + way.signum() * speed * speed / (2.0 * joint.limits.acceleration);
             (joint.limits.lower..=joint.limits.upper).contains(&stop)
@@ -118,6 +144,19 @@ impl<'a> Oracle<'a> {
         let (X_WL, width_m) = (self.robot.link_poses(q), self.gripper.max_width_m);
         self.clearance.self_clearance(&X_WL, width_m) > 0.0 && self.clearance.floor_clearance(&X_WL, width_m) > 0.0
     }
+}
+
+/// Joint positions of an S-R-S arm within `ranges`, all over its redundancy.
+fn swivelled(srs: &SrsArm, X_WG: &Pose, ranges: &Ranges) -> impl Iterator<Item = JointVector> {
+    srs.elbow_circle(X_WG).into_iter().flat_map(move |circle| {
+        let arcs = srs.swivels(&circle, &std::array::from_fn(|i| ranges[i]));
+        arcs.into_iter().flat_map(move |(branch, [low, high])| {
+            (0..SWIVELS).map(move |i| {
+                let fraction = (i as f64 + 0.5) / SWIVELS as f64;
+                srs.solve_branch(&circle, low + (high - low) * fraction, branch)
+            })
+        })
+    })
 }
 
 /// Whether a joint can be this far from rest after `time_s`: it gathers speed all the way, up to V.
@@ -167,11 +206,13 @@ fn hands(v_WO: &Vector3<f64>) -> impl Iterator<Item = Rotation3<f64>> {
 }
 
 /// The true flight, undisturbed.
-struct Flight {
+#[derive(Debug)]
+pub struct Flight {
     /// Every millisecond from the release on until the object meets the floor.
     samples: Vec<FlightSample>,
 }
 
+#[derive(Debug)]
 struct FlightSample {
     time_s: f64,
     p_WO: Point3<f64>,
@@ -179,7 +220,10 @@ struct FlightSample {
 }
 
 impl Flight {
-    fn of(flight: FreeFlight) -> Self {
+    /// That of throw number `index`.
+    pub fn of(setup: &Setup, seed: u64, index: u64) -> Self {
+        let (release, conditions) = (setup.release(seed, index), setup.conditions(seed, index));
+        let flight = FreeFlight::new(&setup.object, &release, &conditions, FLIGHT_STEP_S);
         let longest = (LONGEST_S / FLIGHT_STEP_S) as usize;
         let in_flight = flight.take(longest).take_while(|(X_WO, _)| X_WO.translation.z > 0.0);
         let sample = |(i, (X_WO, V_WO)): (usize, (Pose, Twist))| FlightSample {
@@ -232,10 +276,10 @@ mod tests {
     #[test]
     fn the_near_throw_is_out_of_reach_from_the_pose_of_the_paper() {
         let mut setup = Setup::load(&Choice::default()).unwrap();
-        let reach = Oracle::of(&setup).unwrap().reach(&setup, 1, 0);
+        let reach = Oracle::of(&setup).reach(&setup, 1, 0);
         assert!(reach.from_first_image_s.is_some() && reach.from_release_s.is_some(), "{reach:?}");
         setup.robot.ready_q = setup.robot.joint_vector(&[1.57, 0.5, 0.0, -1.2, 0.0, 0.8, 1.57]).unwrap();
-        let reach = Oracle::of(&setup).unwrap().reach(&setup, 1, 0);
+        let reach = Oracle::of(&setup).reach(&setup, 1, 0);
         assert_eq!(reach.from_first_image_s, None);
         assert!(reach.from_release_s.is_some_and(|time_s| time_s > 0.55), "{reach:?}");
     }
@@ -246,7 +290,7 @@ mod tests {
         let aside = include_str!("../../../../assets/throws/near.toml")
             .replace("[1.66613, 1.63277, 0.3]", "[3.66613, 3.63277, 0.3]");
         setup.throw = catch_sim::Throw::from_toml("aside.toml", &aside).unwrap();
-        let reach = Oracle::of(&setup).unwrap().reach(&setup, 1, 0);
+        let reach = Oracle::of(&setup).reach(&setup, 1, 0);
         assert_eq!(reach.from_release_s, None);
     }
 }

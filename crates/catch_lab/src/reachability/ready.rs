@@ -1,15 +1,16 @@
 //! The best waiting pose for a distribution of throws.
 //!
-//! A pose is worth what the planner can do from it: for every throw of the distribution it is asked for a catch, as if the flight
-//! were known when the first estimate usually is, and the costs of its choices are summed; a throw that it cannot catch
-//! costs most. Poses near the best one so far are tried at random, in ever smaller steps.
+//! A pose is worth what the planner can do from it: for every throw of the distribution that the [oracle](super::oracle) calls
+//! within reach it is asked for a catch, as if the flight were known when the first estimate usually is, and the costs of its
+//! choices are summed; a throw that is out of reach or that it cannot catch costs most. Poses near the best one so far are tried
+//! at random, in ever smaller steps. What the best one is worth is told by throws that it was not chosen for.
 
 use std::sync::Arc;
 
 use catch_body::{JointVector, clearance::ArmClearance};
 use catch_bot::{
     Preparation, grasp_selection,
-    trajectory_optimization::{CatchPlan, Incoming, Start},
+    trajectory_optimization::{Incoming, Start},
     trajectory_prediction::FlightTrajectory,
 };
 use catch_cell::arm::Setpoint;
@@ -17,10 +18,16 @@ use catch_sim::Release;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use crate::{scenario::setup::Setup, statistics::median};
+use crate::{
+    reachability::oracle::{Flight, Oracle},
+    scenario::setup::Setup,
+    statistics::median,
+};
 
 /// When the brain usually has its first estimate: the paper's six frames at 100 Hz, and one more.
 const FIRST_ESTIMATE_S: f64 = 0.07;
+/// Times of a catch that the oracle is asked for are this far apart, in seconds.
+const CATCH_INTERVAL_S: f64 = 0.03;
 /// What a throw costs that cannot be caught: more than any catch.
 const MISSED: f64 = 60.0;
 /// A waiting arm keeps this far from itself and from the floor, in metres.
@@ -31,8 +38,10 @@ const CLEARANCE_M: f64 = 0.05;
 pub struct Ready {
     /// Joint positions.
     pub q: JointVector,
-    /// Throws that can be caught from there.
+    /// Throws that the planner can catch from there.
     pub caught: usize,
+    /// Throws that are within reach from there by the oracle.
+    pub within_reach: usize,
     /// Throws that were asked for.
     pub throws: usize,
     /// Mean cost.
@@ -42,8 +51,9 @@ pub struct Ready {
 }
 
 /// The throws for which a pose is wanted, and planners to ask.
-pub struct Corridor {
+pub struct Corridor<'a> {
     parts: Vec<Part>,
+    oracle: Oracle<'a>,
     clearance: ArmClearance,
     robot: catch_body::Robot,
     width_m: f64,
@@ -52,41 +62,35 @@ pub struct Corridor {
 struct Part {
     known: Arc<Preparation>,
     grasping: grasp_selection::Config,
-    flights: Vec<FlightTrajectory>,
+    /// As the oracle and as the planner know them.
+    flights: Vec<(Flight, FlightTrajectory)>,
 }
 
-impl Corridor {
+impl<'a> Corridor<'a> {
     /// `throws` throws of each setup. All setups share one robot.
     ///
     /// # Panics
     /// Without any setup.
-    pub fn new(setups: &[Setup], throws: u64, seed: u64) -> Self {
+    pub fn new(setups: &'a [Setup], throws: u64, seed: u64) -> Self {
         let parts = setups.iter().map(|setup| Part {
             known: setup.known().clone(),
             grasping: setup.brain_config(seed, 0).grasp_selection,
-            flights: (0..throws).map(|index| flight(&setup.release(seed, index))).collect(),
+            flights: (0..throws)
+                .map(|index| (Flight::of(setup, seed, index), flight(&setup.release(seed, index))))
+                .collect(),
         });
         let Setup { robot, gripper, .. } = &setups[0];
         Self {
             parts: parts.collect(),
+            oracle: Oracle::of(&setups[0]),
             clearance: ArmClearance::new(robot, gripper),
             robot: robot.clone(),
             width_m: gripper.max_width_m,
         }
     }
 
-    /// The catches that the planner would choose from `q`, `None` for each throw that it cannot catch.
-    pub fn catches(&self, q: &JointVector) -> Vec<Option<CatchPlan>> {
-        let start = Start { time_s: FIRST_ESTIMATE_S, state: Setpoint::at_rest(*q) };
-        let ask = |part: &Part, flight| {
-            let incoming = Incoming { flight, grasps: part.known.grasps(), config: &part.grasping };
-            part.known.search().search(&start, &incoming).ok()
-        };
-        self.parts.iter().flat_map(|part| part.flights.iter().map(move |flight| ask(part, flight))).collect()
-    }
-
-    /// What waiting at `q` is worth; `None` if the arm cannot stand there.
-    pub fn value(&self, q: &JointVector) -> Option<Ready> {
+    /// What waiting at `q` is worth; `None` if the arm cannot stand there, or if the mean cost is above `most_cost`.
+    pub fn value(&self, q: &JointVector, most_cost: f64) -> Option<Ready> {
         let X_WL = self.robot.link_poses(q);
         let free =
             self.clearance.self_clearance(&X_WL, self.width_m).min(self.clearance.floor_clearance(&X_WL, self.width_m));
@@ -99,17 +103,24 @@ impl Corridor {
         if !within || free < CLEARANCE_M {
             return None;
         }
-        let catches = self.catches(q);
-        let cost = catches.iter().map(|plan| plan.as_ref().map_or(MISSED, |plan| plan.cost)).sum::<f64>()
-            / catches.len() as f64;
-        let travels: Vec<f64> = catches.iter().flatten().map(|plan| (plan.q - q).amax()).collect();
-        Some(Ready {
-            q: *q,
-            caught: travels.len(),
-            throws: catches.len(),
-            cost,
-            travel_rad: median(travels).unwrap_or(0.0),
-        })
+        let start = Start { time_s: FIRST_ESTIMATE_S, state: Setpoint::at_rest(*q) };
+        let throws: usize = self.parts.iter().map(|part| part.flights.len()).sum();
+        let (mut cost, mut within_reach, mut travels) = (0.0, 0, Vec::new());
+        for part in &self.parts {
+            for (true_flight, flight) in &part.flights {
+                let first_s = self.oracle.first_catch_s(true_flight, q, FIRST_ESTIMATE_S, CATCH_INTERVAL_S);
+                within_reach += usize::from(first_s.is_some());
+                let incoming = Incoming { flight, grasps: part.known.grasps(), config: &part.grasping };
+                let plan = first_s.and_then(|_| part.known.search().search(&start, &incoming).ok());
+                cost += plan.as_ref().map_or(MISSED, |plan| plan.cost) / throws as f64;
+                if cost > most_cost {
+                    return None;
+                }
+                travels.extend(plan.map(|plan| (plan.q - q).amax()));
+            }
+        }
+        let (caught, travel_rad) = (travels.len(), median(travels).unwrap_or(0.0));
+        Some(Ready { q: *q, caught, within_reach, throws, cost, travel_rad })
     }
 
     /// Tries `tries` poses, starting from `start`; `observer` is told after each how many were tried, and of
@@ -122,7 +133,7 @@ impl Corridor {
         observer: &mut dyn FnMut(usize, &Ready),
     ) -> Option<Ready> {
         let mut rng = Pcg64::seed_from_u64(seed);
-        let mut best = self.value(start);
+        let mut best = self.value(start, f64::INFINITY);
         for attempt in 0..tries {
             // From a third of each joint's range down to a few hundredths of a radian.
             let size = 0.6 * (0.05_f64 / 0.6).powf(attempt as f64 / tries as f64);
@@ -133,11 +144,8 @@ impl Corridor {
                 let by: f64 = rng.random_range(-1.0..1.0);
                 centre[i] + if moves { by * size * step[i] } else { 0.0 }
             });
-            if let Some(ready) = self.value(&q)
-                && best.is_none_or(|best| ready.cost < best.cost)
-            {
-                best = Some(ready);
-            }
+            let most_cost = best.map_or(f64::INFINITY, |best| best.cost);
+            best = self.value(&q, most_cost).or(best);
             if let Some(best) = &best {
                 observer(attempt + 1, best);
             }

@@ -13,6 +13,7 @@ use crate::{
     recording::{Ending, Part, RecordedCell, RecordingReader},
     scenario::{
         brain::ChosenBrain,
+        reach_map,
         setup::{Scene, SourceNames},
     },
 };
@@ -98,7 +99,8 @@ pub(crate) fn brain_of(cell: &RecordedCell) -> Result<ChosenBrain, InputError> {
     let (config, cameras) = (cell.brain.config(), cell.cameras.clone());
     let fault =
         |it: SettingError| InputError::new("the recording", format!("brain.{}", it.field), it.found, it.expected);
-    let known = Preparation::new(config, robot, gripper, cameras, &cell.reference_scan).map_err(fault)?;
+    let reach_map = reach_map::of(&robot);
+    let known = Preparation::new(config, robot, gripper, cameras, &cell.reference_scan, reach_map).map_err(fault)?;
     cell.brain.brain(Arc::new(known), cell.brain.seed).map_err(fault)
 }
 

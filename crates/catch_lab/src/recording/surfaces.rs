@@ -55,7 +55,7 @@ pub fn surfaces(robot: &Robot, gripper: &Gripper, object: Option<&TriangleMesh>)
 /// The mesh with corners that share a box of a grid brought together, the grid as fine as the number of triangles allows.
 ///
 /// (Rossignac & Borrel, Multi-resolution 3D approximations for rendering complex scenes, 1993.)
-fn thinned(mesh: &TriangleMesh) -> TriangleMesh {
+pub fn thinned(mesh: &TriangleMesh) -> TriangleMesh {
     let mut boxes = 256.0;
     let mut thin = mesh.clone();
     while thin.triangles.len() > MOST_TRIANGLES || thin.vertices.len() > usize::from(u16::MAX) {

@@ -91,12 +91,17 @@ impl Display for Reason {
 
 /// The one reason why the object was not caught; `None` if it was.
 pub(crate) fn why_not_caught(evidence: &Evidence) -> Option<Reason> {
+    let why_not_held = why_not_held(evidence);
+    let breaks_limits = !evidence.truth.servo.command_violations.is_empty();
+    let is_broken = breaks_limits && why_not_held != Some(Reason::SimulationDiverged);
+    if is_broken { Some(Reason::LimitViolation) } else { why_not_held }
+}
+
+/// The same with the arm's limits left out of account.
+pub(crate) fn why_not_held(evidence: &Evidence) -> Option<Reason> {
     let servo = &evidence.truth.servo;
     if evidence.truth.diverged_s.is_some() {
         return Some(Reason::SimulationDiverged);
-    }
-    if !servo.command_violations.is_empty() {
-        return Some(Reason::LimitViolation);
     }
     if [servo.min_self_clearance_m, servo.min_floor_clearance_m].iter().flatten().any(|&clearance| clearance <= 0.0) {
         return Some(Reason::ArmCollision);

@@ -95,7 +95,10 @@ impl BrainSettings {
         };
         let predictor: Box<dyn FlightPredictor> = match self.flight_prediction.unwrap_or(self.method) {
             Method::Ours => Box::new(known.flight_predictor(seed)),
-            Method::Paper => Box::new(RansacPredictor::new(trajectory_prediction, known.reference().symmetry, seed)),
+            Method::Paper => {
+                let symmetry = known.reference().symmetry;
+                Box::new(RansacPredictor::new(trajectory_prediction, &paper.prediction, symmetry, seed))
+            }
         };
         let planner: Box<dyn CatchPlanner> = match self.catch_planning.unwrap_or(self.method) {
             Method::Ours => Box::new(known.catch_planner()),

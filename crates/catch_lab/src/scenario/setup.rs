@@ -21,6 +21,7 @@ use crate::{
     scenario::{
         Clock, Scenario,
         brain::{BrainSettings, ChosenBrain, Method},
+        reach_map,
     },
 };
 
@@ -31,6 +32,8 @@ pub struct Choice<'a> {
     pub scenario: Option<&'a str>,
     /// Name or file.
     pub robot: Option<&'a str>,
+    /// Name or file.
+    pub gripper: Option<&'a str>,
     /// Name or file.
     pub object: Option<&'a str>,
     /// Name or file.
@@ -159,6 +162,7 @@ impl Setup {
         choice: &Choice,
     ) -> Result<Self, InputError> {
         let is_other_robot = choice.robot.is_some_and(|robot| robot != scenario.robot);
+        let is_other_gripper = choice.gripper.is_some_and(|gripper| gripper != scenario.gripper);
         if is_other_robot {
             // The scenario's pose is one of its own arm.
             (scenario.ready_rad, scenario.place_rad) = (None, None);
@@ -175,7 +179,7 @@ impl Setup {
             }
         };
         let robot = find(Kind::Robot, choice.robot, &scenario.robot, "robot")?;
-        let gripper = find(Kind::Gripper, None, &scenario.gripper, "gripper")?;
+        let gripper = find(Kind::Gripper, choice.gripper, &scenario.gripper, "gripper")?;
         let object = find(Kind::Object, choice.object, &scenario.object, "object")?;
         let throw = find(Kind::Throw, choice.throw, &scenario.throw, "throw")?;
         let flight_rig = find(Kind::Rig, None, &scenario.flight_rig, "flight_rig")?;
@@ -198,11 +202,18 @@ impl Setup {
         if let Some(values) = &scenario.place_rad {
             arm.checked_pose(said_by(scenario.place_rad != of_file.place_rad), "place_rad", values)?;
         }
-        let thrown = object.thrown_object()?;
+        let mut thrown = object.thrown_object()?;
+        if scenario.arena.published_bodies {
+            let expected = "the table [published], or arena.published_bodies = false";
+            let missing = || InputError::new(&object.file, "published", "nothing", expected);
+            thrown = thrown.as_published().ok_or_else(missing)?;
+        }
         scenario.check_closing(file, &hand, &gripper.file)?;
         let cameras = rig_from_toml(&flight_rig.file, &flight_rig.text)?;
         let scanners = rig_from_toml(&reference_rig.file, &reference_rig.text)?;
-        let reference_scan = reference_scan(&thrown.mesh, &scanners);
+        let depth = &scenario.arena.depth;
+        let shifted: Vec<CameraModel> = scanners.iter().map(|camera| depth.shifted(camera)).collect();
+        let reference_scan = ReferenceScan { cameras: scanners, ..reference_scan(&thrown.mesh, &shifted) };
         if reference_scan.is_empty() {
             let expected = "cameras that look at the origin, where the object is scanned";
             return Err(InputError::new(&reference_rig.file, "cameras", "none that sees the object", expected));
@@ -211,6 +222,9 @@ impl Setup {
         // Names only: results of the same content are the same wherever the files lie.
         if is_other_robot {
             scenario.name += &format!("+robot={}", robot.name);
+        }
+        if is_other_gripper {
+            scenario.name += &format!("+gripper={}", gripper.name);
         }
         if let Some(method) = choice.method.filter(|method| *method != scenario.brain.method) {
             scenario.name += &format!("+method={method}");
@@ -222,13 +236,14 @@ impl Setup {
         scenario.throw = throw.name;
         scenario.flight_rig = flight_rig.name;
         scenario.reference_rig = reference_rig.name;
+        let length_m = arm.length_m();
         scenario.ready_rad = Some(arm.ready_q.as_slice()[..arm.dof()].to_vec());
         Ok(Self {
             scenario,
             robot: arm,
             gripper: hand,
             cameras,
-            throw: Throw::from_toml(&throw.file, &throw.text)?,
+            throw: Throw::from_toml(&throw.file, &throw.text)?.for_arm(length_m),
             object: thrown,
             reference_scan,
             sources,
@@ -278,7 +293,8 @@ impl Setup {
     /// As [`load`](Self::load).
     pub fn thrown(&self, throw: &str) -> Result<Self, InputError> {
         let asset = Asset::find(Kind::Throw, throw, &Origin::BuiltIn(PathBuf::new()), (COMMAND_LINE, "--throw"))?;
-        Ok(self.with_throw(asset.name, Throw::from_toml(&asset.file, &asset.text)?))
+        let throw = Throw::from_toml(&asset.file, &asset.text)?.for_arm(self.robot.length_m());
+        Ok(self.with_throw(asset.name, throw))
     }
 
     /// The same with a throw that is given; what has been prepared is shared.
@@ -364,7 +380,9 @@ impl Setup {
         self.known.get_or_init(|| {
             let Self { robot, gripper, cameras, .. } = self.clone();
             let config = self.brain_config(0, 0).config();
-            Arc::new(Preparation::new(config, robot, gripper, cameras, &self.reference_scan).expect(CHECKED))
+            let reach_map = reach_map::of(&robot);
+            let known = Preparation::new(config, robot, gripper, cameras, &self.reference_scan, reach_map);
+            Arc::new(known.expect(CHECKED))
         })
     }
 

@@ -116,3 +116,22 @@ fn outcomes_do_not_depend_on_the_substeps_before_contact() {
         }
     }
 }
+
+/// Each built-in arm from the ready pose of its own file, not only the one for which the throws were made.
+#[test]
+fn every_built_in_arm_catches() {
+    for robot in ["panda", "ur10e", "iiwa14"] {
+        for (object, throw) in
+            [("tennis_ball", "near_sampled"), ("banana", "far_sampled"), ("pill_bottle", "random_by_reach")]
+        {
+            let choice = Choice { robot: Some(robot), object: Some(object), throw: Some(throw), ..Choice::default() };
+            let setup = Setup::load(&choice).unwrap();
+            let verdicts = [0, 1].map(|index| {
+                let trial = trial::run(&setup, 3, index, &mut |_, _| Ok(())).unwrap();
+                referee::judge(&setup, &trial)
+            });
+            assert!(verdicts.iter().all(|it| it.limit_violations == 0), "{robot}, {throw}: {verdicts:?}");
+            assert!(verdicts.iter().any(|it| it.caught), "{robot}, {throw}: {verdicts:?}");
+        }
+    }
+}

@@ -10,6 +10,7 @@
 #![allow(clippy::print_stdout, reason = "tests tell what they measured")]
 
 mod mutator;
+mod values;
 
 use std::{
     collections::BTreeMap,

@@ -2,7 +2,6 @@
 
 use catch_body::{JointVector, Robot, robot::JointLimits};
 use catch_cell::{BSpline, arm::Setpoint};
-use nalgebra::Point3;
 
 use super::Waypoint;
 
@@ -11,28 +10,39 @@ use super::Waypoint;
 pub struct Problem<'a> {
     /// The arm.
     pub robot: &'a Robot,
-    /// The point of the gripper whose position and velocity count, in G.
-    pub p_GP: Point3<f64>,
     /// Knots of the motion, the first and the last four times.
     pub knots_s: Vec<f64>,
     /// Where it starts.
     pub start: Setpoint,
-    /// Whether the acceleration at the start counts.
-    pub start_acceleration: bool,
-    /// What each joint may do.
+    /// What of the start it keeps.
+    pub keeps_start: StartState,
+    /// By what factors its duration may differ from that of the knots. Waypoints are met at their knots' times stretched as much.
+    pub stretch: [f64; 2],
+    /// What each joint may do; an acceleration may be without limit.
     pub limits: Vec<JointLimits>,
     /// Where the gripper is to be, and when.
     pub waypoints: Vec<Waypoint>,
     /// Least and highest fraction of the object's velocity.
     pub speed_fraction: [f64; 2],
-    /// The comfortable pose q₀.
-    pub comfortable_q: JointVector,
+    /// The comfortable pose q₀; without one each program stays near the last one's motion.
+    pub comfortable_q: Option<JointVector>,
     /// On the distance from it, w.
     pub comfort_weight: f64,
     /// On the fraction of the object's velocity, κ.
     pub speed_weight: f64,
     /// Whether any motion that meets the waypoints within their tolerances is as good as another.
     pub first_will_do: bool,
+}
+
+/// What of its start a motion keeps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StartState {
+    /// Nothing: waypoints say what is wanted there.
+    Nothing,
+    /// Position and velocity.
+    Velocity,
+    /// Position, velocity and acceleration.
+    Acceleration,
 }
 
 /// A motion that was found.

@@ -1,5 +1,7 @@
 //! Where the gripper is to be at an instant of a motion, how it is to move, and how far it is from that.
 
+use std::f64::consts::PI;
+
 use catch_body::{JointVector, MAX_JOINTS, Pose, Robot};
 use nalgebra::{Matrix3, Point3, SMatrix, SVector, Vector3};
 
@@ -21,9 +23,10 @@ impl Tolerance {
     /// None at all.
     pub const NONE: Self = Self { position_m: 0.0, rotation_error_rad: 0.0, velocity_mps: 0.0 };
 
-    /// One number for each error.
+    /// One number for each error. Beyond half a turn any orientation will do.
     pub fn of(&self, error: usize) -> f64 {
-        [self.position_m, self.rotation_error_rad, self.velocity_mps][error / 3]
+        let rotation_error_rad = if self.rotation_error_rad < PI { self.rotation_error_rad } else { f64::INFINITY };
+        [self.position_m, rotation_error_rad, self.velocity_mps][error / 3]
     }
 
     /// All of them `by` times as large.
@@ -41,8 +44,12 @@ pub struct Waypoint {
     pub time_s: f64,
     /// Pose of the gripper.
     pub X_WG: Pose,
+    /// The point of the gripper whose position and velocity count, in G.
+    pub p_GP: Point3<f64>,
     /// Velocity of the object, a fraction of which is wanted.
     pub v_WO: Vector3<f64>,
+    /// That fraction, if it is given; else the motion's.
+    pub fraction: Option<f64>,
     /// How far off is near enough.
     pub tolerance: Tolerance,
 }
@@ -66,32 +73,26 @@ impl Waypoint {
         (0..ERRORS).map(|error| at.error[error].abs() - self.tolerance.of(error)).fold(0.0, f64::max)
     }
 
-    /// The errors of an arm at `q`, `dq`, position and velocity being those of the point `p_GP` of the gripper, which is to move
-    /// at `fraction`·v_WO.
+    /// The errors of an arm at `q`, `dq`, the gripper's point being to move at `fraction`·v_WO unless the waypoint gives the
+    /// fraction.
     ///
     /// With zᵢ the axis of joint i through oᵢ and cᵢ = zᵢ × (p − oᵢ), the velocity is v = Σ cᵢ·q̇ᵢ. As ∂cᵢ/∂q_j is z_j × cᵢ for
     /// j ≤ i and zᵢ × c_j beyond (Siciliano et al., Robotics, section 3.2, differentiated),
     /// ∂v/∂q_j = z_j × Σ_{i ≥ j} cᵢ·q̇ᵢ + (Σ_{i < j} zᵢ·q̇ᵢ) × c_j.
-    pub fn linearize(
-        &self,
-        robot: &Robot,
-        p_GP: &Point3<f64>,
-        q: &JointVector,
-        dq: &JointVector,
-        fraction: f64,
-    ) -> Linearized {
+    pub fn linearize(&self, robot: &Robot, q: &JointVector, dq: &JointVector, fraction: f64) -> Linearized {
         let X_WL = robot.link_poses(q);
         let X_now = robot.gripper_in(&X_WL);
-        let p_WP = X_now * p_GP;
+        let p_WP = X_now * self.p_GP;
+        let wanted = self.fraction.unwrap_or(fraction);
         let J = robot.jacobian(&X_WL, &p_WP);
         let angular = J.fixed_rows::<3>(0).into_owned();
         let linear = J.fixed_rows::<3>(3).into_owned();
         let turn = (X_now.rotation * self.X_WG.rotation.inverse()).scaled_axis();
 
         let mut error = SVector::<f64, ERRORS>::zeros();
-        error.fixed_rows_mut::<3>(0).copy_from(&(p_WP - self.X_WG * p_GP));
+        error.fixed_rows_mut::<3>(0).copy_from(&(p_WP - self.X_WG * self.p_GP));
         error.fixed_rows_mut::<3>(3).copy_from(&turn);
-        error.fixed_rows_mut::<3>(6).copy_from(&(linear * dq - self.v_WO * fraction));
+        error.fixed_rows_mut::<3>(6).copy_from(&(linear * dq - self.v_WO * wanted));
 
         let mut by_q = SMatrix::<f64, ERRORS, MAX_JOINTS>::zeros();
         by_q.fixed_rows_mut::<3>(0).copy_from(&linear);
@@ -107,7 +108,9 @@ impl Waypoint {
         let mut by_dq = SMatrix::<f64, ERRORS, MAX_JOINTS>::zeros();
         by_dq.fixed_rows_mut::<3>(6).copy_from(&linear);
         let mut by_fraction = SVector::<f64, ERRORS>::zeros();
-        by_fraction.fixed_rows_mut::<3>(6).copy_from(&-self.v_WO);
+        if self.fraction.is_none() {
+            by_fraction.fixed_rows_mut::<3>(6).copy_from(&-self.v_WO);
+        }
         Linearized { error, by_q, by_dq, by_fraction }
     }
 }
@@ -144,10 +147,16 @@ mod tests {
             let robot = iiwa();
             let [q, dq, goal] = [q, dq, goal].map(|values| robot.joint_vector(&values).unwrap());
             let (v_WO, time_s) = (Vector3::new(-1.0, -2.5, -3.0), 0.6);
-            let waypoint = Waypoint { time_s, X_WG: robot.gripper_pose(&goal), v_WO, tolerance: Tolerance::NONE };
-            let p_GP = Point3::new(0.0, 0.0833, 0.0);
+            let waypoint = Waypoint {
+                time_s,
+                X_WG: robot.gripper_pose(&goal),
+                p_GP: Point3::new(0.0, 0.0833, 0.0),
+                v_WO,
+                fraction: None,
+                tolerance: Tolerance::NONE,
+            };
             let at = |q: &JointVector, dq: &JointVector, fraction: f64| {
-                waypoint.linearize(&robot, &p_GP, q, dq, fraction)
+                waypoint.linearize(&robot, q, dq, fraction)
             };
             let here = at(&q, &dq, fraction);
             // The rotation vector jumps at half a turn.

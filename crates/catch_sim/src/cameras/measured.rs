@@ -333,8 +333,13 @@ fn every_model() -> Vec<DepthConfig> {
         DepthModel::NearStereo,
         DepthModel::Stereo(wild),
     ];
-    let with_losses =
-        |model| DepthConfig { model, lost_frame_fraction: 0.05, calibration_sd_m: 0.002, calibration_sd_rad: 0.001 };
+    let with_losses = |model| DepthConfig {
+        model,
+        lost_frame_fraction: 0.05,
+        calibration_sd_m: 0.002,
+        calibration_sd_rad: 0.001,
+        ..DepthConfig::default()
+    };
     models.into_iter().map(with_losses).collect()
 }
 

@@ -44,7 +44,7 @@ impl DepthCameras {
     pub fn new(calibrated: &[CameraModel], config: &DepthConfig, seed: u64, index: u64) -> Self {
         let key = Key::of_scene(seed, index);
         let true_camera = |(number, camera): (u64, &CameraModel)| {
-            let mut camera = camera.clone();
+            let mut camera = config.shifted(camera);
             if config.calibration_sd_m > 0.0 || config.calibration_sd_rad > 0.0 {
                 let key = key.part(number).part(Purpose::Calibration as u64);
                 let normal = |first: u64| Vector3::from_fn(|axis, _| key.normal(first + axis as u64));

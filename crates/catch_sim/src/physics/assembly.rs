@@ -36,7 +36,7 @@ pub(super) fn assemble(
     };
     builder.attach_box(hand, &X_HG, &gripper.body(), Part::Palm);
     let fingers = builder.add_fingers(gripper, hand, &X_HG);
-    let free = FreeBody::of(object);
+    let (free, com_O) = (FreeBody::of(object), object.com_O.coords);
     let object = builder.add_object(object, release);
     // The engine would take the masses into account in the first step only, but the kinematics below need them.
     for (_, body) in builder.bodies.iter_mut() {
@@ -73,6 +73,7 @@ pub(super) fn assemble(
         fingers,
         object,
         free,
+        com_O,
         contact_forces: ContactForces::default(),
     }
 }
@@ -104,7 +105,7 @@ impl World {
         self.object = builder.add_object(object, release);
         builder.bodies[self.object].recompute_mass_properties_from_colliders(&builder.colliders);
         (self.bodies, self.colliders) = (builder.bodies, builder.colliders);
-        self.free = FreeBody::of(object);
+        (self.free, self.com_O) = (FreeBody::of(object), object.com_O.coords);
         self.contact_forces = ContactForces::default();
     }
 }
@@ -208,9 +209,10 @@ impl Builder {
 
     fn add_object(&mut self, object: &ThrownObject, release: &Release) -> engine::RigidBodyHandle {
         let X_WO = Pose::from_parts(release.p_WO.into(), release.q_WO);
-        let inertia = Inertia { mass: object.mass_kg, com: nalgebra::Point3::origin(), about_com: object.inertia_kgm2 };
+        let inertia = Inertia { mass: object.mass_kg, com: object.com_O, about_com: object.inertia_kgm2 };
         let handle = self.add_body(&X_WO, &inertia);
-        self.bodies[handle].set_linvel(to_vector(&release.v_WO), true);
+        let of_com = release.v_WO + release.omega_WO.cross(&(X_WO.rotation * object.com_O.coords));
+        self.bodies[handle].set_linvel(to_vector(&of_com), true);
         self.bodies[handle].set_angvel(to_vector(&release.omega_WO), true);
         for part in &object.parts {
             let shape = match part {

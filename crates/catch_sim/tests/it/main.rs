@@ -6,6 +6,7 @@ mod contacts;
 mod free_motion;
 mod free_rotation;
 mod gripper;
+mod published;
 mod random_streams;
 mod scenes;
 mod servo;

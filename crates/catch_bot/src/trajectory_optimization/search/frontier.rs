@@ -25,17 +25,6 @@ pub enum Stage {
     TerminalVelocity(Posture, TerminalVelocity),
 }
 
-impl Stage {
-    /// What it takes to look at it closely.
-    pub fn work(&self) -> usize {
-        match self {
-            Self::Pose => 1,
-            Self::Posture(_) => 3,
-            Self::TerminalVelocity(..) => 10,
-        }
-    }
-}
-
 /// Nodes, the one that promises most on top.
 pub struct Frontier {
     /// What a failure of a grasp adds to the cost of all of its catches.

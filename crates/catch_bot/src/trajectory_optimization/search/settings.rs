@@ -59,8 +59,6 @@ pub struct Config {
     pub max_velocity_trials: usize,
     /// Those for which a motion is tried.
     pub max_motion_trials: usize,
-    /// Poses whose postures one pass looks for where each takes iterations, for arms without closed form.
-    pub max_numerical_poses: usize,
     /// How much later than on the grid the second round tries what got as far as the swept-volume check or a motion, in seconds;
     /// negative for sooner.
     pub nearby_s: Vec<f64>,
@@ -74,7 +72,6 @@ impl Default for Config {
             max_work: 4000,
             max_velocity_trials: 3,
             max_motion_trials: 2,
-            max_numerical_poses: 16,
             nearby_s: vec![-0.001, -0.0005, 0.0005, 0.001],
         }
     }
@@ -89,7 +86,6 @@ impl Settings for Config {
                 ("max_work", self.max_work),
                 ("max_velocity_trials", self.max_velocity_trials),
                 ("max_motion_trials", self.max_motion_trials),
-                ("max_numerical_poses", self.max_numerical_poses),
             ])
             .lists(&(-0.1..=0.1), [("nearby_s", &self.nearby_s[..])])
             .all()

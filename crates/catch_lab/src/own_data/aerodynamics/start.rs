@@ -11,8 +11,10 @@ use crate::statistics::median_in_place;
 
 /// Neighbours on each side that a sample is compared with.
 const REACH: usize = 5;
-/// Velocities before and after a sample are taken over this time and at least over three samples.
+/// Velocities before and after a sample are taken over this time,
 const SPAN_S: f64 = 0.07;
+/// and at least over so many samples.
+const SPAN_SAMPLES: usize = 5;
 /// A change of velocity beyond gravity that is a contact: larger than drag and tumbling explain, smaller than a bounce.
 const CONTACT_MPS: f64 = 2.0;
 /// Samples of a flight, at least.
@@ -72,19 +74,18 @@ pub(super) fn free_flight(g: &Vector3<f64>, samples: &[Sample], scratch: &mut Sc
 /// How far the velocity after a sample is from that before, gravity aside and beyond what the scatter of the samples explains.
 fn velocity_change(g: &Vector3<f64>, samples: &[Sample], at: usize, scratch: &mut Scratch) -> f64 {
     let time_s = samples[at].time_s;
-    let first = samples[..at].partition_point(|it| it.time_s < time_s - SPAN_S).min(at.saturating_sub(3));
+    let first = samples[..at].partition_point(|it| it.time_s < time_s - SPAN_S).min(at.saturating_sub(SPAN_SAMPLES));
     let reached = at + 1 + samples[at + 1..].partition_point(|it| it.time_s <= time_s + SPAN_S);
-    let last = reached.max(at + 4).min(samples.len());
-    if at - first < 3 || last - at < 4 {
+    let last = reached.max(at + 1 + SPAN_SAMPLES).min(samples.len());
+    if at - first < SPAN_SAMPLES || last - at <= SPAN_SAMPLES {
         return 0.0;
     }
     let mut slope = |samples: &[Sample]| {
         scratch.pairs.clear();
+        // One of these samples may be an outlier: fewer than half of the pairs have it.
+        let apart = (samples.len() / 3).max(1);
         for (i, a) in samples.iter().enumerate() {
-            scratch.pairs.extend(samples[i + samples.len() / 2..].iter().skip(1).map(|b| slope(g, a, b)));
-            if i + samples.len() / 2 + 1 >= samples.len() {
-                break;
-            }
+            scratch.pairs.extend(samples.iter().skip(i + apart).map(|b| slope(g, a, b)));
         }
         let velocity = median_vector(&scratch.pairs, &mut scratch.numbers);
         scratch.numbers.clear();

@@ -101,25 +101,6 @@ addEventListener("keydown", (event) => {
   if (action) { event.preventDefault(); action(event.shiftKey); }
 });
 
-// One pointer turns, two move and zoom, as does the right button and the wheel.
-const pointers = new Map();
-function zoom(factor) { camera.distance = Math.min(Math.max(camera.distance * factor, 0.25), 18); }
-canvas.addEventListener("pointerdown", (event) => { canvas.setPointerCapture(event.pointerId); pointers.set(event.pointerId, [event.clientX, event.clientY]); });
-for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, (event) => pointers.delete(event.pointerId));
-canvas.addEventListener("pointermove", (event) => {
-  const before = pointers.get(event.pointerId);
-  if (!before) return;
-  const after = [event.clientX, event.clientY], [dx, dy] = minus(after, before), others = [...pointers].filter(([id]) => id !== event.pointerId);
-  pointers.set(event.pointerId, after); camera.chosen = true;
-  if (others.length) {
-    const other = others[0][1];
-    zoom(Math.hypot(...minus(before, other)) / Math.max(Math.hypot(...minus(after, other)), 1)); pan(dx / 2, dy / 2);
-  } else if (event.buttons & 2 || event.shiftKey) pan(dx, dy);
-  else { camera.azimuth -= dx * 0.006; camera.elevation = Math.min(Math.max(camera.elevation + dy * 0.006, -0.3), 1.55); }
-  refresh();
-});
-canvas.addEventListener("wheel", (event) => { event.preventDefault(); camera.chosen = true; zoom(Math.exp(event.deltaY * 0.0012)); refresh(); }, { passive: false });
-canvas.addEventListener("contextmenu", (event) => event.preventDefault());
 addEventListener("resize", () => { if (!camera.chosen) resetCamera(); layout(); });
 
 // The address may say what to show first: #t=0.4&theme=dark&layers=truth,points&play

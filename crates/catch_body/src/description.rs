@@ -1,0 +1,214 @@
+//! A robot's description as others publish it: a tree of links and joints of any kind, with gaps.
+//!
+//! [`Description`] holds what a file says, [`Chain`] the serial arm within it: fixed joints folded, fingers taken off. Nothing is
+//! made up here; what a file does not say is `None`.
+
+mod arm_in_tree;
+mod chain;
+mod mjcf_reader;
+mod urdf_reader;
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Unit, Vector3};
+
+use crate::{
+    Pose, TriangleMesh,
+    robot::Inertia,
+    shape::{Capsule, Cuboid},
+};
+
+pub use chain::{Body, Chain, ChainJoint, Fingers, Selection};
+
+/// Sides of the polygons that stand for circles.
+const SIDES: u32 = 32;
+
+/// A tree of links and joints.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Description {
+    /// What errors call the file.
+    pub file: String,
+    /// The robot's name.
+    pub name: String,
+    /// The link that no joint moves.
+    pub root: String,
+    /// Links by their names.
+    pub links: BTreeMap<String, Link>,
+    /// Joints by the names of their parents.
+    pub joints: BTreeMap<String, Vec<TreeJoint>>,
+}
+
+/// A link.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Link {
+    /// Mass properties in the link's frame; `None` without mass.
+    pub inertia: Option<Inertia>,
+    /// The shape for collisions.
+    pub collisions: Vec<Geometry>,
+    /// The shape for the eye.
+    pub visuals: Vec<Geometry>,
+}
+
+/// A shape on a link.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Geometry {
+    /// Pose of the shape's frame in the link's.
+    pub X_LS: Pose,
+    /// The shape.
+    pub shape: Shape,
+}
+
+/// A shape around the origin of its frame.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Shape {
+    /// A box with its edges' lengths in metres.
+    Cuboid(Vector3<f64>),
+    /// A cylinder along z.
+    Cylinder {
+        /// Radius in metres.
+        radius_m: f64,
+        /// Length in metres.
+        length_m: f64,
+    },
+    /// A cylinder along z with a hemisphere on each end; `length_m` is that of the cylinder.
+    Capsule {
+        /// Radius in metres.
+        radius_m: f64,
+        /// Length in metres.
+        length_m: f64,
+    },
+    /// A ball with its radius in metres.
+    Sphere(f64),
+    /// A mesh in a file of its own.
+    Mesh {
+        /// The file, as the description names it.
+        file: String,
+        /// Metres per unit of the file along its axes.
+        scale: Vector3<f64>,
+    },
+}
+
+/// A joint of a tree.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TreeJoint {
+    /// Its name.
+    pub name: String,
+    /// How it moves.
+    pub kind: JointKind,
+    /// The link that it moves.
+    pub child: String,
+    /// Pose of that link's frame L in the parent's frame P while the joint is at zero.
+    pub X_PL: Pose,
+    /// Axis in the frame of the moved link.
+    pub axis: Unit<Vector3<f64>>,
+    /// Lowest and highest position.
+    pub range: Option<[f64; 2]>,
+    /// Highest speed.
+    pub velocity: Option<f64>,
+    /// Highest torque or force.
+    pub effort: Option<f64>,
+    /// Viscous damping.
+    pub damping: f64,
+    /// Rotor inertia, reflected to the joint, in kg·m².
+    pub rotor_inertia: Option<f64>,
+    /// Whether another joint drives it.
+    pub mimics: bool,
+}
+
+/// How a joint moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum JointKind {
+    /// Not at all.
+    Fixed,
+    /// About its axis, between two ends or without any.
+    Revolute,
+    /// Along its axis.
+    Prismatic,
+    /// In several directions.
+    Other,
+}
+
+impl Description {
+    /// The joints whose parent is `link`.
+    pub fn joints_of(&self, link: &str) -> &[TreeJoint] {
+        self.joints.get(link).map_or(&[], Vec::as_slice)
+    }
+}
+
+impl TreeJoint {
+    /// A joint that does not move, its child where its parent is.
+    pub fn fixed(name: String, child: &str) -> Self {
+        Self {
+            name,
+            kind: JointKind::Fixed,
+            child: child.to_owned(),
+            X_PL: Pose::identity(),
+            axis: Vector3::z_axis(),
+            range: None,
+            velocity: None,
+            effort: None,
+            damping: 0.0,
+            rotor_inertia: None,
+            mimics: false,
+        }
+    }
+}
+
+impl Geometry {
+    /// The surface in the link's frame; `None` for a mesh, which is in a file of its own. Circles become polygons around them.
+    pub fn surface(&self) -> Option<TriangleMesh> {
+        // So that the polygon's sides touch the circle.
+        let wider = 1.0 / (std::f64::consts::PI / f64::from(SIDES)).cos();
+        let along_z = |radius: f64, length_m: f64| {
+            let half = Vector3::z() * (length_m / 2.0);
+            TriangleMesh::capsule(&Capsule { from: (-half).into(), to: half.into(), radius: radius * wider }, SIDES)
+        };
+        let mesh = match self.shape {
+            Shape::Cuboid(size) => TriangleMesh::cuboid(&Cuboid { centre: nalgebra::Point3::origin(), size }),
+            Shape::Cylinder { radius_m, length_m } => prism(radius_m * wider, length_m),
+            Shape::Capsule { radius_m, length_m } => along_z(radius_m, length_m),
+            Shape::Sphere(radius_m) => along_z(radius_m, 1e-9),
+            Shape::Mesh { .. } => return None,
+        };
+        Some(mesh.transformed(&self.X_LS))
+    }
+}
+
+/// A prism along z whose base is a regular polygon with its corners at `radius`.
+fn prism(radius: f64, length_m: f64) -> TriangleMesh {
+    let corner = |i: u32, z: f64| {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(i) / f64::from(SIDES)).sin_cos();
+        nalgebra::Point3::new(radius * cos, radius * sin, z)
+    };
+    let half = length_m / 2.0;
+    let vertices = [-half, half].into_iter().flat_map(|z| (0..SIDES).map(move |i| corner(i, z))).collect();
+    let side = |i: u32| {
+        let next = (i + 1) % SIDES;
+        [[i, next, SIDES + next], [i, SIDES + next, SIDES + i]]
+    };
+    let ends = |i: u32| [[0, i + 1, i], [SIDES, SIDES + i, SIDES + i + 1]];
+    let triangles = (0..SIDES).flat_map(side).chain((1..SIDES - 1).flat_map(ends)).collect();
+    TriangleMesh { vertices, triangles }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn surfaces_are_closed_and_hold_their_shapes() {
+        let pi = std::f64::consts::PI;
+        let solids = [
+            (Shape::Cuboid(Vector3::new(0.1, 0.2, 0.3)), 0.006),
+            (Shape::Cylinder { radius_m: 0.05, length_m: 0.3 }, pi * 0.0025 * 0.3),
+            (Shape::Sphere(0.1), 4.0 / 3.0 * pi * 1e-3),
+            (Shape::Capsule { radius_m: 0.1, length_m: 0.2 }, pi * 0.01 * (0.2 + 0.4 / 3.0)),
+        ];
+        for (shape, volume) in solids {
+            let surface = Geometry { X_LS: Pose::identity(), shape }.surface().unwrap();
+            assert!(surface.is_closed());
+            let ratio = surface.volume() / volume;
+            assert!((0.99..1.03).contains(&ratio), "{ratio}");
+        }
+    }
+}

@@ -1,0 +1,35 @@
+//! What a search chooses from: catch times, and grasps at each.
+
+use catch_body::MAX_JOINTS;
+
+use crate::{
+    grasp_selection::RankedGrasp, trajectory_optimization::reachability::ReachableSet,
+    trajectory_prediction::LocalFlight,
+};
+
+/// What is known at one catch time.
+pub struct CatchTimeSample {
+    pub local_flight: LocalFlight,
+    pub joints: [ReachableSet; MAX_JOINTS],
+    pub ranges: [[f64; 2]; MAX_JOINTS],
+}
+
+/// A catch time with a grasp.
+pub struct Candidate {
+    pub sample: usize,
+    pub ranked: RankedGrasp,
+    /// What the cost of its reachability margin is by the reach map.
+    pub margin_cost: f64,
+    /// Whether the object can come into the open gripper on a straight line, once that was asked.
+    pub enters: Option<bool>,
+    /// Postures whose velocities at the catch were looked for, and those that were tried in vain.
+    pub velocity_trials: usize,
+    pub failed: usize,
+}
+
+impl Candidate {
+    /// One that nothing was tried with yet.
+    pub fn new(sample: usize, ranked: RankedGrasp, margin_cost: f64) -> Self {
+        Self { sample, ranked, margin_cost, enters: None, velocity_trials: 0, failed: 0 }
+    }
+}

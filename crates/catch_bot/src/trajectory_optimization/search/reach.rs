@@ -1,0 +1,25 @@
+//! What the reach map tells a search.
+
+use catch_body::Pose;
+
+use super::Weights;
+use crate::trajectory_optimization::reach_map::ReachMap;
+
+/// A reach map, and when the arm departed from the pose for which it holds.
+#[derive(Clone, Copy)]
+pub struct Reach<'a> {
+    pub map: &'a ReachMap,
+    pub departure_s: f64,
+}
+
+impl Reach<'_> {
+    /// Whether the gripper can be at `X_WG` by a catch time, as far as samples tell.
+    pub fn is_in_time(&self, X_WG: &Pose, catch_s: f64) -> bool {
+        self.map.is_in_time(X_WG, catch_s - self.departure_s)
+    }
+
+    /// What the reachability margin there costs about: where the arm needs most of the time, it needs most of what its joints can do.
+    pub fn margin_cost(&self, X_WG: &Pose, catch_s: f64, weights: &Weights) -> f64 {
+        weights.reach_fraction * self.map.fraction_of_time(X_WG, catch_s - self.departure_s).powi(4)
+    }
+}

@@ -1,0 +1,273 @@
+//! `catchingbot robot`: arms that others described.
+
+use std::{
+    fs, io,
+    path::{Path, PathBuf},
+};
+
+use catch_body::{InputError, JointVector};
+use catch_lab::{
+    VERSION,
+    assets::COMMAND_LINE,
+    evaluation::results::make_writable,
+    own_data::robot_import::{ImportOptions, ImportedRobot},
+    pages::robot_page,
+    reachability::ready::{Corridor, Ready},
+    scenario::setup::{Choice, Setup},
+};
+use clap::{Args, Subcommand};
+use serde::Serialize;
+
+use super::{MOST, whole};
+use crate::screen;
+
+/// Arguments of `robot`.
+#[derive(Debug, Args)]
+pub struct RobotArguments {
+    #[command(subcommand)]
+    command: RobotCommand,
+}
+
+#[derive(Debug, Subcommand)]
+enum RobotCommand {
+    /// Makes a robot from a description that somebody else published
+    Import(ImportArguments),
+}
+
+/// Arguments of `robot import`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+The arm is the serial chain of revolute joints in the description: fixed joints are folded, fingers are
+taken off. Capsules are fitted around the shapes of its links, for which meshes are looked for as
+`package://` and relative paths say, in the folders above the description. Limits in a joint_limits.yaml
+beside it take the place of its own. What no file says is assumed, and marked so in robot.toml, where
+`catchingbot check` lists it.
+
+Example:
+  catchingbot robot import kortex_description/robots/gen3.urdf --out gen3
+  catchingbot --robot gen3")]
+pub struct ImportArguments {
+    /// A URDF file, or a MuJoCo model (MJCF)
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    /// Folder for robot.urdf, robot.toml and capsules.html; it must not exist yet
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// The link at whose frame the gripper is mounted [default: found]
+    #[arg(long, value_name = "LINK")]
+    tip: Option<String>,
+    /// The link that stands still [default: the first]
+    #[arg(long, value_name = "LINK")]
+    base: Option<String>,
+    /// Limits as MoveIt keeps them [default: joint_limits.yaml beside the description]
+    #[arg(long, value_name = "FILE")]
+    joint_limits: Option<PathBuf>,
+    /// Acceleration limits in rad/s²: one for all joints, or one for each
+    #[arg(long, value_name = "N[,N…]", value_delimiter = ',')]
+    max_acceleration: Vec<f64>,
+    /// Rotor inertias reflected to the joints in kg·m², likewise
+    #[arg(long, value_name = "N[,N…]", value_delimiter = ',')]
+    rotor_inertia: Vec<f64>,
+    /// Jerk limits in rad/s³, likewise
+    #[arg(long, value_name = "N[,N…]", value_delimiter = ',')]
+    max_jerk: Vec<f64>,
+    /// Do not search for the best waiting pose
+    #[arg(long)]
+    no_ready: bool,
+    /// Poses that are tried in the search
+    #[arg(long, value_name = "N", default_value_t = 100, conflicts_with = "no_ready", value_parser = whole(1, 10_000_000))]
+    tries: u64,
+    /// Throw to wait for; may be repeated [default: from near and from far]
+    #[arg(long = "throw", value_name = "NAME|FILE", conflicts_with = "no_ready")]
+    throws: Vec<String>,
+    /// Seed of the throws and of the poses
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole(0, MOST))]
+    seed: u64,
+    /// Print one JSON document instead of the story
+    #[arg(long)]
+    json: bool,
+}
+
+/// What is thrown at an arm unless something else is asked for.
+const THROWS: [&str; 2] = ["near_sampled", "far_sampled"];
+/// Throws of each kind for which the waiting pose is chosen.
+const CHOSEN_FOR: u64 = 6;
+/// Throws of each kind on which it is tried afterwards.
+const TRIED_ON: u64 = 25;
+/// Shapes that could not be read, of which each is told.
+const MOST_FAULTS: usize = 3;
+/// Poses from which the search may begin.
+const STARTS: usize = 30;
+
+#[derive(Serialize)]
+struct Document {
+    version: &'static str,
+    robot: PathBuf,
+    name: String,
+    joints: Vec<String>,
+    flange: String,
+    taken_off: Vec<String>,
+    left_out: Vec<String>,
+    capsules: usize,
+    unread: Vec<String>,
+    assumed: Vec<AssumedValue>,
+    ready_rad: Vec<f64>,
+    /// `None` if it was not asked for.
+    reach: Option<Reach>,
+}
+
+#[derive(Serialize)]
+struct AssumedValue {
+    field: String,
+    reason: String,
+}
+
+#[derive(Serialize)]
+struct Reach {
+    within_reach: usize,
+    throws: usize,
+}
+
+/// Imports a robot.
+///
+/// # Errors
+/// What is wrong with the description, the options or the folder.
+pub fn run(arguments: &RobotArguments) -> anyhow::Result<()> {
+    let RobotCommand::Import(arguments) = &arguments.command;
+    import(arguments)
+}
+
+fn import(arguments: &ImportArguments) -> anyhow::Result<()> {
+    let out = &arguments.out;
+    if out.exists() {
+        let found = format!("`{}`, which is already there", out.display());
+        return Err(InputError::new(COMMAND_LINE, "--out", found, "a folder that does not exist yet").into());
+    }
+    let options = ImportOptions {
+        base: arguments.base.clone(),
+        tip: arguments.tip.clone(),
+        joint_limits: arguments.joint_limits.clone(),
+        max_acceleration: arguments.max_acceleration.clone(),
+        rotor_inertia: arguments.rotor_inertia.clone(),
+        max_jerk: arguments.max_jerk.clone(),
+    };
+    let setup = Setup::load(&Choice::default())?;
+    let mut imported = ImportedRobot::read(&arguments.file, &options, &setup.gripper)?;
+
+    // All is written to a folder beside, which takes the name when it is complete.
+    let parent = out.parent().filter(|it| !it.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    make_writable(parent, "--out")?;
+    let unwritten = |fault: io::Error| InputError::unwritten(out.display(), &fault, "a folder that can be written");
+    let folder = Unfinished(parent.join(format!(".import-{}", std::process::id())));
+    fs::create_dir(&folder.0).map_err(unwritten)?;
+    let write = |name: &str, text: String| fs::write(folder.0.join(name), text).map_err(unwritten);
+    write("robot.urdf", imported.urdf())?;
+    write("robot.toml", imported.toml())?;
+    let reach = if arguments.no_ready { None } else { Some(choose_ready_pose(arguments, &folder.0, &mut imported)?) };
+    write("robot.toml", imported.toml())?;
+    write("capsules.html", robot_page::page(&imported))?;
+    fs::rename(&folder.0, out).map_err(unwritten)?;
+    tell(arguments, &imported, reach)
+}
+
+/// A folder that goes away unless it has been renamed.
+struct Unfinished(PathBuf);
+
+impl Drop for Unfinished {
+    fn drop(&mut self) {
+        // Nothing is left to be done if this fails, too.
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+/// Searches for the best waiting pose, and tries it on other throws.
+fn choose_ready_pose(
+    arguments: &ImportArguments,
+    folder: &Path,
+    imported: &mut ImportedRobot,
+) -> anyhow::Result<Reach> {
+    let robot = folder.join("robot.toml").display().to_string();
+    let named: Vec<&str> = arguments.throws.iter().map(String::as_str).collect();
+    let throws = if named.is_empty() { &THROWS[..] } else { &named };
+    let setups = throws
+        .iter()
+        .map(|throw| Setup::load(&Choice { robot: Some(&robot), throw: Some(throw), ..Choice::default() }))
+        .collect::<Result<Vec<Setup>, InputError>>()?;
+    let corridor = Corridor::new(&setups, CHOSEN_FOR, arguments.seed);
+    let starts: Vec<JointVector> = imported.starts.iter().copied().take(STARTS).collect();
+    let tries = arguments.tries as usize;
+    let bar = screen::progress_bar(starts.len() + tries, "poses");
+    let mut best: Option<Ready> = None;
+    for start in &starts {
+        if let Some(ready) = corridor.value(start, f64::INFINITY)
+            && best.is_none_or(|best| ready.cost < best.cost)
+        {
+            best = Some(ready);
+        }
+        bar.inc(1);
+    }
+    let start = best.map_or(imported.robot.ready_q, |it| it.q);
+    let best = corridor.search(&start, tries, arguments.seed, &mut |tried, best| {
+        bar.set_position((starts.len() + tried) as u64);
+        bar.set_message(format!("{} of {} throws within reach", best.caught, best.throws));
+    });
+    bar.finish_and_clear();
+    if let Some(best) = best {
+        imported.set_ready(&best.q)?;
+    }
+    let others = Corridor::new(&setups, TRIED_ON, arguments.seed.wrapping_add(1));
+    let at_rest = others.value(&imported.robot.ready_q, f64::INFINITY);
+    let throws = setups.len() * TRIED_ON as usize;
+    Ok(Reach { within_reach: at_rest.map_or(0, |it| it.caught), throws })
+}
+
+/// Says what was made, and what to do next.
+fn tell(arguments: &ImportArguments, imported: &ImportedRobot, reach: Option<Reach>) -> anyhow::Result<()> {
+    let chain = imported.chain();
+    let robot = &imported.robot;
+    let assumed = imported.assumptions();
+    let mut unread: Vec<String> = imported.shapes().iter().flat_map(|it| &it.unread).map(ToString::to_string).collect();
+    unread.dedup();
+    let taken_off = chain.fingers.as_ref().map(|it| it.links.clone()).unwrap_or_default();
+    if arguments.json {
+        return screen::json(&Document {
+            version: VERSION,
+            robot: arguments.out.clone(),
+            name: robot.name.clone(),
+            joints: robot.joints.iter().map(|it| it.name.clone()).collect(),
+            flange: chain.flange.clone(),
+            taken_off,
+            left_out: chain.left_out.clone(),
+            capsules: robot.capsules.len(),
+            unread,
+            assumed: assumed.into_iter().map(|it| AssumedValue { field: it.field, reason: it.reason }).collect(),
+            ready_rad: robot.ready_q.iter().take(robot.dof()).copied().collect(),
+            reach,
+        });
+    }
+    let arm = format!("{}: {} joints from {} to {}", robot.name, robot.dof(), chain.base.links[0], chain.flange);
+    screen::fact("arm", &arm)?;
+    if !taken_off.is_empty() {
+        screen::fact("taken off", &taken_off.join(", "))?;
+    }
+    if !chain.left_out.is_empty() {
+        screen::fact("left out", &format!("what moves on its own: {}", chain.left_out.join(", ")))?;
+    }
+    let inside = if imported.shapes_are_inside() { "every shape is inside" } else { "some shape is outside" };
+    let page = arguments.out.join("capsules.html");
+    screen::fact("capsules", &format!("{}; {inside} ({})", robot.capsules.len(), page.display()))?;
+    for fault in unread.iter().take(MOST_FAULTS) {
+        screen::fact("not read", fault)?;
+    }
+    if unread.len() > MOST_FAULTS {
+        screen::fact("not read", &format!("{} more shapes", unread.len() - MOST_FAULTS))?;
+    }
+    screen::fact("assumed", &format!("{} values that no file says", assumed.len()))?;
+    if let Some(Reach { within_reach, throws }) = &reach {
+        screen::fact("within reach", &format!("{within_reach} of {throws} throws other than the pose was chosen for"))?;
+    }
+    let out = arguments.out.to_string_lossy();
+    screen::fact("written", &out)?;
+    screen::fact("what is assumed?", &screen::command(&["check", &out]))?;
+    Ok(screen::fact("try it", &screen::command(&["--robot", &out]))?)
+}

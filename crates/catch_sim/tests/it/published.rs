@@ -1,0 +1,101 @@
+//! What the paper's simulator allows and a robot does not: references that jump, a sensor that closes the gripper, bodies that there
+//! are not.
+
+use catch_body::JointVector;
+use catch_cell::{ArmTrajectory, BSpline, Cell, Command, TrajectoryId};
+use catch_sim::{
+    Arena, ArenaConfig, GripperDriveKind, Release,
+    config::{GripperTrigger, PositionDrive, ProximitySensor, RobotController},
+    physics::World,
+};
+use nalgebra::{Point3, Vector3};
+
+use crate::setting;
+
+fn senses(arena: &mut Arena, count: usize) {
+    for _ in 0..count {
+        let Ok(_) = arena.sense();
+    }
+}
+
+#[test]
+fn references_that_jump_are_followed_by_all_the_torque_that_it_takes() {
+    let from = setting::robot().ready_q;
+    let spline = BSpline::at_rest(0.0, from + JointVector::ith(0, 0.5));
+    for takes_jumps in [false, true] {
+        let robot_controller = RobotController { takes_jumps, unlimited_torque: true, ..RobotController::default() };
+        let config = ArenaConfig { robot_controller, ..ArenaConfig::default() };
+        let mut arena = setting::arena(&config, "tennis_ball", &setting::release([9.0, 9.0, 9.0], [0.0; 3]), &from);
+        senses(&mut arena, 1);
+        let arm = Some(ArmTrajectory { id: TrajectoryId(1), spline: spline.clone() });
+        let Ok(()) = arena.act(&Command { arm, ..Command::default() });
+        senses(&mut arena, 20);
+        let truth = arena.truth();
+        let by_rad = truth.samples.last().unwrap().q[0] - from[0];
+        assert_eq!(truth.servo.accepted_trajectories, u32::from(takes_jumps));
+        assert!((by_rad - if takes_jumps { 0.5 } else { 0.0 }).abs() < 2e-3, "{by_rad}");
+        assert_eq!(truth.servo.peak_torque_ratio > 1.0, takes_jumps, "{:?}", truth.servo);
+        assert_eq!(truth.servo.torque_clamped_s, 0.0);
+        // Nothing is overlooked.
+        assert_eq!(truth.servo.motion_violations.is_empty(), !takes_jumps);
+    }
+}
+
+/// It sees along the passing direction only: a ball 0.2 m aside closes the fingers, and they stay closed.
+#[test]
+fn the_sensor_closes_the_gripper_whatever_is_commanded() {
+    let robot = setting::robot();
+    let X_WG = robot.gripper_pose(&robot.ready_q);
+    for (aside_m, closes) in [(0.2, true), (0.3, false)] {
+        let release = Release {
+            p_WO: X_WG * Point3::new(0.0, aside_m, 0.2),
+            v_WO: X_WG * Vector3::new(0.0, 0.0, -4.0),
+            ..setting::release([0.0; 3], [0.0; 3])
+        };
+        let config = ArenaConfig {
+            gripper: GripperDriveKind::Position(PositionDrive::default()),
+            gripper_trigger: GripperTrigger::Proximity(ProximitySensor::default()),
+            ..ArenaConfig::default()
+        };
+        let mut arena = setting::arena(&config, "tennis_ball", &release, &robot.ready_q);
+        senses(&mut arena, 12);
+        let samples = &arena.truth().samples;
+        let seen =
+            samples.iter().position(|it| it.X_WG.inverse_transform_point(&it.X_WO.translation.vector.into()).z < 0.01);
+        let (before, after) = samples.split_at(seen.unwrap());
+        assert!(before.iter().all(|it| it.width_m > 0.1099));
+        assert_eq!(after.last().unwrap().width_m < 1e-3, closes, "{}", after.last().unwrap().width_m);
+        // 33 mm on each side, as to a tennis ball, take 4 to 8 ms.
+        if closes {
+            let steps = after.iter().position(|it| it.width_m < 0.067).unwrap();
+            assert!((4..=9).contains(&steps), "{steps} ms");
+        }
+    }
+}
+
+/// A body without contact turns about its centre of mass, wherever the origin of its frame is.
+#[test]
+fn what_turns_about_another_centre_of_mass_keeps_it_on_its_parabola() {
+    let bottle = setting::object("pill_bottle");
+    let published = bottle.as_published().unwrap();
+    assert_eq!(bottle.com_O, Point3::origin());
+    let com_O = published.com_O;
+    assert!(com_O.coords.norm() > 0.08);
+    let release =
+        Release { omega_WO: Vector3::new(3.0, -2.0, 5.0), ..setting::release([0.0, 0.0, 3.0], [1.0, 2.0, 3.0]) };
+    let p_WG = Point3::new(9.0, 9.0, 9.0);
+    let gripper = setting::gripper();
+    let mut world: World =
+        setting::fixed_hand(setting::settings(0.6, 0.3), p_WG, &gripper, gripper.max_width_m, &published, &release);
+    let start = world.state();
+    let of_com = |state: &catch_sim::physics::WorldState| state.X_WO * com_O;
+    let v = start.V_WO.linear + start.V_WO.angular.cross(&(start.X_WO * com_O.coords));
+    assert!((start.V_WO.linear - release.v_WO).norm() < 1e-12);
+    for step in 1..=300 {
+        world.step(&setting::no_loads());
+        let t = f64::from(step) * 1e-3;
+        let expected = of_com(&start) + v * t + Vector3::new(0.0, 0.0, -9.81) * (t * t / 2.0);
+        assert!((of_com(&world.state()) - expected).norm() < 1e-9, "{step}");
+    }
+    assert!((world.state().X_WO.rotation.angle_to(&start.X_WO.rotation)) > 0.5);
+}
