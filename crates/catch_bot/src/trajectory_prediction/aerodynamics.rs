@@ -110,7 +110,8 @@ pub(super) fn refine(
     rows.reserve(config.fit_window);
     // Backward from the newest pose, by the trapezoid rule: the velocity along the flight as it was fitted.
     let mut v = flight.v_WO;
-    let mut last = accelerations(&flight.R_WO, &v);
+    let newest = accelerations(&flight.R_WO, &v);
+    let mut last = newest;
     let (mut by_velocity, mut by_position) = (last * 0.0, last * 0.0);
     let mut age_s = 0.0;
     for pose in poses.iter().rev().filter(|pose| super::ransac::is_finite(pose)) {
@@ -184,6 +185,11 @@ pub(super) fn refine(
         lift_W: x.fixed_rows::<3>(LIFT).into_owned(),
     };
     flight.covariance = covariance.fixed_view::<7, 7>(0, 0).into_owned();
+    let by_forces = newest.fixed_columns::<{ N - DEVIATION }>(1).transpose();
+    let of_forces = covariance.fixed_columns::<{ N - DEVIATION }>(DEVIATION) * by_forces;
+    flight.force_covariance.fixed_rows_mut::<6>(0).copy_from(&of_forces.fixed_rows::<6>(0));
+    let own = by_forces.transpose() * of_forces.fixed_rows::<{ N - DEVIATION }>(DEVIATION);
+    flight.force_covariance.fixed_rows_mut::<3>(6).copy_from(&own);
 }
 
 /// Information on a pose's position alone, whatever its orientation.

@@ -175,6 +175,7 @@ pub(super) fn fit(
         systematic_sd_m: config.systematic_sd_m,
         process_noise: config.process_noise,
         forces: AerodynamicForces::default(),
+        force_covariance: SMatrix::zeros(),
         inliers: sums.inliers,
         considered: poses.len(),
         error_scale,
@@ -298,9 +299,8 @@ impl Problem<'_> {
 
     /// Σ w·JᵀWJ and Σ w·JᵀWe. The noise of the process counts as for poses whose errors are scaled by `noise_scale`.
     ///
-    /// With noise they are gathered from the oldest pose on: between two poses, an impulse of the variance q²·Δt has changed the velocity in the
-    /// middle of the time Δt between them, and one the angular velocity, so that what is known of the state till then is known less well. An
-    /// impulse u on the velocity, of age τ, is τ·u in the position now and u in the velocity; drag and the axes of tumbling are left out of that.
+    /// With noise they are gathered from the oldest pose on: between two poses, Δt apart, impulses of variance q²·Δt have changed velocity and
+    /// angular velocity. An impulse u of age τ is τ·u in the position now and u in the velocity; drag and tumbling are left out of that.
     fn sums(&self, scale: f64, noise_scale: f64, scratch: &Scratch) -> Sums {
         let mut sums =
             Sums { information: SMatrix::zeros(), gradient: SVector::zeros(), squares: 0.0, freedom: 0.0, inliers: 0 };

@@ -33,6 +33,9 @@ pub struct FlightTrajectory {
     /// Aerodynamic forces besides that drag.
     #[serde(default)]
     pub forces: AerodynamicForces,
+    /// Covariance of (p, v, f) with f, the acceleration by these forces, at `time_s`.
+    #[serde(default)]
+    pub force_covariance: SMatrix<f64, 9, 3>,
     /// What no model of the flight knows; part of every covariance after `time_s`.
     #[serde(default)]
     pub process_noise: ProcessNoise,
@@ -226,6 +229,17 @@ impl FlightTrajectory {
         transition.fixed_view_mut::<3, 4>(0, 3).copy_from(&motion.dp);
         transition.fixed_view_mut::<3, 4>(3, 3).copy_from(&motion.dv);
         let mut covariance = transition * self.covariance * transition.transpose();
+        if self.forces.any() {
+            // What is not known of the forces goes on as a constant acceleration.
+            let t = time_s - self.time_s;
+            let mut by_force = SMatrix::<f64, 6, 3>::zeros();
+            by_force.fixed_view_mut::<3, 3>(0, 0).fill_diagonal(t * t / 2.0);
+            by_force.fixed_view_mut::<3, 3>(3, 0).fill_diagonal(t);
+            let own = by_force * self.force_covariance.fixed_rows::<3>(6) * by_force.transpose();
+            let with = transition.fixed_columns::<6>(0) * self.force_covariance.fixed_rows::<6>(0);
+            let crossed = with * by_force.transpose();
+            covariance += own + crossed + crossed.transpose();
+        }
         if self.process_noise.any() {
             covariance += self.process_noise.covariance(time_s - self.time_s);
         }

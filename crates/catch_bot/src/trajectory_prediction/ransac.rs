@@ -127,6 +127,7 @@ fn through(
         systematic_sd_m: config.systematic_sd_m,
         process_noise: config.process_noise,
         forces: AerodynamicForces::default(),
+        force_covariance: SMatrix::zeros(),
         inliers: 2,
         considered: 2,
         error_scale: 1.0,
