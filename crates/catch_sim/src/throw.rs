@@ -126,7 +126,7 @@ impl Throw {
     }
 
     /// The same throw for an arm of this [length](catch_body::Robot::length_m): where the file gives the passage for an arm of some
-    /// length, it suits this one instead.
+    /// length, it is nearer and lower for a shorter one.
     pub fn for_arm(mut self, length_m: f64) -> Self {
         if let Motion::Random(motion) = &mut self.motion {
             *motion = motion.for_arm(length_m);
@@ -290,6 +290,19 @@ mod tests {
             assert_eq!(orientation(throw, "tennis_ball", 1), UnitQuaternion::identity());
         }
         assert_eq!(orientation("near", "mug", 1), UnitQuaternion::identity());
+    }
+
+    #[test]
+    fn a_passage_is_nearer_for_a_shorter_arm() {
+        let text = include_str!("../../../assets/throws/random_by_reach.toml");
+        let throw = Throw::from_toml("random_by_reach.toml", text).unwrap();
+        for (length_m, range) in [(0.99, 0.35..=0.7), (2.0, 0.35..=0.7), (0.495, 0.175..=0.35)] {
+            for index in 0..50 {
+                let Release { p_WO, v_WO, .. } = throw.clone().for_arm(length_m).release("mug", &calm(), 1, index);
+                let passage_m = p_WO.coords.xy().perp(&v_WO.xy().normalize()).abs();
+                assert!(range.contains(&passage_m), "{passage_m} m from the axis for an arm of {length_m} m");
+            }
+        }
     }
 
     #[test]

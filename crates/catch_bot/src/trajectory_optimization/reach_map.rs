@@ -1,9 +1,9 @@
 //! When the gripper of an arm that departs from its ready pose can be where, at the earliest.
 //!
 //! A table over positions (10 cm) and orientations (54 directions of approach, 6 rolls about each) of the gripper, worked out by
-//! [sampling](sampling) before anything flies. A search asks it before any inverse kinematics. Times count from the departure at
+//! sampling before anything flies. A search asks it before any inverse kinematics. Times count from the departure at
 //! rest: what is within reach of a moving arm is within reach of one that had as long from the departure on, as motions can be
-//! joined. The table is no lower bound: samples are finite, so a pose may be reached up to [`SLACK_S`] sooner, and in fewer than one
+//! joined. The table is no lower bound: samples are finite, so a pose may be reached up to [`SLACK_S`] sooner, and in fewer than two
 //! of a thousand cases by more.
 
 mod sampling;

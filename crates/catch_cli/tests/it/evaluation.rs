@@ -264,9 +264,9 @@ fn parts_of_a_study_merge() {
 fn what_an_arm_could_have_reached_is_told_of_every_arm() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().to_str().unwrap();
-    let away = "ready_rad=[2.4, 0.2, 0.0, -1.9, 0.0, 2.3, 0.785]";
+    let slow = "limit_scale.velocity=0.05";
     let arguments =
-        ["eval", "--robot", "panda", "--throw", "near_sampled", "--trials", "1", "--set", away, "--out", out];
+        ["eval", "--robot", "panda", "--throw", "near_sampled", "--trials", "1", "--set", slow, "--out", out];
     let output = catchingbot(&arguments);
     assert!(output.status.success(), "{}", stderr(&output));
     let document = catchingbot(&[&arguments[..], &["--resume", "--json"]].concat());

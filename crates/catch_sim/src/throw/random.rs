@@ -32,8 +32,8 @@ pub(super) struct RandomMotion {
     /// When it is there, after the release.
     #[serde(deserialize_with = "quantity::flight_s")]
     passage_s: [f64; 2],
-    /// The length of the arm for which the passage is given; for an arm of another length it is nearer or farther in proportion.
-    /// Without it the passage is the same for all arms.
+    /// The length of the arm for which the passage is given; for a shorter arm it is nearer and lower in proportion. Without it the
+    /// passage is the same for all arms.
     #[serde(default, deserialize_with = "quantity::distance_m")]
     arm_length_m: Option<f64>,
 }
@@ -70,16 +70,12 @@ impl RandomMotion {
         Ok(())
     }
 
-    /// The same throws with a passage that suits an arm of this length.
+    /// The same throws with a passage that suits an arm of this length: nearer where it is shorter.
     pub fn for_arm(&self, length_m: f64) -> Self {
-        let scale = self.arm_length_m.map_or(1.0, |it| length_m / it);
-        // The passage stays nearer than the release.
-        let most_m = FARTHEST_PASSAGE * self.distance_m[0];
-        Self {
-            passage_distance_m: self.passage_distance_m.map(|it| (it * scale).min(most_m.max(it))),
-            passage_height_m: self.passage_height_m.map(|it| it * scale),
-            ..*self
-        }
+        let scale = self.arm_length_m.map_or(1.0, |it| (length_m / it).min(1.0));
+        let [passage_distance_m, passage_height_m] =
+            [self.passage_distance_m, self.passage_height_m].map(|range| range.map(|it| it * scale));
+        Self { passage_distance_m, passage_height_m, ..*self }
     }
 
     /// Position and velocity of a release.
@@ -108,8 +104,6 @@ impl RandomMotion {
     }
 }
 
-/// A passage that is scaled to an arm is no farther than this fraction of the nearest release.
-const FARTHEST_PASSAGE: f64 = 0.8;
 /// No throw is faster.
 const MOST_SPEED_MPS: f64 = 200.0;
 
