@@ -11,7 +11,6 @@ use catch_lab::{
     assets::COMMAND_LINE,
     evaluation::results::make_writable,
     own_data::robot_import::{ImportOptions, ImportedRobot},
-    pages::robot_page,
     reachability::ready::{Corridor, Ready},
     scenario::setup::{Choice, Setup},
 };
@@ -165,7 +164,7 @@ fn import(arguments: &ImportArguments) -> anyhow::Result<()> {
     write("robot.toml", imported.toml())?;
     let reach = if arguments.no_ready { None } else { Some(choose_ready_pose(arguments, &folder.0, &mut imported)?) };
     write("robot.toml", imported.toml())?;
-    write("capsules.html", robot_page::page(&imported))?;
+    write("capsules.html", imported.page())?;
     fs::rename(&folder.0, out).map_err(unwritten)?;
     tell(arguments, &imported, reach)
 }

@@ -129,7 +129,8 @@ fn a_description_becomes_a_robot() {
 
     // The flange at zero: all joints and fixed joints in a row, each half a radian further about z.
     let steps = [0.1, 0.3, 0.0, 0.4, 0.3, 0.1, 0.1, 0.25, 0.01];
-    let turned = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 0.5 * steps.len() as f64);
+    // The fingers slide along axes of their own frames, one joint further.
+    let turned = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 0.5 * (steps.len() + 1) as f64);
     let X_WG = robot.gripper_pose(&JointVector::zeros());
     let aside = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 1.0) * Vector3::new(0.0, 0.1, 0.0);
     let expected = aside + Vector3::z() * (steps.iter().sum::<f64>() + X_WG.translation.z - 1.56);

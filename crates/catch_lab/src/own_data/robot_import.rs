@@ -23,7 +23,7 @@ use catch_body::{
 };
 use nalgebra::{Point3, Translation3};
 
-use crate::{assets::COMMAND_LINE, bounded_file::FileKind};
+use crate::{assets::COMMAND_LINE, bounded_file::FileKind, pages::robot_page};
 use draft::{Draft, GivenValues, JointValues, assumed_inertia, limits_of, rounded};
 use geometry::BodyShape;
 use joint_limits::JointLimitFields;
@@ -145,6 +145,12 @@ impl ImportedRobot {
     /// The content of `robot.toml`.
     pub fn toml(&self) -> String {
         self.draft.toml()
+    }
+
+    /// The page that shows the capsules over the shapes of the links.
+    pub fn page(&self) -> String {
+        let shapes = self.shapes().iter().map(|it| (&it.surface, &it.capsules[..]));
+        robot_page::page(&self.robot, shapes, self.shapes_are_inside())
     }
 
     /// The arm within the description.

@@ -1,6 +1,6 @@
 //! An imported robot as one page: its links' shapes with the capsules around them, and a slider for each joint.
 
-use catch_body::{Robot, TriangleMesh};
+use catch_body::{Robot, TriangleMesh, shape::Capsule};
 use serde::Serialize;
 
 use super::{
@@ -8,7 +8,7 @@ use super::{
     catch_page::{PackedSurface, seven},
     fill, packed,
 };
-use crate::{VERSION, own_data::robot_import::ImportedRobot, recording::surfaces::thinned};
+use crate::{VERSION, recording::surfaces::thinned};
 
 const PAGE: &str = include_str!("robot_page/page.html");
 const SCRIPT: &str = include_str!("robot_page/robot.js");
@@ -46,13 +46,15 @@ enum Kind {
     Capsule,
 }
 
-/// The page of a robot.
-pub fn page(imported: &ImportedRobot) -> String {
-    let robot = &imported.robot;
+/// A link's surface in its frame, and the capsules around it.
+pub type LinkShape<'a> = (&'a TriangleMesh, &'a [Capsule]);
+
+/// The page of a robot with the shapes of its base and of each moved link; `inside` says whether the capsules hold them.
+pub fn page<'a>(robot: &Robot, shapes: impl IntoIterator<Item = LinkShape<'a>>, inside: bool) -> String {
     let mut surfaces = Vec::new();
-    for (link, shape) in imported.shapes().iter().enumerate() {
-        let capsules = shape.capsules.iter().map(|it| (Kind::Capsule, TriangleMesh::capsule(it, SEGMENTS)));
-        let mesh = Some((Kind::Mesh, thinned(&shape.surface))).filter(|(_, it)| !it.triangles.is_empty());
+    for (link, (surface, capsules)) in shapes.into_iter().enumerate() {
+        let capsules = capsules.iter().map(|it| (Kind::Capsule, TriangleMesh::capsule(it, SEGMENTS)));
+        let mesh = Some((Kind::Mesh, thinned(surface))).filter(|(_, it)| !it.triangles.is_empty());
         surfaces.extend(mesh.into_iter().chain(capsules).map(|(kind, mesh)| PackedSurface::new(kind, link, &mesh)));
     }
     let data = PageData {
@@ -62,7 +64,7 @@ pub fn page(imported: &ImportedRobot) -> String {
         joints: joints(robot),
         ready_rad: robot.ready_q.iter().take(robot.dof()).copied().collect(),
         surfaces,
-        inside: imported.shapes_are_inside(),
+        inside,
     };
     let script = [VIEWER, SCRIPT].concat();
     let title = packed::text_in_html(&robot.name);
