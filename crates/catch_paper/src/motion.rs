@@ -236,7 +236,8 @@ fn inverse_kinematics(planner: &MotionPlanner, X_WG: &Pose, config: &Config) -> 
     if config.confuses_wrist {
         // The last link is to have the gripper's axes: R_WL = R_WG for the R_WG that is wanted. A guess need not be right; where the
         // wrist cannot be so, it is the comfortable pose.
-        let confused = Pose::from_parts(X_WG.translation, X_WG.rotation * robot.X_LG.rotation);
+        let R_WL = X_WG.rotation;
+        let confused = Pose::from_parts(X_WG.translation, R_WL * robot.X_LG.rotation);
         return Some(solution(&confused).unwrap_or(*comfortable));
     }
     solution(X_WG)

@@ -260,7 +260,8 @@ impl<'a> Tree<'a> {
                     continue;
                 }
                 if joint.kind == JointKind::Fixed {
-                    poses.insert(child, X_BL * joint.X_PL);
+                    let X_LC = joint.X_PL;
+                    poses.insert(child, X_BL * X_LC);
                     waiting.push(child);
                 } else {
                     left_out.push(child.to_owned());
@@ -310,13 +311,14 @@ impl<'a> Tree<'a> {
 
     /// Pose of `link` in the frame of `from`, all joints at zero.
     fn pose_from(&self, from: &str, link: &'a str) -> Option<Pose> {
-        let (mut X_FL, mut at) = (Pose::identity(), link);
+        let (mut X_AL, mut at) = (Pose::identity(), link);
         while at != from {
             let place = self.places.get(at)?;
-            X_FL = place.joint?.X_PL * X_FL;
-            at = place.parent?;
+            let X_PA = place.joint?.X_PL;
+            let X_PL = X_PA * X_AL;
+            (X_AL, at) = (X_PL, place.parent?);
         }
-        Some(X_FL)
+        Some(X_AL)
     }
 
     fn fingers(

@@ -328,7 +328,8 @@ impl<'a> Reader<'a> {
             let touches =
                 ["contype", "conaffinity"].iter().any(|it| self.attribute(geom, "geom", class, it) != Some("0"));
             if let Some(mut geometry) = self.geometry(geom, class)? {
-                geometry.X_LS = X_LB * geometry.X_LS;
+                let X_BS = geometry.X_LS;
+                geometry.X_LS = X_LB * X_BS;
                 if touches { link.collisions.push(geometry) } else { link.visuals.push(geometry) }
             }
         }
