@@ -252,9 +252,9 @@ fn tell(arguments: &ImportArguments, imported: &ImportedRobot, reach: Option<Rea
     if !chain.left_out.is_empty() {
         screen::fact("left out", &format!("what moves on its own: {}", chain.left_out.join(", ")))?;
     }
-    let inside = if imported.shapes_are_inside() { "every shape is inside" } else { "some shape is outside" };
+    let (_, coverage) = imported.coverage();
     let page = arguments.out.join("capsules.html");
-    screen::fact("capsules", &format!("{}; {inside} ({})", robot.capsules.len(), page.display()))?;
+    screen::fact("capsules", &format!("{}; {coverage} ({})", robot.capsules.len(), page.display()))?;
     for fault in unread.iter().take(MOST_FAULTS) {
         screen::fact("not read", fault)?;
     }

@@ -150,7 +150,7 @@ impl ImportedRobot {
     /// The page that shows the capsules over the shapes of the links.
     pub fn page(&self) -> String {
         let shapes = self.shapes().iter().map(|it| (&it.surface, &it.capsules[..]));
-        robot_page::page(&self.robot, shapes, self.shapes_are_inside())
+        robot_page::page(&self.robot, shapes, self.coverage())
     }
 
     /// The arm within the description.
@@ -163,9 +163,18 @@ impl ImportedRobot {
         &self.draft.shapes
     }
 
-    /// Whether each triangle of these shapes is inside a capsule.
-    pub fn shapes_are_inside(&self) -> bool {
-        self.shapes().iter().all(BodyShape::is_inside)
+    /// Whether the shapes of all links were read and each of their triangles is inside a capsule, and a sentence that says so.
+    pub fn coverage(&self) -> (bool, String) {
+        let all = self.shapes().len();
+        let read: Vec<&BodyShape> = self.shapes().iter().filter(|it| !it.surface.triangles.is_empty()).collect();
+        match read.len() {
+            0 => (false, "no shape was read, so all capsules are assumed".to_owned()),
+            _ if !read.iter().all(|it| it.is_inside()) => (false, "some shape is outside of its capsules".to_owned()),
+            some if some < all => {
+                (false, format!("{some} of {all} links have shapes, which are inside their capsules"))
+            }
+            _ => (true, "every shape is inside its capsules".to_owned()),
+        }
     }
 
     /// All values that nobody published.

@@ -24,7 +24,8 @@ struct PageData {
     joints: Vec<JointData>,
     ready_rad: Vec<f64>,
     surfaces: Vec<PackedSurface<Kind>>,
-    inside: bool,
+    is_covered: bool,
+    coverage: String,
 }
 
 #[derive(Debug, Serialize)]
@@ -49,8 +50,13 @@ enum Kind {
 /// A link's surface in its frame, and the capsules around it.
 pub type LinkShape<'a> = (&'a TriangleMesh, &'a [Capsule]);
 
-/// The page of a robot with the shapes of its base and of each moved link; `inside` says whether the capsules hold them.
-pub fn page<'a>(robot: &Robot, shapes: impl IntoIterator<Item = LinkShape<'a>>, inside: bool) -> String {
+/// The page of a robot with the shapes of its base and of each moved link; `coverage` says whether the capsules hold them all,
+/// in a sentence, too.
+pub fn page<'a>(
+    robot: &Robot,
+    shapes: impl IntoIterator<Item = LinkShape<'a>>,
+    (is_covered, coverage): (bool, String),
+) -> String {
     let mut surfaces = Vec::new();
     for (link, (surface, capsules)) in shapes.into_iter().enumerate() {
         let capsules = capsules.iter().map(|it| (Kind::Capsule, TriangleMesh::capsule(it, SEGMENTS)));
@@ -64,7 +70,8 @@ pub fn page<'a>(robot: &Robot, shapes: impl IntoIterator<Item = LinkShape<'a>>, 
         joints: joints(robot),
         ready_rad: robot.ready_q.iter().take(robot.dof()).copied().collect(),
         surfaces,
-        inside,
+        is_covered,
+        coverage,
     };
     let script = [VIEWER, SCRIPT].concat();
     let title = packed::text_in_html(&robot.name);

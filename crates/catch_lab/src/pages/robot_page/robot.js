@@ -58,8 +58,8 @@ function refresh() {
 }
 function setTheme(name) { document.documentElement.dataset.theme = name; refresh(); }
 
-$("outcome").textContent = data.inside ? "every shape is inside its capsules" : "some shape is outside of its capsules";
-$("outcome").classList.add(data.inside ? "good" : "bad");
+$("outcome").textContent = data.coverage;
+$("outcome").classList.add(data.is_covered ? "good" : "bad");
 for (const [name, label, colour] of [["mesh", "shapes", "--faint"], ["capsule", "capsules", "--blue"]]) {
   const button = document.createElement("button");
   button.id = `layer-${name}`; button.textContent = label; button.ariaPressed = true; button.style.setProperty("--mark", `var(${colour})`);
