@@ -68,7 +68,9 @@ impl MotionPlanner {
     pub fn completed(&self, to_catch: BSpline, grasp: &Grasp) -> Option<BSpline> {
         let (catch_s, end) = (to_catch.end_s(), end_of(&to_catch));
         let anew = Setpoint { q: end.q, dq: end.dq, ddq: JointVector::zeros() };
-        let braking = self.braking(&end, catch_s).or_else(|| self.braking(&anew, catch_s))?;
+        // The acceleration just before the jump is that of no later instant.
+        let stops_anew = || self.keeps_torque(&to_catch).then(|| self.braking(&anew, catch_s)).flatten();
+        let braking = self.braking(&end, catch_s).or_else(stops_anew)?;
         self.joined(to_catch, &braking, grasp)
     }
 
@@ -190,10 +192,11 @@ impl MotionPlanner {
         (0..self.robot.dof()).map(|i| self.limits(i, &start.state, scaling)).collect()
     }
 
-    /// Whether torque limits hold along a motion: at both ends of each of its spans and in the middle. Between knots accelerations
+    /// Whether torque limits hold along a motion: at its knots, in the middle between them and at its end. Between knots accelerations
     /// are linear, so that torques peak at knots but for what velocities add.
     pub fn keeps_torque(&self, spline: &BSpline) -> bool {
-        spline.spans().flat_map(|[start_s, end_s]| [start_s, 0.5 * (start_s + end_s), end_s]).all(|time_s| {
+        let inside_s = spline.spans().flat_map(|[start_s, end_s]| [start_s, 0.5 * (start_s + end_s)]);
+        inside_s.chain([spline.end_s()]).all(|time_s| {
             let [q, dq, ddq] = spline.evaluate(time_s);
             let torque = self.robot.inverse_dynamics(&q, &dq, &ddq);
             (0..self.robot.dof())
