@@ -16,3 +16,4 @@ mod standard_terms;
 mod supply_chain;
 mod throws_out_of_reach;
 mod tidy;
+mod workcells;
