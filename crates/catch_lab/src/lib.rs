@@ -2,7 +2,7 @@
 //!
 //! # Where to begin
 //!
-//! The tutorial `docs/your-first-throw.md` starts with the
+//! The tutorial `docs/tutorial/your-first-throw.md` starts with the
 //! program; the numbered examples in `crates/catch_lab/examples` do the same as a library:
 //!
 //! | example | shows | uses |
