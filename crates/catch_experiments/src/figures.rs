@@ -98,9 +98,9 @@ fn crates() -> String {
         ("catch_cli", "the command line", (200.0, 20.0)),
         ("catch_experiments", "writes docs/results", (480.0, 20.0)),
         ("catch_lab", "trials, referee, pages", (340.0, 105.0)),
-        ("catch_paper", "the paper's method", (340.0, 190.0)),
-        ("catch_bot", "the brain", (120.0, 275.0)),
-        ("catch_sim", "the arena", (560.0, 275.0)),
+        ("catch_paper", "the paper's method", (110.0, 190.0)),
+        ("catch_bot", "the brain", (340.0, 275.0)),
+        ("catch_sim", "the arena", (570.0, 230.0)),
         ("catch_cell", "the contract", (340.0, 360.0)),
         ("catch_body", "robots, shapes", (340.0, 445.0)),
     ];
@@ -143,7 +143,7 @@ fn tick() -> String {
         drawing.arrow((x(time_ms), 72.0), (x(time_ms + 15.0), 106.0), BLUE);
     }
     drawing.text((x(0.0), 40.0), "middle", BLUE, "capture");
-    drawing.text((x(11.0), 84.0), "start", BLUE, "image latency");
+    drawing.text((x(30.0), 90.0), "start", BLUE, "image latency");
     drawing.rectangle([x(15.0), 108.0, x(20.0) - x(15.0), 24.0], PALE);
     drawing.text((x(26.0), 146.0), "start", ORANGE, "expected latency");
     drawing.text((x(15.0), 100.0), "start", "black", "tick");
@@ -164,7 +164,7 @@ fn gripper_frame(setup: &Setup) -> String {
     let scale = 2200.0;
     // x of G to the right, y up.
     let at = |x_m: f64, y_m: f64| (280.0 + x_m * scale, 340.0 - y_m * scale);
-    let mut block = |drawing: &mut Drawing, centre: (f64, f64), size: [f64; 3]| {
+    let block = |drawing: &mut Drawing, centre: (f64, f64), size: [f64; 3]| {
         let (x, y) = at(centre.0 - size[0] / 2.0, centre.1 + size[1] / 2.0);
         drawing.rectangle([x, y, size[0] * scale, size[1] * scale], PALE);
     };
@@ -182,14 +182,14 @@ fn gripper_frame(setup: &Setup) -> String {
     drawing.circle((x, y), 3.0, "black");
     drawing.arrow((x, 25.0), (x, y - radius_m * scale - 4.0), BLUE);
     drawing.text((x + 8.0, 40.0), "start", BLUE, "approach, relative to the gripper");
-    drawing.text((x + 8.0, y - 6.0), "start", "black", "grasp centre");
+    drawing.text((x, y + 20.0), "middle", "black", "grasp centre");
     let origin = at(0.0, 0.0);
     drawing.arrow(origin, (origin.0 + 55.0, origin.1), "black");
     drawing.arrow(origin, (origin.0, origin.1 - 55.0), "black");
     drawing.text((origin.0 + 60.0, origin.1 + 5.0), "start", "black", "x");
     drawing.text((origin.0 - 8.0, origin.1 - 45.0), "end", "black", "y");
     drawing.text((origin.0 - 8.0, origin.1 + 16.0), "end", "black", "G");
-    let (left, y) = at(-gripper.max_width_m / 2.0, -0.028);
+    let (left, y) = at(-gripper.max_width_m / 2.0, -0.022);
     let (right, _) = at(gripper.max_width_m / 2.0, 0.0);
     drawing.arrow(((left + right) / 2.0, y), (left, y), GREY);
     drawing.arrow(((left + right) / 2.0, y), (right, y), GREY);
@@ -221,7 +221,7 @@ fn reach(setup: &Setup) -> String {
         drawing.line(&[at(time_s, interval.low), at(time_s, interval.high)], ORANGE, "4 3");
         let (x, y) = at(time_s, interval.low);
         let label = format!("± {:.2} rad in {time_s} s", interval.high);
-        drawing.text((x, y + 18.0), "middle", ORANGE, &label);
+        drawing.text((x - 6.0, y + 16.0), "end", ORANGE, &label);
     }
     let (velocity, acceleration) = (joint.limits.velocity, joint.limits.acceleration);
     drawing.text(

@@ -139,7 +139,7 @@ fn row(section: &Section, field: &Field, ranges: &BTreeMap<String, String>) -> [
 
 /// What a field holds, in words.
 fn kind(rust: &str) -> String {
-    let inside = |name: &str| Some(rust.strip_prefix(name)?.strip_prefix('<')?.strip_suffix('>')?);
+    let inside = |name: &str| rust.strip_prefix(name)?.strip_prefix('<')?.strip_suffix('>');
     if let Some(inner) = inside("Option") {
         return format!("{}, optional", kind(inner));
     }
