@@ -1,5 +1,12 @@
 //! The command line of CatchingBot: one module per subcommand, each of which reads its arguments, calls [`catch_lab`] and prints.
 //!
+//! Begin with [`main`] (the program), [`command`] (its arguments as data) and [`ChoiceArguments`] (what is thrown at what):
+//!
+//! ```
+//! let eval = catch_cli::command().find_subcommand("eval").cloned();
+//! assert!(eval.is_some_and(|it| it.get_arguments().any(|it| it.get_id() == "trials")));
+//! ```
+//!
 //! A program has this command line by calling [`main`]. Every arena that it runs is made by [`catch_lab::scenario::setup::Setup::arena`], the
 //! one place where another physics engine would come in.
 //!
@@ -192,6 +199,11 @@ pub struct OutputArguments {
     json: bool,
 }
 
+/// The command line as data: its arguments with their help, for completions and documentation.
+pub fn command() -> clap::Command {
+    Arguments::command()
+}
+
 /// Reads the program's arguments, does what they ask for, and says on standard error what went wrong.
 pub fn main() -> ExitCode {
     let wants_json = std::env::args_os().any(|argument| argument == "--json");
@@ -271,6 +283,6 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         Some(Command::GripperLatency(latency)) => gripper_latency::run(&latency),
         Some(Command::New(new)) => new::run(&new),
         Some(Command::Check(check)) => check::run(&check),
-        Some(Command::Completions(completions)) => completions::run(&completions, Arguments::command()),
+        Some(Command::Completions(completions)) => completions::run(&completions, command()),
     }
 }

@@ -8,6 +8,7 @@ mod frames;
 mod mutations;
 mod planning;
 mod play;
+mod prose;
 mod random_chains;
 mod robot_controller;
 mod search_passes;
