@@ -44,8 +44,7 @@ pub fn parse(file: &str, bytes: &[u8], meshes: bool) -> Result<CloudFile, InputE
         "xyz" | "txt" | "csv" => parse_xyz(file, bytes),
         "obj" | "stl" if meshes => {
             let mesh = mesh_from_bytes(file, bytes, 1.0)?;
-            let advice =
-                "a mesh in millimetres is named by an object file with `scale = 0.001` (`catchingbot new object`)";
+            let advice = "`catchingbot object import` makes an object file of a mesh in millimetres";
             check_length(file, "the mesh", mesh.aabb().size.max(), advice)?;
             Ok(on_surface(&mesh))
         }
