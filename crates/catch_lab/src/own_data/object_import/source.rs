@@ -159,10 +159,10 @@ fn within(folder: &Path) -> Result<PathBuf, InputError> {
     files.sort();
     for endings in ENDINGS {
         let found: Vec<&PathBuf> = files.iter().filter(|it| endings.contains(&ending(it).as_str())).collect();
-        match found[..] {
+        match &found[..] {
             [] => {}
-            [one] => return Ok(one.clone()),
-            [ref all @ ..] => {
+            [one] => return Ok((*one).clone()),
+            all => {
                 let names: Vec<_> = all.iter().take(10).filter_map(|it| it.file_name()?.to_str()).collect();
                 let found = format!("{} files: {}", all.len(), names.join(", "));
                 return Err(InputError::new(folder.display(), "the folder", found, "one of them as FILE"));
