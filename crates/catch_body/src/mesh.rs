@@ -3,6 +3,7 @@
 mod edges;
 mod hole_filling;
 pub mod repair;
+mod shells;
 pub mod simplification;
 mod solids;
 

@@ -32,7 +32,7 @@ enum ObjectCommand {
 #[command(after_help = "\
 A mesh (OBJ, STL, PLY, COLLADA, glTF, GLB) becomes the object's shape; of a description (SDF, URDF, MJCF) its
 link with a shape does, with mass, centre of mass, inertia, friction and collision shapes. Vertices are welded,
-holes filled and triangles turned where that leaves no doubt; each repair is told, and a defect that is left is
+holes filled and triangles turned where that is safe; each repair is told, and a defect that is left is
 located. What no file says is assumed, and says so in the object's file.
 
 Examples:

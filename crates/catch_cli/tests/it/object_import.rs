@@ -24,7 +24,7 @@ fn broken_stl(mesh: &TriangleMesh) -> Vec<u8> {
             corners.swap(0, 1);
         }
         let points = std::iter::once(Point3::origin()).chain(corners);
-        bytes.extend(points.flat_map(|it| <[f64; 3]>::from(it)).flat_map(|it| (it as f32).to_le_bytes()));
+        bytes.extend(points.flat_map(<[f64; 3]>::from).flat_map(|it| (it as f32).to_le_bytes()));
         bytes.extend([0; 2]);
     }
     bytes

@@ -1,6 +1,6 @@
 //! Makes an object of this project from what people have: a mesh, or the link of a description in SDF, URDF or MJCF.
 //!
-//! The surface is repaired where that leaves no doubt, its unit is guessed where no file says it, and mass properties that no body of
+//! The surface is repaired where that is safe, its unit is guessed where no file says it, and mass properties that no body of
 //! that shape can have are left out. Each of these is told.
 
 mod draft;
