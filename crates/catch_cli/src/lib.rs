@@ -9,7 +9,6 @@ mod catch;
 mod check;
 mod completions;
 mod eval;
-mod fall;
 mod gripper_latency;
 mod learn;
 mod list;
