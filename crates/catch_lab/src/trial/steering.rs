@@ -1,0 +1,180 @@
+//! An arm that is steered by joint accelerations, as learned policies do: whatever is wanted, what is sent keeps the limits.
+
+use catch_body::{JointVector, MAX_JOINTS, Robot, robot::LimitScale};
+use catch_cell::{BSpline, LimitKind, Setpoint, executor::PeakRatios};
+
+/// Ratios of the limits that are used: room for what the controller needs to follow.
+const USED: LimitScale = LimitScale { velocity: 0.95, acceleration: 0.9, torque: 0.85, jerk: 0.95 };
+/// What is tried of a wanted acceleration, joint by joint; then the joint brakes.
+const FRACTIONS: [f64; 4] = [1.0, 0.6, 0.3, 0.0];
+/// Rounds of trying.
+const TRIES: usize = 12;
+/// Spans of the braking.
+const BRAKING_SPANS: usize = 3;
+
+/// Turns wanted joint accelerations into trajectories that keep the limits of an arm and end at rest.
+///
+/// A trajectory ramps to the wanted acceleration within one control period and then brakes, its acceleration linear between knots. As each
+/// that was sent keeps the limits to its end at rest, none needs to follow where no other does.
+#[derive(Debug, Clone)]
+pub struct Steering {
+    /// With the limits that are used.
+    robot: Robot,
+    period_s: f64,
+    /// Duration of one span of the braking: from the highest velocity it takes no more than the highest acceleration.
+    span_s: f64,
+}
+
+impl Steering {
+    /// Of an arm that carries its gripper, for actions every `period_s`.
+    pub fn new(robot: &Robot, period_s: f64) -> Self {
+        let robot = robot.clone().with_limits_scaled(&USED);
+        let spans = robot.joints.iter().map(|joint| {
+            let limits = &joint.limits;
+            let by_velocity = limits.velocity / (1.3 * limits.acceleration);
+            by_velocity.max(limits.jerk.map_or(0.0, |jerk| 2.0 * limits.acceleration / jerk))
+        });
+        let span_s = spans.fold(period_s, f64::max);
+        Self { robot, period_s, span_s }
+    }
+
+    /// The highest accelerations that it asks for, in rad/s².
+    pub fn max_acceleration(&self) -> JointVector {
+        self.of_joints(|i| self.robot.joints[i].limits.acceleration)
+    }
+
+    /// The highest velocities that it asks for, in rad/s.
+    pub fn max_velocity(&self) -> JointVector {
+        self.of_joints(|i| self.robot.joints[i].limits.velocity)
+    }
+
+    fn of_joints(&self, of: impl Fn(usize) -> f64) -> JointVector {
+        JointVector::from_fn(|i, _| if i < self.robot.dof() { of(i) } else { 0.0 })
+    }
+
+    /// A motion from `start` at `start_s` that has the accelerations `wanted`, in rad/s², a period later, as far as the limits allow, and
+    /// then brakes. `None` if no such motion keeps them: the one that is executing does.
+    pub fn motion(&self, start_s: f64, start: &Setpoint, wanted: &JointVector) -> Option<BSpline> {
+        let mut tried = [0_usize; MAX_JOINTS];
+        for _ in 0..TRIES {
+            let acceleration = self.of_joints(|i| self.acceleration(i, start, wanted[i], tried[i]));
+            let motion = self.braked(start_s, start, &acceleration);
+            let violations = PeakRatios::of(&self.robot, &motion).violations();
+            if violations.is_empty() {
+                return Some(motion);
+            }
+            let mut next = tried;
+            for violation in violations {
+                // A torque depends on all joints.
+                let joints = if violation.kind == LimitKind::Torque {
+                    0..self.robot.dof()
+                } else {
+                    violation.joint..violation.joint + 1
+                };
+                joints.for_each(|i| next[i] = (tried[i] + 1).min(FRACTIONS.len()));
+            }
+            if next == tried {
+                return None;
+            }
+            tried = next;
+        }
+        None
+    }
+
+    /// Acceleration of a joint in its `tried`-th try.
+    fn acceleration(&self, i: usize, start: &Setpoint, wanted: f64, tried: usize) -> f64 {
+        let limits = &self.robot.joints[i].limits;
+        let most = limits.acceleration;
+        // The acceleration ramps: the velocity after the period is dq + (ddq + a)·T/2.
+        let to_velocity = |dq: f64| 2.0 * (dq - start.dq[i]) / self.period_s - start.ddq[i];
+        let wanted = match FRACTIONS.get(tried) {
+            Some(fraction) => (wanted * fraction).max(to_velocity(-limits.velocity)).min(to_velocity(limits.velocity)),
+            None => to_velocity(0.0),
+        };
+        let ramp = limits.jerk.map_or(f64::INFINITY, |jerk| jerk * self.period_s);
+        wanted.clamp(-most, most).max(start.ddq[i] - ramp).min(start.ddq[i] + ramp)
+    }
+
+    /// With accelerations a after the period, then b, b and 0 a span apart: (a + b)/2 + b + b/2 = -dq/h brings the joint to rest.
+    fn braked(&self, start_s: f64, start: &Setpoint, a: &JointVector) -> BSpline {
+        let h = self.span_s;
+        let dq = start.dq + (start.ddq + a) * (self.period_s / 2.0);
+        let b = -(dq / h + a / 2.0) / 2.0;
+        let braking = (0..=BRAKING_SPANS).map(|span| start_s + self.period_s + span as f64 * h);
+        let times_s: Vec<f64> = std::iter::once(start_s).chain(braking).collect();
+        spline(&times_s, start, &[start.ddq, *a, b, b, JointVector::zeros()])
+    }
+}
+
+/// The cubic spline that begins in the position and velocity of `start` and whose accelerations are these at the knots `times_s`.
+///
+/// Control points of a B-spline's derivative are Qᵢ = p·(Pᵢ₊₁ − Pᵢ)/(uᵢ₊ₚ₊₁ − uᵢ₊₁) (Piegl & Tiller, The NURBS Book, eq. 3.4), here solved for P;
+/// those of the second derivative, which is piecewise linear, are its values at the knots.
+fn spline(times_s: &[f64], start: &Setpoint, accelerations: &[JointVector]) -> BSpline {
+    let (first, last) = (times_s[0], times_s[times_s.len() - 1]);
+    let knots_s = [&[first; 3], times_s, &[last; 3]].concat();
+    let integrate = |from: JointVector, rates: &[JointVector], degree: usize| {
+        // Knots of the integral, of which the ends are repeated once more than its degree.
+        let knots = &knots_s[3 - degree..knots_s.len() - (3 - degree)];
+        let mut points = vec![from];
+        for (i, rate) in rates.iter().enumerate() {
+            let width_s = knots[i + degree + 1] - knots[i + 1];
+            points.push(points[i] + rate * (width_s / degree as f64));
+        }
+        points
+    };
+    let velocities = integrate(start.dq, accelerations, 2);
+    BSpline { control_points: integrate(start.q, &velocities, 3), knots_s }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::setup::{Choice, Setup};
+    use proptest::prelude::*;
+
+    fn arm() -> Robot {
+        let setup = Setup::load(&Choice::default()).unwrap();
+        setup.robot.carrying(&setup.gripper)
+    }
+
+    #[test]
+    fn a_spline_has_the_accelerations_that_it_is_made_of() {
+        let of = JointVector::repeat;
+        let start = Setpoint { q: of(0.3), dq: of(-0.2), ddq: of(1.0) };
+        let (times_s, accelerations) = ([1.0, 1.1, 1.3, 1.35], [1.0, -2.0, 0.5, 0.0].map(of));
+        let spline = spline(&times_s, &start, &accelerations);
+        assert!(spline.is_valid());
+        let [q, dq, _] = spline.evaluate(1.0);
+        assert!((q - start.q).amax() < 1e-12 && (dq - start.dq).amax() < 1e-12);
+        for (time_s, acceleration) in times_s.into_iter().zip(accelerations) {
+            assert!((spline.evaluate(time_s)[2] - acceleration).amax() < 1e-9);
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(16))]
+
+        /// Whatever is wanted, each motion continues the one before, keeps the limits and ends at rest.
+        #[test]
+        fn no_wish_breaks_a_limit(wishes in prop::collection::vec(-3.0f64..3.0, 7 * 60), held in 1_usize..20) {
+            let robot = arm();
+            let steering = Steering::new(&robot, 0.01);
+            let mut sent = BSpline::at_rest(0.0, robot.ready_q);
+            let mut taken = 0;
+            for tick in 0..60 {
+                let time_s = 0.01 * tick as f64;
+                let row = &wishes[tick / held * 7..][..7];
+                let wanted = JointVector::from_fn(|i, _| row.get(i).map_or(0.0, |it| it * robot.joints[i].limits.acceleration));
+                let start = sent.setpoint(time_s);
+                let Some(motion) = steering.motion(time_s, &start, &wanted) else { continue };
+                prop_assert!(motion.setpoint(time_s).distance(&start).amax() < 1e-9);
+                let [_, dq, ddq] = motion.evaluate(motion.end_s());
+                prop_assert!(dq.amax() < 1e-9 && ddq.amax() < 1e-9);
+                prop_assert!(PeakRatios::of(&robot, &motion).violations().is_empty());
+                (sent, taken) = (motion, taken + 1);
+            }
+            prop_assert!(taken > 20, "only {taken} of 60 were taken");
+        }
+    }
+}
