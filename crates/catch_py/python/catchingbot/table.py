@@ -1,0 +1,33 @@
+"""Tables of evaluations."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+
+class Table(dict[str, np.ndarray]):
+    """The columns of an evaluation by their names, a row for each throw: ``polars.DataFrame(table)``, ``pandas.DataFrame(table)``.
+
+    A missing number is NaN and a missing text is empty. ``jsonl`` holds the rows as ``catchingbot eval`` writes them.
+    """
+
+    jsonl: bytes
+
+    def __init__(self, columns: Mapping[str, np.ndarray], jsonl: bytes) -> None:
+        super().__init__(columns)
+        self.jsonl = jsonl
+
+    def rows(self) -> list[dict[str, Any]]:
+        """The rows as dicts, with everything that the columns leave out."""
+        return [json.loads(line) for line in self.jsonl.splitlines()]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Table, (dict(self), self.jsonl)
+
+    def __repr__(self) -> str:
+        caught = self["caught"]
+        return f"<Table: {int(caught.sum())} of {len(caught)} caught>"

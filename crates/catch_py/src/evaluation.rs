@@ -1,0 +1,107 @@
+//! Evaluations: many throws on all cores, as columns.
+
+use std::{num::NonZero, thread};
+
+use catch_body::InputError;
+use catch_lab::{
+    evaluation::{
+        Cell, Evaluation, Row,
+        trial_table::{Column, Kind, columns},
+    },
+    scenario::setup::Setup,
+};
+use numpy::IntoPyArray;
+use pyo3::{
+    prelude::*,
+    types::{PyBytes, PyDict},
+};
+use serde_json::Value;
+
+use crate::{
+    arguments::input_fault,
+    python_brain::{PythonBrains, factory},
+    trial::line,
+};
+
+/// What is evaluated, all arguments checked.
+pub struct Asked {
+    /// The setup as Python has it.
+    pub setup: Py<PyAny>,
+    /// Throws.
+    pub trials: u64,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Number of the first throw.
+    pub first: u64,
+    /// Throws at the same time; `None` is one per core.
+    pub threads: Option<u64>,
+    /// Makes a brain for each throw; `None` is the scenario's.
+    pub brain: Option<Py<PyAny>>,
+    /// Is told how many throws are done, and of how many.
+    pub progress: Option<Py<PyAny>>,
+}
+
+/// Runs the throws. An exception of the brain or of `progress` ends it, and so does the user's interrupt.
+pub fn evaluate<'py>(py: Python<'py>, setup: &Setup, asked: Asked) -> PyResult<Bound<'py, PyAny>> {
+    let Asked { setup: shown, trials, seed, first, threads, brain, progress } = asked;
+    let brains = brain.map(|make| PythonBrains::new(make, shown, setup.robot.dof()));
+    let mut rows: Vec<Row> = Vec::new();
+    let mut fault = None;
+    let done = py.detach(|| {
+        // Clones keep what has been prepared.
+        setup.prepare();
+        let cell = match &brains {
+            None => Cell::new(setup.clone()),
+            Some(brains) => Cell::with_brain(setup.clone(), factory(brains)),
+        };
+        let evaluation = Evaluation { cells: vec![cell], seed, first, trials };
+        let threads = threads.map_or_else(|| thread::available_parallelism().map_or(1, NonZero::get), |it| it as usize);
+        evaluation.run(0, threads, &mut |row, _| {
+            rows.push(row);
+            let told = brains.as_ref().map_or(Ok(()), PythonBrains::check).and_then(|()| {
+                Python::attach(|py| {
+                    py.check_signals()?;
+                    progress.as_ref().map_or(Ok(()), |it| it.call1(py, (rows.len(), trials)).map(drop))
+                })
+            });
+            told.map_err(|it| {
+                brains.iter().for_each(PythonBrains::end);
+                fault = Some(it);
+                InputError::new("the evaluation", "a throw", "an exception", "none")
+            })
+        })
+    });
+    if let Some(fault) = fault {
+        return Err(fault);
+    }
+    done.map_err(input_fault)?;
+    let table = PyDict::new(py);
+    for Column { name, kind, values } in columns(&rows) {
+        table.set_item(name, column(py, kind, &values)?)?;
+    }
+    let lines = rows.iter().map(line).collect::<PyResult<String>>()?;
+    py.import("catchingbot.table")?.call_method1("Table", (table, PyBytes::new(py, lines.as_bytes())))
+}
+
+/// A column as an array: NaN for numbers that are missing, an empty text for texts.
+fn column<'py>(py: Python<'py>, kind: Kind, values: &[Value]) -> PyResult<Bound<'py, PyAny>> {
+    let number = |it: &Value| it.as_f64().or(it.as_bool().map(f64::from)).unwrap_or(f64::NAN);
+    Ok(match kind {
+        Kind::Text => {
+            let texts: Vec<&str> = values.iter().map(|it| it.as_str().unwrap_or_default()).collect();
+            py.import("numpy")?.call_method1("array", (texts, "U"))?
+        }
+        Kind::Count => {
+            let counts: Vec<i64> = values.iter().map(|it| it.as_i64().unwrap_or_default()).collect();
+            counts.into_pyarray(py).into_any()
+        }
+        Kind::Flag if values.iter().all(Value::is_boolean) => {
+            let flags: Vec<bool> = values.iter().filter_map(Value::as_bool).collect();
+            flags.into_pyarray(py).into_any()
+        }
+        Kind::Flag | Kind::Number => {
+            let numbers: Vec<f64> = values.iter().map(number).collect();
+            numbers.into_pyarray(py).into_any()
+        }
+    })
+}
