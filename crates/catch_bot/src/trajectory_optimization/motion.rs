@@ -9,10 +9,6 @@ use super::{
 };
 use crate::grasp_selection::Grasp;
 
-/// Instants at which torque is checked along a motion.
-const CHECKS: usize = 40;
-/// Instants at which torque is checked on the way to the catch: at each of its spans' ends and in the middle.
-const TORQUE_CHECKS: usize = 20;
 /// Distance from the acceleration limits that rounding needs, relative.
 pub const ROUNDING: f64 = 1e-7;
 /// The same for positions, in radians.
@@ -72,7 +68,9 @@ impl MotionPlanner {
     pub fn completed(&self, to_catch: BSpline, grasp: &Grasp) -> Option<BSpline> {
         let (catch_s, end) = (to_catch.end_s(), end_of(&to_catch));
         let anew = Setpoint { q: end.q, dq: end.dq, ddq: JointVector::zeros() };
-        let braking = self.braking(&end, catch_s).or_else(|| self.braking(&anew, catch_s))?;
+        // The acceleration just before the jump is that of no later instant.
+        let stops_anew = || self.keeps_torque(&to_catch).then(|| self.braking(&anew, catch_s)).flatten();
+        let braking = self.braking(&end, catch_s).or_else(stops_anew)?;
         self.joined(to_catch, &braking, grasp)
     }
 
@@ -194,11 +192,12 @@ impl MotionPlanner {
         (0..self.robot.dof()).map(|i| self.limits(i, &start.state, scaling)).collect()
     }
 
-    /// Whether torque limits hold along a motion.
+    /// Whether torque limits hold along a motion: at its knots, in the middle between them and at its end. Between knots accelerations
+    /// are linear, so that torques peak at knots but for what velocities add.
     pub fn keeps_torque(&self, spline: &BSpline) -> bool {
-        let (start_s, length_s) = (spline.start_s(), spline.end_s() - spline.start_s());
-        (0..=TORQUE_CHECKS).all(|i| {
-            let [q, dq, ddq] = spline.evaluate(start_s + length_s * i as f64 / TORQUE_CHECKS as f64);
+        let inside_s = spline.spans().flat_map(|[start_s, end_s]| [start_s, 0.5 * (start_s + end_s)]);
+        inside_s.chain([spline.end_s()]).all(|time_s| {
+            let [q, dq, ddq] = spline.evaluate(time_s);
             let torque = self.robot.inverse_dynamics(&q, &dq, &ddq);
             (0..self.robot.dof())
                 .all(|i| torque[i].abs() <= self.robot.joints[i].limits.torque * self.config.torque_scaling)
@@ -208,18 +207,10 @@ impl MotionPlanner {
     /// Whether torque limits and clearances hold along a trajectory.
     fn is_safe(&self, trajectory: &BSpline, catch_s: f64, grasp: &Grasp) -> bool {
         let (start_s, end_s) = (trajectory.start_s(), trajectory.end_s());
-        let keeps_torque = || {
-            (0..=CHECKS).all(|i| {
-                let at = trajectory.setpoint(start_s + (end_s - start_s) * i as f64 / CHECKS as f64);
-                let torque = self.robot.inverse_dynamics(&at.q, &at.dq, &at.ddq);
-                (0..self.robot.dof())
-                    .all(|i| torque[i].abs() <= self.robot.joints[i].limits.torque * self.config.torque_scaling)
-            })
-        };
         // What collides mostly does so while braking.
         self.keeps_clear(trajectory, [catch_s, end_s], grasp.aperture_m, Some(&grasp.held_G))
             && self.keeps_clear(trajectory, [start_s, catch_s], grasp.aperture_m, None)
-            && keeps_torque()
+            && self.keeps_torque(trajectory)
     }
 
     /// Whether the arm at `q` is clear of itself and of the floor, the gripper `width_m` open.

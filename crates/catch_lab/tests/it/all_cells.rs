@@ -120,7 +120,7 @@ fn outcomes_do_not_depend_on_the_substeps_before_contact() {
 /// Each built-in arm from the ready pose of its own file, not only the one for which the throws were made.
 #[test]
 fn every_built_in_arm_catches() {
-    for robot in ["panda", "ur10e", "iiwa14"] {
+    for robot in Kind::Robot.names() {
         for (object, throw) in
             [("tennis_ball", "near_sampled"), ("banana", "far_sampled"), ("pill_bottle", "random_by_reach")]
         {
