@@ -1,24 +1,25 @@
 //! Evaluations: many throws on all cores, as columns.
 
-use std::{num::NonZero, thread};
+use std::{fs, num::NonZero, thread};
 
 use catch_body::InputError;
 use catch_lab::{
     evaluation::{
         Cell, Evaluation, Row,
-        trial_table::{Column, Kind, columns},
+        trial_table::{self, Column, Kind},
     },
     scenario::setup::Setup,
 };
 use numpy::IntoPyArray;
 use pyo3::{
+    exceptions::PyOSError,
     prelude::*,
     types::{PyBytes, PyDict},
 };
 use serde_json::Value;
 
 use crate::{
-    arguments::input_fault,
+    arguments::{fault, input_fault},
     python_brain::{PythonBrains, factory},
     trial::line,
 };
@@ -46,7 +47,7 @@ pub fn evaluate<'py>(py: Python<'py>, setup: &Setup, asked: Asked) -> PyResult<B
     let Asked { setup: shown, trials, seed, first, threads, brain, progress } = asked;
     let brains = brain.map(|make| PythonBrains::new(make, shown, setup.robot.dof()));
     let mut rows: Vec<Row> = Vec::new();
-    let mut fault = None;
+    let mut ending = None;
     let done = py.detach(|| {
         // Clones keep what has been prepared.
         setup.prepare();
@@ -66,21 +67,56 @@ pub fn evaluate<'py>(py: Python<'py>, setup: &Setup, asked: Asked) -> PyResult<B
             });
             told.map_err(|it| {
                 brains.iter().for_each(PythonBrains::end);
-                fault = Some(it);
+                ending = Some(it);
                 InputError::new("the evaluation", "a throw", "an exception", "none")
             })
         })
     });
-    if let Some(fault) = fault {
-        return Err(fault);
+    if let Some(ending) = ending {
+        return Err(ending);
     }
     done.map_err(input_fault)?;
+    let lines = rows.iter().map(line).collect::<PyResult<String>>()?;
+    py.import("catchingbot.table")?.call_method1("Table", (arrays(py, &rows)?, PyBytes::new(py, lines.as_bytes())))
+}
+
+/// The columns of rows, by their names.
+fn arrays<'py>(py: Python<'py>, rows: &[Row]) -> PyResult<Bound<'py, PyDict>> {
     let table = PyDict::new(py);
-    for Column { name, kind, values } in columns(&rows) {
+    for Column { name, kind, values } in trial_table::columns(rows) {
         table.set_item(name, column(py, kind, &values)?)?;
     }
-    let lines = rows.iter().map(line).collect::<PyResult<String>>()?;
-    py.import("catchingbot.table")?.call_method1("Table", (table, PyBytes::new(py, lines.as_bytes())))
+    Ok(table)
+}
+
+/// Rows from lines of JSON.
+fn read(jsonl: &[u8]) -> PyResult<Vec<Row>> {
+    let lines = jsonl.split(|byte| *byte == b'\n').filter(|line| !line.is_empty());
+    let row = |(number, line)| {
+        serde_json::from_slice(line)
+            .map_err(|it| fault("jsonl", format!("line {}: {it}", number + 1), "the row of a trial"))
+    };
+    lines.enumerate().map(row).collect()
+}
+
+/// The columns of rows that are lines of JSON.
+#[pyfunction]
+#[pyo3(name = "columns")]
+pub fn columns_of<'py>(py: Python<'py>, jsonl: &[u8]) -> PyResult<Bound<'py, PyDict>> {
+    arrays(py, &read(jsonl)?)
+}
+
+/// A Parquet file of rows that are lines of JSON.
+#[pyfunction]
+pub fn parquet<'py>(py: Python<'py>, jsonl: &[u8]) -> PyResult<Bound<'py, PyBytes>> {
+    let rows = read(jsonl)?;
+    let bytes = py.detach(|| {
+        let unwritten = |fault| PyOSError::new_err(format!("a temporary file: {fault}"));
+        let folder = tempfile::tempdir().map_err(unwritten)?;
+        trial_table::write(folder.path(), &rows, "").map_err(input_fault)?;
+        fs::read(folder.path().join(trial_table::PARQUET_FILE)).map_err(unwritten)
+    })?;
+    Ok(PyBytes::new(py, &bytes))
 }
 
 /// A column as an array: NaN for numbers that are missing, an empty text for texts.

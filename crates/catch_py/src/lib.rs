@@ -25,6 +25,7 @@ mod _catchingbot {
     #[pymodule_export]
     use crate::{
         command::{Command, GripperMove, Trajectory},
+        evaluation::{columns_of, parquet},
         flight::{Flight, NoFlight, predict},
         observation::{Camera, DepthFrame, Observation},
         plan::Plan,

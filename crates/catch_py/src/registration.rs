@@ -18,6 +18,9 @@ use crate::{
     observation::name_of,
 };
 
+/// Name of the argument, which is an asset's name, too.
+const REFERENCE: &str = stringify!(reference);
+
 /// Where the reference lies in a cloud.
 #[pyclass(frozen, module = "catchingbot")]
 pub struct RegisteredPose {
@@ -84,8 +87,8 @@ pub fn register(
         let file = path.display().to_string();
         (py.detach(|| cloud_registration::scan_of(&path, (COMMAND_LINE, "--reference"))).map_err(input_fault)?, file)
     } else {
-        let points = Numbers::read("reference", reference, &[0, 3])?.points();
-        (CloudFile { points, normals: None }, "reference".to_owned())
+        let points = Numbers::read(REFERENCE, reference, &[0, 3])?.points();
+        (CloudFile { points, normals: None }, REFERENCE.to_owned())
     };
     let found = py.detach(|| {
         let reference = cloud_registration::reference_model(scan, &file)?;

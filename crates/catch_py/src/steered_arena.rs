@@ -31,6 +31,9 @@ use crate::{
 /// Points of a cloud.
 const CLOUD_POINTS: usize = 512;
 
+/// Trajectories that are remembered: more than are sent until one is told to be rejected.
+const REMEMBERED: usize = 64;
+
 /// What an observation shows besides the arm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum View {
@@ -80,8 +83,8 @@ struct State {
     seen: Vec<(&'static str, Vec<usize>, Vec<f32>)>,
     eyes: Option<Box<Eyes>>,
     steering: Steering,
-    /// The newest trajectory that was sent, or what holds the arm at the beginning.
-    sent: BSpline,
+    /// What holds the arm at the beginning, and the newest trajectories that were sent and not rejected, with their identifiers.
+    sent: Vec<(u64, BSpline)>,
     last_id: u64,
     closes: Option<bool>,
     row: Option<Row>,
@@ -96,14 +99,13 @@ impl SteeredArena {
         }
         let mut episode = Box::new(Episode::new(setup, seed, index));
         let sensed = episode.sense();
-        let robot = setup.robot.clone().carrying(&setup.gripper);
         let period_s = period_s(setup);
         let mut state = State {
             episode: Some(episode),
             seen: Vec::new(),
             eyes: (view == View::Pose).then(|| Box::new(eyes(setup, seed, index))),
-            steering: Steering::new(&robot, period_s),
-            sent: BSpline::at_rest(sensed.time_s, setup.robot.ready_q),
+            steering: Steering::new(&setup.robot, &setup.gripper, period_s),
+            sent: vec![(0, BSpline::at_rest(sensed.time_s, setup.robot.ready_q))],
             last_id: 0,
             closes: None,
             row: None,
@@ -147,28 +149,24 @@ impl State {
     fn step(&mut self, setup: &Setup, action: Action, view: View, wanted: &JointVector, closes: bool) -> bool {
         let Some(episode) = &mut self.episode else { return true };
         let start_s = self.sensed.time_s + setup.scenario.brain.control.expected_latency_s;
-        let lost = self.sensed.arm.rejected.iter().any(|it| it.id.0 == self.last_id);
-        if lost {
-            // The executing trajectory ends at rest; until then nothing is sent.
-            self.sent = BSpline::at_rest(start_s, self.sensed.arm.commanded.q);
-        }
-        let start = if lost { Setpoint::at_rest(self.sensed.arm.commanded.q) } else { self.sent.setpoint(start_s) };
-        let dof = setup.robot.dof();
+        let rejected = &self.sensed.arm.rejected;
+        self.sent.retain(|(id, _)| rejected.iter().all(|it| it.id.0 != *id));
+        let newest = self.sent.last().map(|(_, motion)| motion.setpoint(start_s));
+        let start = newest.unwrap_or(Setpoint::at_rest(self.sensed.arm.commanded.q));
         let most = self.steering.max_acceleration();
         let accelerations = match action {
             Action::Acceleration => wanted.component_mul(&most),
             Action::Delta => {
+                // Half of what is missing within a period: faster swings.
                 let dq = wanted.component_mul(&self.steering.max_velocity());
-                let period_s = period_s(setup);
-                JointVector::from_fn(
-                    |i, _| if i < dof { 2.0 * (dq[i] - start.dq[i]) / period_s - start.ddq[i] } else { 0.0 },
-                )
+                (dq - start.dq) * (0.5 / period_s(setup))
             }
         };
         let mut command = Command::default();
         if let Some(motion) = self.steering.motion(start_s, &start, &accelerations) {
             self.last_id += 1;
-            self.sent = motion.clone();
+            self.sent.push((self.last_id, motion.clone()));
+            self.sent.drain(..self.sent.len().saturating_sub(REMEMBERED));
             command.arm = Some(ArmTrajectory { id: TrajectoryId(self.last_id), spline: motion });
         }
         if self.closes.replace(closes) != Some(closes) {

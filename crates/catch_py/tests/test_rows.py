@@ -7,6 +7,7 @@ import subprocess
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+import pytest
 
 import catchingbot as cb
 
@@ -34,6 +35,11 @@ def test_program_evaluation_single_throws_and_steps_give_the_same_bytes(setup, p
         assert list(pool.map(lambda index: stepped(setup, index), range(TRIALS))) == lines
     assert table.rows() == [json.loads(line) for line in lines]
     assert setup.evaluate(trials=1, first=2).jsonl == lines[2]
+    again = cb.Table.from_jsonl(expected)
+    assert all(np.array_equal(again[name], table[name], equal_nan=table[name].dtype.kind == "f") for name in table)
+    assert table.parquet()[:4] == b"PAR1"
+    with pytest.raises(ValueError, match="^jsonl: found line 2"):
+        cb.Table.from_jsonl(lines[0] + b"{}")
 
 
 def test_columns_are_arrays(setup):

@@ -1,6 +1,6 @@
 //! An arm that is steered by joint accelerations, as learned policies do: whatever is wanted, what is sent keeps the limits.
 
-use catch_body::{JointVector, MAX_JOINTS, Robot, robot::LimitScale};
+use catch_body::{Gripper, JointVector, MAX_JOINTS, Robot, clearance::ArmClearance, robot::LimitScale};
 use catch_cell::{BSpline, LimitKind, Setpoint, executor::PeakRatios};
 
 /// Ratios of the limits that are used: room for what the controller needs to follow.
@@ -9,33 +9,38 @@ const USED: LimitScale = LimitScale { velocity: 0.95, acceleration: 0.9, torque:
 const FRACTIONS: [f64; 4] = [1.0, 0.6, 0.3, 0.0];
 /// Rounds of trying.
 const TRIES: usize = 12;
+/// The arm keeps this far from itself and from the floor, in metres, where it is looked at: once a period. Who begins nearer comes no nearer.
+const CLEARANCE_M: f64 = 0.04;
 /// Spans of the braking.
 const BRAKING_SPANS: usize = 3;
 
-/// Turns wanted joint accelerations into trajectories that keep the limits of an arm and end at rest.
+/// Turns wanted joint accelerations into trajectories that keep the limits of an arm, keep it clear of itself and the floor, and end at rest.
 ///
 /// A trajectory ramps to the wanted acceleration within one control period and then brakes, its acceleration linear between knots. As each
-/// that was sent keeps the limits to its end at rest, none needs to follow where no other does.
+/// that was sent is good to its end at rest, none needs to follow where no other is.
 #[derive(Debug, Clone)]
 pub struct Steering {
-    /// With the limits that are used.
+    /// With the gripper, and the limits that are used.
     robot: Robot,
+    clearance: ArmClearance,
+    max_width_m: f64,
     period_s: f64,
     /// Duration of one span of the braking: from the highest velocity it takes no more than the highest acceleration.
     span_s: f64,
 }
 
 impl Steering {
-    /// Of an arm that carries its gripper, for actions every `period_s`.
-    pub fn new(robot: &Robot, period_s: f64) -> Self {
-        let robot = robot.clone().with_limits_scaled(&USED);
+    /// Of an arm with a gripper, for actions every `period_s`.
+    pub fn new(robot: &Robot, gripper: &Gripper, period_s: f64) -> Self {
+        let clearance = ArmClearance::new(robot, gripper);
+        let robot = robot.clone().carrying(gripper).with_limits_scaled(&USED);
         let spans = robot.joints.iter().map(|joint| {
             let limits = &joint.limits;
             let by_velocity = limits.velocity / (1.3 * limits.acceleration);
             by_velocity.max(limits.jerk.map_or(0.0, |jerk| 2.0 * limits.acceleration / jerk))
         });
         let span_s = spans.fold(period_s, f64::max);
-        Self { robot, period_s, span_s }
+        Self { robot, clearance, max_width_m: gripper.max_width_m, period_s, span_s }
     }
 
     /// The highest accelerations that it asks for, in rad/s².
@@ -60,10 +65,13 @@ impl Steering {
             let acceleration = self.of_joints(|i| self.acceleration(i, start, wanted[i], tried[i]));
             let motion = self.braked(start_s, start, &acceleration);
             let violations = PeakRatios::of(&self.robot, &motion).violations();
-            if violations.is_empty() {
-                return Some(motion);
-            }
             let mut next = tried;
+            if violations.is_empty() {
+                if self.keeps_clear(&motion) {
+                    return Some(motion);
+                }
+                next = tried.map(|it| (it + 1).min(FRACTIONS.len()));
+            }
             for violation in violations {
                 // A torque depends on all joints.
                 let joints = if violation.kind == LimitKind::Torque {
@@ -79,6 +87,20 @@ impl Steering {
             tried = next;
         }
         None
+    }
+
+    /// Whether the arm keeps its distances until it is at rest, the gripper open.
+    fn keeps_clear(&self, motion: &BSpline) -> bool {
+        let least_m = |time_s: f64| {
+            let X_WL = self.robot.link_poses(&motion.setpoint(time_s).q);
+            let floor_m = self.clearance.floor_clearance(&X_WL, self.max_width_m);
+            self.clearance.self_clearance(&X_WL, self.max_width_m).min(floor_m)
+        };
+        let start_s = motion.start_s();
+        let needed_m = least_m(start_s).min(CLEARANCE_M);
+        let looks = ((motion.end_s() - start_s) / self.period_s).ceil() as u32;
+        // Backwards: where it comes to rest is most likely too near.
+        (1..=looks).rev().all(|look| least_m(start_s + f64::from(look) * self.period_s) >= needed_m - 1e-9)
     }
 
     /// Acceleration of a joint in its `tried`-th try.
@@ -133,9 +155,8 @@ mod tests {
     use crate::scenario::setup::{Choice, Setup};
     use proptest::prelude::*;
 
-    fn arm() -> Robot {
-        let setup = Setup::load(&Choice::default()).unwrap();
-        setup.robot.carrying(&setup.gripper)
+    fn setup() -> Setup {
+        Setup::load(&Choice::default()).unwrap()
     }
 
     #[test]
@@ -158,8 +179,9 @@ mod tests {
         /// Whatever is wanted, each motion continues the one before, keeps the limits and ends at rest.
         #[test]
         fn no_wish_breaks_a_limit(wishes in prop::collection::vec(-3.0f64..3.0, 7 * 60), held in 1_usize..20) {
-            let robot = arm();
-            let steering = Steering::new(&robot, 0.01);
+            let Setup { robot, gripper, .. } = setup();
+            let steering = Steering::new(&robot, &gripper, 0.01);
+            let robot = robot.carrying(&gripper);
             let mut sent = BSpline::at_rest(0.0, robot.ready_q);
             let mut taken = 0;
             for tick in 0..60 {
@@ -172,6 +194,12 @@ mod tests {
                 let [_, dq, ddq] = motion.evaluate(motion.end_s());
                 prop_assert!(dq.amax() < 1e-9 && ddq.amax() < 1e-9);
                 prop_assert!(PeakRatios::of(&robot, &motion).violations().is_empty());
+                for look in 0..100 {
+                    let X_WL = robot.link_poses(&motion.setpoint(time_s + 0.007 * f64::from(look)).q);
+                    let width_m = gripper.max_width_m;
+                    prop_assert!(steering.clearance.floor_clearance(&X_WL, width_m) > 0.0);
+                    prop_assert!(steering.clearance.self_clearance(&X_WL, width_m) > 0.0);
+                }
                 (sent, taken) = (motion, taken + 1);
             }
             prop_assert!(taken > 20, "only {taken} of 60 were taken");

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from catchingbot import _catchingbot
+
 
 class Table(dict[str, np.ndarray]):
     """The columns of an evaluation by their names, a row for each throw: ``polars.DataFrame(table)``, ``pandas.DataFrame(table)``.
@@ -20,6 +22,15 @@ class Table(dict[str, np.ndarray]):
     def __init__(self, columns: Mapping[str, np.ndarray], jsonl: bytes) -> None:
         super().__init__(columns)
         self.jsonl = jsonl
+
+    @classmethod
+    def from_jsonl(cls, jsonl: bytes) -> Table:
+        """The table of rows that ``catchingbot eval`` wrote to ``trials.jsonl``, or of several such files one after the other."""
+        return cls(_catchingbot.columns(jsonl), jsonl)
+
+    def parquet(self) -> bytes:
+        """The file ``trials.parquet`` that ``catchingbot eval`` writes of such rows."""
+        return _catchingbot.parquet(self.jsonl)
 
     def rows(self) -> list[dict[str, Any]]:
         """The rows as dicts, with everything that the columns leave out."""
