@@ -1,4 +1,4 @@
-//! Robots, grippers, objects, throws, camera rigs, scenarios and studies: those that are built in, and the user's files.
+//! Robots, grippers, workcells, objects, throws, camera rigs, scenarios and studies: those that are built in, and the user's files.
 //!
 //! Wherever something is named, a built-in name or the path of a file may stand. A file refers to others by built-in names or
 //! by paths relative to itself.
@@ -32,16 +32,21 @@ pub enum Kind {
     Object,
     /// A way of throwing.
     Throw,
+    /// What stands around an arm.
+    Workcell,
     /// An arrangement of cameras.
     Rig,
     /// Variants of a scenario.
     Study,
 }
 
+/// Endings of files from which an object can be imported.
+const SHAPES: [&str; 8] = ["obj", "stl", "ply", "dae", "gltf", "glb", "sdf", "urdf"];
+
 impl Kind {
     /// All kinds, in the order in which a person would ask for them.
-    pub const ALL: [Self; 7] =
-        [Self::Scenario, Self::Object, Self::Throw, Self::Robot, Self::Gripper, Self::Rig, Self::Study];
+    pub const ALL: [Self; 8] =
+        [Self::Scenario, Self::Object, Self::Throw, Self::Robot, Self::Gripper, Self::Workcell, Self::Rig, Self::Study];
 
     /// Several of them, which is also the folder of the built-in ones.
     pub fn plural(self) -> &'static str {
@@ -51,6 +56,7 @@ impl Kind {
             Self::Gripper => "grippers",
             Self::Object => "objects",
             Self::Throw => "throws",
+            Self::Workcell => "workcells",
             Self::Rig => "rigs",
             Self::Study => "studies",
         }
@@ -88,6 +94,7 @@ impl Display for Kind {
             Self::Gripper => "gripper",
             Self::Object => "object",
             Self::Throw => "throw",
+            Self::Workcell => "workcell",
             Self::Rig => "rig",
             Self::Study => "study",
         })
@@ -130,14 +137,13 @@ impl Asset {
             Origin::BuiltIn(_) => PathBuf::from(name),
         };
         let path = if path.is_dir() { path.join(kind.main_file()) } else { path };
-        let is_mesh =
-            path.extension().is_some_and(|it| it.eq_ignore_ascii_case("obj") || it.eq_ignore_ascii_case("stl"));
-        if kind == Kind::Object && is_mesh {
+        let is_shape = |it: &std::ffi::OsStr| SHAPES.iter().any(|known| it.eq_ignore_ascii_case(known));
+        if kind == Kind::Object && path.extension().is_some_and(is_shape) {
             let stem = path.file_stem().unwrap_or_default().display();
             let expected = format!(
-                "an object file, which names the mesh and says what it weighs: `catchingbot new object {stem}`"
+                "an object file, which says what it weighs: `catchingbot object import {name} --out {stem}.toml` makes one"
             );
-            return Err(InputError::new(field.0, field.1, format!("the mesh `{name}`"), expected));
+            return Err(InputError::new(field.0, field.1, format!("the shape `{name}`"), expected));
         }
         let is_description = path
             .extension()

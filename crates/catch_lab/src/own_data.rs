@@ -7,6 +7,8 @@ pub mod cloud_registration;
 pub mod flight_learning;
 pub mod flight_misses;
 pub mod flight_prediction;
+mod mesh_paths;
+pub mod object_import;
 pub mod planner_cases;
 pub mod robot_import;
 pub mod templates;

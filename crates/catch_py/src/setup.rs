@@ -28,7 +28,7 @@ use crate::{
     trial::Trial,
 };
 
-/// A scenario by name or file, with another robot, gripper, object, throw or method ('ours' or 'paper'), and with single fields
+/// A scenario by name or file, with another robot, gripper, workcell, object, throw or method ('ours' or 'paper'), and with single fields
 /// changed: `settings={"arena.drag": False}`.
 #[pyclass(frozen, module = "catchingbot")]
 pub struct Setup {
@@ -44,20 +44,28 @@ const MOST_THREADS: u64 = 100_000;
 #[pymethods]
 impl Setup {
     #[new]
-    #[pyo3(signature = (scenario="paper", *, robot=None, gripper=None, object=None, throw=None, method=None, settings=None))]
+    #[pyo3(signature = (scenario="paper", *, robot=None, gripper=None, workcell=None, object=None, throw=None, method=None, settings=None))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn new(
         py: Python<'_>,
         scenario: &str,
         robot: Option<&str>,
         gripper: Option<&str>,
+        workcell: Option<&str>,
         object: Option<&str>,
         throw: Option<&str>,
         method: Option<&str>,
         settings: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let arguments = PyDict::new(py);
-        let names = [("robot", robot), ("gripper", gripper), ("object", object), ("throw", throw), ("method", method)];
+        let names = [
+            ("robot", robot),
+            ("gripper", gripper),
+            ("workcell", workcell),
+            ("object", object),
+            ("throw", throw),
+            ("method", method),
+        ];
         arguments.set_item("scenario", scenario)?;
         names.into_iter().try_for_each(|(name, value)| arguments.set_item(name, value))?;
         arguments.set_item("settings", settings)?;
@@ -69,8 +77,16 @@ impl Setup {
         };
         let settings = self::settings(settings)?;
         let lab = py.detach(|| {
-            let choice =
-                Choice { scenario: Some(scenario), robot, gripper, object, throw, method, settings: &settings };
+            let choice = Choice {
+                scenario: Some(scenario),
+                robot,
+                gripper,
+                workcell,
+                object,
+                throw,
+                method,
+                settings: &settings,
+            };
             LabSetup::load(&choice)
         });
         Ok(Self {

@@ -20,7 +20,7 @@ def raises(argument: str, call, *arguments, **keywords):
 
 
 def test_setups():
-    for argument in ["robot", "gripper", "object", "throw"]:
+    for argument in ["robot", "gripper", "workcell", "object", "throw"]:
         raises(argument, cb.Setup, **{argument: "nonsense"})
     raises("scenario", cb.Setup, "nonsense")
     raises("method", cb.Setup, method="nonsense")

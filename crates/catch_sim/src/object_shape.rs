@@ -12,7 +12,7 @@ use catch_body::{
 use nalgebra::{Matrix3, Point3, Vector3};
 use serde::Deserialize;
 
-use crate::convex_parts::{convex_parts, hull_volume_m3};
+use crate::convex_parts::{convex_parts, hull_area_m2, hull_volume_m3};
 
 /// Flat strips around a solid of revolution or a tube: at 32 a radius of 25 mm is 0.12 mm short between them.
 const SEGMENTS: u32 = 32;
@@ -49,6 +49,14 @@ impl ColliderPart {
             Self::Hull(points) => hull_volume_m3(points),
         }
     }
+
+    /// Area of its surface in m²; zero for points that span no volume.
+    pub fn surface_m2(&self) -> f64 {
+        match self {
+            Self::Ball { radius_m, .. } => 4.0 * std::f64::consts::PI * radius_m.powi(2),
+            Self::Hull(points) => hull_area_m2(points),
+        }
+    }
 }
 
 /// How an object's file describes its shape.
@@ -57,28 +65,36 @@ impl ColliderPart {
 pub(crate) enum ShapeFields {
     /// A ball, hollow (all mass in its skin) or solid.
     Ball {
+        /// Diameter.
         #[serde(deserialize_with = "quantity::shape_size_m")]
         diameter_m: f64,
+        /// Whether all mass is in its skin.
         hollow: bool,
     },
     /// What a profile of points (z, r) sweeps around the z axis.
     Revolution {
+        /// Points (z, r), from the bottom up.
         #[serde(deserialize_with = "quantity::shape_m")]
         profile_m: Vec<[f64; 2]>,
     },
     /// A round tube along an arc in the y–z plane, its radii evenly spaced along it.
     BentTube {
+        /// Radius of the arc.
         #[serde(deserialize_with = "quantity::shape_size_m")]
         arc_radius_m: f64,
+        /// Angle of the arc.
         #[serde(deserialize_with = "quantity::arc_deg")]
         arc_angle_deg: f64,
+        /// Radii of the tube.
         #[serde(deserialize_with = "quantity::shape_radius_m")]
         radii_m: Vec<f64>,
     },
     /// A mesh from a file beside this one. It collides as the groups of the `parts` files, the convex hull of each; without them it
     /// is cut into convex parts.
     Mesh {
+        /// An OBJ or STL file, closed.
         file: String,
+        /// Files whose groups are the convex parts.
         #[serde(default)]
         parts: Vec<String>,
         /// Metres per unit of the files.

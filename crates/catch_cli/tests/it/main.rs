@@ -2,16 +2,20 @@
 
 mod browser;
 mod determinism;
+#[cfg(unix)]
+mod documented;
 mod evaluation;
 mod general_form;
 mod honest;
 mod inputs;
 mod mcap_file;
 mod mutated_files;
+mod object_import;
 mod own_data;
 mod pages;
 mod recorded_flights;
 mod recording;
+mod reference;
 mod refusals;
 mod robot_import;
 mod wrong_input;

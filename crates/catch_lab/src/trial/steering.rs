@@ -9,12 +9,12 @@ const USED: LimitScale = LimitScale { velocity: 0.95, acceleration: 0.9, torque:
 const FRACTIONS: [f64; 4] = [1.0, 0.6, 0.3, 0.0];
 /// Rounds of trying.
 const TRIES: usize = 12;
-/// The arm keeps this far from itself and from the floor, in metres, where it is looked at: once a period. Who begins nearer comes no nearer.
+/// The arm keeps this far from itself and its surroundings, in metres, where it is looked at: once a period. Who begins nearer comes no nearer.
 const CLEARANCE_M: f64 = 0.04;
 /// Spans of the braking.
 const BRAKING_SPANS: usize = 3;
 
-/// Turns wanted joint accelerations into trajectories that keep the limits of an arm, keep it clear of itself and the floor, and end at rest.
+/// Turns wanted joint accelerations into trajectories that keep the limits of an arm, keep it clear of itself and its surroundings, and end at rest.
 ///
 /// A trajectory ramps to the wanted acceleration within one control period and then brakes, its acceleration linear between knots. As each
 /// that was sent is good to its end at rest, none needs to follow where no other is.
@@ -93,8 +93,8 @@ impl Steering {
     fn keeps_clear(&self, motion: &BSpline) -> bool {
         let least_m = |time_s: f64| {
             let X_WL = self.robot.link_poses(&motion.setpoint(time_s).q);
-            let floor_m = self.clearance.floor_clearance(&X_WL, self.max_width_m);
-            self.clearance.self_clearance(&X_WL, self.max_width_m).min(floor_m)
+            let surroundings_m = self.clearance.environment_clearance(&X_WL, self.max_width_m);
+            self.clearance.self_clearance(&X_WL, self.max_width_m).min(surroundings_m)
         };
         let start_s = motion.start_s();
         let needed_m = least_m(start_s).min(CLEARANCE_M);
@@ -197,7 +197,7 @@ mod tests {
                 for look in 0..100 {
                     let X_WL = robot.link_poses(&motion.setpoint(time_s + 0.007 * f64::from(look)).q);
                     let width_m = gripper.max_width_m;
-                    prop_assert!(steering.clearance.floor_clearance(&X_WL, width_m) > 0.0);
+                    prop_assert!(steering.clearance.environment_clearance(&X_WL, width_m) > 0.0);
                     prop_assert!(steering.clearance.self_clearance(&X_WL, width_m) > 0.0);
                 }
                 (sent, taken) = (motion, taken + 1);

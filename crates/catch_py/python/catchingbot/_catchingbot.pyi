@@ -27,6 +27,7 @@ class Setup:
         *,
         robot: str | None = None,
         gripper: str | None = None,
+        workcell: str | None = None,
         object: str | None = None,
         throw: str | None = None,
         method: str | None = None,
