@@ -13,7 +13,7 @@ use crate::skipped_without;
 /// Stands for cargo: what it would build is there already. CI itself runs the two commands of the README and all examples.
 const CARGO: &str = r#"#!/bin/sh
 case "$*" in
-    "build --release" | "test --workspace --release" | "install --path crates/catch_cli") ;;
+    "build --release" | "test --workspace --release" | "install --locked --path crates/catch_cli") ;;
     "run --release") exec catchingbot ;;
     "run --release -- "*) shift 3; exec catchingbot "$@" ;;
     "run --release --example "*) test -f "crates/catch_lab/examples/$4.rs" ;;
