@@ -38,6 +38,7 @@ pub mod shape;
 pub mod stated;
 mod toml_input;
 mod urdf;
+pub mod workcell;
 
 pub use gripper::Gripper;
 pub use input_error::InputError;

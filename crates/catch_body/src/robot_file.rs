@@ -191,6 +191,7 @@ impl Robot {
             ready_q: nalgebra::zero(),
             capsules,
             ignored_neighbours: extra.collision.ignored_neighbours,
+            obstacles: Vec::new(),
         };
         let poses = &extra.poses;
         let comfortable = robot.checked_pose(files.toml_file, "poses.comfortable_rad", &poses.comfortable_rad);

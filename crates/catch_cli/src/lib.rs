@@ -142,6 +142,9 @@ pub struct ChoiceArguments {
     /// Gripper: a built-in name or a file [default: the scenario's]
     #[arg(long, value_name = "NAME|FILE")]
     gripper: Option<String>,
+    /// What stands around the arm: a built-in workcell or a file [default: the scenario's]
+    #[arg(long, value_name = "NAME|FILE")]
+    workcell: Option<String>,
     /// Whose method catches [default: the scenario's, which is ours if it says nothing]
     #[arg(long, value_enum)]
     method: Option<MethodArgument>,
@@ -160,9 +163,14 @@ enum MethodArgument {
 }
 
 impl ChoiceArguments {
-    /// Arm and gripper, where others than the scenario's are asked for.
+    /// Arm, gripper and workcell, where others than the scenario's are asked for.
     pub fn equipment(&self) -> Choice<'_> {
-        Choice { robot: self.robot.as_deref(), gripper: self.gripper.as_deref(), ..Choice::default() }
+        Choice {
+            robot: self.robot.as_deref(),
+            gripper: self.gripper.as_deref(),
+            workcell: self.workcell.as_deref(),
+            ..Choice::default()
+        }
     }
 
     /// Whose method is asked for.

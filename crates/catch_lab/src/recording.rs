@@ -43,7 +43,8 @@ use crate::{
     scenario::{
         Scenario,
         brain::BrainSettings,
-        setup::{Scene, Setup, Sources},
+        setup::{Scene, Setup},
+        sources::Sources,
     },
     trial::Tick,
 };

@@ -17,3 +17,4 @@ mod standard_terms;
 mod supply_chain;
 mod throws_out_of_reach;
 mod tidy;
+mod workcells;
