@@ -6,6 +6,7 @@
 mod arm_in_tree;
 mod chain;
 mod mjcf_reader;
+mod sdf_reader;
 mod urdf_reader;
 
 use std::collections::BTreeMap;
@@ -43,6 +44,8 @@ pub struct Description {
 pub struct Link {
     /// Mass properties in the link's frame; `None` without mass.
     pub inertia: Option<Inertia>,
+    /// Coulomb friction coefficient of its surface, if the file says one.
+    pub friction: Option<f64>,
     /// The shape for collisions.
     pub collisions: Vec<Geometry>,
     /// The shape for the eye.

@@ -1,5 +1,10 @@
 //! Triangle meshes: the shapes of thrown objects and of the arm, and what follows from a shape.
 
+mod edges;
+mod hole_filling;
+pub mod repair;
+mod shells;
+pub mod simplification;
 mod solids;
 
 use std::collections::HashMap;
@@ -71,8 +76,8 @@ impl TriangleMesh {
         Cuboid { centre: Point3::from((low + high) / 2.0), size: high - low }
     }
 
-    /// Whether the surface encloses a solid: each edge is shared by exactly two triangles that run along it in opposite
-    /// directions.
+    /// Whether the surface encloses a solid: as many triangles run along each edge in one direction as in the other. Mostly that is one;
+    /// where parts of a solid touch along an edge it is two.
     pub fn is_closed(&self) -> bool {
         let mut uses: HashMap<(u32, u32), (u32, u32)> = HashMap::new();
         for &[a, b, c] in &self.triangles {
@@ -84,7 +89,7 @@ impl TriangleMesh {
                 *(if from < to { forth } else { back }) += 1;
             }
         }
-        !uses.is_empty() && uses.values().all(|&uses| uses == (1, 1))
+        !uses.is_empty() && uses.values().all(|(forth, back)| forth == back)
     }
 
     /// The enclosed volume in m³, negative if the triangles are turned inside out.
@@ -120,6 +125,21 @@ impl TriangleMesh {
         let covariance = (second_moment / volume - com * com.transpose()) * mass_kg;
         let about_com = Matrix3::identity() * covariance.trace() - covariance;
         Inertia { mass: mass_kg, com: apex + com, about_com }
+    }
+
+    /// Leaves out vertices that are a corner of no triangle.
+    pub(crate) fn drop_unused_vertices(&mut self) {
+        let mut number = vec![u32::MAX; self.vertices.len()];
+        let mut used = Vec::new();
+        for corner in self.triangles.iter_mut().flatten() {
+            let kept = &mut number[*corner as usize];
+            if *kept == u32::MAX {
+                *kept = index(used.len());
+                used.push(self.vertices[*corner as usize]);
+            }
+            *corner = *kept;
+        }
+        self.vertices = used;
     }
 
     /// The same surface with its triangles turned so that they face outwards.

@@ -1,12 +1,15 @@
-//! Reads meshes from OBJ and STL files, and surfaces from COLLADA files, too.
+//! Reads meshes from OBJ and STL files, and surfaces from COLLADA and PLY files, too.
 
 mod collada;
+mod ply;
 
 use std::io::{BufReader, Cursor};
 
 use nalgebra::Point3;
 
 use crate::{InputError, mesh::TriangleMesh};
+
+pub use ply::PlyFile;
 
 /// The largest mesh file that is read. A scan of a thrown object has some megabytes at most.
 pub const MAX_FILE_BYTES: usize = 64 << 20;
@@ -50,6 +53,29 @@ pub fn surface_from_bytes(file: &str, bytes: &[u8]) -> Result<TriangleMesh, Inpu
     Ok(surface)
 }
 
+/// Reads the triangles of each group of an OBJ file as they stand there, in its unit or in metres where it states one: nothing is welded,
+/// nothing repaired. Other files are one group.
+///
+/// The extension of `file` says which format the bytes have: `.obj`, `.stl`, `.ply` or `.dae` (COLLADA). The caller limits their number.
+///
+/// # Errors
+/// If the bytes are not a mesh of that format, or have no triangle, numbers that are not finite or indices without a vertex.
+pub fn triangles_from_bytes(file: &str, bytes: &[u8]) -> Result<Vec<TriangleMesh>, InputError> {
+    let groups = if extension(file) == "ply" {
+        let PlyFile { vertices, triangles, .. } = PlyFile::from_bytes(file, bytes)?;
+        vec![(vertices, triangles)]
+    } else {
+        groups_of(file, bytes, true)?
+    };
+    let mesh = |(vertices, triangles): Soup| TriangleMesh {
+        vertices: vertices.into_iter().map(Point3::from).collect(),
+        triangles,
+    };
+    let groups: Vec<TriangleMesh> = checked(file, groups)?.into_iter().map(mesh).collect();
+    let none = groups.iter().all(|it| it.triangles.is_empty());
+    if none { Err(InputError::new(file, "faces", "no triangles", "a surface")) } else { Ok(groups) }
+}
+
 /// Reads the vertices of each group of an OBJ file, in metres; an STL file is one group. Nothing is asked of the faces.
 ///
 /// # Errors
@@ -71,19 +97,34 @@ fn read_groups(file: &str, bytes: &[u8], scale: f64, with_collada: bool) -> Resu
         let expected = format!("a mesh file of at most {} MiB", MAX_FILE_BYTES >> 20);
         return Err(InputError::new(file, "size", format!("{} MiB", bytes.len() >> 20), expected));
     }
-    let extension = file.rsplit_once('.').map(|(_, extension)| extension.to_ascii_lowercase());
-    let groups = match extension.as_deref() {
-        Some("obj") => read_obj(file, bytes)?,
-        Some("stl") => vec![read_stl(file, bytes)?],
-        Some("dae") if with_collada => vec![collada::read(file, bytes)?],
-        _ => {
+    checked(file, groups_of(file, bytes, with_collada)?)
+}
+
+/// The extension of a file's name in lower case.
+fn extension(file: &str) -> String {
+    file.rsplit_once('.').map(|(_, extension)| extension.to_ascii_lowercase()).unwrap_or_default()
+}
+
+/// The groups of a file.
+fn groups_of(file: &str, bytes: &[u8], with_collada: bool) -> Result<Vec<Soup>, InputError> {
+    match extension(file).as_str() {
+        "obj" => read_obj(file, bytes),
+        "stl" => Ok(vec![read_stl(file, bytes)?]),
+        "dae" if with_collada => Ok(vec![collada::read(file, bytes)?]),
+        extension => {
             let expected = if with_collada { "a mesh: .obj, .stl or .dae" } else { "a mesh: .obj or .stl" };
-            return Err(InputError::new(file, "extension", extension.unwrap_or_default(), expected));
+            Err(InputError::new(file, "extension", extension, expected))
         }
-    };
+    }
+}
+
+/// Groups whose numbers are finite and whose indices are within range.
+fn checked(file: &str, groups: Vec<Soup>) -> Result<Vec<Soup>, InputError> {
     for (vertices, triangles) in &groups {
         for (i, vertex) in vertices.iter().enumerate() {
-            InputError::finite(file, format!("vertex {}", i + 1), *vertex)?;
+            if !vertex.iter().all(|value| value.is_finite()) {
+                InputError::finite(file, format!("vertex {}", i + 1), *vertex)?;
+            }
         }
         if let Some(missing) = triangles.iter().flatten().find(|&&index| index as usize >= vertices.len()) {
             let expected = format!("indices of the {} vertices", vertices.len());
@@ -113,13 +154,14 @@ fn read_stl(file: &str, bytes: &[u8]) -> Result<Soup, InputError> {
     // Some binary files begin like text files; their length tells.
     let count = bytes.get(80..84).and_then(|it| it.try_into().ok()).map_or(0, u32::from_le_bytes);
     let is_binary = bytes.len() as u64 == 84 + 50 * u64::from(count);
-    let unmarked: Vec<u8>;
-    let bytes = if is_binary && bytes.starts_with(b"solid") {
-        unmarked = [&[0; 5], &bytes[5..]].concat();
-        &unmarked
-    } else {
-        bytes
-    };
+    if is_binary {
+        let number = |bytes: &[u8; 4]| f64::from(f32::from_le_bytes(*bytes));
+        // Of the 50 bytes of a triangle the first 12 are its normal, which follows from its corners.
+        let corners = bytes[84..].chunks_exact(50).flat_map(|it| it[12..48].as_chunks::<12>().0);
+        let vertices: Vec<[f64; 3]> = corners.map(|it| std::array::from_fn(|k| number(&it.as_chunks().0[k]))).collect();
+        let triangles = (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        return Ok((vertices, triangles));
+    }
     let mesh = stl_io::read_stl(&mut Cursor::new(bytes))
         .map_err(|fault| InputError::new(file, "content", fault, "an STL mesh, binary or text"))?;
     let vertices = mesh.vertices.iter().map(|vertex| <[f32; 3]>::from(*vertex).map(f64::from)).collect();

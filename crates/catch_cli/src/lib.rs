@@ -22,6 +22,7 @@ mod learn;
 mod list;
 mod merge;
 mod new;
+mod object;
 mod plan;
 mod play;
 mod predict;
@@ -93,6 +94,8 @@ enum Command {
     Learn(learn::LearnArguments),
     /// The best waiting pose for a distribution of throws
     Ready(ready::ReadyArguments),
+    /// Things to throw that others described
+    Object(object::ObjectArguments),
     /// Arms that others described
     Robot(robot::RobotArguments),
     /// The pose of one point cloud against another, or against a mesh
@@ -277,6 +280,7 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         Some(Command::Learn(learn)) => learn::run(&learn),
         Some(Command::Register(register)) => register::run(&register),
         Some(Command::Ready(ready)) => ready::run(&ready),
+        Some(Command::Object(object)) => object::run(&object),
         Some(Command::Robot(robot)) => robot::run(&robot),
         Some(Command::Replay(replay)) => replay::run(&replay),
         Some(Command::View(view)) => view::run(&view),

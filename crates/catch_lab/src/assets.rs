@@ -40,6 +40,9 @@ pub enum Kind {
     Study,
 }
 
+/// Endings of files from which an object can be imported.
+const SHAPES: [&str; 8] = ["obj", "stl", "ply", "dae", "gltf", "glb", "sdf", "urdf"];
+
 impl Kind {
     /// All kinds, in the order in which a person would ask for them.
     pub const ALL: [Self; 8] =
@@ -134,14 +137,13 @@ impl Asset {
             Origin::BuiltIn(_) => PathBuf::from(name),
         };
         let path = if path.is_dir() { path.join(kind.main_file()) } else { path };
-        let is_mesh =
-            path.extension().is_some_and(|it| it.eq_ignore_ascii_case("obj") || it.eq_ignore_ascii_case("stl"));
-        if kind == Kind::Object && is_mesh {
+        let is_shape = |it: &std::ffi::OsStr| SHAPES.iter().any(|known| it.eq_ignore_ascii_case(known));
+        if kind == Kind::Object && path.extension().is_some_and(is_shape) {
             let stem = path.file_stem().unwrap_or_default().display();
             let expected = format!(
-                "an object file, which names the mesh and says what it weighs: `catchingbot new object {stem}`"
+                "an object file, which says what it weighs: `catchingbot object import {name} --out {stem}.toml` makes one"
             );
-            return Err(InputError::new(field.0, field.1, format!("the mesh `{name}`"), expected));
+            return Err(InputError::new(field.0, field.1, format!("the shape `{name}`"), expected));
         }
         let is_description = path
             .extension()

@@ -5,6 +5,8 @@ pub mod check;
 pub mod cloud_file;
 pub mod flight_learning;
 pub mod flight_misses;
+mod mesh_paths;
+pub mod object_import;
 pub mod planner_cases;
 pub mod robot_import;
 pub mod templates;

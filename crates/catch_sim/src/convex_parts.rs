@@ -34,12 +34,20 @@ pub(crate) fn convex_parts(mesh: &TriangleMesh) -> Vec<Vec<Point3<f64>>> {
 
 /// Volume of the convex hull of points; zero where they span none.
 pub(crate) fn hull_volume_m3(points: &[Point3<f64>]) -> f64 {
-    let hull = ConvexPolyhedron::from_convex_hull(&to_vectors(points));
-    hull.map_or(0.0, |hull| {
-        let (points, triangles) = hull.to_trimesh();
-        let vertices = points.iter().map(|it| Point3::new(it.x, it.y, it.z)).collect();
-        TriangleMesh { vertices, triangles }.volume().max(0.0)
-    })
+    hull(points).map_or(0.0, |it| it.volume().max(0.0))
+}
+
+/// Area of the convex hull of points; zero where they span no volume.
+pub(crate) fn hull_area_m2(points: &[Point3<f64>]) -> f64 {
+    let area = |[a, b, c]: [Point3<f64>; 3]| (b - a).cross(&(c - a)).norm() / 2.0;
+    hull(points).map_or(0.0, |it| it.all_corners().map(area).sum())
+}
+
+/// The surface of the convex hull of points; `None` where they span no volume.
+fn hull(points: &[Point3<f64>]) -> Option<TriangleMesh> {
+    let (points, triangles) = ConvexPolyhedron::from_convex_hull(&to_vectors(points))?.to_trimesh();
+    let vertices = points.iter().map(|it| Point3::new(it.x, it.y, it.z)).collect();
+    Some(TriangleMesh { vertices, triangles })
 }
 
 fn to_vectors(points: &[Point3<f64>]) -> Vec<Vector> {

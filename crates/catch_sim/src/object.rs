@@ -4,10 +4,10 @@ use catch_body::{InputError, TriangleMesh, quantity, shape::Cuboid};
 use nalgebra::{Matrix3, Point3, Vector3};
 use serde::Deserialize;
 
-pub use crate::object_shape::check_length;
+pub use crate::object_shape::{ColliderPart, check_length};
 use crate::{
     config::Drawn,
-    object_shape::{ColliderPart, ShapeFields, Solid},
+    object_shape::{ShapeFields, Solid},
 };
 
 /// What an object is like. Its frame O has its origin at the centre of mass and the axes of its file.

@@ -12,7 +12,7 @@ use catch_body::{
 use nalgebra::{Matrix3, Point3, Vector3};
 use serde::Deserialize;
 
-use crate::convex_parts::{convex_parts, hull_volume_m3};
+use crate::convex_parts::{convex_parts, hull_area_m2, hull_volume_m3};
 
 /// Flat strips around a solid of revolution or a tube: at 32 a radius of 25 mm is 0.12 mm short between them.
 const SEGMENTS: u32 = 32;
@@ -47,6 +47,14 @@ impl ColliderPart {
         match self {
             Self::Ball { radius_m, .. } => 4.0 / 3.0 * std::f64::consts::PI * radius_m.powi(3),
             Self::Hull(points) => hull_volume_m3(points),
+        }
+    }
+
+    /// Area of its surface in m²; zero for points that span no volume.
+    pub fn surface_m2(&self) -> f64 {
+        match self {
+            Self::Ball { radius_m, .. } => 4.0 * std::f64::consts::PI * radius_m.powi(2),
+            Self::Hull(points) => hull_area_m2(points),
         }
     }
 }

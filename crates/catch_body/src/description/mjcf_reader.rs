@@ -330,7 +330,14 @@ impl<'a> Reader<'a> {
             if let Some(mut geometry) = self.geometry(geom, class)? {
                 let X_BS = geometry.X_LS;
                 geometry.X_LS = X_LB * X_BS;
-                if touches { link.collisions.push(geometry) } else { link.visuals.push(geometry) }
+                if touches {
+                    link.collisions.push(geometry);
+                } else {
+                    link.visuals.push(geometry);
+                }
+                let said = self.attribute(geom, "geom", class, "friction");
+                let sliding = said.and_then(|it| it.split_whitespace().next()?.parse::<f64>().ok());
+                link.friction = link.friction.or(sliding.filter(|it| crate::quantity::FRICTION.contains(*it)));
             }
         }
         Ok(link)

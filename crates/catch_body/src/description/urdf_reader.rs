@@ -57,7 +57,9 @@ fn link(element: &Element) -> Result<Link, InputError> {
         _ => None,
     };
     let shapes = |name| element.children(name).map(|it| geometry(&it)).collect::<Result<Vec<_>, _>>();
-    Ok(Link { inertia, collisions: shapes("collision")?, visuals: shapes("visual")? })
+    let contact = element.child("contact")?.map(|it| it.child("lateral_friction")).transpose()?.flatten();
+    let friction = contact.map(|it| it.number("value", quantity::FRICTION)).transpose()?;
+    Ok(Link { inertia, friction, collisions: shapes("collision")?, visuals: shapes("visual")? })
 }
 
 fn weighs_something(inertial: &Element) -> Result<bool, InputError> {

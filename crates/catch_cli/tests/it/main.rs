@@ -10,6 +10,7 @@ mod honest;
 mod inputs;
 mod mcap_file;
 mod mutated_files;
+mod object_import;
 mod own_data;
 mod pages;
 mod recorded_flights;

@@ -243,7 +243,10 @@ fn arguments_that_cannot_be_right_say_what_would_be() {
             &["--noise: found -1, expected 0 to 1 m"],
         ),
         (&["register", "--cloud", "no.ply", "--reference", "banana"], &["no.ply"]),
-        (&["catch", "--object", "cup.obj"], &["--object", "the mesh `cup.obj`", "`catchingbot new object cup`"]),
+        (
+            &["catch", "--object", "cup.obj"],
+            &["--object", "the shape `cup.obj`", "`catchingbot object import cup.obj --out cup.toml`"],
+        ),
         (
             &["ready", "--set", "ready_rad=[2.8, 1.2, 1.1, -1.5, 1.6, 1.4, 0.2]", "--trials", "1", "--tries", "1"],
             &["no pose", "within reach"],

@@ -45,7 +45,7 @@ pub fn parse(file: &str, bytes: &[u8], meshes: bool) -> Result<CloudFile, InputE
         "obj" | "stl" if meshes => {
             let mesh = mesh_from_bytes(file, bytes, 1.0)?;
             let advice =
-                "a mesh in millimetres is named by an object file with `scale = 0.001` (`catchingbot new object`)";
+                "a mesh in millimetres needs an object file with `scale = 0.001`, or `catchingbot object import`";
             check_length(file, "the mesh", mesh.aabb().size.max(), advice)?;
             Ok(on_surface(&mesh))
         }

@@ -6,7 +6,6 @@
 mod draft;
 mod geometry;
 mod joint_limits;
-mod mesh_paths;
 mod poses;
 
 use std::{

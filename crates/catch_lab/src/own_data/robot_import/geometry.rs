@@ -10,7 +10,7 @@ use catch_body::{
 };
 use nalgebra::{Point3, Vector3};
 
-use super::mesh_paths::resolve;
+use super::super::mesh_paths::resolve;
 use crate::bounded_file::FileKind;
 
 /// Shapes of one body at most.

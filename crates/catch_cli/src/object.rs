@@ -1,0 +1,146 @@
+//! `catchingbot object`: things to throw that others described.
+
+use std::{fs, path::PathBuf};
+
+use catch_body::InputError;
+use catch_lab::{
+    VERSION,
+    assets::COMMAND_LINE,
+    evaluation::results::make_writable,
+    own_data::object_import::{ImportOptions, ImportedObject},
+};
+use clap::{Args, Subcommand};
+use serde::Serialize;
+
+use crate::screen;
+
+/// Arguments of `object`.
+#[derive(Debug, Args)]
+pub struct ObjectArguments {
+    #[command(subcommand)]
+    command: ObjectCommand,
+}
+
+#[derive(Debug, Subcommand)]
+enum ObjectCommand {
+    /// Makes an object from a mesh, or from a link that somebody else described
+    Import(ImportArguments),
+}
+
+/// Arguments of `object import`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+A mesh (OBJ, STL, PLY, COLLADA, glTF, GLB) becomes the object's shape; of a description (SDF, URDF, MJCF) its
+link with a shape does, with mass, centre of mass, inertia, friction and collision shapes. Vertices are welded,
+holes filled and triangles turned where that is safe; each repair is told, and a defect that is left is
+located. What no file says is assumed, and says so in the object's file.
+
+Examples:
+  catchingbot object import scan.ply --out mug.toml
+  catchingbot object import models/drill/model.sdf --out drill.toml
+  catchingbot --object mug.toml")]
+pub struct ImportArguments {
+    /// A mesh, a description, or a folder that holds one
+    #[arg(value_name = "FILE|FOLDER")]
+    source: PathBuf,
+    /// The object's file, NAME.toml; its mesh is written beside it as NAME.obj
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// The link of a description with several
+    #[arg(long, value_name = "NAME")]
+    link: Option<String>,
+    /// Metres per unit of the mesh [default: guessed from its size]
+    #[arg(long, value_name = "N")]
+    scale: Option<f64>,
+    /// Mass in kg [default: the description's, or that of the volume at 500 kg/m³]
+    #[arg(long, value_name = "KG")]
+    mass: Option<f64>,
+    /// Fill holes up to this width in metres [default: 0.15 of the longest side]
+    #[arg(long, value_name = "N")]
+    fill_holes: Option<f64>,
+    /// Print one JSON document instead of the story
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Document {
+    version: &'static str,
+    object: PathBuf,
+    name: String,
+    mass_kg: f64,
+    volume_m3: f64,
+    size_m: [f64; 3],
+    triangles: usize,
+    convex_parts: usize,
+    findings: Vec<String>,
+}
+
+/// Imports an object.
+///
+/// # Errors
+/// What is wrong with the files, the options or the place to write to.
+pub fn run(arguments: &ObjectArguments) -> anyhow::Result<()> {
+    let ObjectCommand::Import(arguments) = &arguments.command;
+    let out = &arguments.out;
+    let fault = |found: String, expected: &str| InputError::new(COMMAND_LINE, "--out", found, expected);
+    let stem = out.file_stem().and_then(|it| it.to_str()).filter(|_| out.extension().is_some_and(|it| it == "toml"));
+    let stem = stem.ok_or_else(|| fault(format!("`{}`", out.display()), "a file NAME.toml"))?;
+    let options = ImportOptions {
+        link: arguments.link.clone(),
+        scale: arguments.scale,
+        mass_kg: arguments.mass,
+        largest_hole_m: arguments.fill_holes,
+    };
+    let imported = ImportedObject::read(&arguments.source, stem, &options)?;
+
+    let folder = out.parent().map(PathBuf::from).unwrap_or_default();
+    // The object's own file comes last: where it is, all that it names is there.
+    let mut files: Vec<(PathBuf, &[u8])> =
+        imported.beside.iter().map(|(name, bytes)| (folder.join(name), &bytes[..])).collect();
+    files.push((out.clone(), imported.toml.as_bytes()));
+    if let Some((path, _)) = files.iter().find(|(path, _)| path.exists()) {
+        let found = format!("`{}`, which is already there", path.display());
+        return Err(fault(found, "files that do not exist yet").into());
+    }
+    if !folder.as_os_str().is_empty() {
+        make_writable(&folder, "--out")?;
+    }
+    for (path, content) in &files {
+        let unwritten = |it: std::io::Error| InputError::unwritten(path.display(), &it, "a folder that can be written");
+        fs::write(path, content).map_err(unwritten)?;
+    }
+    tell(arguments, &imported)
+}
+
+/// Says what was made, and what to do next.
+fn tell(arguments: &ImportArguments, imported: &ImportedObject) -> anyhow::Result<()> {
+    let object = &imported.object;
+    let size_m = object.mesh.aabb().size;
+    if arguments.json {
+        return screen::json(&Document {
+            version: VERSION,
+            object: arguments.out.clone(),
+            name: object.name.clone(),
+            mass_kg: object.mass_kg,
+            volume_m3: object.mesh.volume(),
+            size_m: size_m.into(),
+            triangles: object.mesh.triangles.len(),
+            convex_parts: object.parts.len(),
+            findings: imported.findings.clone(),
+        });
+    }
+    let [x, y, z] = <[f64; 3]>::from(size_m * 1e3);
+    let volume_cm3 = object.mesh.volume() * 1e6;
+    screen::fact(
+        "object",
+        &format!("{}: {x:.0} × {y:.0} × {z:.0} mm, {volume_cm3:.0} cm³, {} kg", object.name, object.mass_kg),
+    )?;
+    for finding in &imported.findings {
+        screen::fact("found", finding)?;
+    }
+    let out = arguments.out.to_string_lossy();
+    screen::fact("written", &out)?;
+    screen::fact("is it right?", &screen::command(&["check", &out]))?;
+    Ok(screen::fact("try it", &screen::command(&["--object", &out]))?)
+}

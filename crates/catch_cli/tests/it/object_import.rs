@@ -1,0 +1,211 @@
+//! `object import`: from a mesh or a description to an object, with one command.
+
+use std::{fmt::Write, fs, path::Path};
+
+use catch_body::TriangleMesh;
+use catch_lab::assets::{Asset, Kind};
+use catch_sim::ThrownObject;
+use nalgebra::{Point3, Vector3};
+use serde_json::Value;
+
+use crate::{catchingbot, stderr, stdout};
+
+/// A bottle in millimetres: a body and a neck.
+fn bottle() -> TriangleMesh {
+    TriangleMesh::revolution(&[[0.0, 25.0], [60.0, 25.0], [70.0, 12.0], [90.0, 12.0]], 48)
+}
+
+/// An STL file whose triangles know nothing of each other, some facing the wrong way, one missing.
+fn broken_stl(mesh: &TriangleMesh) -> Vec<u8> {
+    let mut bytes = vec![b' '; 80];
+    bytes.extend((mesh.triangles.len() as u32 - 1).to_le_bytes());
+    for (i, mut corners) in mesh.all_corners().enumerate().skip(1) {
+        if i % 9 == 0 {
+            corners.swap(0, 1);
+        }
+        let points = std::iter::once(Point3::origin()).chain(corners);
+        bytes.extend(points.flat_map(<[f64; 3]>::from).flat_map(|it| (it as f32).to_le_bytes()));
+        bytes.extend([0; 2]);
+    }
+    bytes
+}
+
+fn obj(mesh: &TriangleMesh) -> String {
+    let mut text = String::new();
+    for p in &mesh.vertices {
+        writeln!(text, "v {} {} {}", p.x, p.y, p.z).unwrap();
+    }
+    for triangle in &mesh.triangles {
+        let [a, b, c] = triangle.map(|it| it + 1);
+        writeln!(text, "f {a} {b} {c}").unwrap();
+    }
+    text
+}
+
+/// A glTF file with its buffer inside, y up.
+fn gltf(mesh: &TriangleMesh) -> String {
+    let numbers = mesh.vertices.iter().flat_map(|p| [p.x, p.z, -p.y]).flat_map(|it| (it as f32).to_le_bytes());
+    let mut bytes: Vec<u8> = numbers.collect();
+    let vertices = bytes.len();
+    bytes.extend(mesh.triangles.iter().flatten().flat_map(|it| (*it as u16).to_le_bytes()));
+    let (count, corners) = (mesh.vertices.len(), 3 * mesh.triangles.len());
+    serde_json::json!({
+        "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "nodes": [0] }],
+        "nodes": [{ "children": [1], "scale": [0.001, 0.001, 0.001] }, { "mesh": 0, "translation": [0.0, 0.0, 0.0] }],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 }, "indices": 1 }] }],
+        "accessors": [
+            { "bufferView": 0, "componentType": 5126, "count": count, "type": "VEC3" },
+            { "bufferView": 1, "componentType": 5123, "count": corners, "type": "SCALAR" }],
+        "bufferViews": [
+            { "buffer": 0, "byteLength": vertices }, { "buffer": 0, "byteOffset": vertices, "byteLength": 2 * corners }],
+        "buffers": [{ "byteLength": bytes.len(), "uri": format!("data:application/octet-stream;base64,{}", base64(&bytes)) }]
+    })
+    .to_string()
+}
+
+fn base64(bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let group = |it: &[u8]| {
+        let word = it.iter().enumerate().fold(0u32, |word, (i, byte)| word | u32::from(*byte) << (16 - 8 * i));
+        let digit =
+            |k: usize| if k <= it.len() { char::from(DIGITS[(word >> (18 - 6 * k)) as usize & 63]) } else { '=' };
+        [0, 1, 2, 3].map(digit)
+    };
+    bytes.chunks(3).flat_map(group).collect()
+}
+
+/// Imports, and returns what was said and the object that its file describes.
+fn imported(source: &Path, out: &Path, more: &[&str]) -> (Value, ThrownObject) {
+    let arguments = ["object", "import", source.to_str().unwrap(), "--out", out.to_str().unwrap(), "--json"];
+    let output = catchingbot(&[&arguments[..], more].concat());
+    assert!(output.status.success(), "{}", stderr(&output));
+    let check = catchingbot(&["check", out.to_str().unwrap()]);
+    assert!(check.status.success(), "{}", stdout(&check));
+    let object = Asset::on_disk(Kind::Object, out).unwrap().thrown_object().unwrap();
+    (serde_json::from_str(&stdout(&output)).unwrap(), object)
+}
+
+fn findings(said: &Value) -> String {
+    said["findings"].as_array().unwrap().iter().filter_map(Value::as_str).collect::<Vec<_>>().join("\n")
+}
+
+#[test]
+fn a_broken_mesh_in_millimetres_becomes_an_object() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = folder.path().join("bottle.stl");
+    fs::write(&source, broken_stl(&bottle())).unwrap();
+    let (said, object) = imported(&source, &folder.path().join("flask.toml"), &[]);
+    let findings = findings(&said);
+    for expected in ["millimetres, guessed", "triangles turned", "holes filled: 1", "kg assumed, 500 kg/m³"] {
+        assert!(findings.contains(expected), "{findings}");
+    }
+    assert!((object.mesh.volume() / (bottle().volume() * 1e-9) - 1.0).abs() < 1e-3);
+    assert!((object.mass_kg / object.mesh.volume() - 500.0).abs() < 5.0);
+    // The next command works as printed.
+    let out = folder.path().join("cup.toml");
+    let arguments = ["object", "import", source.to_str().unwrap(), "--out", out.to_str().unwrap(), "--mass", "0.1"];
+    let output = catchingbot(&arguments);
+    assert!(stdout(&output).contains(&format!("--object {}", out.display())), "{}", stdout(&output));
+    let none = catchingbot(&arguments);
+    assert!(stderr(&none).contains("which is already there"), "{}", stderr(&none));
+}
+
+#[test]
+fn a_description_brings_its_mass_and_placeholders_are_not_believed() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = folder.path().join("model");
+    fs::create_dir(&model).unwrap();
+    fs::write(model.join("bottle.obj"), obj(&bottle())).unwrap();
+    let urdf = |inertia: &str| {
+        format!(
+            "<?xml version=\"0.0\"?><robot name=\"b\"><link name=\"base\"><contact><lateral_friction value=\"0.8\"/></contact>\
+             <inertial><origin xyz=\"0 0 0.045\"/><mass value=\"0.12\"/>{inertia}</inertial>\
+             <visual><geometry><mesh filename=\"bottle.obj\" scale=\"0.001 0.001 0.001\"/></geometry></visual>\
+             <collision><geometry><mesh filename=\"bottle.obj\" scale=\"0.001 0.001 0.001\"/></geometry></collision>\
+             </link></robot>"
+        )
+    };
+    let inertia = |moment: &str| {
+        format!("<inertia ixx=\"{moment}\" iyy=\"{moment}\" izz=\"{moment}\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/>")
+    };
+    fs::write(model.join("model.urdf"), urdf(&inertia("1e-3"))).unwrap();
+    let (said, object) = imported(&model, &folder.path().join("one.toml"), &[]);
+    assert!(findings(&said).contains("equal about all axes"), "{}", findings(&said));
+    assert_eq!((object.mass_kg, object.friction), (0.12, Some(catch_sim::config::Drawn::Always(0.8))));
+    assert!(object.inertia_kgm2[(0, 0)] < 2e-4);
+    let measured = inertia("7e-5").replace("izz=\"7e-5\"", "izz=\"3.5e-5\"");
+    fs::write(model.join("model.urdf"), urdf(&measured)).unwrap();
+    let (_, object) = imported(&model.join("model.urdf"), &folder.path().join("two.toml"), &[]);
+    assert!((object.inertia_kgm2[(0, 0)] - 7e-5).abs() < 1e-12);
+    // The bottom, at z = 0 of the link, is that far below the stated centre of mass.
+    let low = object.mesh.vertices.iter().map(|it| it.z).fold(f64::INFINITY, f64::min);
+    assert!((low + 0.045).abs() < 1e-6, "{low}");
+}
+
+#[test]
+fn an_sdf_with_a_gltf_mesh_stands_as_its_simulator_has_it() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("meshes")).unwrap();
+    fs::write(folder.path().join("meshes/bottle.gltf"), gltf(&bottle())).unwrap();
+    let sdf = "<sdf version=\"1.7\"><model name=\"m\"><link name=\"l\"><inertial><pose>0 0 0.13 0 0 0</pose><mass>0.2</mass></inertial>\
+        <visual name=\"v\"><pose>0 0 0.1 0 0 0</pose><geometry><mesh><uri>package://any/meshes/bottle.gltf</uri></mesh></geometry></visual>\
+        <collision name=\"c\"><pose>0 0 0.13 0 0 0</pose><geometry><cylinder><radius>0.025</radius><length>0.06</length></cylinder></geometry>\
+        </collision></link></model></sdf>";
+    let source = folder.path().join("bottle.sdf");
+    fs::write(&source, sdf).unwrap();
+    let (said, object) = imported(&source, &folder.path().join("bottle.toml"), &[]);
+    assert!(findings(&said).contains("metres, as the format says: 90.0 mm"), "{}", findings(&said));
+    let size = object.mesh.aabb().size;
+    assert!((size - Vector3::new(0.05, 0.05, 0.09)).norm() < 3e-4, "{size}");
+    assert_eq!(object.parts.len(), 1, "the cylinder: {}", findings(&said));
+}
+
+#[test]
+fn what_cannot_be_imported_is_refused_with_its_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        fs::write(&path, bytes).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let mut open = bottle();
+    open.triangles.retain(|it| it.iter().any(|vertex| open.vertices[*vertex as usize].z > 1.0));
+    let open = write("open.obj", obj(&open).as_bytes());
+    let two = "<robot name=\"r\"><link name=\"a\"><visual><geometry><sphere radius=\"0.03\"/></geometry></visual></link>\
+        <link name=\"b\"><visual><geometry><sphere radius=\"0.03\"/></geometry></visual></link>\
+        <joint name=\"j\" type=\"fixed\"><parent link=\"a\"/><child link=\"b\"/></joint></robot>";
+    let two = write("two.urdf", two.as_bytes());
+    let draco = write("c.gltf", br#"{"asset":{"version":"2.0"},"extensionsRequired":["KHR_draco_mesh_compression"]}"#);
+    let early = write(
+        "e.gltf",
+        br#"{"nodes":[{"mesh":0}],"meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],
+        "accessors":[{"bufferView":0,"componentType":5126,"count":9000000,"type":"VEC3"}],
+        "bufferViews":[{"buffer":0,"byteLength":4}],"buffers":[{"uri":"data:;base64,AAAAAA=="}]}"#,
+    );
+    let loops = write("l.gltf", br#"{"nodes":[{"children":[0]}]}"#);
+    let ball = write("ball.obj", obj(&TriangleMesh::sphere(0.03, 2)).as_bytes());
+    let many = folder.path().join("many");
+    fs::create_dir(&many).unwrap();
+    ["a.obj", "b.obj"].iter().for_each(|name| fs::write(many.join(name), "v 0 0 0\n").unwrap());
+    let out = folder.path().join("out.toml");
+    let out = out.to_str().unwrap();
+    for (arguments, expected) in [
+        (vec![&open[..], "--fill-holes", "0.01"], "a hole of 49.9 mm around ["),
+        (vec![&two], "found 2 with shapes: a, b, expected one of them as `--link NAME`"),
+        (vec![&two, "--link", "c"], "--link: found `c`, expected one of a, b"),
+        (vec![&draco], "KHR_draco_mesh_compression"),
+        (vec![&early], "a buffer that ends early"),
+        (vec![&loops], "nodes without end"),
+        (vec![&ball, "--scale", "100"], "something 6.000 m long"),
+        (vec![&ball, "--mass", "80"], "--mass: found 80"),
+        (vec![many.to_str().unwrap()], "the folder: found 2 files: a.obj, b.obj"),
+        (vec!["none.ply"], "none.ply: the file"),
+    ] {
+        let output = catchingbot(&[&["object", "import", "--out", out], &arguments[..]].concat());
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", stdout(&output));
+        assert!(stderr(&output).contains(expected), "{arguments:?}: {}", stderr(&output));
+        assert!(!Path::new(out).exists());
+    }
+    let output = catchingbot(&["object", "import", &ball, "--out", "ball"]);
+    assert!(stderr(&output).contains("a file NAME.toml"), "{}", stderr(&output));
+}

@@ -1,0 +1,113 @@
+//! The files of an imported object.
+
+use std::fmt::Write;
+
+use catch_body::{TriangleMesh, quantity};
+use catch_sim::object::ColliderPart;
+
+use super::mass::Stated;
+
+/// Density of air in kg/m³.
+const AIR_KGPM3: f64 = 1.2;
+/// Drag coefficient of something that tumbles; blunt bodies have about this one.
+const DRAG_COEFFICIENT: f64 = 0.9;
+/// What nobody says of impacts.
+const RESTITUTION: f64 = 0.4;
+
+/// An object's files while they are written.
+pub(super) struct Draft<'a> {
+    pub name: String,
+    pub source: String,
+    pub mesh: &'a TriangleMesh,
+    pub parts: Vec<TriangleMesh>,
+    pub stated: &'a Stated,
+    pub friction: Option<f64>,
+}
+
+impl Draft<'_> {
+    /// The object's TOML file.
+    pub fn toml(&self) -> String {
+        let Stated { mass_kg, assumed, com, about_com, .. } = self.stated;
+        let drag_per_m = self.drag_per_m();
+        let mut text = format!("# Imported: {}.\nname = {:?}\n\n", self.source.replace(['\n', '\r'], " "), self.name);
+        text += "# What it truly is; only the arena reads this, never the brain.\n[truth]\n";
+        let mut add = |line: String| text += &(line + "\n");
+        if let Some(reason) = assumed {
+            add(format!("# Assumed: {reason}."));
+        }
+        add(format!("mass_kg = {mass_kg}"));
+        add(format!("# Assumed: nobody says how it bounces.\nrestitution = {RESTITUTION:?}"));
+        add(format!(
+            "# Assumed: ½·ρ·C_D·A/m with C_D = {DRAG_COEFFICIENT} and A the mean silhouette of its convex hull.\n\
+             drag_per_m = {drag_per_m}"
+        ));
+        if let Some(com) = com {
+            add(format!("com_m = [{:.6}, {:.6}, {:.6}]", com.x, com.y, com.z));
+        }
+        if let Some(inertia) = about_com {
+            let entries = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|at| format!("{:e}", inertia[at]));
+            add(format!(
+                "# ixx, ixy, ixz, iyy, iyz, izz about the centre of mass.\ninertia_kgm2 = [{}]",
+                entries.join(", ")
+            ));
+        }
+        if let Some(friction) = self.friction {
+            add(format!("friction = {friction:?}"));
+        }
+        add("\n[truth.shape]\nkind = \"mesh\"".into());
+        add(format!("file = {:?}", self.mesh_file()));
+        if !self.parts.is_empty() {
+            add(format!("parts = [{:?}]", self.parts_file()));
+        }
+        let drag_sd = (drag_per_m * 0.3 * 1e4).round() / 1e4;
+        text + &format!(
+            "\n# What the brain is told beforehand, beside a scan of the object from all sides.\n[prior]\n\
+             drag_per_m = {drag_per_m}\ndrag_sd_per_m = {}\nrestitution = {RESTITUTION:?}\n",
+            drag_sd.max(1e-4)
+        )
+    }
+
+    /// The files beside it.
+    pub fn files(&self) -> Vec<(String, Vec<u8>)> {
+        let mut files = vec![(self.mesh_file(), obj(std::slice::from_ref(self.mesh)))];
+        if !self.parts.is_empty() {
+            files.push((self.parts_file(), obj(&self.parts)));
+        }
+        files
+    }
+
+    fn mesh_file(&self) -> String {
+        format!("{}.obj", self.name)
+    }
+
+    fn parts_file(&self) -> String {
+        format!("{}_parts.obj", self.name)
+    }
+
+    /// A convex body's mean silhouette is a quarter of its surface (Cauchy).
+    fn drag_per_m(&self) -> f64 {
+        let silhouette_m2 = ColliderPart::Hull(self.mesh.vertices.clone()).surface_m2() / 4.0;
+        let drag = 0.5 * AIR_KGPM3 * DRAG_COEFFICIENT * silhouette_m2 / self.stated.mass_kg;
+        let rounded = (drag * 1e4).round() / 1e4;
+        rounded.clamp(quantity::DRAG_PER_M.least, quantity::DRAG_PER_M.most)
+    }
+}
+
+/// Meshes as the groups of an OBJ file in metres, to a micrometre.
+fn obj(groups: &[TriangleMesh]) -> Vec<u8> {
+    let mut text = String::new();
+    let mut first = 1;
+    for (i, mesh) in groups.iter().enumerate() {
+        // A String takes whatever is written to it.
+        let _ = writeln!(text, "o part_{}", i + 1);
+        for p in &mesh.vertices {
+            let _ = writeln!(text, "v {:.7} {:.7} {:.7}", p.x, p.y, p.z);
+        }
+        for triangle in &mesh.triangles {
+            let [a, b, c] = triangle.map(|it| it as usize + first);
+            let _ = writeln!(text, "f {a} {b} {c}");
+        }
+        first += mesh.vertices.len();
+    }
+    text.into_bytes()
+}
