@@ -16,6 +16,7 @@ use crate::{
     urdf::{self, Element, Urdf},
 };
 
+/// What the `robot.toml` beside a `robot.urdf` says.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RobotFile {

@@ -44,37 +44,52 @@ pub struct Workcell {
     pub obstacles: Vec<Obstacle>,
 }
 
+/// Obstacles around the arm: 1 to 64 boxes and capsules in the world.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct WorkcellFields {
+    /// Name.
     name: String,
+    /// What it is, in a sentence.
     description: String,
+    /// Boxes.
     #[serde(default)]
     boxes: Vec<BoxFields>,
+    /// Capsules.
     #[serde(default)]
     capsules: Vec<CapsuleFields>,
 }
 
+/// A box.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct BoxFields {
+    /// Name, for errors.
     name: String,
+    /// Full extents along its own axes.
     #[serde(deserialize_with = "quantity::obstacle_size_m")]
     size_m: [f64; 3],
+    /// Where its middle is.
     #[serde(deserialize_with = "quantity::place_m")]
     position_m: [f64; 3],
+    /// Its rotation: roll, pitch and yaw about the fixed axes x, y and z.
     #[serde(default, deserialize_with = "quantity::angle_rad")]
     rpy_rad: [f64; 3],
 }
 
+/// All points within a radius of a segment.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CapsuleFields {
+    /// Name, for errors.
     name: String,
+    /// Where the segment begins.
     #[serde(deserialize_with = "quantity::place_m")]
     from_m: [f64; 3],
+    /// Where it ends.
     #[serde(deserialize_with = "quantity::place_m")]
     to_m: [f64; 3],
+    /// Radius.
     #[serde(deserialize_with = "quantity::radius_m")]
     radius_m: f64,
 }

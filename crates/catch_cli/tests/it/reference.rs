@@ -54,7 +54,7 @@ fn settings_are_as_the_sources_have_them() {
 
 #[test]
 fn files_are_as_the_sources_have_them() {
-    let about = "Every field of the TOML files of robots, grippers, objects, throws, rigs and studies, and of what `learn` writes. \
+    let about = "Every field of the TOML files of robots, grippers, workcells, objects, throws, rigs and studies, and of what `learn` writes. \
                  `catchingbot check FILE` tells what is wrong with one, and `catchingbot list --show NAME` prints those that are built in.";
     is_current("files.md", &tables("Files", about, FILES));
 }
@@ -107,6 +107,7 @@ fn tables(title: &str, about: &str, sections: &[Section]) -> String {
     let mut page = format!("# {title}\n\n{GENERATED}\n\n{about}\n");
     for section in sections {
         let item = item(section.source);
+        assert!(!item.doc.is_empty(), "{:?} says nothing of itself", section.source);
         let _ = write!(page, "\n## {}\n\n{}\n", section.heading, plain(&item.doc));
         let rows: Vec<[String; 5]> = item.fields.iter().map(|field| row(section, field, &ranges)).collect();
         let titles = ["", "type", "default", "range", "meaning"];
@@ -134,7 +135,11 @@ fn row(section: &Section, field: &Field, ranges: &BTreeMap<String, String>) -> [
         None => expected(&path).unwrap_or_default(),
     };
     let default = default.map_or(String::new(), |it| format!("`{it}`"));
-    [format!("`{}`", field.name), kind(&field.kind), default, range, plain(&field.doc).replace('|', "\\|")]
+    let mut holds = kind(&field.kind);
+    if SCENARIO.iter().any(|it| it.heading == path && has_defaults) {
+        holds = format!("[{holds}](#{})", path.replace('.', ""));
+    }
+    [format!("`{}`", field.name), holds, default, range, plain(&field.doc).replace('|', "\\|")]
 }
 
 /// What a field holds, in words.
