@@ -16,7 +16,6 @@ mod catch;
 mod check;
 mod completions;
 mod eval;
-mod fall;
 mod gripper_latency;
 mod learn;
 mod list;

@@ -1,6 +1,7 @@
 //! Scenarios: everything that a set of trials shares, in one file.
 
 pub mod brain;
+pub mod catch_plan;
 pub mod reach_map;
 pub mod setup;
 pub mod sources;

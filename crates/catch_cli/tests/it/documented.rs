@@ -1,5 +1,6 @@
 //! Every block of code of README, tutorial and how-tos runs: `sh` and `python` here, page by page in a folder of its own, `rust` as a
-//! doctest of `catch_lab`. Blocks of `toml` are read; what is `text` is output, or a command that no test can run.
+//! doctest of `catch_lab`. Blocks of `toml` are read; what is `text` is output, or a command that no test can run. The page of the Python
+//! package is run by the tests of that package, which must be installed.
 
 use std::{
     env, fs,
@@ -22,7 +23,7 @@ esac
 "#;
 
 /// Pages whose blocks have a test of their own, because they need what has to be built first.
-const ELSEWHERE: &[(&str, &str)] = &[("use-it-from-python.md", "crates/catch_py/tests/test_howto.py")];
+const ELSEWHERE: &[(&str, &str)] = &[("use-it-from-python.md", "crates/catch_py/tests/test_documents.py")];
 
 /// A description of an object such as readers have.
 const CAN: &str = r#"<sdf version="1.7"><model name="can"><link name="body">

@@ -378,4 +378,4 @@ impl Setup {
 }
 
 /// Why a setup's settings are right.
-const CHECKED: &str = "settings are checked when a scenario is read";
+pub(super) const CHECKED: &str = "settings are checked when a scenario is read";
