@@ -95,8 +95,9 @@ impl Drawing {
 /// The crates: each stands on those below it that a line leads to.
 fn crates() -> String {
     let boxes = [
-        ("catch_cli", "the command line", (200.0, 20.0)),
-        ("catch_experiments", "writes docs/results", (480.0, 20.0)),
+        ("catch_cli", "the command line", (130.0, 20.0)),
+        ("catch_py", "the Python package", (340.0, 20.0)),
+        ("catch_experiments", "writes docs/results", (550.0, 20.0)),
         ("catch_lab", "trials, referee, pages", (340.0, 105.0)),
         ("catch_paper", "the paper's method", (110.0, 190.0)),
         ("catch_bot", "the brain", (340.0, 275.0)),
@@ -109,6 +110,7 @@ fn crates() -> String {
     let place = |name: &str| boxes.iter().find(|(it, ..)| *it == name).map_or((0.0, 0.0), |(.., place)| *place);
     let uses = [
         ("catch_cli", "catch_lab"),
+        ("catch_py", "catch_lab"),
         ("catch_experiments", "catch_lab"),
         ("catch_lab", "catch_paper"),
         ("catch_lab", "catch_bot"),
