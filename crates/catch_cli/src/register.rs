@@ -75,8 +75,11 @@ pub fn run(arguments: &RegisterArguments) -> anyhow::Result<()> {
     let is_determined = |it: &Fit| worst_sd_m(&it.information, &reference) <= MOST_SD * reference.radius_m;
     let is_degenerate = found.as_ref().is_ok_and(|it| !is_determined(it));
     let symmetry = match reference.symmetry {
-        Symmetry::None { half_turn: Some(_), .. } => "half_turn",
-        Symmetry::None { .. } => "none",
+        Symmetry::Finite { group, .. } => match group.order() {
+            1 => "none",
+            2 => "half_turn",
+            _ => "finite",
+        },
         Symmetry::Axis { .. } => "axis",
         Symmetry::Sphere => "sphere",
     };
@@ -168,7 +171,7 @@ const MOST_SD: f64 = 0.5;
 /// object looks the same has none, so its smallest eigenvalues are left aside: one for an axis, three for a sphere.
 fn worst_sd_m(information: &Matrix6<f64>, reference: &ReferenceModel) -> f64 {
     let unseen = match reference.symmetry {
-        Symmetry::None { .. } => 0,
+        Symmetry::Finite { .. } => 0,
         Symmetry::Axis { .. } => 1,
         Symmetry::Sphere => 3,
     };

@@ -6,6 +6,7 @@ pub mod cloud_file;
 pub mod flight_learning;
 pub mod flight_misses;
 mod mesh_paths;
+mod object_check;
 pub mod object_import;
 pub mod planner_cases;
 pub mod robot_import;

@@ -36,7 +36,7 @@ pub use point_cloud::{DepthNoise, SceneCloud};
 pub use reference::ReferenceModel;
 pub use registration::{Fit, Registration};
 pub use segmentation::Surroundings;
-pub use symmetry::Symmetry;
+pub use symmetry::{RotationGroup, Symmetry};
 pub use view::{Prior, View};
 
 /// Settings of perception.
@@ -53,6 +53,8 @@ pub struct Config {
     /// Root mean square distance up to which a turned object counts as looking the same. Measured for turns by any angle:
     /// ≤ 0.3 mm on symmetric objects, ≥ 8 mm on others.
     pub symmetry_tolerance_m: f64,
+    /// The same for a finite group of rotations, such as the half turns of a box: what differs by less is not told apart in flight.
+    pub finite_symmetry_tolerance_m: f64,
     /// Depth noise of the cameras, as their data sheet has it; none if it is not set.
     pub depth_noise: Option<DepthNoise>,
     /// Standard deviation in pixels by which the object's silhouette in an image may be off: not by the pixels' size, which is
@@ -102,7 +104,8 @@ impl Default for Config {
             reference_spacing_m: 0.0015,
             grasp_spacing_m: 0.0025,
             distance_grid_m: 0.002,
-            symmetry_tolerance_m: 0.0008,
+            symmetry_tolerance_m: 0.0015,
+            finite_symmetry_tolerance_m: 0.003,
             depth_noise: None,
             silhouette_sd_px: 0.015,
             silhouette_above_m: 0.001,
@@ -152,6 +155,7 @@ impl Settings for Config {
                 &NOT_NEGATIVE,
                 [
                     ("symmetry_tolerance_m", self.symmetry_tolerance_m),
+                    ("finite_symmetry_tolerance_m", self.finite_symmetry_tolerance_m),
                     ("silhouette_sd_px", self.silhouette_sd_px),
                     ("silhouette_above_m", self.silhouette_above_m),
                     ("model_sd_m", self.model_sd_m),
