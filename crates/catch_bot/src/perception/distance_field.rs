@@ -32,6 +32,8 @@ const COARSE_M: f64 = 0.01;
 const LEAST_CLEARANCE_M: f64 = 1e-3;
 /// Two neighbouring nodes whose distances from the surface add up to more than so many spacings are on the same side of it.
 const SAME_SIDE: f64 = 1.5;
+/// Places of a region that are asked about at most.
+const MOST_LOOKED_AT: usize = 2000;
 /// Within this distance of the cloud the surface is averaged over neighbours, beyond it the nearest point suffices.
 const BAND_M: f64 = 0.008;
 
@@ -50,11 +52,11 @@ impl DistanceField {
         self.fine.at(point).or_else(|| self.coarse.at(point)).unwrap_or_else(|| self.coarse.beyond(point))
     }
 
-    /// Turns inside out what is taken for the inside and is not: places for which `is_free` holds, and all from which one comes there
-    /// without crossing the surface.
+    /// Turns inside out what is taken for the inside and is not: regions within one surface of which most places are free by `is_free`, which
+    /// gets a place and its distance from the surface and may not know.
     ///
     /// The nearest points alone decide wrongly at thin walls and in the openings of a surface.
-    pub(super) fn clear(&mut self, is_free: &dyn Fn(&Point3<f64>, f64) -> bool) {
+    pub(super) fn clear(&mut self, is_free: &dyn Fn(&Point3<f64>, f64) -> Option<bool>) {
         self.fine.clear(is_free);
         self.coarse.clear(is_free);
     }
@@ -127,33 +129,46 @@ impl Grid {
     }
 
     /// As [`DistanceField::clear`].
-    fn clear(&mut self, is_free: &dyn Fn(&Point3<f64>, f64) -> bool) {
+    fn clear(&mut self, is_free: &dyn Fn(&Point3<f64>, f64) -> Option<bool>) {
         let is_inside = |value: f32| f64::from(value) < -LEAST_CLEARANCE_M;
         let mut values: Vec<f32> = self.values.iter().map(|node| node[0]).collect();
-        let mut outside: Vec<usize> = (0..values.len())
-            .filter(|&i| is_inside(values[i]) && is_free(&self.node(i), -f64::from(values[i])))
-            .collect();
-        if outside.is_empty() {
-            return;
-        }
-        outside.iter().for_each(|&i| values[i] = -values[i]);
         let [nx, ny, _] = self.nodes;
-        while let Some(node) = outside.pop() {
-            for (axis, stride) in [1, nx, nx * ny].into_iter().enumerate() {
-                let along = node / stride % self.nodes[axis];
-                let before = (along > 0).then(|| node - stride);
-                let after = (along + 1 < self.nodes[axis]).then(|| node + stride);
-                for other in [before, after].into_iter().flatten() {
-                    // Two nodes are on one side if both are farther from the surface than they are from each other together.
-                    let is_apart = f64::from(values[node] - values[other]) > SAME_SIDE * self.spacing_m;
-                    if is_inside(values[other]) && is_apart {
-                        values[other] = -values[other];
-                        outside.push(other);
+        let mut is_seen = vec![false; values.len()];
+        let mut any = false;
+        for first in 0..values.len() {
+            if is_seen[first] || !is_inside(values[first]) {
+                continue;
+            }
+            is_seen[first] = true;
+            let mut region = vec![first];
+            let mut next = 0;
+            while let Some(&node) = region.get(next) {
+                next += 1;
+                for (axis, stride) in [1, nx, nx * ny].into_iter().enumerate() {
+                    let along = node / stride % self.nodes[axis];
+                    let before = (along > 0).then(|| node - stride);
+                    let after = (along + 1 < self.nodes[axis]).then(|| node + stride);
+                    for other in [before, after].into_iter().flatten().filter(|&it| is_inside(values[it])) {
+                        // Two nodes are on one side if they are farther from the surface together than from each other.
+                        let is_linked = -f64::from(values[node] + values[other]) > SAME_SIDE * self.spacing_m;
+                        if is_linked && !is_seen[other] {
+                            is_seen[other] = true;
+                            region.push(other);
+                        }
                     }
                 }
             }
+            let looked_at = region.iter().step_by(region.len().div_ceil(MOST_LOOKED_AT));
+            let votes = looked_at.filter_map(|&node| is_free(&self.node(node), -f64::from(values[node])));
+            let (free, all) = votes.fold((0, 0), |(free, all), vote| (free + usize::from(vote), all + 1));
+            if 2 * free > all {
+                region.iter().for_each(|&node| values[node] = -values[node]);
+                any = true;
+            }
         }
-        self.set(&values);
+        if any {
+            self.set(&values);
+        }
     }
 
     /// For each node the index of the nearest point, found by passing candidates on from node to node (a vector distance

@@ -45,15 +45,15 @@ impl ReferenceModel {
 
     /// Builds the model from surface points in R and, for each, a direction in which it could be seen.
     pub fn from_points(points: &[Point3<f64>], towards_camera: &[Vector3<f64>], config: &Config) -> Self {
-        Self::with_free_space(points, towards_camera, config, &|_, _| false)
+        Self::with_free_space(points, towards_camera, config, &|_, _| None)
     }
 
-    /// As [`from_points`](Self::from_points); `is_free` knows places in R, this far from any surface, that are surely outside.
+    /// As [`from_points`](Self::from_points); `is_free` tells of places in R, so far from any surface, whether they are outside.
     fn with_free_space(
         points: &[Point3<f64>],
         towards_camera: &[Vector3<f64>],
         config: &Config,
-        is_free: &dyn Fn(&Point3<f64>, f64) -> bool,
+        is_free: &dyn Fn(&Point3<f64>, f64) -> Option<bool>,
     ) -> Self {
         if points.len() < MIN_NEIGHBOURS {
             return Self::default();
@@ -106,23 +106,24 @@ fn scanned_points(scan: &ReferenceScan) -> (Vec<Point3<f64>>, Vec<Vector3<f64>>)
 }
 
 /// Whether some image of a scan shows that a place in R, which is `clearance_m` from any surface, is outside of the object: the ray of the
-/// nearest pixel passes it and meets the surface behind it, or none.
-fn is_free(scan: &ReferenceScan, p_R: &Point3<f64>, clearance_m: f64) -> bool {
-    scan.frames.iter().any(|frame| {
-        let Some(camera) = scan.cameras.get(frame.camera) else { return false };
+/// nearest pixel passes it and meets the surface behind it, or none. `None` where pixels are too coarse to tell.
+fn is_free(scan: &ReferenceScan, p_R: &Point3<f64>, clearance_m: f64) -> Option<bool> {
+    let shown = scan.frames.iter().filter_map(|frame| {
+        let camera = scan.cameras.get(frame.camera)?;
         let p_C = camera.X_WC.inverse_transform_point(p_R);
         // The ray of the nearest pixel is at most half a pixel's diagonal away.
         let is_near = clearance_m > PIXEL_REACH * p_C.z / camera.focal_px;
-        let Some(uv) = camera.project(&p_C).filter(|_| is_near) else { return false };
+        let uv = camera.project(&p_C).filter(|_| is_near)?;
         let window = &frame.window;
         let (column, row) = (uv.x - f64::from(window.left), uv.y - f64::from(window.top));
         if !(0.0..f64::from(window.width)).contains(&column) || !(0.0..f64::from(window.height)).contains(&row) {
-            return false;
+            return None;
         }
         let pixel = row as usize * window.width as usize + column as usize;
         let is_background = frame.mask.as_ref().is_some_and(|mask| mask.get(pixel) == Some(&false));
-        is_background || frame.depth_m.get(pixel).is_some_and(|depth| f64::from(*depth) > p_C.z)
-    })
+        Some(is_background || frame.depth_m.get(pixel).is_some_and(|depth| f64::from(*depth) > p_C.z))
+    });
+    shown.reduce(|one, other| one || other)
 }
 
 /// Half the diagonal of a pixel, and some more for the noise of a scan.
