@@ -160,6 +160,40 @@ fn an_sdf_with_a_gltf_mesh_stands_as_its_simulator_has_it() {
     assert_eq!(object.parts.len(), 1, "the cylinder: {}", findings(&said));
 }
 
+/// A cup with walls 4 mm thick, in metres: points (z, r) of a closed profile around the z axis, from the axis to the axis.
+fn cup() -> TriangleMesh {
+    let profile = [[0.0, 0.0], [0.0, 0.035], [0.09, 0.038], [0.09, 0.034], [0.004, 0.031], [0.004, 0.0]];
+    let corner = |[z, r]: [f64; 2], k: u32| {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / 64.0).sin_cos();
+        Point3::new(r * cos, r * sin, z)
+    };
+    let mut mesh = TriangleMesh::default();
+    for ends in profile.windows(2) {
+        for k in 0..64 {
+            let vertices = vec![corner(ends[0], k), corner(ends[0], k + 1), corner(ends[1], k + 1), corner(ends[1], k)];
+            mesh.merge(&TriangleMesh { vertices, triangles: vec![[0, 1, 2], [0, 2, 3]] });
+        }
+    }
+    mesh
+}
+
+#[test]
+fn the_cavity_of_a_cup_is_outside_of_the_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = folder.path().join("cup.obj");
+    fs::write(&source, obj(&cup())).unwrap();
+    let out = folder.path().join("cup.toml");
+    imported(&source, &out, &["--mass", "0.1"]);
+    let checked = stdout(&catchingbot(&["check", out.to_str().unwrap()]));
+    let number = |after: &str| -> f64 {
+        let (_, rest) = checked.split_once(after).unwrap_or_else(|| panic!("{checked}"));
+        rest.split_whitespace().next().unwrap().trim_end_matches(['%', ')']).parse().unwrap()
+    };
+    assert!(number("its centre of mass is ") <= 2.0, "{checked}");
+    assert!((number("model: volume ") / number("(the mesh: ") - 1.0).abs() < 0.15, "{checked}");
+    assert!(checked.contains("symmetry: about an axis"), "{checked}");
+}
+
 #[test]
 fn what_cannot_be_imported_is_refused_with_its_place() {
     let folder = tempfile::tempdir().unwrap();
