@@ -89,8 +89,8 @@ impl Default for Symmetry {
     }
 }
 
-/// Orders of the axes of prisms.
-const ORDERS: [f64; 6] = [2.0, 3.0, 4.0, 5.0, 6.0, 8.0];
+/// Orders of the axes of prisms, the highest first.
+const ORDERS: [f64; 6] = [8.0, 6.0, 5.0, 4.0, 3.0, 2.0];
 /// Principal moments that differ by less than this fraction are nearly equal.
 const NEARLY_EQUAL: f64 = 0.15;
 /// Axes that are tried between two.
@@ -123,11 +123,12 @@ impl Symmetry {
             [false, false, false] => {
                 let looks_alike =
                     |turn: &UnitQuaternion<f64>| mean_square(*turn) <= finite_tolerance_m * finite_tolerance_m;
-                let axes =
-                    principal.into_iter().chain(Self::between(&principal, &eigen.eigenvalues.into(), &mean_square));
-                let turns =
-                    axes.flat_map(|axis| ORDERS.map(|order| UnitQuaternion::from_axis_angle(&axis, TAU / order)));
-                let group = RotationGroup::generated(turns.filter(looks_alike));
+                let rotations =
+                    |axis: &Unit<Vector3<f64>>| ORDERS.map(|order| UnitQuaternion::from_axis_angle(axis, TAU / order));
+                // Of each axis the highest order.
+                let axes = Self::distinct(principal, &eigen.eigenvalues.into(), &mean_square);
+                let highest = axes.iter().filter_map(|axis| rotations(axis).into_iter().find(looks_alike));
+                let group = RotationGroup::generated(highest);
                 // Inertia from the second moment: J = tr(S)·1 − S.
                 let inertia_per_kg = Matrix3::identity() * second_moment.trace() - second_moment;
                 Self::Finite { group, inertia_per_kg }
@@ -141,21 +142,25 @@ impl Symmetry {
         }
     }
 
-    /// Where two principal moments are nearly equal, as those of a prism, the axis across the third about which half a turn changes least:
-    /// principal axes are arbitrary there.
-    fn between(
-        principal: &[Unit<Vector3<f64>>; 3],
+    /// Principal axes that are not arbitrary. Where two principal moments are nearly equal, as those of a prism, one of both is the axis
+    /// about which half a turn changes least.
+    fn distinct(
+        principal: [Unit<Vector3<f64>>; 3],
         moments: &[f64; 3],
         mean_square: &impl Fn(UnitQuaternion<f64>) -> f64,
-    ) -> Option<Unit<Vector3<f64>>> {
+    ) -> [Unit<Vector3<f64>>; 3] {
         let is_near = |(i, j): &(usize, usize)| (moments[*i] / moments[*j] - 1.0).abs() < NEARLY_EQUAL;
-        let (i, j) = [(0, 1), (1, 2), (2, 0)].into_iter().find(is_near)?;
+        let Some((i, j)) = [(0, 1), (1, 2), (2, 0)].into_iter().find(is_near) else { return principal };
         let axis = |step: u32| {
             let (sin, cos) = (PI * f64::from(step) / f64::from(STEPS)).sin_cos();
             Unit::new_normalize(principal[i].into_inner() * cos + principal[j].into_inner() * sin)
         };
-        let changed = |step: &u32| mean_square(UnitQuaternion::from_axis_angle(&axis(*step), PI));
-        (0..STEPS).min_by(|a, b| changed(a).total_cmp(&changed(b))).map(axis)
+        let changed = |step: u32| mean_square(UnitQuaternion::from_axis_angle(&axis(step), PI));
+        let changes: Vec<f64> = (0..STEPS).map(changed).collect();
+        let least =
+            (0..STEPS).min_by(|a, b| changes[*a as usize].total_cmp(&changes[*b as usize])).map_or(principal[i], axis);
+        let third = principal[3 - i - j];
+        [least, Unit::new_normalize(third.cross(&least)), third]
     }
 
     /// Projects a small turn, given in O, on what can be seen of it.
