@@ -12,7 +12,7 @@ const CONTACT_DEPTH_M: f64 = 0.003;
 
 /// Why a gripper cannot hold an object at one place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Misfit {
+pub enum GraspFailure {
     /// Nothing is between the fingers.
     NothingBetween,
     /// The object is wider there than the gripper opens, margins included.
@@ -25,7 +25,7 @@ pub enum Misfit {
     Collides,
 }
 
-impl std::fmt::Display for Misfit {
+impl std::fmt::Display for GraspFailure {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
             Self::NothingBetween => "nothing between the fingers",
@@ -47,7 +47,7 @@ pub fn fit_gripper(
     config: &Config,
     sample: &Point3<f64>,
     R_OG: UnitQuaternion<f64>,
-) -> Result<Grasp, Misfit> {
+) -> Result<Grasp, GraspFailure> {
     // Over the sample, with the centre of mass (the origin of O) level with the grasp centre.
     let lateral = sample.coords - (R_OG * Vector3::y()) * (R_OG * Vector3::y()).dot(&sample.coords);
     let place = |shift_G: Vector3<f64>| {
@@ -73,12 +73,12 @@ pub fn fit_gripper(
     let low = between().map(|p| p.x).fold(f64::INFINITY, f64::min);
     let high = between().map(|p| p.x).fold(f64::NEG_INFINITY, f64::max);
     if low >= high {
-        return Err(Misfit::NothingBetween);
+        return Err(GraspFailure::NothingBetween);
     }
     let object_width_m = high - low;
     let aperture_m = object_width_m + 2.0 * config.finger_margin_m;
     if aperture_m > gripper.max_width_m {
-        return Err(Misfit::TooWide);
+        return Err(GraspFailure::TooWide);
     }
     let X_OG = place(Vector3::new((low + high) / 2.0, -backed_off, 0.0));
     let X_GO = X_OG.inverse();
@@ -88,7 +88,7 @@ pub fn fit_gripper(
     let strength_m = centre.x.hypot(centre.z);
     let overhang_m = overhang_m(&X_GO, gripper);
     if strength_m > config.max_strength_m || overhang_m > config.max_overhang_m {
-        return Err(Misfit::OffCentre);
+        return Err(GraspFailure::OffCentre);
     }
 
     // Both faces must meet the surface squarely enough for friction to hold.
@@ -106,7 +106,7 @@ pub fn fit_gripper(
         if count == 0 { 0.0 } else { sum.normalize().x * side }
     };
     if squareness(1.0).min(squareness(-1.0)) < config.max_contact_angle_rad.cos() {
-        return Err(Misfit::Slanted);
+        return Err(GraspFailure::Slanted);
     }
 
     // The open fingers and the housing are clear of the object.
@@ -118,7 +118,7 @@ pub fn fit_gripper(
         })
     };
     if reference.points.iter().any(|point| collides(&(X_GO * point))) {
-        return Err(Misfit::Collides);
+        return Err(GraspFailure::Collides);
     }
     let held_G = held_box(&reference.points, &X_GO);
     Ok(Grasp { X_OG, object_width_m, aperture_m, strength_m, overhang_m, held_G })

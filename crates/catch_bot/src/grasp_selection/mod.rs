@@ -24,7 +24,7 @@ use crate::{
 };
 pub use closing::Closing;
 use darboux::darboux_frame;
-pub use fit::Misfit;
+pub use fit::GraspFailure;
 pub use heuristics::{Approach, RankedGrasp};
 
 /// Settings of grasp selection.
@@ -200,7 +200,7 @@ pub struct GraspSet {
     /// The grasps.
     pub grasps: Vec<Grasp>,
     /// Why the other sampled candidates are none, and how many each time.
-    misfits: BTreeMap<Misfit, usize>,
+    failures: BTreeMap<GraspFailure, usize>,
     /// Few points of the object in O that outline it, for clearance checks on the approach.
     pub surface_points: Vec<Point3<f64>>,
     /// Distance of the farthest of them from the centre of mass, in metres.
@@ -213,7 +213,7 @@ impl GraspSet {
     /// Samples Darboux frames on the reference cloud and keeps the grasps that fit.
     pub fn sample(reference: &ReferenceModel, gripper: &Gripper, config: &Config) -> Self {
         let mut rng = Pcg64::seed_from_u64(config.seed);
-        let (mut grasps, mut misfits) = (Vec::new(), BTreeMap::new());
+        let (mut grasps, mut failures) = (Vec::new(), BTreeMap::new());
         // A ball looks the same from everywhere.
         let turns_rad: &[f64] = if reference.symmetry == Symmetry::Sphere { &[] } else { &config.turns_rad };
         if !reference.points.is_empty() {
@@ -228,8 +228,8 @@ impl GraspSet {
                     let R_OG = UnitQuaternion::from_rotation_matrix(&R_OG);
                     let grasp = match fit::fit_gripper(reference, gripper, config, &frame.point, R_OG) {
                         Ok(grasp) => grasp,
-                        Err(misfit) => {
-                            *misfits.entry(misfit).or_default() += 1;
+                        Err(failure) => {
+                            *failures.entry(failure).or_default() += 1;
                             continue;
                         }
                     };
@@ -245,14 +245,14 @@ impl GraspSet {
         let axes = grasps.iter().map(|it| [it.X_OG * Vector3::x(), it.X_OG * Vector3::y()]).collect();
         let surface_points = surface_points(&reference.points);
         let radius_m = surface_points.iter().map(|point| point.coords.norm()).fold(0.0, f64::max);
-        Self { grasps, misfits, surface_points, radius_m, axes }
+        Self { grasps, failures, surface_points, radius_m, axes }
     }
 
     /// Why sampled candidates are none, the most frequent reason first.
-    pub fn misfits(&self) -> String {
-        let mut reasons: Vec<_> = self.misfits.iter().collect();
+    pub fn failures(&self) -> String {
+        let mut reasons: Vec<_> = self.failures.iter().collect();
         reasons.sort_by_key(|(_, count)| std::cmp::Reverse(**count));
-        let reasons: Vec<String> = reasons.iter().map(|(misfit, count)| format!("{count}: {misfit}")).collect();
+        let reasons: Vec<String> = reasons.iter().map(|(failure, count)| format!("{count}: {failure}")).collect();
         format!("of the places tried {}", reasons.join(", "))
     }
 

@@ -53,8 +53,6 @@ pub struct Config {
     /// Root mean square distance up to which a turned object counts as looking the same. Measured for turns by any angle:
     /// ≤ 0.3 mm on symmetric objects, ≥ 8 mm on others.
     pub symmetry_tolerance_m: f64,
-    /// The same for a finite group of rotations, such as the half turns of a box: what differs by less is not told apart in flight.
-    pub finite_symmetry_tolerance_m: f64,
     /// Depth noise of the cameras, as their data sheet has it; none if it is not set.
     pub depth_noise: Option<DepthNoise>,
     /// Standard deviation in pixels by which the object's silhouette in an image may be off: not by the pixels' size, which is
@@ -105,7 +103,6 @@ impl Default for Config {
             grasp_spacing_m: 0.0025,
             distance_grid_m: 0.002,
             symmetry_tolerance_m: 0.0015,
-            finite_symmetry_tolerance_m: 0.003,
             depth_noise: None,
             silhouette_sd_px: 0.015,
             silhouette_above_m: 0.001,
@@ -155,7 +152,6 @@ impl Settings for Config {
                 &NOT_NEGATIVE,
                 [
                     ("symmetry_tolerance_m", self.symmetry_tolerance_m),
-                    ("finite_symmetry_tolerance_m", self.finite_symmetry_tolerance_m),
                     ("silhouette_sd_px", self.silhouette_sd_px),
                     ("silhouette_above_m", self.silhouette_above_m),
                     ("model_sd_m", self.model_sd_m),

@@ -79,8 +79,7 @@ impl ReferenceModel {
         let (points_O, normals): (Vec<_>, Vec<_>) = smooth.unzip();
         let (points, normals) = thinned(&points_O, &normals, config.grasp_spacing_m);
         let radius_m = sharp_O.iter().map(|point| point.coords.norm()).fold(0.0, f64::max);
-        let tolerances_m = [config.symmetry_tolerance_m, config.finite_symmetry_tolerance_m];
-        let symmetry = Symmetry::find(&points, &distance, &second_moment, tolerances_m);
+        let symmetry = Symmetry::find(&points, &distance, &second_moment, config.symmetry_tolerance_m);
         let X_RO = Pose::from_parts(Translation3::from(centre.coords), UnitQuaternion::identity());
         let inner_radius_m = distance.deepest_m().max(1e-4);
         Self { points, normals, X_RO, radius_m, inner_radius_m, volume_m3, symmetry, distance }

@@ -176,7 +176,7 @@ fn ring() -> TriangleMesh {
 #[test]
 fn the_opening_of_a_flat_ring_is_outside_of_the_model() {
     let folder = tempfile::tempdir().unwrap();
-    let source = folder.path().join("ring.obj");
+    let source = folder.path().join("scan.obj");
     fs::write(&source, obj(&ring())).unwrap();
     let out = folder.path().join("ring.toml");
     imported(&source, &out, &["--mass", "0.1"]);

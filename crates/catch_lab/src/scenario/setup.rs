@@ -254,19 +254,18 @@ impl Setup {
 
     /// If the brain knows no way of holding the object: why.
     pub fn without_grasps(&self) -> Option<String> {
-        let grasps = self.known().grasps();
-        grasps.grasps.is_empty().then(|| self.why_without_grasps(grasps))
+        Some(self.known().grasps()).filter(|it| it.grasps.is_empty()).map(|it| self.why_without_grasps(it))
     }
 
-    /// How wide the object is, how wide the gripper opens, and what is wrong with the candidates.
+    /// Widths of object and gripper, and what is wrong with the candidates.
     pub(crate) fn why_without_grasps(&self, grasps: &GraspSet) -> String {
-        let narrowest_mm = self.object.mesh.aabb().size.min() * 1e3;
-        let opening_mm = self.gripper.max_width_m * 1e3;
-        let margin_mm = self.scenario.brain.grasp_selection.finger_margin_m * 1e3;
-        let misfits = grasps.misfits();
+        let margin_m = self.scenario.brain.grasp_selection.finger_margin_m;
+        let lengths_m = [self.object.mesh.aabb().size.min(), self.gripper.max_width_m, margin_m];
+        let [narrowest_mm, opening_mm, margin_mm] = lengths_m.map(|it| it * 1e3);
         format!(
             "an object {narrowest_mm:.0} mm wide at its narrowest; the gripper opens {opening_mm:.0} mm and needs \
-             {margin_mm:.0} mm on each side; {misfits}"
+             {margin_mm:.0} mm on each side; {}",
+            grasps.failures()
         )
     }
 
