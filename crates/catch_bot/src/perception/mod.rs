@@ -102,7 +102,7 @@ impl Default for Config {
             reference_spacing_m: 0.0015,
             grasp_spacing_m: 0.0025,
             distance_grid_m: 0.002,
-            symmetry_tolerance_m: 0.0015,
+            symmetry_tolerance_m: 0.0008,
             depth_noise: None,
             silhouette_sd_px: 0.015,
             silhouette_above_m: 0.001,

@@ -13,7 +13,6 @@ pub mod ransac;
 mod track;
 mod tumbling;
 
-use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 pub use aerodynamic_forces::AerodynamicForces;
@@ -248,25 +247,16 @@ fn fit_flight(
     let window = config.sampled(poses).ok_or(PredictionStatus::TooFewPoses)?;
     let Workspace { fit: fitting, ransac: sampling, .. } = workspace;
     let enough = |inliers: usize| inliers >= 3 && inliers as f64 >= config.min_inlier_fraction * window.len() as f64;
-    let is_plausible = |it: &FlightTrajectory| it.w_WO.norm() <= MOST_SPIN_SD * config.spin_prior_sd_radps;
-    if let Some(previous) = previous.filter(|it| is_plausible(it))
+    if let Some(previous) = previous
         && let Ok((flight, agreeing)) = fit::fit(fitted, previous, symmetry, config, fitting)
         && enough(agreeing)
-        && is_plausible(&flight)
     {
         return Ok(flight);
     }
-    let mut start =
+    let start =
         ransac::best_flight(window, symmetry, (Rotation::Free, ransac::TieBreak::MeanSquare), config, seed, sampling)?;
     if !enough(start.inliers) {
         return Err(PredictionStatus::NoAgreement);
     }
-    if !is_plausible(&start) {
-        // Orientations that were confused with each other: without any spin the fit finds the least that agrees with them.
-        start.w_WO = Vector3::zeros();
-    }
     fit::fit(fitted, &start, symmetry, config, fitting).map(|(flight, _)| flight)
 }
-
-/// Spins that exceed so many standard deviations of the prior are no object's.
-const MOST_SPIN_SD: f64 = 4.0;
