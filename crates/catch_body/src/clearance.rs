@@ -1,4 +1,4 @@
-//! How far an arm is from touching itself and the floor.
+//! How far an arm is from touching itself, the floor and what stands in its workcell.
 
 use nalgebra::Point3;
 
@@ -8,12 +8,13 @@ use crate::{
     pose::Pose,
     robot::{MAX_JOINTS, Robot},
     shape::{Capsule, Cuboid},
+    workcell::Obstacle,
 };
 
 /// An arm's and its gripper's outline, prepared for distance queries that do not allocate.
 ///
-/// The arm is its capsules, the gripper the boxes of housing and fingers. Distances are exact for these; where solids
-/// overlap they are negative and tell no depth beyond a capsule's radius.
+/// The arm is its capsules, the gripper the boxes of housing and fingers. Distances are exact for these, but between two boxes
+/// they are lower bounds; where solids overlap they are not above zero and tell no depth beyond a capsule's radius.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ArmClearance {
     parts: Vec<Part>,
@@ -25,6 +26,7 @@ pub struct ArmClearance {
     gripper: Gripper,
     /// Ball in G that holds the gripper at any opening.
     gripper_ball: (Point3<f64>, f64),
+    obstacles: Vec<Obstacle>,
 }
 
 /// A capsule of a link and the ball around it.
@@ -58,7 +60,8 @@ impl ArmClearance {
         };
         let [left, right] = gripper.fingers(gripper.max_width_m);
         let gripper_ball = (middle, [gripper.body(), left, right].iter().map(reach).fold(0.0, f64::max));
-        Self { parts, pairs, near_gripper, X_LG: robot.X_LG, gripper: gripper.clone(), gripper_ball }
+        let (X_LG, gripper, obstacles) = (robot.X_LG, gripper.clone(), robot.obstacles.clone());
+        Self { parts, pairs, near_gripper, X_LG, gripper, gripper_ball, obstacles }
     }
 
     /// The smallest distance in metres between links that are more than the robot's `ignored_neighbours` apart in the chain,
@@ -90,24 +93,41 @@ impl ArmClearance {
         smallest
     }
 
-    /// The smallest height in metres of any link but the base, and of the gripper at an opening of `width_m`, above the plane
-    /// z = 0.
-    pub fn floor_clearance(&self, X_WL: &LinkPoses, width_m: f64) -> f64 {
+    /// The smallest distance in metres of any link but the base, and of the gripper at an opening of `width_m`, from its surroundings:
+    /// the floor, the plane z = 0, and the obstacles.
+    pub fn environment_clearance(&self, X_WL: &LinkPoses, width_m: f64) -> f64 {
         let X_WG = X_WL[MAX_JOINTS] * self.X_LG;
-        let gripper = self.boxes(width_m).iter().map(|cuboid| cuboid.lowest_z(&X_WG)).fold(f64::INFINITY, f64::min);
+        let boxes = self.boxes(width_m);
+        let gripper = boxes.iter().map(|cuboid| cuboid.lowest_z(&X_WG)).fold(f64::INFINITY, f64::min);
+        let (middle, reach) = self.gripper_ball;
+        let gripper = self.near((&(X_WG * middle), reach), gripper, |obstacle| {
+            boxes.iter().map(|cuboid| obstacle.distance_to_cuboid(&X_WG, cuboid)).fold(f64::INFINITY, f64::min)
+        });
         let moving = self.parts.iter().filter(|part| part.link > 0);
-        moving.fold(gripper, |lowest, part| {
+        moving.fold(gripper, |smallest, part| {
             let capsule = part.capsule.transformed(&X_WL[part.link]);
-            lowest.min(capsule.from.z.min(capsule.to.z) - capsule.radius)
+            let smallest = smallest.min(capsule.from.z.min(capsule.to.z) - capsule.radius);
+            let ball = (&(X_WL[part.link] * part.centre), part.radius);
+            self.near(ball, smallest, |obstacle| obstacle.distance_to_capsule(&capsule))
         })
     }
 
-    /// The smallest distance in metres of a box that the gripper holds, given in G, from the floor and from the links that the
-    /// gripper may meet.
+    /// The smaller of `smallest` and the distances of all obstacles, of which those are asked for that may be below: what is measured
+    /// is inside of a ball with this centre in W and this radius.
+    fn near(&self, (centre_W, radius): (&Point3<f64>, f64), smallest: f64, distance: impl Fn(&Obstacle) -> f64) -> f64 {
+        self.obstacles.iter().fold(smallest, |smallest, obstacle| {
+            let may_be_nearer = obstacle.least_distance_to_ball(centre_W, radius) < smallest;
+            if may_be_nearer { smallest.min(distance(obstacle)) } else { smallest }
+        })
+    }
+
+    /// The smallest distance in metres of a box that the gripper holds, given in G, from its surroundings and from the links that
+    /// the gripper may meet.
     pub fn held_clearance(&self, X_WL: &LinkPoses, held_G: &Cuboid) -> f64 {
         let X_WG = X_WL[MAX_JOINTS] * self.X_LG;
-        let mut smallest = held_G.lowest_z(&X_WG);
-        let (centre_W, reach) = (X_WG * held_G.centre, held_G.size.norm() / 2.0);
+        let (centre_W, reach) = (X_WG * held_G.centre, held_G.bounding_radius());
+        let held = |obstacle: &Obstacle| obstacle.distance_to_cuboid(&X_WG, held_G);
+        let mut smallest = self.near((&centre_W, reach), held_G.lowest_z(&X_WG), held);
         for &part in &self.near_gripper {
             let part = &self.parts[part];
             if (X_WL[part.link] * part.centre - centre_W).norm() - part.radius - reach < smallest {
@@ -118,13 +138,15 @@ impl ArmClearance {
         smallest
     }
 
-    /// At least this far in metres a ball is from every part of arm and gripper; less where it is inside of the balls around
-    /// them.
+    /// At least this far in metres a ball is from every part of arm and gripper and from every obstacle; less where it is inside of
+    /// the balls around them.
     pub fn least_distance_to_ball(&self, X_WL: &LinkPoses, centre_W: &Point3<f64>, radius: f64) -> f64 {
         let (middle, reach) = self.gripper_ball;
         let from = |X_WP: &Pose, centre: &Point3<f64>, reach: f64| (X_WP * centre - centre_W).norm() - reach - radius;
         let gripper = from(&(X_WL[MAX_JOINTS] * self.X_LG), &middle, reach);
-        self.parts.iter().map(|part| from(&X_WL[part.link], &part.centre, part.radius)).fold(gripper, f64::min)
+        let parts = self.parts.iter().map(|part| from(&X_WL[part.link], &part.centre, part.radius));
+        let obstacles = self.obstacles.iter().map(|obstacle| obstacle.least_distance_to_ball(centre_W, radius));
+        parts.chain(obstacles).fold(gripper, f64::min)
     }
 
     /// Housing and fingers in G.
@@ -211,7 +233,7 @@ mod tests {
             // Samples on the boxes are up to 8 mm from the nearest point, and inside a capsule they see deeper.
             prop_assert!(found <= nearest + 1e-9 || found < 0.0, "{found} is above the sampled {nearest}");
             prop_assert!(found > nearest - 0.008, "{found} is far below the sampled {nearest}");
-            let found = clearance.floor_clearance(&X_WL, width_m);
+            let found = clearance.environment_clearance(&X_WL, width_m);
             prop_assert!((found - lowest).abs() < 1e-3, "{found} and sampled {lowest}");
         }
     }
@@ -245,7 +267,7 @@ mod tests {
         let clearance = ArmClearance::new(&robot, &wsg50());
         let at = |q: &[f64]| {
             let X_WL = robot.link_poses(&robot.joint_vector(q).unwrap());
-            (clearance.self_clearance(&X_WL, 0.11), clearance.floor_clearance(&X_WL, 0.11))
+            (clearance.self_clearance(&X_WL, 0.11), clearance.environment_clearance(&X_WL, 0.11))
         };
         let (itself, floor) = at(&robot.ready_q.as_slice()[..7]);
         assert!(itself > 0.05 && floor > 0.05, "{itself} {floor}");

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use crate::robot::{JointVector, MAX_JOINTS, Robot};
+use crate::robot::{JointVector, MAX_JOINTS, MassMatrix, Robot};
 
 /// Standard gravity in W, in m/s²: the 9.81 of the paper's simulator.
 pub fn gravity() -> Vector3<f64> {
@@ -54,5 +54,42 @@ impl Robot {
             torque[i] = axis.dot(&moment) + joint.rotor_inertia * ddq[i] + joint.damping * dq[i];
         }
         torque
+    }
+
+    /// Mass matrix M(q) in kg·m², rotors included, with ones for the joints that the arm has not: column i is the torque that
+    /// accelerates joint i alone by 1 rad/s², without gravity.
+    pub fn mass_matrix(&self, q: &JointVector) -> MassMatrix {
+        let still = JointVector::zeros();
+        let gravity = self.inverse_dynamics(q, &still, &still);
+        let mut matrix = MassMatrix::identity();
+        for i in 0..self.dof() {
+            let torque = self.inverse_dynamics(q, &still, &JointVector::ith(i, 1.0));
+            matrix.set_column(i, &(torque - gravity));
+        }
+        matrix
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot_file::tests::iiwa;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Against torques of any acceleration; a mass matrix is symmetric and positive definite.
+        #[test]
+        fn the_mass_matrix_is_that_of_inverse_dynamics(
+            q in prop::array::uniform7(-2.5f64..2.5),
+            ddq in prop::array::uniform7(-9.0f64..9.0),
+        ) {
+            let robot = iiwa();
+            let [q, ddq] = [q, ddq].map(|it| robot.joint_vector(&it).unwrap());
+            let matrix = robot.mass_matrix(&q);
+            let still = JointVector::zeros();
+            let needed = robot.inverse_dynamics(&q, &still, &ddq) - robot.inverse_dynamics(&q, &still, &still);
+            prop_assert!((matrix * ddq - needed).amax() < 1e-9);
+            prop_assert!((matrix - matrix.transpose()).amax() < 1e-9 && matrix.cholesky().is_some());
+        }
     }
 }

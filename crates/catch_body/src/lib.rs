@@ -6,6 +6,18 @@
 //!
 //! Poses are written in monogram notation: `X_WG` is the pose of frame G in frame W, `p_WO` the position of O in W, `R_WG`
 //! a rotation. W is the world (z up), G the gripper, O the object with its origin at the centre of mass, L a link of the arm.
+//!
+//! Begin with [`Robot`] (an arm from its two files, with [kinematics], [dynamics] and [inverse kinematics](inverse_kinematics)),
+//! [`TriangleMesh`] (solids and their mass properties) and [`mod@quantity`] (what every number of a file is checked against):
+//!
+//! ```
+//! use catch_body::TriangleMesh;
+//!
+//! let ball = TriangleMesh::sphere(0.03, 4);
+//! let inertia = ball.mass_properties(0.06);
+//! // 2/5·m·r² of a solid ball, but for the facets.
+//! assert!(ball.is_closed() && (inertia.about_com[(0, 0)] / (0.4 * 0.06 * 0.03 * 0.03) - 1.0).abs() < 0.01);
+//! ```
 
 pub mod capsule_fit;
 pub mod clearance;
@@ -26,6 +38,7 @@ pub mod shape;
 pub mod stated;
 mod toml_input;
 mod urdf;
+pub mod workcell;
 
 pub use gripper::Gripper;
 pub use input_error::InputError;

@@ -225,6 +225,8 @@ quantities! {
     size_m SIZE_M = 0.001 to 2.0 "m";
     /// Radii of the parts of an arm.
     radius_m RADIUS_M = 0.001 to 0.5 "m";
+    /// The extent of something that stands in a workcell. Thinner things could be passed through between two steps of the physics.
+    obstacle_size_m OBSTACLE_SIZE_M = 0.01 to 50.0 "m";
     /// Distances within a cell.
     distance_m DISTANCE_M = 0.001 to 50.0 "m";
     /// Lengths and coordinates of a thrown object's shape.

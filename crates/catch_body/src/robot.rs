@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Point3, SMatrix, SVector, Unit, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::{Gripper, pose::Pose, quantity, shape::Capsule};
+use crate::{Gripper, pose::Pose, quantity, shape::Capsule, workcell::Obstacle};
 
 /// The most joints an arm may have.
 pub const MAX_JOINTS: usize = 8;
@@ -14,6 +14,9 @@ pub type JointVector = SVector<f64, MAX_JOINTS>;
 
 /// Maps joint velocities to a spatial velocity: rows 0–2 angular, rows 3–5 linear, one column per joint.
 pub type Jacobian = SMatrix<f64, 6, MAX_JOINTS>;
+
+/// Maps joint accelerations to torques.
+pub type MassMatrix = SMatrix<f64, MAX_JOINTS, MAX_JOINTS>;
 
 /// What a joint may do. All bounds are symmetric but the position's.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -145,6 +148,8 @@ pub struct Robot {
     pub capsules: Vec<(usize, Capsule)>,
     /// Links at most this far apart in the chain are not checked for collision with each other.
     pub ignored_neighbours: usize,
+    /// What stands still around the arm in its workcell.
+    pub obstacles: Vec<Obstacle>,
 }
 
 impl Robot {

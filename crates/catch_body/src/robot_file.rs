@@ -16,15 +16,22 @@ use crate::{
     urdf::{self, Element, Urdf},
 };
 
+/// What the `robot.toml` beside a `robot.urdf` says.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RobotFile {
+    /// Pose of the base in the world.
     base: PoseFields,
+    /// Pose of the gripper on the last link.
     gripper_mount: MountFields,
+    /// Where the arm waits, and where it is comfortable.
     poses: PosesFields,
+    /// What the URDF cannot say of each joint, by the joint's name.
     joints: BTreeMap<String, JointFields>,
+    /// Mass properties that take the place of the URDF's, by the link's name.
     #[serde(default)]
     links: BTreeMap<String, LinkFields>,
+    /// The arm's collision geometry.
     collision: CollisionFields,
 }
 
@@ -32,38 +39,51 @@ struct RobotFile {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct MountFields {
+    /// Origin of the gripper in the frame of the last link.
     #[serde(deserialize_with = "quantity::offset_m")]
     position_m: [f64; 3],
+    /// Its rotation: roll, pitch and yaw about the fixed axes x, y and z, as in URDF.
     #[serde(deserialize_with = "quantity::angle_rad")]
     rpy_rad: [f64; 3],
+    /// Whether nobody published it.
     #[serde(default)]
     assumed: bool,
+    /// Why it is assumed.
     reason: Option<String>,
 }
 
+/// Named joint positions.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PosesFields {
+    /// The comfortable pose of the paper's heuristics, one angle per joint.
     #[serde(deserialize_with = "quantity::angle_rad")]
     comfortable_rad: Vec<f64>,
+    /// Where the arm waits, unless a scenario says otherwise.
     #[serde(deserialize_with = "quantity::angle_rad")]
     ready_rad: Vec<f64>,
 }
 
+/// What the URDF cannot say of a joint. Each value may be `{ value = …, assumed = true, reason = "…" }`.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct JointFields {
+    /// Limit of the acceleration.
     #[serde(deserialize_with = "quantity::joint_acceleration_radps2")]
     max_acceleration_radps2: Stated<f64>,
+    /// Limit of the jerk; without it the jerk is not limited.
     #[serde(default, deserialize_with = "quantity::joint_jerk_radps3")]
     max_jerk_radps3: Option<Stated<f64>>,
+    /// Inertia of the rotor and the gear, reflected to the joint.
     #[serde(deserialize_with = "quantity::rotor_inertia_kgm2")]
     rotor_inertia_kgm2: Stated<f64>,
-    /// These take the place of the URDF's limits, which some lack.
+    /// Limits of the position, in place of the URDF's.
     #[serde(default, deserialize_with = "quantity::joint_position_rad")]
     range_rad: Option<Stated<[f64; 2]>>,
+    /// Limit of the velocity, in place of the URDF's.
     #[serde(default, deserialize_with = "quantity::joint_velocity_radps")]
     max_velocity_radps: Option<Stated<f64>>,
+    /// Limit of the torque, in place of the URDF's.
     #[serde(default, deserialize_with = "quantity::torque_nm")]
     max_torque_nm: Option<Stated<f64>>,
 }
@@ -72,37 +92,51 @@ struct JointFields {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct LinkFields {
+    /// Mass.
     #[serde(deserialize_with = "quantity::part_mass_kg")]
     mass_kg: f64,
+    /// Centre of mass in the link's frame.
     #[serde(deserialize_with = "quantity::offset_m")]
     com_m: [f64; 3],
     /// Along the link's axes about the centre of mass: xx, yy, zz, xy, xz, yz.
     #[serde(deserialize_with = "quantity::inertia_kgm2")]
     inertia_kgm2: [f64; 6],
+    /// Whether nobody published it.
     #[serde(default)]
     assumed: bool,
+    /// Why it is assumed.
     reason: Option<String>,
 }
 
+/// The arm as capsules, for rendering, contact and clearance.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CollisionFields {
+    /// Links that lie at most this far apart in the chain are not compared.
     ignored_neighbours: usize,
+    /// The capsules.
     capsules: Vec<CapsuleFields>,
 }
 
+/// All points within a radius of a segment.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CapsuleFields {
+    /// Name of the link that it belongs to, in whose frame the points are.
     link: String,
+    /// Where the segment begins.
     #[serde(deserialize_with = "quantity::offset_m")]
     from_m: [f64; 3],
+    /// Where it ends.
     #[serde(deserialize_with = "quantity::offset_m")]
     to_m: [f64; 3],
+    /// Radius.
     #[serde(deserialize_with = "quantity::radius_m")]
     radius_m: f64,
+    /// Whether nobody published it.
     #[serde(default)]
     assumed: bool,
+    /// Why it is assumed.
     reason: Option<String>,
 }
 
@@ -157,6 +191,7 @@ impl Robot {
             ready_q: nalgebra::zero(),
             capsules,
             ignored_neighbours: extra.collision.ignored_neighbours,
+            obstacles: Vec::new(),
         };
         let poses = &extra.poses;
         let comfortable = robot.checked_pose(files.toml_file, "poses.comfortable_rad", &poses.comfortable_rad);

@@ -1,6 +1,6 @@
 //! Simple solids and the distances between them.
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Matrix3, Point3, Vector3};
 
 use crate::pose::Pose;
 
@@ -102,6 +102,29 @@ impl Cuboid {
     /// Radius of the ball around the centre that holds the box.
     pub fn bounding_radius(&self) -> f64 {
         self.size.norm() / 2.0
+    }
+
+    /// A lower bound of the distance from another box, `X_AB` being the pose of the other's frame B in this one's A: the widest gap
+    /// along the 15 axes of which one separates any two boxes that do not touch; zero or less exactly where they do.
+    ///
+    /// (Gottschalk, Lin & Manocha, OBBTree, 1996.)
+    pub fn separation(&self, X_AB: &Pose, other: &Self) -> f64 {
+        let R_AB = X_AB.rotation.to_rotation_matrix();
+        let between = X_AB * other.centre - self.centre;
+        let gap = |axis: &Vector3<f64>| {
+            let reach = axis.abs().dot(&self.size) + R_AB.inverse_transform_vector(axis).abs().dot(&other.size);
+            between.dot(axis).abs() - reach / 2.0
+        };
+        let mut widest = f64::NEG_INFINITY;
+        for (i, own) in Matrix3::identity().column_iter().enumerate() {
+            widest = widest.max(gap(&own.into_owned())).max(gap(&R_AB.matrix().column(i).into_owned()));
+            for edge in R_AB.matrix().column_iter() {
+                // Parallel edges span no axis that the faces do not have.
+                let across = own.cross(&edge).try_normalize(1e-6);
+                widest = across.map_or(widest, |axis| widest.max(gap(&axis)));
+            }
+        }
+        widest
     }
 
     /// Where the box reaches lowest along z once it has been moved by `X_AB`, the pose of its frame B in the frame A whose z

@@ -8,6 +8,29 @@
 //! buffers, its inputs are values. What lasts from tick to tick is in the tracker, the last flight and the controller of
 //! [`CatchingBot`], whose [`tick`](CatchingBot::tick) reads like the paper's figure 2.
 //!
+//! Begin with [`CatchingBot`] (the brain of one object), [`Config`] (its settings) and [`cycle::CatchingCycle`] (a life of many throws of
+//! several objects):
+//!
+//! ```
+//! use catch_bot::{CatchingBot, Config, Status, settings::SettingError};
+//! use catch_cell::{Brain, CameraModel, Command, Observation, ReferenceScan};
+//!
+//! /// What the brain wants after one observation, and how far it got.
+//! fn first_tick(
+//!     robot: catch_body::Robot,
+//!     gripper: catch_body::Gripper,
+//!     cameras: Vec<CameraModel>,
+//!     object: &ReferenceScan,
+//!     observation: &Observation,
+//! ) -> Result<(Command, Status), SettingError> {
+//!     let mut config = Config::default();
+//!     config.control.expected_latency_s = 0.01;
+//!     let mut brain = CatchingBot::new(config, robot, gripper, cameras, object)?;
+//!     let command = brain.tick(observation, &mut ());
+//!     Ok((command, brain.report().status))
+//! }
+//! ```
+//!
 //! The brain does no I/O, reads no clock and draws no random numbers but from its own seed: the same observations give the
 //! same commands, bit for bit.
 

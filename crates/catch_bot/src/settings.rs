@@ -18,6 +18,8 @@ pub const POSITIVE: RangeInclusive<f64> = 1e-3..=LARGEST;
 pub const DURATION_S: RangeInclusive<f64> = 0.0..=10.0;
 /// Periods and steps of time, in seconds.
 pub const PERIOD_S: RangeInclusive<f64> = 1e-3..=1.0;
+/// Masses of what is caught, in kg.
+pub const OBJECT_MASS_KG: RangeInclusive<f64> = 1e-3..=5.0;
 /// Fractions of anything.
 pub const FRACTION: RangeInclusive<f64> = 0.0..=1.0;
 /// Fractions of a limit, with nothing of which nothing works.

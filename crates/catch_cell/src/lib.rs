@@ -5,7 +5,22 @@
 //! and nothing else: no truth, no score, no simulator. All times are seconds on the cell's clock.
 
 //!
-//! [`executor`] is how commands are carried out, in the arena as in a driver, and [`run`] the loop that both share.
+//! Begin with [`Cell`] (what a driver implements), [`Executor`] (how it carries out trajectories, in the arena as with real drives)
+//! and [`run`] (the loop in which a cell and a brain meet):
+//!
+//! ```
+//! use std::ops::ControlFlow;
+//! use catch_cell::{Brain, Cell, run};
+//!
+//! /// Lets a brain act for a second; returns how many times it sent the arm a trajectory.
+//! fn trajectories_in_a_second<C: Cell>(cell: &mut C, brain: &mut dyn Brain) -> Result<u32, catch_cell::RunError<C::Error>> {
+//!     let mut sent = 0;
+//!     run(cell, brain, |_, _, observation, command| {
+//!         sent += u32::from(command.arm.is_some());
+//!         if observation.time_s < 1.0 { ControlFlow::Continue(()) } else { ControlFlow::Break(sent) }
+//!     })
+//! }
+//! ```
 
 pub mod arm;
 pub mod camera;

@@ -15,7 +15,9 @@ const MAX_CAMERAS: usize = 256;
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RigFile {
+    /// A sphere of cameras.
     uv_sphere: Option<UvSphereFields>,
+    /// Single cameras.
     #[serde(default)]
     cameras: Vec<CameraFields>,
 }
@@ -24,18 +26,25 @@ struct RigFile {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct UvSphereFields {
+    /// Radius of the sphere.
     #[serde(deserialize_with = "quantity::distance_m")]
     radius_m: f64,
+    /// Azimuths, counterclockwise from x.
     #[serde(deserialize_with = "quantity::angle_deg")]
     azimuths_deg: Vec<f64>,
+    /// Elevations above the horizontal.
     #[serde(deserialize_with = "quantity::elevation_deg")]
     elevations_deg: Vec<f64>,
+    /// Centre of the sphere, which all cameras look at.
     #[serde(deserialize_with = "quantity::place_m")]
     look_at_m: [f64; 3],
+    /// Width of the images.
     #[serde(deserialize_with = "quantity::image_px")]
     width_px: u32,
+    /// Height of the images.
     #[serde(deserialize_with = "quantity::image_px")]
     height_px: u32,
+    /// Field of view from top to bottom.
     #[serde(deserialize_with = "quantity::field_of_view_deg")]
     vertical_fov_deg: f64,
 }
@@ -44,20 +53,28 @@ struct UvSphereFields {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CameraFields {
+    /// Where it stands.
     #[serde(deserialize_with = "quantity::place_m")]
     position_m: [f64; 3],
+    /// What it looks at, level; or:
     #[serde(default, deserialize_with = "quantity::place_m")]
     look_at_m: Option<[f64; 3]>,
+    /// Its rotation as a unit quaternion x, y, z, w; the camera looks along its z, and its y points down.
     #[serde(default, deserialize_with = "quantity::quaternion")]
     rotation_xyzw: Option<[f64; 4]>,
+    /// Width of its images.
     #[serde(deserialize_with = "quantity::image_px")]
     width_px: u32,
+    /// Height of its images.
     #[serde(deserialize_with = "quantity::image_px")]
     height_px: u32,
+    /// Field of view from top to bottom; or:
     #[serde(default, deserialize_with = "quantity::field_of_view_deg")]
     vertical_fov_deg: Option<f64>,
+    /// Focal length.
     #[serde(default, deserialize_with = "quantity::focal_px")]
     focal_px: Option<f64>,
+    /// Principal point; the middle of the image if left out.
     #[serde(default, deserialize_with = "quantity::image_coordinate_px")]
     principal_px: Option<[f64; 2]>,
 }

@@ -1,5 +1,12 @@
 //! The command line of CatchingBot: one module per subcommand, each of which reads its arguments, calls [`catch_lab`] and prints.
 //!
+//! Begin with [`main`] (the program), [`command`] (its arguments as data) and [`ChoiceArguments`] (what is thrown at what):
+//!
+//! ```
+//! let eval = catch_cli::command().find_subcommand("eval").cloned();
+//! assert!(eval.is_some_and(|it| it.get_arguments().any(|it| it.get_id() == "trials")));
+//! ```
+//!
 //! A program has this command line by calling [`main`]. Every arena that it runs is made by [`catch_lab::scenario::setup::Setup::arena`], the
 //! one place where another physics engine would come in.
 //!
@@ -9,7 +16,6 @@ mod catch;
 mod check;
 mod completions;
 mod eval;
-mod fall;
 mod gripper_latency;
 mod learn;
 mod list;
@@ -138,6 +144,9 @@ pub struct ChoiceArguments {
     /// Gripper: a built-in name or a file [default: the scenario's]
     #[arg(long, value_name = "NAME|FILE")]
     gripper: Option<String>,
+    /// What stands around the arm: a built-in workcell or a file [default: the scenario's]
+    #[arg(long, value_name = "NAME|FILE")]
+    workcell: Option<String>,
     /// Whose method catches [default: the scenario's, which is ours if it says nothing]
     #[arg(long, value_enum)]
     method: Option<MethodArgument>,
@@ -156,9 +165,14 @@ enum MethodArgument {
 }
 
 impl ChoiceArguments {
-    /// Arm and gripper, where others than the scenario's are asked for.
+    /// Arm, gripper and workcell, where others than the scenario's are asked for.
     pub fn equipment(&self) -> Choice<'_> {
-        Choice { robot: self.robot.as_deref(), gripper: self.gripper.as_deref(), ..Choice::default() }
+        Choice {
+            robot: self.robot.as_deref(),
+            gripper: self.gripper.as_deref(),
+            workcell: self.workcell.as_deref(),
+            ..Choice::default()
+        }
     }
 
     /// Whose method is asked for.
@@ -185,6 +199,11 @@ pub struct OutputArguments {
     /// Print one JSON document instead of the story
     #[arg(long)]
     json: bool,
+}
+
+/// The command line as data: its arguments with their help, for completions and documentation.
+pub fn command() -> clap::Command {
+    Arguments::command()
 }
 
 /// Reads the program's arguments, does what they ask for, and says on standard error what went wrong.
@@ -267,6 +286,6 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         Some(Command::GripperLatency(latency)) => gripper_latency::run(&latency),
         Some(Command::New(new)) => new::run(&new),
         Some(Command::Check(check)) => check::run(&check),
-        Some(Command::Completions(completions)) => completions::run(&completions, Arguments::command()),
+        Some(Command::Completions(completions)) => completions::run(&completions, command()),
     }
 }

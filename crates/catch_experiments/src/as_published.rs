@@ -26,11 +26,11 @@ const SCENARIO: &str = "as-published";
 /// One trial of a study's step for so many of a cell of Table I.
 const TRIALS_PER_STEP_TRIAL: usize = 8;
 
-const LEGEND: &str = "*5 cm*, *2.5 cm*: the object is less than that from the gripper along z of the gripper at 0.875 s, as the authors' \
-code and the paper's text count. *Held*: squeezed 0.4 s later. *Caught*: by this project's rule without its condition on limits: held \
-until 1.5 s after the first contact and shaken. Percent of the trials, and in brackets the 95 % interval (Wilson). *Rerun*: the authors' code \
-run again, 81 trials. In the table of the assumptions *alone* takes one of them away from `as-published`, and every other line takes one \
-more away from the line above.";
+const LEGEND: &str = "At 0.875 s the object is less than *5 cm* or *2.5 cm* from the gripper along its z axis, as the authors' code and \
+the paper's text count. It is *held* if it is squeezed 0.4 s later. It is *caught* by this project's rule without its condition on \
+limits: held until 1.5 s after the first contact and shaken. Figures are percent of the trials, and in brackets the 95 % interval \
+(Wilson). The *rerun* is that of the authors' code, 81 trials. In the table of the assumptions *alone* takes one of them away from \
+`as-published`, and every other line takes one more away from the line above.";
 
 /// The code run again.
 #[derive(Deserialize)]

@@ -26,9 +26,9 @@ const FEATURES: [&str; 7] = [
     "touches the open gripper",
 ];
 
-const LEGEND: &str = "Logistic regression of *caught* on what each catch was like, one intercept per object; throws without a plan are left \
-out. *Weight*: the coefficient in the proportion in which that of the relative speed is the weight `speed` of the scenario. How \
-the weights of the scenario `honest` were chosen is in `docs/honesty.md`.";
+const LEGEND: &str = "A logistic regression of *caught* on what each catch was like, with one intercept per object; throws without a \
+plan are left out. The *weight* is the coefficient in the proportion in which that of the relative speed is the weight `speed` of the \
+scenario. How the weights of the scenario `honest` were chosen is in `docs/notebook.md`.";
 
 /// The features of a throw that was tried to be caught.
 fn features(it: &Measures) -> Option<[f64; FEATURES.len()]> {

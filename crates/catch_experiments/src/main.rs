@@ -5,6 +5,7 @@
 
 mod arms;
 mod as_published;
+mod figures;
 mod flights;
 mod holding;
 mod near_rigs;
@@ -14,7 +15,10 @@ mod results;
 mod spread;
 mod stage_times;
 
-use std::{collections::BTreeSet, path::PathBuf};
+use std::{
+    collections::BTreeSet,
+    path::{Path, PathBuf},
+};
 
 use anyhow::{Context, Result, bail};
 use clap::Parser;
@@ -108,7 +112,7 @@ const EXPERIMENTS: [Experiment; 9] = [
 #[derive(Debug, Parser)]
 #[command(about = "Measures and writes docs/results/NAME.md and NAME.json; `list` lists the experiments")]
 struct Arguments {
-    /// Name of an experiment, or `list`.
+    /// Name of an experiment, `list`, or `figures` for those of docs/pictures.
     name: String,
     /// Seed of everything random.
     #[arg(long, default_value_t = 1)]
@@ -130,9 +134,12 @@ fn main() -> Result<()> {
         }
         return Ok(());
     }
+    if name == "figures" {
+        return figures::write(Path::new("docs/pictures"));
+    }
     let Some(experiment) = EXPERIMENTS.iter().find(|it| it.name == name) else {
         let names: BTreeSet<&str> = EXPERIMENTS.iter().map(|it| it.name).collect();
-        bail!("there is no experiment `{name}`; expected `list` or one of {names:?}");
+        bail!("there is no experiment `{name}`; expected `list`, `figures` or one of {names:?}");
     };
     let options = Options { seed, trials: trials.unwrap_or(experiment.trials) };
     let findings = (experiment.run)(&options).with_context(|| format!("experiment {name}"))?;

@@ -21,7 +21,7 @@ use catch_cell::{
 };
 use catch_lab::{
     recording::{RecordedCell, cell_recorder::CellRecorder},
-    scenario::setup::{SourceNames, Sources},
+    scenario::sources::{SourceNames, Sources},
 };
 use nalgebra::{Point3, Vector3};
 
@@ -104,9 +104,15 @@ pub fn record(folder: &Path) -> anyhow::Result<PathBuf> {
         robot_urdf: include_str!("../../../assets/robots/iiwa14/robot.urdf").to_owned(),
         robot_toml: include_str!("../../../assets/robots/iiwa14/robot.toml").to_owned(),
         gripper_toml: include_str!("../../../assets/grippers/wsg50.toml").to_owned(),
+        workcell_toml: None,
         limit_scale: LimitScale::default(),
     };
-    let names = SourceNames { robot_urdf: "robot.urdf", robot_toml: "robot.toml", gripper_toml: "wsg50.toml" };
+    let names = SourceNames {
+        robot_urdf: "robot.urdf",
+        robot_toml: "robot.toml",
+        gripper_toml: "wsg50.toml",
+        workcell_toml: "",
+    };
     let (robot, gripper) = sources.parse(&names)?;
     // Images of the object from all around, taken beforehand; a real cell takes its own.
     let scanners = rig_from_toml("reference.toml", include_str!("../../../assets/rigs/reference.toml"))?;

@@ -1,4 +1,4 @@
-//! Robots, grippers, objects, throws, camera rigs, scenarios and studies: those that are built in, and the user's files.
+//! Robots, grippers, workcells, objects, throws, camera rigs, scenarios and studies: those that are built in, and the user's files.
 //!
 //! Wherever something is named, a built-in name or the path of a file may stand. A file refers to others by built-in names or
 //! by paths relative to itself.
@@ -32,6 +32,8 @@ pub enum Kind {
     Object,
     /// A way of throwing.
     Throw,
+    /// What stands around an arm.
+    Workcell,
     /// An arrangement of cameras.
     Rig,
     /// Variants of a scenario.
@@ -43,8 +45,8 @@ const SHAPES: [&str; 8] = ["obj", "stl", "ply", "dae", "gltf", "glb", "sdf", "ur
 
 impl Kind {
     /// All kinds, in the order in which a person would ask for them.
-    pub const ALL: [Self; 7] =
-        [Self::Scenario, Self::Object, Self::Throw, Self::Robot, Self::Gripper, Self::Rig, Self::Study];
+    pub const ALL: [Self; 8] =
+        [Self::Scenario, Self::Object, Self::Throw, Self::Robot, Self::Gripper, Self::Workcell, Self::Rig, Self::Study];
 
     /// Several of them, which is also the folder of the built-in ones.
     pub fn plural(self) -> &'static str {
@@ -54,6 +56,7 @@ impl Kind {
             Self::Gripper => "grippers",
             Self::Object => "objects",
             Self::Throw => "throws",
+            Self::Workcell => "workcells",
             Self::Rig => "rigs",
             Self::Study => "studies",
         }
@@ -91,6 +94,7 @@ impl Display for Kind {
             Self::Gripper => "gripper",
             Self::Object => "object",
             Self::Throw => "throw",
+            Self::Workcell => "workcell",
             Self::Rig => "rig",
             Self::Study => "study",
         })

@@ -91,6 +91,14 @@ impl Cell {
     }
 }
 
+/// The row of a judged trial: for a miss the verdict tells what was within reach, too.
+pub fn row(setup: &Setup, seed: u64, index: u64, mut verdict: Verdict) -> Row {
+    if !verdict.caught {
+        verdict.reach = Some(Oracle::of(setup).reach(setup, seed, index));
+    }
+    Row { scene: setup.scene(seed, index), verdict }
+}
+
 /// What is evaluated. Trials are numbered throw by throw: first the first throw in all cells, then the second.
 #[derive(Debug)]
 pub struct Evaluation {
@@ -165,21 +173,11 @@ impl Evaluation {
         (&self.cells[job % self.cells.len()], self.first + (job / self.cells.len()) as u64)
     }
 
-    /// The scene of trial number `job`.
-    pub fn scene(&self, job: usize) -> Scene {
-        let (cell, index) = self.job(job);
-        cell.setup.scene(self.seed, index)
-    }
-
-    fn trial(&self, job: usize) -> (Verdict, Stopwatch) {
+    fn trial(&self, job: usize) -> (Row, Stopwatch) {
         let (cell, index) = self.job(job);
         let mut brain = cell.brain.make(&cell.setup, self.seed, index);
         let trial = trial::run_unobserved(&mut *brain, &cell.setup, self.seed, index);
-        let mut verdict = referee::judge(&cell.setup, &trial);
-        if !verdict.caught {
-            verdict.reach = Some(Oracle::of(&cell.setup).reach(&cell.setup, self.seed, index));
-        }
-        (verdict, trial.stopwatch)
+        (row(&cell.setup, self.seed, index, referee::judge(&cell.setup, &trial)), trial.stopwatch)
     }
 
     /// Runs the trials from number `from` on, on several threads, and hands over each row in the order of their numbers.
@@ -212,8 +210,7 @@ impl Evaluation {
             let mut due = from;
             for (job, result) in &receiver {
                 waiting.insert(job, result);
-                while let Some((verdict, stopwatch)) = waiting.remove(&due) {
-                    let row = Row { scene: self.scene(due), verdict };
+                while let Some((row, stopwatch)) = waiting.remove(&due) {
                     due += 1;
                     if let Err(fault) = row_done(row, stopwatch) {
                         drop(receiver);

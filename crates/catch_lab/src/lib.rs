@@ -2,7 +2,23 @@
 //!
 //! # Where to begin
 //!
-//! The tutorial `docs/your-first-throw.md` starts with the
+//! With [`Setup`](scenario::setup::Setup) (a scenario and all that it names), [`trial::run`] (one throw) and
+//! [`Evaluation`](evaluation::Evaluation) (many):
+//!
+//! ```
+//! use catch_lab::{referee, scenario::setup::{Choice, Setup}, trial};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let setup = Setup::load(&Choice { throw: Some("far"), ..Choice::default() })?;
+//! let (seed, index) = (1, 0);
+//! let throw = trial::run(&setup, seed, index, &mut |_, _| Ok(()))?;
+//! let verdict = referee::judge(&setup, &throw);
+//! assert!(verdict.caught, "{:?}", verdict.reason);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! The tutorial `docs/tutorial/your-first-throw.md` starts with the
 //! program; the numbered examples in `crates/catch_lab/examples` do the same as a library:
 //!
 //! | example | shows | uses |
@@ -36,6 +52,17 @@
 //! | [`pages`] | throws, evaluations and studies in the browser |
 //! | `export` | the same for other tools; each format is a feature: `mcap`, `gif`, `plots` (and `parquet` for the rows of evaluations) |
 //! | [`own_data`] | users' files: templates, checks, clouds, tracks, catches to plan |
+
+/// The blocks of Rust in the pages for people, as doctests.
+#[cfg(doctest)]
+mod pages_for_people {
+    #[doc = include_str!("../../../README.md")]
+    struct Readme;
+    #[doc = include_str!("../../../docs/how-to/benchmark-your-method.md")]
+    struct BenchmarkYourMethod;
+    #[doc = include_str!("../../../docs/how-to/drive-a-real-cell.md")]
+    struct DriveARealCell;
+}
 
 pub mod assets;
 pub mod bounded_file;

@@ -3,8 +3,10 @@
 pub mod aerodynamics;
 pub mod check;
 pub mod cloud_file;
+pub mod cloud_registration;
 pub mod flight_learning;
 pub mod flight_misses;
+pub mod flight_prediction;
 mod mesh_paths;
 mod object_check;
 pub mod object_import;

@@ -15,7 +15,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     referee::{self, HELD_UNTIL_S, Row},
-    scenario::{Scenario, brain::BrainSettings, setup::Setup},
+    scenario::{
+        Scenario,
+        brain::{BrainSettings, ChosenCycle},
+        setup::Setup,
+    },
     trial::{self, EndWatch, StateSnapshot, Trial, stopwatch::Stopwatch},
 };
 
@@ -138,11 +142,7 @@ impl Play {
 /// The arena and the brain that lives in it.
 struct LivingCell {
     arena: Arena,
-    brain: CatchingCycle<
-        Box<dyn catch_bot::perception::PoseEstimator>,
-        Box<dyn catch_bot::trajectory_prediction::FlightPredictor>,
-        Box<dyn catch_bot::control::CatchPlanner>,
-    >,
+    brain: ChosenCycle,
     stopwatch: Stopwatch,
 }
 

@@ -43,7 +43,8 @@ use crate::{
     scenario::{
         Scenario,
         brain::BrainSettings,
-        setup::{Scene, Setup, Sources},
+        setup::{Scene, Setup},
+        sources::Sources,
     },
     trial::Tick,
 };
@@ -62,9 +63,9 @@ const LONGEST_NAME: usize = 80;
 /// What is known before anything is sensed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Header {
-    /// [`FORMAT`].
+    /// Always `catchingbot recording`.
     pub format: String,
-    /// [`FORMAT_VERSION`].
+    /// Version of the format; older programs cannot read a higher one.
     pub format_version: u32,
     /// Version of the program that wrote it.
     pub version: String,

@@ -1,8 +1,10 @@
 //! Scenarios: everything that a set of trials shares, in one file.
 
 pub mod brain;
+pub mod catch_plan;
 pub mod reach_map;
 pub mod setup;
+pub mod sources;
 
 use catch_body::{Gripper, InputError, quantity, robot::LimitScale};
 use catch_bot::settings::{SettingError, Settings};
@@ -50,6 +52,9 @@ pub struct Scenario {
     pub robot: String,
     /// The gripper on it.
     pub gripper: String,
+    /// What stands around the arm, a built-in workcell or a file; nothing but the floor if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub workcell: Option<String>,
     /// What is thrown unless somebody asks for something else.
     pub object: String,
     /// How it is thrown unless somebody asks for something else.
@@ -194,15 +199,17 @@ impl Scenario {
     }
 
     /// The files that it names: what kind, in which field, by which name.
-    pub fn parts(&self) -> [(Kind, &'static str, &str); 6] {
-        [
+    pub fn parts(&self) -> Vec<(Kind, &'static str, &str)> {
+        let workcell = self.workcell.iter().map(|it| (Kind::Workcell, "workcell", it.as_str()));
+        let parts: [(Kind, &'static str, &str); 6] = [
             (Kind::Robot, "robot", &self.robot),
             (Kind::Gripper, "gripper", &self.gripper),
             (Kind::Object, "object", &self.object),
             (Kind::Throw, "throw", &self.throw),
             (Kind::Rig, "flight_rig", &self.flight_rig),
             (Kind::Rig, "reference_rig", &self.reference_rig),
-        ]
+        ];
+        parts.into_iter().chain(workcell).collect()
     }
 }
 

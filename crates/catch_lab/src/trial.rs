@@ -1,5 +1,6 @@
 //! One trial: an object is thrown, and the brain tries to catch it.
 
+pub mod steering;
 pub mod stopwatch;
 
 use std::{convert::Infallible, io};
@@ -9,7 +10,7 @@ use catch_cell::{Cell, Command, Observation};
 use catch_sim::{Arena, Truth};
 
 use crate::{
-    scenario::{brain::ObservedBrain, setup::Setup},
+    scenario::{Clock, brain::ObservedBrain, setup::Setup},
     trial::stopwatch::Stopwatch,
 };
 
@@ -81,34 +82,77 @@ pub fn run_brain<E>(
     index: u64,
     observer: &mut dyn FnMut(&Tick, &Truth) -> Result<(), E>,
 ) -> Result<Trial, E> {
-    let mut arena = setup.arena(seed, index);
+    let mut episode = Episode::new(setup, seed, index);
     let mut stopwatch = Stopwatch::default();
-    let mut snapshots = Vec::new();
-    let mut watch = EndWatch::default();
-    loop {
-        let Ok(observation) = arena.sense();
+    while !episode.is_done() {
+        let observation = episode.sense();
         stopwatch.start();
         let command = brain.tick(&observation, &mut stopwatch);
         stopwatch.stop();
         let report = brain.report();
-        observer(&Tick { observation: &observation, command: &command, report }, arena.truth())?;
-        snapshots.push(StateSnapshot {
-            time_s: observation.time_s,
-            report: report.cloned(),
-            stage_ms: stopwatch.last_tick_ms(),
-        });
-        let delay_s = setup.scenario.clock.delay_s(stopwatch.last_tick_s());
-        arena.act_after(delay_s, &command);
-        if watch.is_over(&mut arena) {
-            return Ok(Trial { truth: arena.truth().clone(), snapshots, stopwatch });
-        }
+        observer(&Tick { observation: &observation, command: &command, report }, episode.truth())?;
+        let (report, stage_ms) = (report.cloned(), stopwatch.last_tick_ms());
+        let snapshot = StateSnapshot { time_s: observation.time_s, report, stage_ms };
+        episode.act(&command, snapshot, stopwatch.last_tick_s());
     }
+    Ok(episode.into_trial(stopwatch))
 }
 
 /// The same with nobody watching.
 pub fn run_unobserved(brain: &mut dyn ObservedBrain, setup: &Setup, seed: u64, index: u64) -> Trial {
     let Ok(trial) = run_brain::<Infallible>(brain, setup, seed, index, &mut |_, _| Ok(()));
     trial
+}
+
+/// A trial step by step, for whoever decides elsewhere: what is sensed goes out, commands come in, until it is done.
+pub struct Episode {
+    arena: Arena,
+    clock: Clock,
+    watch: EndWatch,
+    snapshots: Vec<StateSnapshot>,
+    is_done: bool,
+}
+
+impl Episode {
+    /// Throw number `index` of `seed`, the object about to fly.
+    pub fn new(setup: &Setup, seed: u64, index: u64) -> Self {
+        Self {
+            arena: setup.arena(seed, index),
+            clock: setup.scenario.clock,
+            watch: EndWatch::default(),
+            snapshots: Vec::new(),
+            is_done: false,
+        }
+    }
+
+    /// Time passes until the next image; what is sensed then.
+    pub fn sense(&mut self) -> Observation {
+        let Ok(observation) = self.arena.sense();
+        observation
+    }
+
+    /// Passes a command on. Computing it took `computed_s` in seconds of wall time, which counts where the scenario's clock charges it; the
+    /// referee looks at `snapshot`.
+    pub fn act(&mut self, command: &Command, snapshot: StateSnapshot, computed_s: f64) {
+        self.snapshots.push(snapshot);
+        self.arena.act_after(self.clock.delay_s(computed_s), command);
+        self.is_done = self.watch.is_over(&mut self.arena);
+    }
+
+    /// Whether the trial is over.
+    pub fn is_done(&self) -> bool {
+        self.is_done
+    }
+
+    /// What really happened so far. No brain may see it.
+    pub fn truth(&self) -> &Truth {
+        self.arena.truth()
+    }
+
+    /// All that happened, for the referee.
+    pub fn into_trial(self, stopwatch: Stopwatch) -> Trial {
+        Trial { truth: self.arena.truth().clone(), snapshots: self.snapshots, stopwatch }
+    }
 }
 
 /// Watches for the end of a trial, and shakes the world when it is time.

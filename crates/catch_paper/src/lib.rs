@@ -8,6 +8,22 @@
 //! that is not safe, and the gripper closes when the prediction says so, not when the simulator's truth does. Each of these is a
 //! setting. The scenario `as-published` has them all as the authors' code has them.
 //!
+//! Begin with [`IcpEstimator`], [`RansacPredictor`] and [`PaperPlanner`], each a stage that a brain may have in place of its own:
+//!
+//! ```
+//! use std::sync::Arc;
+//! use catch_bot::{CatchingBot, Preparation, control::TimeGridSearch, perception::SdfEstimator};
+//! use catch_paper::{Config, RansacPredictor};
+//!
+//! /// A brain that predicts flights as the paper does, and does all else its own way.
+//! fn brain(known: Arc<Preparation>, seed: u64) -> CatchingBot<SdfEstimator, RansacPredictor, TimeGridSearch> {
+//!     let settings = known.config().trajectory_prediction.clone();
+//!     let predictor = RansacPredictor::new(settings, &Config::default().prediction, known.reference().symmetry, seed);
+//!     let (estimator, planner) = (known.pose_estimator(), known.catch_planner());
+//!     CatchingBot::with_stages(known, estimator, predictor, planner)
+//! }
+//! ```
+//!
 //! [`sqp`] is the general nonlinear form of the trajectory optimization over all joints at once, for any arm. Catches whose time and
 //! pose are given, as the paper's are, [`general`] plans with it and [`posed`] with our own motions, or proves them out of reach.
 

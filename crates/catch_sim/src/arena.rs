@@ -274,7 +274,8 @@ impl Arena {
         let radius = object.bounding_radius_m;
         let alone_m = clearance.least_distance_to_ball(&X_WL, &p_WO, radius).min(p_WO.z - radius);
         self.is_alone = alone_m > ALONE_M;
-        self.servo.note_clearances(clearance.self_clearance(&X_WL, width_m), clearance.floor_clearance(&X_WL, width_m));
+        self.servo
+            .note_clearances(clearance.self_clearance(&X_WL, width_m), clearance.environment_clearance(&X_WL, width_m));
         self.truth.samples.push(TruthSample {
             time_s: self.time_s(),
             q: state.q,

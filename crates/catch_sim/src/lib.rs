@@ -6,6 +6,27 @@
 //! the contract.
 //!
 //! A scene is a pure function of its files, its seed and its index; see [`random_streams`].
+//!
+//! Begin with [`Arena`] (the cell), [`ArenaConfig`] (the settings of a scenario's `[arena]`) and [`FreeFlight`] (how an object flies
+//! between contacts):
+//!
+//! ```
+//! use catch_body::JointVector;
+//! use catch_cell::{Cell, Command};
+//! use catch_sim::{Arena, Equipment, Release};
+//!
+//! /// How wide the gripper stands 0.1 s after the release of a throw, nothing being commanded.
+//! fn width_after_a_moment(equipment: &Equipment, release: &Release, ready_q: &JointVector) -> f64 {
+//!     let mut arena = Arena::new(equipment, release, ready_q, 1, 0);
+//!     loop {
+//!         let Ok(observation) = arena.sense();
+//!         let Ok(()) = arena.act(&Command::default());
+//!         if observation.time_s > 0.1 {
+//!             return observation.gripper.width_m;
+//!         }
+//!     }
+//! }
+//! ```
 
 pub mod aerodynamics;
 pub mod arena;

@@ -71,12 +71,17 @@ pub struct PublishedBody {
 /// Radius of gyration of the thinnest needle.
 const LEAST_GYRATION_M: f64 = 1e-4;
 
+/// Something to throw.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ObjectFile {
+    /// Name. Results call an object by its file's name.
     name: String,
+    /// What it truly is; only the arena reads this.
     truth: TruthFields,
+    /// What the brain is told beforehand.
     prior: ObjectPrior,
+    /// What it is in the paper's simulator.
     published: Option<PublishedFields>,
 }
 
@@ -85,6 +90,7 @@ struct ObjectFile {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PublishedFields {
+    /// Centre of mass.
     #[serde(default, deserialize_with = "quantity::shape_m")]
     com_m: [f64; 3],
     /// Principal moments about the centre of mass along the axes of the shape.
@@ -114,13 +120,17 @@ impl PublishedFields {
     }
 }
 
+/// Mass properties, contact and air.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct TruthFields {
+    /// Mass.
     #[serde(deserialize_with = "quantity::thrown_mass_kg")]
     mass_kg: f64,
+    /// Coefficient of restitution against something hard.
     #[serde(deserialize_with = "quantity::fraction")]
     restitution: f64,
+    /// Drag constant k of a = −k·|v|·v; it counts where a scenario has air.
     #[serde(deserialize_with = "quantity::drag_per_m")]
     drag_per_m: f64,
     /// Centre of mass in the axes of the shape; that of uniform density otherwise.
@@ -130,9 +140,12 @@ struct TruthFields {
     /// uniform density otherwise.
     #[serde(default, deserialize_with = "quantity::inertia_kgm2")]
     inertia_kgm2: Option<[f64; 6]>,
+    /// Coulomb friction coefficient, a number or `{ min, max }` from which every throw draws; the scenario's otherwise.
     friction: Option<Drawn>,
+    /// Stiffness of a soft surface under a finger, whose patch resists the rotation about the normal.
     #[serde(default, deserialize_with = "quantity::stiffness_npm")]
     stiffness_npm: Option<f64>,
+    /// Shape.
     shape: ShapeFields,
 }
 

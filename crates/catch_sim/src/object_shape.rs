@@ -65,28 +65,36 @@ impl ColliderPart {
 pub(crate) enum ShapeFields {
     /// A ball, hollow (all mass in its skin) or solid.
     Ball {
+        /// Diameter.
         #[serde(deserialize_with = "quantity::shape_size_m")]
         diameter_m: f64,
+        /// Whether all mass is in its skin.
         hollow: bool,
     },
     /// What a profile of points (z, r) sweeps around the z axis.
     Revolution {
+        /// Points (z, r), from the bottom up.
         #[serde(deserialize_with = "quantity::shape_m")]
         profile_m: Vec<[f64; 2]>,
     },
     /// A round tube along an arc in the y–z plane, its radii evenly spaced along it.
     BentTube {
+        /// Radius of the arc.
         #[serde(deserialize_with = "quantity::shape_size_m")]
         arc_radius_m: f64,
+        /// Angle of the arc.
         #[serde(deserialize_with = "quantity::arc_deg")]
         arc_angle_deg: f64,
+        /// Radii of the tube.
         #[serde(deserialize_with = "quantity::shape_radius_m")]
         radii_m: Vec<f64>,
     },
     /// A mesh from a file beside this one. It collides as the groups of the `parts` files, the convex hull of each; without them it
     /// is cut into convex parts.
     Mesh {
+        /// An OBJ or STL file, closed.
         file: String,
+        /// Files whose groups are the convex parts.
         #[serde(default)]
         parts: Vec<String>,
         /// Metres per unit of the files.

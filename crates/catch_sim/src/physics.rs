@@ -114,9 +114,11 @@ enum Part {
     Palm,
     Arm,
     Floor,
+    Obstacle,
 }
 
-const PARTS: [Part; 6] = [Part::Object, Part::LeftFinger, Part::RightFinger, Part::Palm, Part::Arm, Part::Floor];
+const PARTS: [Part; 7] =
+    [Part::Object, Part::LeftFinger, Part::RightFinger, Part::Palm, Part::Arm, Part::Floor, Part::Obstacle];
 
 impl Contact {
     /// Whether this part touched the object.
@@ -128,6 +130,7 @@ impl Contact {
             Part::Palm => self.palm,
             Part::Arm => self.arm,
             Part::Floor => self.floor,
+            Part::Obstacle => self.obstacle,
         }
     }
 }
@@ -321,6 +324,7 @@ impl World {
                 palm: touches(Part::Palm),
                 arm: touches(Part::Arm),
                 floor: touches(Part::Floor),
+                obstacle: touches(Part::Obstacle),
                 peak_impulse_ns: impulses.iter().copied().fold(0.0, f64::max),
             },
             finger_n: [force(Part::LeftFinger), force(Part::RightFinger)],

@@ -34,9 +34,11 @@ pub struct Throw {
     orientations: BTreeMap<String, UnitQuaternion<f64>>,
 }
 
+/// A throw, or a distribution of throws.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ThrowFile {
+    /// How it moves.
     motion: Motion,
     /// Per object: intrinsic rotations from left to right, an axis and an angle in degrees each.
     #[serde(default)]
@@ -55,31 +57,41 @@ enum Axis {
     Z,
 }
 
+/// How a throw moves, by its `kind`. Positions and velocities are in the world.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 enum Motion {
     /// The same throw every time.
     Fixed {
+        /// Where the object is released.
         #[serde(deserialize_with = "quantity::place_m")]
         position_m: [f64; 3],
+        /// Its velocity then.
         #[serde(deserialize_with = "quantity::velocity_mps")]
         velocity_mps: [f64; 3],
+        /// Its angular velocity then.
         #[serde(deserialize_with = "quantity::spin_radps")]
         spin_radps: [f64; 3],
     },
     /// The sampler of the paper's code. The horizontal velocity is that speed times (−x, −y)/√(x² + y²) + a·(1, −1): aimed at
     /// the base's axis, then sheared aside by `a`, the same in both directions.
     Sampled {
+        /// Range of x at the release.
         #[serde(deserialize_with = "quantity::place_m")]
         x_m: [f64; 2],
+        /// Range of y at the release.
         #[serde(deserialize_with = "quantity::place_m")]
         y_m: [f64; 2],
+        /// Height of the release.
         #[serde(deserialize_with = "quantity::place_m")]
         z_m: f64,
+        /// Range of the horizontal speed toward the base's axis.
         #[serde(deserialize_with = "quantity::velocity_mps")]
         horizontal_speed_mps: [f64; 2],
+        /// Range of the shear `a`.
         #[serde(deserialize_with = "quantity::shear")]
         aside: [f64; 2],
+        /// Range of the vertical speed, upwards.
         #[serde(deserialize_with = "quantity::velocity_mps")]
         vertical_speed_mps: [f64; 2],
     },

@@ -66,6 +66,9 @@ pub struct Contact {
     pub arm: bool,
     /// The floor.
     pub floor: bool,
+    /// An obstacle of the workcell.
+    #[serde(default)]
+    pub obstacle: bool,
     /// The largest normal impulse of one of these during the step, in N·s. An impact is over within a step.
     #[serde(default)]
     pub peak_impulse_ns: f64,
@@ -74,7 +77,7 @@ pub struct Contact {
 impl Contact {
     /// Whether anything touched the object.
     pub fn any(&self) -> bool {
-        self.left_finger || self.right_finger || self.palm || self.arm || self.floor
+        self.left_finger || self.right_finger || self.palm || self.arm || self.floor || self.obstacle
     }
 }
 
@@ -105,6 +108,6 @@ pub struct ServoReport {
     pub peak_torque_ratio: f64,
     /// Smallest distance between parts of the arm that are compared, in metres; `None` before the first sample.
     pub min_self_clearance_m: Option<f64>,
-    /// Smallest distance between moving parts and the floor, in metres; `None` before the first sample.
+    /// Smallest distance between moving parts and the floor or an obstacle, in metres; `None` before the first sample.
     pub min_floor_clearance_m: Option<f64>,
 }

@@ -1,4 +1,4 @@
-//! The surface of an arm and its gripper, for ray casting.
+//! The surface of an arm, its gripper and what stands around them, for ray casting.
 
 use crate::{
     Gripper,
@@ -13,7 +13,7 @@ use crate::{
 /// Flat strips around a capsule: at 48 a link of 80 mm radius is 0.17 mm short between the edges.
 const SEGMENTS: u32 = 48;
 
-/// The arm's links and the gripper's housing and fingers, each prepared once in its own frame, so that moving the arm only
+/// The arm's links, the gripper's housing and fingers, and the obstacles, each prepared once in its own frame, so that moving the arm only
 /// changes poses.
 #[derive(Debug, Clone)]
 pub struct ArmSurface {
@@ -22,12 +22,14 @@ pub struct ArmSurface {
     housing: RayCaster,
     /// One finger around its own centre; both are alike.
     finger: RayCaster,
+    /// What stands around the arm, in W.
+    obstacles: Option<RayCaster>,
     gripper: Gripper,
     X_LG: Pose,
 }
 
 impl ArmSurface {
-    /// Prepares the capsules of `robot` and the boxes of `gripper`.
+    /// Prepares the capsules and obstacles of `robot` and the boxes of `gripper`.
     pub fn new(robot: &Robot, gripper: &Gripper) -> Self {
         let links = (0..=robot.dof()).filter_map(|link| {
             let mut mesh = TriangleMesh::default();
@@ -36,11 +38,14 @@ impl ArmSurface {
             }
             (!mesh.triangles.is_empty()).then(|| (link, RayCaster::new(&mesh)))
         });
+        let mut obstacles = TriangleMesh::default();
+        robot.obstacles.iter().for_each(|obstacle| obstacles.merge(&obstacle.mesh()));
         let finger = Cuboid { centre: nalgebra::Point3::origin(), size: gripper.finger_size_m.into() };
         Self {
             links: links.collect(),
             housing: RayCaster::new(&TriangleMesh::cuboid(&gripper.body())),
             finger: RayCaster::new(&TriangleMesh::cuboid(&finger)),
+            obstacles: (!obstacles.triangles.is_empty()).then(|| RayCaster::new(&obstacles)),
             gripper: gripper.clone(),
             X_LG: robot.X_LG,
         }
@@ -55,6 +60,7 @@ impl ArmSurface {
         });
         let links: [Pose; MAX_JOINTS + 1] = *X_WL;
         let links = self.links.iter().map(move |(link, caster)| (links[*link], caster));
-        links.chain(std::iter::once((X_WG, &self.housing))).chain(fingers)
+        let obstacles = self.obstacles.iter().map(|caster| (Pose::identity(), caster));
+        links.chain(std::iter::once((X_WG, &self.housing))).chain(fingers).chain(obstacles)
     }
 }

@@ -31,7 +31,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     grasp_selection::{self, Approach, Grasp, GraspSet},
-    settings::{DURATION_S, FRACTION, Faults, LIMIT_SCALE, NOT_NEGATIVE, PERIOD_S, SettingError, Settings},
+    settings::{
+        DURATION_S, FRACTION, Faults, LIMIT_SCALE, NOT_NEGATIVE, OBJECT_MASS_KG, PERIOD_S, SettingError, Settings,
+    },
     trajectory_prediction::FlightTrajectory,
 };
 use joint_spline::{EndKind, Ends, JointSpline};
@@ -54,6 +56,8 @@ pub struct Config {
     pub velocity_scaling: f64,
     /// Fraction of the velocity limits that a joint may have at the catch: the impact of a banana adds up to 5 %.
     pub terminal_velocity_scaling: f64,
+    /// What the object weighs in kg, if that is known: by how much its impact makes the joints faster is kept free for it.
+    pub object_mass_kg: Option<f64>,
     /// Fraction of the velocity limits that a replan uses where that is enough, so that the next one keeps some room; the paper's
     /// method uses no more from rest.
     pub replan_velocity_scaling: f64,
@@ -92,6 +96,7 @@ impl Default for Config {
             position_margin_rad: 0.02,
             velocity_scaling: 0.98,
             terminal_velocity_scaling: 0.93,
+            object_mass_kg: None,
             replan_velocity_scaling: 0.95,
             replan_acceleration_scaling: 0.9,
             torque_scaling: 0.95,
@@ -142,6 +147,7 @@ impl Settings for Config {
                 ],
             )
             .values(&DURATION_S, [("min_lead_s", self.min_lead_s)])
+            .options(&OBJECT_MASS_KG, [("object_mass_kg", self.object_mass_kg)])
             .table("weights", &self.weights)
             .table("search", &self.search)
             .table("replan", &self.replan)

@@ -219,7 +219,7 @@ impl MotionPlanner {
     }
 
     fn clearance_m(&self, X_WL: &LinkPoses, width_m: f64) -> f64 {
-        self.clearance.self_clearance(X_WL, width_m).min(self.clearance.floor_clearance(X_WL, width_m))
+        self.clearance.self_clearance(X_WL, width_m).min(self.clearance.environment_clearance(X_WL, width_m))
     }
 
     /// Whether the arm keeps clear of itself and of the floor all along a motion, and what it holds as well.

@@ -60,6 +60,7 @@ impl PointToPoint<'_> {
     pub fn best(&self, mut bounds: [Interval; MAX_JOINTS], least: f64) -> Option<Reached> {
         let dof = self.planner.robot.dof();
         let mut points = vec![JointVector::zeros(); self.splines.at.control_points()];
+        self.withstand_impact(&mut bounds);
         for _ in 0..=2 * dof {
             let terminal_velocity = self.terminal_velocity(&bounds).filter(|it| it.speed_fraction > least)?;
             let onset_s = self.brakes.then(|| self.planner.braking_onset_s(&terminal_velocity.dq));
@@ -77,6 +78,20 @@ impl PointToPoint<'_> {
             }
         }
         None
+    }
+
+    /// Keeps free of the velocity limits what the object's impact may add: M⁻¹·Jᵀ·m·v for an object that gives all its momentum to an
+    /// arm whose motors are too slow to answer.
+    fn withstand_impact(&self, bounds: &mut [Interval; MAX_JOINTS]) {
+        let Some(mass_kg) = self.planner.config.object_mass_kg else { return };
+        let robot = &self.planner.robot;
+        let Some(inertia) = robot.mass_matrix(&self.q).cholesky() else { return };
+        let impulse = self.jacobian.fixed_rows::<3>(3).transpose() * (self.v_WO * mass_kg);
+        let added = inertia.solve(&impulse);
+        for ((bound, joint), added) in bounds.iter_mut().zip(&robot.joints).zip(&added) {
+            let free = joint.limits.velocity - added.abs();
+            *bound = bound.intersection(&Interval { low: -free, high: free });
+        }
     }
 
     /// Splines for velocities that are known to be easy, `None` if they are not.

@@ -28,7 +28,7 @@ pub struct FlightTrajectory {
     pub covariance: SMatrix<f64, 7, 7>,
     /// Covariance of (rotation vector in W, ω in W) at `time_s`.
     pub rotation_covariance: Matrix6<f64>,
-    /// Error in metres that all poses may share and no number of them reduces (calibration); part of every covariance.
+    /// Error in metres that all poses have in common and no number of them reduces (calibration); part of every covariance.
     pub systematic_sd_m: f64,
     /// Aerodynamic forces besides that drag.
     #[serde(default)]

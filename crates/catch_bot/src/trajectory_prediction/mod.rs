@@ -56,7 +56,7 @@ pub struct Config {
     pub drag_prior_sd_per_m: Option<f64>,
     /// Standard deviation of each component of the angular velocity around zero before anything is seen, rad/s.
     pub spin_prior_sd_radps: f64,
-    /// Error in metres that all poses may share (calibration of the cameras).
+    /// Error in metres that all poses have in common (calibration of the cameras).
     pub systematic_sd_m: f64,
     /// Forces that depend on orientation and spin. None are expected by default.
     pub aerodynamics: AerodynamicPrior,

@@ -2,6 +2,8 @@
 
 mod browser;
 mod determinism;
+#[cfg(unix)]
+mod documented;
 mod evaluation;
 mod general_form;
 mod honest;
@@ -13,6 +15,7 @@ mod own_data;
 mod pages;
 mod recorded_flights;
 mod recording;
+mod reference;
 mod refusals;
 mod robot_import;
 mod wrong_input;

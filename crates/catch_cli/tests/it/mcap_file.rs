@@ -8,7 +8,7 @@ use std::{
 
 use base64::{Engine, prelude::BASE64_STANDARD};
 use catch_body::Pose;
-use catch_lab::{export::mcap_file, recording::playback::Playback, scenario::setup::SourceNames};
+use catch_lab::{export::mcap_file, recording::playback::Playback, scenario::sources::SourceNames};
 use nalgebra::{Point3, Quaternion, Translation3, UnitQuaternion};
 use prost_reflect::{DescriptorPool, DynamicMessage, Kind, SerializeOptions};
 use serde_json::Value;
@@ -206,7 +206,8 @@ fn the_scene_has_arm_hand_and_object() {
     assert_eq!(urdf.matches("<visual>").count(), 3 * capsules);
     let mut sources = playback.header.cell.sources.clone();
     sources.robot_urdf = urdf;
-    let names = SourceNames { robot_urdf: "urdf", robot_toml: "toml", gripper_toml: "gripper" };
+    let names =
+        SourceNames { robot_urdf: "urdf", robot_toml: "toml", gripper_toml: "gripper", workcell_toml: "workcell" };
     assert_eq!(sources.parse(&names).unwrap().0.link_poses(&playback.robot.ready_q), {
         playback.robot.link_poses(&playback.robot.ready_q)
     });

@@ -27,10 +27,14 @@ const GROUP_ROWS: usize = 1000;
 
 /// What a column holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Kind {
+pub enum Kind {
+    /// Texts.
     Text,
+    /// Whole numbers that are not negative.
     Count,
+    /// Truth values.
     Flag,
+    /// Numbers.
     Number,
 }
 
@@ -90,15 +94,18 @@ const REACHES: &[&str] = &["from_first_image_s", "from_release_s"];
 const ELSEWHERE: &[&str] = &["first_violation"];
 
 /// A column with its values, row by row.
-struct Column {
-    name: String,
-    /// CSV needs none.
-    #[cfg_attr(not(feature = "parquet"), expect(dead_code))]
-    kind: Kind,
-    values: Vec<Value>,
+#[derive(Debug, Clone, PartialEq)]
+pub struct Column {
+    /// Its name.
+    pub name: String,
+    /// What it holds.
+    pub kind: Kind,
+    /// A value for each row, null where there is none.
+    pub values: Vec<Value>,
 }
 
-fn columns(rows: &[Row]) -> Vec<Column> {
+/// The columns of the table of these rows.
+pub fn columns(rows: &[Row]) -> Vec<Column> {
     let maps: Vec<Map<String, Value>> = rows
         .iter()
         .map(|row| match serde_json::to_value(row) {

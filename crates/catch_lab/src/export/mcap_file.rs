@@ -194,11 +194,11 @@ impl Topics<'_> {
         };
         let X_WL = playback.robot.link_poses(&sample.q);
         let mut transforms = vec![
-            transform(RERUN_ROOT, "world", &Pose::identity()),
-            transform("world", "gripper", &sample.X_WG),
-            transform("world", links[0], &X_WL[0]),
+            transform(RERUN_ROOT, scene::WORLD, &Pose::identity()),
+            transform(scene::WORLD, "gripper", &sample.X_WG),
+            transform(scene::WORLD, links[0], &X_WL[0]),
         ];
-        transforms.extend(sample.X_WO.map(|X_WO| transform("world", "object", &X_WO)));
+        transforms.extend(sample.X_WO.map(|X_WO| transform(scene::WORLD, "object", &X_WO)));
         // Each link in the one before it, as in the URDF, so that both can be shown together.
         let pairs = links.windows(2).enumerate();
         transforms.extend(pairs.map(|(i, pair)| transform(pair[0], pair[1], &(X_WL[i].inverse() * X_WL[i + 1]))));
@@ -209,7 +209,7 @@ impl Topics<'_> {
             }),
         );
         let cameras = playback.header.cell.cameras.iter().enumerate();
-        transforms.extend(cameras.map(|(i, camera)| transform("world", &camera_name(i), &camera.X_WC)));
+        transforms.extend(cameras.map(|(i, camera)| transform(scene::WORLD, &camera_name(i), &camera.X_WC)));
         self.write("/tf", now_s, &FrameTransforms { transforms })?;
 
         let joint = |(i, name): (usize, &String)| JointState {
@@ -232,7 +232,7 @@ impl Topics<'_> {
     }
 
     fn pose(&mut self, topic: &str, time_s: f64, X_WF: &Pose) -> Result<(), McapError> {
-        let message = PoseInFrame { timestamp: time(time_s), frame_id: "world".to_owned(), pose: pose(X_WF) };
+        let message = PoseInFrame { timestamp: time(time_s), frame_id: scene::WORLD.to_owned(), pose: pose(X_WF) };
         self.write(topic, time_s, &message)
     }
 
@@ -248,7 +248,7 @@ impl Topics<'_> {
             |(i, name): (u32, &str)| PackedElementField { name: name.to_owned(), offset: i * 4, numeric_type: FLOAT32 };
         let message = PointCloud {
             timestamp: time(capture_s),
-            frame_id: "world".to_owned(),
+            frame_id: scene::WORLD.to_owned(),
             pose: pose(&Pose::identity()),
             point_stride: 12,
             fields: (0..).zip(["x", "y", "z"]).map(field).collect(),

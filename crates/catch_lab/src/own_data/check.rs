@@ -6,6 +6,7 @@ use catch_body::{
     Gripper, InputError,
     robot_file::ignored_elements,
     stated::{Assumption, assumptions},
+    workcell::Workcell,
 };
 use catch_sim::Throw;
 
@@ -15,7 +16,8 @@ use crate::{
     assets::{Asset, Kind},
     scenario::{
         Scenario,
-        setup::{Choice, Setup, SourceNames, Sources},
+        setup::{Choice, Setup},
+        sources::{SourceNames, Sources},
     },
     study::Study,
 };
@@ -32,7 +34,7 @@ pub struct Checked {
 }
 
 /// Fields that only one kind of file has.
-const TELLTALES: [(&str, Kind); 11] = [
+const TELLTALES: [(&str, Kind); 13] = [
     ("overlay", Kind::Study),
     ("throw_grid", Kind::Study),
     ("objects", Kind::Study),
@@ -42,6 +44,8 @@ const TELLTALES: [(&str, Kind); 11] = [
     ("finger_mass_kg", Kind::Gripper),
     ("truth", Kind::Object),
     ("motion", Kind::Throw),
+    ("boxes", Kind::Workcell),
+    ("capsules", Kind::Workcell),
     ("uv_sphere", Kind::Rig),
     ("cameras", Kind::Rig),
 ];
@@ -55,7 +59,8 @@ pub fn check(path: &Path) -> Checked {
         Err(InputError { file, field, found, expected, .. }) => {
             // "at most 1 MiB: …", "a regular file: …"
             let limit = expected.split_once(": ").map(|(limit, _)| format!("{limit}: ")).unwrap_or_default();
-            let expected = format!("{limit}a readable file: a scenario, robot, gripper, object, throw, rig or study");
+            let expected =
+                format!("{limit}a readable file: a scenario, robot, gripper, workcell, object, throw, rig or study");
             return Checked::unreadable(InputError::new(file, field, found, expected));
         }
     };
@@ -78,14 +83,14 @@ pub fn check(path: &Path) -> Checked {
         None => {
             let fields: Vec<&str> = table.keys().map(String::as_str).collect();
             let found = if fields.is_empty() { "nothing".to_owned() } else { format!("fields {}", fields.join(", ")) };
-            let expected = "the fields of a scenario, robot, gripper, object, throw, rig or study (`catchingbot list --show NAME` prints one)";
+            let expected = "the fields of a scenario, robot, gripper, workcell, object, throw, rig or study (`catchingbot list --show NAME` prints one)";
             vec![InputError::new(&asset.file, "the file", found, expected)]
         }
     };
     let notes = match kind {
         Some(Kind::Object) => notes_of_object(&asset).into_iter().chain(examined.notes).collect(),
         Some(Kind::Robot) => notes_of_robot(&asset),
-        Some(Kind::Scenario | Kind::Gripper) => notes_of_name(&asset, &table),
+        Some(Kind::Scenario | Kind::Gripper | Kind::Workcell) => notes_of_name(&asset, &table),
         _ => Vec::new(),
     };
     Checked { kind, faults, notes }
@@ -164,15 +169,22 @@ fn faults_of(kind: Kind, asset: &Asset) -> Vec<InputError> {
                 robot_urdf,
                 robot_toml: text.clone(),
                 gripper_toml: gripper.text,
+                workcell_toml: None,
                 limit_scale: Default::default(),
             };
             sources
-                .parse(&SourceNames { robot_urdf: &urdf_file, robot_toml: file, gripper_toml: &gripper.file })
+                .parse(&SourceNames {
+                    robot_urdf: &urdf_file,
+                    robot_toml: file,
+                    gripper_toml: &gripper.file,
+                    workcell_toml: "",
+                })
                 .map(drop)
         }),
         Kind::Gripper => Gripper::from_toml(file, text).map(drop),
         Kind::Object => asset.thrown_object().map(drop),
         Kind::Throw => Throw::from_toml(file, text).map(drop),
+        Kind::Workcell => Workcell::from_toml(file, text).map(drop),
         Kind::Rig => catch_cell::rig_from_toml(file, text).map(drop),
         Kind::Study => Study::of(asset.clone()).and_then(|study| {
             let objects = study.objects();

@@ -20,7 +20,8 @@ use crate::{
     bounded_file::FileKind,
     scenario::{
         Scenario,
-        setup::{DEFAULT_SCENARIO, SourceNames, Sources},
+        setup::DEFAULT_SCENARIO,
+        sources::{SourceNames, Sources},
     },
 };
 
@@ -209,8 +210,10 @@ pub fn arm(name: Option<&str>, asked_by: (&str, &str)) -> Result<(Robot, Gripper
     let robot = Asset::find(Kind::Robot, name.unwrap_or(&parts.robot), &nowhere, asked_by)?;
     let gripper = Asset::find(Kind::Gripper, &parts.gripper, &scenario.origin, (&scenario.file, "gripper"))?;
     let (urdf_file, robot_urdf) = robot.read_text_beside("robot.urdf")?;
-    let names = SourceNames { robot_urdf: &urdf_file, robot_toml: &robot.file, gripper_toml: &gripper.file };
-    Sources { robot_urdf, robot_toml: robot.text, gripper_toml: gripper.text, limit_scale: Default::default() }
+    let names =
+        SourceNames { robot_urdf: &urdf_file, robot_toml: &robot.file, gripper_toml: &gripper.file, workcell_toml: "" };
+    let limit_scale = Default::default();
+    Sources { robot_urdf, robot_toml: robot.text, gripper_toml: gripper.text, workcell_toml: None, limit_scale }
         .parse(&names)
 }
 

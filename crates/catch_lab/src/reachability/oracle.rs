@@ -16,6 +16,7 @@ use catch_body::{
     clearance::ArmClearance,
     inverse_kinematics::{ParallelAxesArm, Ranges, SrsArm},
     robot::JointLimits,
+    shape::Capsule,
 };
 use catch_sim::FreeFlight;
 use nalgebra::{Point3, Rotation3, Unit, UnitQuaternion, Vector3};
@@ -139,10 +140,11 @@ impl<'a> Oracle<'a> {
         })
     }
 
-    /// Whether the arm at `q` touches neither itself nor the floor.
+    /// Whether the arm at `q` touches neither itself nor its surroundings.
     fn is_clear(&self, q: &JointVector) -> bool {
         let (X_WL, width_m) = (self.robot.link_poses(q), self.gripper.max_width_m);
-        self.clearance.self_clearance(&X_WL, width_m) > 0.0 && self.clearance.floor_clearance(&X_WL, width_m) > 0.0
+        self.clearance.self_clearance(&X_WL, width_m) > 0.0
+            && self.clearance.environment_clearance(&X_WL, width_m) > 0.0
     }
 }
 
@@ -208,7 +210,7 @@ fn hands(v_WO: &Vector3<f64>) -> impl Iterator<Item = Rotation3<f64>> {
 /// The true flight, undisturbed.
 #[derive(Debug)]
 pub struct Flight {
-    /// Every millisecond from the release on until the object meets the floor.
+    /// Every millisecond from the release on until the object meets the floor or an obstacle.
     samples: Vec<FlightSample>,
 }
 
@@ -225,7 +227,12 @@ impl Flight {
         let (release, conditions) = (setup.release(seed, index), setup.conditions(seed, index));
         let flight = FreeFlight::new(&setup.object, &release, &conditions, FLIGHT_STEP_S);
         let longest = (LONGEST_S / FLIGHT_STEP_S) as usize;
-        let in_flight = flight.take(longest).take_while(|(X_WO, _)| X_WO.translation.z > 0.0);
+        let is_free = |X_WO: &Pose| {
+            let at = Point3::from(X_WO.translation.vector);
+            let middle = Capsule { from: at, to: at, radius: 0.0 };
+            at.z > 0.0 && setup.robot.obstacles.iter().all(|obstacle| obstacle.distance_to_capsule(&middle) > 0.0)
+        };
+        let in_flight = flight.take(longest).take_while(|(X_WO, _)| is_free(X_WO));
         let sample = |(i, (X_WO, V_WO)): (usize, (Pose, Twist))| FlightSample {
             time_s: i as f64 * FLIGHT_STEP_S,
             p_WO: X_WO.translation.vector.into(),

@@ -11,11 +11,7 @@ use serde_json::Value;
 use crate::{
     VERSION,
     recording::{Ending, Part, RecordedCell, RecordingReader},
-    scenario::{
-        brain::ChosenBrain,
-        reach_map,
-        setup::{Scene, SourceNames},
-    },
+    scenario::{brain::ChosenBrain, reach_map, setup::Scene, sources::SourceNames},
 };
 
 /// What came of a replay.
@@ -90,6 +86,7 @@ pub(crate) const RECORDED: SourceNames = SourceNames {
     robot_urdf: "robot.urdf in the recording",
     robot_toml: "robot.toml in the recording",
     gripper_toml: "gripper.toml in the recording",
+    workcell_toml: "workcell.toml in the recording",
 };
 
 /// The brain as it was before the recorded throw.

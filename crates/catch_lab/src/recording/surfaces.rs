@@ -34,9 +34,11 @@ pub enum Part {
     Finger,
     /// The thrown object.
     Object,
+    /// What stands around the arm, in W.
+    Obstacle,
 }
 
-/// Arm, gripper and, where its surface is known, object.
+/// Arm, gripper, obstacles and, where its surface is known, object.
 pub fn surfaces(robot: &Robot, gripper: &Gripper, object: Option<&TriangleMesh>) -> Vec<Surface> {
     let links = robot.capsules.iter();
     let mut surfaces: Vec<Surface> = links
@@ -46,6 +48,9 @@ pub fn surfaces(robot: &Robot, gripper: &Gripper, object: Option<&TriangleMesh>)
     let mut add = |of, mesh| surfaces.push(Surface { of, link: 0, mesh });
     add(Part::Housing, TriangleMesh::cuboid(&gripper.body()));
     add(Part::Finger, TriangleMesh::cuboid(&finger));
+    for obstacle in &robot.obstacles {
+        add(Part::Obstacle, obstacle.mesh());
+    }
     if let Some(mesh) = object {
         add(Part::Object, thinned(mesh));
     }

@@ -3,6 +3,7 @@
 use std::fmt::Display;
 
 use catch_bot::{Status, trajectory_optimization::CatchPlan};
+use catch_sim::truth::Contact;
 use serde::{Deserialize, Serialize};
 
 use super::{Evidence, HELD_FROM_S, in_contact_with_gripper, is_squeezed, sample_at};
@@ -24,7 +25,7 @@ pub enum Reason {
     SimulationDiverged,
     /// A command broke a limit of the arm.
     LimitViolation,
-    /// The arm touched itself or the floor.
+    /// The arm touched itself, the floor or an obstacle.
     ArmCollision,
     /// The object was never seen, or seen in the wrong place.
     Perception,
@@ -44,6 +45,8 @@ pub enum Reason {
     Late,
     /// The object met the arm.
     HitArm,
+    /// The object met an obstacle before it met the gripper.
+    HitObstacle,
     /// The object met a finger from outside or before the fingers closed.
     HitFinger,
     /// The fingers had closed before the object was between them.
@@ -67,7 +70,7 @@ impl Display for Reason {
         f.write_str(match self {
             Self::SimulationDiverged => "the simulation diverged",
             Self::LimitViolation => "a command broke a limit of the arm",
-            Self::ArmCollision => "the arm touched itself or the floor",
+            Self::ArmCollision => "the arm touched itself, the floor or an obstacle",
             Self::Perception => "the object was not seen where it was",
             Self::Prediction => "the flight was not predicted well enough",
             Self::OutOfReach => "out of reach in the time there was",
@@ -77,6 +80,7 @@ impl Display for Reason {
             Self::OutOfBudget => "the search for a catch ran out of budget",
             Self::Late => "the motion came too late",
             Self::HitArm => "it hit the arm",
+            Self::HitObstacle => "it hit an obstacle",
             Self::HitFinger => "it hit a finger",
             Self::ClosedEarly => "the fingers closed too early",
             Self::ClosedLate => "the fingers closed too late",
@@ -106,18 +110,26 @@ pub(crate) fn why_not_held(evidence: &Evidence) -> Option<Reason> {
     if [servo.min_self_clearance_m, servo.min_floor_clearance_m].iter().flatten().any(|&clearance| clearance <= 0.0) {
         return Some(Reason::ArmCollision);
     }
-    let touched_else = evidence.truth.samples.iter().find(|sample| sample.contact.arm || sample.contact.floor);
+    let met = |part: fn(&Contact) -> bool| evidence.truth.samples.iter().find(|sample| part(&sample.contact));
+    let touched_else = met(|it| it.arm || it.floor || it.obstacle);
     if evidence.contact_s.is_some() && evidence.first_not_held_s().is_none() {
         // Held; but a catch by way of the arm or the floor is none, nor one by an arm that moves on.
-        let by_way_of = touched_else.map(|sample| if sample.contact.arm { Reason::HitArm } else { Reason::HitFloor });
+        let by_way_of = touched_else.map(|sample| match sample.contact {
+            Contact { arm: true, .. } => Reason::HitArm,
+            Contact { obstacle: true, .. } => Reason::HitObstacle,
+            _ => Reason::HitFloor,
+        });
         return by_way_of.or_else(|| evidence.moved_on().then_some(Reason::MovedOn));
+    }
+    let is_before_gripper = |time_s: f64| evidence.contact_s.is_none_or(|touch| time_s < touch);
+    let was_in_time = |time_s: f64| evidence.catch_s.is_none_or(|catch_s| time_s < catch_s);
+    if met(|it| it.obstacle).is_some_and(|it| is_before_gripper(it.time_s) && was_in_time(it.time_s)) {
+        return Some(Reason::HitObstacle);
     }
     if evidence.catch_s.is_none() {
         return Some(without_a_plan(evidence));
     }
-    if touched_else
-        .is_some_and(|sample| sample.contact.arm && evidence.contact_s.is_none_or(|touch| sample.time_s < touch))
-    {
+    if touched_else.is_some_and(|sample| sample.contact.arm && is_before_gripper(sample.time_s)) {
         return Some(Reason::HitArm);
     }
     Some(with_a_plan(evidence))

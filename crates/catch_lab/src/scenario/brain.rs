@@ -84,7 +84,7 @@ impl BrainSettings {
     pub fn brain(&self, known: Arc<Preparation>, seed: u64) -> Result<ChosenBrain, SettingError> {
         let Config { perception, trajectory_prediction, .. } = known.config().clone();
         let paper = self.paper_method.clone();
-        let estimator: Box<dyn PoseEstimator> = match self.pose_estimation.unwrap_or(self.method) {
+        let estimator: Box<dyn PoseEstimator + Send> = match self.pose_estimation.unwrap_or(self.method) {
             Method::Ours => Box::new(known.pose_estimator()),
             Method::Paper => Box::new(IcpEstimator::new(
                 paper.registration.clone(),
@@ -93,18 +93,26 @@ impl BrainSettings {
                 known.workspace().clone(),
             )?),
         };
-        let predictor: Box<dyn FlightPredictor> = match self.flight_prediction.unwrap_or(self.method) {
+        let predictor: Box<dyn FlightPredictor + Send> = match self.flight_prediction.unwrap_or(self.method) {
             Method::Ours => Box::new(known.flight_predictor(seed)),
             Method::Paper => {
                 let symmetry = known.reference().symmetry;
                 Box::new(RansacPredictor::new(trajectory_prediction, &paper.prediction, symmetry, seed))
             }
         };
-        let planner: Box<dyn CatchPlanner> = match self.catch_planning.unwrap_or(self.method) {
-            Method::Ours => Box::new(known.catch_planner()),
-            Method::Paper => Box::new(PaperPlanner::new(paper, &known, seed)?),
-        };
+        let planner = self.catch_planner(&known, seed)?;
         Ok(CatchingBot::with_stages(known, estimator, predictor, planner))
+    }
+
+    /// The planner that the settings choose; it draws at random from `seed`.
+    ///
+    /// # Errors
+    /// A setting that is out of its range.
+    pub fn catch_planner(&self, known: &Preparation, seed: u64) -> Result<Box<dyn CatchPlanner + Send>, SettingError> {
+        Ok(match self.catch_planning.unwrap_or(self.method) {
+            Method::Ours => Box::new(known.catch_planner()),
+            Method::Paper => Box::new(PaperPlanner::new(self.paper_method.clone(), known, seed)?),
+        })
     }
 }
 
@@ -133,7 +141,12 @@ impl Settings for BrainSettings {
 }
 
 /// A brain whose stages were chosen by settings.
-pub type ChosenBrain = CatchingBot<Box<dyn PoseEstimator>, Box<dyn FlightPredictor>, Box<dyn CatchPlanner>>;
+pub type ChosenBrain =
+    CatchingBot<Box<dyn PoseEstimator + Send>, Box<dyn FlightPredictor + Send>, Box<dyn CatchPlanner + Send>>;
+
+/// The same for many throws of several objects.
+pub type ChosenCycle =
+    CatchingCycle<Box<dyn PoseEstimator + Send>, Box<dyn FlightPredictor + Send>, Box<dyn CatchPlanner + Send>>;
 
 /// A brain in a trial.
 pub trait ObservedBrain: Brain {

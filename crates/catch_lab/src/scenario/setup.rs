@@ -5,7 +5,7 @@ use std::{
     sync::{Arc, OnceLock},
 };
 
-use catch_body::{Gripper, InputError, JointVector, Robot, robot::LimitScale, robot_file::RobotFiles};
+use catch_body::{Gripper, InputError, JointVector, Robot};
 use catch_bot::{Preparation, grasp_selection::GraspSet, perception::DepthNoise};
 use catch_cell::{CameraModel, ReferenceScan, reference_scan, rig_from_toml};
 use catch_sim::{
@@ -22,6 +22,7 @@ use crate::{
         Clock, Scenario,
         brain::{BrainSettings, ChosenBrain, Method},
         reach_map,
+        sources::{self, SourceNames, Sources},
     },
 };
 
@@ -34,6 +35,8 @@ pub struct Choice<'a> {
     pub robot: Option<&'a str>,
     /// Name or file.
     pub gripper: Option<&'a str>,
+    /// Name or file.
+    pub workcell: Option<&'a str>,
     /// Name or file.
     pub object: Option<&'a str>,
     /// Name or file.
@@ -85,47 +88,6 @@ pub struct Setup {
     equipment: OnceLock<Equipment>,
     /// Made when it is first needed.
     known: OnceLock<Arc<Preparation>>,
-}
-
-/// Texts of the files from which a brain's arm and gripper are made, so that a recording can make them again.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Sources {
-    /// The robot's URDF.
-    pub robot_urdf: String,
-    /// The robot's `robot.toml`.
-    pub robot_toml: String,
-    /// The gripper's file.
-    pub gripper_toml: String,
-    /// What the limits of the arm are multiplied by.
-    pub limit_scale: LimitScale,
-}
-
-/// Names by which errors call the [`Sources`].
-#[derive(Debug, Clone, Copy)]
-pub struct SourceNames<'a> {
-    /// The robot's URDF.
-    pub robot_urdf: &'a str,
-    /// The robot's `robot.toml`.
-    pub robot_toml: &'a str,
-    /// The gripper's file.
-    pub gripper_toml: &'a str,
-}
-
-impl Sources {
-    /// The arm and the gripper that the texts describe.
-    ///
-    /// # Errors
-    /// The first fault in one of them.
-    pub fn parse(&self, names: &SourceNames) -> Result<(Robot, Gripper), InputError> {
-        let robot = Robot::from_files(&RobotFiles {
-            urdf_file: names.robot_urdf,
-            urdf: &self.robot_urdf,
-            toml_file: names.robot_toml,
-            toml: &self.robot_toml,
-        })?;
-        let robot = robot.with_limits_scaled(&self.limit_scale);
-        Ok((robot, Gripper::from_toml(names.gripper_toml, &self.gripper_toml)?))
-    }
 }
 
 impl Setup {
@@ -180,6 +142,10 @@ impl Setup {
         };
         let robot = find(Kind::Robot, choice.robot, &scenario.robot, "robot")?;
         let gripper = find(Kind::Gripper, choice.gripper, &scenario.gripper, "gripper")?;
+        let workcell = match (choice.workcell, &scenario.workcell) {
+            (None, None) => None,
+            (asked, named) => Some(find(Kind::Workcell, asked, named.as_deref().unwrap_or_default(), "workcell")?),
+        };
         let object = find(Kind::Object, choice.object, &scenario.object, "object")?;
         let throw = find(Kind::Throw, choice.throw, &scenario.throw, "throw")?;
         let flight_rig = find(Kind::Rig, None, &scenario.flight_rig, "flight_rig")?;
@@ -190,9 +156,15 @@ impl Setup {
             robot_urdf,
             robot_toml: robot.text,
             gripper_toml: gripper.text,
+            workcell_toml: workcell.as_ref().map(|it| it.text.clone()),
             limit_scale: scenario.limit_scale,
         };
-        let names = SourceNames { robot_urdf: &urdf_file, robot_toml: &robot.file, gripper_toml: &gripper.file };
+        let names = SourceNames {
+            robot_urdf: &urdf_file,
+            robot_toml: &robot.file,
+            gripper_toml: &gripper.file,
+            workcell_toml: workcell.as_ref().map_or("", |it| &it.file),
+        };
         let (mut arm, hand) = sources.parse(&names)?;
         let said_by = |is_set: bool| if is_set { COMMAND_LINE } else { file };
         if let Some(values) = &scenario.ready_rad {
@@ -201,6 +173,9 @@ impl Setup {
         }
         if let Some(values) = &scenario.place_rad {
             arm.checked_pose(said_by(scenario.place_rad != of_file.place_rad), "place_rad", values)?;
+        }
+        if let Some(workcell) = &workcell {
+            sources::check_waits_clear(&arm, &hand, &workcell.file)?;
         }
         let mut thrown = object.thrown_object()?;
         if scenario.arena.published_bodies {
@@ -226,6 +201,11 @@ impl Setup {
         if is_other_gripper {
             scenario.name += &format!("+gripper={}", gripper.name);
         }
+        let workcell = workcell.map(|it| it.name);
+        if let Some(name) = workcell.as_ref().filter(|_| workcell != scenario.workcell && choice.workcell.is_some()) {
+            scenario.name += &format!("+workcell={name}");
+        }
+        scenario.workcell = workcell;
         if let Some(method) = choice.method.filter(|method| *method != scenario.brain.method) {
             scenario.name += &format!("+method={method}");
             scenario.brain.method = method;
@@ -352,7 +332,7 @@ impl Setup {
         let mut config = self.scenario.brain.clone();
         config.seed = seed_for(Stream::Brain, seed, index);
         // What is known beforehand, unless the scenario tells the brain otherwise: whether there is air, and how much it brakes the
-        // object; how the object bounces; whether the cameras see the floor, and what their data sheet says.
+        // object; how the object bounces and what it weighs; whether the cameras see the floor, and what their data sheet says.
         let (prior, prediction) = (&self.object.prior, &mut config.trajectory_prediction);
         let drag = [&mut prediction.drag_prior_per_m, &mut prediction.drag_prior_sd_per_m];
         for (set, known) in drag.into_iter().zip([prior.drag_per_m, prior.drag_sd_per_m]) {
@@ -362,6 +342,7 @@ impl Setup {
         }
         let grasping = &mut config.grasp_selection;
         grasping.restitution = grasping.restitution.or(prior.restitution);
+        config.trajectory_optimization.object_mass_kg.get_or_insert(self.object.mass_kg);
         let perception = &mut config.perception;
         perception.floor_visible.get_or_insert(self.scenario.arena.floor_visible);
         let focal_px = self.cameras.first().map_or(1.0, |camera| camera.focal_px);
@@ -397,4 +378,4 @@ impl Setup {
 }
 
 /// Why a setup's settings are right.
-const CHECKED: &str = "settings are checked when a scenario is read";
+pub(super) const CHECKED: &str = "settings are checked when a scenario is read";

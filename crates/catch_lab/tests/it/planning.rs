@@ -185,8 +185,9 @@ fn keeps_its_word(
             must(torque[i].abs() <= limits.torque, || format!("joint {i} needs {} N·m", torque[i]))?;
         }
         let X_WL = robot.link_poses(&at.q);
-        let free =
-            clearance.self_clearance(&X_WL, plan.aperture_m).min(clearance.floor_clearance(&X_WL, plan.aperture_m));
+        let free = clearance
+            .self_clearance(&X_WL, plan.aperture_m)
+            .min(clearance.environment_clearance(&X_WL, plan.aperture_m));
         must(free > 0.0, || format!("the arm collides at {time_s}: {free} m"))?;
     }
     Ok(())

@@ -5,7 +5,7 @@ use std::{fs, path::Path};
 use crate::source::{read, root, rust_files, string_literals, without_comments};
 
 /// Words, or words in a row, that no identifier contains; what stands for them now.
-const GIVEN_UP: &[(&str, &str)] = &[
+pub const GIVEN_UP: &[(&str, &str)] = &[
     ("attitude", "orientation"),
     ("turn_rad", "rotation_error_rad"),
     ("share", "fraction, ratio or scaling"),

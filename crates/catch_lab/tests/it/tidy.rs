@@ -19,6 +19,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("catch_sim", &["catch_body", "catch_cell"]),
     ("catch_lab", &["catch_body", "catch_cell", "catch_bot", "catch_paper", "catch_sim"]),
     ("catch_cli", &["catch_body", "catch_cell", "catch_bot", "catch_paper", "catch_sim", "catch_lab"]),
+    ("catch_py", &["catch_body", "catch_cell", "catch_bot", "catch_lab"]),
     ("catch_experiments", &["catch_body", "catch_cell", "catch_bot", "catch_paper", "catch_sim", "catch_lab"]),
 ];
 
@@ -49,6 +50,7 @@ const WITHOUT_CIRCLES: &[&str] = &[
     "catch_sim/src",
     "catch_lab/src",
     "catch_cli/src",
+    "catch_py/src",
 ];
 
 const MAX_LINES: usize = 400;

@@ -1,6 +1,11 @@
 //! Builds the engine's bodies, joints and colliders.
 
-use catch_body::{Gripper, JointVector, Pose, Robot, robot::Inertia, shape::Cuboid};
+use catch_body::{
+    Gripper, JointVector, Pose, Robot,
+    robot::Inertia,
+    shape::{Capsule, Cuboid},
+    workcell::Obstacle,
+};
 use engine::{Group, InteractionGroups, InteractionTestMode, JointAxesMask, JointAxis, SpringCoefficients};
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use rapier3d_f64::prelude as engine;
@@ -52,7 +57,8 @@ pub(super) fn assemble(
         contact_softness: softness,
         static_contact_softness: softness,
         friction_model: engine::FrictionModel::Coulomb,
-        // Fast bodies would be swept against what is fixed. That is the floor, and nothing can be behind it.
+        // Fast bodies would be swept against what is fixed: the floor, and nothing can be behind it, and obstacles, which are thicker
+        // than what an object flies in a step.
         max_ccd_substeps: 0,
         ..Default::default()
     };
@@ -124,6 +130,19 @@ impl Builder {
         self.attach(floor, up, Part::Floor);
     }
 
+    fn add_obstacles(&mut self, obstacles: &[Obstacle]) {
+        for obstacle in obstacles {
+            let body = self.bodies.insert(engine::RigidBodyBuilder::fixed());
+            if let Some((X_WS, cuboid)) = obstacle.as_cuboid() {
+                self.attach_box(body, X_WS, cuboid, Part::Obstacle);
+            }
+            if let Some(Capsule { from, to, radius }) = obstacle.as_capsule() {
+                let (from, to) = (to_vector(&from.coords), to_vector(&to.coords));
+                self.attach(body, engine::ColliderBuilder::capsule_from_endpoints(from, to, *radius), Part::Obstacle);
+            }
+        }
+    }
+
     /// The arm's links and joints. The last link carries the gripper's housing; it is returned with the pose of G in it.
     fn add_arm(
         &mut self,
@@ -132,6 +151,7 @@ impl Builder {
         q: &JointVector,
     ) -> (engine::RigidBodyHandle, Pose, Vec<Axis>) {
         let X_WL = robot.link_poses(q);
+        self.add_obstacles(&robot.obstacles);
         let mut links = vec![self.bodies.insert(engine::RigidBodyBuilder::fixed().pose(to_pose(&robot.X_WB)))];
         let mut joints = Vec::new();
         for (i, joint) in robot.joints.iter().enumerate() {
@@ -260,13 +280,13 @@ impl Builder {
         self.attach(body, shape, part);
     }
 
-    /// Everything collides with the object and with the floor, and with nothing else. Friction and restitution of a pair are
+    /// Everything collides with the object and with floor and obstacles, and with nothing else. Friction and restitution of a pair are
     /// the mean of both surfaces, so all surfaces get the same.
     fn attach(&mut self, body: engine::RigidBodyHandle, shape: engine::ColliderBuilder, part: Part) {
         let (object, floor, machine) = (Group::GROUP_1, Group::GROUP_2, Group::GROUP_3);
         let (memberships, filter) = match part {
             Part::Object => (object, floor | machine),
-            Part::Floor => (floor, object | machine),
+            Part::Floor | Part::Obstacle => (floor, object | machine),
             Part::LeftFinger | Part::RightFinger | Part::Palm | Part::Arm => (machine, object | floor),
         };
         let collider = shape

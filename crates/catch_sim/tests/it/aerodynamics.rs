@@ -44,7 +44,7 @@ fn quaternion([x, y, z, w]: [f64; 4]) -> UnitQuaternion<f64> {
 }
 
 #[test]
-#[expect(clippy::print_stdout, reason = "the figures of the README's table")]
+#[expect(clippy::print_stdout, reason = "the figures of docs/reference/checks.md")]
 fn flights_in_air_are_those_of_scipy() {
     let Golden { duration_s, cases } = serde_json::from_str(include_str!("../golden/aerodynamics.json")).unwrap();
     let mut largest = [0.0f64; 4];

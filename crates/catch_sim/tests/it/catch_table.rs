@@ -46,7 +46,7 @@ fn is_caught(finger_mps: f64, delta_s: f64) -> bool {
 }
 
 #[test]
-#[expect(clippy::print_stdout, reason = "the figure of the README's table")]
+#[expect(clippy::print_stdout, reason = "the figure of docs/reference/checks.md")]
 fn at_least_60_of_63_outcomes_agree_with_mujoco() {
     let mut agreeing = 0;
     let mut table = String::new();

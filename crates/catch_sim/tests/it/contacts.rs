@@ -131,7 +131,7 @@ fn restitution_is_exact() {
 
 /// Two fingers that close without a motor meet a ball at once: each rebounds at e times its speed, and the ball stays where it is.
 #[test]
-#[expect(clippy::print_stdout, reason = "the figure of the README's table")]
+#[expect(clippy::print_stdout, reason = "the figure of docs/reference/checks.md")]
 fn restitution_of_a_ball_between_two_closing_fingers_is_exact() {
     let mut worst = 0.0f64;
     for restitution in [0.3, 0.5, 0.75] {

@@ -69,7 +69,7 @@ fn random_object(kind: usize, random: &mut Pcg64) -> ThrownObject {
 
 /// Momentum to a rounding error and energy to that of integration, whatever the shape.
 #[test]
-#[expect(clippy::print_stdout, reason = "the figure of the README's table")]
+#[expect(clippy::print_stdout, reason = "the figure of docs/reference/checks.md")]
 fn a_free_body_keeps_momentum_and_energy() {
     let mut random = Pcg64::seed_from_u64(1);
     let mut worst = [0.0f64; 2];
@@ -122,7 +122,7 @@ struct Case {
 }
 
 #[test]
-#[expect(clippy::print_stdout, reason = "the figure of the README's table")]
+#[expect(clippy::print_stdout, reason = "the figure of docs/reference/checks.md")]
 fn orientation_follows_eulers_equations() {
     let Golden { duration_s, cases } = serde_json::from_str(include_str!("../golden/free_rotation.json")).unwrap();
     assert!((duration_s - f64::from(FLIGHT_STEPS) * 1e-3).abs() < 1e-12);

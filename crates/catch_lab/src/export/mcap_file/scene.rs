@@ -8,15 +8,18 @@ use super::messages::{
 };
 use crate::export::urdf::segment;
 
+/// The frame W.
+pub const WORLD: &str = "world";
 /// Frames of the fingers, each in the middle of its box.
 pub const FINGERS: [&str; 2] = ["finger_left", "finger_right"];
 
 const ARM: Color = Color { r: 0.75, g: 0.77, b: 0.80, a: 1.0 };
 const HAND: Color = Color { r: 0.35, g: 0.37, b: 0.40, a: 1.0 };
+const OBSTACLE: Color = Color { r: 0.60, g: 0.65, b: 0.71, a: 1.0 };
 const OBJECT: Color = Color { r: 0.95, g: 0.55, b: 0.15, a: 1.0 };
 
-/// The scene at `time_s`: the arm's capsules in the frames of its `links`, the gripper's boxes in its own, and the object's surface
-/// where it is known.
+/// The scene at `time_s`: the arm's capsules in the frames of its `links`, the gripper's boxes in its own, what stands around them in
+/// that of the world, and the object's surface where it is known.
 pub fn entities(
     robot: &Robot,
     links: &[&str],
@@ -60,14 +63,17 @@ pub fn entities(
     let X_GB = Pose::translation(body.centre.x, body.centre.y, body.centre.z);
     entities.push(entity("gripper", cuboid(&X_GB, &body.size)));
     entities.extend(FINGERS.map(|name| entity(name, cuboid(&Pose::identity(), &gripper.finger_size_m.into()))));
-    entities.extend(object.map(|mesh| {
-        let triangles = TriangleListPrimitive {
-            pose: pose(&Pose::identity()),
-            points: mesh.vertices.iter().map(point).collect(),
-            color: Some(OBJECT),
-            indices: mesh.triangles.iter().flatten().copied().collect(),
-        };
-        entity("object", SceneEntity { triangles: vec![triangles], ..SceneEntity::default() })
-    }));
+    let triangles = |mesh: &TriangleMesh, color: Color| TriangleListPrimitive {
+        pose: pose(&Pose::identity()),
+        points: mesh.vertices.iter().map(point).collect(),
+        color: Some(color),
+        indices: mesh.triangles.iter().flatten().copied().collect(),
+    };
+    let of_triangles = |triangles| SceneEntity { triangles, ..SceneEntity::default() };
+    if !robot.obstacles.is_empty() {
+        let obstacles = robot.obstacles.iter().map(|obstacle| triangles(&obstacle.mesh(), OBSTACLE));
+        entities.push(entity(WORLD, of_triangles(obstacles.collect())));
+    }
+    entities.extend(object.map(|mesh| entity("object", of_triangles(vec![triangles(mesh, OBJECT)]))));
     entities
 }

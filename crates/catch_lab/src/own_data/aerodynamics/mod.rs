@@ -29,9 +29,10 @@ pub type ParameterCovariance = SMatrix<f64, PARAMETERS, PARAMETERS>;
 
 /// What is known of an object's flights before one is seen.
 ///
-/// The parameters are, in this order and in SI units: the tracked point from the centre of mass in the body frame (x, y, z; m);
-/// the symmetric drag matrix D in a = −|v|·D·v in the body frame (xx, yy, zz, xy, xz, yz; 1/m); the Magnus coefficient k in
-/// a = k·ω×v; the decay c of the spin in ω̇ = −c·ω (1/s); and S of the inertia tensor exp(S), traceless (xx, yy, xy, xz, yz).
+/// The 16 parameters are in SI units, in this order. The tracked point from the centre of mass is in the body frame: x, y, z (m). The
+/// symmetric drag matrix D of a = −|v|·D·v is in the body frame: xx, yy, zz, xy, xz, yz (1/m). Then come the Magnus coefficient k of
+/// a = k·ω×v and the decay c of the spin in ω̇ = −c·ω (1/s). The last are those of the traceless matrix S, whose exponential is the
+/// inertia tensor: xx, yy, xy, xz, yz.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FlightPrior {
@@ -43,7 +44,7 @@ pub struct FlightPrior {
     pub acceleration_noise: f64,
     /// Noise density of the angular acceleration, in rad/s²/√Hz.
     pub angular_acceleration_noise: f64,
-    /// Error in metres that neighbouring samples share, so that no number of them reduces it; part of every prediction.
+    /// Error in metres that neighbouring samples have in common, so that no number of them reduces it; part of every prediction.
     pub systematic_sd_m: f64,
     /// Least noise of a sample that is believed, however well the samples agree with each other.
     pub least_noise: Noise,

@@ -62,6 +62,7 @@ function placesOf(surface, { links, hand, object, width }) {
   if (surface.of === "link") return [links[surface.link]];
   if (surface.of === "housing") return [hand];
   if (surface.of === "object") return [object];
+  if (surface.of === "obstacle") return [shift(0, 0, 0)];
   const x = (width + data.robot.finger_thickness_m) / 2;
   return [-x, x].map((side) => multiply(hand, shift(side, data.robot.finger_centre_y_m, 0)));
 }
@@ -120,7 +121,7 @@ function draw(time, sharp = sharpness) {
   for (const it of scene.surfaces) for (const place of placesOf(it, now)) paint(it, multiply(flat, place), [0, 0, 0, dark ? 0.34 : 0.13], 0);
   gl.disable(gl.STENCIL_TEST); gl.disable(gl.BLEND); gl.enable(gl.DEPTH_TEST); gl.depthMask(true);
 
-  const colours = { link: dark ? [0.80, 0.82, 0.85, 1] : [0.93, 0.93, 0.92, 1], housing: [0.27, 0.30, 0.34, 1], finger: [0.36, 0.39, 0.43, 1], object: [0.98, 0.71, 0.10, 1] };
+  const colours = { link: dark ? [0.80, 0.82, 0.85, 1] : [0.93, 0.93, 0.92, 1], housing: [0.27, 0.30, 0.34, 1], finger: [0.36, 0.39, 0.43, 1], object: [0.98, 0.71, 0.10, 1], obstacle: dark ? [0.42, 0.47, 0.54, 1] : [0.72, 0.76, 0.81, 1] };
   for (const it of scene.surfaces) for (const place of placesOf(it, now)) paint(it, place, colours[it.of], 1);
 
   gl.disable(gl.CULL_FACE); gl.enable(gl.BLEND);

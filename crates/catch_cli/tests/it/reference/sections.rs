@@ -1,0 +1,178 @@
+//! What the pages of files show: which struct or enum stands at which place of which file.
+
+/// A table of a file.
+pub struct Section {
+    /// What the page calls it.
+    pub heading: &'static str,
+    /// Path within the scenario, which has defaults; empty elsewhere, and for the scenario's own fields.
+    pub path: &'static str,
+    /// A setting with which its defaults are there.
+    pub with: &'static str,
+    /// File below `crates`, and the item in it.
+    pub source: (&'static str, &'static str),
+}
+
+const fn at(path: &'static str, file: &'static str, item: &'static str) -> Section {
+    Section { heading: path, path, with: "", source: (file, item) }
+}
+
+const fn of(heading: &'static str, file: &'static str, item: &'static str) -> Section {
+    Section { heading, path: "", with: "", source: (file, item) }
+}
+
+const fn with(
+    path: &'static str,
+    heading: &'static str,
+    with: &'static str,
+    source: (&'static str, &'static str),
+) -> Section {
+    Section { heading, path, with, source }
+}
+
+const ARENA: &str = "catch_sim/src/config.rs";
+const DEPTH: &str = "catch_sim/src/depth_noise.rs";
+
+/// A scenario.
+pub const SCENARIO: &[Section] = &[
+    of("The file", "catch_lab/src/scenario.rs", "Scenario"),
+    at("limit_scale", "catch_body/src/robot.rs", "LimitScale"),
+    at("clock", "catch_lab/src/scenario.rs", "Clock"),
+    at("arena", ARENA, "ArenaConfig"),
+    at("arena.gripper", ARENA, "GripperDriveKind"),
+    with("arena.gripper", "arena.gripper, kind wsg50", "arena.gripper={ kind = \"wsg50\" }", (ARENA, "Wsg50")),
+    with(
+        "arena.gripper",
+        "arena.gripper, kind position",
+        "arena.gripper={ kind = \"position\" }",
+        (ARENA, "PositionDrive"),
+    ),
+    at("arena.gripper_trigger", ARENA, "GripperTrigger"),
+    with(
+        "arena.gripper_trigger",
+        "arena.gripper_trigger, kind proximity",
+        "arena.gripper_trigger={ kind = \"proximity\" }",
+        (ARENA, "ProximitySensor"),
+    ),
+    of("arena.friction, drawn", ARENA, "Between"),
+    of("arena.wind, drawn", ARENA, "DrawnWind"),
+    at("arena.aerodynamics", "catch_sim/src/aerodynamics.rs", "AerodynamicsConfig"),
+    at("arena.robot_errors", ARENA, "RobotErrors"),
+    at("arena.robot_controller", ARENA, "RobotController"),
+    at("arena.robot_controller.gains", ARENA, "ControllerGains"),
+    of("arena.robot_controller.links", ARENA, "ModelLink"),
+    at("arena.depth", DEPTH, "DepthConfig"),
+    at("arena.depth.model", DEPTH, "DepthModel"),
+    of("arena.depth.model.gaussian", DEPTH, "GaussianNoise"),
+    with(
+        "arena.depth.model.stereo",
+        "arena.depth.model.stereo",
+        "arena.depth.model={ stereo = {} }",
+        (DEPTH, "StereoNoise"),
+    ),
+    at("brain", "catch_lab/src/scenario/brain.rs", "BrainSettings"),
+    at("brain.perception", "catch_bot/src/perception/mod.rs", "Config"),
+    of("brain.perception.depth_noise", "catch_bot/src/perception/point_cloud.rs", "DepthNoise"),
+    at("brain.trajectory_prediction", "catch_bot/src/trajectory_prediction/mod.rs", "Config"),
+    at(
+        "brain.trajectory_prediction.aerodynamics",
+        "catch_bot/src/trajectory_prediction/aerodynamics.rs",
+        "AerodynamicPrior",
+    ),
+    at(
+        "brain.trajectory_prediction.process_noise",
+        "catch_bot/src/trajectory_prediction/process_noise.rs",
+        "ProcessNoise",
+    ),
+    at("brain.grasp_selection", "catch_bot/src/grasp_selection/mod.rs", "Config"),
+    at("brain.grasp_selection.weights", "catch_bot/src/grasp_selection/heuristics.rs", "Weights"),
+    at("brain.trajectory_optimization", "catch_bot/src/trajectory_optimization/mod.rs", "Config"),
+    at("brain.trajectory_optimization.weights", "catch_bot/src/trajectory_optimization/search/settings.rs", "Weights"),
+    at("brain.trajectory_optimization.search", "catch_bot/src/trajectory_optimization/search/settings.rs", "Config"),
+    at("brain.trajectory_optimization.replan", "catch_bot/src/trajectory_optimization/retarget.rs", "Config"),
+    at("brain.control", "catch_bot/src/control/mod.rs", "Config"),
+    at("brain.cycle", "catch_bot/src/cycle.rs", "CycleConfig"),
+    at("brain.paper_method", "catch_paper/src/lib.rs", "Config"),
+    at("brain.paper_method.registration", "catch_paper/src/registration.rs", "Config"),
+    at("brain.paper_method.prediction", "catch_paper/src/prediction.rs", "SamplingConfig"),
+    at("brain.paper_method.grasp", "catch_paper/src/grasp.rs", "Config"),
+    at("brain.paper_method.motion", "catch_paper/src/motion.rs", "Config"),
+    of("brain.paper_method.motion, tolerances", "catch_paper/src/motion.rs", "Tolerances"),
+];
+
+/// The other files.
+pub const FILES: &[Section] = &[
+    of("Robot", "catch_body/src/robot_file.rs", "RobotFile"),
+    of("Robot: base", "catch_body/src/pose.rs", "PoseFields"),
+    of("Robot: gripper_mount", "catch_body/src/robot_file.rs", "MountFields"),
+    of("Robot: poses", "catch_body/src/robot_file.rs", "PosesFields"),
+    of("Robot: joints.NAME", "catch_body/src/robot_file.rs", "JointFields"),
+    of("Robot: links.NAME", "catch_body/src/robot_file.rs", "LinkFields"),
+    of("Robot: collision", "catch_body/src/robot_file.rs", "CollisionFields"),
+    of("Robot: collision.capsules", "catch_body/src/robot_file.rs", "CapsuleFields"),
+    of("Gripper", "catch_body/src/gripper.rs", "Gripper"),
+    of("Object", "catch_sim/src/object.rs", "ObjectFile"),
+    of("Object: truth", "catch_sim/src/object.rs", "TruthFields"),
+    of("Object: truth.shape", "catch_sim/src/object_shape.rs", "ShapeFields"),
+    of("Object: prior", "catch_sim/src/object.rs", "ObjectPrior"),
+    of("Object: published", "catch_sim/src/object.rs", "PublishedFields"),
+    of("Throw", "catch_sim/src/throw.rs", "ThrowFile"),
+    of("Throw: motion", "catch_sim/src/throw.rs", "Motion"),
+    of("Throw: motion, kind random", "catch_sim/src/throw/random.rs", "RandomMotion"),
+    of("Rig", "catch_cell/src/rig.rs", "RigFile"),
+    of("Rig: uv_sphere", "catch_cell/src/rig.rs", "UvSphereFields"),
+    of("Rig: cameras", "catch_cell/src/rig.rs", "CameraFields"),
+    of("Workcell", "catch_body/src/workcell.rs", "WorkcellFields"),
+    of("Workcell: boxes", "catch_body/src/workcell.rs", "BoxFields"),
+    of("Workcell: capsules", "catch_body/src/workcell.rs", "CapsuleFields"),
+    of("Study", "catch_lab/src/study.rs", "StudyFile"),
+    of("Study: combine", "catch_lab/src/study.rs", "Combine"),
+    of("Study: overlay", "catch_lab/src/study.rs", "Overlay"),
+    of("Study: throw_grid", "catch_lab/src/study/throw_grid.rs", "ThrowGrid"),
+    of("Learned flights", "catch_lab/src/own_data/aerodynamics/mod.rs", "FlightPrior"),
+];
+
+/// Strict structs that are no file of a user.
+pub const ELSEWHERE: &[(&str, &str)] =
+    &[("catch_bot/src/preparation.rs", "Config"), ("catch_lab/src/evaluation/published.rs", "PublishedRate")];
+
+/// What ends up in tables: statuses of the brain, reasons of the referee, and what a robot controller says.
+pub const STATUSES: &[Section] = &[
+    of("Why a throw was not caught", "catch_lab/src/referee/reason.rs", "Reason"),
+    of("Status of a tick", "catch_bot/src/control/decision.rs", "Status"),
+    of("Why no pose was found", "catch_bot/src/perception/mod.rs", "PerceptionStatus"),
+    of("Why no flight was found", "catch_bot/src/trajectory_prediction/mod.rs", "PredictionStatus"),
+    of("Why no catch was planned", "catch_bot/src/trajectory_optimization/mod.rs", "PlanningFailure"),
+    of("Why a trajectory was rejected", "catch_cell/src/rejection.rs", "Rejection"),
+    of("Which limit was broken", "catch_cell/src/rejection.rs", "LimitKind"),
+    of("State of the gripper", "catch_cell/src/gripper.rs", "GraspState"),
+    of("Phase of a life of many throws", "catch_bot/src/cycle.rs", "Phase"),
+];
+
+/// A recording, from the outside to the inside.
+pub const RECORDINGS: &[Section] = &[
+    of("Header", "catch_lab/src/recording.rs", "Header"),
+    of("Simulation", "catch_lab/src/recording.rs", "Simulation"),
+    of("Cell", "catch_lab/src/recording.rs", "RecordedCell"),
+    of("Camera", "catch_cell/src/camera.rs", "CameraModel"),
+    of("Tick", "catch_lab/src/recording.rs", "RecordedTick"),
+    of("Observation", "catch_cell/src/lib.rs", "Observation"),
+    of("State of the arm", "catch_cell/src/arm.rs", "ArmState"),
+    of("State of the gripper", "catch_cell/src/gripper.rs", "GripperState"),
+    of("Depth image", "catch_cell/src/camera.rs", "DepthFrame"),
+    of("Command", "catch_cell/src/lib.rs", "Command"),
+    of("Trajectory", "catch_cell/src/arm.rs", "ArmTrajectory"),
+    of("Gripper move", "catch_cell/src/gripper.rs", "GripperMove"),
+    of("Report of the brain", "catch_lab/src/recording.rs", "RecordedReport"),
+    of("Plan", "catch_lab/src/recording.rs", "RecordedPlan"),
+    of("Ending", "catch_lab/src/recording.rs", "Ending"),
+    of("Ground truth", "catch_lab/src/recording.rs", "GroundTruth"),
+];
+
+/// What a row of an evaluation has.
+pub const ROWS: &[(&str, &str)] = &[
+    ("catch_lab/src/scenario/setup.rs", "Scene"),
+    ("catch_lab/src/referee.rs", "Verdict"),
+    ("catch_lab/src/referee/measures.rs", "Measures"),
+];
+/// What the oracle reached, which stands in columns of its own.
+pub const REACH: (&str, &str) = ("catch_lab/src/reachability/oracle.rs", "Reach");

@@ -1,0 +1,170 @@
+//! What a brain wants, as Python says it.
+
+use std::sync::Arc;
+
+use catch_body::MAX_JOINTS;
+use catch_cell::{ArmTrajectory, BSpline, Command as Sent, TrajectoryId};
+use catch_lab::trial::StateSnapshot;
+use numpy::{PyArray1, PyArray2};
+use pyo3::{exceptions::PyTypeError, prelude::*};
+
+use crate::arguments::{MOST, Numbers, Whole, fault, number};
+
+/// A motion of the arm: a clamped cubic B-spline of joint positions over the cell's clock.
+#[pyclass(frozen, module = "catchingbot")]
+pub struct Trajectory {
+    id: u64,
+    spline: BSpline,
+    dof: usize,
+}
+
+/// The control points of a spline, one a row.
+pub fn control_points<'py>(py: Python<'py>, spline: &BSpline, dof: usize) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let rows: Vec<Vec<f64>> = spline.control_points.iter().map(|point| point.as_slice()[..dof].to_vec()).collect();
+    Ok(PyArray2::from_vec2(py, &rows)?)
+}
+
+#[pymethods]
+impl Trajectory {
+    #[new]
+    #[pyo3(signature = (id, knots_s, control_points), text_signature = "(id, knots_s, control_points)")]
+    fn new(py: Python<'_>, id: Whole, knots_s: &Bound<'_, PyAny>, control_points: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let id = id.checked(py, "id", 0, MOST)?;
+        let knots = Numbers::read("knots_s", knots_s, &[0])?.values;
+        let points = Numbers::read("control_points", control_points, &[0, 0])?;
+        let dof = points.shape[1];
+        if dof == 0 || dof > MAX_JOINTS {
+            return Err(fault("control_points", format!("{dof} columns"), "one for each joint of the arm"));
+        }
+        let control_points =
+            points.values.chunks_exact(dof).map(|row| Numbers { values: row.to_vec(), shape: vec![dof] }.joints());
+        let spline = BSpline { knots_s: knots, control_points: control_points.collect() };
+        if !spline.is_valid() || spline.start_s() >= spline.end_s() {
+            let found = format!("{} for {} control points", spline.knots_s.len(), spline.control_points.len());
+            return Err(fault("knots_s", found, "rising times, four more than the four or more control points"));
+        }
+        Ok(Self { id, spline, dof })
+    }
+
+    /// Identifier, higher than those of all trajectories that were sent before.
+    #[getter]
+    fn id(&self) -> u64 {
+        self.id
+    }
+
+    /// Knots in seconds.
+    #[getter]
+    fn knots_s<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.spline.knots_s)
+    }
+
+    /// Control points in radians, one a row.
+    #[getter]
+    fn control_points<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        control_points(py, &self.spline, self.dof)
+    }
+}
+
+/// One move of the fingers.
+#[pyclass(frozen, module = "catchingbot")]
+pub struct GripperMove {
+    sent: catch_cell::GripperMove,
+}
+
+#[pymethods]
+impl GripperMove {
+    #[new]
+    fn new(
+        start_s: &Bound<'_, PyAny>,
+        width_m: &Bound<'_, PyAny>,
+        speed_mps: &Bound<'_, PyAny>,
+        force_n: &Bound<'_, PyAny>,
+    ) -> PyResult<Self> {
+        let above_zero = |argument: &str, value| {
+            let value = number(argument, value)?;
+            if value > 0.0 { Ok(value) } else { Err(fault(argument, value, "a number above zero")) }
+        };
+        let sent = catch_cell::GripperMove {
+            start_s: number("start_s", start_s)?,
+            width_m: number("width_m", width_m)?,
+            speed_mps: above_zero("speed_mps", speed_mps)?,
+            force_n: above_zero("force_n", force_n)?,
+        };
+        Ok(Self { sent })
+    }
+
+    /// When it begins, on the cell's clock.
+    #[getter]
+    fn start_s(&self) -> f64 {
+        self.sent.start_s
+    }
+
+    /// Where it ends: the distance between the fingers' inner faces in metres.
+    #[getter]
+    fn width_m(&self) -> f64 {
+        self.sent.width_m
+    }
+
+    /// Highest speed of the fingers relative to each other, in m/s.
+    #[getter]
+    fn speed_mps(&self) -> f64 {
+        self.sent.speed_mps
+    }
+
+    /// Highest force of each finger, in N.
+    #[getter]
+    fn force_n(&self) -> f64 {
+        self.sent.force_n
+    }
+}
+
+/// What a brain wants: a new trajectory, other moves of the gripper, both or nothing.
+#[pyclass(frozen, module = "catchingbot")]
+pub struct Command {
+    /// As the cell takes it.
+    pub sent: Sent,
+    /// What the brain told, if it is one of ours.
+    pub snapshot: Option<Arc<StateSnapshot>>,
+    dof: usize,
+}
+
+impl Command {
+    /// Of one of our brains for an arm with `dof` joints.
+    pub fn of_brain(sent: Sent, snapshot: StateSnapshot, dof: usize) -> Self {
+        Self { sent, snapshot: Some(Arc::new(snapshot)), dof }
+    }
+}
+
+#[pymethods]
+impl Command {
+    #[new]
+    #[pyo3(signature = (trajectory=None, gripper=None))]
+    fn new(trajectory: Option<&Bound<'_, PyAny>>, gripper: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let expected =
+            |argument: &str, expected: &str| PyTypeError::new_err(format!("{argument}: expected {expected}"));
+        let trajectory =
+            trajectory.map(|it| it.cast::<Trajectory>().map_err(|_| expected("trajectory", "a Trajectory or None")));
+        let trajectory = trajectory.transpose()?.map(Bound::get);
+        let moves = gripper.map(|moves| {
+            let wrong = || expected("gripper", "a list of GripperMove or None");
+            let one = |it: PyResult<Bound<'_, PyAny>>| Ok(it?.cast::<GripperMove>().map_err(|_| wrong())?.get().sent);
+            moves.try_iter().map_err(|_| wrong())?.map(one).collect::<PyResult<Vec<_>>>()
+        });
+        let arm = trajectory.map(|it| ArmTrajectory { id: TrajectoryId(it.id), spline: it.spline.clone() });
+        let sent = Sent { arm, gripper: moves.transpose()?, windows: None };
+        Ok(Self { sent, snapshot: None, dof: trajectory.map_or(0, |it| it.dof) })
+    }
+
+    /// Replaces the executing trajectory from its start on; `None` changes nothing.
+    #[getter]
+    fn trajectory(&self) -> Option<Trajectory> {
+        let arm = self.sent.arm.as_ref()?;
+        Some(Trajectory { id: arm.id.0, spline: arm.spline.clone(), dof: self.dof })
+    }
+
+    /// Replaces all gripper moves that have not started; `None` changes nothing.
+    #[getter]
+    fn gripper(&self) -> Option<Vec<GripperMove>> {
+        self.sent.gripper.as_ref().map(|moves| moves.iter().map(|&sent| GripperMove { sent }).collect())
+    }
+}

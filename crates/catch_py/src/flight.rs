@@ -1,0 +1,205 @@
+//! Flights: through a track, or as a brain predicts one.
+
+use catch_body::quantity;
+use catch_bot::trajectory_prediction::FlightTrajectory;
+use catch_lab::own_data::{
+    flight_prediction::{self, DRAG_PER_M, FlightState, Known},
+    track_file::Sighting,
+};
+use nalgebra::{Quaternion, Unit, UnitQuaternion, Vector3};
+use numpy::{PyArray1, PyArrayDyn, PyArrayMethods};
+use pyo3::{create_exception, exceptions::PyValueError, prelude::*};
+
+use crate::{
+    arguments::{Numbers, fault, input_fault},
+    observation::name_of,
+};
+
+create_exception!(catchingbot, NoFlight, PyValueError, "No flight fits the track; the message says why.");
+
+/// A flight that goes on under gravity and drag, in the axes and on the clock of what it was fitted to.
+#[pyclass(frozen, module = "catchingbot")]
+pub struct Flight {
+    kind: Kind,
+}
+
+enum Kind {
+    /// Through a track; whether its z points up.
+    Track(flight_prediction::Flight, bool),
+    /// As a brain predicts it, in W.
+    Brain(Box<FlightTrajectory>),
+}
+
+impl Flight {
+    /// As a brain predicts it.
+    pub fn of_brain(flight: FlightTrajectory) -> Self {
+        Self { kind: Kind::Brain(Box::new(flight)) }
+    }
+
+    /// As planners take it.
+    pub fn trajectory(&self) -> PyResult<&FlightTrajectory> {
+        let expected = "one with z up and isotropic drag: predict(t, p, q, up='z', drag=(k, sd))";
+        match &self.kind {
+            Kind::Brain(flight) => Ok(flight),
+            Kind::Track(flight_prediction::Flight::IsotropicDrag(track), true) => Ok(&track.flight),
+            Kind::Track(_, true) => Err(fault("flight", "one with aerodynamics", expected)),
+            Kind::Track(_, false) => Err(fault("flight", "one in other axes", expected)),
+        }
+    }
+
+    fn state(&self, time_s: f64) -> FlightState {
+        match &self.kind {
+            Kind::Track(flight, _) => flight.at(time_s),
+            Kind::Brain(flight) => FlightState {
+                position: flight.pose_at(time_s).translation.vector.into(),
+                velocity: flight.twist_at(time_s).linear,
+                covariance: flight.covariance_at(time_s),
+            },
+        }
+    }
+
+    /// Numbers of the states at one time or at several, `shape` for each.
+    fn numbers<'py>(
+        &self,
+        t: &Bound<'py, PyAny>,
+        shape: &[usize],
+        of: impl Fn(&FlightState) -> Vec<f64> + Sync,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let py = t.py();
+        let times = Numbers::of_any_shape("t", t)?;
+        if times.shape.len() > 1 {
+            return Err(fault("t", format!("{} axes", times.shape.len()), "a time or a row of times"));
+        }
+        let values = py.detach(|| {
+            let one = |&time_s: &f64| {
+                let state = self.state(time_s);
+                let expected = "a time to which the flight can be followed";
+                if state.is_finite() { Ok(of(&state)) } else { Err(fault("t", time_s, expected)) }
+            };
+            times.values.iter().map(one).collect::<PyResult<Vec<_>>>()
+        })?;
+        PyArray1::from_vec(py, values.concat()).reshape([&times.shape, shape].concat())
+    }
+}
+
+#[pymethods]
+impl Flight {
+    /// Positions in metres at a time or at several.
+    fn at<'py>(&self, t: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        self.numbers(t, &[3], |state| state.position.coords.as_slice().to_vec())
+    }
+
+    /// Velocities in m/s at a time or at several.
+    fn velocity<'py>(&self, t: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        self.numbers(t, &[3], |state| state.velocity.as_slice().to_vec())
+    }
+
+    /// Covariance of (position, velocity) at a time or at several, 6×6, in m² and m²/s².
+    fn covariance<'py>(&self, t: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        self.numbers(t, &[6, 6], |state| state.covariance.as_slice().to_vec())
+    }
+
+    /// Drag constant k of a = −k·|v|·v in 1/m.
+    #[getter]
+    fn drag_per_m(&self) -> f64 {
+        match &self.kind {
+            Kind::Track(flight, _) => flight.drag_per_m()[0],
+            Kind::Brain(flight) => flight.drag_per_m,
+        }
+    }
+
+    /// Sightings or poses that agree with it.
+    #[getter]
+    fn inliers(&self) -> usize {
+        match &self.kind {
+            Kind::Track(flight, _) => flight.inliers(),
+            Kind::Brain(flight) => flight.inliers,
+        }
+    }
+}
+
+/// The flight through a track: `t` in seconds, `p` in metres (n×3), orientations `q` as x, y, z, w (n×4). `up` is the axis that points
+/// up; `drag` is a known constant of isotropic drag in 1/m with its standard deviation.
+#[pyfunction]
+#[pyo3(signature = (t, p, q=None, up="z", drag=None))]
+pub fn predict(
+    py: Python<'_>,
+    t: &Bound<'_, PyAny>,
+    p: &Bound<'_, PyAny>,
+    q: Option<&Bound<'_, PyAny>>,
+    up: &str,
+    drag: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Flight> {
+    let seen = sightings(t, p, q)?;
+    let direction = match up {
+        "y" => Vector3::y_axis(),
+        "z" => Vector3::z_axis(),
+        _ => return Err(fault("up", format!("'{up}'"), "'y' or 'z'")),
+    };
+    let known = match drag {
+        None => Known::Nothing,
+        Some(drag) => {
+            let values = Numbers::read("drag", drag, &[2])?.values;
+            let check = |i: usize| quantity::DRAG_PER_M.check("drag", ["k", "sd"][i], values[i]).map_err(input_fault);
+            Known::Drag([check(0)?, check(1)?])
+        }
+    };
+    fly(py, &seen, &direction, known).map(|flight| Flight { kind: Kind::Track(flight, up == "z") })
+}
+
+fn fly(
+    py: Python<'_>,
+    seen: &[Sighting],
+    up: &Unit<Vector3<f64>>,
+    known: Known,
+) -> PyResult<flight_prediction::Flight> {
+    let found = py.detach(|| flight_prediction::predict(seen, up, known));
+    found.flight.map_err(|why| {
+        NoFlight::new_err(format!(
+            "p: no flight fits it ({}); is `up` right, are they metres and seconds, and nothing but the flight? Without orientations a drag \
+             of {} ± {} 1/m is expected",
+            name_of(why),
+            DRAG_PER_M[0],
+            DRAG_PER_M[1]
+        ))
+    })
+}
+
+/// A track's samples.
+fn sightings(t: &Bound<'_, PyAny>, p: &Bound<'_, PyAny>, q: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<Sighting>> {
+    let times = Numbers::read("t", t, &[0])?.values;
+    let count = times.len();
+    let rows = |argument: &str, value: &Bound<'_, PyAny>, columns: usize| {
+        let numbers = Numbers::read(argument, value, &[0, columns])?;
+        let found = numbers.shape[0];
+        if found == count {
+            Ok(numbers)
+        } else {
+            Err(fault(argument, format!("{found} rows"), format!("{count}, as in t")))
+        }
+    };
+    let positions = rows("p", p, 3)?.points();
+    let orientations = q.map(|q| rows("q", q, 4)).transpose()?.map(|it| it.values);
+    if count < flight_prediction::LEAST_SIGHTINGS {
+        return Err(fault("t", format!("{count} times"), format!("{} or more", flight_prediction::LEAST_SIGHTINGS)));
+    }
+    if let Some(at) = (1..count).find(|&i| times[i] <= times[i - 1]) {
+        return Err(fault("t", format!("{} at index {at}", times[at]), format!("a time after {}", times[at - 1])));
+    }
+    const MOST_M: f64 = 1e4;
+    if let Some(far) = positions.iter().find(|it| it.coords.amax() > MOST_M) {
+        return Err(fault("p", far.coords.amax(), format!("at most {MOST_M}: lengths are in metres")));
+    }
+    let rotation = |i: usize| -> PyResult<Option<UnitQuaternion<f64>>> {
+        let Some(values) = &orientations else { return Ok(None) };
+        let row = &values[4 * i..4 * i + 4];
+        let quaternion = Quaternion::new(row[3], row[0], row[1], row[2]);
+        if (quaternion.norm() - 1.0).abs() > 0.05 {
+            let found = format!("a quaternion of length {:.3} in row {i}", quaternion.norm());
+            return Err(fault("q", found, "length 1, in the order x, y, z, w"));
+        }
+        Ok(Some(UnitQuaternion::from_quaternion(quaternion)))
+    };
+    let sighting = |i: usize| Ok(Sighting { time_s: times[i], p: positions[i], rotation: rotation(i)? });
+    (0..count).map(sighting).collect()
+}

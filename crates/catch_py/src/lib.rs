@@ -1,0 +1,44 @@
+//! The Python package `catchingbot`: throws, evaluations, predictions, registrations and plans, and the arena step by step.
+//!
+//! Every argument is checked before any work begins, and exceptions name it. The interpreter is detached while the lab works, so that
+//! other Python threads go on. Arrays are copied in and out. Units are SI; matrices are in monogram notation, as in the rest of the
+//! project.
+
+mod arguments;
+mod command;
+mod evaluation;
+mod flight;
+mod observation;
+mod plan;
+mod python_brain;
+mod registration;
+mod setup;
+mod steered_arena;
+mod stepping;
+mod trial;
+
+use pyo3::prelude::*;
+
+/// The native part of the package; `catchingbot` shows all of it.
+#[pymodule]
+mod _catchingbot {
+    #[pymodule_export]
+    use crate::{
+        command::{Command, GripperMove, Trajectory},
+        evaluation::{columns_of, parquet},
+        flight::{Flight, NoFlight, predict},
+        observation::{Camera, DepthFrame, Observation},
+        plan::Plan,
+        registration::{RegisteredPose, register},
+        setup::Setup,
+        steered_arena::SteeredArena,
+        stepping::{Arena, Brain},
+        trial::Trial,
+    };
+    use pyo3::prelude::*;
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", catch_lab::VERSION)
+    }
+}

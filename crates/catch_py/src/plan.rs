@@ -1,0 +1,75 @@
+//! A planned catch.
+
+use catch_bot::control::Decision;
+use numpy::{PyArray1, PyArray2, ToPyArray};
+use pyo3::prelude::*;
+
+use crate::{
+    command::control_points,
+    observation::{joint_array, name_of},
+};
+
+/// A catch and the motion to it, or why there is none.
+#[pyclass(frozen, module = "catchingbot")]
+pub struct Plan {
+    decision: Decision,
+    dof: usize,
+}
+
+impl Plan {
+    /// For an arm with `dof` joints.
+    pub fn new(decision: Decision, dof: usize) -> Self {
+        Self { decision, dof }
+    }
+}
+
+#[pymethods]
+impl Plan {
+    /// `planned`, or why not: `out_of_reach`, `no_grasp`, `blocked`, `no_plan` or `out_of_budget`.
+    #[getter]
+    fn status(&self) -> String {
+        name_of(self.decision.status)
+    }
+
+    /// Knots of the motion, a clamped cubic B-spline, in seconds.
+    #[getter]
+    fn knots_s<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        self.decision.plan.as_ref().map(|plan| PyArray1::from_slice(py, &plan.trajectory.knots_s))
+    }
+
+    /// Its control points in radians, one a row.
+    #[getter]
+    fn control_points<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        let plan = self.decision.plan.as_ref();
+        plan.map(|plan| control_points(py, &plan.trajectory, self.dof)).transpose()
+    }
+
+    /// When the object is at the grasp centre.
+    #[getter]
+    fn catch_s(&self) -> Option<f64> {
+        self.decision.plan.as_ref().map(|plan| plan.catch_s)
+    }
+
+    /// Joint positions then, in radians.
+    #[getter]
+    fn q<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        self.decision.plan.as_ref().map(|plan| joint_array(py, &plan.q, self.dof))
+    }
+
+    /// Pose of the gripper then, 4×4.
+    #[getter]
+    #[allow(non_snake_case)]
+    fn X_WG<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray2<f64>>> {
+        self.decision.plan.as_ref().map(|plan| plan.X_WG.to_homogeneous().to_pyarray(py))
+    }
+
+    /// Gripper aperture before the catch, in metres.
+    #[getter]
+    fn aperture_m(&self) -> Option<f64> {
+        self.decision.plan.as_ref().map(|plan| plan.aperture_m)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Plan: {}>", name_of(self.decision.status))
+    }
+}

@@ -1,0 +1,268 @@
+//! Setups: a scenario, and what is different from its file.
+
+use std::sync::Arc;
+
+use catch_body::JointVector;
+use catch_bot::trajectory_optimization::Start;
+use catch_cell::Setpoint;
+use catch_lab::scenario::{
+    brain::Method,
+    catch_plan,
+    setup::{Choice, Setup as LabSetup},
+};
+use numpy::{PyArray1, PyArray2};
+use pyo3::{
+    exceptions::{PyRuntimeError, PyTypeError},
+    prelude::*,
+    types::{PyDict, PyTuple},
+};
+
+use crate::{
+    arguments::{MOST, Whole, fault, input_fault, joints, number, settings},
+    evaluation::{Asked, evaluate},
+    flight::Flight,
+    observation::{Camera, joint_array},
+    plan::Plan,
+    steered_arena::{Action, SteeredArena, View},
+    stepping::{Arena, Brain},
+    trial::Trial,
+};
+
+/// A scenario by name or file, with another robot, gripper, workcell, object, throw or method ('ours' or 'paper'), and with single fields
+/// changed: `settings={"arena.drag": False}`.
+#[pyclass(frozen, module = "catchingbot")]
+pub struct Setup {
+    lab: Arc<LabSetup>,
+    /// The arguments that made it, by their names.
+    arguments: Py<PyDict>,
+}
+
+/// Throws of an evaluation at most, as on the command line.
+const MOST_TRIALS: u64 = 10_000_000;
+const MOST_THREADS: u64 = 100_000;
+
+#[pymethods]
+impl Setup {
+    #[new]
+    #[pyo3(signature = (scenario="paper", *, robot=None, gripper=None, workcell=None, object=None, throw=None, method=None, settings=None))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn new(
+        py: Python<'_>,
+        scenario: &str,
+        robot: Option<&str>,
+        gripper: Option<&str>,
+        workcell: Option<&str>,
+        object: Option<&str>,
+        throw: Option<&str>,
+        method: Option<&str>,
+        settings: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let arguments = PyDict::new(py);
+        let names = [
+            ("robot", robot),
+            ("gripper", gripper),
+            ("workcell", workcell),
+            ("object", object),
+            ("throw", throw),
+            ("method", method),
+        ];
+        arguments.set_item("scenario", scenario)?;
+        names.into_iter().try_for_each(|(name, value)| arguments.set_item(name, value))?;
+        arguments.set_item("settings", settings)?;
+        let method = match method {
+            None => None,
+            Some("ours") => Some(Method::Ours),
+            Some("paper") => Some(Method::Paper),
+            Some(other) => return Err(fault("method", format!("'{other}'"), "'ours' or 'paper'")),
+        };
+        let settings = self::settings(settings)?;
+        let lab = py.detach(|| {
+            let choice = Choice {
+                scenario: Some(scenario),
+                robot,
+                gripper,
+                workcell,
+                object,
+                throw,
+                method,
+                settings: &settings,
+            };
+            LabSetup::load(&choice)
+        });
+        Ok(Self {
+            lab: Arc::new(lab.map_err(input_fault)?),
+            arguments: arguments.call_method0("copy")?.cast_into()?.unbind(),
+        })
+    }
+
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> (Bound<'py, PyTuple>, Py<PyDict>) {
+        (PyTuple::empty(py), self.arguments.clone_ref(py))
+    }
+
+    /// Name of the scenario, with what is different from its file.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.lab.scenario.name
+    }
+
+    /// The scenario, all choices made.
+    #[getter]
+    fn scenario<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let text = serde_json::to_string(&self.lab.scenario);
+        let text = text.map_err(|it| PyRuntimeError::new_err(format!("the scenario: {it}")))?;
+        Ok(py.import("json")?.call_method1("loads", (text,))?.cast_into()?)
+    }
+
+    /// Number of the arm's joints.
+    #[getter]
+    pub fn dof(&self) -> usize {
+        self.lab.robot.dof()
+    }
+
+    /// Joint positions in radians where the arm waits.
+    #[getter]
+    fn ready_q<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        joint_array(py, &self.lab.robot.ready_q, self.dof())
+    }
+
+    /// Lowest and highest positions, highest velocities, accelerations and torques of the joints, one a row.
+    #[getter]
+    fn limits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let joints = self.lab.robot.joints.iter().map(|it| it.limits);
+        let columns: Vec<[f64; 5]> =
+            joints.map(|it| [it.lower, it.upper, it.velocity, it.acceleration, it.torque]).collect();
+        let rows: Vec<Vec<f64>> = (0..5).map(|row| columns.iter().map(|column| column[row]).collect()).collect();
+        Ok(PyArray2::from_vec2(py, &rows)?)
+    }
+
+    /// The cameras that watch the flight, as the brain believes them to be.
+    #[getter]
+    fn cameras(&self) -> Vec<Camera> {
+        self.lab.cameras.iter().map(Camera::from).collect()
+    }
+
+    /// Throws once.
+    #[pyo3(signature = (seed=Whole::Default(1), index=Whole::Default(0)), text_signature = "($self, seed=1, index=0)")]
+    fn run(&self, py: Python<'_>, seed: Whole, index: Whole) -> PyResult<Trial> {
+        let (seed, index) = scene(py, seed, index)?;
+        py.detach(|| Trial::run(&self.lab, seed, index))
+    }
+
+    /// Throws `trials` times on all cores, or on `threads` at a time, from throw number `first` on: a table with a column for each
+    /// quantity. `brain(setup, seed, index)` makes a brain with a method `tick(observation)` that returns a `Command` or `None`.
+    /// `progress(done, trials)` is called after each throw.
+    #[pyo3(
+        signature = (trials=Whole::Default(57), *, seed=Whole::Default(1), first=Whole::Default(0), threads=None, brain=None, progress=None),
+        text_signature = "($self, trials=57, *, seed=1, first=0, threads=None, brain=None, progress=None)"
+    )]
+    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn evaluate<'py>(
+        slf: &Bound<'py, Self>,
+        py: Python<'py>,
+        trials: Whole,
+        seed: Whole,
+        first: Whole,
+        threads: Option<Whole>,
+        brain: Option<Bound<'py, PyAny>>,
+        progress: Option<Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        for (argument, value) in [("brain", &brain), ("progress", &progress)] {
+            if let Some(value) = value.as_ref().filter(|it| !it.is_callable()) {
+                let found = value.get_type().name()?;
+                return Err(PyTypeError::new_err(format!("{argument}: found {found}, expected a callable or None")));
+            }
+        }
+        let trials = trials.checked(py, "trials", 1, MOST_TRIALS)?;
+        let asked = Asked {
+            setup: slf.clone().into_any().unbind(),
+            trials,
+            seed: seed.checked(py, "seed", 0, MOST)?,
+            first: first.checked(py, "first", 0, MOST - trials)?,
+            threads: threads.map(|it| it.checked(py, "threads", 1, MOST_THREADS)).transpose()?,
+            brain: brain.map(Bound::unbind),
+            progress: progress.map(Bound::unbind),
+        };
+        evaluate(py, &slf.get().lab, asked)
+    }
+
+    /// A catch of `flight` for an arm with joint positions `q` and velocities `dq` at the time `now_s` on the flight's clock.
+    fn plan(
+        &self,
+        py: Python<'_>,
+        q: &Bound<'_, PyAny>,
+        dq: &Bound<'_, PyAny>,
+        flight: &Bound<'_, PyAny>,
+        now_s: &Bound<'_, PyAny>,
+    ) -> PyResult<Plan> {
+        let q = joints("q", q, self.dof())?;
+        let dq = joints("dq", dq, self.dof())?;
+        for (i, joint) in self.lab.robot.joints.iter().enumerate() {
+            let limits = &joint.limits;
+            if q[i] < limits.lower || q[i] > limits.upper {
+                let expected = format!("{} to {} for joint {i}", limits.lower, limits.upper);
+                return Err(fault("q", q[i], expected));
+            }
+            if dq[i].abs() > limits.velocity {
+                return Err(fault("dq", dq[i], format!("at most {} for joint {i}", limits.velocity)));
+            }
+        }
+        let expected = |_| PyTypeError::new_err("flight: expected a Flight");
+        let flight = flight.cast::<Flight>().map_err(expected)?.get().trajectory()?;
+        let time_s = number("now_s", now_s)?;
+        let start = Start { time_s, state: Setpoint { q, dq, ddq: JointVector::zeros() } };
+        let decision = py.detach(|| catch_plan::plan(&self.lab, start, flight));
+        Ok(Plan::new(decision, self.dof()))
+    }
+
+    /// The arena with everything in place, the object about to fly.
+    #[pyo3(signature = (seed=Whole::Default(1), index=Whole::Default(0)), text_signature = "($self, seed=1, index=0)")]
+    fn arena(&self, py: Python<'_>, seed: Whole, index: Whole) -> PyResult<Arena> {
+        let (seed, index) = scene(py, seed, index)?;
+        Ok(py.detach(|| Arena::new(&self.lab, seed, index)))
+    }
+
+    /// The scenario's brain, which has seen nothing yet.
+    #[pyo3(signature = (seed=Whole::Default(1), index=Whole::Default(0)), text_signature = "($self, seed=1, index=0)")]
+    fn brain(&self, py: Python<'_>, seed: Whole, index: Whole) -> PyResult<Brain> {
+        let (seed, index) = scene(py, seed, index)?;
+        Ok(py.detach(|| Brain::new(&self.lab, seed, index)))
+    }
+
+    /// The same for learned policies. `obs` is what is seen besides the arm: 'state', 'pose', 'depth' or 'cloud'; `action` is what the numbers of
+    /// an action are: 'acceleration' or 'delta'.
+    #[pyo3(
+        signature = (seed=Whole::Default(1), index=Whole::Default(0), *, obs="state", action="acceleration"),
+        text_signature = "($self, seed=1, index=0, *, obs='state', action='acceleration')"
+    )]
+    fn steered_arena(
+        &self,
+        py: Python<'_>,
+        seed: Whole,
+        index: Whole,
+        obs: &str,
+        action: &str,
+    ) -> PyResult<SteeredArena> {
+        let (seed, index) = scene(py, seed, index)?;
+        let views = [("state", View::State), ("pose", View::Pose), ("depth", View::Depth), ("cloud", View::Cloud)];
+        let actions = [("acceleration", Action::Acceleration), ("delta", Action::Delta)];
+        let expected = "'state', 'pose', 'depth' or 'cloud'";
+        let view =
+            views.iter().find(|(name, _)| *name == obs).ok_or_else(|| fault("obs", format!("'{obs}'"), expected))?;
+        let expected = "'acceleration' or 'delta'";
+        let action = actions
+            .iter()
+            .find(|(name, _)| *name == action)
+            .ok_or_else(|| fault("action", format!("'{action}'"), expected))?;
+        py.detach(|| SteeredArena::new(&self.lab, seed, index, view.1, action.1))
+    }
+
+    fn __repr__(&self) -> String {
+        let scenario = &self.lab.scenario;
+        format!("<Setup {}: {}, {} throw>", scenario.name, scenario.object, scenario.throw)
+    }
+}
+
+/// Seed and number of a throw.
+fn scene(py: Python<'_>, seed: Whole, index: Whole) -> PyResult<(u64, u64)> {
+    Ok((seed.checked(py, "seed", 0, MOST)?, index.checked(py, "index", 0, MOST)?))
+}
