@@ -8,6 +8,7 @@ pub mod flight_learning;
 pub mod flight_misses;
 pub mod flight_prediction;
 mod mesh_paths;
+mod object_check;
 pub mod object_import;
 pub mod planner_cases;
 pub mod robot_import;

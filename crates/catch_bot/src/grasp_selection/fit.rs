@@ -10,14 +10,44 @@ use crate::perception::ReferenceModel;
 /// Surface points this close to the outermost one count as touched by a finger.
 const CONTACT_DEPTH_M: f64 = 0.003;
 
-/// The gripper with orientation `R_OG` over the surface point `sample`, `None` if it cannot hold the object there.
+/// Why a gripper cannot hold an object at one place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum GraspFailure {
+    /// Nothing is between the fingers.
+    NothingBetween,
+    /// The object is wider there than the gripper opens, margins included.
+    TooWide,
+    /// The centre of mass is too far from the gripper's axis, or too far from the palm.
+    OffCentre,
+    /// The fingers would meet the surface at too steep an angle.
+    Slanted,
+    /// The open gripper would collide with the object.
+    Collides,
+}
+
+impl std::fmt::Display for GraspFailure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::NothingBetween => "nothing between the fingers",
+            Self::TooWide => "wider than the gripper opens",
+            Self::OffCentre => "centre of mass too far from the gripper's axis",
+            Self::Slanted => "fingers would meet the surface at too steep an angle",
+            Self::Collides => "the open gripper would collide with the object",
+        })
+    }
+}
+
+/// The gripper with orientation `R_OG` over the surface point `sample`.
+///
+/// # Errors
+/// Why it cannot hold the object there.
 pub fn fit_gripper(
     reference: &ReferenceModel,
     gripper: &Gripper,
     config: &Config,
     sample: &Point3<f64>,
     R_OG: UnitQuaternion<f64>,
-) -> Option<Grasp> {
+) -> Result<Grasp, GraspFailure> {
     // Over the sample, with the centre of mass (the origin of O) level with the grasp centre.
     let lateral = sample.coords - (R_OG * Vector3::y()) * (R_OG * Vector3::y()).dot(&sample.coords);
     let place = |shift_G: Vector3<f64>| {
@@ -43,12 +73,12 @@ pub fn fit_gripper(
     let low = between().map(|p| p.x).fold(f64::INFINITY, f64::min);
     let high = between().map(|p| p.x).fold(f64::NEG_INFINITY, f64::max);
     if low >= high {
-        return None;
+        return Err(GraspFailure::NothingBetween);
     }
     let object_width_m = high - low;
     let aperture_m = object_width_m + 2.0 * config.finger_margin_m;
     if aperture_m > gripper.max_width_m {
-        return None;
+        return Err(GraspFailure::TooWide);
     }
     let X_OG = place(Vector3::new((low + high) / 2.0, -backed_off, 0.0));
     let X_GO = X_OG.inverse();
@@ -58,7 +88,7 @@ pub fn fit_gripper(
     let strength_m = centre.x.hypot(centre.z);
     let overhang_m = overhang_m(&X_GO, gripper);
     if strength_m > config.max_strength_m || overhang_m > config.max_overhang_m {
-        return None;
+        return Err(GraspFailure::OffCentre);
     }
 
     // Both faces must meet the surface squarely enough for friction to hold.
@@ -76,7 +106,7 @@ pub fn fit_gripper(
         if count == 0 { 0.0 } else { sum.normalize().x * side }
     };
     if squareness(1.0).min(squareness(-1.0)) < config.max_contact_angle_rad.cos() {
-        return None;
+        return Err(GraspFailure::Slanted);
     }
 
     // The open fingers and the housing are clear of the object.
@@ -88,10 +118,10 @@ pub fn fit_gripper(
         })
     };
     if reference.points.iter().any(|point| collides(&(X_GO * point))) {
-        return None;
+        return Err(GraspFailure::Collides);
     }
     let held_G = held_box(&reference.points, &X_GO);
-    Some(Grasp { X_OG, object_width_m, aperture_m, strength_m, overhang_m, held_G })
+    Ok(Grasp { X_OG, object_width_m, aperture_m, strength_m, overhang_m, held_G })
 }
 
 /// How much farther from the palm than the grasp centre an object's centre of mass is.

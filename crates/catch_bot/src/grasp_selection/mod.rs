@@ -10,6 +10,8 @@ pub mod darboux;
 pub mod fit;
 pub mod heuristics;
 
+use std::collections::BTreeMap;
+
 use catch_body::{Gripper, Pose, shape::Cuboid};
 use nalgebra::{Point3, Rotation3, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
@@ -22,6 +24,7 @@ use crate::{
 };
 pub use closing::Closing;
 use darboux::darboux_frame;
+pub use fit::GraspFailure;
 pub use heuristics::{Approach, RankedGrasp};
 
 /// Settings of grasp selection.
@@ -196,6 +199,8 @@ impl Grasp {
 pub struct GraspSet {
     /// The grasps.
     pub grasps: Vec<Grasp>,
+    /// Why the other sampled candidates are none, and how many each time.
+    failures: BTreeMap<GraspFailure, usize>,
     /// Few points of the object in O that outline it, for clearance checks on the approach.
     pub surface_points: Vec<Point3<f64>>,
     /// Distance of the farthest of them from the centre of mass, in metres.
@@ -208,7 +213,7 @@ impl GraspSet {
     /// Samples Darboux frames on the reference cloud and keeps the grasps that fit.
     pub fn sample(reference: &ReferenceModel, gripper: &Gripper, config: &Config) -> Self {
         let mut rng = Pcg64::seed_from_u64(config.seed);
-        let mut grasps = Vec::new();
+        let (mut grasps, mut failures) = (Vec::new(), BTreeMap::new());
         // A ball looks the same from everywhere.
         let turns_rad: &[f64] = if reference.symmetry == Symmetry::Sphere { &[] } else { &config.turns_rad };
         if !reference.points.is_empty() {
@@ -221,14 +226,18 @@ impl GraspSet {
                     let approach = -frame.normal;
                     let R_OG = Rotation3::from_basis_unchecked(&[closing, approach, closing.cross(&approach)]);
                     let R_OG = UnitQuaternion::from_rotation_matrix(&R_OG);
-                    let Some(grasp) = fit::fit_gripper(reference, gripper, config, &frame.point, R_OG) else {
-                        continue;
+                    let grasp = match fit::fit_gripper(reference, gripper, config, &frame.point, R_OG) {
+                        Ok(grasp) => grasp,
+                        Err(failure) => {
+                            *failures.entry(failure).or_default() += 1;
+                            continue;
+                        }
                     };
                     let held = grasp.X_OG * gripper.grasp_centre();
                     grasps.push(grasp);
                     grasps.extend(turns_rad.iter().filter_map(|&turn| {
                         let R_OG = R_OG * UnitQuaternion::from_scaled_axis(Vector3::x() * turn);
-                        fit::fit_gripper(reference, gripper, config, &held, R_OG)
+                        fit::fit_gripper(reference, gripper, config, &held, R_OG).ok()
                     }));
                 }
             }
@@ -236,7 +245,15 @@ impl GraspSet {
         let axes = grasps.iter().map(|it| [it.X_OG * Vector3::x(), it.X_OG * Vector3::y()]).collect();
         let surface_points = surface_points(&reference.points);
         let radius_m = surface_points.iter().map(|point| point.coords.norm()).fold(0.0, f64::max);
-        Self { grasps, surface_points, radius_m, axes }
+        Self { grasps, failures, surface_points, radius_m, axes }
+    }
+
+    /// Why sampled candidates are none, the most frequent reason first.
+    pub fn failures(&self) -> String {
+        let mut reasons: Vec<_> = self.failures.iter().collect();
+        reasons.sort_by_key(|(_, count)| std::cmp::Reverse(**count));
+        let reasons: Vec<String> = reasons.iter().map(|(failure, count)| format!("{count}: {failure}")).collect();
+        format!("of the places tried {}", reasons.join(", "))
     }
 
     /// The best grasps for an object in pose `X_WO` that flies at `v_WO`, best first, among those whose pose in O the gripper

@@ -28,6 +28,12 @@ pub(super) struct OrientedPoints<'a> {
 const COARSE_MARGIN_M: f64 = 0.1;
 /// Coarse nodes per metre of spacing: the surface's surroundings are smooth.
 const COARSE_M: f64 = 0.01;
+/// Nearer to the surface than this the nearest points are believed.
+const LEAST_CLEARANCE_M: f64 = 1e-3;
+/// Two neighbouring nodes whose distances from the surface add up to more than so many spacings are on the same side of it.
+const SAME_SIDE: f64 = 1.5;
+/// Places of a region that are asked about at most.
+const MOST_LOOKED_AT: usize = 2000;
 /// Within this distance of the cloud the surface is averaged over neighbours, beyond it the nearest point suffices.
 const BAND_M: f64 = 0.008;
 
@@ -44,6 +50,15 @@ impl DistanceField {
     /// Signed distance in metres and its gradient.
     pub fn at(&self, point: &Point3<f64>) -> (f64, Vector3<f64>) {
         self.fine.at(point).or_else(|| self.coarse.at(point)).unwrap_or_else(|| self.coarse.beyond(point))
+    }
+
+    /// Turns inside out what is taken for the inside and is not: regions within one surface of which most places are free by `is_free`, which
+    /// gets a place and its distance from the surface and may not know.
+    ///
+    /// The nearest points alone decide wrongly at thin walls and in the openings of a surface.
+    pub(super) fn clear(&mut self, is_free: &dyn Fn(&Point3<f64>, f64) -> Option<bool>) {
+        self.fine.clear(is_free);
+        self.coarse.clear(is_free);
     }
 
     /// Moves the field: what was at `point` is at `point + offset` afterwards.
@@ -92,6 +107,13 @@ impl Grid {
             known.map_or(1.0, |_| cloud.distance(near, &grid.node(i), nearest as usize) as f32)
         };
         let values: Vec<f32> = nearest.iter().enumerate().map(distance).collect();
+        grid.set(&values);
+        grid
+    }
+
+    /// Sets all values, and from them the changes from node to node.
+    fn set(&mut self, values: &[f32]) {
+        let nodes = self.nodes;
         let strides = [1, nodes[0], nodes[0] * nodes[1]];
         let with_changes = (0..values.len()).map(|i| {
             let change = |axis: usize| {
@@ -103,8 +125,50 @@ impl Grid {
             };
             [values[i], change(0), change(1), change(2)]
         });
-        grid.values = with_changes.collect();
-        grid
+        self.values = with_changes.collect();
+    }
+
+    /// As [`DistanceField::clear`].
+    fn clear(&mut self, is_free: &dyn Fn(&Point3<f64>, f64) -> Option<bool>) {
+        let is_inside = |value: f32| f64::from(value) < -LEAST_CLEARANCE_M;
+        let mut values: Vec<f32> = self.values.iter().map(|node| node[0]).collect();
+        let [nx, ny, _] = self.nodes;
+        let mut is_seen = vec![false; values.len()];
+        let mut any = false;
+        for first in 0..values.len() {
+            if is_seen[first] || !is_inside(values[first]) {
+                continue;
+            }
+            is_seen[first] = true;
+            let mut region = vec![first];
+            let mut next = 0;
+            while let Some(&node) = region.get(next) {
+                next += 1;
+                for (axis, stride) in [1, nx, nx * ny].into_iter().enumerate() {
+                    let along = node / stride % self.nodes[axis];
+                    let before = (along > 0).then(|| node - stride);
+                    let after = (along + 1 < self.nodes[axis]).then(|| node + stride);
+                    for other in [before, after].into_iter().flatten().filter(|&it| is_inside(values[it])) {
+                        // Two nodes are on one side if they are farther from the surface together than from each other.
+                        let is_linked = -f64::from(values[node] + values[other]) > SAME_SIDE * self.spacing_m;
+                        if is_linked && !is_seen[other] {
+                            is_seen[other] = true;
+                            region.push(other);
+                        }
+                    }
+                }
+            }
+            let looked_at = region.iter().step_by(region.len().div_ceil(MOST_LOOKED_AT));
+            let votes = looked_at.filter_map(|&node| is_free(&self.node(node), -f64::from(values[node])));
+            let (free, all) = votes.fold((0, 0), |(free, all), vote| (free + usize::from(vote), all + 1));
+            if 2 * free > all {
+                region.iter().for_each(|&node| values[node] = -values[node]);
+                any = true;
+            }
+        }
+        if any {
+            self.set(&values);
+        }
     }
 
     /// For each node the index of the nearest point, found by passing candidates on from node to node (a vector distance

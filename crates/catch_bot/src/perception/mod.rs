@@ -36,7 +36,7 @@ pub use point_cloud::{DepthNoise, SceneCloud};
 pub use reference::ReferenceModel;
 pub use registration::{Fit, Registration};
 pub use segmentation::Surroundings;
-pub use symmetry::Symmetry;
+pub use symmetry::{RotationGroup, Symmetry};
 pub use view::{Prior, View};
 
 /// Settings of perception.

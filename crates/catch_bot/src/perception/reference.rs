@@ -40,11 +40,21 @@ impl ReferenceModel {
     pub fn from_scan(scan: &ReferenceScan, config: &Config) -> Self {
         let (points, towards_camera) = scanned_points(scan);
         let (points, towards_camera) = thinned(&points, &towards_camera, config.reference_spacing_m);
-        Self::from_points(&points, &towards_camera, config)
+        Self::with_free_space(&points, &towards_camera, config, &|p_R, clearance_m| is_free(scan, p_R, clearance_m))
     }
 
     /// Builds the model from surface points in R and, for each, a direction in which it could be seen.
     pub fn from_points(points: &[Point3<f64>], towards_camera: &[Vector3<f64>], config: &Config) -> Self {
+        Self::with_free_space(points, towards_camera, config, &|_, _| None)
+    }
+
+    /// As [`from_points`](Self::from_points); `is_free` tells of places in R, so far from any surface, whether they are outside.
+    fn with_free_space(
+        points: &[Point3<f64>],
+        towards_camera: &[Vector3<f64>],
+        config: &Config,
+        is_free: &dyn Fn(&Point3<f64>, f64) -> Option<bool>,
+    ) -> Self {
         if points.len() < MIN_NEIGHBOURS {
             return Self::default();
         }
@@ -56,6 +66,7 @@ impl ReferenceModel {
         }
         let cloud = OrientedPoints { points: &sharp, normals: &normals, smoothing_m: 1.5 * spacing_m };
         let mut distance = DistanceField::new(&cloud, config.distance_grid_m);
+        distance.clear(is_free);
 
         let (volume_m3, centre, second_moment) = moments(&distance);
         let to_O = -centre.coords;
@@ -92,6 +103,30 @@ fn scanned_points(scan: &ReferenceScan) -> (Vec<Point3<f64>>, Vec<Vector3<f64>>)
     }
     (points, towards_camera)
 }
+
+/// Whether some image of a scan shows that a place in R, which is `clearance_m` from any surface, is outside of the object: the ray of the
+/// nearest pixel passes it and meets the surface behind it, or none. `None` where pixels are too coarse to tell.
+fn is_free(scan: &ReferenceScan, p_R: &Point3<f64>, clearance_m: f64) -> Option<bool> {
+    let shown = scan.frames.iter().filter_map(|frame| {
+        let camera = scan.cameras.get(frame.camera)?;
+        let p_C = camera.X_WC.inverse_transform_point(p_R);
+        // The ray of the nearest pixel is at most half a pixel's diagonal away.
+        let is_near = clearance_m > PIXEL_REACH * p_C.z / camera.focal_px;
+        let uv = camera.project(&p_C).filter(|_| is_near)?;
+        let window = &frame.window;
+        let (column, row) = (uv.x - f64::from(window.left), uv.y - f64::from(window.top));
+        if !(0.0..f64::from(window.width)).contains(&column) || !(0.0..f64::from(window.height)).contains(&row) {
+            return None;
+        }
+        let pixel = row as usize * window.width as usize + column as usize;
+        let is_background = frame.mask.as_ref().is_some_and(|mask| mask.get(pixel) == Some(&false));
+        Some(is_background || frame.depth_m.get(pixel).is_some_and(|depth| f64::from(*depth) > p_C.z))
+    });
+    shown.reduce(|one, other| one || other)
+}
+
+/// Half the diagonal of a pixel, and some more for the noise of a scan.
+const PIXEL_REACH: f64 = 0.8;
 
 /// Index and depth of the pixels with a measured depth that are the object's; without a mask all that are measured.
 fn object_pixels(frame: &DepthFrame) -> impl Iterator<Item = (usize, f64)> {

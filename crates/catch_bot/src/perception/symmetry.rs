@@ -1,16 +1,73 @@
-//! Turns under which an object looks the same. What looks the same cannot be observed, and must not be compared.
+//! Rotations under which an object looks the same. What looks the same cannot be observed, and must not be compared.
+
+use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Matrix3, Point3, SymmetricEigen, Unit, UnitQuaternion, Vector3};
 
 use super::distance_field::DistanceField;
 
-/// Turns about the centre of mass under which the object looks the same, and with that how much of its turning matters.
+/// A finite group of rotations about the centre of mass, without the identity, in O.
 #[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RotationGroup {
+    rotations: [UnitQuaternion<f64>; MOST_ROTATIONS],
+    count: usize,
+}
+
+/// The rotations of a cube, without the identity.
+const MOST_ROTATIONS: usize = 23;
+/// Rotations are different if one is at least this far from the other.
+const DIFFERENT_RAD: f64 = 0.1;
+
+impl Default for RotationGroup {
+    fn default() -> Self {
+        Self { rotations: [UnitQuaternion::identity(); MOST_ROTATIONS], count: 0 }
+    }
+}
+
+impl RotationGroup {
+    /// The group that `generators` make; rotations that are nearly the same are one, and what goes beyond those of a cube is left out.
+    pub fn generated(generators: impl IntoIterator<Item = UnitQuaternion<f64>>) -> Self {
+        let mut group = Self::default();
+        generators.into_iter().for_each(|it| group.insert(it));
+        let mut first = 0;
+        while first < group.count {
+            for second in 0..group.count {
+                let [a, b] = [group.rotations[first], group.rotations[second]];
+                group.insert(a * b);
+                group.insert(b * a);
+            }
+            first += 1;
+        }
+        group
+    }
+
+    fn insert(&mut self, rotation: UnitQuaternion<f64>) {
+        let is_known = self.rotations().iter().any(|it| it.angle_to(&rotation) < DIFFERENT_RAD);
+        if !is_known && rotation.angle() > DIFFERENT_RAD && self.count < MOST_ROTATIONS {
+            self.rotations[self.count] = rotation;
+            self.count += 1;
+        }
+    }
+
+    /// Its rotations but the identity.
+    pub fn rotations(&self) -> &[UnitQuaternion<f64>] {
+        &self.rotations[..self.count]
+    }
+
+    /// How many rotations it has, with the identity.
+    pub fn order(&self) -> usize {
+        self.count + 1
+    }
+}
+
+/// Rotations about the centre of mass under which the object looks the same, and with that how much of its rotation matters.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "an object has one, which a box would keep from being copied")]
 pub enum Symmetry {
-    /// None by a small angle: the whole orientation can be seen, except perhaps for half a turn.
-    None {
-        /// The axis in O about which half a turn leaves it looking the same, if there is one; of several one.
-        half_turn: Option<Unit<Vector3<f64>>>,
+    /// None by a small angle: the whole orientation can be seen, except for a finite group of rotations.
+    Finite {
+        /// Rotations in O that leave it looking the same, such as the half turns of a box.
+        group: RotationGroup,
         /// Inertia tensor about the centre of mass in O, divided by the mass, in m²: it rules the tumbling.
         inertia_per_kg: Matrix3<f64>,
     },
@@ -28,26 +85,33 @@ pub enum Symmetry {
 
 impl Default for Symmetry {
     fn default() -> Self {
-        Self::None { half_turn: None, inertia_per_kg: Matrix3::identity() }
+        Self::Finite { group: RotationGroup::default(), inertia_per_kg: Matrix3::identity() }
     }
 }
 
+/// Orders of the axes of prisms, the highest first.
+const ORDERS: [f64; 6] = [8.0, 6.0, 5.0, 4.0, 3.0, 2.0];
+/// Principal moments that differ by less than this fraction are nearly equal.
+const NEARLY_EQUAL: f64 = 0.15;
+/// Axes that are tried between two.
+const STEPS: u32 = 36;
 /// Angles that a turn is tried by: none divides a full turn, so prisms are not taken for cylinders.
 const TRIAL_ANGLES: [f64; 5] = [0.4, 0.9, 1.7, 2.3, 3.0];
 
 impl Symmetry {
-    /// Tries turns about the principal axes of an object given by its points and distance field in O and its second moment
-    /// ∫ x·xᵀ dV / V: it looks the same if the turned points lie within `tolerance_m` (root mean square) of the surface.
+    /// Tries rotations about the principal axes of an object given by its points and distance field in O and its second moment
+    /// ∫ x·xᵀ dV / V: it looks the same if the rotated points lie within `tolerance_m` (root mean square) of the surface.
     pub(super) fn find(
         points: &[Point3<f64>],
         distance: &DistanceField,
         second_moment: &Matrix3<f64>,
         tolerance_m: f64,
     ) -> Self {
-        let looks_the_same = |turn: UnitQuaternion<f64>| {
+        let mean_square = |turn: UnitQuaternion<f64>| {
             let squares: f64 = points.iter().map(|point| distance.at(&(turn * point)).0.powi(2)).sum();
-            squares <= tolerance_m * tolerance_m * points.len() as f64
+            squares / points.len() as f64
         };
+        let looks_the_same = |turn: UnitQuaternion<f64>| mean_square(turn) <= tolerance_m * tolerance_m;
         let eigen = SymmetricEigen::new(*second_moment);
         let principal = [0, 1, 2].map(|i| Unit::new_normalize(eigen.eigenvectors.column(i).into_owned()));
         let around = principal.map(|axis| {
@@ -56,26 +120,50 @@ impl Symmetry {
         match around {
             [true, true, true] => Self::Sphere,
             [false, false, false] => {
-                let mut half_turns = principal
-                    .into_iter()
-                    .filter(|axis| looks_the_same(UnitQuaternion::from_axis_angle(axis, std::f64::consts::PI)));
+                let rotations =
+                    |axis: &Unit<Vector3<f64>>| ORDERS.map(|order| UnitQuaternion::from_axis_angle(axis, TAU / order));
+                // Of each axis the highest order.
+                let axes = Self::distinct(principal, &eigen.eigenvalues.into(), &mean_square);
+                let highest = axes.iter().filter_map(|axis| rotations(axis).into_iter().find(|it| looks_the_same(*it)));
+                let group = RotationGroup::generated(highest);
                 // Inertia from the second moment: J = tr(S)·1 − S.
                 let inertia_per_kg = Matrix3::identity() * second_moment.trace() - second_moment;
-                Self::None { half_turn: half_turns.next(), inertia_per_kg }
+                Self::Finite { group, inertia_per_kg }
             }
             _ => {
                 let which = around.iter().position(|&same| same).unwrap_or(0);
                 let across = principal[(which + 1) % 3];
-                let reversed = UnitQuaternion::from_axis_angle(&across, std::f64::consts::PI);
+                let reversed = UnitQuaternion::from_axis_angle(&across, PI);
                 Self::Axis { axis: principal[which], reversible: looks_the_same(reversed) }
             }
         }
     }
 
+    /// Principal axes that are not arbitrary. Where two principal moments are nearly equal, as those of a prism, one of both is the axis
+    /// about which half a turn changes least.
+    fn distinct(
+        principal: [Unit<Vector3<f64>>; 3],
+        moments: &[f64; 3],
+        mean_square: &impl Fn(UnitQuaternion<f64>) -> f64,
+    ) -> [Unit<Vector3<f64>>; 3] {
+        let is_near = |(i, j): &(usize, usize)| (moments[*i] / moments[*j] - 1.0).abs() < NEARLY_EQUAL;
+        let Some((i, j)) = [(0, 1), (1, 2), (2, 0)].into_iter().find(is_near) else { return principal };
+        let axis = |step: u32| {
+            let (sin, cos) = (PI * f64::from(step) / f64::from(STEPS)).sin_cos();
+            Unit::new_normalize(principal[i].into_inner() * cos + principal[j].into_inner() * sin)
+        };
+        let changed = |step: u32| mean_square(UnitQuaternion::from_axis_angle(&axis(step), PI));
+        let changes: Vec<f64> = (0..STEPS).map(changed).collect();
+        let least =
+            (0..STEPS).min_by(|a, b| changes[*a as usize].total_cmp(&changes[*b as usize])).map_or(principal[i], axis);
+        let third = principal[3 - i - j];
+        [least, Unit::new_normalize(third.cross(&least)), third]
+    }
+
     /// Projects a small turn, given in O, on what can be seen of it.
     pub fn observable(&self) -> Matrix3<f64> {
         match self {
-            Self::None { .. } => Matrix3::identity(),
+            Self::Finite { .. } => Matrix3::identity(),
             Self::Axis { axis, .. } => Matrix3::identity() - axis.into_inner() * axis.transpose(),
             Self::Sphere => Matrix3::zeros(),
         }
@@ -92,12 +180,12 @@ impl Symmetry {
     /// The turn in W, as a rotation vector, that takes the looks of an object at `R_WA` to those at `R_WB`, and is smallest.
     pub fn turn_between(&self, R_WA: &UnitQuaternion<f64>, R_WB: &UnitQuaternion<f64>) -> Vector3<f64> {
         match self {
-            Self::None { half_turn, .. } => {
-                let turn = R_WA.rotation_to(R_WB);
-                let other = half_turn.map(|axis| {
-                    (R_WA * UnitQuaternion::from_axis_angle(&axis, std::f64::consts::PI)).rotation_to(R_WB)
-                });
-                other.filter(|other| other.angle() < turn.angle()).unwrap_or(turn).scaled_axis()
+            Self::Finite { group, .. } => {
+                let alike = |rotation: &UnitQuaternion<f64>| (R_WA * rotation).rotation_to(R_WB);
+                let smaller = |least: UnitQuaternion<f64>, other: UnitQuaternion<f64>| {
+                    if other.angle() < least.angle() { other } else { least }
+                };
+                group.rotations().iter().map(alike).fold(R_WA.rotation_to(R_WB), smaller).scaled_axis()
             }
             Self::Axis { axis, reversible } => {
                 let (from, mut to) = (R_WA * axis.into_inner(), R_WB * axis.into_inner());

@@ -62,7 +62,7 @@ fn deviations(symmetry: &Symmetry) -> [Matrix3<f64>; E] {
     };
     let mut basis = [Matrix3::zeros(); E];
     match symmetry {
-        Symmetry::None { .. } => {
+        Symmetry::Finite { .. } => {
             let along = |diagonal: [f64; 3]| Matrix3::from_diagonal(&Vector3::from(diagonal));
             basis = [along([1.0, -1.0, 0.0]), along([-0.5, -0.5, 1.0]), pair(0, 1), pair(0, 2), pair(1, 2)];
         }

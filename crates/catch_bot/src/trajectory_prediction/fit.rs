@@ -119,7 +119,7 @@ pub(super) fn fit(
         w: V_WO.angular,
     };
     let freedom = match symmetry {
-        Symmetry::None { .. } => 6.0,
+        Symmetry::Finite { .. } => 6.0,
         Symmetry::Axis { .. } => 5.0,
         Symmetry::Sphere => 3.0,
     };

@@ -29,7 +29,7 @@ const MAX_STEPS: usize = 1000;
 /// Inertia tensor that rules an object's tumbling; none where ω, or what can be seen of it, is constant.
 pub fn inertia_per_kg(symmetry: &Symmetry) -> Option<Matrix3<f64>> {
     match symmetry {
-        Symmetry::None { inertia_per_kg, .. } => Some(*inertia_per_kg),
+        Symmetry::Finite { inertia_per_kg, .. } => Some(*inertia_per_kg),
         Symmetry::Axis { .. } | Symmetry::Sphere => None,
     }
 }

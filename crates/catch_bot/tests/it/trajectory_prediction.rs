@@ -4,14 +4,17 @@ use catch_body::Pose;
 use nalgebra::{Matrix3, Matrix6, Point3, Translation3, UnitQuaternion, Vector3, Vector6};
 
 use catch_bot::{
-    perception::{ObjectPose, Symmetry},
+    perception::{ObjectPose, RotationGroup, Symmetry},
     trajectory_prediction::*,
 };
 
 use crate::synthetic::Normal;
 
 fn banana() -> Symmetry {
-    Symmetry::None { half_turn: None, inertia_per_kg: Matrix3::from_diagonal(&Vector3::new(0.0002, 0.0017, 0.0018)) }
+    Symmetry::Finite {
+        group: RotationGroup::default(),
+        inertia_per_kg: Matrix3::from_diagonal(&Vector3::new(0.0002, 0.0017, 0.0018)),
+    }
 }
 
 /// A throw as in the paper: about 0.7 s.

@@ -2,7 +2,7 @@
 
 use std::{fmt::Write, fs, path::Path};
 
-use catch_body::TriangleMesh;
+use catch_body::{TriangleMesh, mesh::TubeRing};
 use catch_lab::assets::{Asset, Kind};
 use catch_sim::ThrownObject;
 use nalgebra::{Point3, Vector3};
@@ -158,6 +158,37 @@ fn an_sdf_with_a_gltf_mesh_stands_as_its_simulator_has_it() {
     let size = object.mesh.aabb().size;
     assert!((size - Vector3::new(0.05, 0.05, 0.09)).norm() < 3e-4, "{size}");
     assert_eq!(object.parts.len(), 1, "the cylinder: {}", findings(&said));
+}
+
+/// A flat ring in metres.
+fn ring() -> TriangleMesh {
+    let rings: Vec<TubeRing> = (0..=96)
+        .map(|i| {
+            let (sin, cos) = (std::f64::consts::TAU * f64::from(i % 96) / 96.0).sin_cos();
+            let outwards = Vector3::new(cos, sin, 0.0);
+            TubeRing { centre: (outwards * 0.035).into(), axes: [outwards, Vector3::z()], semi_axes_m: [0.008, 0.003] }
+        })
+        .collect();
+    // The ends of the tube lie on each other and face each other, so they are no surface.
+    TriangleMesh::tube(&rings, 24)
+}
+
+#[test]
+fn the_opening_of_a_flat_ring_is_outside_of_the_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = folder.path().join("scan.obj");
+    fs::write(&source, obj(&ring())).unwrap();
+    let out = folder.path().join("ring.toml");
+    imported(&source, &out, &["--mass", "0.1"]);
+    let checked = stdout(&catchingbot(&["check", out.to_str().unwrap()]));
+    let number = |after: &str| -> f64 {
+        let (_, rest) = checked.split_once(after).unwrap_or_else(|| panic!("{checked}"));
+        rest.split_whitespace().next().unwrap().trim_end_matches(['%', ')', ',']).parse().unwrap()
+    };
+    assert!(number("its centre of mass is ") <= 2.0, "{checked}");
+    assert!((number("model: volume ") / number("(the mesh: ") - 1.0).abs() < 0.15, "{checked}");
+    assert!(checked.contains("symmetry: about an axis"), "{checked}");
+    assert!(number("grasps: ") > 0.0 && checked.contains("in paper"), "{checked}");
 }
 
 #[test]

@@ -10,6 +10,8 @@ use catch_body::{
 };
 use catch_sim::Throw;
 
+use super::object_check::{Examined, examine};
+
 use crate::{
     assets::{Asset, Kind},
     scenario::{
@@ -67,11 +69,16 @@ pub fn check(path: &Path) -> Checked {
         Err(fault) => return Checked::unreadable(fault),
     };
     let kind = TELLTALES.iter().find(|(field, _)| table.contains_key(*field)).map(|&(_, kind)| kind);
+    let mut examined = Examined::default();
     let faults = match kind {
         Some(kind) => {
-            let faults = faults_of(kind, &asset);
-            let is_right_object = kind == Kind::Object && faults.is_empty();
-            if is_right_object { held(&asset, Setup::load(&thrown(&asset))) } else { faults }
+            let mut faults = faults_of(kind, &asset);
+            if kind == Kind::Object && faults.is_empty() {
+                examined = examine(&asset);
+                let not_held = examined.not_held.take();
+                faults.extend(not_held.map(|it| InputError::new(&asset.file, "object", it, "one that can be held")));
+            }
+            faults
         }
         None => {
             let fields: Vec<&str> = table.keys().map(String::as_str).collect();
@@ -81,7 +88,7 @@ pub fn check(path: &Path) -> Checked {
         }
     };
     let notes = match kind {
-        Some(Kind::Object) => notes_of_object(&asset),
+        Some(Kind::Object) => notes_of_object(&asset).into_iter().chain(examined.notes).collect(),
         Some(Kind::Robot) => notes_of_robot(&asset),
         Some(Kind::Scenario | Kind::Gripper | Kind::Workcell) => notes_of_name(&asset, &table),
         _ => Vec::new(),
@@ -206,11 +213,6 @@ fn faults_of_scenario(asset: &Asset) -> Vec<InputError> {
         faults = held(asset, Setup::of_asset(asset, &Choice::default()));
     }
     faults
-}
-
-/// The default scenario with the object of a file.
-fn thrown(asset: &Asset) -> Choice<'_> {
-    Choice { object: Some(&asset.file), ..Choice::default() }
 }
 
 /// Whether the object of a setup can be held.

@@ -56,8 +56,11 @@ pub fn register(points: &[Point3<f64>], noise_m: f64, reference: &ReferenceModel
         information: fit.as_ref().map(|it| it.information),
         residual_m: fit.as_ref().map(|it| it.residual_m),
         symmetry: match reference.symmetry {
-            Symmetry::None { half_turn: Some(_), .. } => "half_turn",
-            Symmetry::None { .. } => "none",
+            Symmetry::Finite { group, .. } => match group.order() {
+                1 => "none",
+                2 => "half_turn",
+                _ => "finite",
+            },
             Symmetry::Axis { .. } => "axis",
             Symmetry::Sphere => "sphere",
         },
@@ -113,7 +116,7 @@ const MOST_SD: f64 = 0.5;
 /// object looks the same has none, so its smallest eigenvalues are left aside: one for an axis, three for a sphere.
 fn worst_sd_m(information: &Matrix6<f64>, reference: &ReferenceModel) -> f64 {
     let unseen = match reference.symmetry {
-        Symmetry::None { .. } => 0,
+        Symmetry::Finite { .. } => 0,
         Symmetry::Axis { .. } => 1,
         Symmetry::Sphere => 3,
     };

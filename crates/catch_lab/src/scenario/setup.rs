@@ -6,7 +6,7 @@ use std::{
 };
 
 use catch_body::{Gripper, InputError, JointVector, Robot};
-use catch_bot::{Preparation, perception::DepthNoise};
+use catch_bot::{Preparation, grasp_selection::GraspSet, perception::DepthNoise};
 use catch_cell::{CameraModel, ReferenceScan, reference_scan, rig_from_toml};
 use catch_sim::{
     Arena, Conditions, Equipment, GripperDriveKind, Release, Throw, ThrownObject,
@@ -232,21 +232,21 @@ impl Setup {
         })
     }
 
-    /// If the brain knows no way of holding the object: how wide it is, and how wide the gripper opens.
+    /// If the brain knows no way of holding the object: why.
     pub fn without_grasps(&self) -> Option<String> {
-        let has_none = self.known().grasps().grasps.is_empty();
-        has_none.then(|| {
-            let narrowest_mm = self.object.mesh.aabb().size.min() * 1e3;
-            let opening_mm = self.gripper.max_width_m * 1e3;
-            let margin_mm = self.scenario.brain.grasp_selection.finger_margin_m * 1e3;
-            let sides = "; nowhere do two of its sides face each other beside its centre of mass";
-            let fits = narrowest_mm + 2.0 * margin_mm < opening_mm;
-            format!(
-                "an object {narrowest_mm:.0} mm wide at its narrowest; the gripper opens {opening_mm:.0} mm and needs \
-                 {margin_mm:.0} mm on each side{}",
-                if fits { sides } else { "" }
-            )
-        })
+        Some(self.known().grasps()).filter(|it| it.grasps.is_empty()).map(|it| self.why_without_grasps(it))
+    }
+
+    /// Widths of object and gripper, and what is wrong with the candidates.
+    pub(crate) fn why_without_grasps(&self, grasps: &GraspSet) -> String {
+        let margin_m = self.scenario.brain.grasp_selection.finger_margin_m;
+        let lengths_m = [self.object.mesh.aabb().size.min(), self.gripper.max_width_m, margin_m];
+        let [narrowest_mm, opening_mm, margin_mm] = lengths_m.map(|it| it * 1e3);
+        format!(
+            "an object {narrowest_mm:.0} mm wide at its narrowest; the gripper opens {opening_mm:.0} mm and needs \
+             {margin_mm:.0} mm on each side; {}",
+            grasps.failures()
+        )
     }
 
     /// Joint positions in which the gripper opens to put down what was caught.
