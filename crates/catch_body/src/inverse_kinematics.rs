@@ -1,18 +1,22 @@
-//! Inverse kinematics: numerical for any arm, in closed form for [six joints with three parallel axes](ParallelAxesArm) and for S-R-S
-//! arms: seven joints, three axes that meet in a shoulder, one elbow, three that meet in a wrist, and no offsets.
+//! Inverse kinematics: numerical for any arm; in closed form for [six joints with three parallel axes](ParallelAxesArm), for [seven
+//! with a spherical shoulder](SphericalShoulderArm), and for S-R-S arms: seven joints, three axes that meet in a shoulder, one elbow,
+//! three that meet in a wrist, and no offsets.
 //!
 //! The position of the wrist fixes the elbow but for a swivel about the line from shoulder to wrist; each swivel angle leaves
 //! eight solutions (sign of elbow, shoulder and wrist). After Shimizu et al., Analytical Inverse Kinematic Computation for
 //! 7-DOF Redundant Manipulators with Joint Limits, IEEE T-RO 24(5), 2008, but written for arbitrary directions of the
 //! axes: everything is expressed by the axes in W while all joints are at zero.
 
+mod angles;
 mod arcs;
 mod numerical;
 mod parallel_axes;
+mod spherical_shoulder;
 
 pub use arcs::Branch;
 pub use numerical::Ranges;
 pub use parallel_axes::ParallelAxesArm;
+pub use spherical_shoulder::{BRANCHES, SphericalShoulderArm};
 
 use arcs::Harmonic;
 use nalgebra::{Matrix3, Point3, Rotation3, Unit, Vector3};

@@ -388,11 +388,14 @@ pub(crate) mod tests {
     }
 
     pub fn ur10e() -> Robot {
-        let assets = [
-            include_str!("../../../assets/robots/ur10e/robot.urdf"),
-            include_str!("../../../assets/robots/ur10e/robot.toml"),
-        ];
-        read(assets[0], assets[1]).unwrap()
+        named("ur10e")
+    }
+
+    /// A built-in arm.
+    pub fn named(name: &str) -> Robot {
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/robots").join(name);
+        let [urdf, toml] = ["robot.urdf", "robot.toml"].map(|file| std::fs::read_to_string(folder.join(file)).unwrap());
+        read(&urdf, &toml).unwrap()
     }
 
     fn read(urdf: &str, toml: &str) -> Result<Robot, InputError> {

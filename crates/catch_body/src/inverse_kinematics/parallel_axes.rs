@@ -6,11 +6,12 @@
 //! Hawkins, Analytic Inverse Kinematics for the Universal Robots UR-5/UR-10 Arms, 2013, but written for arbitrary directions of
 //! the axes: everything is expressed by the axes in W while all joints are at zero.
 
-use std::f64::consts::TAU;
-
 use nalgebra::{Point3, Rotation3, Unit, Vector3};
 
-use super::{Ranges, Solutions, TOLERANCE};
+use super::{
+    Ranges, Solutions, TOLERANCE,
+    angles::{angle, angles_with, meeting_point, turned_into},
+};
 use crate::{
     pose::Pose,
     robot::{JointVector, Robot},
@@ -48,15 +49,10 @@ impl ParallelAxesArm {
         }
         let are_parallel = [2, 3].iter().all(|&i| axes[i].cross(&axes[1]).norm() < TOLERANCE);
         let are_across = [(0, 1), (3, 4)].iter().all(|&(i, j)| axes[i].dot(&axes[j]).abs() < TOLERANCE);
-        // Where axis 6 comes nearest to axis 5.
-        let normal = axes[4].cross(&axes[5]);
-        let between = origins[5] - origins[4];
-        let meet = normal.norm() > TOLERANCE && between.dot(&normal).abs() < TOLERANCE * normal.norm();
-        if !are_parallel || !are_across || !meet {
+        if !are_parallel || !are_across {
             return None;
         }
-        let along_5 = between.cross(&axes[5]).dot(&normal) / normal.norm_squared();
-        let wrist = origins[4] + axes[4].into_inner() * along_5;
+        let wrist = meeting_point([(axes[4], origins[4]), (axes[5], origins[5])])?;
         let across = |p: Point3<f64>| {
             let from = p - origins[0];
             from - axes[1].into_inner() * from.dot(&axes[1])
@@ -122,26 +118,11 @@ impl ParallelAxesArm {
     }
 }
 
-/// The angles x with a·cos x + b·sin x = c: two, or none.
-fn angles_with([a, b]: [f64; 2], c: f64) -> impl Iterator<Item = f64> {
-    let (middle, cos) = (b.atan2(a), c / a.hypot(b));
-    let aside = (cos.abs() <= 1.0).then(|| cos.acos());
-    aside.into_iter().flat_map(move |aside| [middle + aside, middle - aside])
-}
-
-/// The angle about `axis` from one direction to another, both seen along it.
-fn angle(axis: &Vector3<f64>, from: &Vector3<f64>, to: &Vector3<f64>) -> f64 {
-    let from = from - axis * axis.dot(from);
-    axis.dot(&from.cross(to)).atan2(from.dot(to))
-}
-
 /// The angles, each by as many whole turns off that it is within its range and near `from`.
 fn within(angles: [f64; 6], from: &JointVector, ranges: &Ranges) -> Option<JointVector> {
     let mut q = JointVector::zeros();
     for (i, angle) in angles.into_iter().enumerate() {
-        let nearest = angle + ((from[i] - angle) / TAU).round() * TAU;
-        let each = [nearest, nearest - TAU, nearest + TAU];
-        q[i] = each.into_iter().find(|it| (ranges[i][0]..=ranges[i][1]).contains(it))?;
+        q[i] = turned_into(angle, from[i], ranges[i])?;
     }
     Some(q)
 }

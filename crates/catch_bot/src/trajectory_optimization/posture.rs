@@ -1,16 +1,25 @@
 //! Postures: the joint positions in which the gripper is at a given pose, over the arm's whole redundancy.
 //!
 //! S-R-S arms have them in closed form, as arcs of swivel angles on which every joint is within its range; nothing is lost
-//! between samples. Arms of six joints with three parallel axes have at most eight, in closed form too. Other arms have them by iteration: from where the arm is and from the middle of what it can reach, or, where
-//! that did not do, from more starts and along the null space.
+//! between samples. Arms of six joints with three parallel axes have at most eight, in closed form too, and other arms of seven with a
+//! spherical shoulder at most eight for each angle of the last joint, which is sampled. Other arms have them by iteration: from where
+//! the arm is and from the middle of what it can reach, or, where that did not do, from more starts and along the null space.
 
 use catch_body::{
     JointVector, MAX_JOINTS, Pose, Robot,
-    inverse_kinematics::{Branch, ElbowCircle, ParallelAxesArm, SrsArm},
+    inverse_kinematics::{BRANCHES, Branch, ElbowCircle, ParallelAxesArm, SphericalShoulderArm, SrsArm},
 };
 
 /// Swivel angles that are looked at in each arc, as fractions of it.
 const FRACTIONS_OF_ARC: [f64; 5] = [0.5, 0.25, 0.75, 0.05, 0.95];
+
+/// Angles of the last joint that are looked at in a part of its range, and the parts: the whole, or in a thorough search quarters.
+/// Of each part and branch one posture is kept.
+const LAST_JOINT_SAMPLES: usize = 10;
+const THOROUGH_PARTS: usize = 4;
+/// How far samples may be out of a range, as a fraction of it, and still lead to what is within; steps that go there.
+const NEARLY: f64 = 0.25;
+const REFINEMENTS: usize = 5;
 
 /// Where the elbow of an S-R-S arm stands.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -39,6 +48,8 @@ pub enum PostureFinder {
     Srs(SrsArm),
     /// In closed form, without redundancy.
     ParallelAxes(ParallelAxesArm),
+    /// In closed form for each angle of the last joint.
+    SphericalShoulder(SphericalShoulderArm),
     /// By iteration from several starts.
     Numerical,
 }
@@ -49,8 +60,10 @@ pub type Ranges = [[f64; 2]; MAX_JOINTS];
 impl PostureFinder {
     /// For an arm.
     pub fn new(robot: &Robot) -> Self {
-        let of_other_kinds = || ParallelAxesArm::of(robot).map_or(Self::Numerical, Self::ParallelAxes);
-        SrsArm::of(robot).map_or_else(of_other_kinds, Self::Srs)
+        let srs = SrsArm::of(robot).map(Self::Srs);
+        let closed = srs.or_else(|| ParallelAxesArm::of(robot).map(Self::ParallelAxes));
+        let closed = closed.or_else(|| SphericalShoulderArm::of(robot).map(Self::SphericalShoulder));
+        closed.unwrap_or(Self::Numerical)
     }
 
     /// Whether it tells of all redundancy at once.
@@ -62,6 +75,8 @@ impl PostureFinder {
     pub fn work(&self, thorough: bool) -> usize {
         match (self, thorough) {
             (Self::Srs(_) | Self::ParallelAxes(_), _) => 1,
+            (Self::SphericalShoulder(_), false) => 5,
+            (Self::SphericalShoulder(_), true) => 20,
             (Self::Numerical, false) => 4,
             (Self::Numerical, true) => 40,
         }
@@ -74,7 +89,7 @@ impl PostureFinder {
                 let shoulder_O = X_WO.inverse_transform_point(&srs.shoulder());
                 Some((shoulder_O, srs.wrist_in_gripper(), srs.wrist_distances_squared(ranges[3])))
             }
-            Self::ParallelAxes(_) | Self::Numerical => None,
+            Self::ParallelAxes(_) | Self::SphericalShoulder(_) | Self::Numerical => None,
         };
         move |X_OG| {
             near.is_none_or(|(shoulder_O, wrist_G, [least, most])| {
@@ -97,6 +112,13 @@ impl PostureFinder {
         let srs = match self {
             Self::Srs(srs) => srs,
             Self::ParallelAxes(arm) => return arm.solutions(X_WG, from, ranges).iter().copied().map(alone).collect(),
+            Self::SphericalShoulder(arm) => {
+                let parts = if thorough { THOROUGH_PARTS } else { 1 };
+                return (0..parts)
+                    .flat_map(|part| easiest(arm, X_WG, from, ranges, (part, parts)))
+                    .map(alone)
+                    .collect();
+            }
             Self::Numerical => {
                 let find = if thorough { Robot::solutions_within } else { Robot::first_solutions_within };
                 return find(robot, X_WG, from, ranges).into_iter().map(alone).collect();
@@ -141,6 +163,67 @@ impl PostureFinder {
         let (Self::Srs(srs), Some(elbow)) = (self, posture.elbow) else { return None };
         let swivel = swivel.clamp(elbow.arc[0], elbow.arc[1]);
         Some(posture_at(srs, &srs.elbow_circle(X_WG)?, Elbow { swivel, ..elbow }))
+    }
+}
+
+/// Of each branch the posture that leaves the joints most room within `ranges`, the last joint being in one of so many parts of its
+/// range: samples show where that is, and a golden-section search ends there.
+fn easiest(
+    arm: &SphericalShoulderArm,
+    X_WG: &Pose,
+    from: &JointVector,
+    ranges: &Ranges,
+    (part, parts): (usize, usize),
+) -> impl Iterator<Item = JointVector> {
+    let [low, high] = ranges[6];
+    let nearly = ranges.map(|[low, high]| [low - NEARLY * (high - low), high + NEARLY * (high - low)]);
+    let each = |q7: f64, found: &mut dyn FnMut(usize, Room)| {
+        arm.for_each_solution(X_WG, q7, from, &nearly, |branch, q| {
+            let used = |i: usize| ((2.0 * q[i] - ranges[i][0] - ranges[i][1]) / (ranges[i][1] - ranges[i][0])).abs();
+            found(branch, Room { used: (0..6).map(used).fold(0.0, f64::max), q });
+        });
+    };
+    let step = (high - low) / (parts * LAST_JOINT_SAMPLES) as f64;
+    let mut best = [const { None::<Room> }; BRANCHES];
+    for sample in (0..LAST_JOINT_SAMPLES).filter(|_| low <= high) {
+        let q7 = low + step * ((part * LAST_JOINT_SAMPLES + sample) as f64 + 0.5);
+        each(q7, &mut |branch, room| room.improve(&mut best[branch]));
+    }
+    for (branch, best) in best.iter_mut().enumerate() {
+        let Some(Room { q, .. }) = *best else { continue };
+        let [mut low, mut high] = [q[6] - step, q[6] + step].map(|it| it.clamp(low, high));
+        for _ in 0..REFINEMENTS {
+            let used = [0.382, 0.618].map(|fraction| {
+                let mut at = None;
+                each(low + fraction * (high - low), &mut |found, room| {
+                    if found == branch {
+                        at = Some(room);
+                    }
+                });
+                if let Some(room) = at {
+                    room.improve(best);
+                }
+                at.map_or(f64::INFINITY, |room: Room| room.used)
+            });
+            [low, high] =
+                if used[0] < used[1] { [low, low + 0.618 * (high - low)] } else { [low + 0.382 * (high - low), high] };
+        }
+    }
+    best.into_iter().flatten().filter(|room| room.used <= 1.0).map(|room| room.q)
+}
+
+/// The largest fraction of their ranges that joint positions use, from the middle on.
+#[derive(Clone, Copy)]
+struct Room {
+    used: f64,
+    q: JointVector,
+}
+
+impl Room {
+    fn improve(self, best: &mut Option<Self>) {
+        if best.is_none_or(|it| self.used < it.used) {
+            *best = Some(self);
+        }
     }
 }
 

@@ -1,0 +1,216 @@
+//! Inverse kinematics in closed form for arms of seven joints whose first three axes meet in a shoulder and whose fifth and sixth
+//! meet in a wrist, with whatever offsets of the elbow and of the last axis.
+//!
+//! The last joint's angle is what is free. With it the wrist point W and the direction of axis 6 are known: the distance from shoulder to
+//! wrist gives q4; axis 5, which passes through W, is at known angles to the line from the shoulder and to axis 6, which leaves two
+//! directions; both together fix the orientation after joint 3, and that and what is left the other five: 2·2·2 solutions. After He
+//! and Liu, Analytical Inverse Kinematics for Franka Emika Panda, 2021, but written for arbitrary directions and offsets of the
+//! axes: everything is expressed by the axes in W while all joints are at zero.
+
+use nalgebra::{Matrix3, Point3, Rotation3, Unit, Vector3};
+
+use super::{
+    Ranges, TOLERANCE,
+    angles::{angle, angles_with, meeting_point, turned_into},
+};
+use crate::{
+    pose::Pose,
+    robot::{JointVector, Robot},
+};
+
+/// Solutions of one pose and angle of the last joint: how joint 4 is bent, on which side of the line from shoulder to wrist axis 5
+/// passes, and how joint 2 is.
+pub const BRANCHES: usize = 8;
+
+/// Directions that are closer to one line than this, as a sine, do not fix an orientation.
+const SINGULAR: f64 = 1e-9;
+
+/// The geometry of such an arm at zero joint angles, in W.
+#[derive(Debug, Clone)]
+pub struct SphericalShoulderArm {
+    axes: [Unit<Vector3<f64>>; 7],
+    shoulder: Point3<f64>,
+    elbow: Point3<f64>,
+    wrist: Point3<f64>,
+    /// A point on the last axis.
+    last: Point3<f64>,
+    /// The inverse of the gripper's pose.
+    X_GW: Pose,
+}
+
+impl SphericalShoulderArm {
+    /// The geometry of `robot`, `None` if it is of another kind.
+    pub fn of(robot: &Robot) -> Option<Self> {
+        if robot.dof() != 7 {
+            return None;
+        }
+        let X_WL = robot.link_poses(&JointVector::zeros());
+        let lines: [_; 7] = std::array::from_fn(|i| robot.joint_axis(&X_WL, i));
+        let shoulder = meeting_point([lines[0], lines[1]])?;
+        // The third axis passes through it, and is not along the second.
+        let (axis, point) = lines[2];
+        let meet = (shoulder - point).cross(&axis).norm() < TOLERANCE && axis.cross(&lines[1].0).norm() > TOLERANCE;
+        let wrist = meeting_point([lines[4], lines[5]])?;
+        meet.then(|| Self {
+            axes: lines.map(|(axis, _)| axis),
+            shoulder,
+            elbow: lines[3].1,
+            wrist,
+            last: lines[6].1,
+            X_GW: robot.gripper_in(&X_WL).inverse(),
+        })
+    }
+
+    /// Shows `found` all joint positions within `ranges` that put the gripper at `X_WG` with the last joint at `q7`, of those that
+    /// differ by whole turns the nearest to `from`, each with its branch: [which of eight](BRANCHES).
+    pub fn for_each_solution(
+        &self,
+        X_WG: &Pose,
+        q7: f64,
+        from: &JointVector,
+        ranges: &Ranges,
+        mut found: impl FnMut(usize, JointVector),
+    ) {
+        let turn = |i: usize, q: f64| Rotation3::from_axis_angle(&self.axes[i], q);
+        let [a1, a2, a3, a4, a5, a6, _] = self.axes.map(Unit::into_inner);
+        // The motion of the first six joints, from where all are at zero: X takes W to w and axis 6 to u.
+        let X = X_WG * self.X_GW;
+        let back = turn(6, -q7);
+        let R = X.rotation.to_rotation_matrix() * back;
+        let w = X * (self.last + back * (self.wrist - self.last));
+        let (d, u) = (w - self.shoulder, R * a6);
+        let across = d.cross(&u);
+        if across.norm_squared() < (SINGULAR * d.norm()).powi(2) {
+            return;
+        }
+        // q4: the wrist is as far from the shoulder as it is.
+        let (forearm, upper_arm) = (self.wrist - self.elbow, self.shoulder - self.elbow);
+        let (fore, upper) = (forearm - a4 * a4.dot(&forearm), upper_arm - a4 * a4.dot(&upper_arm));
+        let inner = (forearm.norm_squared() + upper_arm.norm_squared() - d.norm_squared()) / 2.0
+            - a4.dot(&forearm) * a4.dot(&upper_arm);
+        for (bend, q4) in angles_with([fore.dot(&upper), a4.cross(&fore).dot(&upper)], inner).enumerate() {
+            let Some(q4) = turned_into(q4, from[3], ranges[3]) else { continue };
+            let R4 = turn(3, q4);
+            let (v, along_5) = (R4 * forearm - upper_arm, R4 * a5);
+            let Some(before) = axes_of(&v, &along_5) else { continue };
+            // Axis 5: its parts along d and u, which are known, and what is left across both.
+            let (along_d, along_u) = (along_5.dot(&v), a5.dot(&a6));
+            let det = across.norm_squared();
+            let in_plane = d * ((along_d - along_u * d.dot(&u)) / det)
+                + u * ((along_u * d.norm_squared() - along_d * d.dot(&u)) / det);
+            let rest = (1.0 - in_plane.norm_squared()) / det;
+            if rest < 0.0 {
+                continue;
+            }
+            for (side, rest) in [rest.sqrt(), -rest.sqrt()].into_iter().enumerate() {
+                let Some(after) = axes_of(&d, &(in_plane + across * rest)) else { continue };
+                let R3 = Rotation3::from_matrix_unchecked(after * before.transpose());
+                // What follows joint 4: R5·R6.
+                let M = R4.inverse() * R3.inverse() * R;
+                let Some(q5) = turned_into(angle(&a5, &a6, &(M * a6)), from[4], ranges[4]) else { continue };
+                let q6 = angle(&a6, &a5, &(turn(4, -q5) * M * a5));
+                let Some(q6) = turned_into(q6, from[5], ranges[5]) else { continue };
+                // q2: the first joint leaves axis 3 at its angle to axis 1.
+                let (to, level) = (R3 * a3, a3 - a2 * a2.dot(&a3));
+                let height = a1.dot(&to) - a1.dot(&a2) * a2.dot(&a3);
+                for (flip, q2) in angles_with([a1.dot(&level), a1.dot(&a2.cross(&a3))], height).enumerate() {
+                    let Some(q2) = turned_into(q2, from[1], ranges[1]) else { continue };
+                    let R2 = turn(1, q2);
+                    let third = R2 * a3;
+                    let q1 = if third.cross(&a1).norm() < SINGULAR { from[0] } else { angle(&a1, &third, &to) };
+                    let q3 = angle(&a3, &a2, &(R2.inverse() * turn(0, -q1) * R3 * a2));
+                    let Some(q1) = turned_into(q1, from[0], ranges[0]) else { continue };
+                    let Some(q3) = turned_into(q3, from[2], ranges[2]) else { continue };
+                    let mut q = JointVector::zeros();
+                    q.as_mut_slice()[..7].copy_from_slice(&[q1, q2, q3, q4, q5, q6, q7]);
+                    found(4 * bend + 2 * side + flip, q);
+                }
+            }
+        }
+    }
+}
+
+/// Axes of a frame by one direction and another beside it, as columns; `None` if both are along one line.
+fn axes_of(first: &Vector3<f64>, beside: &Vector3<f64>) -> Option<Matrix3<f64>> {
+    let x = first.try_normalize(0.0)?;
+    let z = x.cross(beside).try_normalize(SINGULAR)?;
+    Some(Matrix3::from_columns(&[x, z.cross(&x), z]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot_file::tests::{iiwa, named, ur10e};
+    use proptest::prelude::*;
+
+    fn limits(robot: &Robot) -> Ranges {
+        std::array::from_fn(|i| robot.joints.get(i).map_or([0.0; 2], |it| [it.limits.lower, it.limits.upper]))
+    }
+
+    #[test]
+    fn the_kind_is_recognized_by_its_geometry() {
+        for name in ["panda", "fr3", "xarm7", "iiwa14"] {
+            assert!(SphericalShoulderArm::of(&named(name)).is_some(), "{name}");
+        }
+        assert!(SphericalShoulderArm::of(&ur10e()).is_none());
+        let mut apart = iiwa();
+        apart.joints[2].X_PL.translation.vector += Vector3::new(0.01, 0.01, 0.01);
+        assert!(SphericalShoulderArm::of(&apart).is_none());
+    }
+
+    proptest! {
+        /// FK ∘ IK is the identity for every solution, the pose's own joint angles are among them, and so is what iteration finds.
+        #[test]
+        fn solutions_reach_the_pose_and_are_all_there_are(
+            fractions in prop::array::uniform7(0.01f64..0.99), start in prop::array::uniform7(0.01f64..0.99), arm in 0usize..3,
+        ) {
+            let mut robot = named(["panda", "fr3", "xarm7"][arm]);
+            robot.X_WB = Pose::new(Vector3::new(0.3, -0.2, 0.5), Vector3::new(0.5, 1.0, -0.3));
+            let (closed, ranges) = (SphericalShoulderArm::of(&robot).unwrap(), limits(&robot));
+            let at = |it: [f64; 7]| {
+                let q: [f64; 7] = std::array::from_fn(|i| ranges[i][0] + it[i] * (ranges[i][1] - ranges[i][0]));
+                robot.joint_vector(&q).unwrap()
+            };
+            let (q, start) = (at(fractions), at(start));
+            let X_WG = robot.gripper_pose(&q);
+            let solutions = |near: &JointVector| {
+                let mut found = Vec::new();
+                closed.for_each_solution(&X_WG, near[6], near, &ranges, |branch, q| {
+                    assert!(branch < BRANCHES);
+                    found.push(q);
+                });
+                found
+            };
+            for found in solutions(&q) {
+                let reached = robot.gripper_pose(&found);
+                prop_assert!((reached.translation.vector - X_WG.translation.vector).norm() < 1e-6);
+                prop_assert!(reached.rotation.angle_to(&X_WG.rotation) < 1e-6);
+            }
+            let is_among = |near: &JointVector| solutions(near).iter().any(|found| (found - near).amax() < 1e-4);
+            // Away from where two solutions become one: the first six joints alone can move the gripper in all directions.
+            let is_regular = |q: &JointVector| {
+                let X_WL = robot.link_poses(q);
+                let mut J = robot.jacobian(&X_WL, &Point3::from(robot.gripper_in(&X_WL).translation.vector));
+                J.column_mut(6).fill(0.0);
+                (J * J.transpose()).determinant() > 1e-8
+            };
+            prop_assert!(!is_regular(&q) || is_among(&q), "{q}");
+            if let Some(iterated) = robot.nearby_solution(&X_WG, &start, &ranges) {
+                prop_assert!(!is_regular(&iterated) || is_among(&iterated), "{iterated}");
+            }
+        }
+
+        /// Whole turns are taken where the range asks for them, and ranges are kept.
+        #[test]
+        fn solutions_keep_their_ranges(fractions in prop::array::uniform7(0.1f64..0.9)) {
+            let robot = named("xarm7");
+            let (closed, limits) = (SphericalShoulderArm::of(&robot).unwrap(), limits(&robot));
+            let q: [f64; 7] = std::array::from_fn(|i| limits[i][0] + fractions[i] * (limits[i][1] - limits[i][0]));
+            let q = robot.joint_vector(&q).unwrap();
+            let ranges: Ranges = std::array::from_fn(|i| [q[i] - 0.2, q[i] + 0.3]);
+            let mut found = Vec::new();
+            closed.for_each_solution(&robot.gripper_pose(&q), q[6], &q, &ranges, |_, q| found.push(q));
+            prop_assert!(found.iter().all(|it| (0..7).all(|i| (ranges[i][0]..=ranges[i][1]).contains(&it[i]))));
+        }
+    }
+}
