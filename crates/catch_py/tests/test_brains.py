@@ -79,11 +79,14 @@ def test_an_interrupt_ends_an_evaluation():
     # What a shell starts in the background ignores interrupts, and so would its children.
     heed = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
     code = f"{heed}; import catchingbot as cb; print('go', flush=True); cb.Setup().evaluate(trials=100_000)"
-    child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    assert child.stdout.readline() == "go\n"
-    time.sleep(3)
-    os.kill(child.pid, signal.SIGINT)
-    _, errors = child.communicate(timeout=60)
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:
+        try:
+            assert child.stdout.readline() == "go\n"
+            time.sleep(3)
+            os.kill(child.pid, signal.SIGINT)
+            _, errors = child.communicate(timeout=60)
+        finally:
+            child.kill()
     assert "KeyboardInterrupt" in errors and child.returncode != 0
 
 
