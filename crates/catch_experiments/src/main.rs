@@ -5,11 +5,13 @@
 
 mod arms;
 mod as_published;
+mod catch_rates;
 mod figures;
 mod flights;
 mod holding;
 mod near_rigs;
 mod parallel;
+mod rates;
 mod reachability;
 mod results;
 mod spread;
@@ -52,7 +54,7 @@ pub struct Findings {
     pub tables: Vec<Table>,
 }
 
-const EXPERIMENTS: [Experiment; 9] = [
+const EXPERIMENTS: [Experiment; 10] = [
     Experiment {
         name: "perception",
         about: "errors of poses and predicted positions by depth noise, with labels and without",
@@ -88,6 +90,12 @@ const EXPERIMENTS: [Experiment; 9] = [
         about: "how many random throws the oracle calls within reach",
         trials: 1000,
         run: reachability::run,
+    },
+    Experiment {
+        name: "catch-rates",
+        about: "how often the built-in arm catches the built-in objects",
+        trials: 400,
+        run: catch_rates::run,
     },
     Experiment {
         name: "arms",

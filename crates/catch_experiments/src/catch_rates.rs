@@ -1,0 +1,49 @@
+//! How often the built-in arm catches the built-in objects.
+
+use anyhow::Result;
+use catch_lab::{
+    assets::Kind,
+    scenario::setup::{Choice, Setup},
+};
+
+use crate::{
+    Findings, Options,
+    rates::{self, FIGURES},
+    results::{Entry, Table},
+};
+
+const LEGEND: &str = "An object is *caught* if it is held for 1.5 s after the first contact, the last 0.5 s shaken at ±5 m/s², with no \
+limit of the arm broken. A throw is *within reach* if it was caught, or if the oracle finds it possible for an arm that begins to move \
+60 ms after the first image. The rate *caught* is of those within reach, with its interval (Wilson, 95 %).";
+
+/// Scenarios, workcells, and the throws that are counted together.
+const CONDITIONS: [(&str, Option<&str>, &[&str]); 4] = [
+    ("honest", None, &["random"]),
+    ("paper", None, &["near_sampled", "far_sampled"]),
+    ("paper", None, &["random_by_reach"]),
+    ("paper", Some("table_and_fence"), &["near_sampled", "far_sampled"]),
+];
+
+/// Every scenario and object.
+pub fn run(options: &Options) -> Result<Findings> {
+    let columns: Vec<&str> = ["scenario", "workcell", "throws", "object"].into_iter().chain(FIGURES).collect();
+    let mut caught = Table::new("Caught of the throws within reach", &columns);
+    for (scenario, workcell, throws) in CONDITIONS {
+        for object in Kind::Object.names() {
+            let load = |throw: &&str| {
+                let scenario = Some(scenario);
+                Setup::load(&Choice {
+                    scenario,
+                    workcell,
+                    object: Some(object),
+                    throw: Some(throw),
+                    ..Choice::default()
+                })
+            };
+            let setups = throws.iter().map(load).collect::<Result<Vec<_>, _>>()?;
+            let condition = [scenario, workcell.unwrap_or("–"), &throws.join(", "), object].map(Entry::text);
+            caught.rows.push(condition.into_iter().chain(rates::figures(setups, options)?).collect());
+        }
+    }
+    Ok(Findings { legend: LEGEND, tables: vec![caught] })
+}

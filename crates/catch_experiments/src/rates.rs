@@ -1,0 +1,55 @@
+//! Catch rates of a condition, of the throws within reach.
+
+use std::collections::BTreeMap;
+
+use anyhow::Result;
+use catch_lab::{
+    evaluation::{Cell, Evaluation, Row},
+    referee::reason::Reason,
+    scenario::setup::Setup,
+    statistics::wilson95,
+};
+
+use crate::{Options, parallel, results::Entry, spread::percent};
+
+/// What is told of each condition.
+pub const FIGURES: [&str; 7] =
+    ["trials", "within reach, %", "caught, %", "from, %", "to, %", "limits broken", "misses within reach"];
+
+/// The trials of a condition, the same number of each of its throws.
+fn rows(setups: Vec<Setup>, options: &Options) -> Result<Vec<Row>> {
+    setups.iter().for_each(Setup::prepare);
+    let trials = options.trials.div_ceil(setups.len() as u64);
+    let cells = setups.into_iter().map(Cell::new).collect();
+    let evaluation = Evaluation { cells, seed: options.seed, first: 0, trials };
+    let mut rows = Vec::new();
+    evaluation.run(0, parallel::threads(), &mut |row, _| {
+        rows.push(row);
+        Ok(())
+    })?;
+    Ok(rows)
+}
+
+/// What the trials of a condition say together, one entry for each of [`FIGURES`].
+pub fn figures(setups: Vec<Setup>, options: &Options) -> Result<Vec<Entry>> {
+    let rows = rows(setups, options)?;
+    let within: Vec<&Row> = rows.iter().filter(|row| !row.verdict.is_out_of_reach()).collect();
+    let caught = within.iter().filter(|row| row.verdict.caught).count();
+    let mut reasons: BTreeMap<Reason, usize> = BTreeMap::new();
+    for reason in within.iter().filter_map(|row| row.verdict.reason) {
+        *reasons.entry(reason).or_default() += 1;
+    }
+    let mut reasons: Vec<(Reason, usize)> = reasons.into_iter().collect();
+    reasons.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+    let reasons: Vec<String> = reasons.iter().map(|(reason, count)| format!("{count}× {reason}")).collect();
+    let [low, high] = wilson95(caught, within.len());
+    Ok(vec![
+        Entry::Count(rows.len()),
+        percent(within.len(), rows.len()),
+        percent(caught, within.len()),
+        Entry::Number(Some(100.0 * low)),
+        Entry::Number(Some(100.0 * high)),
+        Entry::Count(rows.iter().map(|row| row.verdict.limit_violations).sum()),
+        Entry::text(reasons.join(", ")),
+    ])
+}
