@@ -53,6 +53,16 @@ impl Steering {
         self.of_joints(|i| self.robot.joints[i].limits.velocity)
     }
 
+    /// How often actions come, in seconds.
+    pub(super) fn period_s(&self) -> f64 {
+        self.period_s
+    }
+
+    /// Distances of the arm with its gripper.
+    pub(super) fn clearance(&self) -> &ArmClearance {
+        &self.clearance
+    }
+
     fn of_joints(&self, of: impl Fn(usize) -> f64) -> JointVector {
         JointVector::from_fn(|i, _| if i < self.robot.dof() { of(i) } else { 0.0 })
     }
@@ -91,11 +101,8 @@ impl Steering {
 
     /// Whether the arm keeps its distances until it is at rest, the gripper open.
     fn keeps_clear(&self, motion: &BSpline) -> bool {
-        let least_m = |time_s: f64| {
-            let X_WL = self.robot.link_poses(&motion.setpoint(time_s).q);
-            let surroundings_m = self.clearance.environment_clearance(&X_WL, self.max_width_m);
-            self.clearance.self_clearance(&X_WL, self.max_width_m).min(surroundings_m)
-        };
+        let least_m =
+            |time_s: f64| least_clearance_m(&self.robot, &self.clearance, self.max_width_m, &motion.setpoint(time_s).q);
         let start_s = motion.start_s();
         let needed_m = least_m(start_s).min(CLEARANCE_M);
         let looks = ((motion.end_s() - start_s) / self.period_s).ceil() as u32;
@@ -117,8 +124,10 @@ impl Steering {
         wanted.clamp(-most, most).max(start.ddq[i] - ramp).min(start.ddq[i] + ramp)
     }
 
+    /// A motion from `start` whose acceleration is `a` a period later, and which then comes to rest.
+    ///
     /// With accelerations a after the period, then b, b and 0 a span apart: (a + b)/2 + b + b/2 = -dq/h brings the joint to rest.
-    fn braked(&self, start_s: f64, start: &Setpoint, a: &JointVector) -> BSpline {
+    pub(super) fn braked(&self, start_s: f64, start: &Setpoint, a: &JointVector) -> BSpline {
         let h = self.span_s;
         let dq = start.dq + (start.ddq + a) * (self.period_s / 2.0);
         let b = -(dq / h + a / 2.0) / 2.0;
@@ -128,11 +137,17 @@ impl Steering {
     }
 }
 
+/// How far the arm with its gripper open is from itself and its surroundings, in metres.
+pub(super) fn least_clearance_m(robot: &Robot, clearance: &ArmClearance, max_width_m: f64, q: &JointVector) -> f64 {
+    let X_WL = robot.link_poses(q);
+    clearance.self_clearance(&X_WL, max_width_m).min(clearance.environment_clearance(&X_WL, max_width_m))
+}
+
 /// The cubic spline that begins in the position and velocity of `start` and whose accelerations are these at the knots `times_s`.
 ///
 /// Control points of a B-spline's derivative are Qᵢ = p·(Pᵢ₊₁ − Pᵢ)/(uᵢ₊ₚ₊₁ − uᵢ₊₁) (Piegl & Tiller, The NURBS Book, eq. 3.4), here solved for P;
 /// those of the second derivative, which is piecewise linear, are its values at the knots.
-fn spline(times_s: &[f64], start: &Setpoint, accelerations: &[JointVector]) -> BSpline {
+pub(super) fn spline(times_s: &[f64], start: &Setpoint, accelerations: &[JointVector]) -> BSpline {
     let (first, last) = (times_s[0], times_s[times_s.len() - 1]);
     let knots_s = [&[first; 3], times_s, &[last; 3]].concat();
     let integrate = |from: JointVector, rates: &[JointVector], degree: usize| {
