@@ -16,6 +16,7 @@ mod catch;
 mod check;
 mod completions;
 mod eval;
+mod export;
 mod gripper_latency;
 mod learn;
 mod list;
@@ -104,6 +105,8 @@ enum Command {
     Register(register::RegisterArguments),
     /// The brain once more on the observations of a recording: does it want the same, bit for bit?
     Replay(replay::ReplayArguments),
+    /// Throws in the formats of other tools
+    Export(Box<export::ExportArguments>),
     /// A recording in the browser: three dimensions, a time slider, plots
     View(view::ViewArguments),
     /// How long a gripper takes to begin a move, from recordings: the setting gripper_latency_s
@@ -286,6 +289,7 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         Some(Command::Object(object)) => object::run(&object),
         Some(Command::Robot(robot)) => robot::run(&robot),
         Some(Command::Replay(replay)) => replay::run(&replay),
+        Some(Command::Export(export)) => export::run(&export),
         Some(Command::View(view)) => view::run(&view),
         Some(Command::GripperLatency(latency)) => gripper_latency::run(&latency),
         Some(Command::New(new)) => new::run(&new),

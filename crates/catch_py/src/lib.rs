@@ -18,6 +18,7 @@ mod registration;
 mod setup;
 mod steered_arena;
 mod stepping;
+mod study;
 mod suite;
 mod trial;
 
@@ -38,6 +39,7 @@ mod _catchingbot {
         setup::Setup,
         steered_arena::SteeredArena,
         stepping::{Arena, Brain},
+        study::{study_setup, study_steps},
         suite::suite_file,
         trial::Trial,
     };

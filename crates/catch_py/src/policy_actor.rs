@@ -75,7 +75,10 @@ impl SteeredArm {
             wanted.component_mul(&self.steering.max_acceleration())
         };
         let mut command = Command::default();
-        if let Some(motion) = self.steering.motion(start_s, &start, &accelerations) {
+        // An arm that rests and is to rest needs no new motion.
+        let is_at_rest = [start.dq, start.ddq, accelerations].iter().all(|it| *it == JointVector::zeros());
+        let motion = if is_at_rest { None } else { self.steering.motion(start_s, &start, &accelerations) };
+        if let Some(motion) = motion {
             self.last_id += 1;
             self.sent.push((self.last_id, motion.clone()));
             self.sent.drain(..self.sent.len().saturating_sub(REMEMBERED));

@@ -35,8 +35,20 @@ use crate::{
 #[pyclass(frozen, module = "catchingbot")]
 pub struct Setup {
     lab: Arc<LabSetup>,
-    /// The arguments that made it, by their names.
-    arguments: Py<PyDict>,
+    /// What makes it again in another process: a callable and its arguments.
+    made_by: (Py<PyAny>, Py<PyTuple>),
+}
+
+impl Setup {
+    /// A condition of a study: the study, and the numbers of step and condition.
+    pub fn of_study(
+        py: Python<'_>,
+        lab: Arc<LabSetup>,
+        (study, step, condition): (&str, usize, usize),
+    ) -> PyResult<Self> {
+        let make = py.import("catchingbot._catchingbot")?.getattr("study_setup")?;
+        Ok(Self { lab, made_by: (make.unbind(), (study, step, condition).into_pyobject(py)?.unbind()) })
+    }
 }
 
 /// Throws of an evaluation at most, as on the command line.
@@ -91,14 +103,14 @@ impl Setup {
             };
             LabSetup::load(&choice)
         });
-        Ok(Self {
-            lab: Arc::new(lab.map_err(input_fault)?),
-            arguments: arguments.call_method0("copy")?.cast_into()?.unbind(),
-        })
+        let lab = Arc::new(lab.map_err(input_fault)?);
+        let make = py.import("functools")?.call_method("partial", (py.get_type::<Self>(),), Some(&arguments))?;
+        Ok(Self { lab, made_by: (make.unbind(), PyTuple::empty(py).unbind()) })
     }
 
-    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> (Bound<'py, PyTuple>, Py<PyDict>) {
-        (PyTuple::empty(py), self.arguments.clone_ref(py))
+    fn __reduce__(&self, py: Python<'_>) -> (Py<PyAny>, Py<PyTuple>) {
+        let (make, arguments) = &self.made_by;
+        (make.clone_ref(py), arguments.clone_ref(py))
     }
 
     /// Name of the scenario, with what is different from its file.
