@@ -1,6 +1,11 @@
 //! `catchingbot suite`: frozen benchmarks.
 
-use std::{path::PathBuf, time::Instant};
+use std::{
+    fmt::Write,
+    fs,
+    path::{Path, PathBuf},
+    time::Instant,
+};
 
 use anyhow::Context;
 use catch_lab::{
@@ -11,6 +16,7 @@ use catch_lab::{
 };
 use clap::{Args, Subcommand, ValueEnum};
 use serde::Serialize;
+use serde_json::Value;
 
 use super::{
     eval::{self, Pace},
@@ -29,6 +35,8 @@ pub struct SuiteArguments {
 enum SuiteCommand {
     /// The throws of a suite: a table, a row per trial on disk, and the hash of all rows
     Run(RunArguments),
+    /// The results of several brains in a folder as one table in Markdown
+    Table(TableArguments),
     /// The suites that there are
     List,
 }
@@ -59,6 +67,17 @@ struct RunArguments {
     json: bool,
 }
 
+/// Arguments of `suite table`.
+#[derive(Debug, Args)]
+struct TableArguments {
+    /// Name of the suite
+    #[arg(value_name = "NAME")]
+    name: String,
+    /// Folder of the results
+    #[arg(long, value_name = "DIR", default_value = "out/suite")]
+    out: PathBuf,
+}
+
 /// Who catches.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum BrainArgument {
@@ -71,16 +90,24 @@ enum BrainArgument {
 }
 
 impl BrainArgument {
-    fn catcher(self) -> (&'static str, Catcher) {
+    fn name(self) -> &'static str {
         match self {
-            Self::Ours => ("ours", Catcher::Method(Method::Ours)),
-            Self::Paper => ("paper", Catcher::Method(Method::Paper)),
-            Self::Idle => ("idle", Catcher::idle()),
+            Self::Ours => "ours",
+            Self::Paper => "paper",
+            Self::Idle => "idle",
+        }
+    }
+
+    fn catcher(self) -> Catcher {
+        match self {
+            Self::Ours => Catcher::Method(Method::Ours),
+            Self::Paper => Catcher::Method(Method::Paper),
+            Self::Idle => Catcher::idle(),
         }
     }
 }
 
-/// The JSON document.
+/// The JSON document, which is written beside the rows, too.
 #[derive(Serialize)]
 struct Document<'a> {
     version: &'static str,
@@ -111,6 +138,7 @@ struct Condition {
 pub fn run(arguments: &SuiteArguments) -> anyhow::Result<()> {
     match &arguments.command {
         SuiteCommand::Run(arguments) => throw(arguments),
+        SuiteCommand::Table(arguments) => table(arguments),
         SuiteCommand::List => list(),
     }
 }
@@ -130,7 +158,7 @@ fn throw(arguments: &RunArguments) -> anyhow::Result<()> {
     eval::tell_how_to_resume(&arguments.out);
     let started = Instant::now();
     let suite = Suite::load(&arguments.name)?;
-    let (brain, catcher) = arguments.brain.catcher();
+    let (brain, catcher) = (arguments.brain.name(), arguments.brain.catcher());
     let pace = Pace::new(arguments.resume, arguments.threads);
     let (mut parts, mut conditions, mut complete) = (Vec::new(), Vec::new(), true);
     for (part, evaluation) in suite.file.parts.iter().zip(suite.evaluations(&catcher, arguments.trials)?) {
@@ -158,7 +186,49 @@ fn throw(arguments: &RunArguments) -> anyhow::Result<()> {
         rows_sha256: &hash,
         wall_s: started.elapsed().as_secs_f64(),
     };
+    let path = document_path(&arguments.out, &suite.name, brain);
+    let text = serde_json::to_string_pretty(&document)? + "\n";
+    fs::write(&path, text).with_context(|| path.display().to_string())?;
     if arguments.json { screen::json(&document) } else { Ok(print(&document)?) }
+}
+
+/// Where the document of a brain is.
+fn document_path(out: &Path, suite: &str, brain: &str) -> PathBuf {
+    out.join(format!("{suite}-{brain}.json"))
+}
+
+/// A line for each condition and brain, and the hashes.
+fn table(TableArguments { name, out }: &TableArguments) -> anyhow::Result<()> {
+    let (mut lines, mut hashes) = (String::new(), String::new());
+    for brain in BrainArgument::value_variants() {
+        let path = document_path(out, name, brain.name());
+        let Ok(text) = fs::read_to_string(&path) else { continue };
+        let document: Value = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
+        let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();
+        for it in document["conditions"].as_array().into_iter().flatten() {
+            let count = |field: &str| it[field].as_u64().unwrap_or_default();
+            let percent = |value: f64| format!("{:.1}", 100.0 * value);
+            let rate = percent(count("caught") as f64 / count("trials").max(1) as f64);
+            let ends = it["wilson95"].as_array().into_iter().flatten().filter_map(Value::as_f64).map(percent);
+            let cells = [text(&it["scenario"]), text(&it["object"]), text(&it["throw"]), brain.name().to_owned()];
+            let _ = writeln!(
+                lines,
+                "| {} | {} | {} | {rate} ({}) | {} |",
+                cells.join(" | "),
+                count("trials"),
+                count("caught"),
+                ends.collect::<Vec<_>>().join(" – "),
+                count("out_of_reach"),
+            );
+        }
+        let which = if document["complete"] == true { "all throws" } else { "a part of the throws" };
+        let sums = ["trials", "caught"].map(|field| document[field].as_u64().unwrap_or_default());
+        let row = [brain.name(), which, &sums[0].to_string(), &sums[1].to_string()].join(" | ");
+        let _ = writeln!(hashes, "| {row} | `{}` |", text(&document["rows_sha256"]));
+    }
+    let heading = "| scenario | object | throw | brain | trials | caught | % (95 %) | out of reach |\n| --- | --- | --- | --- | --- | --- | --- | --- |\n";
+    let rows = "| brain | | trials | caught | SHA-256 of the rows |\n| --- | --- | --- | --- | --- |\n";
+    Ok(screen::text(&format!("{rows}{hashes}\n{heading}{lines}"))?)
 }
 
 fn print(document: &Document) -> std::io::Result<()> {
