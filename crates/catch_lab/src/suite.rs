@@ -278,7 +278,12 @@ mod tests {
         let evaluate = |setups: &[Setup]| {
             let cells = setups.iter().map(|it| Cell::with_brain(it.clone(), idle())).collect();
             let (evaluation, mut rows) = (Evaluation { cells, seed: 1, first: 0, trials: 2 }, Vec::new());
-            evaluation.run(0, 2, &mut |row, _| Ok(rows.push(row))).unwrap();
+            evaluation
+                .run(0, 2, &mut |row, _| {
+                    rows.push(row);
+                    Ok(())
+                })
+                .unwrap();
             rows
         };
         let both = evaluate(&setups[..2]);

@@ -91,7 +91,6 @@ impl Flight {
     /// constant of its drag, and the 6×6 covariance of position and velocity.
     #[new]
     #[pyo3(signature = (time_s, p, v, *, q=None, w=None, drag_per_m=None, covariance=None))]
-    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn new(
         time_s: &Bound<'_, PyAny>,
         p: &Bound<'_, PyAny>,

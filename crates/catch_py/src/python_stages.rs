@@ -56,7 +56,7 @@ impl FlightPredictor for PythonPredictor {
         previous: Option<&FlightTrajectory>,
     ) -> Result<FlightTrajectory, PredictionStatus> {
         let arguments = |_: Python<'_>| {
-            let poses: Vec<ObjectPose> = poses.iter().cloned().map(|found| ObjectPose { found }).collect();
+            let poses: Vec<ObjectPose> = poses.iter().copied().map(|found| ObjectPose { found }).collect();
             Ok((poses, previous.cloned().map(Flight::of_brain)))
         };
         let read = |answer: &Bound<'_, PyAny>| answer.cast::<Flight>().ok()?.get().trajectory().ok().cloned();

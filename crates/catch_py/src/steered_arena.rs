@@ -61,8 +61,8 @@ struct State {
 
 /// What makes commands of actions.
 enum Actor {
-    Steered(SteeredArm),
-    Shifted(ShiftedBrain),
+    Steered(Box<SteeredArm>),
+    Shifted(Box<ShiftedBrain>),
 }
 
 impl SteeredArena {
@@ -75,8 +75,10 @@ impl SteeredArena {
         let mut episode = Box::new(Episode::new(setup, seed, index));
         let sensed = episode.sense();
         let actor = match action {
-            Action::Residual => Actor::Shifted(ShiftedBrain::new(setup, seed, index)),
-            Action::Acceleration | Action::Delta => Actor::Steered(SteeredArm::new(setup, action, sensed.time_s)),
+            Action::Residual => Actor::Shifted(Box::new(ShiftedBrain::new(setup, seed, index))),
+            Action::Acceleration | Action::Delta => {
+                Actor::Steered(Box::new(SteeredArm::new(setup, action, sensed.time_s)))
+            }
         };
         // A brain that acts has eyes of its own.
         let is_alone = matches!(actor, Actor::Steered(_));

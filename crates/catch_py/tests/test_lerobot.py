@@ -1,4 +1,7 @@
-"""A LeRobotDataset of the program, read back by the package `lerobot` (in an environment of its own: `pip install "lerobot[dataset]" pytest`)."""
+"""A LeRobotDataset of the program, read back by the package `lerobot`.
+
+It is in an environment of its own, without this package: `pip install "lerobot[dataset]" pytest`, then `pytest --noconftest -m slow` with this file.
+"""
 
 from __future__ import annotations
 

@@ -196,7 +196,7 @@ mod tests {
     fn no_offset_breaks_a_limit() {
         let setup = setup();
         for held in [1, 5, 20] {
-            let side = |tick: usize| if (tick / held) % 2 == 0 { 1.0 } else { -1.0 };
+            let side = |tick: usize| if (tick / held).is_multiple_of(2) { 1.0 } else { -1.0 };
             let wanted = |tick| JointVector::from_fn(|i, _| if i < setup.robot.dof() { side(tick + i) } else { 0.0 });
             let (_, violations, farthest) = throw(&setup, &wanted);
             assert_eq!(violations, 0);
