@@ -5,7 +5,8 @@ use catch_cell::{ArmState, ArmTrajectory, BSpline, Command, Setpoint, Trajectory
 
 use super::steering::{Steering, least_clearance_m, spline};
 
-/// Largest offset of a joint from the brain's motion, in radians.
+/// Largest offset of a joint from the brain's motion that can be wanted, in radians. Where an acceleration limit holds a joint back, it swings
+/// beyond.
 pub const MOST_OFFSET_RAD: f64 = 0.1;
 /// Natural frequency of the critically damped way to the wanted offset, in rad/s.
 const FREQUENCY_RADPS: f64 = 20.0;
@@ -200,7 +201,7 @@ mod tests {
             let wanted = |tick| JointVector::from_fn(|i, _| if i < setup.robot.dof() { side(tick + i) } else { 0.0 });
             let (_, violations, farthest) = throw(&setup, &wanted);
             assert_eq!(violations, 0);
-            assert!(farthest > 0.005 && farthest < 1.5 * MOST_OFFSET_RAD, "{farthest}");
+            assert!(farthest > 0.005 && farthest < 2.0 * MOST_OFFSET_RAD, "{farthest}");
         }
     }
 
