@@ -136,10 +136,10 @@ struct Times {
 }
 
 /// Tells how an evaluation goes on, should it be interrupted.
-pub fn tell_how_to_resume(arguments: &EvalArguments) {
+pub fn tell_how_to_resume(out: &Path) {
     screen::at_interrupt(format!(
         "interrupted: the trials that were finished are kept in {}; the same command with --resume goes on",
-        arguments.out.display()
+        out.display()
     ));
 }
 
@@ -148,16 +148,20 @@ pub fn tell_how_to_resume(arguments: &EvalArguments) {
 /// # Errors
 /// Faults in the arguments and files; results that cannot be written.
 pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
-    tell_how_to_resume(arguments);
+    tell_how_to_resume(&arguments.out);
     let started = Instant::now();
     let (evaluation, folder) = (evaluation(arguments)?, &arguments.out);
-    let Done { rows, timed, stopwatch } = complete(arguments, &evaluation, folder, "trials")?;
+    let Done { rows, timed, stopwatch } = complete(&evaluation, folder, arguments.into(), "trials")?;
 
     let wall_s = started.elapsed().as_secs_f64();
     let identity = evaluation.identity();
     let cells = identity.summarize(&rows);
-    let times =
-        Times { wall_s, threads: threads(arguments), trials: timed, stages: stopwatch.summary().into_iter().collect() };
+    let times = Times {
+        wall_s,
+        threads: Pace::from(arguments).threads,
+        trials: timed,
+        stages: stopwatch.summary().into_iter().collect(),
+    };
     // Where nothing was left to run, the times of the run that did it all stay, and so does the report that shows them.
     let is_new = times.trials > 0 || !folder.join(TIMES_FILE).exists();
     if is_new {
@@ -192,19 +196,19 @@ pub struct Done {
 /// # Errors
 /// A folder with results of something else, or one that cannot be written.
 pub fn complete(
-    arguments: &EvalArguments,
     evaluation: &Evaluation,
     folder: &Path,
+    Pace { resume, threads }: Pace,
     things: &str,
 ) -> Result<Done, InputError> {
-    let (mut results, mut rows) = Results::open(folder, evaluation, arguments.resume)?;
+    let (mut results, mut rows) = Results::open(folder, evaluation, resume)?;
     let done_before = rows.len();
     let mut stopwatch = Stopwatch::default();
     let mut caught = rows.iter().filter(|row| row.verdict.caught).count();
     let bar = screen::progress_bar(evaluation.len(), things);
     bar.set_position(done_before as u64);
     bar.reset_eta();
-    evaluation.run(done_before, threads(arguments), &mut |row, times| {
+    evaluation.run(done_before, threads, &mut |row, times| {
         results.add(&row)?;
         stopwatch.merge(times);
         caught += usize::from(row.verdict.caught);
@@ -218,10 +222,27 @@ pub fn complete(
     Ok(Done { timed: rows.len() - done_before, rows, stopwatch })
 }
 
-/// Trials that run at the same time.
-fn threads(arguments: &EvalArguments) -> usize {
-    let asked = arguments.threads.map(|threads| threads as usize);
-    asked.unwrap_or_else(|| thread::available_parallelism().map_or(1, NonZero::get))
+/// How trials are run.
+#[derive(Debug, Clone, Copy)]
+pub struct Pace {
+    /// Whether to go on with what is there.
+    pub resume: bool,
+    /// Trials at the same time.
+    pub threads: usize,
+}
+
+impl Pace {
+    /// As arguments ask for: `threads` at a time, or one per core.
+    pub fn new(resume: bool, threads: Option<u64>) -> Self {
+        let threads = threads.map(|threads| threads as usize);
+        Self { resume, threads: threads.unwrap_or_else(|| thread::available_parallelism().map_or(1, NonZero::get)) }
+    }
+}
+
+impl From<&EvalArguments> for Pace {
+    fn from(arguments: &EvalArguments) -> Self {
+        Self::new(arguments.resume, arguments.threads)
+    }
 }
 
 /// The report as a page, with pages of the first misses, and the plots if they are wanted.

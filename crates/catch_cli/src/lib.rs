@@ -16,6 +16,7 @@ mod catch;
 mod check;
 mod completions;
 mod eval;
+mod export;
 mod gripper_latency;
 mod learn;
 mod list;
@@ -31,6 +32,7 @@ mod replay;
 mod robot;
 mod screen;
 mod study;
+mod suite;
 mod view;
 
 use std::{io, path::PathBuf, process::ExitCode, sync::LazyLock};
@@ -81,6 +83,8 @@ enum Command {
     Eval(Box<eval::EvalArguments>),
     /// Many throws in one life: the arm catches, holds, puts down and returns until the next throw
     Play(Box<play::PlayArguments>),
+    /// Frozen benchmarks: the same throws for everybody
+    Suite(suite::SuiteArguments),
     /// Parts of an evaluation become one
     Merge(merge::MergeArguments),
     /// The scenarios, objects, throws, robots, grippers and camera rigs and studies that are built in
@@ -101,6 +105,8 @@ enum Command {
     Register(register::RegisterArguments),
     /// The brain once more on the observations of a recording: does it want the same, bit for bit?
     Replay(replay::ReplayArguments),
+    /// Throws in the formats of other tools
+    Export(Box<export::ExportArguments>),
     /// A recording in the browser: three dimensions, a time slider, plots
     View(view::ViewArguments),
     /// How long a gripper takes to begin a move, from recordings: the setting gripper_latency_s
@@ -272,6 +278,7 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
             None => eval::run(&eval),
         },
         Some(Command::Play(play)) => play::run(&play),
+        Some(Command::Suite(suite)) => suite::run(&suite),
         Some(Command::Merge(merge)) => merge::run(&merge),
         Some(Command::List(list)) => list::run(&list),
         Some(Command::Plan(plan)) => plan::run(&plan),
@@ -282,6 +289,7 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         Some(Command::Object(object)) => object::run(&object),
         Some(Command::Robot(robot)) => robot::run(&robot),
         Some(Command::Replay(replay)) => replay::run(&replay),
+        Some(Command::Export(export)) => export::run(&export),
         Some(Command::View(view)) => view::run(&view),
         Some(Command::GripperLatency(latency)) => gripper_latency::run(&latency),
         Some(Command::New(new)) => new::run(&new),

@@ -44,7 +44,7 @@ pub fn run(arguments: &EvalArguments, name: &str) -> anyhow::Result<()> {
         let expected = "no throw: a study names its own";
         return Err(InputError::new(COMMAND_LINE, "--throw", arguments.throw.join(", "), expected).into());
     }
-    eval::tell_how_to_resume(arguments);
+    eval::tell_how_to_resume(&arguments.out);
     let study = Study::load(name, (COMMAND_LINE, "--study"))?;
     let objects = if arguments.object.is_empty() { study.objects() } else { arguments.object.clone() };
     results::check_holds_none(&arguments.out)?;
@@ -70,7 +70,7 @@ fn summary_of(
     let trials = arguments.trials.div_ceil(step.throws.len() as u64);
     let evaluation = Evaluation { cells, seed: arguments.seed, first: arguments.first, trials };
     let folder = arguments.out.join(&step.head.name);
-    let done = eval::complete(arguments, &evaluation, &folder, &step.head.name)
+    let done = eval::complete(&evaluation, &folder, arguments.into(), &step.head.name)
         .with_context(|| folder.display().to_string())?;
     eval::write_report(&evaluation, &done.rows, &done.stopwatch, MOST_MISSES_OF_A_STEP, arguments.plots, &folder)?;
     Ok(StepSummary::of(&step.head, study.file.throw_grid.as_ref(), &evaluation.identity(), &done.rows))

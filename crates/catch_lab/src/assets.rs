@@ -132,6 +132,11 @@ impl Asset {
         if kind.names().contains(&name) {
             return Self::built_in(kind, name);
         }
+        if kind == Kind::Scenario
+            && let Some(scenario) = Self::of_suite(name)
+        {
+            return Ok(scenario);
+        }
         let path = match asked_by {
             Origin::Disk(folder) => folder.join(name),
             Origin::BuiltIn(_) => PathBuf::from(name),
@@ -180,6 +185,14 @@ impl Asset {
             text.ok_or_else(|| InputError::new(&file, "the file", "nothing", "a built-in text file"))?.to_owned();
         let origin = Origin::BuiltIn(path.parent().map(Path::to_path_buf).unwrap_or_default());
         Ok(Self { name: name.to_owned(), file, text, origin })
+    }
+
+    /// The scenario of a suite, which is called `SUITE/SCENARIO`.
+    fn of_suite(name: &str) -> Option<Self> {
+        let path = PathBuf::from(format!("suites/{name}.toml"));
+        let text = BUILT_IN.get_file(&path)?.contents_utf8()?.to_owned();
+        let origin = Origin::BuiltIn(path.parent()?.to_path_buf());
+        Some(Self { name: name.replace('/', "-"), file: path.display().to_string(), text, origin })
     }
 
     /// Reads a file that describes a thing of this kind.
@@ -241,6 +254,16 @@ impl Asset {
         let text = FileKind::text("a description of a robot").decode(&file, bytes)?;
         Ok((file, text))
     }
+}
+
+/// The built-in files in a folder and in the folders within, by their paths.
+pub fn built_in_files(folder: &str) -> Vec<(String, &'static [u8])> {
+    let Some(folder) = BUILT_IN.get_dir(folder) else { return Vec::new() };
+    let within = |path: &Path| path.to_string_lossy().into_owned();
+    let mut files: Vec<(String, &[u8])> = folder.files().map(|it| (within(it.path()), it.contents())).collect();
+    files.extend(folder.dirs().flat_map(|it| built_in_files(&within(it.path()))));
+    files.sort_unstable();
+    files
 }
 
 /// The error for a name that means nothing: what there is, and what was probably meant.

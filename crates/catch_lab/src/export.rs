@@ -2,6 +2,8 @@
 
 #[cfg(feature = "gif")]
 pub mod gif_picture;
+#[cfg(feature = "parquet")]
+pub mod lerobot;
 #[cfg(feature = "mcap")]
 pub mod mcap_file;
 #[cfg(feature = "plots")]

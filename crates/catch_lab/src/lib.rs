@@ -48,6 +48,7 @@
 //! | [`recording`] | a throw on disk, also of a real cell: story, playback, replay, what is measured with it |
 //! | [`evaluation`] | many trials: rows on disk, statistics, tables |
 //! | [`study`] | evaluations of many variants of a scenario |
+//! | [`suite`] | frozen benchmarks |
 //! | [`play`] | many throws in one life |
 //! | [`pages`] | throws, evaluations and studies in the browser |
 //! | `export` | the same for other tools; each format is a feature: `mcap`, `gif`, `plots` (and `parquet` for the rows of evaluations) |
@@ -78,6 +79,7 @@ pub mod referee;
 pub mod scenario;
 pub mod statistics;
 pub mod study;
+pub mod suite;
 
 pub mod trial;
 

@@ -1,5 +1,6 @@
 //! One trial: an object is thrown, and the brain tries to catch it.
 
+pub mod residual;
 pub mod steering;
 pub mod stopwatch;
 

@@ -18,6 +18,13 @@ pub struct Trajectory {
     dof: usize,
 }
 
+impl Trajectory {
+    /// Joint positions over time.
+    pub fn spline(&self) -> &BSpline {
+        &self.spline
+    }
+}
+
 /// The control points of a spline, one a row.
 pub fn control_points<'py>(py: Python<'py>, spline: &BSpline, dof: usize) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let rows: Vec<Vec<f64>> = spline.control_points.iter().map(|point| point.as_slice()[..dof].to_vec()).collect();

@@ -5,7 +5,7 @@ use std::{fs, num::NonZero, thread};
 use catch_body::InputError;
 use catch_lab::{
     evaluation::{
-        Cell, Evaluation, Row,
+        BrainFactory, Cell, Evaluation, Row,
         trial_table::{self, Column, Kind},
     },
     scenario::setup::Setup,
@@ -20,7 +20,8 @@ use serde_json::Value;
 
 use crate::{
     arguments::{fault, input_fault},
-    python_brain::{PythonBrains, factory},
+    python_brain::{self, Ending, Maker},
+    python_stages,
     trial::line,
 };
 
@@ -38,35 +39,45 @@ pub struct Asked {
     pub threads: Option<u64>,
     /// Makes a brain for each throw; `None` is the scenario's.
     pub brain: Option<Py<PyAny>>,
+    /// Make its predictor and its planner; `None` are the scenario's.
+    pub predictor: Option<Py<PyAny>>,
+    /// See `predictor`.
+    pub planner: Option<Py<PyAny>>,
     /// Is told how many throws are done, and of how many.
     pub progress: Option<Py<PyAny>>,
 }
 
 /// Runs the throws. An exception of the brain or of `progress` ends it, and so does the user's interrupt.
 pub fn evaluate<'py>(py: Python<'py>, setup: &Setup, asked: Asked) -> PyResult<Bound<'py, PyAny>> {
-    let Asked { setup: shown, trials, seed, first, threads, brain, progress } = asked;
-    let brains = brain.map(|make| PythonBrains::new(make, shown, setup.robot.dof()));
+    let Asked { setup: shown, trials, seed, first, threads, brain, predictor, planner, progress } = asked;
+    let python = Ending::default();
+    let maker =
+        |names, make: Option<Py<PyAny>>| make.map(|make| Maker::new(names, make, shown.clone_ref(py), python.clone()));
+    let brain = maker(["brain", "tick"], brain);
+    let (predictor, planner) = (maker(["predictor", "predict"], predictor), maker(["planner", "plan"], planner));
     let mut rows: Vec<Row> = Vec::new();
     let mut ending = None;
     let done = py.detach(|| {
         // Clones keep what has been prepared.
         setup.prepare();
-        let cell = match &brains {
-            None => Cell::new(setup.clone()),
-            Some(brains) => Cell::with_brain(setup.clone(), factory(brains)),
+        let brain = match brain {
+            Some(maker) => python_brain::factory(maker, setup.robot.dof()),
+            None if predictor.is_some() || planner.is_some() => python_stages::factory(predictor, planner),
+            None => BrainFactory::default(),
         };
+        let cell = Cell::with_brain(setup.clone(), brain);
         let evaluation = Evaluation { cells: vec![cell], seed, first, trials };
         let threads = threads.map_or_else(|| thread::available_parallelism().map_or(1, NonZero::get), |it| it as usize);
         evaluation.run(0, threads, &mut |row, _| {
             rows.push(row);
-            let told = brains.as_ref().map_or(Ok(()), PythonBrains::check).and_then(|()| {
+            let told = python.check().and_then(|()| {
                 Python::attach(|py| {
                     py.check_signals()?;
                     progress.as_ref().map_or(Ok(()), |it| it.call1(py, (rows.len(), trials)).map(drop))
                 })
             });
             told.map_err(|it| {
-                brains.iter().for_each(PythonBrains::end);
+                python.come();
                 ending = Some(it);
                 InputError::new("the evaluation", "a throw", "an exception", "none")
             })

@@ -6,16 +6,19 @@ use catch_lab::own_data::{
     flight_prediction::{self, DRAG_PER_M, FlightState, Known},
     track_file::Sighting,
 };
-use nalgebra::{Quaternion, Unit, UnitQuaternion, Vector3};
+use nalgebra::{Matrix6, Quaternion, Unit, UnitQuaternion, Vector3};
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods};
 use pyo3::{create_exception, exceptions::PyValueError, prelude::*};
 
 use crate::{
-    arguments::{Numbers, fault, input_fault},
+    arguments::{Numbers, fault, input_fault, number},
     observation::name_of,
 };
 
 create_exception!(catchingbot, NoFlight, PyValueError, "No flight fits the track; the message says why.");
+
+/// Positions, velocities and angular velocities at most, in SI units.
+const MOST: f64 = 1e4;
 
 /// A flight that goes on under gravity and drag, in the axes and on the clock of what it was fitted to.
 #[pyclass(frozen, module = "catchingbot")]
@@ -84,6 +87,51 @@ impl Flight {
 
 #[pymethods]
 impl Flight {
+    /// The flight through position `p` with velocity `v` at `time_s`: orientation `q` as x, y, z, w, angular velocity `w`, `drag_per_m` for the
+    /// constant of its drag, and the 6×6 covariance of position and velocity.
+    #[new]
+    #[pyo3(signature = (time_s, p, v, *, q=None, w=None, drag_per_m=None, covariance=None))]
+    fn new(
+        time_s: &Bound<'_, PyAny>,
+        p: &Bound<'_, PyAny>,
+        v: &Bound<'_, PyAny>,
+        q: Option<&Bound<'_, PyAny>>,
+        w: Option<&Bound<'_, PyAny>>,
+        drag_per_m: Option<&Bound<'_, PyAny>>,
+        covariance: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let vector = |argument: &str, value: &Bound<'_, PyAny>| {
+            let vector = Vector3::from_column_slice(&Numbers::read(argument, value, &[3])?.values);
+            if vector.amax() > MOST {
+                Err(fault(argument, vector.amax(), format!("at most {MOST}")))
+            } else {
+                Ok(vector)
+            }
+        };
+        let mut flight = FlightTrajectory {
+            time_s: number("time_s", time_s)?,
+            p_WO: vector("p", p)?.into(),
+            v_WO: vector("v", v)?,
+            error_scale: 1.0,
+            ..FlightTrajectory::default()
+        };
+        if let Some(q) = q {
+            flight.R_WO = unit_quaternion(&Numbers::read("q", q, &[4])?.values, "")?;
+        }
+        if let Some(w) = w {
+            flight.w_WO = vector("w", w)?;
+        }
+        if let Some(drag) = drag_per_m {
+            let drag = number("drag_per_m", drag)?;
+            flight.drag_per_m = quantity::DRAG_PER_M.check("drag_per_m", "k", drag).map_err(input_fault)?;
+        }
+        if let Some(covariance) = covariance {
+            let known = Matrix6::from_row_slice(&Numbers::read("covariance", covariance, &[6, 6])?.values);
+            flight.covariance.fixed_view_mut::<6, 6>(0, 0).copy_from(&known);
+        }
+        Ok(Self::of_brain(flight))
+    }
+
     /// Positions in metres at a time or at several.
     fn at<'py>(&self, t: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         self.numbers(t, &[3], |state| state.position.coords.as_slice().to_vec())
@@ -193,13 +241,18 @@ fn sightings(t: &Bound<'_, PyAny>, p: &Bound<'_, PyAny>, q: Option<&Bound<'_, Py
     let rotation = |i: usize| -> PyResult<Option<UnitQuaternion<f64>>> {
         let Some(values) = &orientations else { return Ok(None) };
         let row = &values[4 * i..4 * i + 4];
-        let quaternion = Quaternion::new(row[3], row[0], row[1], row[2]);
-        if (quaternion.norm() - 1.0).abs() > 0.05 {
-            let found = format!("a quaternion of length {:.3} in row {i}", quaternion.norm());
-            return Err(fault("q", found, "length 1, in the order x, y, z, w"));
-        }
-        Ok(Some(UnitQuaternion::from_quaternion(quaternion)))
+        unit_quaternion(row, &format!(" in row {i}")).map(Some)
     };
     let sighting = |i: usize| Ok(Sighting { time_s: times[i], p: positions[i], rotation: rotation(i)? });
     (0..count).map(sighting).collect()
+}
+
+/// An orientation from x, y, z, w; `place` says where they stand.
+fn unit_quaternion(values: &[f64], place: &str) -> PyResult<UnitQuaternion<f64>> {
+    let quaternion = Quaternion::new(values[3], values[0], values[1], values[2]);
+    if (quaternion.norm() - 1.0).abs() > 0.05 {
+        let found = format!("a quaternion of length {:.3}{place}", quaternion.norm());
+        return Err(fault("q", found, "length 1, in the order x, y, z, w"));
+    }
+    Ok(UnitQuaternion::from_quaternion(quaternion))
 }

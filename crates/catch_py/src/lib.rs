@@ -10,11 +10,16 @@ mod evaluation;
 mod flight;
 mod observation;
 mod plan;
+mod policy_actor;
+mod policy_view;
 mod python_brain;
+mod python_stages;
 mod registration;
 mod setup;
 mod steered_arena;
 mod stepping;
+mod study;
+mod suite;
 mod trial;
 
 use pyo3::prelude::*;
@@ -29,10 +34,13 @@ mod _catchingbot {
         flight::{Flight, NoFlight, predict},
         observation::{Camera, DepthFrame, Observation},
         plan::Plan,
+        python_stages::{ObjectPose, Situation},
         registration::{RegisteredPose, register},
         setup::Setup,
         steered_arena::SteeredArena,
         stepping::{Arena, Brain},
+        study::{study_setup, study_steps},
+        suite::suite_file,
         trial::Trial,
     };
     use pyo3::prelude::*;

@@ -21,11 +21,16 @@ impl Plan {
     pub fn new(decision: Decision, dof: usize) -> Self {
         Self { decision, dof }
     }
+
+    /// As planners give it.
+    pub fn decision(&self) -> &Decision {
+        &self.decision
+    }
 }
 
 #[pymethods]
 impl Plan {
-    /// `planned`, or why not: `out_of_reach`, `no_grasp`, `blocked`, `no_plan` or `out_of_budget`.
+    /// `planned`, `plan_kept` for one that is executed already, or why not: `out_of_reach`, `no_grasp`, `blocked`, `no_plan` or `out_of_budget`.
     #[getter]
     fn status(&self) -> String {
         name_of(self.decision.status)

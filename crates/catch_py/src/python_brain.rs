@@ -8,102 +8,134 @@ use std::sync::{
 use catch_bot::Report;
 use catch_cell::{Brain, Command, Observation, Probe};
 use catch_lab::{evaluation::BrainFactory, scenario::brain::ObservedBrain};
-use pyo3::{exceptions::PyTypeError, prelude::*};
+use pyo3::{call::PyCallArgs, exceptions::PyTypeError, prelude::*};
 
 use crate::{command, observation};
 
-/// Brains of one evaluation: what makes them, and the first exception of any.
-#[derive(Clone)]
-pub struct PythonBrains {
-    make: Arc<Py<PyAny>>,
-    /// What `make` is told, and the number of the arm's joints.
-    setup: Arc<Py<PyAny>>,
-    dof: usize,
+/// What ended an evaluation: the first exception of anything that is written in Python.
+#[derive(Clone, Default)]
+pub struct Ending {
     fault: Arc<Mutex<Option<PyErr>>>,
-    /// Whether nothing that they say counts any more.
-    has_ended: Arc<AtomicBool>,
+    /// Whether nothing that Python says counts any more.
+    has_come: Arc<AtomicBool>,
 }
 
-impl PythonBrains {
-    /// Made by `make(setup, seed, index)`, for an arm with `dof` joints.
-    pub fn new(make: Py<PyAny>, setup: Py<PyAny>, dof: usize) -> Self {
-        Self { make: Arc::new(make), setup: Arc::new(setup), dof, fault: Arc::default(), has_ended: Arc::default() }
-    }
-
-    /// The exception that ended a brain, if one did.
+impl Ending {
+    /// The exception, if there was one.
     pub fn check(&self) -> PyResult<()> {
         self.fault.lock().unwrap_or_else(PoisonError::into_inner).take().map_or(Ok(()), Err)
     }
 
-    /// From now on no brain is asked any more.
-    pub fn end(&self) {
-        self.has_ended.store(true, Ordering::Relaxed);
+    /// From now on nothing is asked any more.
+    pub fn come(&self) {
+        self.has_come.store(true, Ordering::Relaxed);
     }
 
-    fn fail(&self, fault: PyErr) {
-        self.end();
+    /// Whether nothing is asked any more.
+    pub fn has_come(&self) -> bool {
+        self.has_come.load(Ordering::Relaxed)
+    }
+
+    /// Ends the evaluation with an exception.
+    pub fn fail(&self, fault: PyErr) {
+        self.come();
         self.fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(fault);
     }
+}
 
-    fn make(&self, seed: u64, index: u64) -> PyResult<Py<PyAny>> {
-        Python::attach(|py| {
-            let brain = self.make.call1(py, (self.setup.clone_ref(py), seed, index))?;
-            if !brain.bind(py).hasattr("tick")? {
-                let found = brain.bind(py).get_type().name()?;
-                return Err(PyTypeError::new_err(format!(
-                    "brain: found {found}, expected an object with a method tick"
-                )));
+/// What makes a brain or a stage of it for each throw: `make(setup, seed, index)`.
+#[derive(Clone)]
+pub struct Maker {
+    /// The argument that it was, and the method that what it makes must have.
+    pub names: [&'static str; 2],
+    make: Arc<Py<PyAny>>,
+    setup: Arc<Py<PyAny>>,
+    ending: Ending,
+}
+
+impl Maker {
+    /// Of an argument, for a setup as Python has it.
+    pub fn new(names: [&'static str; 2], make: Py<PyAny>, setup: Py<PyAny>, ending: Ending) -> Self {
+        Self { names, make: Arc::new(make), setup: Arc::new(setup), ending }
+    }
+
+    /// What it makes for a throw. After an exception it makes nothing: the evaluation ends.
+    pub fn make(&self, seed: u64, index: u64) -> Made {
+        let [argument, method] = self.names;
+        let made = Python::attach(|py| {
+            let made = self.make.call1(py, (self.setup.clone_ref(py), seed, index))?;
+            if made.bind(py).hasattr(method)? {
+                return Ok(made);
             }
-            Ok(brain)
-        })
+            let found = made.bind(py).get_type().name()?;
+            Err(PyTypeError::new_err(format!("{argument}: found {found}, expected an object with a method {method}")))
+        });
+        Made {
+            object: made.map_err(|fault| self.ending.fail(fault)).ok(),
+            names: self.names,
+            ending: self.ending.clone(),
+        }
     }
 }
 
-/// As the lab's evaluations take them.
-pub fn factory(brains: &PythonBrains) -> BrainFactory {
-    let brains = brains.clone();
-    BrainFactory::new(move |_, seed, index| {
-        let brain = brains.make(seed, index).map_err(|fault| brains.fail(fault)).ok();
-        Box::new(PythonBrain { brain, brains: brains.clone(), report: None })
-    })
+/// A brain or a stage that is written in Python.
+pub struct Made {
+    object: Option<Py<PyAny>>,
+    names: [&'static str; 2],
+    ending: Ending,
 }
 
-/// One brain. After an exception it asks for nothing any more: the evaluation ends with the exception.
+impl Made {
+    /// Calls its method with what `arguments` gives and reads the answer; nothing from the first exception of the evaluation on.
+    pub fn ask<A, T>(
+        &self,
+        arguments: impl FnOnce(Python<'_>) -> PyResult<A>,
+        read: impl FnOnce(&Bound<'_, PyAny>) -> Option<T>,
+        expected: &str,
+    ) -> Option<T>
+    where
+        A: for<'py> PyCallArgs<'py>,
+    {
+        let object = self.object.as_ref().filter(|_| !self.ending.has_come())?;
+        let [argument, method] = self.names;
+        let answer = Python::attach(|py| {
+            let answer = object.call_method1(py, method, arguments(py)?)?;
+            let answer = answer.bind(py);
+            if answer.is_none() {
+                return Ok(None);
+            }
+            let wrong =
+                || PyTypeError::new_err(format!("{argument}: {method} returned {answer}, expected {expected} or None"));
+            read(answer).ok_or_else(wrong).map(Some)
+        });
+        answer.map_err(|fault| self.ending.fail(fault)).ok().flatten()
+    }
+}
+
+/// As the lab's evaluations take them, for an arm with `dof` joints.
+pub fn factory(maker: Maker, dof: usize) -> BrainFactory {
+    BrainFactory::new(move |_, seed, index| Box::new(PythonBrain { made: maker.make(seed, index), dof, report: None }))
+}
+
+/// One brain.
 struct PythonBrain {
-    brain: Option<Py<PyAny>>,
-    brains: PythonBrains,
+    made: Made,
+    /// Joints of the arm.
+    dof: usize,
     /// Of the brain whose command it passed on, if it was one of ours.
     report: Option<Report>,
 }
 
-impl PythonBrain {
-    fn command(&mut self, observation: &Observation) -> PyResult<Command> {
-        let Some(brain) = self.brain.as_ref().filter(|_| !self.brains.has_ended.load(Ordering::Relaxed)) else {
-            return Ok(Command::default());
-        };
-        let dof = self.brains.dof;
-        Python::attach(|py| {
-            let observation = observation::Observation::new(Arc::new(observation.clone()), dof);
-            let answer = brain.call_method1(py, "tick", (observation,))?;
-            let answer = answer.bind(py);
-            if answer.is_none() {
-                return Ok(Command::default());
-            }
-            let command = answer.cast::<command::Command>().map_err(|_| {
-                PyTypeError::new_err(format!("brain: tick returned {answer}, expected a Command or None"))
-            })?;
-            self.report = command.get().snapshot.as_ref().and_then(|it| it.report.clone());
-            Ok(command.get().sent.clone())
-        })
-    }
-}
-
 impl Brain for PythonBrain {
     fn tick(&mut self, observation: &Observation, _: &mut dyn Probe) -> Command {
-        self.command(observation).unwrap_or_else(|fault| {
-            self.brains.fail(fault);
-            Command::default()
-        })
+        let arguments = |_: Python<'_>| Ok((observation::Observation::new(Arc::new(observation.clone()), self.dof),));
+        let read = |answer: &Bound<'_, PyAny>| {
+            let command = answer.cast::<command::Command>().ok()?.get();
+            Some((command.sent.clone(), command.snapshot.as_ref().and_then(|it| it.report.clone())))
+        };
+        let Some((command, report)) = self.made.ask(arguments, read, "a Command") else { return Command::default() };
+        self.report = report;
+        command
     }
 
     fn reset(&mut self) {}

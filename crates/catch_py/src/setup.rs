@@ -23,7 +23,9 @@ use crate::{
     flight::Flight,
     observation::{Camera, joint_array},
     plan::Plan,
-    steered_arena::{Action, SteeredArena, View},
+    policy_actor::Action,
+    policy_view::View,
+    steered_arena::SteeredArena,
     stepping::{Arena, Brain},
     trial::Trial,
 };
@@ -33,8 +35,20 @@ use crate::{
 #[pyclass(frozen, module = "catchingbot")]
 pub struct Setup {
     lab: Arc<LabSetup>,
-    /// The arguments that made it, by their names.
-    arguments: Py<PyDict>,
+    /// What makes it again in another process: a callable and its arguments.
+    made_by: (Py<PyAny>, Py<PyTuple>),
+}
+
+impl Setup {
+    /// A condition of a study: the study, and the numbers of step and condition.
+    pub fn of_study(
+        py: Python<'_>,
+        lab: Arc<LabSetup>,
+        (study, step, condition): (&str, usize, usize),
+    ) -> PyResult<Self> {
+        let make = py.import("catchingbot._catchingbot")?.getattr("study_setup")?;
+        Ok(Self { lab, made_by: (make.unbind(), (study, step, condition).into_pyobject(py)?.unbind()) })
+    }
 }
 
 /// Throws of an evaluation at most, as on the command line.
@@ -89,14 +103,14 @@ impl Setup {
             };
             LabSetup::load(&choice)
         });
-        Ok(Self {
-            lab: Arc::new(lab.map_err(input_fault)?),
-            arguments: arguments.call_method0("copy")?.cast_into()?.unbind(),
-        })
+        let lab = Arc::new(lab.map_err(input_fault)?);
+        let make = py.import("functools")?.call_method("partial", (py.get_type::<Self>(),), Some(&arguments))?;
+        Ok(Self { lab, made_by: (make.unbind(), PyTuple::empty(py).unbind()) })
     }
 
-    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> (Bound<'py, PyTuple>, Py<PyDict>) {
-        (PyTuple::empty(py), self.arguments.clone_ref(py))
+    fn __reduce__(&self, py: Python<'_>) -> (Py<PyAny>, Py<PyTuple>) {
+        let (make, arguments) = &self.made_by;
+        (make.clone_ref(py), arguments.clone_ref(py))
     }
 
     /// Name of the scenario, with what is different from its file.
@@ -150,10 +164,12 @@ impl Setup {
 
     /// Throws `trials` times on all cores, or on `threads` at a time, from throw number `first` on: a table with a column for each
     /// quantity. `brain(setup, seed, index)` makes a brain with a method `tick(observation)` that returns a `Command` or `None`.
+    /// Likewise `predictor` and `planner` make these stages of the scenario's brain: objects with `predict(poses, previous)`, which returns a
+    /// `Flight` or `None`, and with `plan(situation)`, which returns a `Plan` or `None`.
     /// `progress(done, trials)` is called after each throw.
     #[pyo3(
-        signature = (trials=Whole::Default(57), *, seed=Whole::Default(1), first=Whole::Default(0), threads=None, brain=None, progress=None),
-        text_signature = "($self, trials=57, *, seed=1, first=0, threads=None, brain=None, progress=None)"
+        signature = (trials=Whole::Default(57), *, seed=Whole::Default(1), first=Whole::Default(0), threads=None, brain=None, predictor=None, planner=None, progress=None),
+        text_signature = "($self, trials=57, *, seed=1, first=0, threads=None, brain=None, predictor=None, planner=None, progress=None)"
     )]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn evaluate<'py>(
@@ -164,13 +180,23 @@ impl Setup {
         first: Whole,
         threads: Option<Whole>,
         brain: Option<Bound<'py, PyAny>>,
+        predictor: Option<Bound<'py, PyAny>>,
+        planner: Option<Bound<'py, PyAny>>,
         progress: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        for (argument, value) in [("brain", &brain), ("progress", &progress)] {
+        let callables = [("brain", &brain), ("predictor", &predictor), ("planner", &planner), ("progress", &progress)];
+        for (argument, value) in callables {
             if let Some(value) = value.as_ref().filter(|it| !it.is_callable()) {
                 let found = value.get_type().name()?;
                 return Err(PyTypeError::new_err(format!("{argument}: found {found}, expected a callable or None")));
             }
+        }
+        if brain.is_some() && (predictor.is_some() || planner.is_some()) {
+            return Err(fault(
+                "brain",
+                "one besides a predictor or a planner",
+                "a whole brain, or stages of the scenario's",
+            ));
         }
         let trials = trials.checked(py, "trials", 1, MOST_TRIALS)?;
         let asked = Asked {
@@ -180,6 +206,8 @@ impl Setup {
             first: first.checked(py, "first", 0, MOST - trials)?,
             threads: threads.map(|it| it.checked(py, "threads", 1, MOST_THREADS)).transpose()?,
             brain: brain.map(Bound::unbind),
+            predictor: predictor.map(Bound::unbind),
+            planner: planner.map(Bound::unbind),
             progress: progress.map(Bound::unbind),
         };
         evaluate(py, &slf.get().lab, asked)
@@ -229,7 +257,7 @@ impl Setup {
     }
 
     /// The same for learned policies. `obs` is what is seen besides the arm: 'state', 'pose', 'depth' or 'cloud'; `action` is what the numbers of
-    /// an action are: 'acceleration' or 'delta'.
+    /// an action are: 'acceleration' or 'delta', or 'residual' where the scenario's brain acts and the policy shifts its motions.
     #[pyo3(
         signature = (seed=Whole::Default(1), index=Whole::Default(0), *, obs="state", action="acceleration"),
         text_signature = "($self, seed=1, index=0, *, obs='state', action='acceleration')"
@@ -244,11 +272,12 @@ impl Setup {
     ) -> PyResult<SteeredArena> {
         let (seed, index) = scene(py, seed, index)?;
         let views = [("state", View::State), ("pose", View::Pose), ("depth", View::Depth), ("cloud", View::Cloud)];
-        let actions = [("acceleration", Action::Acceleration), ("delta", Action::Delta)];
+        let actions =
+            [("acceleration", Action::Acceleration), ("delta", Action::Delta), ("residual", Action::Residual)];
         let expected = "'state', 'pose', 'depth' or 'cloud'";
         let view =
             views.iter().find(|(name, _)| *name == obs).ok_or_else(|| fault("obs", format!("'{obs}'"), expected))?;
-        let expected = "'acceleration' or 'delta'";
+        let expected = "'acceleration', 'delta' or 'residual'";
         let action = actions
             .iter()
             .find(|(name, _)| *name == action)

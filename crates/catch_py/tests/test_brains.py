@@ -76,9 +76,9 @@ def test_an_exception_of_the_brain_comes_out(setup):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_an_interrupt_ends_an_evaluation():
-    # What a shell starts in the background ignores interrupts, and so would its children.
-    heed = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
-    code = f"{heed}; import catchingbot as cb; print('go', flush=True); cb.Setup().evaluate(trials=100_000)"
+    # Jobs in the background of a shell ignore interrupts, and so would the child.
+    begin = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
+    code = f"{begin}; import catchingbot as cb; print('go', flush=True); cb.Setup().evaluate(trials=100_000)"
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:
         try:
             assert child.stdout.readline() == "go\n"

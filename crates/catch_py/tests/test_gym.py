@@ -38,12 +38,14 @@ def played(env, seed: int, throws: int, rng) -> list[dict]:
         while not ended:
             _, reward, ended, truncated, info = env.step(env.action_space.sample() if rng is None else rng(env))
             assert not truncated and reward in [0.0, 1.0] and info["is_success"] == (reward == 1.0)
-        assert info["reason"] and info["scene"] == {"seed": seed, "index": throw}
+        assert bool(info["reason"]) != info["is_success"] and info["scene"] == {"seed": seed, "index": throw}
         rows.append(env.unwrapped._throws.arena.row)
     return rows
 
 
-@pytest.mark.parametrize(("scenario", "action"), [("paper", "acceleration"), ("paper", "delta"), ("honest", "acceleration")])
+@pytest.mark.parametrize(
+    ("scenario", "action"), [("paper", "acceleration"), ("paper", "delta"), ("honest", "acceleration"), ("honest", "residual")]
+)
 def test_no_action_breaks_a_limit(scenario, action):
     env = gymnasium.make(ID, obs="state", action=action, scenario=scenario, disable_env_checker=True)
     env.action_space.seed(1)
@@ -61,6 +63,19 @@ def test_no_action_breaks_a_limit(scenario, action):
         assert row["discontinuous_trajectories"] == 0
         assert row["min_self_clearance_m"] > 0 and row["min_floor_clearance_m"] > 0
     assert max(row["peak_velocity_ratio"] for row in played(env, 4, 1, rough)) > 0.3
+    env.close()
+
+
+def test_offsets_of_zero_are_the_brain_alone(setup):
+    env = gymnasium.make(ID, action="residual", obs="pose", object="banana", throw="near_sampled", disable_env_checker=True)
+    assert env.action_space.shape == (setup.dof,) and env.observation_space["plan"].shape == (setup.dof + 2,)
+    still = np.zeros(env.action_space.shape, np.float32)
+    [row] = played(env, 1, 1, lambda _: still)
+    assert row["caught"] and row == setup.run(seed=1, index=0).row
+    env.action_space.seed(2)
+    shifted = played(env, 1, 2, None)
+    assert all(row["limit_violations"] == 0 and row["discontinuous_trajectories"] == 0 for row in shifted)
+    assert shifted[0]["peak_velocity_ratio"] != row["peak_velocity_ratio"]
     env.close()
 
 

@@ -82,6 +82,15 @@ impl BrainSettings {
     /// # Errors
     /// A setting that is out of its range.
     pub fn brain(&self, known: Arc<Preparation>, seed: u64) -> Result<ChosenBrain, SettingError> {
+        let (estimator, predictor, planner) = self.stages(&known, seed)?;
+        Ok(CatchingBot::with_stages(known, estimator, predictor, planner))
+    }
+
+    /// These stages one by one.
+    ///
+    /// # Errors
+    /// A setting that is out of its range.
+    pub fn stages(&self, known: &Preparation, seed: u64) -> Result<ChosenStages, SettingError> {
         let Config { perception, trajectory_prediction, .. } = known.config().clone();
         let paper = self.paper_method.clone();
         let estimator: Box<dyn PoseEstimator + Send> = match self.pose_estimation.unwrap_or(self.method) {
@@ -100,8 +109,7 @@ impl BrainSettings {
                 Box::new(RansacPredictor::new(trajectory_prediction, &paper.prediction, symmetry, seed))
             }
         };
-        let planner = self.catch_planner(&known, seed)?;
-        Ok(CatchingBot::with_stages(known, estimator, predictor, planner))
+        Ok((estimator, predictor, self.catch_planner(known, seed)?))
     }
 
     /// The planner that the settings choose; it draws at random from `seed`.
@@ -139,6 +147,9 @@ impl Settings for BrainSettings {
         self.config().faults().into_iter().chain(others.all()).collect()
     }
 }
+
+/// Stages that were chosen by settings.
+pub type ChosenStages = (Box<dyn PoseEstimator + Send>, Box<dyn FlightPredictor + Send>, Box<dyn CatchPlanner + Send>);
 
 /// A brain whose stages were chosen by settings.
 pub type ChosenBrain =

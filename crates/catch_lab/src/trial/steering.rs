@@ -11,6 +11,8 @@ const FRACTIONS: [f64; 4] = [1.0, 0.6, 0.3, 0.0];
 const TRIES: usize = 12;
 /// The arm keeps this far from itself and its surroundings, in metres, where it is looked at: once a period. Who begins nearer comes no nearer.
 const CLEARANCE_M: f64 = 0.04;
+/// How far the surface of an arm is from the line through its joints at most, in metres.
+const SURFACE_M: f64 = 0.2;
 /// Spans of the braking.
 const BRAKING_SPANS: usize = 3;
 
@@ -24,6 +26,8 @@ pub struct Steering {
     robot: Robot,
     clearance: ArmClearance,
     max_width_m: f64,
+    /// No point of arm and gripper is farther from a joint's axis.
+    length_m: f64,
     period_s: f64,
     /// Duration of one span of the braking: from the highest velocity it takes no more than the highest acceleration.
     span_s: f64,
@@ -33,6 +37,9 @@ impl Steering {
     /// Of an arm with a gripper, for actions every `period_s`.
     pub fn new(robot: &Robot, gripper: &Gripper, period_s: f64) -> Self {
         let clearance = ArmClearance::new(robot, gripper);
+        let links_m = robot.joints.iter().skip(1).map(|joint| joint.X_PL.translation.vector.norm());
+        let hand_m = robot.X_LG.translation.vector.norm() + gripper.fingertip_y_m() + gripper.max_width_m;
+        let length_m = links_m.sum::<f64>() + hand_m + SURFACE_M;
         let robot = robot.clone().carrying(gripper).with_limits_scaled(&USED);
         let spans = robot.joints.iter().map(|joint| {
             let limits = &joint.limits;
@@ -40,7 +47,7 @@ impl Steering {
             by_velocity.max(limits.jerk.map_or(0.0, |jerk| 2.0 * limits.acceleration / jerk))
         });
         let span_s = spans.fold(period_s, f64::max);
-        Self { robot, clearance, max_width_m: gripper.max_width_m, period_s, span_s }
+        Self { robot, clearance, max_width_m: gripper.max_width_m, length_m, period_s, span_s }
     }
 
     /// The highest accelerations that it asks for, in rad/s².
@@ -51,6 +58,16 @@ impl Steering {
     /// The highest velocities that it asks for, in rad/s.
     pub fn max_velocity(&self) -> JointVector {
         self.of_joints(|i| self.robot.joints[i].limits.velocity)
+    }
+
+    /// How often actions come, in seconds.
+    pub(super) fn period_s(&self) -> f64 {
+        self.period_s
+    }
+
+    /// Distances of the arm with its gripper.
+    pub(super) fn clearance(&self) -> &ArmClearance {
+        &self.clearance
     }
 
     fn of_joints(&self, of: impl Fn(usize) -> f64) -> JointVector {
@@ -91,16 +108,23 @@ impl Steering {
 
     /// Whether the arm keeps its distances until it is at rest, the gripper open.
     fn keeps_clear(&self, motion: &BSpline) -> bool {
-        let least_m = |time_s: f64| {
-            let X_WL = self.robot.link_poses(&motion.setpoint(time_s).q);
-            let surroundings_m = self.clearance.environment_clearance(&X_WL, self.max_width_m);
-            self.clearance.self_clearance(&X_WL, self.max_width_m).min(surroundings_m)
-        };
         let start_s = motion.start_s();
-        let needed_m = least_m(start_s).min(CLEARANCE_M);
+        let at = |look: u32| motion.setpoint(start_s + f64::from(look) * self.period_s).q;
+        let least_m = |q: &JointVector| least_clearance_m(&self.robot, &self.clearance, self.max_width_m, q);
+        let needed_m = least_m(&motion.setpoint(start_s).q).min(CLEARANCE_M);
         let looks = ((motion.end_s() - start_s) / self.period_s).ceil() as u32;
+        // Two points of the arm come nearer to each other by no more than twice what all joints move times its length.
+        let (mut looked_at, mut spare_m) = (None::<JointVector>, 0.0);
         // Backwards: where it comes to rest is most likely too near.
-        (1..=looks).rev().all(|look| least_m(start_s + f64::from(look) * self.period_s) >= needed_m - 1e-9)
+        (1..=looks).rev().map(at).all(|q| {
+            let moved_m = looked_at.map_or(f64::INFINITY, |before| (q - before).abs().sum() * 2.0 * self.length_m);
+            if moved_m <= spare_m {
+                return true;
+            }
+            spare_m = least_m(&q) - needed_m;
+            looked_at = Some(q);
+            spare_m >= -1e-9
+        })
     }
 
     /// Acceleration of a joint in its `tried`-th try.
@@ -117,8 +141,10 @@ impl Steering {
         wanted.clamp(-most, most).max(start.ddq[i] - ramp).min(start.ddq[i] + ramp)
     }
 
+    /// A motion from `start` whose acceleration is `a` a period later, and which then comes to rest.
+    ///
     /// With accelerations a after the period, then b, b and 0 a span apart: (a + b)/2 + b + b/2 = -dq/h brings the joint to rest.
-    fn braked(&self, start_s: f64, start: &Setpoint, a: &JointVector) -> BSpline {
+    pub(super) fn braked(&self, start_s: f64, start: &Setpoint, a: &JointVector) -> BSpline {
         let h = self.span_s;
         let dq = start.dq + (start.ddq + a) * (self.period_s / 2.0);
         let b = -(dq / h + a / 2.0) / 2.0;
@@ -128,11 +154,17 @@ impl Steering {
     }
 }
 
+/// How far the arm with its gripper open is from itself and its surroundings, in metres.
+pub(super) fn least_clearance_m(robot: &Robot, clearance: &ArmClearance, max_width_m: f64, q: &JointVector) -> f64 {
+    let X_WL = robot.link_poses(q);
+    clearance.self_clearance(&X_WL, max_width_m).min(clearance.environment_clearance(&X_WL, max_width_m))
+}
+
 /// The cubic spline that begins in the position and velocity of `start` and whose accelerations are these at the knots `times_s`.
 ///
 /// Control points of a B-spline's derivative are Qᵢ = p·(Pᵢ₊₁ − Pᵢ)/(uᵢ₊ₚ₊₁ − uᵢ₊₁) (Piegl & Tiller, The NURBS Book, eq. 3.4), here solved for P;
 /// those of the second derivative, which is piecewise linear, are its values at the knots.
-fn spline(times_s: &[f64], start: &Setpoint, accelerations: &[JointVector]) -> BSpline {
+pub(super) fn spline(times_s: &[f64], start: &Setpoint, accelerations: &[JointVector]) -> BSpline {
     let (first, last) = (times_s[0], times_s[times_s.len() - 1]);
     let knots_s = [&[first; 3], times_s, &[last; 3]].concat();
     let integrate = |from: JointVector, rates: &[JointVector], degree: usize| {

@@ -15,10 +15,12 @@ from catchingbot._catchingbot import (
     Flight,
     GripperMove,
     NoFlight,
+    ObjectPose,
     Observation,
     Plan,
     RegisteredPose,
     Setup,
+    Situation,
     SteeredArena,
     Trajectory,
     Trial,
@@ -26,7 +28,15 @@ from catchingbot._catchingbot import (
     predict,
     register,
 )
+from catchingbot.benchmark import Suite, SuiteResult
 from catchingbot.table import Table
+
+
+
+def suite(name: str) -> Suite:
+    """The frozen benchmark of this name."""
+    return Suite(name)
+
 
 __all__ = [
     "Arena",
@@ -37,15 +47,20 @@ __all__ = [
     "Flight",
     "GripperMove",
     "NoFlight",
+    "ObjectPose",
     "Observation",
     "Plan",
     "RegisteredPose",
     "Setup",
+    "Situation",
     "SteeredArena",
+    "Suite",
+    "SuiteResult",
     "Table",
     "Trajectory",
     "Trial",
     "__version__",
     "predict",
     "register",
+    "suite",
 ]

@@ -15,7 +15,7 @@ from typing import Any
 import fsspec
 import ray
 
-from catchingbot import Setup, Table, __version__
+from catchingbot import Setup, Table, __version__, _catchingbot
 
 # A shard takes some seconds, so that little is lost with a worker and little is spent on sending.
 SHARD = 20
@@ -38,11 +38,13 @@ def evaluate(
     brain: Callable[[Setup, int, int], Any] | None = None,
     path: str | None = None,
     progress: Callable[[int, int], object] | None = None,
+    on_shard: Callable[[int, float], object] | None = None,
 ) -> Table:
     """As ``Setup.evaluate``, in shards of ``shard`` throws on all cores of the cluster; the table has the same bytes.
 
     With ``path``, a folder in any file system of fsspec, each shard leaves its rows there as JSON lines and as Parquet, and an evaluation that was
-    stopped goes on with what is there. A shard whose worker died is thrown again elsewhere.
+    stopped goes on with what is there. A shard whose worker died is thrown again elsewhere. ``on_shard`` is told the first throw of each shard that
+    is done, and how many seconds it took.
     """
     for name, value, least in [("trials", trials, 1), ("shard", shard, 1), ("seed", seed, 0), ("first", first, 0)]:
         if not isinstance(value, int) or isinstance(value, bool) or value < least:
@@ -64,7 +66,9 @@ def evaluate(
         while open_tasks:
             [task], _ = ray.wait(list(open_tasks), num_returns=1)
             begin, count = open_tasks.pop(task)
-            rows[begin], _ = ray.get(task)
+            rows[begin], seconds = ray.get(task)
+            if on_shard is not None:
+                on_shard(begin, seconds)
             if parts:
                 parts.write(begin, count, rows[begin])
             done += count
@@ -75,6 +79,35 @@ def evaluate(
             ray.cancel(task, force=True)
         raise
     return Table.from_jsonl(b"".join(rows[begin] for begin, _ in shards))
+
+
+def evaluate_study(
+    study: str,
+    trials: int = 57,
+    *,
+    path: str | None = None,
+    progress: Callable[[int, int], object] | None = None,
+    **keywords: Any,
+) -> dict[str, Table]:
+    """As ``catchingbot eval --study``: a table for each step, with the bytes of its ``trials.jsonl``. ``trials`` are those of each object.
+
+    ``study`` is a built-in name or a file that every worker can read. Other keywords are those of ``evaluate``.
+    """
+    steps = _catchingbot.study_steps(study)
+    counts = [-(-trials // throws) for _, _, throws in steps]
+    total = sum(count * conditions for count, (_, conditions, _) in zip(counts, steps, strict=True))
+    tables, before = {}, 0
+    for number, (count, (name, conditions, _)) in enumerate(zip(counts, steps, strict=True)):
+        rows = []
+        for condition in range(conditions):
+            setup = _catchingbot.study_setup(study, number, condition)
+            tell = None if progress is None else lambda done, _, before=before: progress(before + done, total)
+            into = None if path is None else f"{path}/{name}/{condition}"
+            rows.append(evaluate(setup, count, path=into, progress=tell, **keywords).jsonl.splitlines(keepends=True))
+            before += count
+        # Throw by throw: first the first one in all conditions.
+        tables[name] = Table.from_jsonl(b"".join(line for lines in zip(*rows, strict=True) for line in lines))
+    return tables
 
 
 class _Parts:
