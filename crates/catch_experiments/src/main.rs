@@ -9,6 +9,7 @@ mod figures;
 mod flights;
 mod holding;
 mod near_rigs;
+mod objects;
 mod parallel;
 mod reachability;
 mod results;
@@ -52,7 +53,7 @@ pub struct Findings {
     pub tables: Vec<Table>,
 }
 
-const EXPERIMENTS: [Experiment; 9] = [
+const EXPERIMENTS: [Experiment; 10] = [
     Experiment {
         name: "perception",
         about: "errors of poses and predicted positions by depth noise, with labels and without",
@@ -100,6 +101,12 @@ const EXPERIMENTS: [Experiment; 9] = [
         about: "Table I by the paper's own method, what each of its assumptions was worth, and the method under the arm's limits",
         trials: 57,
         run: as_published::run,
+    },
+    Experiment {
+        name: "objects",
+        about: "objects of public collections, imported by one command each and thrown in the scenario honest",
+        trials: 20,
+        run: objects::run,
     },
     Experiment {
         name: "holding",
