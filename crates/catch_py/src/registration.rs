@@ -54,7 +54,7 @@ impl RegisteredPose {
         self.found.residual_m
     }
 
-    /// Under what the reference looks the same: `none`, `half_turn`, `axis` or `sphere`.
+    /// Under what the reference looks the same: `none`, `half_turn`, `finite`, `axis` or `sphere`.
     #[getter]
     fn symmetry(&self) -> &'static str {
         self.found.symmetry

@@ -76,7 +76,9 @@ def test_an_exception_of_the_brain_comes_out(setup):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_an_interrupt_ends_an_evaluation():
-    code = "import catchingbot as cb; print('go', flush=True); cb.Setup().evaluate(trials=100_000)"
+    # What a shell starts in the background ignores interrupts, and so would its children.
+    heed = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
+    code = f"{heed}; import catchingbot as cb; print('go', flush=True); cb.Setup().evaluate(trials=100_000)"
     child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert child.stdout.readline() == "go\n"
     time.sleep(3)
