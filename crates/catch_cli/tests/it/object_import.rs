@@ -211,7 +211,7 @@ fn a_scan_without_faces_becomes_an_object() {
 
 /// A cup in metres, its wall and bottom 3 mm thick.
 fn cup() -> TriangleMesh {
-    let profile = [[0.0, 0.0], [0.0, 0.03], [0.06, 0.03], [0.06, 0.027], [0.003, 0.027], [0.003, 0.0]];
+    let profile = [[0.0, 0.0], [0.0, 0.03], [0.03, 0.03], [0.03, 0.027], [0.003, 0.027], [0.003, 0.0]];
     TriangleMesh::revolution(&profile, 64)
 }
 

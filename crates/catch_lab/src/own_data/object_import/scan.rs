@@ -1,5 +1,7 @@
 //! The surface of an object of which there is only a scan, a point cloud without faces.
 
+use std::collections::HashSet;
+
 use catch_body::{InputError, TriangleMesh, shape::Cuboid};
 use nalgebra::{Point3, Vector3};
 
@@ -18,6 +20,7 @@ pub(super) fn surface(file: &str, mut cloud: CloudFile, scale: f64) -> Result<(T
         findings.push("the cloud has no normals: the surface is taken to face away from the middle everywhere".into());
     }
     cloud.points.iter_mut().for_each(|it| it.coords *= scale);
+    let cloud = thinned(cloud);
     let (low, high) = bounds(&cloud.points);
     let reference = reference_model(cloud, file)?;
     let to_O = reference.X_RO.translation.vector;
@@ -31,6 +34,17 @@ pub(super) fn surface(file: &str, mut cloud: CloudFile, scale: f64) -> Result<(T
     findings.push(format!("the surface between them has {} triangles", mesh.triangles.len()));
     mesh.vertices.iter_mut().for_each(|it| it.coords /= scale);
     Ok((mesh, findings))
+}
+
+/// One point per cube of the edge [`SPACING_M`]: where points lie much closer than others their noise would bend the surface.
+fn thinned(cloud: CloudFile) -> CloudFile {
+    let mut known = HashSet::new();
+    let cube = |it: &Point3<f64>| <[i64; 3]>::from(it.coords.map(|value| (value / SPACING_M).floor() as i64));
+    let kept: Vec<usize> = (0..cloud.points.len()).filter(|i| known.insert(cube(&cloud.points[*i]))).collect();
+    CloudFile {
+        points: kept.iter().map(|&i| cloud.points[i]).collect(),
+        normals: cloud.normals.map(|normals| kept.iter().map(|&i| normals[i]).collect()),
+    }
 }
 
 /// The longest side of the box around a cloud, in its unit.
