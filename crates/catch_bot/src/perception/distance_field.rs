@@ -34,6 +34,8 @@ const LEAST_CLEARANCE_M: f64 = 1e-3;
 const SAME_SIDE: f64 = 1.5;
 /// Places of a region that are asked about at most.
 const MOST_LOOKED_AT: usize = 2000;
+/// How far what is known of a place tells of its neighbours.
+const SPREAD_M: f64 = 0.01;
 /// Within this distance of the cloud the surface is averaged over neighbours, beyond it the nearest point suffices.
 const BAND_M: f64 = 0.008;
 
@@ -154,20 +156,21 @@ impl Grid {
                     }
                 });
             }
-            // What is known spreads from node to node.
+            // What is known spreads from node to node, but not along a wall too thin to tell.
             let looked_at = region.iter().step_by(region.len().div_ceil(MOST_LOOKED_AT));
-            let mut known: Vec<usize> = Vec::new();
+            let mut known: Vec<(usize, f64)> = Vec::new();
             for &node in looked_at {
                 free[node] = is_free(&self.node(node), -f64::from(values[node]));
-                known.extend(free[node].map(|_| node));
+                known.extend(free[node].map(|_| (node, 0.0)));
             }
             let mut next = 0;
-            while let Some(&node) = known.get(next) {
+            while let Some(&(node, spread_m)) = known.get(next) {
                 next += 1;
+                let spread_m = spread_m + self.spacing_m;
                 self.each_linked(&values, node, |other| {
-                    if free[other].is_none() {
+                    if free[other].is_none() && spread_m <= SPREAD_M {
                         free[other] = free[node];
-                        known.push(other);
+                        known.push((other, spread_m));
                     }
                 });
             }

@@ -209,9 +209,9 @@ fn a_scan_without_faces_becomes_an_object() {
     assert!(stderr(&output).contains("1 points"), "{}", stderr(&output));
 }
 
-/// A cup in metres, its wall and bottom 5 mm thick.
+/// A cup in metres, its wall and bottom 4 mm thick.
 fn cup() -> TriangleMesh {
-    let profile = [[0.0, 0.0], [0.0, 0.04], [0.05, 0.04], [0.05, 0.035], [0.005, 0.035], [0.005, 0.0]];
+    let profile = [[0.0, 0.0], [0.0, 0.035], [0.04, 0.035], [0.04, 0.031], [0.004, 0.031], [0.004, 0.0]];
     TriangleMesh::revolution(&profile, 64)
 }
 
