@@ -51,9 +51,9 @@ struct Set {
 }
 
 const LEGEND: &str = "The objects come from public collections, which are fetched by `git clone` to `target/objects` unless they are there \
-already. Each is imported as `catchingbot object import` does it, with no option. *Volume* and *centre of mass* tell how the brain's model, made \
-from a scan, differs from the mesh at uniform density. *Spin wrong*: of the throws of objects without an axis of symmetry, those whose predicted \
-angular velocity is off by more than 3 rad/s when the object has been seen for 150 ms. Settings were chosen on the objects of the first set.";
+already. Each is imported as `catchingbot object import` does it, with no option. Volume and centre of mass tell how the brain's model, made \
+from a scan, differs from the mesh at uniform density. A spin is wrong if the predicted angular velocity is off by more than 3 rad/s when the \
+object has been seen for 150 ms; objects with an axis of symmetry are left out. Settings were chosen on the objects of the first set.";
 
 /// Imports, and throws of the listed objects.
 pub fn run(options: &Options) -> Result<Findings> {
