@@ -2,6 +2,7 @@
 
 mod edges;
 mod hole_filling;
+mod isosurface;
 pub mod repair;
 mod shells;
 pub mod simplification;

@@ -23,14 +23,15 @@ pub struct ObjectArguments {
 
 #[derive(Debug, Subcommand)]
 enum ObjectCommand {
-    /// Makes an object from a mesh, or from a link that somebody else described
+    /// Makes an object from a mesh, a point cloud, or a link that somebody else described
     Import(ImportArguments),
 }
 
 /// Arguments of `object import`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-A mesh (OBJ, STL, PLY, COLLADA, glTF, GLB) becomes the object's shape; of a description (SDF, URDF, MJCF) its
+A mesh (OBJ, STL, PLY, COLLADA, glTF, GLB) becomes the object's shape, and so does the surface of a point cloud
+all around it (PLY without faces, PCD, XYZ; in metres or millimetres, best with outward normals); of a description (SDF, URDF, MJCF) its
 link with a shape does, with mass, centre of mass, inertia, friction and collision shapes. Vertices are welded,
 holes filled and triangles turned where that is safe; each repair is told, and a defect that is left is
 located. What no file says is assumed, and says so in the object's file.
@@ -40,7 +41,7 @@ Examples:
   catchingbot object import models/drill/model.sdf --out drill.toml
   catchingbot --object mug.toml")]
 pub struct ImportArguments {
-    /// A mesh, a description, or a folder that holds one
+    /// A mesh, a cloud, a description, or a folder that holds one
     #[arg(value_name = "FILE|FOLDER")]
     source: PathBuf,
     /// The object's file, NAME.toml; its mesh is written beside it as NAME.obj

@@ -10,6 +10,7 @@ mod figures;
 mod flights;
 mod holding;
 mod near_rigs;
+mod objects;
 mod parallel;
 mod rates;
 mod reachability;
@@ -108,6 +109,12 @@ const EXPERIMENTS: [Experiment; 10] = [
         about: "Table I by the paper's own method, what each of its assumptions was worth, and the method under the arm's limits",
         trials: 57,
         run: as_published::run,
+    },
+    Experiment {
+        name: "objects",
+        about: "objects of public collections, imported by one command each and thrown in the scenario honest",
+        trials: 20,
+        run: objects::run,
     },
     Experiment {
         name: "holding",

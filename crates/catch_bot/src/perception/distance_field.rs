@@ -34,6 +34,8 @@ const LEAST_CLEARANCE_M: f64 = 1e-3;
 const SAME_SIDE: f64 = 1.5;
 /// Places of a region that are asked about at most.
 const MOST_LOOKED_AT: usize = 2000;
+/// How far what is known of a place tells of its neighbours.
+const SPREAD_M: f64 = 0.01;
 /// Within this distance of the cloud the surface is averaged over neighbours, beyond it the nearest point suffices.
 const BAND_M: f64 = 0.008;
 
@@ -52,10 +54,10 @@ impl DistanceField {
         self.fine.at(point).or_else(|| self.coarse.at(point)).unwrap_or_else(|| self.coarse.beyond(point))
     }
 
-    /// Turns inside out what is taken for the inside and is not: regions within one surface of which most places are free by `is_free`, which
-    /// gets a place and its distance from the surface and may not know.
+    /// Turns inside out what is taken for the inside and is not: places that are free by `is_free`, which gets a place and its distance from
+    /// the surface and may not know, and those that are nearer to them than to places which are not, within one surface.
     ///
-    /// The nearest points alone decide wrongly at thin walls and in the openings of a surface.
+    /// The nearest points alone decide wrongly at thin walls, in the openings of a surface, and before parts of it that nobody saw.
     pub(super) fn clear(&mut self, is_free: &dyn Fn(&Point3<f64>, f64) -> Option<bool>) {
         self.fine.clear(is_free);
         self.coarse.clear(is_free);
@@ -81,6 +83,11 @@ impl DistanceField {
         });
         (cells, grid.spacing_m.powi(3))
     }
+}
+
+/// Whether a value is that of a node inside, as far as the nearest points can tell.
+fn is_inside(value: f32) -> bool {
+    f64::from(value) < -LEAST_CLEARANCE_M
 }
 
 /// Values and gradients on the nodes of a regular grid, x running fastest.
@@ -130,11 +137,10 @@ impl Grid {
 
     /// As [`DistanceField::clear`].
     fn clear(&mut self, is_free: &dyn Fn(&Point3<f64>, f64) -> Option<bool>) {
-        let is_inside = |value: f32| f64::from(value) < -LEAST_CLEARANCE_M;
         let mut values: Vec<f32> = self.values.iter().map(|node| node[0]).collect();
-        let [nx, ny, _] = self.nodes;
         let mut is_seen = vec![false; values.len()];
-        let mut any = false;
+        // Of each node whether it is free, as far as that is known.
+        let mut free = vec![None; values.len()];
         for first in 0..values.len() {
             if is_seen[first] || !is_inside(values[first]) {
                 continue;
@@ -144,30 +150,51 @@ impl Grid {
             let mut next = 0;
             while let Some(&node) = region.get(next) {
                 next += 1;
-                for (axis, stride) in [1, nx, nx * ny].into_iter().enumerate() {
-                    let along = node / stride % self.nodes[axis];
-                    let before = (along > 0).then(|| node - stride);
-                    let after = (along + 1 < self.nodes[axis]).then(|| node + stride);
-                    for other in [before, after].into_iter().flatten().filter(|&it| is_inside(values[it])) {
-                        // Two nodes are on one side if they are farther from the surface together than from each other.
-                        let is_linked = -f64::from(values[node] + values[other]) > SAME_SIDE * self.spacing_m;
-                        if is_linked && !is_seen[other] {
-                            is_seen[other] = true;
-                            region.push(other);
-                        }
+                self.each_linked(&values, node, |other| {
+                    if !std::mem::replace(&mut is_seen[other], true) {
+                        region.push(other);
                     }
-                }
+                });
             }
+            // What is known spreads from node to node, but not along a wall too thin to tell.
             let looked_at = region.iter().step_by(region.len().div_ceil(MOST_LOOKED_AT));
-            let votes = looked_at.filter_map(|&node| is_free(&self.node(node), -f64::from(values[node])));
-            let (free, all) = votes.fold((0, 0), |(free, all), vote| (free + usize::from(vote), all + 1));
-            if 2 * free > all {
-                region.iter().for_each(|&node| values[node] = -values[node]);
-                any = true;
+            let mut known: Vec<(usize, f64)> = Vec::new();
+            for &node in looked_at {
+                free[node] = is_free(&self.node(node), -f64::from(values[node]));
+                known.extend(free[node].map(|_| (node, 0.0)));
+            }
+            let mut next = 0;
+            while let Some(&(node, spread_m)) = known.get(next) {
+                next += 1;
+                let spread_m = spread_m + self.spacing_m;
+                self.each_linked(&values, node, |other| {
+                    if free[other].is_none() && spread_m <= SPREAD_M {
+                        free[other] = free[node];
+                        known.push((other, spread_m));
+                    }
+                });
             }
         }
-        if any {
+        if free.contains(&Some(true)) {
+            let outside = values.iter_mut().zip(&free).filter(|(_, free)| **free == Some(true));
+            outside.for_each(|(value, _)| *value = -*value);
             self.set(&values);
+        }
+    }
+
+    /// Calls `visit` with the neighbours of a node inside that are on the same side of the surface: the two are farther from it together than
+    /// from each other.
+    fn each_linked(&self, values: &[f32], node: usize, mut visit: impl FnMut(usize)) {
+        let [nx, ny, _] = self.nodes;
+        for (axis, stride) in [1, nx, nx * ny].into_iter().enumerate() {
+            let along = node / stride % self.nodes[axis];
+            let before = (along > 0).then(|| node - stride);
+            let after = (along + 1 < self.nodes[axis]).then(|| node + stride);
+            for other in [before, after].into_iter().flatten().filter(|&it| is_inside(values[it])) {
+                if -f64::from(values[node] + values[other]) > SAME_SIDE * self.spacing_m {
+                    visit(other);
+                }
+            }
         }
     }
 

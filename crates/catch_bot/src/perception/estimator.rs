@@ -67,6 +67,9 @@ impl PoseEstimator for SdfEstimator {
     }
 }
 
+/// A pose explains images much better than another if its mismatch is less than this fraction.
+const MUCH_BETTER: f64 = 0.6;
+
 /// Finds a known object in depth images: what estimators share, whatever registration near a predicted pose they have.
 #[derive(Debug, Clone)]
 pub struct ObjectFinder {
@@ -144,21 +147,29 @@ impl ObjectFinder {
             Prior::Pose(X_WO) => register(&registration, scene, X_WO).ok(),
             Prior::Place(_) | Prior::Anywhere => None,
         };
-        let registered_globally = tracked.is_none();
-        let fit = match tracked {
-            Some(fit) => fit,
-            None => {
+        let is_unexplained = |fit: &Fit| fit.silhouette_residual_m.is_some() && fit.mismatch > config.max_mismatch;
+        let (fit, registered_globally) = match tracked {
+            Some(fit) if !is_unexplained(&fit) => (fit, false),
+            _ => {
                 if scene.silhouette.is_empty() {
                     scene.collect_silhouette(view, reference, config);
                 }
                 let R_WO = expected.map_or_else(UnitQuaternion::identity, |X_WO| X_WO.rotation);
-                registration.register_globally(scene, thinned, &R_WO)?
+                let anywhere = registration.register_globally(scene, thinned, &R_WO);
+                // What was tracked stays unless another pose explains the images much better.
+                match (tracked, anywhere) {
+                    (Some(near), Ok(far)) if far.mismatch > MUCH_BETTER * near.mismatch => (near, false),
+                    (Some(near), Err(_)) => (near, false),
+                    (_, anywhere) => (anywhere?, true),
+                }
             }
         };
+        // Where images are not explained, they tell that much less of the pose.
+        let told = if is_unexplained(&fit) { fit.mismatch.recip() } else { 1.0 };
         Ok(ObjectPose {
             capture_s: view.capture_s(),
             X_WO: fit.X_WO,
-            information: fit.information,
+            information: fit.information * told,
             points: fit.points,
             residual_m: fit.residual_m,
             mismatch: fit.mismatch,

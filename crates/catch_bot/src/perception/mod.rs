@@ -53,6 +53,9 @@ pub struct Config {
     /// Root mean square distance up to which a turned object counts as looking the same. Measured for turns by any angle:
     /// ≤ 0.3 mm on symmetric objects, ≥ 8 mm on others.
     pub symmetry_tolerance_m: f64,
+    /// The same for single rotations, such as the quarter turns of a brick, as a fraction of the largest ball that fits into the object, where that
+    /// is more: what differs by less is confused from one image to the next.
+    pub confused_fraction: f64,
     /// Depth noise of the cameras, as their data sheet has it; none if it is not set.
     pub depth_noise: Option<DepthNoise>,
     /// Standard deviation in pixels by which the object's silhouette in an image may be off: not by the pixels' size, which is
@@ -74,6 +77,9 @@ pub struct Config {
     /// A registration whose points lie further than this from the reference (root mean square, in metres), beside three
     /// standard deviations of the depth noise that was told, is not believed: wrong orientations left 6 mm and more.
     pub max_residual_m: f64,
+    /// Where a tracked pose explains the silhouette worse than this, the mean square of its rays' residuals in standard deviations, the object is
+    /// registered from all around. Right poses have 0.5 to 2, wrong ones 3 to 7.
+    pub max_mismatch: f64,
     /// What every pose is taken to be off by at least, because points of one frame err together: metres.
     pub position_floor_m: f64,
     /// The same for the orientation, in radians.
@@ -103,6 +109,7 @@ impl Default for Config {
             grasp_spacing_m: 0.0025,
             distance_grid_m: 0.002,
             symmetry_tolerance_m: 0.0008,
+            confused_fraction: 0.08,
             depth_noise: None,
             silhouette_sd_px: 0.015,
             silhouette_above_m: 0.001,
@@ -112,6 +119,7 @@ impl Default for Config {
             step_tolerance_m: 2e-6,
             step_tolerance_sd: 0.1,
             max_residual_m: 0.005,
+            max_mismatch: 3.0,
             position_floor_m: 5e-5,
             rotation_floor_rad: 1e-3,
             gate_m: 0.05,
@@ -152,12 +160,14 @@ impl Settings for Config {
                 &NOT_NEGATIVE,
                 [
                     ("symmetry_tolerance_m", self.symmetry_tolerance_m),
+                    ("confused_fraction", self.confused_fraction),
                     ("silhouette_sd_px", self.silhouette_sd_px),
                     ("silhouette_above_m", self.silhouette_above_m),
                     ("model_sd_m", self.model_sd_m),
                     ("step_tolerance_m", self.step_tolerance_m),
                     ("step_tolerance_sd", self.step_tolerance_sd),
                     ("max_residual_m", self.max_residual_m),
+                    ("max_mismatch", self.max_mismatch),
                     ("position_floor_m", self.position_floor_m),
                     ("rotation_floor_rad", self.rotation_floor_rad),
                     ("gate_m", self.gate_m),

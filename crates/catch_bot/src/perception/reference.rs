@@ -1,7 +1,7 @@
 //! The object as the brain knows it, made once from a scan.
 
 use catch_body::Pose;
-use catch_cell::{DepthFrame, ReferenceScan};
+use catch_cell::{CameraModel, DepthFrame, ReferenceScan};
 use nalgebra::{Matrix3, Matrix6, Point3, SymmetricEigen, Translation3, UnitQuaternion, Vector3, Vector6};
 
 use super::{
@@ -38,20 +38,21 @@ pub struct ReferenceModel {
 impl ReferenceModel {
     /// Builds the model from a scan.
     pub fn from_scan(scan: &ReferenceScan, config: &Config) -> Self {
-        let (points, towards_camera) = scanned_points(scan);
-        let (points, towards_camera) = thinned(&points, &towards_camera, config.reference_spacing_m);
-        Self::with_free_space(&points, &towards_camera, config, &|p_R, clearance_m| is_free(scan, p_R, clearance_m))
+        let (points, seen) = scanned_points(scan);
+        let (points, seen) = thinned(&points, &seen, config.reference_spacing_m);
+        Self::with_free_space(&points, &seen, config, &|p_R, clearance_m| is_free(scan, p_R, clearance_m))
     }
 
     /// Builds the model from surface points in R and, for each, a direction in which it could be seen.
     pub fn from_points(points: &[Point3<f64>], towards_camera: &[Vector3<f64>], config: &Config) -> Self {
-        Self::with_free_space(points, towards_camera, config, &|_, _| None)
+        let seen: Vec<Seen> = towards_camera.iter().map(|&it| Seen { towards_camera: it, facing: it }).collect();
+        Self::with_free_space(points, &seen, config, &|_, _| None)
     }
 
     /// As [`from_points`](Self::from_points); `is_free` tells of places in R, so far from any surface, whether they are outside.
     fn with_free_space(
         points: &[Point3<f64>],
-        towards_camera: &[Vector3<f64>],
+        seen: &[Seen],
         config: &Config,
         is_free: &dyn Fn(&Point3<f64>, f64) -> Option<bool>,
     ) -> Self {
@@ -59,8 +60,8 @@ impl ReferenceModel {
             return Self::default();
         }
         let spacing_m = typical_spacing(points);
-        let patches = patches(points, towards_camera, 2.5 * spacing_m);
-        let (sharp, normals) = oriented(points, towards_camera, &patches, 2.5 * spacing_m);
+        let patches = patches(points, seen, 2.5 * spacing_m);
+        let (sharp, normals) = oriented(points, seen, &patches, 2.5 * spacing_m);
         if sharp.len() < MIN_NEIGHBOURS {
             return Self::default();
         }
@@ -79,9 +80,11 @@ impl ReferenceModel {
         let (points_O, normals): (Vec<_>, Vec<_>) = smooth.unzip();
         let (points, normals) = thinned(&points_O, &normals, config.grasp_spacing_m);
         let radius_m = sharp_O.iter().map(|point| point.coords.norm()).fold(0.0, f64::max);
-        let symmetry = Symmetry::find(&points, &distance, &second_moment, config.symmetry_tolerance_m);
-        let X_RO = Pose::from_parts(Translation3::from(centre.coords), UnitQuaternion::identity());
         let inner_radius_m = distance.deepest_m().max(1e-4);
+        let tolerance_m = config.symmetry_tolerance_m;
+        let confused_m = tolerance_m.max(config.confused_fraction * inner_radius_m);
+        let symmetry = Symmetry::find(&points, &distance, &second_moment, tolerance_m, confused_m);
+        let X_RO = Pose::from_parts(Translation3::from(centre.coords), UnitQuaternion::identity());
         Self { points, normals, X_RO, radius_m, inner_radius_m, volume_m3, symmetry, distance }
     }
 }
@@ -89,19 +92,52 @@ impl ReferenceModel {
 /// Fewer points than this do not make a surface.
 const MIN_NEIGHBOURS: usize = 12;
 
-/// Every masked pixel as a point in R, and the direction from it to its camera.
-fn scanned_points(scan: &ReferenceScan) -> (Vec<Point3<f64>>, Vec<Vector3<f64>>) {
-    let mut points = Vec::new();
-    let mut towards_camera = Vec::new();
+/// How a point of a scan was seen, in R.
+#[derive(Debug, Clone, Copy)]
+struct Seen {
+    /// Direction to its camera.
+    towards_camera: Vector3<f64>,
+    /// Roughly where the surface faces there. It tells both sides of a thin wall apart.
+    facing: Vector3<f64>,
+}
+
+/// Every masked pixel as a point in R, and how it was seen.
+fn scanned_points(scan: &ReferenceScan) -> (Vec<Point3<f64>>, Vec<Seen>) {
+    let (mut points, mut seen) = (Vec::new(), Vec::new());
     for frame in &scan.frames {
         let Some(camera) = scan.cameras.get(frame.camera) else { continue };
         for (i, depth_m) in object_pixels(frame) {
             let p_R = camera.X_WC * camera.back_project(&frame.window.pixel_centre(i), depth_m);
+            let towards_camera = (Point3::from(camera.X_WC.translation.vector) - p_R).normalize();
+            let facing = facing_C(camera, frame, i).map_or(towards_camera, |it| camera.X_WC.rotation * it);
             points.push(p_R);
-            towards_camera.push((Point3::from(camera.X_WC.translation.vector) - p_R).normalize());
+            seen.push(Seen { towards_camera, facing });
         }
     }
-    (points, towards_camera)
+    (points, seen)
+}
+
+/// Normal in C of the surface that a pixel and its neighbours show, of which in either direction the nearer in depth counts; `None` where
+/// there are none.
+fn facing_C(camera: &CameraModel, frame: &DepthFrame, pixel: usize) -> Option<Vector3<f64>> {
+    let width = frame.window.width as usize;
+    let is_object = |i: usize| frame.mask.as_ref().is_none_or(|mask| mask.get(i) == Some(&true));
+    let depth_m = |i: usize| frame.depth_m.get(i).map(|it| f64::from(*it)).filter(|it| *it > 0.0 && is_object(i));
+    let point = |i: usize, depth_m: f64| camera.back_project(&frame.window.pixel_centre(i), depth_m);
+    let own_m = depth_m(pixel)?;
+    let along = |before: Option<usize>, after: Option<usize>| {
+        let jump = |i: Option<usize>| i.and_then(|i| Some((i, depth_m(i)?)));
+        let ahead = jump(after).map(|it| (it, 1.0));
+        let behind = jump(before).map(|it| (it, -1.0));
+        let nearer = [ahead, behind].into_iter().flatten();
+        let nearest = nearer.min_by(|a, b| (a.0.1 - own_m).abs().total_cmp(&(b.0.1 - own_m).abs()));
+        nearest.map(|((i, other_m), sign)| (point(i, other_m) - point(pixel, own_m)) * sign)
+    };
+    let column = pixel % width;
+    let across = along((column > 0).then(|| pixel - 1), (column + 1 < width).then_some(pixel + 1))?;
+    let down = along(pixel.checked_sub(width), Some(pixel + width))?;
+    // x to the right, y down and z ahead: the normal that looks at the camera.
+    down.cross(&across).try_normalize(1e-12)
 }
 
 /// Whether some image of a scan shows that a place in R, which is `clearance_m` from any surface, is outside of the object: the ray of the
@@ -138,11 +174,7 @@ fn object_pixels(frame: &DepthFrame) -> impl Iterator<Item = (usize, f64)> {
 }
 
 /// One point, with what belongs to it, per cube of edge `spacing_m`: the first in the order given.
-fn thinned(
-    points: &[Point3<f64>],
-    attributes: &[Vector3<f64>],
-    spacing_m: f64,
-) -> (Vec<Point3<f64>>, Vec<Vector3<f64>>) {
+fn thinned<T: Copy>(points: &[Point3<f64>], attributes: &[T], spacing_m: f64) -> (Vec<Point3<f64>>, Vec<T>) {
     let cell = |point: &Point3<f64>| point.coords.map(|value| (value / spacing_m).floor() as i64);
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.sort_by_cached_key(|&i| (<[i64; 3]>::from(cell(&points[i])), i));
@@ -168,17 +200,18 @@ fn typical_spacing(points: &[Point3<f64>]) -> f64 {
     *fourth.select_nth_unstable_by(middle, f64::total_cmp).1 / (4.0 / std::f64::consts::PI).sqrt()
 }
 
-/// The surface around each point.
-fn patches(points: &[Point3<f64>], towards_camera: &[Vector3<f64>], radius_m: f64) -> Vec<Patch> {
+/// The surface around each point, through those neighbours that do not face the other way.
+fn patches(points: &[Point3<f64>], seen: &[Seen], radius_m: f64) -> Vec<Patch> {
     let grid = PointGrid::new(points, radius_m);
     let mut neighbours = Vec::new();
-    let through = |(point, towards_camera): (&Point3<f64>, &Vector3<f64>)| {
+    let through = |(point, own): (&Point3<f64>, &Seen)| {
         let mut radius_m = radius_m;
         for _ in 0..3 {
             neighbours.clear();
             grid.near(point, radius_m, |i| {
                 let offset = points[i] - point;
-                if offset.norm_squared() < radius_m * radius_m {
+                let is_opposite = seen[i].facing.dot(&own.facing) < OPPOSITE_COSINE;
+                if offset.norm_squared() < radius_m * radius_m && !is_opposite {
                     neighbours.push(offset);
                 }
             });
@@ -187,10 +220,13 @@ fn patches(points: &[Point3<f64>], towards_camera: &[Vector3<f64>], radius_m: f6
             }
             radius_m *= 1.5;
         }
-        Patch::through(&neighbours, point, towards_camera, radius_m)
+        Patch::through(&neighbours, point, &own.towards_camera, radius_m)
     };
-    points.iter().zip(towards_camera).map(through).collect()
+    points.iter().zip(seen).map(through).collect()
 }
+
+/// Surfaces that face each other, or away from each other, do so by this cosine at most.
+const OPPOSITE_COSINE: f64 = -0.5;
 
 /// Gives each point the normal of the surface around it, and moves it onto that surface.
 ///
@@ -198,16 +234,16 @@ fn patches(points: &[Point3<f64>], towards_camera: &[Vector3<f64>], radius_m: f6
 /// neighbours lie on one best, among those that it lies on itself.
 fn oriented(
     points: &[Point3<f64>],
-    towards_camera: &[Vector3<f64>],
+    seen: &[Seen],
     patches: &[Patch],
     radius_m: f64,
 ) -> (Vec<Point3<f64>>, Vec<Vector3<f64>>) {
     let grid = PointGrid::new(points, radius_m);
-    let both = points.iter().zip(patches).zip(towards_camera).map(|((point, own), towards_camera)| {
+    let both = points.iter().zip(patches).zip(seen).map(|((point, own), seen)| {
         let mut best = (own, own.at(point));
         grid.near(point, radius_m, |i| {
             let (patch, (height, normal)) = (&patches[i], patches[i].at(point));
-            let is_near = (points[i] - point).norm() < radius_m && normal.dot(towards_camera) > 0.0;
+            let is_near = (points[i] - point).norm() < radius_m && normal.dot(&seen.towards_camera) > 0.0;
             let holds = height.abs() < LIES_ON_SD * patch.error_m && patch.error_m < BETTER * own.error_m;
             if is_near && holds && patch.error_m < best.0.error_m {
                 best = (patch, (height, normal));

@@ -100,12 +100,14 @@ const TRIAL_ANGLES: [f64; 5] = [0.4, 0.9, 1.7, 2.3, 3.0];
 
 impl Symmetry {
     /// Tries rotations about the principal axes of an object given by its points and distance field in O and its second moment
-    /// ∫ x·xᵀ dV / V: it looks the same if the rotated points lie within `tolerance_m` (root mean square) of the surface.
+    /// ∫ x·xᵀ dV / V: it looks the same if the rotated points lie within `tolerance_m` (root mean square) of the surface, for single rotations
+    /// within `confused_m`: what is not told apart in flight.
     pub(super) fn find(
         points: &[Point3<f64>],
         distance: &DistanceField,
         second_moment: &Matrix3<f64>,
         tolerance_m: f64,
+        confused_m: f64,
     ) -> Self {
         let mean_square = |turn: UnitQuaternion<f64>| {
             let squares: f64 = points.iter().map(|point| distance.at(&(turn * point)).0.powi(2)).sum();
@@ -124,7 +126,8 @@ impl Symmetry {
                     |axis: &Unit<Vector3<f64>>| ORDERS.map(|order| UnitQuaternion::from_axis_angle(axis, TAU / order));
                 // Of each axis the highest order.
                 let axes = Self::distinct(principal, &eigen.eigenvalues.into(), &mean_square);
-                let highest = axes.iter().filter_map(|axis| rotations(axis).into_iter().find(|it| looks_the_same(*it)));
+                let is_confused = |turn: &UnitQuaternion<f64>| mean_square(*turn) <= confused_m * confused_m;
+                let highest = axes.iter().filter_map(|axis| rotations(axis).into_iter().find(is_confused));
                 let group = RotationGroup::generated(highest);
                 // Inertia from the second moment: J = tr(S)·1 − S.
                 let inertia_per_kg = Matrix3::identity() * second_moment.trace() - second_moment;

@@ -50,6 +50,8 @@ pub struct Config {
     pub inlier_rad: f64,
     /// A flight that fewer than this fraction of the newest poses agree with is given up, and searched for anew.
     pub min_inlier_fraction: f64,
+    /// A fit whose poses err by more than so many times what they say is searched for anew as well, and the better one is taken.
+    pub max_error_scale: f64,
     /// Drag constant k that is expected, in 1/m; zero if it is not set.
     pub drag_prior_per_m: Option<f64>,
     /// Its standard deviation. Zero, as in the paper's simulator: there is no drag, or exactly as much as expected; so it is if it is not set.
@@ -77,6 +79,7 @@ impl Default for Config {
             inlier_m: 0.01,
             inlier_rad: 0.1,
             min_inlier_fraction: 0.25,
+            max_error_scale: 2.0,
             drag_prior_per_m: None,
             drag_prior_sd_per_m: None,
             spin_prior_sd_radps: 10.0,
@@ -104,6 +107,7 @@ impl Settings for Config {
                 [
                     ("inlier_m", self.inlier_m),
                     ("inlier_rad", self.inlier_rad),
+                    ("max_error_scale", self.max_error_scale),
                     ("spin_prior_sd_radps", self.spin_prior_sd_radps),
                     ("systematic_sd_m", self.systematic_sd_m),
                 ],
@@ -247,16 +251,27 @@ fn fit_flight(
     let window = config.sampled(poses).ok_or(PredictionStatus::TooFewPoses)?;
     let Workspace { fit: fitting, ransac: sampling, .. } = workspace;
     let enough = |inliers: usize| inliers >= 3 && inliers as f64 >= config.min_inlier_fraction * window.len() as f64;
-    if let Some(previous) = previous
-        && let Ok((flight, agreeing)) = fit::fit(fitted, previous, symmetry, config, fitting)
-        && enough(agreeing)
+    let known = previous.and_then(|it| fit::fit(fitted, it, symmetry, config, fitting).ok());
+    let known = known.filter(|(_, agreeing)| enough(*agreeing)).map(|(flight, _)| flight);
+    if let Some(known) = &known
+        && known.error_scale <= config.max_error_scale
     {
-        return Ok(flight);
+        return Ok(known.clone());
     }
-    let start =
-        ransac::best_flight(window, symmetry, (Rotation::Free, ransac::TieBreak::MeanSquare), config, seed, sampling)?;
-    if !enough(start.inliers) {
-        return Err(PredictionStatus::NoAgreement);
+    // A fit that has gone astray stays so, however good the poses are by now.
+    let sampling_from = (Rotation::Free, ransac::TieBreak::MeanSquare);
+    let anew = ransac::best_flight(window, symmetry, sampling_from, config, seed, sampling).and_then(|start| {
+        if !enough(start.inliers) {
+            return Err(PredictionStatus::NoAgreement);
+        }
+        fit::fit(fitted, &start, symmetry, config, fitting).map(|(flight, _)| flight)
+    });
+    match (known, anew) {
+        (Some(known), Ok(anew)) if anew.error_scale > MUCH_BETTER * known.error_scale => Ok(known),
+        (Some(known), Err(_)) => Ok(known),
+        (_, anew) => anew,
     }
-    fit::fit(fitted, &start, symmetry, config, fitting).map(|(flight, _)| flight)
 }
+
+/// A fit is much better than another if its errors are less than this fraction.
+const MUCH_BETTER: f64 = 0.8;

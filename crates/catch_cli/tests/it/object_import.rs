@@ -150,6 +150,7 @@ fn an_sdf_with_a_gltf_mesh_stands_as_its_simulator_has_it() {
     let sdf = "<sdf version=\"1.7\"><model name=\"m\"><link name=\"l\"><inertial><pose>0 0 0.13 0 0 0</pose><mass>0.2</mass></inertial>\
         <visual name=\"v\"><pose>0 0 0.1 0 0 0</pose><geometry><mesh><uri>package://any/meshes/bottle.gltf</uri></mesh></geometry></visual>\
         <collision name=\"c\"><pose>0 0 0.13 0 0 0</pose><geometry><cylinder><radius>0.025</radius><length>0.06</length></cylinder></geometry>\
+        </collision><collision name=\"n\"><pose>0 0 0.175 0 0 0</pose><geometry><cylinder><radius>0.012</radius><length>0.03</length></cylinder></geometry>\
         </collision></link></model></sdf>";
     let source = folder.path().join("bottle.sdf");
     fs::write(&source, sdf).unwrap();
@@ -157,7 +158,61 @@ fn an_sdf_with_a_gltf_mesh_stands_as_its_simulator_has_it() {
     assert!(findings(&said).contains("metres, as the format says: 90.0 mm"), "{}", findings(&said));
     let size = object.mesh.aabb().size;
     assert!((size - Vector3::new(0.05, 0.05, 0.09)).norm() < 3e-4, "{size}");
-    assert_eq!(object.parts.len(), 1, "the cylinder: {}", findings(&said));
+    assert_eq!(object.parts.len(), 2, "the cylinders: {}", findings(&said));
+    // Without the neck fingers would close through it.
+    let (from, to) = (sdf.find("<collision name=\"n\">").unwrap(), sdf.find("</link>").unwrap());
+    fs::write(&source, sdf.replace(&sdf[from..to], "")).unwrap();
+    let (said, _) = imported(&source, &folder.path().join("bottle2.toml"), &[]);
+    assert!(findings(&said).contains("mm from where the surface does"), "{}", findings(&said));
+}
+
+/// A cloud of points in millimetres, without faces, with normals if wanted.
+fn cloud(mesh: &TriangleMesh, with_normals: bool) -> String {
+    let mut rows = Vec::new();
+    for [a, b, c] in mesh.all_corners() {
+        let Some(normal) = (b - a).cross(&(c - a)).try_normalize(1e-9) else { continue };
+        let steps = ((b - a).norm().max((c - a).norm()).max((c - b).norm()) / 1.5).ceil() as u32;
+        for (i, j) in (0..steps).flat_map(|i| (0..steps - i).map(move |j| (i, j))) {
+            let fraction = |k: u32| (f64::from(k) + 1.0 / 3.0) / f64::from(steps);
+            let p = a + (b - a) * fraction(i) + (c - a) * fraction(j);
+            let normal = if with_normals { format!(" {} {} {}", normal.x, normal.y, normal.z) } else { String::new() };
+            rows.push(format!("{} {} {}{normal}", p.x, p.y, p.z));
+        }
+    }
+    let names = if with_normals { &["x", "y", "z", "nx", "ny", "nz"][..] } else { &["x", "y", "z"] };
+    let properties: String = names.iter().map(|it| format!("property float {it}\n")).collect();
+    let count = rows.len();
+    format!("ply\nformat ascii 1.0\nelement vertex {count}\n{properties}end_header\n{}\n", rows.join("\n"))
+}
+
+#[test]
+fn a_scan_without_faces_becomes_an_object() {
+    let folder = tempfile::tempdir().unwrap();
+    for with_normals in [true, false] {
+        let source = folder.path().join(format!("scan_{with_normals}.ply"));
+        fs::write(&source, cloud(&bottle(), with_normals)).unwrap();
+        let (said, object) = imported(&source, &folder.path().join(format!("{with_normals}.toml")), &["--mass", "0.1"]);
+        let findings = findings(&said);
+        assert!(findings.contains("a cloud of") && findings.contains("millimetres, guessed"), "{findings}");
+        assert_eq!(findings.contains("no normals"), !with_normals, "{findings}");
+        let volume = object.mesh.volume() / (bottle().volume() * 1e-9);
+        assert!((volume - 1.0).abs() < 0.03, "{volume}: {findings}");
+        // The bottom stands as far below the centre of mass as that of the true mesh does.
+        let low = object.mesh.vertices.iter().map(|it| it.z).fold(f64::INFINITY, f64::min);
+        let centre = bottle().mass_properties(1.0).com.z * 1e-3;
+        assert!((low + centre).abs() < 1e-3, "{low} {centre}");
+    }
+    let source = folder.path().join("few.ply");
+    fs::write(&source, "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n1 2 3\n").unwrap();
+    let out = folder.path().join("few.toml");
+    let output = catchingbot(&["object", "import", source.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+    assert!(stderr(&output).contains("1 points"), "{}", stderr(&output));
+}
+
+/// A cup in metres, its wall and bottom 4 mm thick.
+fn cup() -> TriangleMesh {
+    let profile = [[0.0, 0.0], [0.0, 0.035], [0.04, 0.035], [0.04, 0.031], [0.004, 0.031], [0.004, 0.0]];
+    TriangleMesh::revolution(&profile, 64)
 }
 
 /// A flat ring in metres.
@@ -174,11 +229,16 @@ fn ring() -> TriangleMesh {
 }
 
 #[test]
-fn the_opening_of_a_flat_ring_is_outside_of_the_model() {
+fn openings_and_thin_walls_are_outside_and_inside_of_the_model() {
+    check_model("ring", &ring());
+    check_model("cup", &cup());
+}
+
+fn check_model(name: &str, mesh: &TriangleMesh) {
     let folder = tempfile::tempdir().unwrap();
     let source = folder.path().join("scan.obj");
-    fs::write(&source, obj(&ring())).unwrap();
-    let out = folder.path().join("ring.toml");
+    fs::write(&source, obj(mesh)).unwrap();
+    let out = folder.path().join(format!("{name}.toml"));
     imported(&source, &out, &["--mass", "0.1"]);
     let checked = stdout(&catchingbot(&["check", out.to_str().unwrap()]));
     let number = |after: &str| -> f64 {

@@ -1,4 +1,4 @@
-//! Makes an object of this project from what people have: a mesh, or the link of a description in SDF, URDF or MJCF.
+//! Makes an object of this project from what people have: a mesh, a point cloud of a scan, or the link of a description in SDF, URDF or MJCF.
 //!
 //! The surface is repaired where that is safe, its unit is guessed where no file says it, and mass properties that no body of
 //! that shape can have are left out. Each of these is told.
@@ -6,6 +6,7 @@
 mod draft;
 mod gltf;
 mod mass;
+mod scan;
 mod source;
 
 use std::path::Path;
@@ -74,7 +75,7 @@ impl ImportedObject {
         if let Some(mass_kg) = options.mass_kg {
             quantity::THROWN_MASS_KG.check(COMMAND_LINE, "--mass", mass_kg)?;
         }
-        let mut source = Source::read(path, options.link.as_deref())?;
+        let mut source = Source::read(path, options.link.as_deref(), options.scale)?;
         let mut findings = std::mem::take(&mut source.findings);
         let (scale, unit) = scale_of(&source, options.scale);
         findings.push(unit);
@@ -133,12 +134,17 @@ fn scale_of(source: &Source, given: Option<f64>) -> (f64, String) {
     if source.in_metres {
         return (1.0, said("metres", 1.0, ", as the format says"));
     }
-    let within =
-        |[least, most]: [f64; 2]| UNITS.into_iter().find(|(_, scale)| (least..=most).contains(&(length * scale)));
-    match LENGTHS_M.into_iter().find_map(within) {
+    match unit_of(length) {
         Some((unit, scale)) => (scale, said(unit, scale, ", guessed from its size (`--scale` says otherwise)")),
         None => (1.0, said("metres", 1.0, ", as no unit makes it something to throw")),
     }
+}
+
+/// The unit with which something so long can be thrown, and metres per unit.
+fn unit_of(length: f64) -> Option<(&'static str, f64)> {
+    let within =
+        |[least, most]: [f64; 2]| UNITS.into_iter().find(|(_, scale)| (least..=most).contains(&(length * scale)));
+    LENGTHS_M.into_iter().find_map(within)
 }
 
 /// Volume of all convex hulls of point sets, in m³.

@@ -44,7 +44,7 @@ impl Stated {
         let Some(inertia) = inertia.filter(|it| believable(&it.mass)) else { return stated };
         let uniform = solid.mass_properties(stated.mass_kg);
         let moments = inertia.about_com * (stated.mass_kg / inertia.mass);
-        stated.about_com = stated.believed_inertia(moments, &uniform, solid);
+        stated.about_com = stated.believed_inertia(moments, has_one_digit(&inertia.about_com), &uniform, solid);
         stated.com = stated.believed_com(inertia.com, &uniform, solid);
         stated
     }
@@ -73,6 +73,7 @@ impl Stated {
     fn believed_inertia(
         &mut self,
         about_com: Matrix3<f64>,
+        has_one_digit: bool,
         uniform: &Inertia,
         solid: &TriangleMesh,
     ) -> Option<Matrix3<f64>> {
@@ -90,16 +91,18 @@ impl Stated {
         let is_like = ratios.iter().all(|it| (1.0 / INERTIA_FACTOR..INERTIA_FACTOR).contains(it));
         // A box of 1 × 1 × 1, whatever the shape: nobody measured that.
         let is_round = of_file[2] <= of_file[0] * 1.001 && of_shape[2] > of_shape[0] * 1.2;
-        if is_possible && is_like && !is_round {
+        if is_possible && is_like && !is_round && !has_one_digit {
             return Some(about_com);
         }
         let list = |it: [f64; 3]| it.map(|value| format!("{value:.1e}")).join(", ");
         let kind = if is_round {
             "equal about all axes"
-        } else if is_possible {
-            "not near the shape's"
-        } else {
+        } else if !is_possible {
             "no body's"
+        } else if is_like {
+            "rounded to one digit"
+        } else {
+            "not near the shape's"
         };
         self.findings.push(format!(
             "the stated moments of inertia, {} kg·m², are {kind}: those of uniform density, {} kg·m²",
@@ -108,4 +111,12 @@ impl Stated {
         ));
         None
     }
+}
+
+/// Whether all moments are written with one digit, which may be off by half of itself: the shape tells them better.
+fn has_one_digit(inertia: &Matrix3<f64>) -> bool {
+    inertia.diagonal().iter().all(|&moment| {
+        let rounded: f64 = format!("{moment:.0e}").parse().unwrap_or(f64::NAN);
+        (rounded - moment).abs() <= 1e-9 * moment.abs()
+    })
 }

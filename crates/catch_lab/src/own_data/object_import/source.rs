@@ -11,14 +11,18 @@ use catch_body::{
     mesh_file::triangles_from_bytes,
     robot::Inertia,
 };
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 
-use super::{gltf, hulls_m3};
-use crate::{assets::COMMAND_LINE, bounded_file::FileKind, own_data::mesh_paths::resolve};
+use super::{gltf, hulls_m3, scan, unit_of};
+use crate::{
+    assets::COMMAND_LINE,
+    bounded_file::FileKind,
+    own_data::{cloud_file, mesh_paths::resolve},
+};
 
 /// Endings of the files of which a folder may have one, the most telling first.
-const ENDINGS: [&[&str]; 8] =
-    [&["sdf"], &["urdf"], &["xml", "mjcf"], &["glb"], &["gltf"], &["obj"], &["ply"], &["stl", "dae"]];
+const ENDINGS: [&[&str]; 9] =
+    [&["sdf"], &["urdf"], &["xml", "mjcf"], &["glb"], &["gltf"], &["obj"], &["ply"], &["stl", "dae"], &["pcd", "xyz"]];
 /// Files of a folder that are looked at.
 const MOST_FILES: usize = 10_000;
 /// Shapes of a link at most.
@@ -29,8 +33,18 @@ const MOST_PARTS: usize = 64;
 const PARTS_FILL: [f64; 2] = [0.8, 1.35];
 /// They stick out of the box around it by no more than this fraction of its longest side.
 const STICKS_OUT: f64 = 0.05;
+/// In no direction do they end farther from where the object ends, in metres: fingers touch what collides.
+const ENDS_OFF_M: f64 = 0.001;
+/// Directions in which that is looked at.
+const DIRECTIONS: usize = 200;
 /// The most bytes of a mesh: some millions of triangles.
-const MESH: FileKind = FileKind { expected: "a mesh: .obj, .stl, .ply, .dae, .gltf or .glb", most_bytes: 256 << 20 };
+const MESH: FileKind = FileKind {
+    expected: "a mesh: .obj, .stl, .ply, .dae, .gltf or .glb, or a cloud: .ply, .pcd or .xyz",
+    most_bytes: 256 << 20,
+};
+
+/// The head of a PLY file is no longer.
+const MOST_HEADER_BYTES: usize = 100_000;
 
 /// What was found to import.
 #[derive(Debug, Clone, Default)]
@@ -54,18 +68,26 @@ pub(super) struct Source {
 }
 
 impl Source {
-    /// Reads a file, or the one of a folder that says most.
+    /// Reads a file, or the one of a folder that says most; `scale` is in metres per unit, if it is known.
     ///
     /// # Errors
     /// What is wrong with it.
-    pub fn read(path: &Path, link: Option<&str>) -> Result<Self, InputError> {
+    pub fn read(path: &Path, link: Option<&str>, scale: Option<f64>) -> Result<Self, InputError> {
         let path = if path.is_dir() { within(path)? } else { path.to_path_buf() };
         let named = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         if !["sdf", "urdf", "xml", "mjcf"].contains(&ending(&path).as_str()) {
+            let file = path.display().to_string();
+            let bytes = MESH.read(&path)?;
+            if is_cloud(&path, &bytes) {
+                let cloud = cloud_file::parse(&file, &bytes, false)?;
+                let scale = scale.unwrap_or_else(|| unit_of(scan::length(&cloud)).map_or(1.0, |(_, scale)| scale));
+                let (surface, findings) = scan::surface(&file, cloud, scale)?;
+                return Ok(Self { file, named, surface, findings, ..Self::default() });
+            }
+            drop(bytes);
             let (groups, in_metres) = groups(&path)?;
             let surface = merged(groups);
-            let findings = vec![format!("{}: {} triangles", path.display(), surface.triangles.len())];
-            let file = path.display().to_string();
+            let findings = vec![format!("{file}: {} triangles", surface.triangles.len())];
             return Ok(Self { file, named, surface, in_metres, findings, ..Self::default() });
         }
         let file = path.display().to_string();
@@ -123,7 +145,7 @@ impl Source {
     /// A sentence that says why they are not used; an empty list is no error.
     pub fn usable_parts(&self, solid: &TriangleMesh) -> Result<Vec<TriangleMesh>, String> {
         let bounds = solid.aabb();
-        let most = bounds.size / 2.0 + nalgebra::Vector3::repeat(STICKS_OUT * bounds.size.max());
+        let most = bounds.size / 2.0 + Vector3::repeat(STICKS_OUT * bounds.size.max());
         let is_within =
             |p: &Point3<f64>| (p - bounds.centre).abs().zip_fold(&most, true, |all, at, most| all && at <= most);
         let solids: Vec<TriangleMesh> = self
@@ -139,11 +161,36 @@ impl Source {
             return Err("the collision shapes are not where the surface is, so it is cut into convex parts anew".into());
         }
         let ratio = hulls_m3(&solids) / solid.volume();
-        if (PARTS_FILL[0]..=PARTS_FILL[1]).contains(&ratio) {
+        if !(PARTS_FILL[0]..=PARTS_FILL[1]).contains(&ratio) {
+            return Err(format!(
+                "the collision shapes fill {ratio:.2} times the object, so it is cut into convex parts anew"
+            ));
+        }
+        let off_m = ends_off_m(&solids, solid);
+        if off_m <= ENDS_OFF_M {
             return Ok(solids);
         }
-        Err(format!("the collision shapes fill {ratio:.2} times the object, so it is cut into convex parts anew"))
+        let off_mm = off_m * 1e3;
+        Err(format!(
+            "the collision shapes end {off_mm:.1} mm from where the surface does, so it is cut into convex parts anew"
+        ))
     }
+}
+
+/// How far from each other, at most in any direction, the parts and the solid end.
+fn ends_off_m(parts: &[TriangleMesh], solid: &TriangleMesh) -> f64 {
+    let end = |mesh: &TriangleMesh, direction: &Vector3<f64>| {
+        mesh.vertices.iter().map(|it| it.coords.dot(direction)).fold(f64::NEG_INFINITY, f64::max)
+    };
+    let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+    let off = (0..DIRECTIONS).map(|i| {
+        let z = 1.0 - 2.0 * (i as f64 + 0.5) / DIRECTIONS as f64;
+        let (sin, cos) = (golden * i as f64).sin_cos();
+        let direction = Vector3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + Vector3::z() * z;
+        let of_parts = parts.iter().map(|it| end(it, &direction)).fold(f64::NEG_INFINITY, f64::max);
+        (of_parts - end(solid, &direction)).abs()
+    });
+    off.fold(0.0, f64::max)
 }
 
 /// The file of a folder that says most.
@@ -194,6 +241,19 @@ fn chosen<'a>(description: &'a Description, named: Option<&str>) -> Result<(&'a 
             let found = format!("{} with shapes: {}", links.len(), names());
             Err(InputError::new(&description.file, "link", found, "one of them as `--link NAME`"))
         }
+    }
+}
+
+/// Whether a file has points without faces.
+fn is_cloud(path: &Path, bytes: &[u8]) -> bool {
+    match ending(path).as_str() {
+        "pcd" | "xyz" => true,
+        "ply" => {
+            let head = String::from_utf8_lossy(&bytes[..bytes.len().min(MOST_HEADER_BYTES)]);
+            let mut lines = head.lines().take_while(|it| it.trim() != "end_header");
+            !lines.any(|it| it.strip_prefix("element face ").is_some_and(|count| count.trim() != "0"))
+        }
+        _ => false,
     }
 }
 
