@@ -55,7 +55,7 @@ pub struct Findings {
     pub tables: Vec<Table>,
 }
 
-const EXPERIMENTS: [Experiment; 10] = [
+const EXPERIMENTS: &[Experiment] = &[
     Experiment {
         name: "perception",
         about: "errors of poses and predicted positions by depth noise, with labels and without",
@@ -144,7 +144,7 @@ struct Arguments {
 fn main() -> Result<()> {
     let Arguments { name, seed, trials, out } = Arguments::parse();
     if name == "list" {
-        for Experiment { name, about, trials, .. } in &EXPERIMENTS {
+        for Experiment { name, about, trials, .. } in EXPERIMENTS {
             println!("{name:14} {about} ({trials} trials per condition)");
         }
         return Ok(());
