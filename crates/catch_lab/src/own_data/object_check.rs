@@ -9,7 +9,7 @@ use catch_sim::ThrownObject;
 
 use crate::{
     assets::{Asset, Kind},
-    scenario::setup::{Choice, Setup},
+    scenario::setup::{Choice, DEFAULT_SCENARIO, Setup},
 };
 
 /// What was found.
@@ -44,7 +44,7 @@ pub(super) fn examine(asset: &Asset) -> Examined {
             models.len() - 1
         });
         let reference = &models[index].2;
-        if counts.is_empty() {
+        if scenario == DEFAULT_SCENARIO {
             examined.notes.extend(notes_of_model(&setup.object, reference));
         }
         let grasps = GraspSet::sample(reference, &setup.gripper, &config.grasp_selection);
