@@ -314,7 +314,7 @@ fn shifts_or_approaches(desk: &Desk) {
 #[test]
 fn random_catches_hold_when_recomputed() {
     let outcomes = many(&OBJECTS.map(|object| Desk::new(object, |_| {})), 600, 3);
-    assert!(outcomes.solved > 200 && outcomes.unsolved > 20, "{outcomes:?}");
+    assert!(outcomes.solved > 200 && outcomes.unsolved > 10, "{outcomes:?}");
     assert!(outcomes.faults.is_empty(), "{outcomes:?}");
     assert!(outcomes.replans > 100 && 100 * outcomes.touching <= outcomes.replans, "{outcomes:?}");
 }
