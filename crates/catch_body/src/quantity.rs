@@ -255,6 +255,16 @@ quantities! {
     quaternion QUATERNION = -1.001 to 1.001 "";
     /// Coordinates of a direction.
     coordinate COORDINATE = -1000.0 to 1000.0 "";
+    /// Variances and covariances of a pose.
+    pose_covariance POSE_COVARIANCE = -1.0 to 1.0 "rad², rad·m or m²";
+    /// Errors of a scale, as a fraction.
+    scale_error SCALE_ERROR = -0.5 to 0.5 "";
+    /// Times between two clocks.
+    time_offset_s TIME_OFFSET_S = -1.0 to 1.0 "s";
+    /// Standard deviations of such times.
+    time_sd_s TIME_SD_S = 0.0 to 1.0 "s";
+    /// Errors of an inverse depth.
+    inverse_depth_per_m INVERSE_DEPTH_PER_M = 0.0 to 10.0 "1/m";
     /// Masses of parts of a robot.
     part_mass_kg PART_MASS_KG = 0.000001 to 1000.0 "kg";
     /// Masses of what is thrown.

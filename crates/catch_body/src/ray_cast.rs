@@ -13,7 +13,7 @@ use obvhs::{
 
 use crate::mesh::TriangleMesh;
 
-pub use arm_surface::ArmSurface;
+pub use arm_surface::{ArmSurface, SurfacePart};
 
 /// How much the boxes of the hierarchy are widened, as a fraction of the mesh's radius. They are crossed in single precision,
 /// whose rounding errors stay far below this, so no triangle that the ray meets is ever passed over.

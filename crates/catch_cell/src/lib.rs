@@ -30,6 +30,7 @@ pub mod gripper;
 mod reference_scan;
 mod rejection;
 mod rig;
+mod rig_calibration;
 mod run;
 pub mod spline;
 
@@ -40,7 +41,8 @@ pub use executor::{Executor, ExecutorConfig, GripperQueue, LimitCheck};
 pub use gripper::{GraspState, GripperMove, GripperState};
 pub use reference_scan::reference_scan;
 pub use rejection::{LimitKind, LimitViolation, Rejection};
-pub use rig::rig_from_toml;
+pub use rig::{calibrated_rig_from_toml, rig_from_toml};
+pub use rig_calibration::{RigCalibration, rig_to_toml};
 pub use run::{Call, RunError, run};
 pub use spline::{BSpline, Setpoint};
 

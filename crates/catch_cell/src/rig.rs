@@ -4,7 +4,7 @@ use catch_body::{InputError, Pose, pose::look_at, quantity};
 use nalgebra::{Point3, Quaternion, Translation3, UnitQuaternion};
 use serde::Deserialize;
 
-use crate::CameraModel;
+use crate::{CameraModel, rig_calibration::RigCalibration};
 
 /// Pixels of all images of a rig together, at most.
 const MAX_PIXELS: u64 = 32_000_000;
@@ -77,6 +77,8 @@ struct CameraFields {
     /// Principal point; the middle of the image if left out.
     #[serde(default, deserialize_with = "quantity::image_coordinate_px")]
     principal_px: Option<[f64; 2]>,
+    /// How well this is known, where it was calibrated.
+    calibration: Option<RigCalibration>,
 }
 
 /// Reads the cameras of a rig file; `file` names it in errors.
@@ -87,6 +89,17 @@ struct CameraFields {
 /// # Errors
 /// The first field that is missing, misspelt or out of range, or that there is no camera at all.
 pub fn rig_from_toml(file: &str, text: &str) -> Result<Vec<CameraModel>, InputError> {
+    calibrated_rig_from_toml(file, text).map(|cameras| cameras.into_iter().map(|(camera, _)| camera).collect())
+}
+
+/// The same, with how well each camera is known where it was calibrated.
+///
+/// # Errors
+/// As [`rig_from_toml`].
+pub fn calibrated_rig_from_toml(
+    file: &str,
+    text: &str,
+) -> Result<Vec<(CameraModel, Option<RigCalibration>)>, InputError> {
     let rig: RigFile = InputError::parse_toml(file, text)?;
     let of_sphere =
         rig.uv_sphere.as_ref().map_or(0, |it| it.azimuths_deg.len().saturating_mul(it.elevations_deg.len()));
@@ -95,11 +108,17 @@ pub fn rig_from_toml(file: &str, text: &str) -> Result<Vec<CameraModel>, InputEr
         let expected = format!("1 to {MAX_CAMERAS} cameras: a table [uv_sphere] or [[cameras]]");
         return Err(InputError::new(file, "uv_sphere", format!("{count} cameras"), expected));
     }
-    let mut cameras = rig.uv_sphere.as_ref().map(uv_sphere).unwrap_or_default();
-    for (i, camera) in rig.cameras.iter().enumerate() {
-        cameras.push(single_camera(file, &format!("cameras[{i}]"), camera)?);
+    let of_sphere = rig.uv_sphere.as_ref().map(uv_sphere).unwrap_or_default();
+    let mut cameras: Vec<_> = of_sphere.into_iter().map(|camera| (camera, None)).collect();
+    for (i, camera) in rig.cameras.into_iter().enumerate() {
+        let table = format!("cameras[{i}]");
+        let model = single_camera(file, &table, &camera)?;
+        if let Some(calibration) = &camera.calibration {
+            calibration.check(file, &format!("{table}.calibration"))?;
+        }
+        cameras.push((model, camera.calibration));
     }
-    let pixels: u64 = cameras.iter().map(|it| u64::from(it.width_px) * u64::from(it.height_px)).sum();
+    let pixels: u64 = cameras.iter().map(|(it, _)| u64::from(it.width_px) * u64::from(it.height_px)).sum();
     if pixels > MAX_PIXELS {
         let expected = format!("at most {} megapixels in all images together", MAX_PIXELS / 1_000_000);
         return Err(InputError::new(file, "width_px × height_px", format!("{pixels} pixels"), expected));

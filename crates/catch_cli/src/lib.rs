@@ -12,6 +12,7 @@
 //!
 //! Exit code 0: it ran, whatever was caught; 2: something is wrong with what was asked for; 1: anything else.
 
+mod calibrate;
 mod catch;
 mod check;
 mod completions;
@@ -95,6 +96,8 @@ enum Command {
     Predict(predict::PredictArguments),
     /// What recorded throws teach about an object's flights, for `predict`
     Learn(learn::LearnArguments),
+    /// Where the cameras stand, from what they see of the arm
+    Calibrate(Box<calibrate::CalibrateArguments>),
     /// The best waiting pose for a distribution of throws
     Ready(ready::ReadyArguments),
     /// Things to throw that others described
@@ -285,6 +288,7 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         Some(Command::Predict(predict)) => predict::run(&predict),
         Some(Command::Learn(learn)) => learn::run(&learn),
         Some(Command::Register(register)) => register::run(&register),
+        Some(Command::Calibrate(calibrate)) => calibrate::run(&calibrate),
         Some(Command::Ready(ready)) => ready::run(&ready),
         Some(Command::Object(object)) => object::run(&object),
         Some(Command::Robot(robot)) => robot::run(&robot),

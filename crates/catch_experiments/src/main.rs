@@ -5,6 +5,7 @@
 
 mod arms;
 mod as_published;
+mod calibration;
 mod catch_rates;
 mod figures;
 mod flights;
@@ -85,6 +86,12 @@ const EXPERIMENTS: &[Experiment] = &[
         about: "in how many images rigs of a few near cameras see the object",
         trials: 100,
         run: near_rigs::run,
+    },
+    Experiment {
+        name: "calibration",
+        about: "how well near cameras are calibrated on the arm, from 50 mm and 5° off",
+        trials: 20,
+        run: calibration::run,
     },
     Experiment {
         name: "reachability",

@@ -50,6 +50,7 @@
 //! | [`study`] | evaluations of many variants of a scenario |
 //! | [`suite`] | frozen benchmarks |
 //! | [`play`] | many throws in one life |
+//! | [`calibration`] | where cameras stand, from what they see of the arm |
 //! | [`pages`] | throws, evaluations and studies in the browser |
 //! | `export` | the same for other tools; each format is a feature: `mcap`, `gif`, `plots` (and `parquet` for the rows of evaluations) |
 //! | [`own_data`] | users' files: templates, checks, clouds, tracks, catches to plan |
@@ -67,6 +68,7 @@ mod pages_for_people {
 
 pub mod assets;
 pub mod bounded_file;
+pub mod calibration;
 pub mod evaluation;
 pub mod export;
 

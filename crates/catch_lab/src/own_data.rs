@@ -12,5 +12,6 @@ mod object_check;
 pub mod object_import;
 pub mod planner_cases;
 pub mod robot_import;
+pub mod ros_calibration;
 pub mod templates;
 pub mod track_file;

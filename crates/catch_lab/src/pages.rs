@@ -1,5 +1,6 @@
 //! Pages for the browser: each is one file without any reference to another, so it opens from a disk without a network.
 
+pub mod calibration_page;
 pub mod catch_page;
 pub mod packed;
 pub mod report_page;

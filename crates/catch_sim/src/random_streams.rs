@@ -44,6 +44,8 @@ pub enum Stream {
     Object = 25,
     /// Aerodynamic coefficients.
     Aerodynamics = 26,
+    /// How far the cameras' poses are from what is believed before they are calibrated.
+    Calibration = 27,
 }
 
 /// Uniform numbers.

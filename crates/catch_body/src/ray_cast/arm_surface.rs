@@ -13,6 +13,17 @@ use crate::{
 /// Flat strips around a capsule: at 48 a link of 80 mm radius is 0.17 mm short between the edges.
 const SEGMENTS: u32 = 48;
 
+/// What a part of an [`ArmSurface`] belongs to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SurfacePart {
+    /// The link of this number, 0 being the base.
+    Link(usize),
+    /// The gripper: its housing, or a finger.
+    Gripper,
+    /// What stands around the arm.
+    Obstacle,
+}
+
 /// The arm's links, the gripper's housing and fingers, and the obstacles, each prepared once in its own frame, so that moving the arm only
 /// changes poses.
 #[derive(Debug, Clone)]
@@ -53,14 +64,19 @@ impl ArmSurface {
 
     /// Every part with its pose X_WB in W, the gripper at an opening of `width_m`.
     pub fn parts(&self, X_WL: &LinkPoses, width_m: f64) -> impl Iterator<Item = (Pose, &RayCaster)> {
+        self.named_parts(X_WL, width_m).map(|(_, X_WB, caster)| (X_WB, caster))
+    }
+
+    /// The same, with what each part belongs to.
+    pub fn named_parts(&self, X_WL: &LinkPoses, width_m: f64) -> impl Iterator<Item = (SurfacePart, Pose, &RayCaster)> {
         let X_WG = X_WL[MAX_JOINTS] * self.X_LG;
         let fingers = self.gripper.fingers(width_m).map(|finger| {
             let X_GF = Pose::translation(finger.centre.x, finger.centre.y, finger.centre.z);
-            (X_WG * X_GF, &self.finger)
+            (SurfacePart::Gripper, X_WG * X_GF, &self.finger)
         });
         let links: [Pose; MAX_JOINTS + 1] = *X_WL;
-        let links = self.links.iter().map(move |(link, caster)| (links[*link], caster));
-        let obstacles = self.obstacles.iter().map(|caster| (Pose::identity(), caster));
-        links.chain(std::iter::once((X_WG, &self.housing))).chain(fingers).chain(obstacles)
+        let links = self.links.iter().map(move |(link, caster)| (SurfacePart::Link(*link), links[*link], caster));
+        let obstacles = self.obstacles.iter().map(|caster| (SurfacePart::Obstacle, Pose::identity(), caster));
+        links.chain(std::iter::once((SurfacePart::Gripper, X_WG, &self.housing))).chain(fingers).chain(obstacles)
     }
 }

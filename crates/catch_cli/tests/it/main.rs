@@ -1,6 +1,7 @@
 //! Tests of the program: wrong input, reproducibility, evaluations, and what it writes.
 
 mod browser;
+mod calibrate;
 mod determinism;
 #[cfg(unix)]
 mod documented;

@@ -3,6 +3,7 @@
 mod aerodynamic_flight;
 mod all_cells;
 mod blanked;
+mod calibration;
 mod circles;
 mod frames;
 mod mutations;

@@ -121,6 +121,7 @@ pub const FILES: &[Section] = &[
     of("Rig", "catch_cell/src/rig.rs", "RigFile"),
     of("Rig: uv_sphere", "catch_cell/src/rig.rs", "UvSphereFields"),
     of("Rig: cameras", "catch_cell/src/rig.rs", "CameraFields"),
+    of("Rig: cameras.calibration", "catch_cell/src/rig_calibration.rs", "RigCalibration"),
     of("Workcell", "catch_body/src/workcell.rs", "WorkcellFields"),
     of("Workcell: boxes", "catch_body/src/workcell.rs", "BoxFields"),
     of("Workcell: capsules", "catch_body/src/workcell.rs", "CapsuleFields"),

@@ -1,0 +1,90 @@
+//! Inverse depths of the arm's surface, compared along the ray of each pixel.
+//!
+//! A surface that moves by u meets the ray of direction d = (x, y, 1) at another depth: δz = n·u/(n·d), with its normal n at the point
+//! z·d; so δ(1/z) = −n·u/(z²·n·d). Pixels are chosen by the prediction and never by what they show: those that face the camera and are
+//! not beside a depth edge, where cameras show what is not there.
+
+use catch_body::ray_cast::SurfacePart;
+
+use super::{
+    AveragedImage, Config,
+    measurement::{Measurement, Quantity},
+    rendering::{Hit, Rendering, ray},
+};
+use catch_cell::CameraModel;
+
+/// Neighbours whose 1/z differ by so many standard deviations are at a depth edge.
+const JUMP_SD: f64 = 3.0;
+
+/// The depths of an image that can be compared; without an image, those that could be.
+pub fn measure(
+    found: &mut Vec<Measurement>,
+    rendering: &Rendering<'_>,
+    camera: &CameraModel,
+    image: Option<&AveragedImage>,
+    config: &Config,
+) {
+    let least_cosine = config.max_incidence_rad.cos();
+    let beside_edge = beside_edges(rendering, JUMP_SD * config.inverse_depth_sd_per_m, config.edge_px);
+    let window = rendering.window;
+    let wide = window.width as usize;
+    for (i, hit) in rendering.hits.iter().enumerate() {
+        let is_usable = |it: &&Hit| it.cosine > least_cosine && it.part != SurfacePart::Obstacle;
+        let Some(hit) = hit.as_ref().filter(is_usable).filter(|_| !beside_edge[i]) else { continue };
+        let (column, row) = (window.left as usize + i % wide, window.top as usize + i / wide);
+        let ray_C = ray(camera, column as f64 + 0.5, row as f64 + 0.5);
+        let facing = hit.normal_C.dot(&ray_C);
+        let (shows, weight) = match image {
+            None => (hit.inverse_m, 1.0),
+            Some(image) => {
+                let pixel = row * image.width_px + column;
+                if image.shown[pixel] == 0 {
+                    continue;
+                }
+                (f64::from(image.inverse_m[pixel]), f64::from(image.shown[pixel]))
+            }
+        };
+        found.push(Measurement {
+            quantity: Quantity::InverseDepth,
+            found: shows,
+            predicted: hit.inverse_m,
+            gradient_C: -hit.normal_C * (hit.inverse_m * hit.inverse_m / facing),
+            p_C: ray_C / hit.inverse_m,
+            normal_C: hit.normal_C,
+            part: hit.part,
+            weight,
+            place: [row as i32, column as i32],
+        });
+    }
+}
+
+/// Which pixels of a rendering lie within `reach` rows and columns of a depth edge.
+fn beside_edges(rendering: &Rendering<'_>, jump_per_m: f64, reach: usize) -> Vec<bool> {
+    let (wide, high) = (rendering.window.width as usize, rendering.window.height as usize);
+    let inverse_m = |i: usize| rendering.hits[i].map_or(0.0, |it| it.inverse_m);
+    let mut edge = vec![false; wide * high];
+    for row in 0..high {
+        for column in 0..wide {
+            let i = row * wide + column;
+            for (exists, next) in [(column + 1 < wide, i + 1), (row + 1 < high, i + wide)] {
+                if exists && (inverse_m(i) - inverse_m(next)).abs() > jump_per_m {
+                    (edge[i], edge[next]) = (true, true);
+                }
+            }
+        }
+    }
+    // Along rows, then along columns.
+    let mut along = vec![false; wide * high];
+    for (i, _) in edge.iter().enumerate().filter(|(_, is_edge)| **is_edge) {
+        let (row, column) = (i / wide, i % wide);
+        along[row * wide + column.saturating_sub(reach)..=row * wide + (column + reach).min(wide - 1)].fill(true);
+    }
+    let mut around = vec![false; wide * high];
+    for (i, _) in along.iter().enumerate().filter(|(_, is_edge)| **is_edge) {
+        let (row, column) = (i / wide, i % wide);
+        for near in row.saturating_sub(reach)..=(row + reach).min(high - 1) {
+            around[near * wide + column] = true;
+        }
+    }
+    around
+}

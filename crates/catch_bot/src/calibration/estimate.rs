@@ -1,0 +1,105 @@
+//! The calibration as a whole.
+
+use catch_body::{Gripper, Robot, ray_cast::ArmSurface};
+use catch_cell::CameraModel;
+use nalgebra::Matrix6;
+
+use super::{
+    Calibration, CalibrationStatus, CameraCalibration, Config, Session,
+    averaged_image::{StillImage, averaged},
+    coarse::{self, PosedPoints},
+    fine::{Estimate, Observed, Problem},
+    parameters::{CameraState, FIRST_NUISANCE, OF_CAMERA, TIME_OFFSET},
+};
+
+/// Images of one camera, at least.
+const LEAST_IMAGES: usize = 3;
+/// A last step above this, in metres or radians, is no end.
+const LARGE_STEP: f64 = 3e-4;
+/// Residuals of depths over the data sheet's standard deviation beyond which the model is not what the images show.
+const MOST_DEPTH_SD: f64 = 2.0;
+/// The same of the number of pixels on a line across a silhouette.
+const MOST_SHOWN_SD_PX: f64 = 3.0;
+/// And of the fraction of outliers.
+const MOST_OUTLIERS: f64 = 0.3;
+/// Standard deviations above these, in metres and radians, say that a camera may be anywhere.
+const MOST_SD_M: f64 = 0.02;
+const MOST_SD_RAD: f64 = 0.02;
+
+/// Where the cameras stand, which are believed to be near `guesses`, from what they saw of the arm in a session.
+pub fn calibrate(
+    config: &Config,
+    robot: &Robot,
+    gripper: &Gripper,
+    guesses: &[CameraModel],
+    session: &Session,
+) -> Calibration {
+    let surface = ArmSurface::new(robot, gripper);
+    let observed = |(i, camera): (usize, &'_ CameraModel)| {
+        let images = averaged(i, camera, session);
+        let still: Vec<_> = images.iter().filter(|it| it.is_still).cloned().collect();
+        (images, StillImage::of(&still, config.inverse_depth_sd_per_m))
+    };
+    let mut cameras = Vec::new();
+    for (i, camera) in guesses.iter().enumerate() {
+        let (images, still) = observed((i, camera));
+        cameras.push(Observed { camera, images, still });
+    }
+    let coarse = |(i, it): (usize, &Observed<'_>)| {
+        let still_images = it.images.iter().filter(|image| image.is_still);
+        let points = still_images.filter_map(|image| {
+            let arm = image.arm(&session.arm, 0.0)?;
+            let X_WL = robot.link_poses(&arm.q);
+            Some(PosedPoints::new((robot, gripper), (&X_WL, arm.width_m), it.camera, (image, &it.still)))
+        });
+        let points: Vec<PosedPoints> = points.collect();
+        let X_WC = coarse::align(&points, &it.camera.X_WC, config.seed.wrapping_add(i as u64), config);
+        CameraState { X_WC, nuisance: [0.0; OF_CAMERA - FIRST_NUISANCE] }
+    };
+    let coarse = cameras.iter().enumerate().map(coarse).collect();
+    let problem = Problem { robot, surface: &surface, arm: &session.arm, cameras, config };
+    let estimate = problem.solve(coarse);
+    let of_camera = |i: usize| of_camera(i, &problem.cameras[i], &estimate, config);
+    Calibration {
+        cameras: (0..guesses.len()).map(of_camera).collect(),
+        joint_zero_rad: estimate.shared.joint_zero_rad().iter().take(robot.dof()).copied().collect(),
+        link_offset_m: (0..=robot.dof()).map(|link| estimate.shared.link_offset_m(link)).collect(),
+    }
+}
+
+fn of_camera(i: usize, observed: &Observed<'_>, estimate: &Estimate, config: &Config) -> CameraCalibration {
+    let (state, residuals) = (&estimate.cameras[i], estimate.residuals[i]);
+    let from = OF_CAMERA * i;
+    let whole = estimate.covariance.as_ref();
+    let inflated = |row: usize, column: usize| {
+        whole.map_or(f64::INFINITY, |it| it[(from + row, from + column)] * config.inflation * config.inflation)
+    };
+    let covariance = Matrix6::from_fn(inflated);
+    let time_sd_s = inflated(TIME_OFFSET, TIME_OFFSET).sqrt() * config.time_offset_sd_s;
+    let moves = observed.images.iter().any(|it| !it.is_still);
+    let sd = |first: usize| covariance.fixed_view::<3, 3>(first, first).trace().sqrt();
+    let shows_the_arm = observed.images.iter().filter(|it| it.is_still).count() >= LEAST_IMAGES && residuals.depths > 0;
+    let fits = residuals.inverse_depth_sd_per_m < MOST_DEPTH_SD * config.inverse_depth_sd_per_m
+        && residuals.silhouette_sd_px < MOST_SHOWN_SD_PX
+        && residuals.outlier_fraction < MOST_OUTLIERS;
+    let status = if !shows_the_arm {
+        CalibrationStatus::TooFewImages
+    } else if !fits {
+        CalibrationStatus::PoorFit
+    } else if !(sd(0) < MOST_SD_RAD && sd(3) < MOST_SD_M) {
+        CalibrationStatus::Uncertain
+    } else if !(estimate.last_step[i] < LARGE_STEP) {
+        CalibrationStatus::NotConverged
+    } else {
+        CalibrationStatus::Converged
+    };
+    CameraCalibration {
+        status,
+        X_WC: state.X_WC,
+        covariance,
+        depth_scale: state.nuisance[0] * config.scale_sd,
+        time_offset_s: state.time_offset_s(config),
+        time_offset_sd_s: moves.then_some(time_sd_s),
+        residuals,
+    }
+}

@@ -1,0 +1,273 @@
+//! Fine alignment: robust Gauss–Newton on inverse depths and silhouettes of all cameras together.
+
+use catch_body::{Robot, ray_cast::ArmSurface};
+use catch_cell::CameraModel;
+use nalgebra::{DMatrix, DVector, Vector3};
+
+use super::{
+    ArmSample, AveragedImage, Config, Residuals,
+    averaged_image::StillImage,
+    coarse::moved,
+    correlation::Correlation,
+    depths,
+    measurement::Measurement,
+    normal_equations::ImageEquations,
+    parameters::{CameraState, FIRST_NUISANCE, OF_CAMERA, PosedArm, Shared},
+    rendering::Rendering,
+    silhouettes,
+};
+
+/// Residuals beyond so many standard deviations count less and less (Huber), and beyond so many more not at all.
+const HUBER_SD: f64 = 2.5;
+const OUTLIER_SD: f64 = 6.0;
+/// Standard deviation of the number of pixels on a line of which nothing is known yet.
+const FIRST_SHOWN_SD_PX: f64 = 4.0;
+/// Over that of the data sheet, the same of depths.
+const FIRST_DEPTH_SD: f64 = 4.0;
+/// Standard deviations over the data sheet's, and in pixels, that no images have less than.
+const LEAST_DEPTH_SD: f64 = 0.2;
+const LEAST_SHOWN_SD_PX: f64 = 0.3;
+/// Steps, at most; of the first ones each takes some of the images and looks farther for silhouettes.
+const STEPS: usize = 9;
+const FIRST_STEPS: usize = 3;
+const REWEIGHTED_STEPS: usize = 6;
+const OF_FIRST_IMAGES: usize = 3;
+const FIRST_SILHOUETTE_PX: usize = 12;
+/// Steps smaller than this, in metres and radians, end it.
+const SMALL: f64 = 2e-5;
+/// Correlations are taken from one in so many images.
+const CORRELATED_IMAGES: usize = 4;
+
+/// What is known of one camera beforehand, and its images.
+pub struct Observed<'a> {
+    /// Its intrinsics.
+    pub camera: &'a CameraModel,
+    pub images: Vec<AveragedImage>,
+    pub still: StillImage,
+}
+
+/// All that is compared.
+pub struct Problem<'a> {
+    pub robot: &'a Robot,
+    pub surface: &'a ArmSurface,
+    pub arm: &'a [ArmSample],
+    pub cameras: Vec<Observed<'a>>,
+    pub config: &'a Config,
+}
+
+/// What was found.
+pub struct Estimate {
+    pub cameras: Vec<CameraState>,
+    pub shared: Shared,
+    /// Covariance of all parameters: camera by camera, then those in common. None where the equations have no solution.
+    pub covariance: Option<DMatrix<f64>>,
+    pub residuals: Vec<Residuals>,
+    /// The last step of each camera, in metres or radians, the larger.
+    pub last_step: Vec<f64>,
+}
+
+/// Robust spread of the residuals of one camera, and how many of them say no more than one.
+#[derive(Debug, Clone, Copy)]
+struct Spread {
+    depth_per_m: f64,
+    shown_px: f64,
+    depth_correlation: f64,
+    shown_correlation: f64,
+}
+
+/// What one step does beside stepping.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Pass {
+    /// Some images, silhouettes far around.
+    First,
+    /// All images.
+    All,
+    /// All images; neighbours' correlation is looked at.
+    Correlating,
+}
+
+struct State<'a> {
+    problem: &'a Problem<'a>,
+    cameras: Vec<CameraState>,
+    shared: Shared,
+    spreads: Vec<Spread>,
+    /// What the pixels of each image have in common, in standard deviations.
+    offsets: Vec<Vec<f64>>,
+    residuals: Vec<Residuals>,
+    last_step: Vec<f64>,
+}
+
+impl Problem<'_> {
+    /// The estimate that is found from a coarse one.
+    pub fn solve(&self, coarse: Vec<CameraState>) -> Estimate {
+        let spread = Spread {
+            depth_per_m: FIRST_DEPTH_SD * self.config.inverse_depth_sd_per_m,
+            shown_px: FIRST_SHOWN_SD_PX,
+            depth_correlation: 1.0,
+            shown_correlation: 1.0,
+        };
+        let mut state = State {
+            problem: self,
+            shared: Shared::new(self.robot, self.config),
+            spreads: vec![spread; coarse.len()],
+            offsets: self.cameras.iter().map(|it| vec![0.0; it.images.len()]).collect(),
+            residuals: vec![Residuals::default(); coarse.len()],
+            last_step: vec![f64::INFINITY; coarse.len()],
+            cameras: coarse,
+        };
+        for step in 0..STEPS {
+            state.step(if step < FIRST_STEPS { Pass::First } else { Pass::All });
+            if step > FIRST_STEPS && state.last_step.iter().all(|it| *it < SMALL) {
+                break;
+            }
+        }
+        // What neighbours have in common changes the weights, and so the optimum.
+        state.step(Pass::Correlating);
+        let mut covariance = None;
+        for _ in 0..REWEIGHTED_STEPS {
+            covariance = state.step(Pass::All);
+            if state.last_step.iter().all(|it| *it < SMALL) {
+                break;
+            }
+        }
+        let State { cameras, shared, residuals, last_step, .. } = state;
+        Estimate { cameras, shared, covariance, residuals, last_step }
+    }
+}
+
+/// Standard deviation of what the pixels of an image have in common, in 1/m.
+fn offset_sd(config: &Config, image: &AveragedImage) -> f64 {
+    config.inverse_depth_sd_per_m * (config.common_fraction / image.count as f64).sqrt()
+}
+
+impl State<'_> {
+    /// One step of Gauss–Newton; the covariance before it, if the equations have a solution.
+    fn step(&mut self, pass: Pass) -> Option<DMatrix<f64>> {
+        let shared_from = OF_CAMERA * self.cameras.len();
+        let size = shared_from + self.shared.values.len();
+        let (mut information, mut pull) = (DMatrix::zeros(size, size), DVector::zeros(size));
+        let mut of_images = Vec::new();
+        for camera in 0..self.cameras.len() {
+            let place =
+                move |i: usize| if i < OF_CAMERA { OF_CAMERA * camera + i } else { shared_from + i - OF_CAMERA };
+            for (image, equations) in self.linearized(camera, pass) {
+                equations.eliminate_into(&mut information, &mut pull, place);
+                of_images.push((camera, image, equations));
+            }
+        }
+        // The priors.
+        for (camera, state) in self.cameras.iter().enumerate() {
+            for i in 0..OF_CAMERA {
+                let at = OF_CAMERA * camera + i;
+                let is_pose = i < FIRST_NUISANCE;
+                information[(at, at)] += if is_pose { 1e-6 } else { 1.0 };
+                pull[at] -= if is_pose { 0.0 } else { state.nuisance[i - FIRST_NUISANCE] };
+            }
+        }
+        for (i, value) in self.shared.values.iter().enumerate() {
+            information[(shared_from + i, shared_from + i)] += 1.0;
+            pull[shared_from + i] -= value;
+        }
+        let factor = information.cholesky()?;
+        let change = factor.solve(&pull);
+        for (camera, state) in self.cameras.iter_mut().enumerate() {
+            let by = change.rows(OF_CAMERA * camera, OF_CAMERA);
+            let [turn, p] = [0, 3].map(|first| Vector3::new(by[first], by[first + 1], by[first + 2]));
+            state.X_WC *= moved(&p, &turn);
+            self.last_step[camera] = turn.norm().max(p.norm());
+            state.nuisance.iter_mut().enumerate().for_each(|(i, value)| *value += by[FIRST_NUISANCE + i]);
+        }
+        self.shared.values.iter_mut().enumerate().for_each(|(i, value)| *value += change[shared_from + i]);
+        for (camera, image, equations) in of_images {
+            let of = |i: usize| if i < OF_CAMERA { OF_CAMERA * camera + i } else { shared_from + i - OF_CAMERA };
+            self.offsets[camera][image] += equations.last(|i| change[of(i)]);
+        }
+        Some(factor.inverse())
+    }
+
+    /// The equations of each image of a camera; its spread and residuals become those of these images.
+    fn linearized(&mut self, camera: usize, pass: Pass) -> Vec<(usize, ImageEquations)> {
+        let Problem { robot, surface, arm, config, cameras } = self.problem;
+        let Observed { camera: intrinsics, images, still } = &cameras[camera];
+        let (state, spread) = (self.cameras[camera], self.spreads[camera]);
+        let model = CameraModel { X_WC: state.X_WC, ..(*intrinsics).clone() };
+        let wide = Config { silhouette_px: FIRST_SILHOUETTE_PX, ..(*config).clone() };
+        let seen = if pass == Pass::First { &wide } else { *config };
+        let time_offset_s = state.time_offset_s(config);
+        let size = OF_CAMERA + self.shared.values.len() + 1;
+        let (mut depths_sd, mut shown_sd): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
+        let mut correlation = Correlation::default();
+        let (mut found, mut outliers, mut row) = (Vec::new(), 0, vec![0.0; size]);
+        let mut all = Vec::new();
+        for (i, image) in images.iter().enumerate() {
+            let Some(sample) = image.arm(arm, time_offset_s) else { continue };
+            if pass == Pass::First && i % OF_FIRST_IMAGES != 0 {
+                continue;
+            }
+            let posed = PosedArm::new(robot, &sample, &self.shared);
+            let rendering = Rendering::new(&model, surface, &posed.X_WL, posed.width_m);
+            found.clear();
+            depths::measure(&mut found, &rendering, &model, Some(image), seen);
+            silhouettes::measure(&mut found, &rendering, &model, Some((image, still)), seen);
+            let offset_sd = offset_sd(config, image);
+            let offset = self.offsets[camera][i];
+            let mut equations = ImageEquations::new(size, offset);
+            let mut residuals: Vec<(Measurement, f64)> = Vec::new();
+            for it in &found {
+                let in_common = if it.is_depth() { offset * offset_sd } else { 0.0 };
+                let residual = it.residual() - posed.correction(it, &state, &self.shared, config) - in_common;
+                let (sd, correlated, sds) = if it.is_depth() {
+                    (spread.depth_per_m, spread.depth_correlation, &mut depths_sd)
+                } else {
+                    (spread.shown_px, spread.shown_correlation, &mut shown_sd)
+                };
+                let size = residual.abs() * it.weight.sqrt();
+                sds.push(size);
+                if size > OUTLIER_SD * sd {
+                    outliers += 1;
+                    continue;
+                }
+                let robust = (HUBER_SD * sd / size).min(1.0);
+                posed.row(&mut row, it, &state, &self.shared, offset_sd, config);
+                equations.add(&row, residual, it.weight * robust / (sd * sd * correlated));
+                if pass == Pass::Correlating && i % CORRELATED_IMAGES == 0 {
+                    residuals.push((*it, residual));
+                }
+            }
+            correlation.add(&residuals);
+            all.push((i, equations));
+        }
+        let is_some = depths_sd.len() + shown_sd.len() > 0;
+        self.residuals[camera] = Residuals {
+            images: images.len(),
+            depths: depths_sd.len(),
+            inverse_depth_sd_per_m: robust_sd(&mut depths_sd),
+            silhouettes: shown_sd.len(),
+            silhouette_sd_px: robust_sd(&mut shown_sd),
+            outlier_fraction: f64::from(outliers) / (depths_sd.len() + shown_sd.len()).max(1) as f64,
+            depth_correlation: spread.depth_correlation,
+            silhouette_correlation: spread.shown_correlation,
+        };
+        if is_some {
+            let Residuals { inverse_depth_sd_per_m, silhouette_sd_px, .. } = self.residuals[camera];
+            let is_last = pass == Pass::Correlating;
+            self.spreads[camera] = Spread {
+                depth_per_m: inverse_depth_sd_per_m.max(LEAST_DEPTH_SD * config.inverse_depth_sd_per_m),
+                shown_px: silhouette_sd_px.max(LEAST_SHOWN_SD_PX),
+                depth_correlation: if is_last { correlation.of_depths() } else { spread.depth_correlation },
+                shown_correlation: if is_last { correlation.of_silhouettes() } else { spread.shown_correlation },
+            };
+        }
+        all
+    }
+}
+
+/// Standard deviation by the median of the sizes, which is 0.6745 of it for normal ones.
+fn robust_sd(sizes: &mut [f64]) -> f64 {
+    if sizes.is_empty() {
+        return 0.0;
+    }
+    let middle = sizes.len() / 2;
+    let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
+    *median / 0.6745
+}

@@ -1,0 +1,190 @@
+//! Extrinsic calibration: where the cameras stand, from what they see of the arm.
+//!
+//! The arm is the target. It stands still in poses that are chosen for information ([`pose_choice`]) and moves between them
+//! ([`CalibrationRun`]). Each image is compared with a rendering of the arm's known surface: inverse depths along the rays of pixels,
+//! and the number of pixels shown across each silhouette. All cameras are estimated together with what they have in common: joint zeros,
+//! sizes of the links and the mount of the gripper, as far as these are uncertain. Coarse alignment with several starts comes first
+//! ([`calibrate`]).
+//!
+//! Inputs are values; nothing here knows where the cameras truly are.
+
+mod arm_motion;
+mod averaged_image;
+mod coarse;
+mod correlation;
+mod depths;
+mod estimate;
+mod fine;
+#[cfg(test)]
+mod jacobians;
+mod measurement;
+mod normal_equations;
+pub mod overlay;
+mod parameters;
+pub mod pose_choice;
+mod rendering;
+mod session;
+mod silhouettes;
+
+use std::f64::consts::FRAC_PI_2;
+
+use catch_body::Pose;
+use nalgebra::Matrix6;
+
+pub use arm_motion::{ArmSample, arm_at, arm_at_rest};
+use averaged_image::AveragedImage;
+pub use estimate::calibrate;
+pub use session::{CalibrationRun, Session};
+
+/// Joints slower than this, in rad/s, stand still.
+const SLOW_RADPS: f64 = 0.02;
+
+/// Settings of a calibration.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Config {
+    /// Poses of the arm, at most.
+    pub poses: usize,
+    /// Images of each camera in each pose.
+    pub images_per_pose: usize,
+    /// How long the arm settles in each pose before them, in seconds.
+    pub settling_s: f64,
+    /// From an observation to the command that answers it, in seconds.
+    pub expected_latency_s: f64,
+    /// Standard deviation of 1/z of a pixel in 1/m, of which the camera's data sheet tells.
+    pub inverse_depth_sd_per_m: f64,
+    /// Fraction of its variance that all pixels of an image have in common.
+    pub common_fraction: f64,
+    /// Standard deviation of the scale of a camera's depths.
+    pub scale_sd: f64,
+    /// Standard deviation of the time between the clocks of a camera and the arm, in seconds.
+    pub time_offset_sd_s: f64,
+    /// Standard deviation of each joint's zero, in radians; zero is exact.
+    pub joint_zero_sd_rad: f64,
+    /// Standard deviation of how far the surface of each link is from its model, in metres; zero is exact.
+    pub link_sd_m: f64,
+    /// Standard deviations of the gripper's mount, in metres and radians about each axis.
+    pub mount_sd_m: f64,
+    /// The same for its rotation.
+    pub mount_sd_rad: f64,
+    /// How far the first guess may be off along each axis, in metres.
+    pub guess_position_m: f64,
+    /// And about each axis, in radians.
+    pub guess_rotation_rad: f64,
+    /// Starts of the coarse alignment.
+    pub starts: usize,
+    /// Surfaces seen more steeply than this, from their normal in radians, have no depths to compare.
+    pub max_incidence_rad: f64,
+    /// Nor have pixels this near to a depth edge.
+    pub edge_px: usize,
+    /// Pixels to each side of a silhouette that are counted.
+    pub silhouette_px: usize,
+    /// Angles of incidence in radians between which a camera loses its pixels.
+    pub grazing_rad: [f64; 2],
+    /// By what standard deviations are multiplied in what is claimed.
+    pub inflation: f64,
+    /// Seed of what is drawn: candidates for poses, and starts.
+    pub seed: u64,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self {
+            poses: 12,
+            images_per_pose: 3,
+            settling_s: 0.25,
+            expected_latency_s: 0.01,
+            inverse_depth_sd_per_m: 0.0037,
+            common_fraction: 0.5,
+            scale_sd: 0.02,
+            time_offset_sd_s: 0.02,
+            joint_zero_sd_rad: 0.0,
+            link_sd_m: 0.0,
+            mount_sd_m: 0.0005,
+            mount_sd_rad: 0.00175,
+            guess_position_m: 0.05,
+            guess_rotation_rad: 5.0_f64.to_radians(),
+            starts: 10,
+            max_incidence_rad: 60.0_f64.to_radians(),
+            edge_px: 4,
+            silhouette_px: 5,
+            grazing_rad: [70.0_f64.to_radians(), 85.0_f64.to_radians()],
+            inflation: 1.5,
+            seed: 0,
+        }
+    }
+}
+
+impl Config {
+    /// Fraction of the pixels that a camera loses where the cosine of the incidence is this.
+    fn missing_fraction(&self, cosine: f64) -> f64 {
+        let [from, to] = self.grazing_rad;
+        let incidence = cosine.clamp(-1.0, 1.0).acos().min(FRAC_PI_2);
+        ((incidence - from) / (to - from)).clamp(0.0, 1.0)
+    }
+}
+
+/// How far the calibration of a camera got.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CalibrationStatus {
+    /// All is well.
+    Converged,
+    /// Fewer than three images show the arm.
+    TooFewImages,
+    /// The last step was still a large one.
+    NotConverged,
+    /// The images do not show what the model of the arm predicts.
+    PoorFit,
+    /// The images do not say where the camera is.
+    Uncertain,
+}
+
+/// What the calibration of a camera found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CameraCalibration {
+    /// How far it got. Unless it converged, nothing else is to be believed.
+    pub status: CalibrationStatus,
+    /// Pose of the camera in the world.
+    pub X_WC: Pose,
+    /// Covariance of X_WC·exp(ω, v): rotation about the axes of C in radians, then translation along them in metres.
+    pub covariance: Matrix6<f64>,
+    /// Measured depths are true ones times 1 + this.
+    pub depth_scale: f64,
+    /// What is to be added to the time stamps of the camera's images, in seconds.
+    pub time_offset_s: f64,
+    /// Its standard deviation; none where the camera saw no motion.
+    pub time_offset_sd_s: Option<f64>,
+    /// How well the images fit.
+    pub residuals: Residuals,
+}
+
+/// How well the images of a camera fit.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Residuals {
+    /// Images, those of one pose together counting as one.
+    pub images: usize,
+    /// Pixels whose depths were compared.
+    pub depths: usize,
+    /// Robust standard deviation of their 1/z in one image, in 1/m.
+    pub inverse_depth_sd_per_m: f64,
+    /// Lines across silhouettes that were compared.
+    pub silhouettes: usize,
+    /// Robust standard deviation of the number of pixels on one, in one image.
+    pub silhouette_sd_px: f64,
+    /// Fraction of the comparisons that did not count, being outliers.
+    pub outlier_fraction: f64,
+    /// How many neighbouring depths say no more than one.
+    pub depth_correlation: f64,
+    /// The same for silhouettes.
+    pub silhouette_correlation: f64,
+}
+
+/// What a calibration found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Calibration {
+    /// Camera by camera.
+    pub cameras: Vec<CameraCalibration>,
+    /// What the joints' positions are off by, in radians, as far as they are uncertain.
+    pub joint_zero_rad: Vec<f64>,
+    /// How far the links' surfaces are outside of their models, in metres, as far as they are uncertain.
+    pub link_offset_m: Vec<f64>,
+}

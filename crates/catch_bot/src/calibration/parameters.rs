@@ -1,0 +1,172 @@
+//! What is estimated, and how measurements depend on it.
+//!
+//! Parameters other than the cameras' poses count in their standard deviations, so that each has the prior N(0, 1), and one that is
+//! exact has a column of zeros.
+
+use catch_body::{JointVector, MAX_JOINTS, Robot, kinematics::LinkPoses, ray_cast::SurfacePart};
+use nalgebra::{Point3, Vector3};
+
+use super::{
+    ArmSample, Config,
+    coarse::moved,
+    measurement::{Measurement, Quantity},
+};
+use catch_body::Pose;
+
+/// Parameters of each camera: rotation and translation, scale, time offset, growth at edges, its rise with the slope, loss.
+pub const OF_CAMERA: usize = 11;
+/// The first of them that is no part of the pose.
+pub const FIRST_NUISANCE: usize = 6;
+/// Which of them is the time offset.
+pub const TIME_OFFSET: usize = 7;
+/// Standard deviations of growth, its rise with the slope, and loss over the predicted one, in pixels.
+const GROWTH_SD: [f64; 3] = [3.0, 3.0, 1.0];
+
+/// What is estimated of one camera.
+#[derive(Debug, Clone, Copy)]
+pub struct CameraState {
+    pub X_WC: Pose,
+    /// Scale, time offset, growth, its rise with the slope, and loss, in standard deviations.
+    pub nuisance: [f64; OF_CAMERA - FIRST_NUISANCE],
+}
+
+impl CameraState {
+    pub fn time_offset_s(&self, config: &Config) -> f64 {
+        self.nuisance[1] * config.time_offset_sd_s
+    }
+}
+
+/// What all cameras have in common: joint zeros, links' surfaces, mount of the gripper (rotation and translation in G).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Shared {
+    /// In standard deviations.
+    pub values: Vec<f64>,
+    /// Which parameter each of them is.
+    kinds: Vec<(Kind, f64)>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Kind {
+    JointZero(usize),
+    LinkSurface(usize),
+    MountRotation(usize),
+    MountTranslation(usize),
+}
+
+impl Shared {
+    pub fn new(robot: &Robot, config: &Config) -> Self {
+        let zeros = (0..robot.dof()).map(|i| (Kind::JointZero(i), config.joint_zero_sd_rad));
+        let links = (0..=robot.dof()).map(|i| (Kind::LinkSurface(i), config.link_sd_m));
+        let rotation = (0..3).map(|i| (Kind::MountRotation(i), config.mount_sd_rad));
+        let translation = (0..3).map(|i| (Kind::MountTranslation(i), config.mount_sd_m));
+        let all = zeros.chain(links).chain(rotation).chain(translation);
+        let kinds: Vec<(Kind, f64)> = all.filter(|(_, sd)| *sd > 0.0).collect();
+        Self { values: vec![0.0; kinds.len()], kinds }
+    }
+
+    fn value(&self, kind: Kind) -> f64 {
+        let at = self.kinds.iter().position(|(it, _)| *it == kind);
+        at.map_or(0.0, |at| self.values[at] * self.kinds[at].1)
+    }
+
+    pub fn joint_zero_rad(&self) -> JointVector {
+        JointVector::from_fn(|i, _| self.value(Kind::JointZero(i)))
+    }
+
+    pub fn link_offset_m(&self, link: usize) -> f64 {
+        self.value(Kind::LinkSurface(link))
+    }
+}
+
+/// The arm at one time, as the parameters have it.
+pub struct PosedArm<'a> {
+    robot: &'a Robot,
+    pub X_WL: LinkPoses,
+    dq: JointVector,
+    pub width_m: f64,
+    X_WG: Pose,
+}
+
+impl<'a> PosedArm<'a> {
+    pub fn new(robot: &'a Robot, sample: &ArmSample, shared: &Shared) -> Self {
+        let mut X_WL = robot.link_poses(&(sample.q + shared.joint_zero_rad()));
+        let three = |kind: fn(usize) -> Kind| Vector3::from_fn(|i, _| shared.value(kind(i)));
+        let X_GM = moved(&three(Kind::MountTranslation), &three(Kind::MountRotation));
+        let X_LG = robot.X_LG;
+        let mounted: Pose = X_LG * X_GM * X_LG.inverse();
+        X_WL[MAX_JOINTS] *= mounted;
+        let X_WG = robot.gripper_in(&X_WL);
+        Self { robot, X_WL, dq: sample.dq, width_m: sample.width_m, X_WG }
+    }
+
+    /// What is predicted of a measurement beyond its rendering, but for what an image's pixels have in common.
+    pub fn correction(&self, it: &Measurement, camera: &CameraState, shared: &Shared, config: &Config) -> f64 {
+        let surface = match it.part {
+            SurfacePart::Link(link) => it.gradient_C.dot(&it.normal_C) * shared.link_offset_m(link),
+            _ => 0.0,
+        };
+        let nuisance = nuisance_columns(it, config);
+        surface + nuisance.iter().zip(&camera.nuisance).map(|(column, value)| column * value).sum::<f64>()
+    }
+
+    /// The derivatives of a measurement by the parameters: those of its camera, those in common, and at last what its image's pixels
+    /// have in common, whose standard deviation is `offset_sd`.
+    pub fn row(
+        &self,
+        row: &mut [f64],
+        it: &Measurement,
+        camera: &CameraState,
+        shared: &Shared,
+        offset_sd: f64,
+        config: &Config,
+    ) {
+        // A surface that stands still moves by −(ω × p + v) in C.
+        let turning = it.p_C.cross(&it.gradient_C);
+        for axis in 0..3 {
+            (row[axis], row[axis + 3]) = (-turning[axis], -it.gradient_C[axis]);
+        }
+        row[FIRST_NUISANCE..OF_CAMERA].copy_from_slice(&nuisance_columns(it, config));
+        let gradient_W = camera.X_WC.rotation * it.gradient_C;
+        let p_W = camera.X_WC * Point3::from(it.p_C);
+        let moving_joints = match it.part {
+            SurfacePart::Link(link) => link.min(self.robot.dof()),
+            SurfacePart::Gripper => self.robot.dof(),
+            SurfacePart::Obstacle => 0,
+        };
+        let by_joint: [f64; MAX_JOINTS] = std::array::from_fn(|i| {
+            if i >= moving_joints {
+                return 0.0;
+            }
+            let (axis, origin) = self.robot.joint_axis(&self.X_WL, i);
+            axis.dot(&(p_W - origin).cross(&gradient_W))
+        });
+        let by_time: f64 = by_joint.iter().zip(self.dq.iter()).map(|(by, rate)| by * rate).sum();
+        row[TIME_OFFSET] = by_time * config.time_offset_sd_s;
+        let is_gripper = it.part == SurfacePart::Gripper;
+        let gradient_G = self.X_WG.rotation.inverse() * gradient_W;
+        let turning_G = (self.X_WG.inverse() * p_W).coords.cross(&gradient_G);
+        for (entry, (kind, sd)) in row[OF_CAMERA..].iter_mut().zip(&shared.kinds) {
+            let by = match kind {
+                Kind::JointZero(i) => by_joint[*i],
+                Kind::LinkSurface(link) if it.part == SurfacePart::Link(*link) => it.gradient_C.dot(&it.normal_C),
+                Kind::MountRotation(axis) if is_gripper => turning_G[*axis],
+                Kind::MountTranslation(axis) if is_gripper => gradient_G[*axis],
+                _ => 0.0,
+            };
+            *entry = by * sd;
+        }
+        row[OF_CAMERA + shared.kinds.len()] = if it.is_depth() { offset_sd } else { 0.0 };
+    }
+}
+
+/// Columns of scale, time offset (left out), growth, its rise with the slope, and loss.
+fn nuisance_columns(it: &Measurement, config: &Config) -> [f64; OF_CAMERA - FIRST_NUISANCE] {
+    match it.quantity {
+        // 1/z of a depth that is measured 1 + s times as large.
+        Quantity::InverseDepth => [-it.predicted * config.scale_sd, 0.0, 0.0, 0.0, 0.0],
+        Quantity::ShownPixels { slope, grazing_px, .. } => {
+            let [growth, rise, loss] = GROWTH_SD;
+            [0.0, 0.0, growth, rise * slope, -loss * grazing_px]
+        }
+    }
+}

@@ -1,0 +1,284 @@
+//! `catchingbot calibrate`: where the cameras stand, from what they see of the arm.
+
+use std::{
+    fs, io,
+    path::{Path, PathBuf},
+};
+
+use catch_body::InputError;
+use catch_bot::calibration::{
+    Calibration, CalibrationStatus, CameraCalibration, Config, Residuals, calibrate, overlay::overlays,
+};
+use catch_cell::{CameraModel, RigCalibration, rig_to_toml};
+use catch_lab::{
+    VERSION,
+    assets::COMMAND_LINE,
+    calibration::{self, ArenaSession},
+    evaluation::results::make_writable,
+    own_data::ros_calibration::{camera_info_yaml, hand_eye_yaml, read_camera_info, read_hand_eye},
+    pages::calibration_page::{self, CameraSection},
+    scenario::setup::{Choice, Setup},
+};
+use clap::Args;
+use serde::Serialize;
+
+use super::{ChoiceArguments, MOST, OutputArguments, whole};
+use crate::screen::{self, BAD, GOOD};
+
+/// Images of each camera on the page.
+const PAGE_IMAGES: usize = 2;
+
+/// Arguments of `calibrate`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+The arm rests in poses that tell most about where the cameras stand, and moves from one to the next. Each
+camera finds its pose, the scale of its depths and the time between its clock and the arm's, by what its
+images show of the arm. The rig that is written takes the place of the one that was believed:
+
+  catchingbot calibrate --scenario honest --rig d435_2 --out calibrated \\
+      --set arena.depth.model=near_stereo --set arena.depth.calibration_sd_m=0.03
+  catchingbot --set flight_rig=calibrated/rig.toml
+
+In the arena the cameras stand off by arena.depth.calibration_sd_m and calibration_sd_rad, and the story
+tells what is left of that. With --camera-info and --hand-eye the first guess comes from files of ROS.")]
+pub struct CalibrateArguments {
+    #[command(flatten)]
+    choice: ChoiceArguments,
+    /// Cameras as they are believed to stand: a built-in rig or a file [default: the scenario's]
+    #[arg(long, value_name = "NAME|FILE")]
+    rig: Option<String>,
+    /// Intrinsics of a camera as ROS keeps them, camera_info YAML; once for each camera
+    #[arg(long, value_name = "FILE", requires = "hand_eye", conflicts_with = "rig")]
+    camera_info: Vec<PathBuf>,
+    /// Where that camera is believed to stand: a result of easy_handeye2; once for each camera
+    #[arg(long, value_name = "FILE", requires = "camera_info", conflicts_with = "rig")]
+    hand_eye: Vec<PathBuf>,
+    /// Poses of the arm
+    #[arg(long, value_name = "N", default_value_t = Config::default().poses as u64, value_parser = whole(3, 100))]
+    poses: u64,
+    /// Standard deviation of the joints' zeros, in degrees
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, value_parser = at_most(5.0))]
+    joint_zero_sd_deg: f64,
+    /// Standard deviation of how far the links' surfaces are from their model, in millimetres
+    #[arg(long, value_name = "MM", default_value_t = 0.0, value_parser = at_most(20.0))]
+    link_sd_mm: f64,
+    /// Seed of everything random
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole(0, MOST))]
+    seed: u64,
+    #[command(flatten)]
+    output: OutputArguments,
+}
+
+/// Reads numbers from zero to a most.
+fn at_most(most: f64) -> impl Fn(&str) -> Result<f64, String> + Clone {
+    move |text| {
+        let number = text.parse().ok().filter(|it: &f64| (0.0..=most).contains(it));
+        number.ok_or_else(|| format!("expected a number from 0 to {most}"))
+    }
+}
+
+#[derive(Serialize)]
+struct Document<'a> {
+    version: &'static str,
+    scenario: &'a str,
+    seed: u64,
+    rig: PathBuf,
+    page: PathBuf,
+    poses: usize,
+    robot_time_s: f64,
+    limit_violations: usize,
+    cameras: Vec<CameraDocument>,
+    joint_zero_rad: Vec<f64>,
+    link_offset_m: Vec<f64>,
+}
+
+#[derive(Serialize)]
+struct CameraDocument {
+    status: &'static str,
+    position_m: [f64; 3],
+    rotation_xyzw: [f64; 4],
+    /// Root of the sum of the variances along all axes.
+    position_sd_m: f64,
+    rotation_sd_deg: f64,
+    depth_scale: f64,
+    time_offset_s: f64,
+    time_offset_sd_s: Option<f64>,
+    images: usize,
+    inverse_depth_sd_per_m: f64,
+    silhouette_sd_px: f64,
+    outlier_fraction: f64,
+    /// What only an arena knows.
+    position_error_m: f64,
+    rotation_error_deg: f64,
+}
+
+/// Calibrates the cameras of a scenario's arena.
+///
+/// # Errors
+/// What is wrong with the choice or the files, or with writing.
+pub fn run(arguments: &CalibrateArguments) -> anyhow::Result<()> {
+    let OutputArguments { out, json } = &arguments.output;
+    make_writable(out, "--out")?;
+    let setup = setup(arguments)?;
+    let config = Config {
+        poses: arguments.poses as usize,
+        joint_zero_sd_rad: arguments.joint_zero_sd_deg.to_radians(),
+        link_sd_m: arguments.link_sd_mm / 1e3,
+        ..calibration::config(&setup, arguments.seed)
+    };
+    let session = calibration::run_session(&setup, &config, &setup.cameras, arguments.seed, 0);
+    let found = calibrate(&config, &setup.robot, &setup.gripper, &setup.cameras, &session.session);
+    let calibrated: Vec<CameraModel> = (setup.cameras.iter().zip(&found.cameras))
+        .map(|(camera, found)| CameraModel { X_WC: found.X_WC, ..camera.clone() })
+        .collect();
+    let truth = calibration::true_cameras(&setup, arguments.seed, 0);
+    let cameras: Vec<CameraDocument> = found.cameras.iter().zip(&truth).map(|it| camera_document(it.0, it.1)).collect();
+    write_files(out, &setup, &found, &calibrated)?;
+    let page = out.join("calibration.html");
+    write(&page, &page_text(&setup, &session, &calibrated, &cameras))?;
+    let document = Document {
+        version: VERSION,
+        scenario: &setup.scenario.name,
+        seed: arguments.seed,
+        rig: out.join("rig.toml"),
+        page,
+        poses: session.poses.len(),
+        robot_time_s: session.robot_time_s,
+        limit_violations: session.limit_violations,
+        cameras,
+        joint_zero_rad: found.joint_zero_rad,
+        link_offset_m: found.link_offset_m,
+    };
+    if *json { screen::json(&document) } else { Ok(tell(&document)?) }
+}
+
+/// The scenario, with the cameras that are asked for.
+fn setup(arguments: &CalibrateArguments) -> anyhow::Result<Setup> {
+    let choice = arguments.choice.with(None, None);
+    let mut rig = arguments.rig.clone();
+    let (infos, results) = (&arguments.camera_info, &arguments.hand_eye);
+    if infos.len() != results.len() {
+        let found = format!("{} files for {} of --camera-info", results.len(), infos.len());
+        return Err(InputError::new(COMMAND_LINE, "--hand-eye", found, "as many of both").into());
+    }
+    if !infos.is_empty() {
+        let X_WB = Setup::load(&choice)?.robot.X_WB;
+        let camera = |(info, result): (&PathBuf, &PathBuf)| -> Result<_, InputError> {
+            let X_BC = read_hand_eye(result)?;
+            Ok((CameraModel { X_WC: X_WB * X_BC, ..read_camera_info(info)? }, None))
+        };
+        let cameras: Vec<_> = infos.iter().zip(results).map(camera).collect::<Result<_, _>>()?;
+        let path = arguments.output.out.join("guess.toml");
+        write(&path, &rig_to_toml("Cameras as files of ROS describe them.", &cameras))?;
+        rig = Some(path.display().to_string());
+    }
+    let mut settings = choice.settings.to_vec();
+    settings.extend(rig.map(|rig| format!("flight_rig={}", toml_text(&rig))));
+    Ok(Setup::load(&Choice { settings: &settings, ..choice })?)
+}
+
+/// A text as TOML writes it between quotes.
+fn toml_text(text: &str) -> String {
+    format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
+}
+
+fn write_files(out: &Path, setup: &Setup, found: &Calibration, calibrated: &[CameraModel]) -> Result<(), InputError> {
+    let with_covariance: Vec<_> = calibrated.iter().cloned().zip(found.cameras.iter().map(rig_calibration)).collect();
+    let statuses: Vec<&str> = found.cameras.iter().map(|it| status(it.status)).collect();
+    let about = format!(
+        "Cameras calibrated on the arm of the scenario {}, from the rig {}.\nStatus of each: {}.",
+        setup.scenario.name,
+        setup.scenario.flight_rig,
+        statuses.join(", ")
+    );
+    write(&out.join("rig.toml"), &rig_to_toml(&about, &with_covariance))?;
+    let X_BW = setup.robot.X_WB.inverse();
+    for (i, camera) in calibrated.iter().enumerate() {
+        let name = format!("camera_{i}");
+        write(&out.join(format!("{name}.yaml")), &camera_info_yaml(&name, camera))?;
+        let X_BC = X_BW * camera.X_WC;
+        write(&out.join(format!("{name}.calib")), &hand_eye_yaml(&name, &setup.robot.name, &X_BC))?;
+    }
+    Ok(())
+}
+
+/// None of a camera whose calibration is not to be believed.
+fn rig_calibration(found: &CameraCalibration) -> Option<RigCalibration> {
+    let Residuals { images, inverse_depth_sd_per_m, silhouette_sd_px, .. } = found.residuals;
+    (found.status == CalibrationStatus::Converged).then(|| RigCalibration {
+        covariance: found.covariance.transpose().iter().copied().collect(),
+        depth_scale: found.depth_scale,
+        time_offset_s: found.time_offset_s,
+        time_offset_sd_s: found.time_offset_sd_s,
+        inverse_depth_sd_per_m,
+        silhouette_sd_px,
+        images,
+    })
+}
+
+fn write(path: &Path, text: &str) -> Result<(), InputError> {
+    let unwritten = |fault: io::Error| InputError::unwritten(path.display(), &fault, "a file that can be written");
+    fs::write(path, text).map_err(unwritten)
+}
+
+fn status(status: CalibrationStatus) -> &'static str {
+    match status {
+        CalibrationStatus::Converged => "converged",
+        CalibrationStatus::TooFewImages => "too_few_images",
+        CalibrationStatus::NotConverged => "not_converged",
+        CalibrationStatus::PoorFit => "poor_fit",
+        CalibrationStatus::Uncertain => "uncertain",
+    }
+}
+
+fn camera_document(found: &CameraCalibration, truth: &CameraModel) -> CameraDocument {
+    let off = found.X_WC.inv_mul(&truth.X_WC);
+    let sd = |first: usize| found.covariance.fixed_view::<3, 3>(first, first).trace().sqrt();
+    CameraDocument {
+        status: status(found.status),
+        position_m: found.X_WC.translation.vector.into(),
+        rotation_xyzw: found.X_WC.rotation.coords.into(),
+        position_sd_m: sd(3),
+        rotation_sd_deg: sd(0).to_degrees(),
+        depth_scale: found.depth_scale,
+        time_offset_s: found.time_offset_s,
+        time_offset_sd_s: found.time_offset_sd_s,
+        images: found.residuals.images,
+        inverse_depth_sd_per_m: found.residuals.inverse_depth_sd_per_m,
+        silhouette_sd_px: found.residuals.silhouette_sd_px,
+        outlier_fraction: found.residuals.outlier_fraction,
+        position_error_m: off.translation.vector.norm(),
+        rotation_error_deg: off.rotation.angle().to_degrees(),
+    }
+}
+
+fn page_text(setup: &Setup, session: &ArenaSession, calibrated: &[CameraModel], found: &[CameraDocument]) -> String {
+    let section = |(i, camera): (usize, &CameraModel)| CameraSection {
+        summary: format!("Camera {i}: {}, {}", found[i].status, uncertainty(&found[i])),
+        overlays: overlays(&setup.robot, &setup.gripper, (i, camera), &session.session, PAGE_IMAGES),
+    };
+    let sections: Vec<CameraSection> = calibrated.iter().enumerate().map(section).collect();
+    calibration_page::page("Calibration", &sections)
+}
+
+fn uncertainty(it: &CameraDocument) -> String {
+    format!("± {:.2} mm and {:.4}°", it.position_sd_m * 1e3, it.rotation_sd_deg)
+}
+
+fn tell(document: &Document<'_>) -> io::Result<()> {
+    let Document { poses, robot_time_s, limit_violations, .. } = document;
+    screen::line(&format!("{poses} poses in {robot_time_s:.1} s, {limit_violations} commands that broke a limit"))?;
+    for (i, it) in document.cameras.iter().enumerate() {
+        let colour = if it.status == "converged" { GOOD } else { BAD };
+        screen::line(&format!("  camera {i}: {colour}{}{colour:#}, {}", it.status, uncertainty(it)))?;
+        let time = it
+            .time_offset_sd_s
+            .map_or("unknown".to_owned(), |sd_s| format!("{:.2} ± {:.2} ms", it.time_offset_s * 1e3, sd_s * 1e3));
+        screen::fact("time offset", &time)?;
+        screen::fact("depth scale", &format!("{:+.4} %", it.depth_scale * 1e2))?;
+        let error =
+            format!("{:.2} mm and {:.4}°, as the arena knows", it.position_error_m * 1e3, it.rotation_error_deg);
+        screen::fact("error", &error)?;
+    }
+    screen::line(&format!("{}  {}", document.rig.display(), document.page.display()))
+}

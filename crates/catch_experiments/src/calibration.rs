@@ -1,0 +1,261 @@
+//! How well near cameras are calibrated on the arm that they see.
+
+mod correlated_noise;
+
+use anyhow::Result;
+use catch_body::{Pose, Robot};
+use catch_bot::calibration::{CalibrationStatus, CameraCalibration, Config, calibrate};
+use catch_cell::CameraModel;
+use catch_lab::{
+    calibration::{self, ArenaSession},
+    scenario::setup::{Choice, Setup},
+};
+use catch_sim::{
+    depth_noise::DepthModel,
+    random_streams::{Draws, Stream},
+};
+use nalgebra::{UnitQuaternion, Vector6};
+
+use crate::{
+    Findings, Options, parallel,
+    results::{Entry, Table},
+    spread::{median, percent, quantiles},
+};
+
+/// How far off each camera is believed to stand, in a random direction and about a random axis.
+const OFF_M: f64 = 0.05;
+const OFF_DEG: f64 = 5.0;
+/// How far its clock is off, uniformly to both sides.
+const CLOCK_OFF_S: f64 = 0.01;
+/// What the arm does not know of itself in the cases beside.
+const LINK_SD_M: f64 = 0.001;
+const ZERO_SD_DEG: f64 = 0.03;
+/// Quantile of the squared Mahalanobis distance with six degrees of freedom that covers 95 %.
+const COVERS_95: f64 = 12.592;
+
+const LEGEND: &str = "Cameras of the rigs d435_2 to d435_4 with the noise of `near_stereo`, the arm and its encoders as in the scenario honest. \
+Each camera is believed to stand 50 mm and 5° from where it does, and its clock is up to 10 ms off. Errors are of single cameras: \
+median and 95 % quantile. Coverage is the fraction of cameras that lie within the 95 % ellipsoid of the covariance that is claimed for them. \
+The claimed deviation is the median of the root of the variances' sum. Cameras that did not converge, and say so, are counted and left out.";
+
+/// A condition: which rig, and what is wrong with it.
+#[derive(Clone, Copy)]
+struct Condition {
+    cameras: usize,
+    about: &'static str,
+    wrong: Wrong,
+    /// What the calibration is told to expect.
+    expected: Expected,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Wrong {
+    Nothing,
+    Links,
+    Zeros,
+    Noise,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Expected {
+    Nothing,
+    Links,
+    Zeros,
+}
+
+/// Those in one list share their sessions.
+const CONDITIONS: [&[Condition]; 4] = [
+    &[
+        Condition { cameras: 2, about: "as modelled", wrong: Wrong::Nothing, expected: Expected::Nothing },
+        Condition {
+            cameras: 2,
+            about: "links' surfaces off by 1 mm",
+            wrong: Wrong::Links,
+            expected: Expected::Nothing,
+        },
+        Condition { cameras: 2, about: "the same, and expected", wrong: Wrong::Links, expected: Expected::Links },
+        Condition { cameras: 2, about: "joint zeros off by 0.03°", wrong: Wrong::Zeros, expected: Expected::Nothing },
+        Condition { cameras: 2, about: "the same, and expected", wrong: Wrong::Zeros, expected: Expected::Zeros },
+    ],
+    &[Condition {
+        cameras: 2,
+        about: "noise correlated over 7×7 pixels",
+        wrong: Wrong::Noise,
+        expected: Expected::Nothing,
+    }],
+    &[Condition { cameras: 3, about: "as modelled", wrong: Wrong::Nothing, expected: Expected::Nothing }],
+    &[Condition { cameras: 4, about: "as modelled", wrong: Wrong::Nothing, expected: Expected::Nothing }],
+];
+
+/// What became of one camera.
+struct Outcome {
+    status: CalibrationStatus,
+    position_m: f64,
+    rotation_deg: f64,
+    time_s: f64,
+    is_covered: bool,
+    position_sd_m: f64,
+    rotation_sd_deg: f64,
+}
+
+/// What became of one session: its time, and the cameras by condition.
+type Drawn = (f64, Vec<Vec<Outcome>>);
+
+/// Cameras by what is wrong.
+pub fn run(options: &Options) -> Result<Findings> {
+    let columns = [
+        "cameras",
+        "condition",
+        "draws",
+        "converged, %",
+        "position, mm",
+        "95 %",
+        "rotation, °",
+        "95 %",
+        "time, ms",
+        "95 %",
+        "coverage, %",
+        "claimed, mm",
+        "claimed, °",
+        "robot time, s",
+    ];
+    let mut table = Table::new("Cameras calibrated on the arm", &columns);
+    for conditions in CONDITIONS {
+        let setup = setup(conditions[0])?;
+        setup.prepare();
+        let drawn: Vec<Drawn> =
+            parallel::map(options.trials as usize, |index| draw(&setup, conditions, options.seed, index as u64));
+        for (i, condition) in conditions.iter().enumerate() {
+            let times: Vec<f64> = drawn.iter().map(|it| it.0).collect();
+            let cameras: Vec<&Outcome> = drawn.iter().flat_map(|it| &it.1[i]).collect();
+            table.rows.push(row(*condition, &times, &cameras));
+        }
+    }
+    table.rows.sort_by_key(|row| match row[0] {
+        Entry::Count(cameras) => cameras,
+        _ => 0,
+    });
+    Ok(Findings { legend: LEGEND, tables: vec![table] })
+}
+
+fn row(condition: Condition, times: &[f64], cameras: &[&Outcome]) -> Vec<Entry> {
+    let good: Vec<&Outcome> = cameras.iter().copied().filter(|it| it.status == CalibrationStatus::Converged).collect();
+    let values = |of: fn(&Outcome) -> f64| good.iter().map(|it| of(it)).collect::<Vec<f64>>();
+    let [position, position_95] = quantiles(&values(|it| it.position_m), [0.5, 0.95], 1e3);
+    let [rotation, rotation_95] = quantiles(&values(|it| it.rotation_deg), [0.5, 0.95], 1.0);
+    let [time, time_95] = quantiles(&values(|it| it.time_s.abs()), [0.5, 0.95], 1e3);
+    vec![
+        Entry::Count(condition.cameras),
+        Entry::text(condition.about),
+        Entry::Count(times.len()),
+        percent(good.len(), cameras.len()),
+        position,
+        position_95,
+        rotation,
+        rotation_95,
+        time,
+        time_95,
+        percent(good.iter().filter(|it| it.is_covered).count(), good.len()),
+        median(&values(|it| it.position_sd_m), 1e3),
+        median(&values(|it| it.rotation_sd_deg), 1.0),
+        median(times, 1.0),
+    ]
+}
+
+fn setup(condition: Condition) -> Result<Setup> {
+    let common = DepthModel::NearStereo.stereo().map(|it| it.subpixel_px * it.common_fraction.sqrt());
+    let model = match (condition.wrong, common) {
+        // The part that each pixel has by itself is added afterwards.
+        (Wrong::Noise, Some(px)) => format!(
+            "{{ stereo = {{ baseline_m = 0.05, subpixel_px = {px}, common_fraction = 1.0, dropout_fraction = 0.02, \
+             grazing_rad = [1.2217304763960306, 1.4835298641951802], edge_px = 2, bleed_fraction = 0.25, flying_fraction = 0.1, \
+             range_m = [0.2, 10.0] }} }}"
+        ),
+        _ => "\"near_stereo\"".to_owned(),
+    };
+    let settings = [
+        format!("flight_rig=\"d435_{}\"", condition.cameras),
+        format!("arena.depth.model={model}"),
+        "arena.depth.calibration_sd_m=0".to_owned(),
+        "arena.depth.calibration_sd_rad=0".to_owned(),
+        "arena.frame_rate_hz=83.33333333333333".to_owned(),
+    ];
+    Ok(Setup::load(&Choice { scenario: Some("honest"), settings: &settings, ..Choice::default() })?)
+}
+
+/// One draw of where the cameras are believed to stand: a session, and what is found from it in each condition.
+fn draw(setup: &Setup, conditions: &[Condition], seed: u64, index: u64) -> Drawn {
+    let mut draws = Draws::new(Stream::Calibration, seed, index);
+    let guesses: Vec<CameraModel> = setup.cameras.iter().map(|camera| guess(camera, &mut draws)).collect();
+    let config = Config {
+        inverse_depth_sd_per_m: near_stereo_sd_per_m(&setup.cameras[0]),
+        common_fraction: 0.5,
+        ..calibration::config(setup, index)
+    };
+    let ArenaSession { mut session, robot_time_s, .. } =
+        calibration::run_session(setup, &config, &guesses, seed, index);
+    if conditions[0].wrong == Wrong::Noise {
+        let sd_per_m = config.inverse_depth_sd_per_m * (1.0 - config.common_fraction).sqrt();
+        session.frames.iter_mut().for_each(|frame| correlated_noise::add(frame, sd_per_m, &mut draws));
+    }
+    let clocks: Vec<f64> = guesses.iter().map(|_| draws.between([-CLOCK_OFF_S, CLOCK_OFF_S])).collect();
+    session.frames.iter_mut().for_each(|frame| frame.capture_s -= clocks[frame.camera]);
+    let found = conditions.iter().map(|condition| {
+        let robot = believed(&setup.robot, condition.wrong, &mut draws);
+        let config = Config {
+            link_sd_m: if condition.expected == Expected::Links { LINK_SD_M } else { 0.0 },
+            joint_zero_sd_rad: if condition.expected == Expected::Zeros { ZERO_SD_DEG.to_radians() } else { 0.0 },
+            ..config.clone()
+        };
+        let found = calibrate(&config, &robot, &setup.gripper, &guesses, &session);
+        let truth = setup.cameras.iter().zip(&clocks);
+        found.cameras.iter().zip(truth).map(|(it, (camera, clock_s))| outcome(it, camera, *clock_s)).collect()
+    });
+    (robot_time_s, found.collect())
+}
+
+fn near_stereo_sd_per_m(camera: &CameraModel) -> f64 {
+    DepthModel::NearStereo.data_sheet(camera.focal_px).quadratic_per_m
+}
+
+fn guess(camera: &CameraModel, draws: &mut Draws) -> CameraModel {
+    let p = draws.direction().into_inner() * OFF_M;
+    let R = UnitQuaternion::from_axis_angle(&draws.direction(), OFF_DEG.to_radians());
+    CameraModel { X_WC: camera.X_WC * Pose::from_parts(p.into(), R), ..camera.clone() }
+}
+
+/// The arm as it is believed to be, where that is wrong.
+fn believed(robot: &Robot, wrong: Wrong, draws: &mut Draws) -> Robot {
+    let mut robot = robot.clone();
+    match wrong {
+        Wrong::Nothing | Wrong::Noise => {}
+        Wrong::Links => {
+            let offsets: Vec<f64> = (0..=robot.dof()).map(|_| LINK_SD_M * draws.normal()).collect();
+            robot.capsules.iter_mut().for_each(|(link, capsule)| capsule.radius += offsets[*link]);
+        }
+        Wrong::Zeros => {
+            for joint in &mut robot.joints {
+                let off_rad = ZERO_SD_DEG.to_radians() * draws.normal();
+                joint.X_PL.rotation *= UnitQuaternion::from_axis_angle(&joint.axis, off_rad);
+            }
+        }
+    }
+    robot
+}
+
+fn outcome(found: &CameraCalibration, truth: &CameraModel, clock_s: f64) -> Outcome {
+    let off = found.X_WC.inv_mul(&truth.X_WC);
+    let (turn, p) = (off.rotation.scaled_axis(), off.translation.vector);
+    let error = Vector6::new(turn.x, turn.y, turn.z, p.x, p.y, p.z);
+    let distance = found.covariance.cholesky().map(|factor| error.dot(&factor.solve(&error)));
+    let sd = |first: usize| found.covariance.fixed_view::<3, 3>(first, first).trace().sqrt();
+    Outcome {
+        status: found.status,
+        position_m: p.norm(),
+        rotation_deg: turn.norm().to_degrees(),
+        time_s: found.time_offset_s - clock_s,
+        is_covered: distance.is_some_and(|it| it < COVERS_95),
+        position_sd_m: sd(3),
+        rotation_sd_deg: sd(0).to_degrees(),
+    }
+}
