@@ -201,7 +201,7 @@ fn draw(setup: &Setup, conditions: &[Condition], seed: u64, index: u64) -> Drawn
     let clocks: Vec<f64> = guesses.iter().map(|_| draws.between([-CLOCK_OFF_S, CLOCK_OFF_S])).collect();
     session.frames.iter_mut().for_each(|frame| frame.capture_s -= clocks[frame.camera]);
     let found = conditions.iter().map(|condition| {
-        let robot = believed(&setup.robot, condition.wrong, &mut draws);
+        let robot = believed(&setup.robot, condition.wrong, &mut Draws::new(Stream::LinkMasses, seed, index));
         let config = Config {
             link_sd_m: if condition.expected == Expected::Links { LINK_SD_M } else { 0.0 },
             joint_zero_sd_rad: if condition.expected == Expected::Zeros { ZERO_SD_DEG.to_radians() } else { 0.0 },

@@ -40,7 +40,7 @@ pub fn arm_at(samples: &[ArmSample], time_s: f64) -> Option<ArmSample> {
     Some(ArmSample { time_s, q, dq, width_m: from.width_m + (to.width_m - from.width_m) * u })
 }
 
-/// The arm around `time_s`, at which it rests: the mean of the samples within [`AROUND_S`], which the encoders' noise leaves less
+/// The arm around `time_s`, at which it rests: the mean of the samples within a tenth of a second, which the encoders' noise leaves less
 /// uncertain than one of them.
 pub fn arm_at_rest(samples: &[ArmSample], time_s: f64) -> Option<ArmSample> {
     let at = arm_at(samples, time_s)?;

@@ -110,7 +110,7 @@ pub struct StillImage {
 
 impl StillImage {
     /// What most images show within the noise, whose standard deviation in 1/z is `sd_per_m`.
-    pub fn of(images: &[AveragedImage], sd_per_m: f64) -> Self {
+    pub fn of(images: &[&AveragedImage], sd_per_m: f64) -> Self {
         let pixels = images.first().map_or(0, |it| it.inverse_m.len());
         let same_m = (SAME_SD * sd_per_m) as f32;
         let needed = (STILL_FRACTION * images.len() as f64).ceil() as usize;

@@ -42,7 +42,6 @@ impl PosedPoints {
         let moves = |i: &usize| image.shown[*i] > 0 && !still.shows(*i, image.inverse_m[*i]);
         let moving: Vec<usize> = (0..window.area()).filter(moves).collect();
         let spacing = (moving.len() / POINTS).max(1);
-        // Not along one row after the other: a step that has no factor in common with an image's width.
         let point = |i: &usize| {
             let uv: Point2<f64> = window.pixel_centre(*i);
             camera.back_project(&uv, 1.0 / f64::from(image.inverse_m[*i]))
@@ -149,7 +148,7 @@ mod tests {
         let capsule = Capsule { from: Point3::origin(), to: Point3::new(0.0, 0.0, 1.0), radius: 0.1 };
         let cuboid = Cuboid { centre: Point3::new(0.0, 0.0, 0.5), size: Vector3::new(0.2, 0.2, 1.0) };
         let step = 1e-6;
-        for p in [Point3::new(0.3, 0.1, 0.4), Point3::new(0.02, 0.07, 0.6), Point3::new(0.1, 0.2, 1.4)] {
+        for p in [Point3::new(0.3, 0.1, 0.4), Point3::new(0.02, 0.07, 0.6), Point3::new(0.12, 0.2, 1.4)] {
             let of = |p: &Point3<f64>| [away_from_capsule(&capsule, p), away_from_cuboid(&cuboid, p)];
             for (shape, (_, away)) in of(&p).into_iter().enumerate() {
                 let along = |axis: usize| {

@@ -1,12 +1,12 @@
 //! The calibration as a whole.
 
-use catch_body::{Gripper, Robot, ray_cast::ArmSurface};
+use catch_body::{Gripper, Robot};
 use catch_cell::CameraModel;
 use nalgebra::Matrix6;
 
 use super::{
     Calibration, CalibrationStatus, CameraCalibration, Config, Session,
-    averaged_image::{StillImage, averaged},
+    averaged_image::{AveragedImage, StillImage, averaged},
     coarse::{self, PosedPoints},
     fine::{Estimate, Observed, Problem},
     parameters::{CameraState, FIRST_NUISANCE, OF_CAMERA, TIME_OFFSET},
@@ -34,15 +34,11 @@ pub fn calibrate(
     guesses: &[CameraModel],
     session: &Session,
 ) -> Calibration {
-    let surface = ArmSurface::new(robot, gripper);
-    let observed = |(i, camera): (usize, &'_ CameraModel)| {
-        let images = averaged(i, camera, session);
-        let still: Vec<_> = images.iter().filter(|it| it.is_still).cloned().collect();
-        (images, StillImage::of(&still, config.inverse_depth_sd_per_m))
-    };
     let mut cameras = Vec::new();
     for (i, camera) in guesses.iter().enumerate() {
-        let (images, still) = observed((i, camera));
+        let images = averaged(i, camera, session);
+        let resting: Vec<&AveragedImage> = images.iter().filter(|it| it.is_still).collect();
+        let still = StillImage::of(&resting, config.inverse_depth_sd_per_m);
         cameras.push(Observed { camera, images, still });
     }
     let coarse = |(i, it): (usize, &Observed<'_>)| {
@@ -57,7 +53,7 @@ pub fn calibrate(
         CameraState { X_WC, nuisance: [0.0; OF_CAMERA - FIRST_NUISANCE] }
     };
     let coarse = cameras.iter().enumerate().map(coarse).collect();
-    let problem = Problem { robot, surface: &surface, arm: &session.arm, cameras, config };
+    let problem = Problem { robot, gripper, arm: &session.arm, cameras, config };
     let estimate = problem.solve(coarse);
     let of_camera = |i: usize| of_camera(i, &problem.cameras[i], &estimate, config);
     Calibration {
@@ -88,10 +84,10 @@ fn of_camera(i: usize, observed: &Observed<'_>, estimate: &Estimate, config: &Co
         CalibrationStatus::PoorFit
     } else if !(sd(0) < MOST_SD_RAD && sd(3) < MOST_SD_M) {
         CalibrationStatus::Uncertain
-    } else if !(estimate.last_step[i] < LARGE_STEP) {
-        CalibrationStatus::NotConverged
-    } else {
+    } else if estimate.last_step[i] < LARGE_STEP {
         CalibrationStatus::Converged
+    } else {
+        CalibrationStatus::NotConverged
     };
     CameraCalibration {
         status,

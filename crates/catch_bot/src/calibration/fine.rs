@@ -1,6 +1,6 @@
 //! Fine alignment: robust Gauss–Newton on inverse depths and silhouettes of all cameras together.
 
-use catch_body::{Robot, ray_cast::ArmSurface};
+use catch_body::{Gripper, Robot};
 use catch_cell::CameraModel;
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -49,7 +49,7 @@ pub struct Observed<'a> {
 /// All that is compared.
 pub struct Problem<'a> {
     pub robot: &'a Robot,
-    pub surface: &'a ArmSurface,
+    pub gripper: &'a Gripper,
     pub arm: &'a [ArmSample],
     pub cameras: Vec<Observed<'a>>,
     pub config: &'a Config,
@@ -187,7 +187,8 @@ impl State<'_> {
 
     /// The equations of each image of a camera; its spread and residuals become those of these images.
     fn linearized(&mut self, camera: usize, pass: Pass) -> Vec<(usize, ImageEquations)> {
-        let Problem { robot, surface, arm, config, cameras } = self.problem;
+        let Problem { robot, gripper, arm, config, cameras } = self.problem;
+        let surface = self.shared.surface(robot, gripper);
         let Observed { camera: intrinsics, images, still } = &cameras[camera];
         let (state, spread) = (self.cameras[camera], self.spreads[camera]);
         let model = CameraModel { X_WC: state.X_WC, ..(*intrinsics).clone() };
@@ -205,7 +206,7 @@ impl State<'_> {
                 continue;
             }
             let posed = PosedArm::new(robot, &sample, &self.shared);
-            let rendering = Rendering::new(&model, surface, &posed.X_WL, posed.width_m);
+            let rendering = Rendering::new(&model, &surface, &posed.X_WL, posed.width_m);
             found.clear();
             depths::measure(&mut found, &rendering, &model, Some(image), seen);
             silhouettes::measure(&mut found, &rendering, &model, Some((image, still)), seen);
@@ -215,7 +216,7 @@ impl State<'_> {
             let mut residuals: Vec<(Measurement, f64)> = Vec::new();
             for it in &found {
                 let in_common = if it.is_depth() { offset * offset_sd } else { 0.0 };
-                let residual = it.residual() - posed.correction(it, &state, &self.shared, config) - in_common;
+                let residual = it.residual() - state.correction(it, config) - in_common;
                 let (sd, correlated, sds) = if it.is_depth() {
                     (spread.depth_per_m, spread.depth_correlation, &mut depths_sd)
                 } else {

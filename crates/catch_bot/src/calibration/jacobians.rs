@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use catch_body::{Gripper, JointVector, Robot, pose::look_at, ray_cast::ArmSurface, robot_file::RobotFiles};
+use catch_body::{Gripper, Robot, pose::look_at, robot_file::RobotFiles};
 use catch_cell::CameraModel;
 use nalgebra::{Point3, Vector3};
 
@@ -67,7 +67,7 @@ impl World {
     }
 
     fn measured(&self) -> Vec<Measurement> {
-        let surface = ArmSurface::new(&self.robot, &self.gripper);
+        let surface = self.shared.surface(&self.robot, &self.gripper);
         let posed = self.posed();
         let rendering = Rendering::new(&self.camera, &surface, &posed.X_WL, posed.width_m);
         let mut found = Vec::new();
@@ -87,8 +87,8 @@ impl World {
     fn changed(&self, parameter: usize, by: f64) -> Self {
         let mut world = self.clone();
         match parameter {
-            0..3 => world.camera.X_WC *= moved(&Vector3::zeros(), &(Vector3::ith(parameter, by))),
-            3..6 => world.camera.X_WC *= moved(&Vector3::ith(parameter - 3, by), &Vector3::zeros()),
+            0..=2 => world.camera.X_WC *= moved(&Vector3::zeros(), &(Vector3::ith(parameter, by))),
+            3..=5 => world.camera.X_WC *= moved(&Vector3::ith(parameter - 3, by), &Vector3::zeros()),
             TIME_OFFSET => world.sample.q += self.sample.dq * (by * self.config.time_offset_sd_s),
             _ => world.shared.values[parameter - OF_CAMERA] += by,
         }
@@ -115,16 +115,14 @@ fn derivatives_are_those_of_the_renderings() {
     let size = OF_CAMERA + world.shared.values.len() + 1;
     let measured = world.measured();
     let posed = world.posed();
-    // Links' surfaces are corrected without being rendered.
-    let joints = world.robot.dof();
-    let rendered = (0..6).chain([TIME_OFFSET]).chain(OF_CAMERA..OF_CAMERA + joints).chain(size - 7..size - 1);
-    for parameter in rendered {
-        let step = if parameter < 6 { 2e-4 } else { 0.05 };
+    for parameter in (0..6).chain([TIME_OFFSET]).chain(OF_CAMERA..size - 1) {
         let predicted = |by: f64| -> BTreeMap<Key, f64> {
             world.changed(parameter, by).measured().iter().map(|it| (key(it), it.predicted)).collect()
         };
-        let (after, before) = (predicted(step), predicted(-step));
         for depths in [true, false] {
+            // Silhouettes are found to a 256th of a pixel, which their motion has to be well above.
+            let step = if parameter < 6 { 2e-4 } else { 0.05 } * if depths { 1.0 } else { 5.0 };
+            let (after, before) = (predicted(step), predicted(-step));
             let (mut errors, mut sizes) = (Vec::new(), Vec::new());
             let mut row = vec![0.0; size];
             for it in measured.iter().filter(|it| it.is_depth() == depths) {
@@ -140,29 +138,4 @@ fn derivatives_are_those_of_the_renderings() {
             assert!(half < 0.02 && most < 0.1, "parameter {parameter}, depths {depths}: {half}, {most}");
         }
     }
-}
-
-/// A link whose surface is farther out is seen as the correction says.
-#[test]
-fn the_surface_of_a_link_is_corrected() {
-    let world = World::new();
-    let (link, by_m) = (3, 0.001);
-    let mut thicker = world.clone();
-    thicker.robot.capsules.iter_mut().filter(|(of, _)| *of == link).for_each(|(_, capsule)| capsule.radius += by_m);
-    let after: BTreeMap<Key, f64> = thicker.measured().iter().map(|it| (key(it), it.predicted)).collect();
-    let (posed, mut shared) = (world.posed(), world.shared.clone());
-    shared.values[world.robot.dof() + link] = by_m / world.config.link_sd_m;
-    let state = CameraState { X_WC: world.camera.X_WC, nuisance: [0.0; OF_CAMERA - FIRST_NUISANCE] };
-    let (mut changes, mut errors) = ([0.0; 2], [0.0; 2]);
-    for it in world.measured() {
-        let Some(after) = after.get(&key(&it)) else { continue };
-        let correction = posed.correction(&it, &state, &shared, &world.config);
-        let kind = usize::from(it.is_depth());
-        changes[kind] += (after - it.predicted).abs();
-        errors[kind] += (after - it.predicted - correction).abs();
-    }
-    for (change, error) in changes.iter().zip(errors) {
-        assert!(*change > 0.0 && error < 0.1 * change, "{error} of {change}");
-    }
-    assert_eq!(posed.X_WL, world.robot.link_poses(&(world.sample.q + JointVector::zeros())));
 }

@@ -3,7 +3,11 @@
 //! Parameters other than the cameras' poses count in their standard deviations, so that each has the prior N(0, 1), and one that is
 //! exact has a column of zeros.
 
-use catch_body::{JointVector, MAX_JOINTS, Robot, kinematics::LinkPoses, ray_cast::SurfacePart};
+use catch_body::{
+    Gripper, JointVector, MAX_JOINTS, Pose, Robot,
+    kinematics::LinkPoses,
+    ray_cast::{ArmSurface, SurfacePart},
+};
 use nalgebra::{Point3, Vector3};
 
 use super::{
@@ -11,7 +15,6 @@ use super::{
     coarse::moved,
     measurement::{Measurement, Quantity},
 };
-use catch_body::Pose;
 
 /// Parameters of each camera: rotation and translation, scale, time offset, growth at edges, its rise with the slope, loss.
 pub const OF_CAMERA: usize = 11;
@@ -21,6 +24,9 @@ pub const FIRST_NUISANCE: usize = 6;
 pub const TIME_OFFSET: usize = 7;
 /// Standard deviations of growth, its rise with the slope, and loss over the predicted one, in pixels.
 const GROWTH_SD: [f64; 3] = [3.0, 3.0, 1.0];
+
+/// No link is thinner, in metres.
+const LEAST_RADIUS_M: f64 = 0.001;
 
 /// What is estimated of one camera.
 #[derive(Debug, Clone, Copy)]
@@ -33,6 +39,11 @@ pub struct CameraState {
 impl CameraState {
     pub fn time_offset_s(&self, config: &Config) -> f64 {
         self.nuisance[1] * config.time_offset_sd_s
+    }
+
+    /// What is predicted of a measurement beyond its rendering, but for what an image's pixels have in common.
+    pub fn correction(&self, it: &Measurement, config: &Config) -> f64 {
+        nuisance_columns(it, config).iter().zip(&self.nuisance).map(|(column, value)| column * value).sum()
     }
 }
 
@@ -76,6 +87,15 @@ impl Shared {
     pub fn link_offset_m(&self, link: usize) -> f64 {
         self.value(Kind::LinkSurface(link))
     }
+
+    /// The arm's surface, the links as thick as they are.
+    pub fn surface(&self, robot: &Robot, gripper: &Gripper) -> ArmSurface {
+        let mut robot = robot.clone();
+        for (link, capsule) in &mut robot.capsules {
+            capsule.radius = (capsule.radius + self.link_offset_m(*link)).max(LEAST_RADIUS_M);
+        }
+        ArmSurface::new(&robot, gripper)
+    }
 }
 
 /// The arm at one time, as the parameters have it.
@@ -91,22 +111,13 @@ impl<'a> PosedArm<'a> {
     pub fn new(robot: &'a Robot, sample: &ArmSample, shared: &Shared) -> Self {
         let mut X_WL = robot.link_poses(&(sample.q + shared.joint_zero_rad()));
         let three = |kind: fn(usize) -> Kind| Vector3::from_fn(|i, _| shared.value(kind(i)));
+        // The gripper M stands so where its model G should; what stands for the last link L carries it there.
         let X_GM = moved(&three(Kind::MountTranslation), &three(Kind::MountRotation));
-        let X_LG = robot.X_LG;
-        let mounted: Pose = X_LG * X_GM * X_LG.inverse();
-        X_WL[MAX_JOINTS] *= mounted;
+        let X_LM = robot.X_LG * X_GM;
+        let by: Pose = X_LM * robot.X_LG.inverse();
+        X_WL[MAX_JOINTS] *= by;
         let X_WG = robot.gripper_in(&X_WL);
         Self { robot, X_WL, dq: sample.dq, width_m: sample.width_m, X_WG }
-    }
-
-    /// What is predicted of a measurement beyond its rendering, but for what an image's pixels have in common.
-    pub fn correction(&self, it: &Measurement, camera: &CameraState, shared: &Shared, config: &Config) -> f64 {
-        let surface = match it.part {
-            SurfacePart::Link(link) => it.gradient_C.dot(&it.normal_C) * shared.link_offset_m(link),
-            _ => 0.0,
-        };
-        let nuisance = nuisance_columns(it, config);
-        surface + nuisance.iter().zip(&camera.nuisance).map(|(column, value)| column * value).sum::<f64>()
     }
 
     /// The derivatives of a measurement by the parameters: those of its camera, those in common, and at last what its image's pixels

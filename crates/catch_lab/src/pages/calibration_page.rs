@@ -41,7 +41,7 @@ pub fn page(title: &str, cameras: &[CameraSection]) -> String {
         height: it.shown.len() / it.width_px.max(1),
         runs: Packed::indices(runs(it).into_iter().flatten(), 2),
     };
-    let camera = |it: &'_ CameraSection| it.overlays.iter().map(image).collect::<Vec<_>>();
+    let camera = |it: &CameraSection| it.overlays.iter().map(image).collect::<Vec<_>>();
     let data: Vec<CameraData> =
         cameras.iter().map(|it| CameraData { summary: &it.summary, images: camera(it) }).collect();
     let title = packed::text_in_html(title);

@@ -35,7 +35,7 @@ const STAGES: &[&str] = &[
     "tracker",
 ];
 /// Modules that stand on the whole brain: they use its root and everything below.
-const ABOVE_THE_BRAIN: &[&str] = &["cycle"];
+const ABOVE_THE_BRAIN: &[&str] = &["calibration", "cycle"];
 /// Crates, and folders of the brain, whose modules use each other in no circle.
 const WITHOUT_CIRCLES: &[&str] = &[
     "catch_body/src",
