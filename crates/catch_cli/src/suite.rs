@@ -10,7 +10,7 @@ use std::{
 use anyhow::Context;
 use catch_lab::{
     VERSION,
-    evaluation::{Row, cell_summary::CellSummary},
+    evaluation::{Row, cell_summary::CellSummary, trial_table::replace},
     scenario::brain::Method,
     suite::{Catcher, Suite, rows_sha256},
 };
@@ -188,7 +188,7 @@ fn throw(arguments: &RunArguments) -> anyhow::Result<()> {
     };
     let path = document_path(&arguments.out, &suite.name, brain);
     let text = serde_json::to_string_pretty(&document)? + "\n";
-    fs::write(&path, text).with_context(|| path.display().to_string())?;
+    replace(&path, |path| fs::write(path, text))?;
     if arguments.json { screen::json(&document) } else { Ok(print(&document)?) }
 }
 

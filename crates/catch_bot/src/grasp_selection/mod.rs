@@ -166,7 +166,7 @@ impl Config {
 }
 
 /// How objects bounce of which nothing is known.
-const TYPICAL_RESTITUTION: f64 = 0.5;
+pub(crate) const TYPICAL_RESTITUTION: f64 = 0.5;
 /// What bounces less than this does not stay any longer, but falls.
 const SOFTEST: f64 = 0.25;
 
