@@ -38,10 +38,10 @@ impl Setpoint {
 /// that is repeated three times inside joins two splines.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BSpline {
-    /// Knots in seconds.
+    /// Knots in seconds on the cell's clock: n + 4 for n control points.
     #[serde(deserialize_with = "quantity::clock_s")]
     pub knots_s: Vec<f64>,
-    /// Control points in radians.
+    /// Control points in radians: n, at least four.
     #[serde(deserialize_with = "quantity::joint_rad")]
     pub control_points: Vec<JointVector>,
 }
@@ -57,7 +57,7 @@ impl BSpline {
         self.knots_s[self.knots_s.len() - 1]
     }
 
-    /// Position, velocity and acceleration at `time_s`, which is clamped to the spline's domain.
+    /// Positions in radians, velocities in rad/s and accelerations in rad/s² at `time_s`, which is clamped to the spline's domain.
     pub fn evaluate(&self, time_s: f64) -> [JointVector; 3] {
         let (first, weights) = basis(&self.knots_s, time_s);
         weights.map(|row| row.iter().zip(&self.control_points[first..]).map(|(&weight, point)| point * weight).sum())

@@ -59,7 +59,8 @@ pub struct Trial {
     pub stopwatch: Stopwatch,
 }
 
-/// Runs one trial with the brain of the scenario. `observer` is shown every tick, with the truth up to then; it ends the trial by an error.
+/// Runs one trial with the brain of the scenario: throw number `index` of `seed`, from the release at 0 s on the cell's clock until the referee
+/// has seen enough. `observer` is shown every tick, with the truth up to then; it ends the trial by an error.
 ///
 /// # Errors
 /// Those of the observer.

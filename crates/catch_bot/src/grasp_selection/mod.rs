@@ -256,8 +256,10 @@ impl GraspSet {
         format!("of the places tried {}", reasons.join(", "))
     }
 
-    /// The best grasps for an object in pose `X_WO` that flies at `v_WO`, best first, among those whose pose in O the gripper
+    /// The best grasps for an object in pose `X_WO` that flies at `v_WO`, best first, among those whose pose X_OG the gripper
     /// `may_reach`; and whether there are any if it need not.
+    ///
+    /// `v_WO` is the velocity in W in m/s, `base` the origin of the arm's base in W in metres.
     pub fn rank(
         &self,
         X_WO: &Pose,

@@ -87,7 +87,8 @@ impl PointToPoint<'_> {
         let Some(mass_kg) = self.planner.config.object_mass_kg else { return };
         let robot = &self.planner.robot;
         let Some(inertia) = robot.mass_matrix(&self.q).cholesky() else { return };
-        let impulse = self.jacobian.fixed_rows::<3>(3).transpose() * (self.v_WO * (mass_kg * (1.0 + TYPICAL_RESTITUTION)));
+        let impulse =
+            self.jacobian.fixed_rows::<3>(3).transpose() * (self.v_WO * (mass_kg * (1.0 + TYPICAL_RESTITUTION)));
         let added = inertia.solve(&impulse);
         for ((bound, joint), added) in bounds.iter_mut().zip(&robot.joints).zip(&added) {
             let free = joint.limits.velocity - added.abs();

@@ -155,9 +155,10 @@ pub enum PredictionStatus {
 
 /// Predicts the object's flight from its poses (paper, III-B).
 pub trait FlightPredictor {
-    /// The flight that the poses seen so far agree on, oldest first.
+    /// The flight that the poses seen so far agree on.
     ///
-    /// `previous` is the flight that was predicted last.
+    /// `poses` are all poses of this throw in W, oldest first, outliers included; `previous` is the flight that was predicted last,
+    /// `None` before the first. The result holds at the time of the newest pose.
     ///
     /// # Errors
     /// Why there is no flight.
