@@ -103,8 +103,10 @@ impl PixelWindow {
     /// The pixels that it shares with another window; where there are none, an empty window in its own first corner.
     pub fn intersection(&self, other: &Self) -> Self {
         let (left, top) = (self.left.max(other.left), self.top.max(other.top));
-        let right = (self.left + self.width).min(other.left + other.width);
-        let bottom = (self.top + self.height).min(other.top + other.height);
+        // Windows come from outside and may be anything.
+        let end = |from: u32, length: u32| from.saturating_add(length);
+        let right = end(self.left, self.width).min(end(other.left, other.width));
+        let bottom = end(self.top, self.height).min(end(other.top, other.height));
         if right <= left || bottom <= top {
             return Self { left: self.left, top: self.top, width: 0, height: 0 };
         }

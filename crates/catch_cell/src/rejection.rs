@@ -7,8 +7,10 @@ use thiserror::Error;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Error)]
 #[serde(rename_all = "snake_case")]
 pub enum Rejection {
-    /// Knots and control points do not fit together, a number is not finite, or it ends where it starts.
-    #[error("malformed: not a clamped cubic B-spline of finite numbers over a positive time")]
+    /// It is not clamped, knots and control points do not fit together, a number is not finite, or it ends where it starts or too late.
+    #[error(
+        "malformed: not a clamped cubic B-spline of finite numbers over a positive time of at most 100 s, with at most 1000 knots"
+    )]
     Malformed,
     /// It moves a joint that the arm does not have.
     #[error("joint {joint} does not exist: the arm has {dof}")]

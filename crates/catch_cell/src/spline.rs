@@ -83,10 +83,13 @@ impl BSpline {
         self.knots_s.windows(2).map(|pair| [pair[0], pair[1].next_down()]).filter(|[start_s, end_s]| start_s < end_s)
     }
 
-    /// Whether knots and control points fit together and every number is finite.
+    /// Whether it is clamped, knots and control points fit together, and every number is finite.
     pub fn is_valid(&self) -> bool {
         let counts = self.control_points.len() > DEGREE && self.knots_s.len() == self.control_points.len() + DEGREE + 1;
+        let clamped = |knots_s: &[f64]| knots_s.windows(2).all(|pair| pair[0] == pair[1]);
         counts
+            && clamped(&self.knots_s[..=DEGREE])
+            && clamped(&self.knots_s[self.control_points.len()..])
             && self.knots_s.iter().all(|knot| knot.is_finite())
             && self.knots_s.windows(2).all(|pair| pair[0] <= pair[1])
             && self.control_points.iter().flat_map(|point| point.iter()).all(|value| value.is_finite())

@@ -10,9 +10,10 @@ use std::{
 use anyhow::Context;
 use catch_lab::{
     VERSION,
-    evaluation::{Row, cell_summary::CellSummary, trial_table::replace},
+    evaluation::{Row, cell_summary::CellSummary},
     scenario::brain::Method,
     suite::{Catcher, Suite, rows_sha256},
+    whole_file,
 };
 use clap::{Args, Subcommand, ValueEnum};
 use serde::Serialize;
@@ -188,7 +189,7 @@ fn throw(arguments: &RunArguments) -> anyhow::Result<()> {
     };
     let path = document_path(&arguments.out, &suite.name, brain);
     let text = serde_json::to_string_pretty(&document)? + "\n";
-    replace(&path, |path| fs::write(path, text))?;
+    whole_file::write(&path, text)?;
     if arguments.json { screen::json(&document) } else { Ok(print(&document)?) }
 }
 

@@ -44,7 +44,7 @@ pub struct ThrownObject {
     pub prior: ObjectPrior,
 }
 
-/// What is known of an object's flight before it is thrown.
+/// What is known of an object before it is thrown.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectPrior {
@@ -54,6 +54,9 @@ pub struct ObjectPrior {
     /// Its standard deviation.
     #[serde(deserialize_with = "quantity::drag_per_m")]
     pub drag_sd_per_m: f64,
+    /// What it weighs on a scale, if somebody has weighed it.
+    #[serde(default, deserialize_with = "quantity::thrown_mass_kg")]
+    pub mass_kg: Option<f64>,
     /// Expected coefficient of restitution against the gripper, 0 to 1, if anything is known of it.
     #[serde(default, deserialize_with = "quantity::fraction")]
     pub restitution: Option<f64>,

@@ -39,8 +39,14 @@ impl Description {
     }
 }
 
-/// Attributes of a class by element and name.
-type Class = HashMap<(String, String), String>;
+/// A class of default attributes.
+#[derive(Default)]
+struct Class {
+    /// The class that it is within.
+    parent: Option<String>,
+    /// Its own attributes by element and name.
+    own: HashMap<(String, String), String>,
+}
 
 struct Reader<'a> {
     file: &'a str,
@@ -67,7 +73,7 @@ impl<'a> Reader<'a> {
             in_degrees: compiler("angle").as_deref() != Some("radian"),
             limits_by_range: compiler("autolimits").as_deref() != Some("false"),
             mesh_folder: compiler("meshdir").or_else(|| compiler("assetdir")).unwrap_or_default(),
-            classes: HashMap::from([("main".to_owned(), Class::new())]),
+            classes: HashMap::from([("main".to_owned(), Class::default())]),
             meshes: HashMap::new(),
             efforts: HashMap::new(),
             mimicking: Vec::new(),
@@ -83,7 +89,7 @@ impl<'a> Reader<'a> {
             ));
         }
         for default in elements(root, "default") {
-            reader.class(default, &Class::new(), 0)?;
+            reader.class(default, None, 0)?;
         }
         for mesh in elements(root, "asset").flat_map(|it| elements(it, "mesh")) {
             let stem = |file: &str| {
@@ -117,21 +123,22 @@ impl<'a> Reader<'a> {
         InputError::new(self.file, field, found, expected)
     }
 
-    fn class(&mut self, node: Node<'a, 'a>, inherited: &Class, depth: usize) -> Result<(), InputError> {
+    fn class(&mut self, node: Node<'a, 'a>, parent: Option<&str>, depth: usize) -> Result<(), InputError> {
         if depth > DEEPEST {
             return Err(self.fault("default", format!("{depth} classes within one another"), "fewer"));
         }
-        let mut class = inherited.clone();
+        let name = node.attribute("class").unwrap_or("main");
+        let mut class = Class { parent: parent.map(str::to_owned), ..Class::default() };
         for element in node.children().filter(|it| it.is_element() && !it.has_tag_name("default")) {
             let kind = element.tag_name().name();
-            class.extend(
+            class.own.extend(
                 element.attributes().map(|it| ((kind.to_owned(), it.name().to_owned()), it.value().to_owned())),
             );
         }
         for nested in elements(node, "default") {
-            self.class(nested, &class, depth + 1)?;
+            self.class(nested, Some(name), depth + 1)?;
         }
-        self.classes.insert(node.attribute("class").unwrap_or("main").to_owned(), class);
+        self.classes.insert(name.to_owned(), class);
         Ok(())
     }
 
@@ -144,8 +151,13 @@ impl<'a> Reader<'a> {
         name: &'b str,
     ) -> Option<&'b str> {
         let class = node.attribute("class").or(of_body).unwrap_or("main");
-        let of_class = || self.classes.get(class)?.get(&(kind.to_owned(), name.to_owned())).map(String::as_str);
-        node.attribute(name).or_else(of_class)
+        let key = (kind.to_owned(), name.to_owned());
+        // Classes of one name may be within each other.
+        let classes = || {
+            let parent = |it: &&Class| self.classes.get(it.parent.as_ref()?);
+            std::iter::successors(self.classes.get(class), parent).take(DEEPEST + 1)
+        };
+        node.attribute(name).or_else(|| classes().find_map(|it| it.own.get(&key)).map(String::as_str))
     }
 
     fn numbers<const N: usize>(
@@ -427,6 +439,20 @@ mod tests {
         assert_eq!(first.body.collisions[0].shape, Shape::Capsule { radius_m: 0.05, length_m: 0.2 });
         let mesh = Shape::Mesh { file: "assets/tube.stl".into(), scale: Vector3::repeat(0.001) };
         assert_eq!(chain.base.visuals[0].shape, mesh);
+    }
+
+    /// What is within something is not what is within that too, however deep; the class may have the name of one around it.
+    #[test]
+    fn attributes_are_those_of_the_innermost_class_that_has_them() {
+        let classes = r#"<default class="a"><default class="b"><default class="a"><joint range="-9 9"/></default>
+            <joint axis="1 0 0"/></default><joint axis="0 1 0" armature="0.1"/></default>"#;
+        let text = format!("<mujoco><default>{classes}</default></mujoco>");
+        let document = roxmltree::Document::parse(&text).unwrap();
+        let reader = Reader::new("arm.xml", document.root_element()).unwrap();
+        let joint = roxmltree::Document::parse("<joint/>").unwrap();
+        let of = |class, name| reader.attribute(joint.root_element(), "joint", Some(class), name);
+        assert_eq!((of("b", "axis"), of("b", "armature"), of("b", "range")), (Some("1 0 0"), Some("0.1"), None));
+        assert_eq!((of("a", "axis"), of("main", "axis"), of("none", "axis")), (Some("0 1 0"), None, None));
     }
 
     #[test]

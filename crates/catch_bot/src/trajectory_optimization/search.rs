@@ -216,7 +216,7 @@ impl CatchSearch {
                 Stage::Posture(_) | Stage::TerminalVelocity(..) if *failed == config.max_motion_trials => {}
                 Stage::Posture(posture) => {
                     let q = posture.q;
-                    if !self.motion.stands_clear(&q, entering.grasp.aperture_m) {
+                    if !self.motion.stands_clear(&q) {
                         continue;
                     }
                     *velocity_trials += 1;

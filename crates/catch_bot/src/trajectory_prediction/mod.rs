@@ -102,6 +102,7 @@ impl Settings for Config {
                 ("first_after", self.first_after),
                 ("max_iterations", self.max_iterations),
             ])
+            .at_most(("first_after", self.first_after), ("window", self.window))
             .values(
                 &NOT_NEGATIVE,
                 [

@@ -4,7 +4,7 @@
 
 use std::{
     fmt::Write as _,
-    fs::{self, File},
+    fs::File,
     io::{self, BufWriter, Write},
     path::Path,
 };
@@ -12,7 +12,7 @@ use std::{
 use catch_body::InputError;
 use serde_json::{Map, Value};
 
-use crate::{evaluation::Row, referee::LEADS_S};
+use crate::{evaluation::Row, referee::LEADS_S, whole_file::replace};
 
 #[cfg(feature = "parquet")]
 mod parquet_file;
@@ -158,20 +158,6 @@ pub fn write(folder: &Path, rows: &[Row], identity: &str) -> Result<(), InputErr
     Ok(())
 }
 
-/// Writes a file under another name and gives it its own when it is complete.
-///
-/// # Errors
-/// If it cannot be written; what was there before stays.
-pub fn replace(path: &Path, write: impl FnOnce(&Path) -> io::Result<()>) -> Result<(), InputError> {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let unfinished = path.with_file_name(format!(".{name}.unfinished"));
-    write(&unfinished).and_then(|()| fs::rename(&unfinished, path)).map_err(|fault| {
-        // Best effort: what is reported is why it could not be written.
-        let _ = fs::remove_file(&unfinished);
-        InputError::unwritten(path.display(), &fault, "a place to write to; --resume writes it again")
-    })
-}
-
 /// The line of names.
 fn names(columns: &[Column]) -> String {
     let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
@@ -255,17 +241,5 @@ mod tests {
             "{line}"
         );
         assert_eq!(names.split(',').count(), line.split(',').count() - 1);
-    }
-
-    #[test]
-    fn a_file_that_cannot_be_written_leaves_the_old_one() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("table.csv");
-        fs::write(&path, "old").unwrap();
-        let fault = replace(&path, |_| Err(io::Error::other("no room"))).unwrap_err().to_string();
-        assert!(fault.contains("no room") && fault.contains("table.csv"), "{fault}");
-        assert_eq!(fs::read_to_string(&path).unwrap(), "old");
-        replace(&path, |path| fs::write(path, "new")).unwrap();
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 }

@@ -24,10 +24,10 @@ use self::{
 use crate::{
     VERSION,
     assets::COMMAND_LINE,
-    evaluation::trial_table::replace,
     referee,
     scenario::setup::Setup,
     trial::{Episode, StateSnapshot, stopwatch::Stopwatch},
+    whole_file::replace,
 };
 
 /// Version of the format.

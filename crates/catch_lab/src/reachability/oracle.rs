@@ -60,7 +60,7 @@ pub struct Oracle<'a> {
     clearance: ArmClearance,
 }
 
-/// The arm's inverse kinematics: in closed form, where there is one.
+/// The arm's inverse kinematics: in closed form for two families, by iteration from many starts for the others.
 #[derive(Debug)]
 enum Kinematics {
     Srs(SrsArm),
