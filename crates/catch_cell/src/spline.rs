@@ -216,8 +216,14 @@ mod tests {
         assert!(!without(&|it| it.knots_s[7] = f64::INFINITY));
         assert!(!without(&|it| it.knots_s[4] = 0.9));
         assert!(!without(&|it| it.control_points[3][7] = f64::NAN));
-        // A knot may be repeated.
-        assert!(without(&|it| it.knots_s[4] = 1.0));
+        // The first and the last four knots are the same; others may be repeated.
+        assert!(!without(&|it| it.knots_s[3] = 1.1));
+        assert!(!without(&|it| it.knots_s[7] = 2.5));
+        let with_knots_inside = |inside_s: &[f64]| {
+            let knots_s = [&whole.knots_s[..4], inside_s, &whole.knots_s[4..]].concat();
+            BSpline { knots_s, control_points: vec![whole.control_points[0]; 6] }.is_valid()
+        };
+        assert!(with_knots_inside(&[1.5, 1.5]) && !with_knots_inside(&[1.5, 1.4]));
     }
 
     #[test]

@@ -7,16 +7,19 @@ use std::{
 
 use catch_body::InputError;
 
-/// Writes a file under another name and gives it its own when it is complete.
+/// What would help where nothing can be written.
+const PLACE: &str = "a place that can be written to";
+
+/// Writes a file under another name and gives it its own when it is complete; `advice` says what would help where that fails.
 ///
 /// # Errors
 /// If it cannot be written; what was there before stays.
-pub fn replace(path: &Path, write: impl FnOnce(&Path) -> io::Result<()>) -> Result<(), InputError> {
+pub fn replace(path: &Path, advice: &str, write: impl FnOnce(&Path) -> io::Result<()>) -> Result<(), InputError> {
     let unfinished = unfinished(path);
     write(&unfinished).and_then(|()| fs::rename(&unfinished, path)).map_err(|fault| {
         // Best effort: what is reported is why it could not be written.
         let _ = fs::remove_file(&unfinished);
-        unwritten(path, &fault)
+        InputError::unwritten(path.display(), &fault, advice)
     })
 }
 
@@ -25,7 +28,7 @@ pub fn replace(path: &Path, write: impl FnOnce(&Path) -> io::Result<()>) -> Resu
 /// # Errors
 /// As [`replace`].
 pub fn write(path: &Path, content: impl AsRef<[u8]>) -> Result<(), InputError> {
-    replace(path, |path| fs::write(path, content))
+    replace(path, PLACE, |path| fs::write(path, content))
 }
 
 /// Tells before a long work whether its result can be written there. Makes the folder if there is none.
@@ -34,19 +37,15 @@ pub fn write(path: &Path, content: impl AsRef<[u8]>) -> Result<(), InputError> {
 /// If it cannot.
 pub fn check_place(path: &Path) -> Result<(), InputError> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-    folder.map_or(Ok(()), fs::create_dir_all).map_err(|fault| unwritten(path, &fault))?;
     let unfinished = unfinished(path);
-    let tried = fs::write(&unfinished, []).and_then(|()| fs::remove_file(&unfinished));
-    tried.map_err(|fault| unwritten(path, &fault))
+    let made = folder.map_or(Ok(()), fs::create_dir_all);
+    let tried = made.and_then(|()| fs::write(&unfinished, [])).and_then(|()| fs::remove_file(&unfinished));
+    tried.map_err(|fault| InputError::unwritten(path.display(), &fault, PLACE))
 }
 
 /// What a file is called until it is complete.
 fn unfinished(path: &Path) -> PathBuf {
     path.with_file_name(format!(".{}.unfinished", path.file_name().unwrap_or_default().to_string_lossy()))
-}
-
-fn unwritten(path: &Path, fault: &io::Error) -> InputError {
-    InputError::unwritten(path.display(), fault, "a place that can be written to")
 }
 
 #[cfg(test)]
@@ -58,8 +57,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("table.csv");
         fs::write(&path, "old").unwrap();
-        let fault = replace(&path, |_| Err(io::Error::other("no room"))).unwrap_err().to_string();
-        assert!(fault.contains("no room") && fault.contains("table.csv"), "{fault}");
+        let fault = replace(&path, "room", |_| Err(io::Error::other("no room"))).unwrap_err().to_string();
+        assert!(fault.contains("no room, expected room") && fault.contains("table.csv"), "{fault}");
         assert_eq!(fs::read_to_string(&path).unwrap(), "old");
         write(&path, "new").unwrap();
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);

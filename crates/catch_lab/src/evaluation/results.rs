@@ -240,7 +240,7 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<(Identity, Vec<Row>), In
         logs.push(log);
     }
     write_identity(out, &whole)?;
-    whole_file::replace(&out.join(TRIALS_FILE), |path| {
+    whole_file::replace(&out.join(TRIALS_FILE), "a place to write to", |path| {
         let mut out = File::create(path)?;
         logs.iter().try_for_each(|log| io::copy(&mut File::open(log)?, &mut out).map(drop))
     })?;

@@ -22,6 +22,9 @@ pub const CSV_FILE: &str = "trials.csv";
 /// The same in Parquet.
 pub const PARQUET_FILE: &str = "trials.parquet";
 
+/// What helps where a table cannot be written.
+const AGAIN: &str = "a place to write to; --resume writes it again";
+
 /// How many rows are turned into columns at a time, so that long evaluations need no more memory than short ones.
 const GROUP_ROWS: usize = 1000;
 
@@ -143,7 +146,7 @@ pub fn columns(rows: &[Row]) -> Vec<Column> {
 /// # Errors
 /// If they cannot be written; what was there before stays.
 pub fn write(folder: &Path, rows: &[Row], identity: &str) -> Result<(), InputError> {
-    replace(&folder.join(CSV_FILE), |path| {
+    replace(&folder.join(CSV_FILE), AGAIN, |path| {
         let mut file = BufWriter::new(File::create(path)?);
         file.write_all(names(&columns(&[])).as_bytes())?;
         for rows in rows.chunks(GROUP_ROWS) {
@@ -152,7 +155,9 @@ pub fn write(folder: &Path, rows: &[Row], identity: &str) -> Result<(), InputErr
         file.flush()
     })?;
     #[cfg(feature = "parquet")]
-    replace(&folder.join(PARQUET_FILE), |path| parquet_file::write(path, rows, identity).map_err(io::Error::other))?;
+    replace(&folder.join(PARQUET_FILE), AGAIN, |path| {
+        parquet_file::write(path, rows, identity).map_err(io::Error::other)
+    })?;
     #[cfg(not(feature = "parquet"))]
     let _ = identity;
     Ok(())

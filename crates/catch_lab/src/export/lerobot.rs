@@ -204,7 +204,7 @@ impl LeRobotDataset {
         let path = self.folder.join(name);
         let made = path.parent().map_or(Ok(()), fs::create_dir_all);
         made.map_err(|fault| InputError::unwritten(path.display(), &fault, "a folder that can be written"))?;
-        replace(&path, write)
+        replace(&path, "a place to write to", write)
     }
 }
 
