@@ -5,13 +5,13 @@ use std::collections::{BTreeMap, HashMap};
 use nalgebra::{Matrix3, Point3, Quaternion, Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
 use roxmltree::{Document, Node, ParsingOptions};
 
-use super::{Description, Geometry, JointKind, Link, Shape, TreeJoint};
+use super::{Description, Geometry, JointKind, Link, Shape, TreeJoint, mjcf_classes::Classes};
 use crate::{InputError, Pose, robot::Inertia};
 
 /// Elements and attributes of a file at most.
 const MOST_NODES: u32 = 1_000_000;
 /// Bodies or classes within one another at most.
-const DEEPEST: usize = 200;
+pub(super) const DEEPEST: usize = 200;
 /// What a file should be.
 const EXPECTED: &str = "a model in MuJoCo's format (MJCF)";
 /// Whatever is larger is nonsense, or in other units.
@@ -39,21 +39,12 @@ impl Description {
     }
 }
 
-/// A class of default attributes.
-#[derive(Default)]
-struct Class {
-    /// The class that it is within.
-    parent: Option<String>,
-    /// Its own attributes by element and name.
-    own: HashMap<(String, String), String>,
-}
-
 struct Reader<'a> {
     file: &'a str,
     in_degrees: bool,
     limits_by_range: bool,
     mesh_folder: String,
-    classes: HashMap<String, Class>,
+    classes: Classes,
     meshes: HashMap<String, Node<'a, 'a>>,
     /// Highest torques by the names of joints.
     efforts: HashMap<String, f64>,
@@ -73,7 +64,7 @@ impl<'a> Reader<'a> {
             in_degrees: compiler("angle").as_deref() != Some("radian"),
             limits_by_range: compiler("autolimits").as_deref() != Some("false"),
             mesh_folder: compiler("meshdir").or_else(|| compiler("assetdir")).unwrap_or_default(),
-            classes: HashMap::from([("main".to_owned(), Class::default())]),
+            classes: Classes::read(file, root)?,
             meshes: HashMap::new(),
             efforts: HashMap::new(),
             mimicking: Vec::new(),
@@ -87,9 +78,6 @@ impl<'a> Reader<'a> {
                 "other eulerseq or coordinate",
                 "eulerseq=\"xyz\" and local coordinates",
             ));
-        }
-        for default in elements(root, "default") {
-            reader.class(default, None, 0)?;
         }
         for mesh in elements(root, "asset").flat_map(|it| elements(it, "mesh")) {
             let stem = |file: &str| {
@@ -123,25 +111,6 @@ impl<'a> Reader<'a> {
         InputError::new(self.file, field, found, expected)
     }
 
-    fn class(&mut self, node: Node<'a, 'a>, parent: Option<&str>, depth: usize) -> Result<(), InputError> {
-        if depth > DEEPEST {
-            return Err(self.fault("default", format!("{depth} classes within one another"), "fewer"));
-        }
-        let name = node.attribute("class").unwrap_or("main");
-        let mut class = Class { parent: parent.map(str::to_owned), ..Class::default() };
-        for element in node.children().filter(|it| it.is_element() && !it.has_tag_name("default")) {
-            let kind = element.tag_name().name();
-            class.own.extend(
-                element.attributes().map(|it| ((kind.to_owned(), it.name().to_owned()), it.value().to_owned())),
-            );
-        }
-        for nested in elements(node, "default") {
-            self.class(nested, Some(name), depth + 1)?;
-        }
-        self.classes.insert(name.to_owned(), class);
-        Ok(())
-    }
-
     /// An attribute: the element's own, that of its class, or that of the class that its body says.
     fn attribute<'b>(
         &'b self,
@@ -151,13 +120,7 @@ impl<'a> Reader<'a> {
         name: &'b str,
     ) -> Option<&'b str> {
         let class = node.attribute("class").or(of_body).unwrap_or("main");
-        let key = (kind.to_owned(), name.to_owned());
-        // Classes of one name may be within each other.
-        let classes = || {
-            let parent = |it: &&Class| self.classes.get(it.parent.as_ref()?);
-            std::iter::successors(self.classes.get(class), parent).take(DEEPEST + 1)
-        };
-        node.attribute(name).or_else(|| classes().find_map(|it| it.own.get(&key)).map(String::as_str))
+        node.attribute(name).or_else(|| self.classes.attribute(class, kind, name))
     }
 
     fn numbers<const N: usize>(
@@ -400,7 +363,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-fn elements<'a>(node: Node<'a, 'a>, name: &'static str) -> impl Iterator<Item = Node<'a, 'a>> {
+pub(super) fn elements<'a>(node: Node<'a, 'a>, name: &'static str) -> impl Iterator<Item = Node<'a, 'a>> {
     node.children().filter(move |it| it.has_tag_name(name))
 }
 
@@ -439,20 +402,6 @@ mod tests {
         assert_eq!(first.body.collisions[0].shape, Shape::Capsule { radius_m: 0.05, length_m: 0.2 });
         let mesh = Shape::Mesh { file: "assets/tube.stl".into(), scale: Vector3::repeat(0.001) };
         assert_eq!(chain.base.visuals[0].shape, mesh);
-    }
-
-    /// What is within something is not what is within that too, however deep; the class may have the name of one around it.
-    #[test]
-    fn attributes_are_those_of_the_innermost_class_that_has_them() {
-        let classes = r#"<default class="a"><default class="b"><default class="a"><joint range="-9 9"/></default>
-            <joint axis="1 0 0"/></default><joint axis="0 1 0" armature="0.1"/></default>"#;
-        let text = format!("<mujoco><default>{classes}</default></mujoco>");
-        let document = roxmltree::Document::parse(&text).unwrap();
-        let reader = Reader::new("arm.xml", document.root_element()).unwrap();
-        let joint = roxmltree::Document::parse("<joint/>").unwrap();
-        let of = |class, name| reader.attribute(joint.root_element(), "joint", Some(class), name);
-        assert_eq!((of("b", "axis"), of("b", "armature"), of("b", "range")), (Some("1 0 0"), Some("0.1"), None));
-        assert_eq!((of("a", "axis"), of("main", "axis"), of("none", "axis")), (Some("0 1 0"), None, None));
     }
 
     #[test]
