@@ -148,7 +148,7 @@ mod tests {
         let capsule = Capsule { from: Point3::origin(), to: Point3::new(0.0, 0.0, 1.0), radius: 0.1 };
         let cuboid = Cuboid { centre: Point3::new(0.0, 0.0, 0.5), size: Vector3::new(0.2, 0.2, 1.0) };
         let step = 1e-6;
-        for p in [Point3::new(0.3, 0.1, 0.4), Point3::new(0.02, 0.07, 0.6), Point3::new(0.12, 0.2, 1.4)] {
+        for p in [Point3::new(0.3, 0.12, 0.4), Point3::new(0.02, 0.07, 0.6), Point3::new(0.12, 0.2, 1.4)] {
             let of = |p: &Point3<f64>| [away_from_capsule(&capsule, p), away_from_cuboid(&cuboid, p)];
             for (shape, (_, away)) in of(&p).into_iter().enumerate() {
                 let along = |axis: usize| {

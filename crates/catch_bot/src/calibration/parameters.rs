@@ -111,11 +111,10 @@ impl<'a> PosedArm<'a> {
     pub fn new(robot: &'a Robot, sample: &ArmSample, shared: &Shared) -> Self {
         let mut X_WL = robot.link_poses(&(sample.q + shared.joint_zero_rad()));
         let three = |kind: fn(usize) -> Kind| Vector3::from_fn(|i, _| shared.value(kind(i)));
-        // The gripper M stands so where its model G should; what stands for the last link L carries it there.
+        // The gripper stands so where its model should; what stands for the last link carries it there.
         let X_GM = moved(&three(Kind::MountTranslation), &three(Kind::MountRotation));
-        let X_LM = robot.X_LG * X_GM;
-        let by: Pose = X_LM * robot.X_LG.inverse();
-        X_WL[MAX_JOINTS] *= by;
+        let mounted_L = robot.X_LG * X_GM;
+        X_WL[MAX_JOINTS] *= mounted_L * robot.X_LG.inverse();
         let X_WG = robot.gripper_in(&X_WL);
         Self { robot, X_WL, dq: sample.dq, width_m: sample.width_m, X_WG }
     }
