@@ -1,7 +1,7 @@
 //! `catchingbot calibrate`: where the cameras stand, from what they see of the arm.
 
 use std::{
-    fs, io,
+    io,
     path::{Path, PathBuf},
 };
 
@@ -18,6 +18,7 @@ use catch_lab::{
     own_data::ros_calibration::{camera_info_yaml, hand_eye_yaml, read_camera_info, read_hand_eye},
     pages::calibration_page::{self, CameraSection},
     scenario::setup::{Choice, Setup},
+    whole_file,
 };
 use clap::Args;
 use serde::Serialize;
@@ -135,7 +136,7 @@ pub fn run(arguments: &CalibrateArguments) -> anyhow::Result<()> {
     let cameras: Vec<CameraDocument> = found.cameras.iter().zip(&truth).map(|it| camera_document(it.0, it.1)).collect();
     write_files(out, &setup, &found, &calibrated)?;
     let page = out.join("calibration.html");
-    write(&page, &page_text(&setup, &session, &calibrated, &cameras))?;
+    whole_file::write(&page, page_text(&setup, &session, &calibrated, &cameras))?;
     let document = Document {
         version: VERSION,
         scenario: &setup.scenario.name,
@@ -169,7 +170,7 @@ fn setup(arguments: &CalibrateArguments) -> anyhow::Result<Setup> {
         };
         let cameras: Vec<_> = infos.iter().zip(results).map(camera).collect::<Result<_, _>>()?;
         let path = arguments.output.out.join("guess.toml");
-        write(&path, &rig_to_toml("Cameras as files of ROS describe them.", &cameras))?;
+        whole_file::write(&path, rig_to_toml("Cameras as files of ROS describe them.", &cameras))?;
         rig = Some(path.display().to_string());
     }
     let mut settings = choice.settings.to_vec();
@@ -191,13 +192,13 @@ fn write_files(out: &Path, setup: &Setup, found: &Calibration, calibrated: &[Cam
         setup.scenario.flight_rig,
         statuses.join(", ")
     );
-    write(&out.join("rig.toml"), &rig_to_toml(&about, &with_covariance))?;
+    whole_file::write(&out.join("rig.toml"), rig_to_toml(&about, &with_covariance))?;
     let X_BW = setup.robot.X_WB.inverse();
     for (i, camera) in calibrated.iter().enumerate() {
         let name = format!("camera_{i}");
-        write(&out.join(format!("{name}.yaml")), &camera_info_yaml(&name, camera))?;
+        whole_file::write(&out.join(format!("{name}.yaml")), camera_info_yaml(&name, camera))?;
         let X_BC = X_BW * camera.X_WC;
-        write(&out.join(format!("{name}.calib")), &hand_eye_yaml(&name, &setup.robot.name, &X_BC))?;
+        whole_file::write(&out.join(format!("{name}.calib")), hand_eye_yaml(&name, &setup.robot.name, &X_BC))?;
     }
     Ok(())
 }
@@ -214,11 +215,6 @@ fn rig_calibration(found: &CameraCalibration) -> Option<RigCalibration> {
         silhouette_sd_px,
         images,
     })
-}
-
-fn write(path: &Path, text: &str) -> Result<(), InputError> {
-    let unwritten = |fault: io::Error| InputError::unwritten(path.display(), &fault, "a file that can be written");
-    fs::write(path, text).map_err(unwritten)
 }
 
 fn status(status: CalibrationStatus) -> &'static str {
