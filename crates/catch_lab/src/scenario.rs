@@ -176,7 +176,7 @@ impl Scenario {
     /// # Errors
     /// If it does not: every catch would come too late.
     pub(crate) fn check_closing(&self, file: &str, gripper: &Gripper, gripper_file: &str) -> Result<(), InputError> {
-        if !matches!(self.arena.gripper, GripperDriveKind::Wsg50(_)) {
+        if !matches!(self.arena.gripper, GripperDriveKind::Real(_)) {
             return Ok(());
         }
         let grasping = &self.brain.grasp_selection;

@@ -67,7 +67,7 @@ impl Arena {
             restitution: conditions.restitution,
             drive_mass_kg: match config.gripper {
                 GripperDriveKind::Ideal {} | GripperDriveKind::Position(_) => 0.0,
-                GripperDriveKind::Wsg50(drive) => drive.drive_mass_kg,
+                GripperDriveKind::Real(drive) => drive.drive_mass_kg,
             },
         };
         let mount = Mount::Arm { robot: &true_robot, q: ready_q };

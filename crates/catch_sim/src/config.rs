@@ -78,9 +78,10 @@ pub enum GripperDriveKind {
     /// As strong as the real gripper, but without limit of speed beyond the fingers' own inertia and without latency: about
     /// 5 ms from wide open to a tennis ball. The paper's gripper, less its 1000 N.
     Ideal {},
-    /// A real one, after the Schunk WSG-50: the limits of speed, acceleration and force in the gripper's file hold, and commands
-    /// and states take time.
-    Wsg50(Wsg50),
+    /// A real one: the limits of speed, acceleration and force in the gripper's file hold, and commands and states take time, as
+    /// its table `drive` says.
+    #[serde(alias = "wsg50")]
+    Real(RealDrive),
     /// One controller for each finger, which jumps to the commanded width whatever speed and force the command has: the paper's.
     Position(PositionDrive),
 }
@@ -150,17 +151,17 @@ impl Default for ProximitySensor {
     }
 }
 
-/// The connection and the drive of a WSG-50.
+/// What a gripper's own file leaves open of its connection and its drive, or has otherwise.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Wsg50 {
+pub struct RealDrive {
     /// Time from a command until the fingers begin to move. It is drawn uniformly within one cycle around this, for the
-    /// gripper takes commands in a cycle of its own; zero is none at all. Default 30 ms; no source, plausible over a network.
+    /// gripper takes commands in a cycle of its own; zero is none at all. The gripper's own if it is not set.
     #[serde(deserialize_with = "quantity::latency_s")]
-    pub latency_s: f64,
-    /// Rate of the gripper's cycle, in which it takes commands and refreshes its state. Default 140 Hz (Schunk's data sheet).
+    pub latency_s: Option<f64>,
+    /// Rate of the gripper's cycle, in which it takes commands and refreshes its state. The gripper's own if it is not set.
     #[serde(deserialize_with = "quantity::rate_hz")]
-    pub state_rate_hz: f64,
+    pub state_rate_hz: Option<f64>,
     /// The reported width and speed are rounded to this, in metres and m/s. Default 0.01 mm, the unit of the command set
     /// (Schunk, WSG series, PROFIBUS interface, register WIDTH); zero rounds nothing.
     #[serde(deserialize_with = "quantity::error_m")]
@@ -171,9 +172,9 @@ pub struct Wsg50 {
     pub drive_mass_kg: f64,
 }
 
-impl Default for Wsg50 {
+impl Default for RealDrive {
     fn default() -> Self {
-        Self { latency_s: 0.03, state_rate_hz: 140.0, width_step_m: 1e-5, drive_mass_kg: 0.5 }
+        Self { latency_s: None, state_rate_hz: None, width_step_m: 1e-5, drive_mass_kg: 0.5 }
     }
 }
 
@@ -405,10 +406,10 @@ mod tests {
         assert_eq!(config.friction, Drawn::Always(0.5));
         assert!(toml::from_str::<ArenaConfig>("frictoin = 0.5").is_err());
         let config: ArenaConfig =
-            toml::from_str("friction = { min = 0.4, max = 1.0 }\ngripper = { kind = \"wsg50\" }").unwrap();
+            toml::from_str("friction = { min = 0.4, max = 1.0 }\ngripper = { kind = \"real\" }").unwrap();
         assert_eq!(config.friction.bounds(), [0.4, 1.0]);
-        assert_eq!(config.gripper, GripperDriveKind::Wsg50(Wsg50::default()));
-        assert!(toml::from_str::<ArenaConfig>("gripper = { kind = \"wsg50\", latncy_s = 0.1 }").is_err());
+        assert_eq!(config.gripper, GripperDriveKind::Real(RealDrive::default()));
+        assert!(toml::from_str::<ArenaConfig>("gripper = { kind = \"real\", latncy_s = 0.1 }").is_err());
         assert!(toml::from_str::<ArenaConfig>("gripper = { kind = \"ideal\", latency_s = 0.1 }").is_err());
         assert!(toml::from_str::<ArenaConfig>("wind = [1.0, 2.0]").is_err());
         assert!(toml::from_str::<ArenaConfig>("wind = { max_mps = 2.0 }").is_ok());
@@ -434,7 +435,7 @@ mod tests {
             "aerodynamics.drag_anisotropy = 1.0",
             "aerodynamics.max_magnus = -0.1",
             "aerodynamics.max_spin_decay_per_s = inf",
-            "gripper = { kind = \"wsg50\", drive_mass_kg = -1 }",
+            "gripper = { kind = \"real\", drive_mass_kg = -1 }",
         ] {
             let fault = read(text);
             let field = text.split([' ', '{']).next().unwrap();

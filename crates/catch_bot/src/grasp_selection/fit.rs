@@ -37,7 +37,8 @@ impl std::fmt::Display for GraspFailure {
     }
 }
 
-/// The gripper with orientation `R_OG` over the surface point `sample`.
+/// The gripper with orientation `R_OG` over the surface point `sample`, open by the finger margin on each side if it opens that far, and by
+/// `least_margin_m` at least.
 ///
 /// # Errors
 /// Why it cannot hold the object there.
@@ -47,6 +48,7 @@ pub fn fit_gripper(
     config: &Config,
     sample: &Point3<f64>,
     R_OG: UnitQuaternion<f64>,
+    least_margin_m: f64,
 ) -> Result<Grasp, GraspFailure> {
     // Over the sample, with the centre of mass (the origin of O) level with the grasp centre.
     let lateral = sample.coords - (R_OG * Vector3::y()) * (R_OG * Vector3::y()).dot(&sample.coords);
@@ -76,10 +78,11 @@ pub fn fit_gripper(
         return Err(GraspFailure::NothingBetween);
     }
     let object_width_m = high - low;
-    let aperture_m = object_width_m + 2.0 * config.finger_margin_m;
-    if aperture_m > gripper.max_width_m {
+    if object_width_m + 2.0 * least_margin_m > gripper.max_width_m {
         return Err(GraspFailure::TooWide);
     }
+    let widest_m = object_width_m + 2.0 * config.finger_margin_m;
+    let aperture_m = gripper.driven_width_m(widest_m).min(gripper.max_width_m);
     let X_OG = place(Vector3::new((low + high) / 2.0, -backed_off, 0.0));
     let X_GO = X_OG.inverse();
 
@@ -111,10 +114,11 @@ pub fn fit_gripper(
 
     // The open fingers and the housing are clear of the object.
     let boxes = [gripper.fingers(aperture_m)[0], gripper.fingers(aperture_m)[1], gripper.body()];
+    let margin_m = config.finger_margin_m.min((aperture_m - object_width_m) / 2.0) / 2.0;
     let collides = |p: &Point3<f64>| {
         boxes.iter().any(|cuboid| {
             let inside = (p - cuboid.centre).abs() - cuboid.size / 2.0;
-            inside.max() < config.finger_margin_m / 2.0
+            inside.max() < margin_m
         })
     };
     if reference.points.iter().any(|point| collides(&(X_GO * point))) {

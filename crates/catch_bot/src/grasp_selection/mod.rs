@@ -210,8 +210,18 @@ pub struct GraspSet {
 }
 
 impl GraspSet {
-    /// Samples Darboux frames on the reference cloud and keeps the grasps that fit.
+    /// Samples Darboux frames on the reference cloud and keeps the grasps that fit; those with less free space beside the fingers only if
+    /// there are no others.
     pub fn sample(reference: &ReferenceModel, gripper: &Gripper, config: &Config) -> Self {
+        let roomy = Self::with_margin(reference, gripper, config, config.finger_margin_m);
+        if roomy.grasps.is_empty() {
+            Self::with_margin(reference, gripper, config, config.approach_margin_m.min(config.finger_margin_m))
+        } else {
+            roomy
+        }
+    }
+
+    fn with_margin(reference: &ReferenceModel, gripper: &Gripper, config: &Config, least_margin_m: f64) -> Self {
         let mut rng = Pcg64::seed_from_u64(config.seed);
         let (mut grasps, mut failures) = (Vec::new(), BTreeMap::new());
         // A ball looks the same from everywhere.
@@ -226,7 +236,7 @@ impl GraspSet {
                     let approach = -frame.normal;
                     let R_OG = Rotation3::from_basis_unchecked(&[closing, approach, closing.cross(&approach)]);
                     let R_OG = UnitQuaternion::from_rotation_matrix(&R_OG);
-                    let grasp = match fit::fit_gripper(reference, gripper, config, &frame.point, R_OG) {
+                    let grasp = match fit::fit_gripper(reference, gripper, config, &frame.point, R_OG, least_margin_m) {
                         Ok(grasp) => grasp,
                         Err(failure) => {
                             *failures.entry(failure).or_default() += 1;
@@ -237,7 +247,7 @@ impl GraspSet {
                     grasps.push(grasp);
                     grasps.extend(turns_rad.iter().filter_map(|&turn| {
                         let R_OG = R_OG * UnitQuaternion::from_scaled_axis(Vector3::x() * turn);
-                        fit::fit_gripper(reference, gripper, config, &held, R_OG).ok()
+                        fit::fit_gripper(reference, gripper, config, &held, R_OG, least_margin_m).ok()
                     }));
                 }
             }

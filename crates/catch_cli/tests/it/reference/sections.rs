@@ -39,7 +39,7 @@ pub const SCENARIO: &[Section] = &[
     at("clock", "catch_lab/src/scenario.rs", "Clock"),
     at("arena", ARENA, "ArenaConfig"),
     at("arena.gripper", ARENA, "GripperDriveKind"),
-    with("arena.gripper", "arena.gripper, kind wsg50", "arena.gripper={ kind = \"wsg50\" }", (ARENA, "Wsg50")),
+    with("arena.gripper", "arena.gripper, kind real", "arena.gripper={ kind = \"real\" }", (ARENA, "RealDrive")),
     with(
         "arena.gripper",
         "arena.gripper, kind position",
@@ -110,6 +110,8 @@ pub const FILES: &[Section] = &[
     of("Robot: collision", "catch_body/src/robot_file.rs", "CollisionFields"),
     of("Robot: collision.capsules", "catch_body/src/robot_file.rs", "CapsuleFields"),
     of("Gripper", "catch_body/src/gripper.rs", "Gripper"),
+    of("Gripper: drive", "catch_body/src/gripper.rs", "Drive"),
+    of("Gripper: control of the drive", "catch_body/src/gripper.rs", "DriveControl"),
     of("Object", "catch_sim/src/object.rs", "ObjectFile"),
     of("Object: truth", "catch_sim/src/object.rs", "TruthFields"),
     of("Object: truth.shape", "catch_sim/src/object_shape.rs", "ShapeFields"),
