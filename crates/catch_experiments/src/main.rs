@@ -8,6 +8,7 @@ mod as_published;
 mod catch_rates;
 mod figures;
 mod flights;
+mod grippers;
 mod holding;
 mod near_rigs;
 mod objects;
@@ -103,6 +104,12 @@ const EXPERIMENTS: &[Experiment] = &[
         about: "what each built-in arm catches of the throws within its reach, and how long it searches",
         trials: 100,
         run: arms::run,
+    },
+    Experiment {
+        name: "grippers",
+        about: "what each built-in gripper catches on two arms, and why it misses",
+        trials: 40,
+        run: grippers::run,
     },
     Experiment {
         name: "as-published",

@@ -1,7 +1,7 @@
 //! How the fingers close: up to a speed, at an acceleration.
 
 /// Steps in which moving fingers are followed.
-const WAIT_STEP_S: f64 = 1e-3;
+const WAIT_STEP_S: f64 = 5e-4;
 
 /// A closing of the fingers from standing, relative to each other.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,7 +1,7 @@
 //! Fitting the gripper to the object at one sampled frame: centred between the fingers, clear of palm and fingers, closing
 //! on something that does not slip.
 
-use catch_body::{Gripper, Pose, shape::Cuboid};
+use catch_body::{DriveControl, Gripper, Pose, shape::Cuboid};
 use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
 
 use super::{Config, Grasp};
@@ -78,11 +78,16 @@ pub fn fit_gripper(
         return Err(GraspFailure::NothingBetween);
     }
     let object_width_m = high - low;
-    if object_width_m + 2.0 * least_margin_m > gripper.max_width_m {
+    let roomy_m = object_width_m + 2.0 * config.finger_margin_m;
+    let most_margin_m = (gripper.max_width_m - object_width_m) / 2.0;
+    let margin_m = if roomy_m > gripper.max_width_m { most_margin_m } else { config.finger_margin_m };
+    if margin_m < least_margin_m {
         return Err(GraspFailure::TooWide);
     }
-    let widest_m = object_width_m + 2.0 * config.finger_margin_m;
-    let aperture_m = gripper.driven_width_m(widest_m).min(gripper.max_width_m);
+    let aperture_m = match gripper.drive.control {
+        DriveControl::TwoState => gripper.max_width_m,
+        _ => roomy_m.min(gripper.max_width_m),
+    };
     let X_OG = place(Vector3::new((low + high) / 2.0, -backed_off, 0.0));
     let X_GO = X_OG.inverse();
 
@@ -114,11 +119,10 @@ pub fn fit_gripper(
 
     // The open fingers and the housing are clear of the object.
     let boxes = [gripper.fingers(aperture_m)[0], gripper.fingers(aperture_m)[1], gripper.body()];
-    let margin_m = config.finger_margin_m.min((aperture_m - object_width_m) / 2.0) / 2.0;
     let collides = |p: &Point3<f64>| {
         boxes.iter().any(|cuboid| {
             let inside = (p - cuboid.centre).abs() - cuboid.size / 2.0;
-            inside.max() < margin_m
+            inside.max() < margin_m / 2.0
         })
     };
     if reference.points.iter().any(|point| collides(&(X_GO * point))) {

@@ -162,12 +162,16 @@ impl Config {
         }
     }
 
+    /// Whether the fingers are slow.
+    pub fn is_slow(&self, gripper: &Gripper) -> bool {
+        self.closing(gripper).duration_s(2.0 * self.finger_margin_m) > self.slow_closing_s
+    }
+
     /// How far on each side of an object slow fingers wait whose position along the direction of closing has this standard deviation; `None`
     /// for fingers that are fast, or cannot wait anywhere.
     pub fn pre_closing_margin_m(&self, gripper: &Gripper, sd_m: impl FnOnce() -> f64) -> Option<f64> {
-        let is_slow = self.closing(gripper).duration_s(2.0 * self.finger_margin_m) > self.slow_closing_s;
         let can_wait = gripper.drive.control != DriveControl::TwoState;
-        (is_slow && can_wait)
+        (self.is_slow(gripper) && can_wait)
             .then(|| (self.pre_closing_sd * sd_m()).max(self.approach_margin_m).min(self.finger_margin_m))
     }
 

@@ -1,5 +1,6 @@
 //! The gripper with the limits of a real one: how fast it closes, how hard it presses, when it obeys and what it tells.
 
+use catch_body::DriveControl;
 use catch_cell::{GraspState, GripperMove, GripperState};
 use catch_sim::{
     config::RealDrive,
@@ -166,4 +167,23 @@ fn states_come_at_140_hertz_in_hundredths_of_a_millimetre() {
         assert!((steps - steps.round()).abs() < 1e-6);
         assert!((sample.state.width_m - sample.width_m).abs() < 0.1 * (1.0 / 140.0 + 2.0 * STEP_S));
     }
+}
+
+/// What a command says beyond what the drive obeys does not count.
+#[test]
+fn drives_obey_what_they_can() {
+    let width_after_m = |control: DriveControl, width_m: f64| {
+        let mut gripper = setting::gripper();
+        gripper.drive.control = control;
+        let mut drive = GripperDrive::new(&gripper, gripper.max_width_m);
+        let crawl = GripperMove { start_s: 0.0, width_m, speed_mps: 0.01, force_n: 1.0 };
+        drive.receive(&[crawl], 0.0);
+        let mut world = hand(false);
+        run(&mut world, &mut drive, 300).last().unwrap().width_m
+    };
+    let open_m = setting::gripper().max_width_m;
+    assert!((width_after_m(DriveControl::SpeedAndForce, 0.06) - (open_m - 0.003)).abs() < 1e-3, "at 10 mm/s for 0.3 s");
+    assert!((width_after_m(DriveControl::Position, 0.06) - 0.06).abs() < 1e-3, "at full speed");
+    assert!((width_after_m(DriveControl::TwoState, 0.06) - open_m).abs() < 1e-3, "open");
+    assert!(width_after_m(DriveControl::TwoState, 0.05) < 1e-3, "closed");
 }
