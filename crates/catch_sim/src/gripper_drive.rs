@@ -110,7 +110,9 @@ impl GripperDrive {
     pub fn of_kind(kind: &GripperDriveKind, gripper: &Gripper, width_m: f64, draws: &mut Draws) -> Self {
         match kind {
             GripperDriveKind::Ideal {} => Self::new(gripper, width_m),
-            GripperDriveKind::Real(config) => Self::real(gripper, width_m, config, draws),
+            GripperDriveKind::Real(config) | GripperDriveKind::Wsg50(config) => {
+                Self::real(gripper, width_m, config, draws)
+            }
             GripperDriveKind::Position(config) => Self::position(gripper, width_m, config),
         }
     }

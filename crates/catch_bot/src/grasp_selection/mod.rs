@@ -98,7 +98,7 @@ impl Default for Config {
             max_overhang_m: 0.03,
             max_contact_angle_rad: 0.38,
             finger_margin_m: 0.012,
-            slow_closing_s: 0.15,
+            slow_closing_s: 0.25,
             pre_closing_sd: 3.0,
             approach_margin_m: 0.003,
             palm_margin_m: 0.006,

@@ -25,7 +25,7 @@ proptest! {
     /// Fingers that stand at their aperture wait as long as there is time, and those that wait longer than that touch later.
     #[test]
     fn fingers_on_the_move_touch_when_they_should(
-        width_m in 0.04f64..0.08, rate_mps in -0.1f64..0.1, aperture_m in 0.04f64..0.08, contact_in_s in 0.45f64..1.0,
+        width_m in 0.04f64..0.08, rate_mps in -0.1f64..0.1, aperture_m in 0.04f64..0.08, contact_in_s in 0.8f64..1.2,
     ) {
         let closing = Closing { speed_mps: 0.1, acceleration_mps2: 1.0 };
         let (object_m, step_s) = (0.03, 1e-4);
@@ -34,9 +34,9 @@ proptest! {
         let (mut at_m, mut at_mps, mut time_s) = (width_m, rate_mps, 0.0);
         while at_m > object_m {
             let (target_m, closes) = if time_s < wait_s { (aperture_m, false) } else { (-1.0, true) };
-            let way_m: f64 = target_m - at_m;
-            let most_mps = if closes { 0.1 } else { (2.0 * way_m.abs()).sqrt().min(0.1).min(way_m.abs() / step_s) };
-            at_mps += (most_mps.copysign(way_m) - at_mps).clamp(-step_s, step_s);
+            let ahead_m: f64 = target_m - at_m;
+            let most_mps = if closes { 0.1 } else { (2.0 * ahead_m.abs()).sqrt().min(0.1).min(ahead_m.abs() / step_s) };
+            at_mps += (most_mps.copysign(ahead_m) - at_mps).clamp(-step_s, step_s);
             at_m += at_mps * step_s;
             time_s += step_s;
         }

@@ -341,7 +341,7 @@ impl Setup {
             }
         }
         // A gripper that is ideal obeys at once; a real one as its file says.
-        if !matches!(self.scenario.arena.gripper, GripperDriveKind::Real(_)) {
+        if self.scenario.arena.gripper.real().is_none() {
             config.control.gripper_latency_s.get_or_insert(0.0);
         }
         let grasping = &mut config.grasp_selection;

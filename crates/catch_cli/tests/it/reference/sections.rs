@@ -30,6 +30,7 @@ const fn with(
 }
 
 const ARENA: &str = "catch_sim/src/config.rs";
+const GRIPPER: &str = "catch_sim/src/config/gripper.rs";
 const DEPTH: &str = "catch_sim/src/depth_noise.rs";
 
 /// A scenario.
@@ -38,20 +39,20 @@ pub const SCENARIO: &[Section] = &[
     at("limit_scale", "catch_body/src/robot.rs", "LimitScale"),
     at("clock", "catch_lab/src/scenario.rs", "Clock"),
     at("arena", ARENA, "ArenaConfig"),
-    at("arena.gripper", ARENA, "GripperDriveKind"),
-    with("arena.gripper", "arena.gripper, kind real", "arena.gripper={ kind = \"real\" }", (ARENA, "RealDrive")),
+    at("arena.gripper", GRIPPER, "GripperDriveKind"),
+    with("arena.gripper", "arena.gripper, kind real", "arena.gripper={ kind = \"real\" }", (GRIPPER, "RealDrive")),
     with(
         "arena.gripper",
         "arena.gripper, kind position",
         "arena.gripper={ kind = \"position\" }",
-        (ARENA, "PositionDrive"),
+        (GRIPPER, "PositionDrive"),
     ),
-    at("arena.gripper_trigger", ARENA, "GripperTrigger"),
+    at("arena.gripper_trigger", GRIPPER, "GripperTrigger"),
     with(
         "arena.gripper_trigger",
         "arena.gripper_trigger, kind proximity",
         "arena.gripper_trigger={ kind = \"proximity\" }",
-        (ARENA, "ProximitySensor"),
+        (GRIPPER, "ProximitySensor"),
     ),
     of("arena.friction, drawn", ARENA, "Between"),
     of("arena.wind, drawn", ARENA, "DrawnWind"),
