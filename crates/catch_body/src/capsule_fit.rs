@@ -49,7 +49,7 @@ pub fn enclosing_capsules(surface: &TriangleMesh) -> Vec<Capsule> {
 /// Its axis is the best of the coordinate axes, the principal axes and directions that a pattern search finds from the best of
 /// these; for an axis the circle around the points across it and the hemispheres at both ends follow.
 pub fn enclosing_capsule(points: &[Point3<f64>]) -> Option<Capsule> {
-    let outermost = outermost(points, DIRECTIONS);
+    let outermost = few(points, DIRECTIONS);
     let centre = centroid(&outermost)?;
     let mut best = starts(&outermost, &centre)
         .into_iter()
@@ -112,7 +112,7 @@ impl Part {
 
 /// A capsule along the best of the first directions; its volume tells which of two partitions is the better one.
 fn rough(points: &[Point3<f64>]) -> Option<Capsule> {
-    let some = outermost(points, FEW_DIRECTIONS);
+    let some = few(points, FEW_DIRECTIONS);
     let capsules = starts(&some, &centroid(&some)?).into_iter().map(|axis| along(&some, axis).1);
     capsules.min_by(|one, other| volume(one).total_cmp(&volume(other)))
 }
@@ -133,24 +133,28 @@ fn centroid(points: &[Point3<f64>]) -> Option<Point3<f64>> {
     (!points.is_empty()).then(|| Point3::from(sum / points.len() as f64))
 }
 
-/// The points that lie farthest in so many directions, evenly spread over the sphere (a Fibonacci lattice).
-fn outermost(points: &[Point3<f64>], directions: usize) -> Vec<Point3<f64>> {
+/// The outermost points, each once, or all where there are few.
+fn few(points: &[Point3<f64>], directions: usize) -> Vec<Point3<f64>> {
     if points.len() <= directions {
         return points.to_vec();
     }
-    let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
-    let mut chosen: Vec<usize> = (0..directions)
-        .filter_map(|i| {
-            let z = 1.0 - 2.0 * (i as f64 + 0.5) / directions as f64;
-            let (sin, cos) = (golden * i as f64).sin_cos();
-            let direction = Vector3::new(cos * (1.0 - z * z).sqrt(), sin * (1.0 - z * z).sqrt(), z);
-            let farthest = points.iter().enumerate().map(|(i, point)| (point.coords.dot(&direction), i));
-            farthest.max_by(|one, other| one.0.total_cmp(&other.0)).map(|(_, i)| i)
-        })
-        .collect();
+    let mut chosen: Vec<usize> = outermost(points, directions).collect();
     chosen.sort_unstable();
     chosen.dedup();
     chosen.into_iter().map(|i| points[i]).collect()
+}
+
+/// Indices of the points that lie farthest in so many directions, evenly spread over the sphere (a Fibonacci lattice). A point may
+/// be the farthest in several.
+pub fn outermost(points: &[Point3<f64>], directions: usize) -> impl Iterator<Item = usize> {
+    let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+    (0..directions).filter_map(move |i| {
+        let z = 1.0 - 2.0 * (i as f64 + 0.5) / directions as f64;
+        let (sin, cos) = (golden * i as f64).sin_cos();
+        let direction = Vector3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + Vector3::z() * z;
+        let along = |i: &usize| direction.dot(&points[*i].coords);
+        (0..points.len()).max_by(|a, b| along(a).total_cmp(&along(b)))
+    })
 }
 
 fn perpendicular(axis: &Unit<Vector3<f64>>) -> (Vector3<f64>, Vector3<f64>) {

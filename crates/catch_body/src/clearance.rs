@@ -22,6 +22,8 @@ pub struct ArmClearance {
     pairs: Vec<(usize, usize)>,
     /// Parts that may meet the gripper.
     near_gripper: Vec<usize>,
+    /// Parts that may meet what the gripper holds: all but those of the last link.
+    near_held: Vec<usize>,
     X_LG: Pose,
     gripper: Gripper,
     /// Ball in G that holds the gripper at any opening.
@@ -52,6 +54,7 @@ impl ArmClearance {
             pairs.extend((0..parts.len()).filter(|&j| may_meet(one.link, parts[j].link)).map(|j| (i, j)));
         }
         let near_gripper = (0..parts.len()).filter(|&i| may_meet(parts[i].link, robot.dof())).collect();
+        let near_held = (0..parts.len()).filter(|&i| parts[i].link < robot.dof()).collect();
 
         let middle = Point3::new(0.0, f64::midpoint(-gripper.palm_y_m(), gripper.fingertip_y_m()), 0.0);
         let reach = |cuboid: &Cuboid| {
@@ -61,7 +64,7 @@ impl ArmClearance {
         let [left, right] = gripper.fingers(gripper.max_width_m);
         let gripper_ball = (middle, [gripper.body(), left, right].iter().map(reach).fold(0.0, f64::max));
         let (X_LG, gripper, obstacles) = (robot.X_LG, gripper.clone(), robot.obstacles.clone());
-        Self { parts, pairs, near_gripper, X_LG, gripper, gripper_ball, obstacles }
+        Self { parts, pairs, near_gripper, near_held, X_LG, gripper, gripper_ball, obstacles }
     }
 
     /// The smallest distance in metres between links that are more than the robot's `ignored_neighbours` apart in the chain,
@@ -121,14 +124,14 @@ impl ArmClearance {
         })
     }
 
-    /// The smallest distance in metres of a box that the gripper holds, given in G, from its surroundings and from the links that
-    /// the gripper may meet.
+    /// The smallest distance in metres of a box that the gripper holds, given in G, from its surroundings and from all links but the
+    /// last, which the gripper is mounted on.
     pub fn held_clearance(&self, X_WL: &LinkPoses, held_G: &Cuboid) -> f64 {
         let X_WG = X_WL[MAX_JOINTS] * self.X_LG;
         let (centre_W, reach) = (X_WG * held_G.centre, held_G.bounding_radius());
         let held = |obstacle: &Obstacle| obstacle.distance_to_cuboid(&X_WG, held_G);
         let mut smallest = self.near((&centre_W, reach), held_G.lowest_z(&X_WG), held);
-        for &part in &self.near_gripper {
+        for &part in &self.near_held {
             let part = &self.parts[part];
             if (X_WL[part.link] * part.centre - centre_W).norm() - part.radius - reach < smallest {
                 let capsule_G = part.capsule.transformed(&X_WG.inv_mul(&X_WL[part.link]));
@@ -247,7 +250,7 @@ mod tests {
             let X_WL = robot.link_poses(&robot.joint_vector(&q).unwrap());
             let held_G = Cuboid { centre: Point3::new(0.0, 0.09, 0.01), size: nalgebra::Vector3::new(0.03, 0.05, 0.17) };
             let X_WG = robot.gripper_in(&X_WL);
-            let met = robot.capsules.iter().filter(|(link, _)| link + robot.ignored_neighbours < robot.dof());
+            let met = robot.capsules.iter().filter(|(link, _)| *link < robot.dof());
             let in_world: Vec<Capsule> = met.map(|(link, capsule)| capsule.transformed(&X_WL[*link])).collect();
             let steps = || (0..=12).map(|i| f64::from(i) / 12.0 - 0.5);
             let mut nearest = f64::INFINITY;

@@ -5,6 +5,7 @@
 
 mod arm_in_tree;
 mod chain;
+mod mjcf_classes;
 mod mjcf_reader;
 mod sdf_reader;
 mod urdf_reader;

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use crate::robot::{JointVector, MAX_JOINTS, MassMatrix, Robot};
 
-/// Standard gravity in W, in m/s²: the 9.81 of the paper's simulator.
+/// Acceleration of gravity in W, in m/s²: (0, 0, −9.81), as in the paper's simulator.
 pub fn gravity() -> Vector3<f64> {
     Vector3::new(0.0, 0.0, -9.81)
 }

@@ -11,7 +11,8 @@ use crate::{
 pub type LinkPoses = [Pose; MAX_JOINTS + 1];
 
 impl Robot {
-    /// Pose of every link in W: entry 0 is the base, entry i the link that joint i moves.
+    /// Pose of every link in W for the joint positions `q` in radians: entry 0 is the base, entry i + 1 the link that joint i (from
+    /// zero) moves.
     pub fn link_poses(&self, q: &JointVector) -> LinkPoses {
         let mut X_WL = [self.X_WB; MAX_JOINTS + 1];
         for i in 0..MAX_JOINTS {
@@ -28,7 +29,7 @@ impl Robot {
         X_WL
     }
 
-    /// Pose of the gripper in W.
+    /// Forward kinematics: the pose X_WG of the gripper in W for the joint positions `q` in radians.
     pub fn gripper_pose(&self, q: &JointVector) -> Pose {
         self.gripper_in(&self.link_poses(q))
     }
@@ -57,7 +58,8 @@ impl Robot {
         jacobian
     }
 
-    /// Spatial velocity of the gripper's frame.
+    /// Spatial velocity of the gripper's frame in W, in rad/s and m/s, at the joint positions `q` in radians and velocities `dq` in
+    /// rad/s.
     pub fn gripper_twist(&self, q: &JointVector, dq: &JointVector) -> Twist {
         let X_WL = self.link_poses(q);
         let p_WG = Point3::from(self.gripper_in(&X_WL).translation.vector);

@@ -347,8 +347,8 @@ quantities! {
     latency_ms LATENCY_MS = 0.0 to 500.0 "ms, a time within a flight";
     /// Times by which a robot controller may be off.
     controller_time_s CONTROLLER_TIME_S = 0.0 to 0.05 "s";
-    /// Times of flight.
-    flight_s FLIGHT_S = 0.1 to 10.0 "s";
+    /// Times of flight, within that of a trial.
+    flight_s FLIGHT_S = 0.1 to 1.9 "s";
     /// Steps of a simulation.
     step_s STEP_S = 0.00001 to 0.002 "s, beyond which contacts are wrong";
     /// Counts of the steps of a solver.

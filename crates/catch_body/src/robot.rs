@@ -12,10 +12,11 @@ pub const MAX_JOINTS: usize = 8;
 /// last entries at zero, so that vectors are plain values and nothing allocates.
 pub type JointVector = SVector<f64, MAX_JOINTS>;
 
-/// Maps joint velocities to a spatial velocity: rows 0–2 angular, rows 3–5 linear, one column per joint.
+/// Maps joint velocities in rad/s to a spatial velocity in W: rows 0–2 angular in rad/s, rows 3–5 linear in m/s; one column per
+/// joint, base to tip, zero beyond the last.
 pub type Jacobian = SMatrix<f64, 6, MAX_JOINTS>;
 
-/// Maps joint accelerations to torques.
+/// Maps joint accelerations in rad/s² to torques in N·m; entries in kg·m².
 pub type MassMatrix = SMatrix<f64, MAX_JOINTS, MAX_JOINTS>;
 
 /// What a joint may do. All bounds are symmetric but the position's.

@@ -98,7 +98,7 @@ struct LinkFields {
     /// Centre of mass in the link's frame.
     #[serde(deserialize_with = "quantity::offset_m")]
     com_m: [f64; 3],
-    /// Along the link's axes about the centre of mass: xx, yy, zz, xy, xz, yz.
+    /// Along the link's axes about the centre of mass: xx, yy, zz, xy, xz, yz. An object's file has another order.
     #[serde(deserialize_with = "quantity::inertia_kgm2")]
     inertia_kgm2: [f64; 6],
     /// Whether nobody published it.
@@ -167,6 +167,11 @@ impl Robot {
 
         let link_names: Vec<&str> =
             std::iter::once(base_link.as_str()).chain(joints.iter().map(|it| it.link_name.as_str())).collect();
+        let count = extra.collision.capsules.len();
+        if count > MOST_CAPSULES {
+            let expected = format!("at most {MOST_CAPSULES}");
+            return Err(InputError::new(files.toml_file, "collision.capsules", format!("{count} capsules"), expected));
+        }
         let (mut capsules, mut faults) = (Vec::new(), Vec::new());
         for (i, capsule) in extra.collision.capsules.iter().enumerate() {
             let field = |name: &str| format!("collision.capsules[{i}].{name}");
@@ -373,6 +378,8 @@ fn stated_inertia(files: &RobotFiles, link: &str, fields: &LinkFields) -> Result
     Err(InputError::new(files.toml_file, format!("links.{link}.inertia_kgm2"), found, OF_A_BODY))
 }
 
+/// More capsules are refused: each pair costs time in every clearance.
+const MOST_CAPSULES: usize = 128;
 /// What the moments of inertia of a body are.
 const OF_A_BODY: &str = "moments above zero, none larger than the sum of the other two";
 
@@ -418,6 +425,10 @@ pub(crate) mod tests {
         let fault = read(URDF, &TOML.replace("[joints.iiwa_joint_7]", "[joints.wrist]")).unwrap_err().to_string();
         assert!(fault.contains("joints.iiwa_joint_7"), "{fault}");
 
+        let capsule =
+            "[[collision.capsules]]\nlink = \"iiwa_link_0\"\nfrom_m = [0, 0, 0]\nto_m = [0, 0, 0]\nradius_m = 0.1\n";
+        let fault = read(URDF, &(TOML.to_owned() + &capsule.repeat(200))).unwrap_err().to_string();
+        assert!(fault.contains("collision.capsules") && fault.contains("at most 128"), "{fault}");
         let fault = read(URDF, &TOML.replace("ready_rad = [", "ready_rad = [9.0, ")).unwrap_err().to_string();
         assert!(fault.contains("poses.ready_rad"), "{fault}");
 

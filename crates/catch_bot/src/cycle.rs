@@ -88,7 +88,10 @@ impl Settings for CycleConfig {
             .values(&DURATION_S, [("give_up_s", self.give_up_s), ("squeeze_s", self.squeeze_s)])
             .values(&DURATION_S, [("hold_s", self.hold_s), ("release_s", self.release_s)])
             .values(&FRACTION, [("min_held_fraction", self.min_held_fraction)])
-            .counts([("identify_images", self.identify_images), ("max_sent", self.max_sent)])
+            .at_most(("min_flight_mps", self.min_flight_mps), ("max_flight_mps", self.max_flight_mps))
+            // With the first image of a flight nothing has moved yet.
+            .counts_from(2, [("identify_images", self.identify_images)])
+            .counts([("max_sent", self.max_sent)])
             .all()
     }
 }
@@ -203,7 +206,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
             return Command::default();
         }
         // An object whose model cannot be brought to lie on what is seen in some images is not the one.
-        let seen = self.candidates.iter().enumerate().filter(|(_, it)| it.images + 1 >= most);
+        let seen = self.candidates.iter().enumerate().filter(|(_, it)| it.images > 0 && it.images + 1 >= most);
         let mean = |it: &Candidate<E, P, C>| it.mismatch / it.images as f64;
         let best = seen.min_by(|a, b| mean(a.1).total_cmp(&mean(b.1))).map_or(self.active, |(i, _)| i);
         self.active = best;

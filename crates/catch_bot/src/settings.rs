@@ -97,9 +97,27 @@ impl Faults {
     }
 
     /// Numbers of anything, one at least.
-    pub fn counts<'a>(mut self, counts: impl IntoIterator<Item = (&'a str, usize)>) -> Self {
+    pub fn counts<'a>(self, counts: impl IntoIterator<Item = (&'a str, usize)>) -> Self {
+        self.counts_from(1, counts)
+    }
+
+    /// Numbers of things, so many at least.
+    pub fn counts_from<'a>(mut self, least: usize, counts: impl IntoIterator<Item = (&'a str, usize)>) -> Self {
         for (field, count) in counts {
-            self.add(&(1.0..=MOST), field, count as f64, count.to_string());
+            self.add(&(least as f64..=MOST), field, count as f64, count.to_string());
+        }
+        self
+    }
+
+    /// A number that another setting bounds.
+    pub fn at_most<T: PartialOrd + fmt::Display>(
+        mut self,
+        (field, value): (&str, T),
+        (bound, most): (&str, T),
+    ) -> Self {
+        if value > most {
+            let (found, expected) = (value.to_string(), format!("at most `{bound}`, {most}"));
+            self.0.push(SettingError { field: field.to_owned(), found, expected });
         }
         self
     }

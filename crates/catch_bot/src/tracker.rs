@@ -34,12 +34,19 @@ pub(crate) struct Tracker {
     sensed: VecDeque<Sensed>,
     /// Oldest first.
     poses: Vec<ObjectPose>,
+    /// Capture time of the newest image without a mask.
+    unlabelled_s: Option<f64>,
 }
 
 impl Tracker {
     pub fn new(known: &Preparation) -> Self {
         let alignment = known.alignment().clone();
-        Self { alignment, sensed: VecDeque::with_capacity(SENSED), poses: Vec::with_capacity(POSES) }
+        Self {
+            alignment,
+            sensed: VecDeque::with_capacity(SENSED),
+            poses: Vec::with_capacity(POSES),
+            unlabelled_s: None,
+        }
     }
 
     /// Forgets the object's poses but for the newest `count`.
@@ -75,6 +82,8 @@ impl Tracker {
         known: &Preparation,
         estimator: &mut impl PoseEstimator,
     ) -> Option<ObjectPose> {
+        let unlabelled_s = frames.iter().filter(|frame| frame.mask.is_none()).map(|frame| frame.capture_s);
+        self.unlabelled_s = self.unlabelled_s.into_iter().chain(unlabelled_s).reduce(f64::max);
         let mut newest = None;
         for frames in frames.chunk_by(|a, b| a.capture_s == b.capture_s) {
             let expected = self.expected_pose(flight, frames[0].capture_s);
@@ -103,11 +112,8 @@ impl Tracker {
         flight: &FlightTrajectory,
         known: &Preparation,
     ) -> Option<Vec<PixelWindow>> {
-        let unlabelled = observation.frames.iter().any(|frame| frame.mask.is_none());
-        let newest_s = observation.frames.iter().map(|frame| frame.capture_s).fold(f64::NEG_INFINITY, f64::max);
-        if !unlabelled || newest_s > flight.time_s + known.config().perception.lost_after_s {
-            return None;
-        }
+        let lost_after_s = known.config().perception.lost_after_s;
+        self.unlabelled_s.filter(|newest_s| *newest_s <= flight.time_s + lost_after_s)?;
         let (now_s, before_s) = self.observed_s();
         let period_s = before_s.map_or(0.0, |before_s| now_s - before_s);
         let next_s = observation.time_s + period_s;

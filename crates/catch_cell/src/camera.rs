@@ -19,7 +19,7 @@ pub struct CameraModel {
     /// Image height.
     #[serde(deserialize_with = "quantity::image_px")]
     pub height_px: u32,
-    /// Focal length, the same along both axes.
+    /// Focal length in pixels, the same along both axes; there is no lens distortion.
     #[serde(deserialize_with = "quantity::focal_px")]
     pub focal_px: f64,
     /// Principal point in image coordinates.
@@ -41,7 +41,7 @@ impl CameraModel {
         Point3::new((uv.x - cx) / self.focal_px * depth_m, (uv.y - cy) / self.focal_px * depth_m, depth_m)
     }
 
-    /// Image coordinates of a point in C, `None` behind the camera.
+    /// Image coordinates in pixels of a point in C, given in metres; `None` behind the camera. They may lie outside of the image.
     pub fn project(&self, p_C: &Point3<f64>) -> Option<Point2<f64>> {
         let [cx, cy] = self.principal_px;
         (p_C.z > 1e-6).then(|| Point2::new(cx + self.focal_px * p_C.x / p_C.z, cy + self.focal_px * p_C.y / p_C.z))
@@ -103,8 +103,10 @@ impl PixelWindow {
     /// The pixels that it shares with another window; where there are none, an empty window in its own first corner.
     pub fn intersection(&self, other: &Self) -> Self {
         let (left, top) = (self.left.max(other.left), self.top.max(other.top));
-        let right = (self.left + self.width).min(other.left + other.width);
-        let bottom = (self.top + self.height).min(other.top + other.height);
+        // Windows come from outside and may be anything.
+        let end = |from: u32, length: u32| from.saturating_add(length);
+        let right = end(self.left, self.width).min(end(other.left, other.width));
+        let bottom = end(self.top, self.height).min(end(other.top, other.height));
         if right <= left || bottom <= top {
             return Self { left: self.left, top: self.top, width: 0, height: 0 };
         }
@@ -117,14 +119,15 @@ impl PixelWindow {
 pub struct DepthFrame {
     /// Which camera took it: an index into the cell's list of cameras.
     pub camera: usize,
-    /// When the shutter closed.
+    /// When the shutter closed, in seconds on the cell's clock.
     #[serde(deserialize_with = "quantity::clock_s")]
     pub capture_s: f64,
     /// The part of the image that follows.
     pub window: PixelWindow,
-    /// Depth along the optical axis in metres, row by row; NaN where nothing was measured.
+    /// Depth along the optical axis (z of C, not the length of the ray) in metres, row by row, one value per pixel of the window; NaN where
+    /// nothing was measured.
     pub depth_m: Vec<f32>,
-    /// Which of these pixels show the thrown object, where the cell's sensors can tell.
+    /// Which of these pixels show the thrown object, in the same order and number, where the cell's sensors can tell.
     pub mask: Option<Vec<bool>>,
 }
 

@@ -22,6 +22,9 @@ use crate::{
 pub const CONTINUITY: f64 = 1e-6;
 /// Times closer than this are the same.
 const SAME_TIME_S: f64 = 1e-9;
+/// A trajectory that takes longer or has more knots is rejected: checking it takes time.
+const LONGEST_S: f64 = 100.0;
+const MOST_KNOTS: usize = 1000;
 
 /// Settings of an [`Executor`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -111,7 +114,8 @@ impl Executor {
 
     fn check(&self, id: TrajectoryId, spline: &BSpline, now_s: f64) -> Result<Vec<LimitViolation>, Rejection> {
         let dof = self.robot.dof();
-        if !spline.is_valid() || spline.start_s() >= spline.end_s() {
+        let is_bounded = |duration_s: f64| duration_s > 0.0 && duration_s <= LONGEST_S;
+        if spline.knots_s.len() > MOST_KNOTS || !spline.is_valid() || !is_bounded(spline.end_s() - spline.start_s()) {
             return Err(Rejection::Malformed);
         }
         if let Some(joint) = (dof..MAX_JOINTS).find(|&i| spline.control_points.iter().any(|point| point[i] != 0.0)) {
@@ -262,10 +266,12 @@ pub(crate) mod tests {
         };
         let sharp = changed(0, &|it| *it = it.clone().followed_by(&motion(0, 3.0, it.control_points[8], 0.1).spline));
         assert!(executor.check(TrajectoryId(2), &sharp.spline, 1.0).is_ok(), "joined at rest");
-        let cases: [(ArmTrajectory, f64, Rejection); 12] = [
+        let cases: [(ArmTrajectory, f64, Rejection); 14] = [
             (changed(2, &|it| it.control_points[4][0] = f64::NAN), 1.0, Rejection::Malformed),
             (changed(3, &|it| it.knots_s.clear()), 1.0, Rejection::Malformed),
             (changed(4, &|it| it.knots_s.swap(3, 6)), 1.0, Rejection::Malformed),
+            (changed(4, &|it| *it.knots_s.last_mut().unwrap() += 1.0), 1.0, Rejection::Malformed),
+            (changed(4, &|it| it.knots_s.iter_mut().rev().take(4).for_each(|it| *it = 1e9)), 1.0, Rejection::Malformed),
             (changed(5, &|it| it.control_points.truncate(5)), 1.0, Rejection::Malformed),
             (changed(6, &|it| it.control_points[4][7] = 0.1), 1.0, Rejection::UnknownJoint { joint: 7, dof: 7 }),
             (changed(6, &|_| {}), 1.0, Rejection::RepeatedId),

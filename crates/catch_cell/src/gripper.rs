@@ -42,16 +42,16 @@ pub enum GraspState {
 /// One move of the fingers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct GripperMove {
-    /// When it begins.
+    /// When it begins, in seconds on the cell's clock.
     #[serde(deserialize_with = "quantity::clock_s")]
     pub start_s: f64,
-    /// Where it ends: the distance between the inner faces. A width below the object's squeezes it.
+    /// Where it ends: the distance between the inner faces in metres. A width below the object's squeezes it.
     #[serde(deserialize_with = "quantity::drive_m")]
     pub width_m: f64,
-    /// Highest speed of the fingers relative to each other.
+    /// Highest speed of the fingers relative to each other in m/s, twice that of one finger.
     #[serde(deserialize_with = "quantity::drive_mps")]
     pub speed_mps: f64,
-    /// Highest force of each finger.
+    /// Highest force of each finger in N.
     #[serde(deserialize_with = "quantity::drive_n")]
     pub force_n: f64,
 }

@@ -50,7 +50,7 @@ use serde::{Deserialize, Serialize};
 /// What the cell senses at one instant.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Observation {
-    /// The cell's clock.
+    /// Time of the observation on the cell's clock, in seconds.
     #[serde(deserialize_with = "quantity::clock_s")]
     pub time_s: f64,
     /// The arm as its encoders see it.

@@ -7,8 +7,8 @@ use thiserror::Error;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Error)]
 #[serde(rename_all = "snake_case")]
 pub enum Rejection {
-    /// Knots and control points do not fit together, a number is not finite, or it ends where it starts.
-    #[error("malformed: not a clamped cubic B-spline of finite numbers over a positive time")]
+    /// Not a clamped spline of finite numbers whose knots and control points fit together, or one that is empty or endless.
+    #[error("malformed: not a clamped cubic B-spline of finite numbers, of at most 100 s and 1000 knots")]
     Malformed,
     /// It moves a joint that the arm does not have.
     #[error("joint {joint} does not exist: the arm has {dof}")]

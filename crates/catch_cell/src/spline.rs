@@ -38,10 +38,10 @@ impl Setpoint {
 /// that is repeated three times inside joins two splines.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BSpline {
-    /// Knots in seconds.
+    /// Knots in seconds on the cell's clock: n + 4 for n control points.
     #[serde(deserialize_with = "quantity::clock_s")]
     pub knots_s: Vec<f64>,
-    /// Control points in radians.
+    /// Control points in radians: n, at least four.
     #[serde(deserialize_with = "quantity::joint_rad")]
     pub control_points: Vec<JointVector>,
 }
@@ -57,7 +57,7 @@ impl BSpline {
         self.knots_s[self.knots_s.len() - 1]
     }
 
-    /// Position, velocity and acceleration at `time_s`, which is clamped to the spline's domain.
+    /// Positions in radians, velocities in rad/s and accelerations in rad/s² at `time_s`, which is clamped to the spline's domain.
     pub fn evaluate(&self, time_s: f64) -> [JointVector; 3] {
         let (first, weights) = basis(&self.knots_s, time_s);
         weights.map(|row| row.iter().zip(&self.control_points[first..]).map(|(&weight, point)| point * weight).sum())
@@ -83,10 +83,13 @@ impl BSpline {
         self.knots_s.windows(2).map(|pair| [pair[0], pair[1].next_down()]).filter(|[start_s, end_s]| start_s < end_s)
     }
 
-    /// Whether knots and control points fit together and every number is finite.
+    /// Whether it is clamped, knots and control points fit together, and every number is finite.
     pub fn is_valid(&self) -> bool {
         let counts = self.control_points.len() > DEGREE && self.knots_s.len() == self.control_points.len() + DEGREE + 1;
+        let clamped = |knots_s: &[f64]| knots_s.windows(2).all(|pair| pair[0] == pair[1]);
         counts
+            && clamped(&self.knots_s[..=DEGREE])
+            && clamped(&self.knots_s[self.control_points.len()..])
             && self.knots_s.iter().all(|knot| knot.is_finite())
             && self.knots_s.windows(2).all(|pair| pair[0] <= pair[1])
             && self.control_points.iter().flat_map(|point| point.iter()).all(|value| value.is_finite())
@@ -213,8 +216,14 @@ mod tests {
         assert!(!without(&|it| it.knots_s[7] = f64::INFINITY));
         assert!(!without(&|it| it.knots_s[4] = 0.9));
         assert!(!without(&|it| it.control_points[3][7] = f64::NAN));
-        // A knot may be repeated.
-        assert!(without(&|it| it.knots_s[4] = 1.0));
+        // The first and the last four knots are the same; others may be repeated.
+        assert!(!without(&|it| it.knots_s[3] = 1.1));
+        assert!(!without(&|it| it.knots_s[7] = 2.5));
+        let with_knots_inside = |inside_s: &[f64]| {
+            let knots_s = [&whole.knots_s[..4], inside_s, &whole.knots_s[4..]].concat();
+            BSpline { knots_s, control_points: vec![whole.control_points[0]; 6] }.is_valid()
+        };
+        assert!(with_knots_inside(&[1.5, 1.5]) && !with_knots_inside(&[1.5, 1.4]));
     }
 
     #[test]

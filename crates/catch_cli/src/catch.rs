@@ -193,7 +193,7 @@ fn summary(setup: &Setup, scene: &Scene, verdict: &Verdict, stopwatch: &Stopwatc
         screen::fact("arm", &format!("{travel_rad:.2} rad over all joints from its ready pose to the catch"))?;
     }
     let clearances = [measures.min_self_clearance_m, measures.min_floor_clearance_m].map(millimetres);
-    screen::fact("clearance", &format!("{} from itself, {} from the floor", clearances[0], clearances[1]))?;
+    screen::fact("clearance", &format!("{} from itself, {} from what stands around", clearances[0], clearances[1]))?;
     let broken = match verdict.first_violation {
         None => "none broken".to_owned(),
         Some(LimitViolation { joint, kind, ratio, time_s }) => {

@@ -14,7 +14,7 @@ use crate::screen::{self, BAD, GOOD};
 /// Arguments of `check`.
 #[derive(Debug, Args)]
 pub struct CheckArguments {
-    /// Scenario, robot, gripper, object, throw, rig or study files; a robot is its robot.toml or the folder that holds it
+    /// Scenario, robot, gripper, workcell, object, throw, rig or study files; a robot is its robot.toml or the folder that holds it
     #[arg(value_name = "FILE", required = true)]
     files: Vec<PathBuf>,
     /// Print one JSON document

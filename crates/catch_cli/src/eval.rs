@@ -1,6 +1,6 @@
 //! `catchingbot eval`: many throws.
 
-use std::{collections::BTreeMap, fs, io, num::NonZero, path::Path, thread, time::Instant};
+use std::{collections::BTreeMap, io, num::NonZero, path::Path, thread, time::Instant};
 
 use anyhow::Context;
 use catch_body::InputError;
@@ -13,12 +13,13 @@ use catch_lab::{
         published::{published_rate, published_rates},
         results::{REPORT_FILE, Results},
         summary_table,
-        trial_table::{PARQUET_FILE, replace},
+        trial_table::PARQUET_FILE,
     },
     export::plots,
     pages::report_page::{self, MOST_MISSES, Report},
     scenario::{Scenario, setup::Setup},
     trial::stopwatch::{StageTimes, Stopwatch},
+    whole_file,
 };
 use clap::Args;
 use comfy_table::Table;
@@ -166,7 +167,7 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
     let is_new = times.trials > 0 || !folder.join(TIMES_FILE).exists();
     if is_new {
         let text = serde_json::to_string_pretty(&times)? + "\n";
-        replace(&folder.join(TIMES_FILE), |path| fs::write(path, text))?;
+        whole_file::write(&folder.join(TIMES_FILE), text)?;
     }
     if is_new || arguments.plots {
         write_report(&evaluation, &rows, &stopwatch, MOST_MISSES, arguments.plots, folder)?;
@@ -262,7 +263,7 @@ pub fn write_report(
     let scenario = &evaluation.cells[0].setup.scenario.name;
     let cells = &evaluation.identity().summarize(rows);
     let report = Report { scenario, seed: evaluation.seed, cells, rows, stopwatch, pages: &pages };
-    fs::write(folder.join(REPORT_FILE), report_page::page(&report)).with_context(written)?;
+    whole_file::write(&folder.join(REPORT_FILE), report_page::page(&report))?;
     if plots {
         plots::write(&report, folder).map_err(|fault| anyhow::anyhow!("{fault}")).with_context(written)?;
     }

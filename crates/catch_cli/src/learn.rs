@@ -12,12 +12,12 @@ use catch_bot::trajectory_prediction::TrackSample;
 use catch_lab::own_data::aerodynamics::FlightPrior;
 use catch_lab::{
     VERSION,
-    assets::COMMAND_LINE,
     own_data::{
         flight_learning::{self, broad},
         flight_misses::{Misses, QUANTILES, Reliability, Seen, Throw},
         track_file,
     },
+    whole_file,
 };
 use clap::Args;
 use serde::Serialize;
@@ -92,6 +92,9 @@ struct Document {
 /// Faults of the arguments and of the tracks' files, or throws from which nothing could be learned.
 pub fn run(arguments: &LearnArguments) -> anyhow::Result<()> {
     let objects = arguments.tracks.iter().map(|folder| read(folder, arguments.up)).collect::<Result<Vec<_>, _>>()?;
+    for path in arguments.report.iter().chain([&arguments.out]) {
+        whole_file::check_place(path)?;
+    }
     let folds = usize::try_from(arguments.folds)?;
     let nothing = |folder: &Path| {
         let expected = "throws that fall as gravity has it: is --up right, are they metres and seconds?";
@@ -119,12 +122,10 @@ pub fn run(arguments: &LearnArguments) -> anyhow::Result<()> {
     let prior = prior.with_context(|| "no folder of throws")?;
     let throws = objects.iter().map(Vec::len).sum();
     let prior = FlightPrior { source: format!("{}; {throws} throws", arguments.source), ..prior };
-    fs::write(&arguments.out, flight_learning::text(&prior)?)
-        .map_err(|fault| InputError::new(COMMAND_LINE, "--out", fault, "a file that can be written"))?;
+    whole_file::write(&arguments.out, flight_learning::text(&prior)?)?;
     let document = Document { version: VERSION, throws, cross_validated: rows(tables), other_objects: rows(others) };
     if let Some(path) = &arguments.report {
-        fs::write(path, report(&document, arguments))
-            .map_err(|fault| InputError::new(COMMAND_LINE, "--report", fault, "a file that can be written"))?;
+        whole_file::write(path, report(&document, arguments))?;
     }
     if arguments.json {
         return screen::json(&document);

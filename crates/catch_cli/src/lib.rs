@@ -87,7 +87,7 @@ enum Command {
     Suite(suite::SuiteArguments),
     /// Parts of an evaluation become one
     Merge(merge::MergeArguments),
-    /// The scenarios, objects, throws, robots, grippers and camera rigs and studies that are built in
+    /// What is built in: scenarios, objects, throws, robots, grippers, workcells, camera rigs and studies
     List(list::ListArguments),
     /// Plans for catches that are described in a file, with residuals and times
     Plan(plan::PlanArguments),
@@ -111,9 +111,9 @@ enum Command {
     View(view::ViewArguments),
     /// How long a gripper takes to begin a move, from recordings: the setting gripper_latency_s
     GripperLatency(gripper_latency::GripperLatencyArguments),
-    /// A commented file to start from: an own robot, object, scenario or study
+    /// A commented file to start from: your own robot, object, scenario or study, or sample data
     New(new::NewArguments),
-    /// Is this robot, gripper, object, throw, rig, scenario or study file right?
+    /// Checks the files of robots, grippers, workcells, objects, throws, rigs, scenarios and studies
     Check(check::CheckArguments),
     /// What a shell needs to complete this program's arguments
     Completions(completions::CompletionsArguments),

@@ -11,7 +11,7 @@ use crate::screen::{self, FAINT, STRONG};
 /// Arguments of `list`.
 #[derive(Debug, Args)]
 pub struct ListArguments {
-    /// Print the file of this scenario, object, throw, robot, gripper, rig or study, to read or to start an own one from
+    /// Print the file of this scenario, object, throw, robot, gripper, workcell, rig or study, to read or to start your own from
     #[arg(long, value_name = "NAME")]
     show: Option<String>,
     /// Print one JSON document
@@ -54,7 +54,10 @@ fn list(json: bool) -> anyhow::Result<()> {
 fn summary(text: &str) -> String {
     let comment: Vec<&str> = text.lines().map_while(|line| line.strip_prefix('#')).map(str::trim).collect();
     let comment = comment.join(" ");
-    comment.split_once(". ").map_or(comment.as_str(), |(first, _)| first).trim_end_matches('.').to_owned()
+    let first = comment.split_once(". ").map_or(comment.as_str(), |(first, _)| first).trim_end_matches('.');
+    // A `robot.toml` begins with what it is for; the arm's name is in it.
+    let arm = first.strip_prefix("What the URDF of the ").and_then(|it| it.strip_suffix(" cannot say"));
+    arm.unwrap_or(first).to_owned()
 }
 
 fn show(name: &str, json: bool) -> anyhow::Result<()> {

@@ -2,11 +2,9 @@
 
 use std::{
     collections::BTreeMap,
-    fs,
     path::{Path, PathBuf},
 };
 
-use anyhow::Context;
 use catch_body::InputError;
 use catch_lab::{
     assets::COMMAND_LINE,
@@ -19,6 +17,7 @@ use catch_lab::{
     pages::report_page::{self, Report},
     study::{Outline, StepSummary},
     trial::stopwatch::Stopwatch,
+    whole_file,
 };
 use clap::Args;
 
@@ -99,6 +98,6 @@ fn merged(parts: &[PathBuf], out: &Path) -> anyhow::Result<(Identity, Vec<Row>)>
     let (stopwatch, pages) = (&Stopwatch::default(), &BTreeMap::new());
     let page = report_page::page(&Report { scenario, seed, cells, rows: &rows, stopwatch, pages });
     let report = out.join(REPORT_FILE);
-    fs::write(&report, page).with_context(|| report.display().to_string())?;
+    whole_file::write(&report, page)?;
     Ok((identity, rows))
 }

@@ -1,8 +1,7 @@
 //! `catchingbot play`: many throws in one life.
 
-use std::{fmt::Write as _, fs, path::PathBuf};
+use std::{fmt::Write as _, path::PathBuf};
 
-use anyhow::Context;
 use catch_body::InputError;
 use catch_lab::{
     VERSION,
@@ -11,6 +10,7 @@ use catch_lab::{
     referee::Row,
     scenario::{Scenario, setup::Setup},
     statistics::wilson95,
+    whole_file,
 };
 use clap::Args;
 use comfy_table::{CellAlignment, Table, presets::NOTHING};
@@ -88,6 +88,9 @@ pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
     let load = |object: &str| Setup::load(&arguments.choice.with(Some(object), arguments.throw.as_deref()));
     let setups = objects.into_iter().map(load).collect::<Result<Vec<Setup>, InputError>>()?;
     let play = Play { setups, throws: arguments.throws, every_s: arguments.every, seed: arguments.seed };
+    if let Some(path) = &arguments.html {
+        whole_file::check_place(path)?;
+    }
     let bar = screen::progress_bar(arguments.throws as usize, "throws");
     let mut caught = 0;
     let life = play.run(&mut |row| {
@@ -98,9 +101,7 @@ pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
     bar.finish_and_clear();
     let alone = arguments.compare.then(|| alone(&play, life.rows.len()));
     if let Some(path) = &arguments.html {
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-        folder.map_or(Ok(()), fs::create_dir_all).with_context(|| path.display().to_string())?;
-        fs::write(path, page(&life)).with_context(|| path.display().to_string())?;
+        whole_file::write(path, page(&life))?;
     }
     let document = document(&play, &life, alone);
     if arguments.json {

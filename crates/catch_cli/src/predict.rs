@@ -22,15 +22,15 @@ use crate::screen;
 /// Arguments of `predict`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-The track is a CSV file of t,x,y,z or t,x,y,z,qx,qy,qz,qw in seconds and metres; a header may stand
-above it, in this order; rows with gaps or NaN are left out. What is called the end is the last time
-in the file, seen or not. Gravity is 9.81 m/s² against the axis named by --up.
-What is printed is in the track's own axes and clock; covariances are of (position, velocity).
+The track is a CSV file of t,x,y,z or t,x,y,z,qx,qy,qz,qw in seconds and metres; a header may
+stand above it, in this order; rows with gaps or NaN are left out. What is called the end is the
+last time in the file, seen or not. Gravity is 9.81 m/s² against the axis named by --up. What is
+printed is in the track's own axes and clock; covariances are of (position, velocity).
 
-A track with orientations is fitted with drag by direction, Magnus force, decay of the spin and a tracked
-point beside the centre of mass; what is known of them beforehand is in --object, or in a prior for
-any object. One without orientations is fitted with isotropic drag unless there is an --object.
-A contact ends the flight: it is reported, and what follows it is not looked at.
+A track with orientations is fitted with drag by direction, Magnus force, decay of the spin and
+a tracked point beside the centre of mass; what is known of them beforehand is in --object, or
+in a prior for any object. One without orientations is fitted with isotropic drag unless there
+is an --object. A contact ends the flight: it is reported, and what follows it is not looked at.
 
 Examples:
   catchingbot predict --track ball.csv --up y --until 0.4     what was known after 0.4 s?

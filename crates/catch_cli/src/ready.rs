@@ -16,9 +16,9 @@ use crate::screen;
 /// Arguments of `ready`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-What is printed is the line `ready_rad = [..]` for a scenario's file, or for the robot.toml of an own
-robot. The search begins at the present pose and keeps it where it finds none that is better. What the pose
-is worth is told by as many throws of the next seed, too.
+What is printed is the line `ready_rad = [..]` for a scenario's file, or for the robot.toml of
+an own robot. The search begins at the present pose and keeps it where it finds none that is
+better. What the pose is worth is told by as many throws of the next seed, too.
 
 Example:
   catchingbot ready --scenario honest --object tennis_ball --object banana --trials 8 --tries 400")]

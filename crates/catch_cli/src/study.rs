@@ -1,6 +1,6 @@
 //! `catchingbot eval --study`: many variants of a scenario.
 
-use std::{fs, io, path::Path};
+use std::{io, path::Path};
 
 use anyhow::Context;
 use catch_body::InputError;
@@ -17,6 +17,7 @@ use catch_lab::{
         ObjectSummary, Outline, Step, StepSummary, Study,
         throw_grid::{GridPoint, ThrowGrid},
     },
+    whole_file,
 };
 use serde::Serialize;
 
@@ -83,7 +84,7 @@ fn summary_of(
 pub fn tell(outline: &Outline, steps: &[StepSummary], first: u64, json: bool, out: &Path) -> anyhow::Result<()> {
     let page = out.join(REPORT_FILE);
     let html = report_page::study_page(outline, steps, REPORT_FILE);
-    fs::write(&page, html).with_context(|| page.display().to_string())?;
+    whole_file::write(&page, html)?;
     let Outline { study, seed, throw_grid, .. } = outline;
     if json {
         let grid = throw_grid.as_ref();

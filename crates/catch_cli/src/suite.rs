@@ -13,6 +13,7 @@ use catch_lab::{
     evaluation::{Row, cell_summary::CellSummary},
     scenario::brain::Method,
     suite::{Catcher, Suite, rows_sha256},
+    whole_file,
 };
 use clap::{Args, Subcommand, ValueEnum};
 use serde::Serialize;
@@ -188,7 +189,7 @@ fn throw(arguments: &RunArguments) -> anyhow::Result<()> {
     };
     let path = document_path(&arguments.out, &suite.name, brain);
     let text = serde_json::to_string_pretty(&document)? + "\n";
-    fs::write(&path, text).with_context(|| path.display().to_string())?;
+    whole_file::write(&path, text)?;
     if arguments.json { screen::json(&document) } else { Ok(print(&document)?) }
 }
 

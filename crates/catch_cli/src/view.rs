@@ -10,13 +10,11 @@ use std::{
 use catch_body::InputError;
 use catch_lab::{
     assets::COMMAND_LINE,
-    evaluation::{
-        results::{REPORT_FILE, make_writable},
-        trial_table::replace,
-    },
+    evaluation::results::{REPORT_FILE, make_writable},
     export::{mcap_file, urdf},
     pages::catch_page,
     recording::{EXTENSION, playback::Playback},
+    whole_file,
 };
 use clap::Args;
 
@@ -63,7 +61,7 @@ impl FileArguments {
         let mut written = BTreeMap::new();
         let mut write = |kind: &'static str, extension: &str, content: &[u8]| {
             let path = beside.with_extension(extension);
-            replace(&path, |path| fs::write(path, content))?;
+            whole_file::write(&path, content)?;
             written.insert(kind, path);
             anyhow::Ok(())
         };
@@ -151,7 +149,7 @@ fn page_of(ViewArguments { file, files, out, .. }: &ViewArguments) -> anyhow::Re
 /// If it cannot be written.
 pub fn write_page(recording: &Path, playback: &Playback) -> anyhow::Result<PathBuf> {
     let page = recording.with_extension("html");
-    replace(&page, |path| fs::write(path, catch_page::page(playback)))?;
+    whole_file::write(&page, catch_page::page(playback))?;
     Ok(page)
 }
 

@@ -3,6 +3,7 @@
 //! `cargo run --release -p catch_experiments -- NAME [--seed S] [--trials N]` runs one in the arena, with the arena's own cameras,
 //! and writes `docs/results/NAME.md` and `docs/results/NAME.json`; `list` lists them.
 
+mod ablation;
 mod arms;
 mod as_published;
 mod catch_rates;
@@ -98,6 +99,12 @@ const EXPERIMENTS: &[Experiment] = &[
         about: "how often the built-in arm catches the built-in objects",
         trials: 400,
         run: catch_rates::run,
+    },
+    Experiment {
+        name: "ablation",
+        about: "what each assumption of the paper is worth, down to the scenario honest",
+        trials: 100,
+        run: ablation::run,
     },
     Experiment {
         name: "arms",

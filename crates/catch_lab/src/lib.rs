@@ -82,6 +82,7 @@ pub mod study;
 pub mod suite;
 
 pub mod trial;
+pub mod whole_file;
 
 /// Version of this program, as every result carries it.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");

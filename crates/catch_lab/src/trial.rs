@@ -24,7 +24,7 @@ pub const PAPER_LOOKS_AT_S: f64 = 0.875;
 /// How long a trial goes on after the object has met the floor.
 const AFTER_FLOOR_S: f64 = 0.2;
 /// When a trial ends in which nothing has touched the gripper.
-const LONGEST_FLIGHT_S: f64 = 2.0;
+pub const LONGEST_FLIGHT_S: f64 = 2.0;
 
 /// One decision of the brain.
 #[derive(Debug, Clone, Copy)]
@@ -59,7 +59,8 @@ pub struct Trial {
     pub stopwatch: Stopwatch,
 }
 
-/// Runs one trial with the brain of the scenario. `observer` is shown every tick, with the truth up to then; it ends the trial by an error.
+/// Runs one trial with the brain of the scenario: throw number `index` of `seed`, from the release at 0 s on the cell's clock until the referee
+/// has seen enough. `observer` is shown every tick, with the truth up to then; it ends the trial by an error.
 ///
 /// # Errors
 /// Those of the observer.

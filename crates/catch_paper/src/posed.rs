@@ -21,11 +21,11 @@ use nalgebra::{Point3, Vector3};
 /// Where the gripper is to be, and where the object goes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Target {
-    /// When.
+    /// When, in seconds on the cell's clock.
     pub catch_s: f64,
-    /// Pose of the gripper then.
+    /// Pose of the gripper in W then.
     pub X_WG: Pose,
-    /// Velocity of the object then.
+    /// Velocity of the object in W then, in m/s.
     pub v_WO: Vector3<f64>,
 }
 

@@ -54,7 +54,8 @@ pub enum DepthModel {
     Stereo7,
     /// The same with 90 % of the error's variance common to all pixels of one image, and 10 % of the pixels missing.
     Stereo7c,
-    /// A small stereo camera as one places it near a robot; see [`StereoNoise::near`].
+    /// A small stereo camera near a robot: baseline 50 mm, 0.08 pixels, 0.2 to 10 m, half of the variance common, 2 % of the pixels missing
+    /// and all beyond 85° of incidence, edges that bleed and fly; see [`StereoNoise::near`].
     NearStereo,
 }
 

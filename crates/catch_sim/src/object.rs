@@ -44,7 +44,7 @@ pub struct ThrownObject {
     pub prior: ObjectPrior,
 }
 
-/// What is known of an object's flight before it is thrown.
+/// What is known of an object before it is thrown.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectPrior {
@@ -54,6 +54,9 @@ pub struct ObjectPrior {
     /// Its standard deviation.
     #[serde(deserialize_with = "quantity::drag_per_m")]
     pub drag_sd_per_m: f64,
+    /// What it weighs on a scale, if somebody has weighed it.
+    #[serde(default, deserialize_with = "quantity::thrown_mass_kg")]
+    pub mass_kg: Option<f64>,
     /// Expected coefficient of restitution against the gripper, 0 to 1, if anything is known of it.
     #[serde(default, deserialize_with = "quantity::fraction")]
     pub restitution: Option<f64>,
@@ -324,7 +327,7 @@ mod tests {
 
     #[test]
     fn faults_name_file_and_field() {
-        let text = FILES[1].1.replace("mass_kg = 0.118", "mass_kg = -1.0");
+        let text = FILES[1].1.replacen("mass_kg = 0.118", "mass_kg = -1.0", 1);
         let fault = read("banana.toml", &text).unwrap_err().to_string();
         assert!(fault.contains("banana.toml: truth.mass_kg"), "{fault}");
         let text = FILES[0].1.replace("restitution = 0.75", "restitution = 1.75");
@@ -346,14 +349,15 @@ mod tests {
         assert_relative_eq!(ball.spin_friction_nm(0.667, 80.0, 0.0672), 0.3765, epsilon = 1e-3);
         assert_eq!(ball.spin_friction_nm(0.667, 0.0, 0.0672), 0.0);
         assert_eq!(object("pill_bottle").spin_friction_nm(0.667, 80.0, 0.05), 0.0);
-        let soft = FILES[2].1.replace("mass_kg = 0.100", "mass_kg = 0.100\nstiffness_npm = 24000");
+        let soft = FILES[2].1.replacen("mass_kg = 0.100", "mass_kg = 0.100\nstiffness_npm = 24000", 1);
         assert!(read("soft.toml", &soft).unwrap().spin_friction_nm(0.667, 80.0, 0.05) > 0.3);
     }
 
     #[test]
     fn centre_of_mass_inertia_and_friction_may_be_given() {
-        let with =
-            |lines: &str| read("b.toml", &FILES[2].1.replace("mass_kg = 0.100", &format!("mass_kg = 0.1\n{lines}")));
+        let with = |lines: &str| {
+            read("b.toml", &FILES[2].1.replacen("mass_kg = 0.100", &format!("mass_kg = 0.1\n{lines}"), 1))
+        };
         let bottle =
             with("com_m = [0.0, 0.001, 0.03]\ninertia_kgm2 = [6e-5, 1e-6, 0, 6e-5, 0, 3e-5]\nfriction = 0.3").unwrap();
         // The bottom of the shape, at z = 0, lies 30 mm below the centre of mass.

@@ -21,7 +21,7 @@ pub struct Truth {
 /// The state at one instant, and the forces of the step that led to it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TruthSample {
-    /// When.
+    /// When, in seconds on the cell's clock; in a trial that begins at the release.
     #[serde(deserialize_with = "quantity::clock_s")]
     pub time_s: f64,
     /// Joint positions in radians.

@@ -5,13 +5,13 @@ use std::collections::{BTreeMap, HashMap};
 use nalgebra::{Matrix3, Point3, Quaternion, Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
 use roxmltree::{Document, Node, ParsingOptions};
 
-use super::{Description, Geometry, JointKind, Link, Shape, TreeJoint};
+use super::{Description, Geometry, JointKind, Link, Shape, TreeJoint, mjcf_classes::Classes};
 use crate::{InputError, Pose, robot::Inertia};
 
 /// Elements and attributes of a file at most.
 const MOST_NODES: u32 = 1_000_000;
 /// Bodies or classes within one another at most.
-const DEEPEST: usize = 200;
+pub(super) const DEEPEST: usize = 200;
 /// What a file should be.
 const EXPECTED: &str = "a model in MuJoCo's format (MJCF)";
 /// Whatever is larger is nonsense, or in other units.
@@ -39,15 +39,12 @@ impl Description {
     }
 }
 
-/// Attributes of a class by element and name.
-type Class = HashMap<(String, String), String>;
-
 struct Reader<'a> {
     file: &'a str,
     in_degrees: bool,
     limits_by_range: bool,
     mesh_folder: String,
-    classes: HashMap<String, Class>,
+    classes: Classes,
     meshes: HashMap<String, Node<'a, 'a>>,
     /// Highest torques by the names of joints.
     efforts: HashMap<String, f64>,
@@ -67,7 +64,7 @@ impl<'a> Reader<'a> {
             in_degrees: compiler("angle").as_deref() != Some("radian"),
             limits_by_range: compiler("autolimits").as_deref() != Some("false"),
             mesh_folder: compiler("meshdir").or_else(|| compiler("assetdir")).unwrap_or_default(),
-            classes: HashMap::from([("main".to_owned(), Class::new())]),
+            classes: Classes::read(file, root)?,
             meshes: HashMap::new(),
             efforts: HashMap::new(),
             mimicking: Vec::new(),
@@ -81,9 +78,6 @@ impl<'a> Reader<'a> {
                 "other eulerseq or coordinate",
                 "eulerseq=\"xyz\" and local coordinates",
             ));
-        }
-        for default in elements(root, "default") {
-            reader.class(default, &Class::new(), 0)?;
         }
         for mesh in elements(root, "asset").flat_map(|it| elements(it, "mesh")) {
             let stem = |file: &str| {
@@ -117,24 +111,6 @@ impl<'a> Reader<'a> {
         InputError::new(self.file, field, found, expected)
     }
 
-    fn class(&mut self, node: Node<'a, 'a>, inherited: &Class, depth: usize) -> Result<(), InputError> {
-        if depth > DEEPEST {
-            return Err(self.fault("default", format!("{depth} classes within one another"), "fewer"));
-        }
-        let mut class = inherited.clone();
-        for element in node.children().filter(|it| it.is_element() && !it.has_tag_name("default")) {
-            let kind = element.tag_name().name();
-            class.extend(
-                element.attributes().map(|it| ((kind.to_owned(), it.name().to_owned()), it.value().to_owned())),
-            );
-        }
-        for nested in elements(node, "default") {
-            self.class(nested, &class, depth + 1)?;
-        }
-        self.classes.insert(node.attribute("class").unwrap_or("main").to_owned(), class);
-        Ok(())
-    }
-
     /// An attribute: the element's own, that of its class, or that of the class that its body says.
     fn attribute<'b>(
         &'b self,
@@ -144,8 +120,7 @@ impl<'a> Reader<'a> {
         name: &'b str,
     ) -> Option<&'b str> {
         let class = node.attribute("class").or(of_body).unwrap_or("main");
-        let of_class = || self.classes.get(class)?.get(&(kind.to_owned(), name.to_owned())).map(String::as_str);
-        node.attribute(name).or_else(of_class)
+        node.attribute(name).or_else(|| self.classes.attribute(class, kind, name))
     }
 
     fn numbers<const N: usize>(
@@ -388,7 +363,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-fn elements<'a>(node: Node<'a, 'a>, name: &'static str) -> impl Iterator<Item = Node<'a, 'a>> {
+pub(super) fn elements<'a>(node: Node<'a, 'a>, name: &'static str) -> impl Iterator<Item = Node<'a, 'a>> {
     node.children().filter(move |it| it.has_tag_name(name))
 }
 

@@ -26,7 +26,8 @@ const NEARBY_RAD: f64 = 0.1;
 pub type Ranges = [[f64; 2]; MAX_JOINTS];
 
 impl Robot {
-    /// Joint positions near `from` and within `ranges` that put the gripper at `X_WG`, `None` if the iteration finds none.
+    /// Joint positions in radians near `from` and within `ranges` that put the gripper at `X_WG`, its pose in W. `None` if the
+    /// iteration finds none, which does not prove that there are none.
     ///
     /// Δq = Jᵀ(J·Jᵀ + λ·1)⁻¹·e with λ ∝ |e|² (Levenberg; Sugihara, Solvability-unconcerned inverse kinematics, 2011). A
     /// joint that a step would push out of its range stays at its end and leaves the rest to the others.

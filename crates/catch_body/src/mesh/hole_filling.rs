@@ -61,12 +61,17 @@ fn rims(triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
     }
     let mut rims = Vec::new();
     for start in starts {
-        let mut path = vec![start];
+        let (mut path, mut places) = (vec![start], HashMap::from([(start, 0)]));
         while let Some(next) = path.last().and_then(|at| onwards.get_mut(at)).and_then(Vec::pop) {
             // Where a path meets itself a rim is complete.
-            if let Some(at) = path.iter().position(|it| *it == next) {
-                rims.push(path.split_off(at));
+            if let Some(at) = places.get(&next) {
+                let rim = path.split_off(*at);
+                for vertex in &rim {
+                    places.remove(vertex);
+                }
+                rims.push(rim);
             }
+            places.insert(next, path.len());
             path.push(next);
         }
     }

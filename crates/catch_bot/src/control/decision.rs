@@ -61,11 +61,11 @@ pub struct Progress {
 pub struct Situation<'a> {
     /// Times of this observation and, if there was one, of the one before, on the cell's clock.
     pub observed_s: (f64, Option<f64>),
-    /// When the object was seen first.
+    /// When the object was seen first, in seconds on the cell's clock.
     pub first_seen_s: f64,
-    /// Where the arm is when a motion that is planned now takes over.
+    /// When a motion that is planned now takes over, and the joints' set-point then: a new trajectory must start there.
     pub start: Start,
-    /// Positions and velocities of the joints as they are sensed.
+    /// Positions in radians and velocities in rad/s of the joints as they are sensed.
     pub sensed: (JointVector, JointVector),
     /// The flight as predicted now.
     pub flight: &'a FlightTrajectory,

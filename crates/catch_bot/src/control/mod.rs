@@ -88,9 +88,10 @@ impl Settings for Config {
 /// When the gripper closes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct GripperPlan {
-    /// When the fingers start to close.
+    /// When the move that closes the fingers starts, in seconds on the cell's clock; the fingers follow
+    /// [`Config::gripper_latency_s`] later.
     pub start_s: f64,
-    /// When they are expected to touch the object.
+    /// When they are expected to touch the object, on the same clock.
     pub contact_s: f64,
     /// Speed of closing in m/s, the fingers relative to each other.
     pub speed_mps: f64,

@@ -29,7 +29,7 @@ impl std::fmt::Display for GraspFailure {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
             Self::NothingBetween => "nothing between the fingers",
-            Self::TooWide => "wider than the gripper opens",
+            Self::TooWide => "wider than the gripper opens less its margins",
             Self::OffCentre => "centre of mass too far from the gripper's axis",
             Self::Slanted => "fingers would meet the surface at too steep an angle",
             Self::Collides => "the open gripper would collide with the object",

@@ -12,7 +12,7 @@ pub mod heuristics;
 
 use std::collections::BTreeMap;
 
-use catch_body::{DriveControl, Gripper, Pose, shape::Cuboid};
+use catch_body::{DriveControl, Gripper, Pose, capsule_fit::outermost, shape::Cuboid};
 use nalgebra::{Point3, Rotation3, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -191,7 +191,7 @@ impl Config {
 }
 
 /// How objects bounce of which nothing is known.
-const TYPICAL_RESTITUTION: f64 = 0.5;
+pub(crate) const TYPICAL_RESTITUTION: f64 = 0.5;
 /// What bounces less than this does not stay any longer, but falls.
 const SOFTEST: f64 = 0.25;
 
@@ -291,8 +291,10 @@ impl GraspSet {
         format!("of the places tried {}", reasons.join(", "))
     }
 
-    /// The best grasps for an object in pose `X_WO` that flies at `v_WO`, best first, among those whose pose in O the gripper
+    /// The best grasps for an object in pose `X_WO` that flies at `v_WO`, best first, among those whose pose X_OG the gripper
     /// `may_reach`; and whether there are any if it need not.
+    ///
+    /// `v_WO` is the velocity in W in m/s, `base` the origin of the arm's base in W in metres.
     pub fn rank(
         &self,
         X_WO: &Pose,
@@ -331,18 +333,8 @@ const OTHERS: usize = 150;
 
 /// A cloud with few points that still has the corners: the outermost point in each of many directions, and some others.
 fn surface_points(points: &[Point3<f64>]) -> Vec<Point3<f64>> {
-    let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
-    let directions = (0..OUTERMOST).map(|i| {
-        let z = 1.0 - 2.0 * (i as f64 + 0.5) / OUTERMOST as f64;
-        let (sin, cos) = (golden * i as f64).sin_cos();
-        Vector3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + Vector3::z() * z
-    });
-    let outermost = directions.filter_map(|direction| {
-        let along = |i: &usize| direction.dot(&points[*i].coords);
-        (0..points.len()).max_by(|a, b| along(a).total_cmp(&along(b)))
-    });
     let others = (0..points.len()).step_by(points.len().div_ceil(OTHERS).max(1));
-    let mut indices: Vec<usize> = outermost.chain(others).collect();
+    let mut indices: Vec<usize> = outermost(points, OUTERMOST).chain(others).collect();
     indices.sort_unstable();
     indices.dedup();
     indices.into_iter().map(|i| points[i]).collect()

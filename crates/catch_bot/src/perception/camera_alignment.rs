@@ -43,7 +43,8 @@ pub struct CameraAlignment {
     outlines: Vec<Vec<Crossing>>,
     /// Where the arm stood for that, and how far open its gripper was.
     stood: Option<(LinkPoses, f64)>,
-    images: usize,
+    /// For each camera, the images of it that were looked at.
+    images: Vec<usize>,
 }
 
 /// Pixels to each side of the silhouette that are looked at: several times as many as cameras are off.
@@ -64,7 +65,7 @@ const ENOUGH_IMAGES: usize = 8;
 impl CameraAlignment {
     /// Cameras as they are `told` to stand.
     pub fn new(told: &[CameraModel]) -> Self {
-        Self { cameras: told.to_vec(), outlines: Vec::new(), stood: None, images: 0 }
+        Self { cameras: told.to_vec(), outlines: Vec::new(), stood: None, images: vec![0; told.len()] }
     }
 
     /// The same for an arm that will be waiting where `surroundings` say, which makes the first image cost no more than the
@@ -119,18 +120,24 @@ impl CameraAlignment {
                 && told.get(frame.camera).is_some_and(|it| frame.window == it.full_window())
                 && frame.depth_m.len() >= frame.window.area()
         };
-        let is_over = self.images == ENOUGH_IMAGES || !is_wanted(config);
-        let Some(known) = surroundings.filter(|_| !is_over && frames.iter().any(shows_arm)) else { return };
+        let is_of_use = |images: &[usize], frame: &DepthFrame| {
+            images.get(frame.camera).is_some_and(|count| *count < ENOUGH_IMAGES) && shows_arm(frame)
+        };
+        let is_any = is_wanted(config) && frames.iter().any(|frame| is_of_use(&self.images, frame));
+        let Some(known) = surroundings.filter(|_| is_any) else { return };
         if !self.is_of(known) {
-            if self.images > 0 {
-                self.images = ENOUGH_IMAGES;
+            if self.images.iter().any(|count| *count > 0) {
+                self.images.fill(ENOUGH_IMAGES);
                 return;
             }
             self.silhouette(told, known, config);
         }
-        self.images += 1;
-        for frame in frames.iter().filter(|frame| shows_arm(frame)) {
+        for frame in frames {
+            if !is_of_use(&self.images, frame) {
+                continue;
+            }
             let i = frame.camera;
+            self.images[i] += 1;
             let (camera, silhouette) = (&told[i], &mut self.outlines[i]);
             for crossing in silhouette.iter_mut() {
                 crossing.look(camera.width_px as usize, |pixel| {

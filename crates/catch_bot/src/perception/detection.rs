@@ -106,6 +106,8 @@ impl Detector {
         let blobs = &mut self.blobs;
         blobs.sort_by(|a, b| b.pixels.cmp(&a.pixels).then(a.camera.cmp(&b.camera)));
         blobs.truncate(MAX_BLOBS);
+        // Those of one camera one after the other, so that each camera counts once.
+        blobs.sort_by_key(|it| it.camera);
 
         // Each pair of rays that meet is tried; with one blob alone its own place.
         let reach_m = reference.radius_m + config.background_margin_m;

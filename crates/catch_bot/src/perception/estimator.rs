@@ -14,7 +14,9 @@ use super::{
 
 /// Estimates the object's pose from depth images (paper, III-B).
 pub trait PoseEstimator {
-    /// The object's pose X_WO in the images of one capture time.
+    /// The object's pose X_WO in W in the images of one capture time, the origin of O at the centre of mass.
+    ///
+    /// `view` has the images and the cameras' poses in W, `prior` what the last flight says of X_WO at that time.
     ///
     /// # Errors
     /// Why there is no pose.

@@ -92,23 +92,16 @@ fn keep(finalists: &mut [Option<Fit>; FINALISTS], fit: Fit, symmetry: &Symmetry)
     if !fit.robust_cost.is_finite() {
         return;
     }
-    let mut candidate = Some(fit);
-    for place in finalists {
-        let Some(new) = candidate else { return };
-        match place {
-            Some(old) if old.robust_cost <= new.robust_cost => {
-                if symmetry.turn_between(&old.X_WO.rotation, &new.X_WO.rotation).norm() < SAME_ORIENTATION_RAD {
-                    return;
-                }
-            }
-            Some(old)
-                if symmetry.turn_between(&old.X_WO.rotation, &new.X_WO.rotation).norm() < SAME_ORIENTATION_RAD =>
-            {
-                *place = candidate.take();
-            }
-            _ => std::mem::swap(place, &mut candidate),
-        }
+    let alike = |it: &Fit| symmetry.turn_between(&it.X_WO.rotation, &fit.X_WO.rotation).norm() < SAME_ORIENTATION_RAD;
+    if finalists.iter().flatten().any(|it| alike(it) && it.robust_cost <= fit.robust_cost) {
+        return;
     }
+    let others = finalists.map(|it| it.filter(|it| !alike(it)));
+    let better = |it: &Fit| it.robust_cost <= fit.robust_cost;
+    let ahead = others.iter().flatten().filter(|it| better(it));
+    let behind = others.iter().flatten().filter(|it| !better(it));
+    let mut ranked = ahead.chain([&fit]).chain(behind).copied();
+    *finalists = std::array::from_fn(|_| ranked.next());
 }
 
 /// The `i`-th of the 24 rotations that bring a cube onto itself: one of six faces up, then a quarter turn.
@@ -135,5 +128,27 @@ mod tests {
                 assert!(rotation_of_cube(i).angle_to(&rotation_of_cube(j)) > 1.5, "{i} {j}");
             }
         }
+    }
+
+    #[test]
+    fn finalists_are_the_best_of_different_orientations() {
+        let fit = |about_x_rad: f64, robust_cost: f64| Fit {
+            X_WO: Pose::rotation(Vector3::x() * about_x_rad),
+            information: nalgebra::zero(),
+            points: 0,
+            residual_m: 0.0,
+            silhouette_residual_m: None,
+            mismatch: 0.0,
+            robust_cost,
+            noise_m: 0.0,
+            iterations: 0,
+        };
+        let mut finalists = [None; FINALISTS];
+        // The last is a better one of the second.
+        for (about_x_rad, cost) in [(0.0, 2.0), (1.0, 3.0), (2.0, 4.0), (3.0, 5.0), (1.0, f64::NAN), (1.0, 1.0)] {
+            keep(&mut finalists, fit(about_x_rad, cost), &Symmetry::default());
+        }
+        let costs: Vec<f64> = finalists.iter().flatten().map(|it| it.robust_cost).collect();
+        assert_eq!(costs, [1.0, 2.0, 4.0]);
     }
 }

@@ -192,7 +192,7 @@ impl Settings for Config {
 /// The object's pose at one instant.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ObjectPose {
-    /// When the images were taken.
+    /// When the images were taken, in seconds on the cell's clock.
     pub capture_s: f64,
     /// Pose of the object; O has its origin at the centre of mass as the reference model estimates it.
     pub X_WO: Pose,

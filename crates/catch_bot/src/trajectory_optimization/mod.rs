@@ -158,15 +158,15 @@ impl Settings for Config {
 /// A catch: when, where and how the arm gets there.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CatchPlan {
-    /// When the object is at the grasp centre.
+    /// When the object is at the grasp centre, in seconds on the cell's clock.
     pub catch_s: f64,
     /// The grasp, fixed to the object.
     pub grasp: Grasp,
     /// How the object comes into the gripper.
     pub approach: Approach,
-    /// Pose of the gripper at the catch.
+    /// Pose of the gripper in W at the catch.
     pub X_WG: Pose,
-    /// Joint positions at the catch.
+    /// Joint positions at the catch, in radians.
     pub q: JointVector,
     /// Opening before the catch, in metres.
     pub aperture_m: f64,

@@ -207,15 +207,17 @@ impl MotionPlanner {
     /// Whether torque limits and clearances hold along a trajectory.
     fn is_safe(&self, trajectory: &BSpline, catch_s: f64, grasp: &Grasp) -> bool {
         let (start_s, end_s) = (trajectory.start_s(), trajectory.end_s());
+        // How wide the gripper opens is chosen later.
+        let widest_m = self.gripper.max_width_m;
         // What collides mostly does so while braking.
-        self.keeps_clear(trajectory, [catch_s, end_s], grasp.aperture_m, Some(&grasp.held_G))
-            && self.keeps_clear(trajectory, [start_s, catch_s], grasp.aperture_m, None)
+        self.keeps_clear(trajectory, [catch_s, end_s], widest_m, Some(&grasp.held_G))
+            && self.keeps_clear(trajectory, [start_s, catch_s], widest_m, None)
             && self.keeps_torque(trajectory)
     }
 
-    /// Whether the arm at `q` is clear of itself and of the floor, the gripper `width_m` open.
-    pub(super) fn stands_clear(&self, q: &JointVector, width_m: f64) -> bool {
-        self.clearance_m(&self.robot.link_poses(q), width_m) >= self.config.clearance_m
+    /// Whether the arm at `q` is clear of itself and of the floor, the gripper fully open.
+    pub(super) fn stands_clear(&self, q: &JointVector) -> bool {
+        self.clearance_m(&self.robot.link_poses(q), self.gripper.max_width_m) >= self.config.clearance_m
     }
 
     fn clearance_m(&self, X_WL: &LinkPoses, width_m: f64) -> f64 {
@@ -231,7 +233,7 @@ impl MotionPlanner {
 
     /// The same from one time until another, the gripper `width_m` open.
     ///
-    /// No two of its parts approach each other faster than Σ |q̇ᵢ|·rᵢ, rᵢ being how far the arm can extend beyond joint i: from
+    /// At the times that are looked at, `clearance_m` is kept, and half of it between them: no two of its parts approach each other faster than Σ |q̇ᵢ|·rᵢ, rᵢ being how far the arm can extend beyond joint i: from
     /// a clearance d there is none smaller than zero for a time of d over that speed.
     fn keeps_clear(
         &self,

@@ -16,12 +16,10 @@ use super::{
     reachability::{Interval, ReachableSet},
     terminal_velocity::{TerminalVelocity, Weights, terminal_velocity},
 };
+use crate::grasp_selection::TYPICAL_RESTITUTION;
 
 /// Distance from the extreme velocity of a spline at which another one surely has it, in rad/s.
 const INSIDE: f64 = 1e-7;
-
-/// Coefficient of restitution of an impact on the fingers: a typical one.
-const RESTITUTION: f64 = 0.5;
 
 /// Where to be and how, from where.
 #[derive(Debug)]
@@ -83,13 +81,14 @@ impl PointToPoint<'_> {
         None
     }
 
-    /// Keeps free of the velocity limits what the object's impact may add: M⁻¹·Jᵀ·m·v·(1 + e) for an object that gives all its momentum to
-    /// an arm whose motors are too slow to answer, and bounces.
+    /// Keeps free of the velocity limits what the object's impact may add: M⁻¹·Jᵀ·m·v·(1 + e) for an object that bounces off an arm whose motors
+    /// are too slow to answer.
     fn withstand_impact(&self, bounds: &mut [Interval; MAX_JOINTS]) {
         let Some(mass_kg) = self.planner.config.object_mass_kg else { return };
         let robot = &self.planner.robot;
         let Some(inertia) = robot.mass_matrix(&self.q).cholesky() else { return };
-        let impulse = self.jacobian.fixed_rows::<3>(3).transpose() * (self.v_WO * (mass_kg * (1.0 + RESTITUTION)));
+        let impulse =
+            self.jacobian.fixed_rows::<3>(3).transpose() * (self.v_WO * (mass_kg * (1.0 + TYPICAL_RESTITUTION)));
         let added = inertia.solve(&impulse);
         for ((bound, joint), added) in bounds.iter_mut().zip(&robot.joints).zip(&added) {
             let free = joint.limits.velocity - added.abs();

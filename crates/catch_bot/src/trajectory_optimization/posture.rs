@@ -17,7 +17,7 @@ const FRACTIONS_OF_ARC: [f64; 5] = [0.5, 0.25, 0.75, 0.05, 0.95];
 /// Of each part and branch one posture is kept.
 const LAST_JOINT_SAMPLES: usize = 10;
 const THOROUGH_PARTS: usize = 4;
-/// How far samples may be out of a range, as a fraction of it, and still lead to what is within; steps that go there.
+/// How far samples may be out of a range, as a fraction of it, and still lead to what is within; steps of the search for it.
 const NEARLY: f64 = 0.25;
 const REFINEMENTS: usize = 5;
 
@@ -167,7 +167,7 @@ impl PostureFinder {
 }
 
 /// Of each branch the posture that leaves the joints most room within `ranges`, the last joint being in one of so many parts of its
-/// range: samples show where that is, and a golden-section search ends there.
+/// range: the best sample, or, where none is quite within, what a golden-section search from it finds.
 fn easiest(
     arm: &SphericalShoulderArm,
     X_WG: &Pose,
@@ -190,7 +190,7 @@ fn easiest(
         each(q7, &mut |branch, room| room.improve(&mut best[branch]));
     }
     for (branch, best) in best.iter_mut().enumerate() {
-        let Some(Room { q, .. }) = *best else { continue };
+        let Some(Room { q, .. }) = best.filter(|it| it.used > 1.0) else { continue };
         let [mut low, mut high] = [q[6] - step, q[6] + step].map(|it| it.clamp(low, high));
         for _ in 0..REFINEMENTS {
             let used = [0.382, 0.618].map(|fraction| {

@@ -62,7 +62,8 @@ impl ReachableSet {
         Interval { low: -self.mirrored().highest(), high: self.highest() }
     }
 
-    /// Velocities with which it can arrive after a displacement that it can reach.
+    /// Terminal velocities in rad/s that are possible after a `displacement` in radians, which must be within
+    /// [`displacements`](Self::displacements).
     pub fn terminal_velocities(&self, displacement: f64) -> Interval {
         Interval { low: -self.mirrored().highest_velocity(-displacement), high: self.highest_velocity(displacement) }
     }

@@ -51,7 +51,8 @@ pub struct TerminalVelocity {
 
 /// The best joint velocities within `bounds`, `None` if not even the direction can be kept.
 ///
-/// `jacobian` is that of the grasp centre, `v_WO` the object's velocity.
+/// `jacobian` is that of the grasp centre in W, `v_WO` the object's velocity in W in m/s, and `bounds` are those of each joint's velocity
+/// in rad/s.
 pub fn terminal_velocity(
     jacobian: &Jacobian,
     v_WO: &Vector3<f64>,

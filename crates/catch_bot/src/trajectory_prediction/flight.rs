@@ -9,11 +9,11 @@ use super::{AerodynamicForces, LocalFlight, ProcessNoise, tumbling::Tumbling};
 /// A flight: the state at one instant and the law by which it goes on.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct FlightTrajectory {
-    /// The instant of the state below: that of the newest pose it rests on.
+    /// The instant of the state below, in seconds on the cell's clock: that of the newest pose it rests on.
     pub time_s: f64,
-    /// Position of the centre of mass in W.
+    /// Position of the centre of mass in W, in metres.
     pub p_WO: Point3<f64>,
-    /// Its velocity.
+    /// Its velocity in W, in m/s.
     pub v_WO: Vector3<f64>,
     /// Orientation in W.
     pub R_WO: UnitQuaternion<f64>,
@@ -24,9 +24,9 @@ pub struct FlightTrajectory {
     /// Inertia tensor in O divided by the mass, in m², where it makes the object tumble; `None` where the angular velocity
     /// stays as it is.
     pub inertia_per_kg: Option<Matrix3<f64>>,
-    /// Covariance of (p, v, k) at `time_s`.
+    /// Covariance of (p in m, v in m/s, k in 1/m) at `time_s`: rows 0–2, 3–5 and 6, in W.
     pub covariance: SMatrix<f64, 7, 7>,
-    /// Covariance of (rotation vector in W, ω in W) at `time_s`.
+    /// Covariance of (rotation vector in rad, ω in rad/s) at `time_s`: rows 0–2 and 3–5, in W.
     pub rotation_covariance: Matrix6<f64>,
     /// Error in metres that all poses have in common and no number of them reduces (calibration); part of every covariance.
     pub systematic_sd_m: f64,

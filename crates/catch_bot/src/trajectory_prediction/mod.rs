@@ -102,6 +102,7 @@ impl Settings for Config {
                 ("first_after", self.first_after),
                 ("max_iterations", self.max_iterations),
             ])
+            .at_most(("first_after", self.first_after), ("window", self.window))
             .values(
                 &NOT_NEGATIVE,
                 [
@@ -155,9 +156,10 @@ pub enum PredictionStatus {
 
 /// Predicts the object's flight from its poses (paper, III-B).
 pub trait FlightPredictor {
-    /// The flight that the poses seen so far agree on, oldest first.
+    /// The flight that the poses seen so far agree on.
     ///
-    /// `previous` is the flight that was predicted last.
+    /// `poses` are all poses of this throw in W, oldest first, outliers included; `previous` is the flight that was predicted last,
+    /// `None` before the first. The result holds at the time of the newest pose.
     ///
     /// # Errors
     /// Why there is no flight.

@@ -18,6 +18,7 @@ use crate::{
     assets::COMMAND_LINE,
     bounded_file::FileKind,
     evaluation::{Evaluation, Identity, Row, summary_table, trial_table},
+    whole_file,
 };
 
 /// Name of the file with one row per trial.
@@ -142,7 +143,7 @@ impl Drop for WorkLock {
 fn write_tables(folder: &Path, identity: &Identity, rows: &[Row]) -> Result<(), InputError> {
     trial_table::write(folder, rows, &identity_text(identity)?)?;
     let summary = summary_table::markdown(identity, &identity.summarize(rows));
-    trial_table::replace(&folder.join(SUMMARY_FILE), |path| fs::write(path, summary))
+    whole_file::write(&folder.join(SUMMARY_FILE), summary)
 }
 
 /// Makes a folder, where there is none, and writes into it to see whether that is possible; `asked_by` is the argument that
@@ -163,7 +164,7 @@ pub fn make_writable(folder: &Path, asked_by: &str) -> Result<(), InputError> {
 fn write_identity(folder: &Path, identity: &Identity) -> Result<(), InputError> {
     make_writable(folder, "--out")?;
     let text = identity_text(identity)?;
-    trial_table::replace(&folder.join(IDENTITY_FILE), |path| fs::write(path, text))
+    whole_file::write(&folder.join(IDENTITY_FILE), text)
 }
 
 /// What was evaluated as TOML, the language of scenarios; unlike JSON it knows infinity.
@@ -239,7 +240,7 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<(Identity, Vec<Row>), In
         logs.push(log);
     }
     write_identity(out, &whole)?;
-    trial_table::replace(&out.join(TRIALS_FILE), |path| {
+    whole_file::replace(&out.join(TRIALS_FILE), "a place to write to", |path| {
         let mut out = File::create(path)?;
         logs.iter().try_for_each(|log| io::copy(&mut File::open(log)?, &mut out).map(drop))
     })?;

@@ -4,7 +4,7 @@
 
 use std::{
     fmt::Write as _,
-    fs::{self, File},
+    fs::File,
     io::{self, BufWriter, Write},
     path::Path,
 };
@@ -12,7 +12,7 @@ use std::{
 use catch_body::InputError;
 use serde_json::{Map, Value};
 
-use crate::{evaluation::Row, referee::LEADS_S};
+use crate::{evaluation::Row, referee::LEADS_S, whole_file::replace};
 
 #[cfg(feature = "parquet")]
 mod parquet_file;
@@ -21,6 +21,9 @@ mod parquet_file;
 pub const CSV_FILE: &str = "trials.csv";
 /// The same in Parquet.
 pub const PARQUET_FILE: &str = "trials.parquet";
+
+/// What helps where a table cannot be written.
+const AGAIN: &str = "a place to write to; --resume writes it again";
 
 /// How many rows are turned into columns at a time, so that long evaluations need no more memory than short ones.
 const GROUP_ROWS: usize = 1000;
@@ -143,7 +146,7 @@ pub fn columns(rows: &[Row]) -> Vec<Column> {
 /// # Errors
 /// If they cannot be written; what was there before stays.
 pub fn write(folder: &Path, rows: &[Row], identity: &str) -> Result<(), InputError> {
-    replace(&folder.join(CSV_FILE), |path| {
+    replace(&folder.join(CSV_FILE), AGAIN, |path| {
         let mut file = BufWriter::new(File::create(path)?);
         file.write_all(names(&columns(&[])).as_bytes())?;
         for rows in rows.chunks(GROUP_ROWS) {
@@ -152,24 +155,12 @@ pub fn write(folder: &Path, rows: &[Row], identity: &str) -> Result<(), InputErr
         file.flush()
     })?;
     #[cfg(feature = "parquet")]
-    replace(&folder.join(PARQUET_FILE), |path| parquet_file::write(path, rows, identity).map_err(io::Error::other))?;
+    replace(&folder.join(PARQUET_FILE), AGAIN, |path| {
+        parquet_file::write(path, rows, identity).map_err(io::Error::other)
+    })?;
     #[cfg(not(feature = "parquet"))]
     let _ = identity;
     Ok(())
-}
-
-/// Writes a file under another name and gives it its own when it is complete.
-///
-/// # Errors
-/// If it cannot be written; what was there before stays.
-pub fn replace(path: &Path, write: impl FnOnce(&Path) -> io::Result<()>) -> Result<(), InputError> {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let unfinished = path.with_file_name(format!(".{name}.unfinished"));
-    write(&unfinished).and_then(|()| fs::rename(&unfinished, path)).map_err(|fault| {
-        // Best effort: what is reported is why it could not be written.
-        let _ = fs::remove_file(&unfinished);
-        InputError::unwritten(path.display(), &fault, "a place to write to; --resume writes it again")
-    })
 }
 
 /// The line of names.
@@ -255,17 +246,5 @@ mod tests {
             "{line}"
         );
         assert_eq!(names.split(',').count(), line.split(',').count() - 1);
-    }
-
-    #[test]
-    fn a_file_that_cannot_be_written_leaves_the_old_one() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("table.csv");
-        fs::write(&path, "old").unwrap();
-        let fault = replace(&path, |_| Err(io::Error::other("no room"))).unwrap_err().to_string();
-        assert!(fault.contains("no room") && fault.contains("table.csv"), "{fault}");
-        assert_eq!(fs::read_to_string(&path).unwrap(), "old");
-        replace(&path, |path| fs::write(path, "new")).unwrap();
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 }

@@ -24,10 +24,10 @@ use self::{
 use crate::{
     VERSION,
     assets::COMMAND_LINE,
-    evaluation::trial_table::replace,
     referee,
     scenario::setup::Setup,
     trial::{Episode, StateSnapshot, stopwatch::Stopwatch},
+    whole_file::replace,
 };
 
 /// Version of the format.
@@ -204,7 +204,7 @@ impl LeRobotDataset {
         let path = self.folder.join(name);
         let made = path.parent().map_or(Ok(()), fs::create_dir_all);
         made.map_err(|fault| InputError::unwritten(path.display(), &fault, "a folder that can be written"))?;
-        replace(&path, write)
+        replace(&path, "a place to write to", write)
     }
 }
 

@@ -22,7 +22,7 @@ use catch_sim::FreeFlight;
 use nalgebra::{Point3, Rotation3, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::scenario::setup::Setup;
+use crate::{scenario::setup::Setup, trial::LONGEST_FLIGHT_S};
 
 /// How long after the first image has arrived anybody could begin to move, in seconds: the paper's first estimate needs six
 /// frames at 100 Hz.
@@ -31,8 +31,6 @@ const FIRST_ESTIMATE_S: f64 = 0.06;
 const CATCH_INTERVAL_S: f64 = 0.01;
 /// Step of the flight in seconds.
 const FLIGHT_STEP_S: f64 = 1e-3;
-/// No flight is followed longer, in seconds.
-const LONGEST_S: f64 = 2.0;
 /// Orientations of the hand: from the object passing through the gap to it flying at the palm, and around the flight.
 const TILTS: usize = 7;
 const ROLLS: usize = 16;
@@ -60,7 +58,7 @@ pub struct Oracle<'a> {
     clearance: ArmClearance,
 }
 
-/// The arm's inverse kinematics: in closed form, where there is one.
+/// The arm's inverse kinematics: in closed form for two families, by iteration from many starts for the others.
 #[derive(Debug)]
 enum Kinematics {
     Srs(SrsArm),
@@ -226,7 +224,7 @@ impl Flight {
     pub fn of(setup: &Setup, seed: u64, index: u64) -> Self {
         let (release, conditions) = (setup.release(seed, index), setup.conditions(seed, index));
         let flight = FreeFlight::new(&setup.object, &release, &conditions, FLIGHT_STEP_S);
-        let longest = (LONGEST_S / FLIGHT_STEP_S) as usize;
+        let longest = (LONGEST_FLIGHT_S / FLIGHT_STEP_S) as usize;
         let is_free = |X_WO: &Pose| {
             let at = Point3::from(X_WO.translation.vector);
             let middle = Capsule { from: at, to: at, radius: 0.0 };

@@ -74,6 +74,6 @@ pub struct Measures {
     pub discontinuous_trajectories: u32,
     /// Smallest distance of the arm from itself.
     pub min_self_clearance_m: Option<f64>,
-    /// Smallest distance of the arm's moving parts from the floor.
+    /// Smallest distance of the arm's moving parts from the floor or an obstacle, in metres.
     pub min_floor_clearance_m: Option<f64>,
 }

@@ -346,7 +346,8 @@ impl Setup {
         }
         let grasping = &mut config.grasp_selection;
         grasping.restitution = grasping.restitution.or(prior.restitution);
-        config.trajectory_optimization.object_mass_kg.get_or_insert(self.object.mass_kg);
+        let planning = &mut config.trajectory_optimization;
+        planning.object_mass_kg = planning.object_mass_kg.or(prior.mass_kg);
         let perception = &mut config.perception;
         perception.floor_visible.get_or_insert(self.scenario.arena.floor_visible);
         let focal_px = self.cameras.first().map_or(1.0, |camera| camera.focal_px);

@@ -1,6 +1,6 @@
 //! What the report of a study needs: its steps, and what became of the throws in each.
 
-use std::{fs, path::Path};
+use std::path::Path;
 
 use catch_body::InputError;
 use serde::{Deserialize, Serialize};
@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 use super::throw_grid::{GridPoint, ThrowGrid};
 use crate::{
     bounded_file::FileKind,
-    evaluation::{Identity, Row, cell_summary::CellSummary, trial_table::replace},
+    evaluation::{Identity, Row, cell_summary::CellSummary},
+    whole_file,
 };
 
 /// A study without its scenarios, as it lies beside the folders of its steps; each of those has a description of its own.
@@ -71,7 +72,7 @@ impl Outline {
         let text = toml::to_string(self).map_err(|fault| {
             InputError::new(&file, "the study", fault, "a seed and steps that can be written as TOML")
         })?;
-        replace(&path, |path| fs::write(path, text))
+        whole_file::write(&path, text)
     }
 
     /// Whether a folder holds results of the same study.

@@ -91,3 +91,22 @@ fn in_the_dark_the_object_may_go_where_it_likes() {
     let seeing_and_moved = commands(&setup, offset, Cameras::Seeing);
     assert_ne!(seeing, seeing_and_moved);
 }
+
+/// The file of an object says what it truly is and what the brain is told; nothing of the former changes the latter.
+#[test]
+fn the_brain_is_told_nothing_of_what_an_object_truly_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let told = |truth: &str| {
+        let prior = "[prior]\nmass_kg = 0.1\ndrag_per_m = 0.05\ndrag_sd_per_m = 0.01\nrestitution = 0.4\n";
+        let shape = "[truth.shape]\nkind = \"ball\"\ndiameter_m = 0.06\nhollow = false\n";
+        let path = folder.path().join("thing.toml");
+        std::fs::write(&path, format!("name = \"thing\"\n{prior}[truth]\n{truth}\n{shape}")).unwrap();
+        let choice = Choice { scenario: Some("honest"), object: path.to_str(), ..Choice::default() };
+        let setup = Setup::load(&choice).unwrap();
+        assert_eq!(setup.known().config().trajectory_optimization.object_mass_kg, Some(0.1));
+        setup.brain_config(1, 0)
+    };
+    let one = told("mass_kg = 0.1\nrestitution = 0.4\ndrag_per_m = 0.05");
+    let other = told("mass_kg = 0.3\nrestitution = 0.8\ndrag_per_m = 0.01\nfriction = 0.2\nstiffness_npm = 900");
+    assert_eq!(one, other);
+}

@@ -86,7 +86,7 @@ impl View<'_> {
         match readout {
             Readout::Full => camera.full_window(),
             Readout::Windows(windows) => {
-                windows.get(index).map_or(camera.full_window(), |window| overlap(window, &camera.full_window()))
+                windows.get(index).map_or(camera.full_window(), |window| window.intersection(&camera.full_window()))
             }
             // One pixel all around that shows something else tells where the outline is.
             Readout::Object => widened(camera, &Sight::new(camera, &self.object).window, 1 + margin_px),
@@ -99,7 +99,7 @@ impl View<'_> {
         image.add_body(&Sight::new(camera, &self.object), true);
         // From near to far, because what is known to be hidden costs little. The order is the same for all windows.
         let mut arm: Vec<_> = self.arm.iter().map(|body| Sight::new(camera, body)).collect();
-        arm.retain(|body| overlap(&body.window, &window).area() > 0);
+        arm.retain(|body| body.window.intersection(&window).area() > 0);
         arm.sort_by(|one, two| one.nearest_m.total_cmp(&two.nearest_m));
         for body in &arm {
             image.add_body(body, false);
@@ -196,7 +196,7 @@ impl<'a> Image<'a> {
 
     /// Adds a body wherever it is nearer than all before it.
     pub fn add_body(&mut self, body: &Sight, is_object: bool) {
-        let part = overlap(&body.window, &self.window);
+        let part = body.window.intersection(&self.window);
         // Rays are cast in the body's frame: origin C, direction R_BC·((u − cx)/f, (v − cy)/f, 1), whose third component of one
         // makes the ray's parameter the depth.
         let Sight { X_BC, caster, .. } = body;
@@ -275,14 +275,4 @@ pub(super) fn widened(camera: &CameraModel, window: &PixelWindow, margin_px: u32
     let right = (window.left + window.width + margin_px).min(camera.width_px);
     let bottom = (window.top + window.height + margin_px).min(camera.height_px);
     PixelWindow { left, top, width: right - left, height: bottom - top }
-}
-
-/// The pixels that two windows share.
-fn overlap(one: &PixelWindow, two: &PixelWindow) -> PixelWindow {
-    // Windows come from outside and may be anything.
-    let span = |from: u32, length: u32| (from, from.saturating_add(length));
-    let shared = |(a, b): (u32, u32), (c, d): (u32, u32)| (a.max(c), b.min(d).saturating_sub(a.max(c)));
-    let (left, width) = shared(span(one.left, one.width), span(two.left, two.width));
-    let (top, height) = shared(span(one.top, one.height), span(two.top, two.height));
-    if width == 0 || height == 0 { PixelWindow::default() } else { PixelWindow { left, top, width, height } }
 }

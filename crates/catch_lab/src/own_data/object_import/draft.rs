@@ -61,7 +61,7 @@ impl Draft<'_> {
         }
         let drag_sd = (drag_per_m * 0.3 * 1e4).round() / 1e4;
         text + &format!(
-            "\n# What the brain is told beforehand, beside a scan of the object from all sides.\n[prior]\n\
+            "\n# What the brain is told beforehand, beside a scan of the object from all sides.\n[prior]\nmass_kg = {mass_kg}\n\
              drag_per_m = {drag_per_m}\ndrag_sd_per_m = {}\nrestitution = {RESTITUTION:?}\n",
             drag_sd.max(1e-4)
         )
