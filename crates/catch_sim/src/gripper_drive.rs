@@ -27,6 +27,12 @@ impl Gains {
     /// stopped by an object presses with all its force 2 ms later.
     pub const IDEAL: Self = Self { stiffness_npm: 10_000.0, damping_nspm: 40.0 };
 
+    /// The same for fingers that are lighter: what is stiff for 50 g is unstable at 1 kHz for 15 g.
+    fn ideal(finger_mass_kg: f64) -> Self {
+        let lighter = (finger_mass_kg / 0.05).min(1.0);
+        Self { stiffness_npm: Self::IDEAL.stiffness_npm * lighter, damping_nspm: Self::IDEAL.damping_nspm * lighter }
+    }
+
     /// Critically damped, at the natural frequency ω in rad/s, for a finger with its fraction of the drive: k = m·ω², d = 2·m·ω.
     fn critical(mass_kg: f64, bandwidth_radps: f64) -> Self {
         Self { stiffness_npm: mass_kg * bandwidth_radps.powi(2), damping_nspm: 2.0 * mass_kg * bandwidth_radps }
@@ -68,7 +74,7 @@ enum Law {
 impl GripperDrive {
     /// The ideal drive; it holds the fingers `width_m` apart.
     pub fn new(gripper: &Gripper, width_m: f64) -> Self {
-        Self::with_gains(gripper, width_m, Gains::IDEAL)
+        Self::with_gains(gripper, width_m, Gains::ideal(gripper.finger_mass_kg))
     }
 
     /// An ideal drive with a controller of its own.

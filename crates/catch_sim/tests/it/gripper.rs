@@ -187,3 +187,19 @@ fn drives_obey_what_they_can() {
     assert!((width_after_m(DriveControl::TwoState, 0.06) - open_m).abs() < 1e-3, "open");
     assert!(width_after_m(DriveControl::TwoState, 0.05) < 1e-3, "closed");
 }
+
+/// Fingers of 15 g stand where they were sent.
+#[test]
+fn light_fingers_do_not_chatter() {
+    let mut gripper = setting::gripper();
+    gripper.finger_mass_kg = 0.015;
+    let mut drive = GripperDrive::new(&gripper, gripper.max_width_m);
+    drive.receive(&[GripperMove { start_s: 0.0, width_m: 0.06, speed_mps: f64::INFINITY, force_n: 70.0 }], 0.0);
+    let p_WG = Point3::new(0.0, 0.0, 2.0);
+    let release = setting::release([3.0, 0.0, 2.0], [0.0; 3]);
+    let ball = setting::object("tennis_ball");
+    let settings = setting::settings(0.6, 0.0);
+    let mut world = setting::fixed_hand(settings, p_WG, &gripper, gripper.max_width_m, &ball, &release);
+    let samples = run(&mut world, &mut drive, 200);
+    assert!(samples[100..].iter().all(|it| (it.width_m - 0.06).abs() < 1e-3 && it.rate_mps.abs() < 0.05));
+}
