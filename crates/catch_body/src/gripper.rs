@@ -44,6 +44,42 @@ pub struct Gripper {
     /// Highest rate at which that speed changes.
     #[serde(deserialize_with = "quantity::drive_acceleration_mps2")]
     pub max_acceleration_mps2: f64,
+    /// How it takes commands and tells its state. If nothing is said: width, speed and force, 30 ms, 140 Hz.
+    #[serde(default)]
+    pub drive: Drive,
+}
+
+/// The drive of a gripper behind its command interface.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Drive {
+    /// What a command says that the fingers obey.
+    pub control: DriveControl,
+    /// Time from a command until the fingers begin to move, in seconds.
+    #[serde(deserialize_with = "quantity::latency_s")]
+    pub latency_s: f64,
+    /// Rate of the cycle in which it takes commands and refreshes its state.
+    #[serde(deserialize_with = "quantity::rate_hz")]
+    pub state_rate_hz: f64,
+}
+
+impl Default for Drive {
+    /// That of a Schunk WSG-50: the rate is the data sheet's; no latency is published, 30 ms is plausible over a network.
+    fn default() -> Self {
+        Self { control: DriveControl::SpeedAndForce, latency_s: 0.03, state_rate_hz: 140.0 }
+    }
+}
+
+/// What a command to a gripper says that the fingers obey.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DriveControl {
+    /// Width, speed and force.
+    SpeedAndForce,
+    /// The width alone: always at full speed, with all the force.
+    Position,
+    /// Open or closed: a width above half of the widest opens the fingers as far as they go, any other closes them.
+    TwoState,
 }
 
 impl Gripper {
@@ -55,6 +91,15 @@ impl Gripper {
             return Err(InputError::new(file, "finger_centre_y_m", gripper.finger_centre_y_m, expected));
         }
         Ok(gripper)
+    }
+
+    /// The width to which the fingers go when `width_m` is commanded.
+    pub fn driven_width_m(&self, width_m: f64) -> f64 {
+        match self.drive.control {
+            DriveControl::SpeedAndForce | DriveControl::Position => width_m.clamp(0.0, self.max_width_m),
+            DriveControl::TwoState if width_m > self.max_width_m / 2.0 => self.max_width_m,
+            DriveControl::TwoState => 0.0,
+        }
     }
 
     /// The palm: where the housing ends along y.

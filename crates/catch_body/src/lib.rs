@@ -40,7 +40,7 @@ mod toml_input;
 mod urdf;
 pub mod workcell;
 
-pub use gripper::Gripper;
+pub use gripper::{DriveControl, Gripper};
 pub use input_error::InputError;
 pub use mesh::TriangleMesh;
 pub use pose::{Pose, Twist};

@@ -209,7 +209,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingBot<E, P, C>
         probe.stage_ended("trajectory_optimization");
 
         let status = decision.status;
-        let mut command = self.controller.command(observation.time_s, decision, &flight);
+        let mut command = self.controller.command(observation, decision, &flight);
         command.windows = self.tracker.windows(observation, &flight, &self.known);
         self.flight = Some(flight);
         probe.stage_ended("control");

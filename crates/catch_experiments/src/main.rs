@@ -10,6 +10,7 @@ mod calibration;
 mod catch_rates;
 mod figures;
 mod flights;
+mod grippers;
 mod holding;
 mod near_rigs;
 mod objects;
@@ -117,6 +118,12 @@ const EXPERIMENTS: &[Experiment] = &[
         about: "what each built-in arm catches of the throws within its reach, and how long it searches",
         trials: 100,
         run: arms::run,
+    },
+    Experiment {
+        name: "grippers",
+        about: "what each built-in gripper catches on two arms, and why it misses",
+        trials: 40,
+        run: grippers::run,
     },
     Experiment {
         name: "as-published",

@@ -7,6 +7,7 @@ pub mod cloud_registration;
 pub mod flight_learning;
 pub mod flight_misses;
 pub mod flight_prediction;
+mod gripper_check;
 mod mesh_paths;
 mod object_check;
 pub mod object_import;

@@ -8,7 +8,7 @@ pub mod sources;
 
 use catch_body::{Gripper, InputError, quantity, robot::LimitScale};
 use catch_bot::settings::{SettingError, Settings};
-use catch_sim::{ArenaConfig, GripperDriveKind};
+use catch_sim::ArenaConfig;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -176,7 +176,7 @@ impl Scenario {
     /// # Errors
     /// If it does not: every catch would come too late.
     pub(crate) fn check_closing(&self, file: &str, gripper: &Gripper, gripper_file: &str) -> Result<(), InputError> {
-        if !matches!(self.arena.gripper, GripperDriveKind::Wsg50(_)) {
+        if self.arena.gripper.real().is_none() {
             return Ok(());
         }
         let grasping = &self.brain.grasp_selection;

@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use crate::{
     cameras::Scene,
     conditions::Conditions,
-    config::{ArenaConfig, GripperDriveKind, GripperTrigger},
+    config::{ArenaConfig, GripperTrigger},
     equipment::{Equipment, Shared},
     free_flight::Air,
     gripper_drive::GripperDrive,
@@ -65,10 +65,7 @@ impl Arena {
             substeps: config.substeps,
             friction: conditions.friction,
             restitution: conditions.restitution,
-            drive_mass_kg: match config.gripper {
-                GripperDriveKind::Ideal {} | GripperDriveKind::Position(_) => 0.0,
-                GripperDriveKind::Wsg50(drive) => drive.drive_mass_kg,
-            },
+            drive_mass_kg: config.gripper.real().map_or(0.0, |drive| drive.drive_mass_kg),
         };
         let mount = Mount::Arm { robot: &true_robot, q: ready_q };
         let world = World::new(settings, mount, gripper, gripper.max_width_m, object, release);

@@ -1,7 +1,11 @@
 //! The `[arena]` table of a scenario.
 
+mod gripper;
+
 use catch_body::{InputError, quantity};
 use serde::{Deserialize, Serialize};
+
+pub use gripper::{GripperDriveKind, GripperTrigger, PositionDrive, ProximitySensor, RealDrive};
 
 use crate::{aerodynamics::AerodynamicsConfig, depth_noise::DepthConfig};
 
@@ -69,112 +73,6 @@ pub struct ArenaConfig {
     /// Default 2: the tool still follows a fast motion within 0.1 mm.
     #[serde(deserialize_with = "quantity::solver_steps")]
     pub substeps_alone: usize,
-}
-
-/// How the gripper is driven.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
-pub enum GripperDriveKind {
-    /// As strong as the real gripper, but without limit of speed beyond the fingers' own inertia and without latency: about
-    /// 5 ms from wide open to a tennis ball. The paper's gripper, less its 1000 N.
-    Ideal {},
-    /// A real one, after the Schunk WSG-50: the limits of speed, acceleration and force in the gripper's file hold, and commands
-    /// and states take time.
-    Wsg50(Wsg50),
-    /// One controller for each finger, which jumps to the commanded width whatever speed and force the command has: the paper's.
-    Position(PositionDrive),
-}
-
-impl Default for GripperDriveKind {
-    fn default() -> Self {
-        Self::Ideal {}
-    }
-}
-
-/// Fingers without limit of speed, each with a proportional-derivative controller. Figures of the authors' code by default.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct PositionDrive {
-    /// Force of a finger per metre from where it should be, in N/m.
-    #[serde(deserialize_with = "quantity::stiffness_npm")]
-    pub stiffness_npm: f64,
-    /// Force per speed, in N·s/m.
-    #[serde(deserialize_with = "quantity::damping_nspm")]
-    pub damping_nspm: f64,
-    /// The most that a finger presses with, in N.
-    #[serde(deserialize_with = "quantity::force_n")]
-    pub max_force_n: f64,
-    /// The width that open fingers are commanded: beyond their stops.
-    #[serde(deserialize_with = "quantity::size_m")]
-    pub open_width_m: f64,
-}
-
-impl Default for PositionDrive {
-    fn default() -> Self {
-        Self { stiffness_npm: 2500.0, damping_nspm: 20.0, max_force_n: 1000.0, open_width_m: 1.0 }
-    }
-}
-
-/// What makes the fingers close.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
-pub enum GripperTrigger {
-    /// The brain's commands.
-    Command {},
-    /// A sensor in the gripper, as in the paper's simulator; commands are ignored. Fingers that have closed stay so.
-    Proximity(ProximitySensor),
-}
-
-impl Default for GripperTrigger {
-    fn default() -> Self {
-        Self::Command {}
-    }
-}
-
-/// A sensor that sees where the object truly is. It does not look at how far aside that is.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct ProximitySensor {
-    /// The object's origin is this near the gripper's, in metres.
-    #[serde(deserialize_with = "quantity::distance_m")]
-    pub distance_m: f64,
-    /// And this near along z of the gripper, the direction in which it passes.
-    #[serde(deserialize_with = "quantity::distance_m")]
-    pub along_z_m: f64,
-}
-
-impl Default for ProximitySensor {
-    /// The figures of the authors' code.
-    fn default() -> Self {
-        Self { distance_m: 0.25, along_z_m: 0.01 }
-    }
-}
-
-/// The connection and the drive of a WSG-50.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Wsg50 {
-    /// Time from a command until the fingers begin to move. It is drawn uniformly within one cycle around this, for the
-    /// gripper takes commands in a cycle of its own; zero is none at all. Default 30 ms; no source, plausible over a network.
-    #[serde(deserialize_with = "quantity::latency_s")]
-    pub latency_s: f64,
-    /// Rate of the gripper's cycle, in which it takes commands and refreshes its state. Default 140 Hz (Schunk's data sheet).
-    #[serde(deserialize_with = "quantity::rate_hz")]
-    pub state_rate_hz: f64,
-    /// The reported width and speed are rounded to this, in metres and m/s. Default 0.01 mm, the unit of the command set
-    /// (Schunk, WSG series, PROFIBUS interface, register WIDTH); zero rounds nothing.
-    #[serde(deserialize_with = "quantity::error_m")]
-    pub width_step_m: f64,
-    /// Inertia of motor and gear, reflected to each finger. Chosen, as no figure is published: it lets the fingers keep to their
-    /// speed when something slips out from between them.
-    #[serde(deserialize_with = "quantity::added_mass_kg")]
-    pub drive_mass_kg: f64,
-}
-
-impl Default for Wsg50 {
-    fn default() -> Self {
-        Self { latency_s: 0.03, state_rate_hz: 140.0, width_step_m: 1e-5, drive_mass_kg: 0.5 }
-    }
 }
 
 /// A number, or a range from which every throw draws one uniformly.
@@ -405,10 +303,10 @@ mod tests {
         assert_eq!(config.friction, Drawn::Always(0.5));
         assert!(toml::from_str::<ArenaConfig>("frictoin = 0.5").is_err());
         let config: ArenaConfig =
-            toml::from_str("friction = { min = 0.4, max = 1.0 }\ngripper = { kind = \"wsg50\" }").unwrap();
+            toml::from_str("friction = { min = 0.4, max = 1.0 }\ngripper = { kind = \"real\" }").unwrap();
         assert_eq!(config.friction.bounds(), [0.4, 1.0]);
-        assert_eq!(config.gripper, GripperDriveKind::Wsg50(Wsg50::default()));
-        assert!(toml::from_str::<ArenaConfig>("gripper = { kind = \"wsg50\", latncy_s = 0.1 }").is_err());
+        assert_eq!(config.gripper, GripperDriveKind::Real(RealDrive::default()));
+        assert!(toml::from_str::<ArenaConfig>("gripper = { kind = \"real\", latncy_s = 0.1 }").is_err());
         assert!(toml::from_str::<ArenaConfig>("gripper = { kind = \"ideal\", latency_s = 0.1 }").is_err());
         assert!(toml::from_str::<ArenaConfig>("wind = [1.0, 2.0]").is_err());
         assert!(toml::from_str::<ArenaConfig>("wind = { max_mps = 2.0 }").is_ok());
@@ -434,7 +332,7 @@ mod tests {
             "aerodynamics.drag_anisotropy = 1.0",
             "aerodynamics.max_magnus = -0.1",
             "aerodynamics.max_spin_decay_per_s = inf",
-            "gripper = { kind = \"wsg50\", drive_mass_kg = -1 }",
+            "gripper = { kind = \"real\", drive_mass_kg = -1 }",
         ] {
             let fault = read(text);
             let field = text.split([' ', '{']).next().unwrap();

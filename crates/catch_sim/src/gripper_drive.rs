@@ -1,17 +1,17 @@
 //! The gripper's drive: moves the fingers and squeezes. It knows its own fingers and nothing of the object.
 
 mod grasp_watch;
-mod wsg50;
+mod interface;
 
-use catch_body::Gripper;
+use catch_body::{DriveControl, Gripper};
 use catch_cell::{GripperMove, GripperQueue, GripperState};
 
 use crate::{
-    config::{GripperDriveKind, PositionDrive, Wsg50},
+    config::{GripperDriveKind, PositionDrive, RealDrive},
     random_streams::Draws,
 };
 use grasp_watch::GraspWatch;
-use wsg50::{Interface, Ramp};
+use interface::{Interface, Ramp};
 
 /// Position controller of each finger.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,6 +27,12 @@ impl Gains {
     /// stopped by an object presses with all its force 2 ms later.
     pub const IDEAL: Self = Self { stiffness_npm: 10_000.0, damping_nspm: 40.0 };
 
+    /// The same for fingers that are lighter: what is stiff for 50 g is unstable at 1 kHz for 15 g.
+    fn ideal(finger_mass_kg: f64) -> Self {
+        let lighter = (finger_mass_kg / 0.05).min(1.0);
+        Self { stiffness_npm: Self::IDEAL.stiffness_npm * lighter, damping_nspm: Self::IDEAL.damping_nspm * lighter }
+    }
+
     /// Critically damped, at the natural frequency ω in rad/s, for a finger with its fraction of the drive: k = m·ω², d = 2·m·ω.
     fn critical(mass_kg: f64, bandwidth_radps: f64) -> Self {
         Self { stiffness_npm: mass_kg * bandwidth_radps.powi(2), damping_nspm: 2.0 * mass_kg * bandwidth_radps }
@@ -37,7 +43,7 @@ impl Gains {
 #[derive(Debug, Clone)]
 pub struct GripperDrive {
     gains: Gains,
-    max_width_m: f64,
+    gripper: Gripper,
     max_force_n: f64,
     active: ActiveMove,
     queue: GripperQueue,
@@ -68,7 +74,7 @@ enum Law {
 impl GripperDrive {
     /// The ideal drive; it holds the fingers `width_m` apart.
     pub fn new(gripper: &Gripper, width_m: f64) -> Self {
-        Self::with_gains(gripper, width_m, Gains::IDEAL)
+        Self::with_gains(gripper, width_m, Gains::ideal(gripper.finger_mass_kg))
     }
 
     /// An ideal drive with a controller of its own.
@@ -77,7 +83,7 @@ impl GripperDrive {
             GripperMove { start_s: 0.0, width_m, speed_mps: gripper.max_speed_mps, force_n: gripper.max_force_n };
         Self {
             gains,
-            max_width_m: gripper.max_width_m,
+            gripper: gripper.clone(),
             max_force_n: gripper.max_force_n,
             active: ActiveMove { order, from_m: width_m, since_s: 0.0 },
             queue: GripperQueue::default(),
@@ -87,11 +93,12 @@ impl GripperDrive {
         }
     }
 
-    /// The drive of a WSG-50; `draws` decide where in its cycle it stands at t = 0.
-    pub fn wsg50(gripper: &Gripper, width_m: f64, config: &Wsg50, draws: &mut Draws) -> Self {
+    /// The drive that the gripper's file describes; `draws` decide where in its cycle it stands at t = 0.
+    pub fn real(gripper: &Gripper, width_m: f64, config: &RealDrive, draws: &mut Draws) -> Self {
         let mass_kg = gripper.finger_mass_kg + config.drive_mass_kg;
-        let gains = Gains::critical(mass_kg, wsg50::BANDWIDTH_RADPS);
-        let law = Law::Real(Interface::new(config, width_m, draws.unit()), Ramp::new(gripper, width_m, mass_kg));
+        let gains = Gains::critical(mass_kg, interface::BANDWIDTH_RADPS);
+        let interface = Interface::new(config, gripper, width_m, draws.unit());
+        let law = Law::Real(interface, Ramp::new(gripper, width_m, mass_kg));
         Self { law, ..Self::with_gains(gripper, width_m, gains) }
     }
 
@@ -109,7 +116,9 @@ impl GripperDrive {
     pub fn of_kind(kind: &GripperDriveKind, gripper: &Gripper, width_m: f64, draws: &mut Draws) -> Self {
         match kind {
             GripperDriveKind::Ideal {} => Self::new(gripper, width_m),
-            GripperDriveKind::Wsg50(config) => Self::wsg50(gripper, width_m, config, draws),
+            GripperDriveKind::Real(config) | GripperDriveKind::Wsg50(config) => {
+                Self::real(gripper, width_m, config, draws)
+            }
             GripperDriveKind::Position(config) => Self::position(gripper, width_m, config),
         }
     }
@@ -169,9 +178,13 @@ impl GripperDrive {
 
     /// A move as this drive makes it.
     fn as_driven(&self, order: GripperMove) -> GripperMove {
-        let width_m = order.width_m.clamp(0.0, self.max_width_m);
-        let Law::Position { open_width_m } = self.law else { return GripperMove { width_m, ..order } };
-        let width_m = if width_m < self.max_width_m { width_m } else { open_width_m };
+        let width_m = self.gripper.driven_width_m(order.width_m);
+        let width_m = match self.law {
+            Law::Position { open_width_m } if width_m >= self.gripper.max_width_m => open_width_m,
+            Law::Position { .. } => width_m,
+            _ if self.gripper.drive.control == DriveControl::SpeedAndForce => return GripperMove { width_m, ..order },
+            _ => width_m,
+        };
         GripperMove { width_m, speed_mps: f64::INFINITY, force_n: self.max_force_n, ..order }
     }
 

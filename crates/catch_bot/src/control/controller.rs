@@ -78,10 +78,12 @@ impl Controller {
     }
 
     /// Takes over what was decided, and times the gripper by the newest flight.
-    pub fn command(&mut self, now_s: f64, decision: Decision, flight: &FlightTrajectory) -> Command {
+    pub fn command(&mut self, observation: &Observation, decision: Decision, flight: &FlightTrajectory) -> Command {
+        let now_s = observation.time_s;
         self.progress = decision.progress;
         let Some(plan) = decision.plan else { return Command::default() };
-        let closing = closing(&plan, flight, &self.robot, &self.gripper, &self.grasping, &self.config);
+        let fingers = (now_s, &observation.gripper);
+        let closing = closing(fingers, &plan, flight, &self.robot, &self.gripper, &self.grasping, &self.config);
         // Fingers that have started to close go on: a new list of moves would open them again.
         let is_closing = self.closing.is_some_and(|closing| closing.start_s <= now_s);
         let moves = gripper_moves(now_s, plan.aperture_m, &closing, &self.gripper, &self.config);

@@ -5,7 +5,7 @@ mod decision;
 pub mod sent_plans;
 mod time_grid_search;
 
-use catch_cell::GripperMove;
+use catch_cell::{GripperMove, GripperState};
 use serde::{Deserialize, Serialize};
 
 pub use controller::Controller;
@@ -13,7 +13,7 @@ pub use decision::{CatchPlanner, Decision, Progress, Situation, Status};
 pub use time_grid_search::TimeGridSearch;
 
 use crate::{
-    grasp_selection,
+    grasp_selection::{self, Grasp},
     settings::{DURATION_S, Faults, NOT_NEGATIVE, SettingError, Settings},
     trajectory_optimization::CatchPlan,
     trajectory_prediction::FlightTrajectory,
@@ -29,8 +29,8 @@ pub struct Config {
     /// A trajectory that does not execute this long after its start, by the arm's own clock, has been lost on its way, in seconds:
     /// longer than time stamps are off and the robot controller lags.
     pub lost_after_s: f64,
-    /// Time from the start of a gripper move until the fingers move, in seconds.
-    pub gripper_latency_s: f64,
+    /// Time from the start of a gripper move until the fingers move, in seconds; the gripper's own if nothing is said.
+    pub gripper_latency_s: Option<f64>,
     /// Force of closing in N per finger; the gripper's own limit if it is lower.
     pub closing_force_n: f64,
     /// Plans are not changed any more in the last seconds before the catch. The paper's code stops 0.2 s before; corrections
@@ -50,7 +50,7 @@ impl Default for Config {
         Self {
             expected_latency_s: 0.0,
             lost_after_s: 0.02,
-            gripper_latency_s: 0.0,
+            gripper_latency_s: None,
             closing_force_n: 80.0,
             commit_s: 0.05,
             tolerated_miss_m: 0.006,
@@ -67,11 +67,11 @@ impl Settings for Config {
                 &DURATION_S,
                 [
                     ("expected_latency_s", self.expected_latency_s),
-                    ("gripper_latency_s", self.gripper_latency_s),
                     ("commit_s", self.commit_s),
                     ("lost_after_s", self.lost_after_s),
                 ],
             )
+            .options(&DURATION_S, [("gripper_latency_s", self.gripper_latency_s)])
             .values(
                 &NOT_NEGATIVE,
                 [
@@ -98,8 +98,9 @@ pub struct GripperPlan {
 }
 
 /// When to close so that both fingers touch the object when its centre passes the grasp centre of the moving gripper, or shortly
-/// before.
+/// before. `fingers` is what the gripper reports of itself at `now_s`.
 pub fn closing(
+    (now_s, fingers): (f64, &GripperState),
     plan: &CatchPlan,
     flight: &FlightTrajectory,
     robot: &Robot,
@@ -114,9 +115,18 @@ pub fn closing(
     let closest_s = closest(plan.catch_s, distance);
     let contact_s =
         closest_s - grasping.contact_lead_s(&local_flight.velocity_in(X_WG, &held), &plan.grasp.centre_past_G(gripper));
-    let fingers = grasping.closing(gripper);
-    let travel_s = fingers.duration_s(plan.aperture_m - plan.grasp.object_width_m);
-    GripperPlan { start_s: contact_s - travel_s - config.gripper_latency_s, contact_s, speed_mps: fingers.speed_mps }
+    let CatchPlan { aperture_m, grasp: Grasp { object_width_m, .. }, .. } = *plan;
+    let latency_s = config.gripper_latency_s.unwrap_or(gripper.drive.latency_s);
+    let closing = grasping.closing(gripper);
+    let close_s = contact_s - closing.duration_s(aperture_m - object_width_m);
+    let stand_s = now_s + latency_s + closing.duration_s((aperture_m - fingers.width_m).abs());
+    let close_s = if stand_s <= close_s || !grasping.is_slow(gripper) {
+        close_s
+    } else {
+        // Slow fingers may still be on their way to the aperture when they have to close.
+        now_s + closing.wait_s(fingers.width_m, fingers.speed_mps, aperture_m, object_width_m, contact_s - now_s)
+    };
+    GripperPlan { start_s: close_s - latency_s, contact_s, speed_mps: closing.speed_mps }
 }
 
 /// Whether a plan whose motion cannot be changed any more still meets the object, as the flight is known now.

@@ -1,7 +1,7 @@
 //! Fitting the gripper to the object at one sampled frame: centred between the fingers, clear of palm and fingers, closing
 //! on something that does not slip.
 
-use catch_body::{Gripper, Pose, shape::Cuboid};
+use catch_body::{DriveControl, Gripper, Pose, shape::Cuboid};
 use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
 
 use super::{Config, Grasp};
@@ -37,7 +37,8 @@ impl std::fmt::Display for GraspFailure {
     }
 }
 
-/// The gripper with orientation `R_OG` over the surface point `sample`.
+/// The gripper with orientation `R_OG` over the surface point `sample`, open by the finger margin on each side if it opens that far, and by
+/// `least_margin_m` at least.
 ///
 /// # Errors
 /// Why it cannot hold the object there.
@@ -47,6 +48,7 @@ pub fn fit_gripper(
     config: &Config,
     sample: &Point3<f64>,
     R_OG: UnitQuaternion<f64>,
+    least_margin_m: f64,
 ) -> Result<Grasp, GraspFailure> {
     // Over the sample, with the centre of mass (the origin of O) level with the grasp centre.
     let lateral = sample.coords - (R_OG * Vector3::y()) * (R_OG * Vector3::y()).dot(&sample.coords);
@@ -76,10 +78,16 @@ pub fn fit_gripper(
         return Err(GraspFailure::NothingBetween);
     }
     let object_width_m = high - low;
-    let aperture_m = object_width_m + 2.0 * config.finger_margin_m;
-    if aperture_m > gripper.max_width_m {
+    let roomy_m = object_width_m + 2.0 * config.finger_margin_m;
+    let most_margin_m = (gripper.max_width_m - object_width_m) / 2.0;
+    let margin_m = if roomy_m > gripper.max_width_m { most_margin_m } else { config.finger_margin_m };
+    if margin_m < least_margin_m {
         return Err(GraspFailure::TooWide);
     }
+    let aperture_m = match gripper.drive.control {
+        DriveControl::TwoState => gripper.max_width_m,
+        _ => roomy_m.min(gripper.max_width_m),
+    };
     let X_OG = place(Vector3::new((low + high) / 2.0, -backed_off, 0.0));
     let X_GO = X_OG.inverse();
 
@@ -114,7 +122,7 @@ pub fn fit_gripper(
     let collides = |p: &Point3<f64>| {
         boxes.iter().any(|cuboid| {
             let inside = (p - cuboid.centre).abs() - cuboid.size / 2.0;
-            inside.max() < config.finger_margin_m / 2.0
+            inside.max() < margin_m / 2.0
         })
     };
     if reference.points.iter().any(|point| collides(&(X_GO * point))) {

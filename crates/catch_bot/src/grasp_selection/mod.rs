@@ -12,7 +12,7 @@ pub mod heuristics;
 
 use std::collections::BTreeMap;
 
-use catch_body::{Gripper, Pose, capsule_fit::outermost, shape::Cuboid};
+use catch_body::{DriveControl, Gripper, Pose, capsule_fit::outermost, shape::Cuboid};
 use nalgebra::{Point3, Rotation3, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -52,6 +52,12 @@ pub struct Config {
     pub max_contact_angle_rad: f64,
     /// Free space on each side between the object and the open fingers, in metres, for the prediction's uncertainty.
     pub finger_margin_m: f64,
+    /// Fingers that need longer than this to close by the finger margin on both sides, in seconds, are slow: they wait nearer to the object,
+    /// so that less is left to close and the motion can be corrected for longer.
+    pub slow_closing_s: f64,
+    /// How near slow fingers wait: this many standard deviations of the predicted position along the direction of closing on each side, not
+    /// less than the approach margin nor more than the finger margin.
+    pub pre_closing_sd: f64,
     /// What must be left of it while the object comes in, in metres.
     pub approach_margin_m: f64,
     /// Free space between the object and the palm, in metres.
@@ -92,6 +98,8 @@ impl Default for Config {
             max_overhang_m: 0.03,
             max_contact_angle_rad: 0.38,
             finger_margin_m: 0.012,
+            slow_closing_s: 0.25,
+            pre_closing_sd: 3.0,
             approach_margin_m: 0.003,
             palm_margin_m: 0.006,
             closing_speed_mps: None,
@@ -119,6 +127,7 @@ impl Settings for Config {
                     ("max_overhang_m", self.max_overhang_m),
                     ("max_contact_angle_rad", self.max_contact_angle_rad),
                     ("finger_margin_m", self.finger_margin_m),
+                    ("pre_closing_sd", self.pre_closing_sd),
                     ("approach_margin_m", self.approach_margin_m),
                     ("palm_margin_m", self.palm_margin_m),
                     ("finger_braking_distance_m", self.finger_braking_distance_m),
@@ -126,7 +135,7 @@ impl Settings for Config {
                     ("palm_rebound_distance_m", self.palm_rebound_distance_m),
                 ],
             )
-            .values(&DURATION_S, [("settling_s", self.settling_s)])
+            .values(&DURATION_S, [("settling_s", self.settling_s), ("slow_closing_s", self.slow_closing_s)])
             .options(
                 &POSITIVE,
                 [
@@ -145,9 +154,25 @@ impl Config {
     /// How the fingers close.
     pub fn closing(&self, gripper: &Gripper) -> Closing {
         Closing {
-            speed_mps: self.closing_speed_mps.unwrap_or(gripper.max_speed_mps),
+            speed_mps: match gripper.drive.control {
+                DriveControl::SpeedAndForce => self.closing_speed_mps.unwrap_or(gripper.max_speed_mps),
+                DriveControl::Position | DriveControl::TwoState => gripper.max_speed_mps,
+            },
             acceleration_mps2: self.closing_acceleration_mps2.unwrap_or(gripper.max_acceleration_mps2),
         }
+    }
+
+    /// Whether the fingers are slow.
+    pub fn is_slow(&self, gripper: &Gripper) -> bool {
+        self.closing(gripper).duration_s(2.0 * self.finger_margin_m) > self.slow_closing_s
+    }
+
+    /// How far on each side of an object slow fingers wait whose position along the direction of closing has this standard deviation; `None`
+    /// for fingers that are fast, or cannot wait anywhere.
+    pub fn pre_closing_margin_m(&self, gripper: &Gripper, sd_m: impl FnOnce() -> f64) -> Option<f64> {
+        let can_wait = gripper.drive.control != DriveControl::TwoState;
+        (self.is_slow(gripper) && can_wait)
+            .then(|| (self.pre_closing_sd * sd_m()).max(self.approach_margin_m).min(self.finger_margin_m))
     }
 
     /// How long before its held place passes the grasp centre, at `v_G` in G, the fingers should touch an object: so much earlier as
@@ -210,8 +235,18 @@ pub struct GraspSet {
 }
 
 impl GraspSet {
-    /// Samples Darboux frames on the reference cloud and keeps the grasps that fit.
+    /// Samples Darboux frames on the reference cloud and keeps the grasps that fit; those with less free space beside the fingers only if
+    /// there are no others.
     pub fn sample(reference: &ReferenceModel, gripper: &Gripper, config: &Config) -> Self {
+        let roomy = Self::with_margin(reference, gripper, config, config.finger_margin_m);
+        if roomy.grasps.is_empty() {
+            Self::with_margin(reference, gripper, config, config.approach_margin_m.min(config.finger_margin_m))
+        } else {
+            roomy
+        }
+    }
+
+    fn with_margin(reference: &ReferenceModel, gripper: &Gripper, config: &Config, least_margin_m: f64) -> Self {
         let mut rng = Pcg64::seed_from_u64(config.seed);
         let (mut grasps, mut failures) = (Vec::new(), BTreeMap::new());
         // A ball looks the same from everywhere.
@@ -226,7 +261,7 @@ impl GraspSet {
                     let approach = -frame.normal;
                     let R_OG = Rotation3::from_basis_unchecked(&[closing, approach, closing.cross(&approach)]);
                     let R_OG = UnitQuaternion::from_rotation_matrix(&R_OG);
-                    let grasp = match fit::fit_gripper(reference, gripper, config, &frame.point, R_OG) {
+                    let grasp = match fit::fit_gripper(reference, gripper, config, &frame.point, R_OG, least_margin_m) {
                         Ok(grasp) => grasp,
                         Err(failure) => {
                             *failures.entry(failure).or_default() += 1;
@@ -237,7 +272,7 @@ impl GraspSet {
                     grasps.push(grasp);
                     grasps.extend(turns_rad.iter().filter_map(|&turn| {
                         let R_OG = R_OG * UnitQuaternion::from_scaled_axis(Vector3::x() * turn);
-                        fit::fit_gripper(reference, gripper, config, &held, R_OG).ok()
+                        fit::fit_gripper(reference, gripper, config, &held, R_OG, least_margin_m).ok()
                     }));
                 }
             }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     CatchPlan, CatchSearch, Incoming, Start, motion::LimitScaling, point_to_point::PointToPoint, posture::Posture,
-    search::ReachableCatch,
+    search::ReachableCatch, swept_volume::Entering,
 };
 use crate::{
     grasp_selection::heuristics,
@@ -134,7 +134,7 @@ impl CatchSearch {
         })
     }
 
-    /// The same plan with the opening that it had if that lets the object in; else with the narrowest that does, or, where none
+    /// The same plan with the opening that it had, or a narrower one for slow fingers, if that lets the object in; else with the narrowest that does, or, where none
     /// does any more, the widest: it hits least. Where it is too late to change the opening, it stays.
     pub fn opened(
         &self,
@@ -144,8 +144,12 @@ impl CatchSearch {
         incoming: &Incoming,
         local_flight: &LocalFlight,
     ) -> CatchPlan {
-        if self.first_with_free_approach(&[had_m], &plan, incoming, local_flight).is_some() {
-            return CatchPlan { aperture_m: had_m, approach_is_free: true, ..plan };
+        // Slow fingers come nearer as the flight is known better.
+        let entering = Entering { incoming, local_flight, grasp: &plan.grasp };
+        let nearer_m = self.pre_closed_m(&plan.X_WG, &entering).filter(|nearer_m| *nearer_m < had_m);
+        let kept = [nearer_m.unwrap_or(had_m), had_m];
+        if let Some(aperture_m) = self.first_with_free_approach(&kept, &plan, incoming, local_flight) {
+            return CatchPlan { aperture_m, approach_is_free: true, ..plan };
         }
         let aperture = self.aperture(&plan, incoming, local_flight);
         let aperture_m = aperture.unwrap_or(self.motion.gripper.max_width_m);

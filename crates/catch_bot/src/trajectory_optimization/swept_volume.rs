@@ -59,7 +59,8 @@ impl CatchSearch {
     /// The narrowest opening with which the object touches neither fingers nor housing on its way into the moving gripper,
     /// the fingers closing in time for the catch; `None` if there is none.
     pub(super) fn aperture(&self, plan: &CatchPlan, incoming: &Incoming, local_flight: &LocalFlight) -> Option<f64> {
-        self.first_with_free_approach(&self.apertures(&plan.grasp), plan, incoming, local_flight)
+        let entering = Entering { incoming, local_flight, grasp: &plan.grasp };
+        self.first_with_free_approach(&self.apertures(&plan.X_WG, &entering), plan, incoming, local_flight)
     }
 
     /// The first of these openings with which a plan lets the object in.
@@ -76,9 +77,26 @@ impl CatchSearch {
     }
 
     /// Openings that are tried, the narrowest first.
-    fn apertures(&self, grasp: &Grasp) -> [f64; 4] {
-        let (narrow, wide) = (grasp.aperture_m, self.motion.gripper.max_width_m);
-        [0.0, 0.25, 0.5, 1.0].map(|fraction| narrow + fraction * (wide - narrow))
+    fn apertures(&self, X_WG: &Pose, entering: &Entering) -> [f64; 4] {
+        let (narrow, wide) = (entering.grasp.aperture_m, self.motion.gripper.max_width_m);
+        let between = |fraction: f64| narrow + fraction * (wide - narrow);
+        match self.pre_closed_m(X_WG, entering) {
+            Some(pre_closed_m) => [pre_closed_m, narrow, between(0.5), wide],
+            None => [0.0, 0.25, 0.5, 1.0].map(between),
+        }
+    }
+
+    /// How far apart slow fingers wait for an object that is to be held at `X_WG`, not wider than the grasp's own opening; `None` for fast
+    /// ones.
+    pub(super) fn pre_closed_m(&self, X_WG: &Pose, entering: &Entering) -> Option<f64> {
+        let Entering { incoming, local_flight, grasp } = *entering;
+        let sd_m = || {
+            let closing_W = X_WG.rotation * Vector3::x();
+            let covariance = incoming.flight.covariance_at(local_flight.time_s).fixed_view::<3, 3>(0, 0).into_owned();
+            (covariance * closing_W).dot(&closing_W).max(0.0).sqrt()
+        };
+        let margin_m = incoming.config.pre_closing_margin_m(&self.motion.gripper, sd_m)?;
+        Some((grasp.object_width_m + 2.0 * margin_m).min(grasp.aperture_m))
     }
 
     /// Whether there is such an opening if the gripper passes through `X_WG` at the catch as `terminal_velocity` wants it to, at an even
@@ -98,7 +116,7 @@ impl CatchSearch {
             let origin = centre + v_WG * after_s + turn * (X_WG.translation.vector - centre.coords);
             Pose::from_parts(origin.coords.into(), turn * X_WG.rotation)
         };
-        self.first_of(&self.apertures(entering.grasp), passing, entering, last).is_some()
+        self.first_of(&self.apertures(X_WG, entering), passing, entering, last).is_some()
     }
 
     /// The first of these openings that lets the object in while the gripper moves through `X_WG`.

@@ -52,6 +52,31 @@ fn a_long_body_is_held_across_and_a_wide_one_not_at_all() {
     assert!(GraspSet::sample(&ellipsoid(Vector3::repeat(0.06)), &gripper(), &config).grasps.is_empty());
 }
 
+fn slow(control: &str) -> Gripper {
+    let file = include_str!("../../../../assets/grippers/franka_hand.toml").replace("\"speed_and_force\"", control);
+    Gripper::from_toml("slow.toml", &file).unwrap()
+}
+
+#[test]
+fn an_object_too_wide_for_the_finger_margin_is_held_with_less() {
+    let config = Config { samples: 20, ..Config::default() };
+    let set = GraspSet::sample(&ellipsoid(Vector3::repeat(0.0335)), &slow("\"position\""), &config);
+    assert!(set.grasps.iter().all(|it| it.aperture_m == 0.08) && !set.grasps.is_empty());
+    assert!(GraspSet::sample(&ellipsoid(Vector3::repeat(0.038)), &slow("\"position\""), &config).grasps.is_empty());
+}
+
+#[test]
+fn slow_fingers_wait_as_near_as_the_position_is_certain() {
+    let config = Config::default();
+    let margin_m = |control: &str, sd_m: f64| config.pre_closing_margin_m(&slow(control), || sd_m);
+    assert_eq!([0.0, 2e-3, 1.0].map(|sd_m| margin_m("\"speed_and_force\"", sd_m)), [3e-3, 6e-3, 12e-3].map(Some));
+    assert_eq!(config.pre_closing_margin_m(&gripper(), || 1e-3), None, "fast fingers");
+    // A gripper that knows open and closed alone waits open.
+    assert_eq!(margin_m("\"two_state\"", 1e-3), None);
+    let set = GraspSet::sample(&ellipsoid(Vector3::repeat(0.02)), &slow("\"two_state\""), &config);
+    assert!(set.grasps.iter().all(|it| it.aperture_m == 0.08) && !set.grasps.is_empty());
+}
+
 /// A body without symmetry of a ball gets grasps that come from elsewhere and close in the same direction.
 #[test]
 fn turned_grasps_close_in_the_same_direction() {

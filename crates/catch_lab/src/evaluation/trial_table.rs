@@ -5,7 +5,7 @@
 use std::{
     fmt::Write as _,
     fs::File,
-    io::{self, BufWriter, Write},
+    io::{BufWriter, Write},
     path::Path,
 };
 
@@ -156,7 +156,7 @@ pub fn write(folder: &Path, rows: &[Row], identity: &str) -> Result<(), InputErr
     })?;
     #[cfg(feature = "parquet")]
     replace(&folder.join(PARQUET_FILE), AGAIN, |path| {
-        parquet_file::write(path, rows, identity).map_err(io::Error::other)
+        parquet_file::write(path, rows, identity).map_err(std::io::Error::other)
     })?;
     #[cfg(not(feature = "parquet"))]
     let _ = identity;

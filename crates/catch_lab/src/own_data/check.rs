@@ -10,7 +10,10 @@ use catch_body::{
 };
 use catch_sim::Throw;
 
-use super::object_check::{Examined, examine};
+use super::{
+    gripper_check,
+    object_check::{Examined, examine},
+};
 
 use crate::{
     assets::{Asset, Kind},
@@ -90,7 +93,11 @@ pub fn check(path: &Path) -> Checked {
     let notes = match kind {
         Some(Kind::Object) => notes_of_object(&asset).into_iter().chain(examined.notes).collect(),
         Some(Kind::Robot) => notes_of_robot(&asset),
-        Some(Kind::Scenario | Kind::Gripper | Kind::Workcell) => notes_of_name(&asset, &table),
+        Some(Kind::Scenario | Kind::Workcell) => notes_of_name(&asset, &table),
+        Some(Kind::Gripper) => {
+            let margins = Gripper::from_toml(&asset.file, &asset.text).map(|it| gripper_check::notes(&it));
+            notes_of_name(&asset, &table).into_iter().chain(margins.unwrap_or_default()).collect()
+        }
         _ => Vec::new(),
     };
     Checked { kind, faults, notes }

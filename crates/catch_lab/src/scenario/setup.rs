@@ -239,7 +239,7 @@ impl Setup {
 
     /// Widths of object and gripper, and what is wrong with the candidates.
     pub(crate) fn why_without_grasps(&self, grasps: &GraspSet) -> String {
-        let margin_m = self.scenario.brain.grasp_selection.finger_margin_m;
+        let margin_m = self.scenario.brain.grasp_selection.approach_margin_m;
         let lengths_m = [self.object.mesh.aabb().size.min(), self.gripper.max_width_m, margin_m];
         let [narrowest_mm, opening_mm, margin_mm] = lengths_m.map(|it| it * 1e3);
         format!(
@@ -339,6 +339,10 @@ impl Setup {
             if self.scenario.arena.drag {
                 set.get_or_insert(known);
             }
+        }
+        // A gripper that is ideal obeys at once; a real one as its file says.
+        if self.scenario.arena.gripper.real().is_none() {
+            config.control.gripper_latency_s.get_or_insert(0.0);
         }
         let grasping = &mut config.grasp_selection;
         grasping.restitution = grasping.restitution.or(prior.restitution);

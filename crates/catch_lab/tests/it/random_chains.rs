@@ -2,10 +2,14 @@
 
 use std::fmt::Write;
 
-use catch_body::{Gripper, JointVector, Robot, robot_file::RobotFiles};
+use catch_body::{Gripper, JointVector, Robot, robot::Joint, robot_file::RobotFiles};
 use catch_bot::trajectory_optimization::{Config, MotionPlanner, Start};
 use catch_cell::{arm::Setpoint, executor::PeakRatios};
-use catch_lab::assets::{Asset, Kind};
+use catch_lab::{
+    assets::{Asset, Kind},
+    reachability::ready::Corridor,
+    scenario::setup::{Choice, Setup},
+};
 use catch_paper::posed::{PosedPlanner, Target};
 use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
@@ -139,4 +143,39 @@ fn random_arms_keep_their_limits() {
 fn ten_thousand_random_arms_keep_their_limits() {
     let found = arms(1_000, 10_000);
     assert!(found >= 2_000, "{found} plans only");
+}
+
+/// The search for a waiting pose ends for any arm, and what it finds is a pose of the arm.
+#[test]
+#[ignore = "a minute, and 20 reach maps: XDG_CACHE_HOME=$(mktemp -d) cargo test --release -p catch_lab -- --ignored ready_serves"]
+fn ready_serves_twenty_random_arms() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut found = 0;
+    for number in 2_000..2_020 {
+        let mut rng = Pcg64::seed_from_u64(number);
+        let [urdf, toml] = random_files(&mut rng);
+        let arm = folder.path().join(format!("arm{number}"));
+        std::fs::create_dir(&arm).unwrap();
+        std::fs::write(arm.join("robot.urdf"), urdf).unwrap();
+        std::fs::write(arm.join("robot.toml"), toml).unwrap();
+        let setup = Setup::load(&Choice {
+            robot: arm.join("robot.toml").to_str(),
+            throw: Some("random_by_reach"),
+            ..Choice::default()
+        })
+        .unwrap_or_else(|fault| panic!("arm {number}: {fault}"));
+        let setups = [setup];
+        let robot = &setups[0].robot;
+        let best = Corridor::new(&setups, 2, 1).search(&robot.ready_q, 10, 1, &mut |_, _| ());
+        if let Some(ready) = &best {
+            assert!(
+                ready.caught <= ready.within_reach && ready.within_reach <= ready.throws,
+                "arm {number}: {ready:?}"
+            );
+            let within = |(joint, q): (&Joint, &f64)| (joint.limits.lower..=joint.limits.upper).contains(q);
+            assert!(robot.joints.iter().zip(ready.q.iter()).all(within), "arm {number}: {ready:?}");
+        }
+        found += usize::from(best.is_some());
+    }
+    assert!(found >= 5, "{found} poses only");
 }

@@ -1,8 +1,9 @@
 //! The gripper with the limits of a real one: how fast it closes, how hard it presses, when it obeys and what it tells.
 
+use catch_body::DriveControl;
 use catch_cell::{GraspState, GripperMove, GripperState};
 use catch_sim::{
-    config::Wsg50,
+    config::RealDrive,
     gripper_drive::GripperDrive,
     physics::{World, WorldSettings},
     random_streams::{Draws, Stream},
@@ -16,7 +17,7 @@ const STEP_S: f64 = 1e-3;
 fn drive(index: u64) -> GripperDrive {
     let gripper = setting::gripper();
     let mut draws = Draws::new(Stream::Gripper, 5, index);
-    GripperDrive::wsg50(&gripper, gripper.max_width_m, &Wsg50::default(), &mut draws)
+    GripperDrive::real(&gripper, gripper.max_width_m, &RealDrive::default(), &mut draws)
 }
 
 fn close_at(start_s: f64) -> GripperMove {
@@ -26,7 +27,7 @@ fn close_at(start_s: f64) -> GripperMove {
 /// A hand in the air with a ball in the middle of its fingers, or far away from it.
 fn hand(ball_is_inside: bool) -> World {
     let gripper = setting::gripper();
-    let settings = WorldSettings { drive_mass_kg: Wsg50::default().drive_mass_kg, ..setting::settings(0.6, 0.0) };
+    let settings = WorldSettings { drive_mass_kg: RealDrive::default().drive_mass_kg, ..setting::settings(0.6, 0.0) };
     let p_WG = Point3::new(0.0, 0.0, 2.0);
     let place = if ball_is_inside { [0.0, gripper.grasp_centre_y_m, 2.0] } else { [3.0, 0.0, 2.0] };
     let release = setting::release(place, [0.0; 3]);
@@ -166,4 +167,39 @@ fn states_come_at_140_hertz_in_hundredths_of_a_millimetre() {
         assert!((steps - steps.round()).abs() < 1e-6);
         assert!((sample.state.width_m - sample.width_m).abs() < 0.1 * (1.0 / 140.0 + 2.0 * STEP_S));
     }
+}
+
+/// What a command says beyond what the drive obeys does not count.
+#[test]
+fn drives_obey_what_they_can() {
+    let width_after_m = |control: DriveControl, width_m: f64| {
+        let mut gripper = setting::gripper();
+        gripper.drive.control = control;
+        let mut drive = GripperDrive::new(&gripper, gripper.max_width_m);
+        let crawl = GripperMove { start_s: 0.0, width_m, speed_mps: 0.01, force_n: 1.0 };
+        drive.receive(&[crawl], 0.0);
+        let mut world = hand(false);
+        run(&mut world, &mut drive, 300).last().unwrap().width_m
+    };
+    let open_m = setting::gripper().max_width_m;
+    assert!((width_after_m(DriveControl::SpeedAndForce, 0.06) - (open_m - 0.003)).abs() < 1e-3, "at 10 mm/s for 0.3 s");
+    assert!((width_after_m(DriveControl::Position, 0.06) - 0.06).abs() < 1e-3, "at full speed");
+    assert!((width_after_m(DriveControl::TwoState, 0.06) - open_m).abs() < 1e-3, "open");
+    assert!(width_after_m(DriveControl::TwoState, 0.05) < 1e-3, "closed");
+}
+
+/// Fingers of 15 g stand where they were sent.
+#[test]
+fn light_fingers_do_not_chatter() {
+    let mut gripper = setting::gripper();
+    gripper.finger_mass_kg = 0.015;
+    let mut drive = GripperDrive::new(&gripper, gripper.max_width_m);
+    drive.receive(&[GripperMove { start_s: 0.0, width_m: 0.06, speed_mps: f64::INFINITY, force_n: 70.0 }], 0.0);
+    let p_WG = Point3::new(0.0, 0.0, 2.0);
+    let release = setting::release([3.0, 0.0, 2.0], [0.0; 3]);
+    let ball = setting::object("tennis_ball");
+    let settings = setting::settings(0.6, 0.0);
+    let mut world = setting::fixed_hand(settings, p_WG, &gripper, gripper.max_width_m, &ball, &release);
+    let samples = run(&mut world, &mut drive, 200);
+    assert!(samples[100..].iter().all(|it| (it.width_m - 0.06).abs() < 1e-3 && it.rate_mps.abs() < 0.05));
 }

@@ -30,6 +30,7 @@ const fn with(
 }
 
 const ARENA: &str = "catch_sim/src/config.rs";
+const GRIPPER: &str = "catch_sim/src/config/gripper.rs";
 const DEPTH: &str = "catch_sim/src/depth_noise.rs";
 
 /// A scenario.
@@ -38,20 +39,20 @@ pub const SCENARIO: &[Section] = &[
     at("limit_scale", "catch_body/src/robot.rs", "LimitScale"),
     at("clock", "catch_lab/src/scenario.rs", "Clock"),
     at("arena", ARENA, "ArenaConfig"),
-    at("arena.gripper", ARENA, "GripperDriveKind"),
-    with("arena.gripper", "arena.gripper, kind wsg50", "arena.gripper={ kind = \"wsg50\" }", (ARENA, "Wsg50")),
+    at("arena.gripper", GRIPPER, "GripperDriveKind"),
+    with("arena.gripper", "arena.gripper, kind real", "arena.gripper={ kind = \"real\" }", (GRIPPER, "RealDrive")),
     with(
         "arena.gripper",
         "arena.gripper, kind position",
         "arena.gripper={ kind = \"position\" }",
-        (ARENA, "PositionDrive"),
+        (GRIPPER, "PositionDrive"),
     ),
-    at("arena.gripper_trigger", ARENA, "GripperTrigger"),
+    at("arena.gripper_trigger", GRIPPER, "GripperTrigger"),
     with(
         "arena.gripper_trigger",
         "arena.gripper_trigger, kind proximity",
         "arena.gripper_trigger={ kind = \"proximity\" }",
-        (ARENA, "ProximitySensor"),
+        (GRIPPER, "ProximitySensor"),
     ),
     of("arena.friction, drawn", ARENA, "Between"),
     of("arena.wind, drawn", ARENA, "DrawnWind"),
@@ -110,6 +111,8 @@ pub const FILES: &[Section] = &[
     of("Robot: collision", "catch_body/src/robot_file.rs", "CollisionFields"),
     of("Robot: collision.capsules", "catch_body/src/robot_file.rs", "CapsuleFields"),
     of("Gripper", "catch_body/src/gripper.rs", "Gripper"),
+    of("Gripper: drive", "catch_body/src/gripper.rs", "Drive"),
+    of("Gripper: control of the drive", "catch_body/src/gripper.rs", "DriveControl"),
     of("Object", "catch_sim/src/object.rs", "ObjectFile"),
     of("Object: truth", "catch_sim/src/object.rs", "TruthFields"),
     of("Object: truth.shape", "catch_sim/src/object_shape.rs", "ShapeFields"),

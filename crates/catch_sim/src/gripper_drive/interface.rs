@@ -1,10 +1,10 @@
-//! What makes a real gripper of a drive, after the Schunk WSG-50: commands take time, fingers have a highest speed and gather
+//! What makes a real gripper of a drive: commands take time, fingers have a highest speed and gather
 //! it, and states are rounded and come at a rate of their own.
 
 use catch_body::Gripper;
 use catch_cell::{GripperMove, GripperState};
 
-use crate::config::Wsg50;
+use crate::config::RealDrive;
 
 /// Natural frequency of the position controller in rad/s, below a third of the rate at which it runs.
 pub(super) const BANDWIDTH_RADPS: f64 = 300.0;
@@ -23,11 +23,11 @@ pub(super) struct Interface {
 
 impl Interface {
     /// `phase` is the fraction of a cycle that is left at t = 0.
-    pub fn new(config: &Wsg50, width_m: f64, phase: f64) -> Self {
-        let cycle_s = 1.0 / config.state_rate_hz;
+    pub fn new(config: &RealDrive, gripper: &Gripper, width_m: f64, phase: f64) -> Self {
+        let cycle_s = 1.0 / config.state_rate_hz.unwrap_or(gripper.drive.state_rate_hz);
         let reported = GripperState { width_m, speed_mps: 0.0, force_n: 0.0, grasp: catch_cell::GraspState::Idle };
         Self {
-            latency_s: config.latency_s,
+            latency_s: config.latency_s.unwrap_or(gripper.drive.latency_s),
             cycle_s,
             phase_s: phase * cycle_s,
             step_m: config.width_step_m,
