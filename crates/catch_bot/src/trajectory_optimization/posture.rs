@@ -5,6 +5,8 @@
 //! spherical shoulder at most eight for each angle of the last joint, which is sampled. Other arms have them by iteration: from where
 //! the arm is and from the middle of what it can reach, or, where that did not do, from more starts and along the null space.
 
+use std::f64::consts::{PI, TAU};
+
 use catch_body::{
     JointVector, MAX_JOINTS, Pose, Robot,
     inverse_kinematics::{ALL_BRANCHES, BRANCHES, Branch, ElbowCircle, ParallelAxesArm, SphericalShoulderArm, SrsArm},
@@ -176,7 +178,14 @@ fn easiest(
     ranges: &Ranges,
     (part, parts): (usize, usize),
 ) -> impl Iterator<Item = JointVector> {
-    let [low, high] = ranges[6];
+    // What is more than half a turn away is nearer the other way round, where that is within the range.
+    let [low, high] = match ranges[6] {
+        [low, high] if high - low > TAU => {
+            let low = (from[6] - PI).clamp(low, high - TAU);
+            [low, low + TAU]
+        }
+        range => range,
+    };
     let nearly = ranges.map(|[low, high]| [low - NEARLY * (high - low), high + NEARLY * (high - low)]);
     let each = |q7: f64, wanted: u8, found: &mut dyn FnMut(usize, Room)| {
         arm.for_each_solution(X_WG, q7, from, &nearly, wanted, |branch, q| {
