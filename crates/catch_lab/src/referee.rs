@@ -132,6 +132,8 @@ pub(crate) struct Evidence<'a> {
     /// Where the object would have been at the planned catch if nothing had touched it.
     pub undisturbed_O: Option<Point3<f64>>,
     grasp_centre_G: Point3<f64>,
+    /// The object's true centre of mass in the brain's O, which has its origin where the centre of mass would be at uniform density.
+    com_O: Point3<f64>,
     symmetry: Symmetry,
 }
 
@@ -154,6 +156,7 @@ impl<'a> Evidence<'a> {
             at_catch: catch_s.and_then(|at| sample_at(truth, at)),
             undisturbed_O: catch_s.and_then(|at| undisturbed_position(truth, at)),
             grasp_centre_G: setup.gripper.grasp_centre(),
+            com_O: setup.known().reference().X_RO.inverse_transform_point(&Point3::origin()),
             symmetry: setup.known().reference().symmetry,
         }
     }
@@ -171,8 +174,8 @@ impl<'a> Evidence<'a> {
 
     fn error_of(&self, report: &Report) -> Option<f64> {
         let flight = report.flight.as_ref()?;
-        let predicted = flight.pose_at(self.catch_s?).translation.vector;
-        Some((predicted - self.undisturbed_O?.coords).norm())
+        let predicted = flight.pose_at(self.catch_s?) * self.com_O;
+        Some((predicted - self.undisturbed_O?).norm())
     }
 
     /// How far off the newest pose was when it was taken.
@@ -182,7 +185,7 @@ impl<'a> Evidence<'a> {
             let undisturbed = |sample: &TruthSample| self.first_contact_s().is_none_or(|touch| sample.time_s < touch);
             Some((pose, sample_at(self.truth, pose.capture_s).filter(|sample| undisturbed(sample))?))
         })?;
-        Some((pose.X_WO.translation.vector - sample.X_WO.translation.vector).norm())
+        Some(((pose.X_WO * self.com_O).coords - sample.X_WO.translation.vector).norm())
     }
 
     /// When anything first touched the object.
@@ -198,7 +201,7 @@ impl<'a> Evidence<'a> {
     /// How far the undisturbed object would have been from where the plan wants it in the gripper at the catch.
     pub fn grasp_offset_m(&self) -> Option<f64> {
         let p_GO = self.at_catch?.X_WG.inverse_transform_point(&self.undisturbed_O?);
-        Some((p_GO.coords - self.plan()?.grasp.X_OG.inverse().translation.vector).norm())
+        Some((p_GO - self.plan()?.grasp.X_OG.inverse_transform_point(&self.com_O)).norm())
     }
 
     /// How far the object would have been turned from `R_WO` at the planned catch if nothing had touched it; it turns evenly for the

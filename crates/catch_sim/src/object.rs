@@ -60,6 +60,10 @@ pub struct ObjectPrior {
     /// Expected coefficient of restitution against the gripper, 0 to 1, if anything is known of it.
     #[serde(default, deserialize_with = "quantity::fraction")]
     pub restitution: Option<f64>,
+    /// Standard deviation in metres of each coordinate of its centre of mass about that of uniform density; zero, as left out, if its density is
+    /// uniform. What spins tells more in flight.
+    #[serde(default, deserialize_with = "quantity::error_m")]
+    pub com_sd_m: Option<f64>,
 }
 
 /// What an object is in the paper's simulator.

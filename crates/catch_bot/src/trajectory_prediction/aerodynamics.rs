@@ -1,9 +1,9 @@
-//! Aerodynamic forces that are found along with a flight: drag by direction, and a force across the flight.
+//! What is found of an object along with its flight: drag by direction, a force across the flight, and its centre of mass.
 //!
 //! a = g − k·|v|·v + f with f = −|v|·R·E·Rᵀ·v + s×v: E is symmetric, without trace and fixed to the object, and has the symmetry that the object
-//! looks to have; s is the Magnus coefficient times the angular velocity, which need not be seen. The orientations of the poses are taken
-//! as they are and the velocities as fitted before, so that position, velocity, k, E and s follow from one linear problem with Gaussian
-//! priors.
+//! looks to have; s is the Magnus coefficient times the angular velocity, which need not be seen. What flies so is the centre of mass, at c in O
+//! (on the axis of an object of revolution). The orientations are taken as they are and the velocities as fitted before, so that position,
+//! velocity, k, E, s and c follow from one linear problem with Gaussian priors.
 
 use catch_body::dynamics::gravity;
 use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     AerodynamicForces, Config, FlightTrajectory,
     process_noise::{after_impulse, lost_square},
+    tumbling::Tumbling,
 };
 use crate::{
     perception::{ObjectPose, Symmetry},
@@ -44,11 +45,14 @@ impl AerodynamicPrior {
 
 /// Elements of E.
 const E: usize = 5;
-/// Parameters: position, velocity, k, elements of E, s.
-const N: usize = 15;
+/// Parameters: position, velocity, k, elements of E, s, c.
+const N: usize = 18;
 const DRAG: usize = 6;
 const DEVIATION: usize = 7;
 const LIFT: usize = DEVIATION + E;
+const COM: usize = LIFT + 3;
+/// Those on which accelerations depend.
+const FORCES: usize = COM - DRAG;
 /// Passes of reweighting, and the error in scaled standard deviations at which a weight has fallen to a quarter.
 const PASSES: usize = 3;
 const OUTLIER_SD: f64 = 4.0;
@@ -74,6 +78,15 @@ fn deviations(symmetry: &Symmetry) -> [Matrix3<f64>; E] {
     basis
 }
 
+/// A basis of the centres of mass in O that are fixed to what can be seen of the object's orientation; what is left of it is zero.
+fn centres(symmetry: &Symmetry) -> Matrix3<f64> {
+    match symmetry {
+        Symmetry::Finite { .. } => Matrix3::identity(),
+        Symmetry::Axis { axis, .. } => Matrix3::from_columns(&[axis.into_inner(), Vector3::zeros(), Vector3::zeros()]),
+        Symmetry::Sphere => Matrix3::zeros(),
+    }
+}
+
 /// The dependence of the position at one time on the parameters, and what remains of the position without them.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Row {
@@ -84,8 +97,8 @@ pub(super) struct Row {
     weight: f64,
 }
 
-/// Refines a fitted flight: its position, velocity and drag constant together with the forces. `poses` are oldest first, and those the flight was
-/// fitted to.
+/// Refines a fitted flight: its position, velocity and drag constant together with the forces and the centre of mass. `poses` are oldest first,
+/// and those the flight was fitted to.
 pub(super) fn refine(
     poses: &[ObjectPose],
     flight: &mut FlightTrajectory,
@@ -93,10 +106,10 @@ pub(super) fn refine(
     config: &Config,
     rows: &mut Vec<Row>,
 ) {
-    let basis = deviations(symmetry);
+    let (basis, centres) = (deviations(symmetry), centres(symmetry));
     // Accelerations by the parameters from the drag constant on.
     let accelerations = |R_WO: &UnitQuaternion<f64>, v: &Vector3<f64>| {
-        let mut by = SMatrix::<f64, 3, { N - DRAG }>::zeros();
+        let mut by = SMatrix::<f64, 3, FORCES>::zeros();
         by.set_column(0, &(v * -v.norm()));
         let R = R_WO.to_rotation_matrix();
         let in_body = R.inverse() * v;
@@ -114,6 +127,7 @@ pub(super) fn refine(
     let mut last = newest;
     let (mut by_velocity, mut by_position) = (last * 0.0, last * 0.0);
     let mut age_s = 0.0;
+    let mut tumbling = Tumbling::new(flight.R_WO, &flight.w_WO, flight.inertia_per_kg.as_ref());
     for pose in poses.iter().rev().filter(|pose| super::ransac::is_finite(pose)) {
         let h = (flight.time_s - pose.capture_s - age_s).max(0.0);
         v -= (gravity() - v * (flight.drag_per_m * v.norm())) * h;
@@ -122,10 +136,13 @@ pub(super) fn refine(
         by_position += mean * (0.5 * h * h) - by_velocity * h;
         by_velocity -= mean * h;
         (age_s, last) = (age_s + h, now);
+        tumbling = tumbling.after(-h, false);
         let mut by = SMatrix::<f64, 3, N>::zeros();
         by.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
         by.fixed_view_mut::<3, 3>(0, 3).fill_diagonal(-age_s);
-        by.fixed_view_mut::<3, { N - DRAG }>(0, DRAG).copy_from(&by_position);
+        by.fixed_view_mut::<3, FORCES>(0, DRAG).copy_from(&by_position);
+        let R_WO = tumbling.R_WO.to_rotation_matrix();
+        by.fixed_view_mut::<3, 3>(0, COM).copy_from(&-(R_WO * centres));
         let rest = pose.X_WO.translation.vector - gravity() * (0.5 * age_s * age_s);
         rows.push(Row { age_s, by, rest, information: of_position(pose), weight: 1.0 });
     }
@@ -139,6 +156,7 @@ pub(super) fn refine(
     }
     for i in 0..3 {
         known[LIFT + i] = of(config.aerodynamics.lift_sd_radps);
+        known[COM + i] = of(config.com_sd_m());
     }
     let mut found = None;
     let mut scale = 1.0;
@@ -180,16 +198,24 @@ pub(super) fn refine(
     flight.p_WO = x.fixed_rows::<3>(0).into_owned().into();
     flight.v_WO = x.fixed_rows::<3>(3).into_owned();
     flight.drag_per_m = x[DRAG];
-    flight.forces = AerodynamicForces {
-        drag_deviation_O: basis.iter().enumerate().map(|(i, unit)| unit * x[DEVIATION + i]).sum(),
-        lift_W: x.fixed_rows::<3>(LIFT).into_owned(),
-    };
     flight.covariance = covariance.fixed_view::<7, 7>(0, 0).into_owned();
-    let by_forces = newest.fixed_columns::<{ N - DEVIATION }>(1).transpose();
-    let of_forces = covariance.fixed_columns::<{ N - DEVIATION }>(DEVIATION) * by_forces;
-    flight.force_covariance.fixed_rows_mut::<6>(0).copy_from(&of_forces.fixed_rows::<6>(0));
-    let own = by_forces.transpose() * of_forces.fixed_rows::<{ N - DEVIATION }>(DEVIATION);
-    flight.force_covariance.fixed_rows_mut::<3>(6).copy_from(&own);
+    if config.com_sd_m() > 0.0 {
+        flight.com_O = centres * x.fixed_rows::<3>(COM);
+        let of_com = covariance.fixed_columns::<3>(COM) * centres.transpose();
+        flight.com_covariance.fixed_rows_mut::<6>(0).copy_from(&of_com.fixed_rows::<6>(0));
+        flight.com_covariance.fixed_rows_mut::<3>(6).copy_from(&(centres * of_com.fixed_rows::<3>(COM)));
+    }
+    if config.aerodynamics.any() {
+        flight.forces = AerodynamicForces {
+            drag_deviation_O: basis.iter().enumerate().map(|(i, unit)| unit * x[DEVIATION + i]).sum(),
+            lift_W: x.fixed_rows::<3>(LIFT).into_owned(),
+        };
+        let by_forces = newest.fixed_columns::<{ COM - DEVIATION }>(1).transpose();
+        let of_forces = covariance.fixed_columns::<{ COM - DEVIATION }>(DEVIATION) * by_forces;
+        flight.force_covariance.fixed_rows_mut::<6>(0).copy_from(&of_forces.fixed_rows::<6>(0));
+        let own = by_forces.transpose() * of_forces.fixed_rows::<{ COM - DEVIATION }>(DEVIATION);
+        flight.force_covariance.fixed_rows_mut::<3>(6).copy_from(&own);
+    }
 }
 
 /// Information on a pose's position alone, whatever its orientation.

@@ -174,6 +174,8 @@ pub(super) fn fit(
         rotation_covariance: covariance.fixed_view::<6, 6>(TURN, TURN).into_owned(),
         systematic_sd_m: config.systematic_sd_m,
         process_noise: config.process_noise,
+        com_O: Vector3::zeros(),
+        com_covariance: SMatrix::zeros(),
         forces: AerodynamicForces::default(),
         force_covariance: SMatrix::zeros(),
         inliers: sums.inliers,

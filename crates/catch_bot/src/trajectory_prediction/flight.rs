@@ -30,6 +30,12 @@ pub struct FlightTrajectory {
     pub rotation_covariance: Matrix6<f64>,
     /// Error in metres that all poses have in common and no number of them reduces (calibration); part of every covariance.
     pub systematic_sd_m: f64,
+    /// The centre of mass in O, in metres: how far it is from where the reference model has it.
+    #[serde(default)]
+    pub com_O: Vector3<f64>,
+    /// Covariance of (p, v, that) at `time_s`.
+    #[serde(default)]
+    pub com_covariance: SMatrix<f64, 9, 3>,
     /// Aerodynamic forces besides that drag.
     #[serde(default)]
     pub forces: AerodynamicForces,
@@ -137,6 +143,7 @@ impl Motion {
 #[derive(Debug, Clone)]
 pub struct FlightPropagator {
     drag_per_m: f64,
+    com_O: Vector3<f64>,
     forces: AerodynamicForces,
     moved_s: f64,
     motion: Motion,
@@ -145,7 +152,7 @@ pub struct FlightPropagator {
 }
 
 impl FlightPropagator {
-    /// Position at `time_s`, which is cheaper than the rest.
+    /// Position of the centre of mass at `time_s`, which is cheaper than the rest.
     pub fn position_at(&mut self, time_s: f64) -> Point3<f64> {
         if self.forces.any() {
             return self.pushed_to(time_s);
@@ -177,13 +184,15 @@ impl FlightPropagator {
 
     /// The flight near `time_s`.
     pub fn local_flight_at(&mut self, time_s: f64) -> LocalFlight {
-        let p_WO = self.position_at(time_s);
+        let p_W = self.position_at(time_s);
         self.tumbling = self.tumbling.after(time_s - self.turned_s, false);
         self.turned_s = time_s;
+        let (to_com_W, w_WO) = (self.tumbling.R_WO * self.com_O, self.tumbling.w_WO());
         LocalFlight {
             time_s,
-            X_WO: Pose::from_parts(p_WO.into(), self.tumbling.R_WO),
-            V_WO: Twist { angular: self.tumbling.w_WO(), linear: self.motion.v },
+            X_WO: Pose::from_parts((p_W - to_com_W).into(), self.tumbling.R_WO),
+            V_WO: Twist { angular: w_WO, linear: self.motion.v - w_WO.cross(&to_com_W) },
+            com_O: self.com_O,
             drag_per_m: self.drag_per_m,
             forces_mps2: self.forces.acceleration_mps2(&self.tumbling.R_WO, &self.motion.v),
         }
@@ -195,6 +204,7 @@ impl FlightTrajectory {
     pub fn propagator(&self) -> FlightPropagator {
         FlightPropagator {
             drag_per_m: self.drag_per_m,
+            com_O: self.com_O,
             forces: self.forces,
             moved_s: self.time_s,
             motion: Motion::new(self.p_WO.coords, self.v_WO),
@@ -218,7 +228,7 @@ impl FlightTrajectory {
         self.local_flight_at(time_s).V_WO
     }
 
-    /// Covariance of (position, velocity) in W at `time_s`, m² and m²/s².
+    /// Covariance of (position of O, velocity of the centre of mass) in W at `time_s`, m² and m²/s².
     ///
     /// Σ(t) = Φ·Σ₀·Φᵀ, Φ being the derivative of (p, v) at `time_s` with respect to (p, v, k) at the state's time.
     pub fn covariance_at(&self, time_s: f64) -> Matrix6<f64> {
@@ -239,6 +249,18 @@ impl FlightTrajectory {
             let with = transition.fixed_columns::<6>(0) * self.force_covariance.fixed_rows::<6>(0);
             let crossed = with * by_force.transpose();
             covariance += own + crossed + crossed.transpose();
+        }
+        if self.com_covariance.iter().any(|it| *it != 0.0) {
+            let by_com = -self.pose_at(time_s).rotation.to_rotation_matrix().into_inner();
+            let own = by_com * self.com_covariance.fixed_rows::<3>(6) * by_com.transpose();
+            let crossed =
+                transition.fixed_columns::<6>(0) * self.com_covariance.fixed_rows::<6>(0) * by_com.transpose();
+            let mut of_position = covariance.fixed_columns_mut::<3>(0);
+            of_position += crossed;
+            let mut of_position = covariance.fixed_rows_mut::<3>(0);
+            of_position += crossed.transpose();
+            let mut of_position = covariance.fixed_view_mut::<3, 3>(0, 0);
+            of_position += own;
         }
         if self.process_noise.any() {
             covariance += self.process_noise.covariance(time_s - self.time_s);

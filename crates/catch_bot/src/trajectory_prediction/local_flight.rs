@@ -13,6 +13,8 @@ pub struct LocalFlight {
     pub X_WO: Pose,
     /// Spatial velocity then.
     pub V_WO: Twist,
+    /// Centre of mass in O, as in [`FlightTrajectory`](super::FlightTrajectory).
+    pub com_O: Vector3<f64>,
     /// Drag constant, as in [`FlightTrajectory`](super::FlightTrajectory).
     pub drag_per_m: f64,
     /// Acceleration then by other aerodynamic forces.
@@ -23,11 +25,13 @@ impl LocalFlight {
     /// Pose at `time_s`.
     pub fn pose_at(&self, time_s: f64) -> Pose {
         let elapsed_s = time_s - self.time_s;
-        let v = self.V_WO.linear;
-        let acceleration = gravity() - v * (self.drag_per_m * v.norm()) + self.forces_mps2;
         let mut X_WO = self.X_WO;
+        let to_com_W = X_WO.rotation * self.com_O;
+        let v = self.V_WO.linear + self.V_WO.angular.cross(&to_com_W);
+        let acceleration = gravity() - v * (self.drag_per_m * v.norm()) + self.forces_mps2;
         X_WO.translation.vector += v * elapsed_s + acceleration * (0.5 * elapsed_s * elapsed_s);
         X_WO.rotation = UnitQuaternion::from_scaled_axis(self.V_WO.angular * elapsed_s) * X_WO.rotation;
+        X_WO.translation.vector += to_com_W - X_WO.rotation * self.com_O;
         X_WO
     }
 

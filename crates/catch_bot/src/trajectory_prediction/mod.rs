@@ -13,6 +13,7 @@ pub mod ransac;
 mod track;
 mod tumbling;
 
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 pub use aerodynamic_forces::AerodynamicForces;
@@ -60,6 +61,9 @@ pub struct Config {
     pub spin_prior_sd_radps: f64,
     /// Error in metres that all poses have in common (calibration of the cameras).
     pub systematic_sd_m: f64,
+    /// Standard deviation in metres of each coordinate by which the centre of mass may be beside that of the reference model, whose density is
+    /// uniform; zero if it is not set.
+    pub com_sd_m: Option<f64>,
     /// Forces that depend on orientation and spin. None are expected by default.
     pub aerodynamics: AerodynamicPrior,
     /// What no model of the flight knows. None by default, as in the paper's simulator.
@@ -84,6 +88,7 @@ impl Default for Config {
             drag_prior_sd_per_m: None,
             spin_prior_sd_radps: 10.0,
             systematic_sd_m: 0.0,
+            com_sd_m: None,
             aerodynamics: AerodynamicPrior::default(),
             process_noise: ProcessNoise::default(),
             max_iterations: 10,
@@ -118,7 +123,11 @@ impl Settings for Config {
             .table("process_noise", &self.process_noise)
             .options(
                 &NOT_NEGATIVE,
-                [("drag_prior_per_m", self.drag_prior_per_m), ("drag_prior_sd_per_m", self.drag_prior_sd_per_m)],
+                [
+                    ("drag_prior_per_m", self.drag_prior_per_m),
+                    ("drag_prior_sd_per_m", self.drag_prior_sd_per_m),
+                    ("com_sd_m", self.com_sd_m),
+                ],
             )
             .all()
     }
@@ -133,6 +142,11 @@ impl Config {
     /// Its standard deviation.
     fn drag_sd_per_m(&self) -> f64 {
         self.drag_prior_sd_per_m.unwrap_or_default()
+    }
+
+    /// Standard deviation of the centre of mass.
+    fn com_sd_m(&self) -> f64 {
+        self.com_sd_m.unwrap_or_default()
     }
 
     /// The newest poses, at which sampling looks, oldest first; `None` before there are enough for a first flight.
@@ -217,7 +231,8 @@ impl FlightPredictor for InformationFit {
 #[derive(Debug, Clone, Default)]
 pub struct Workspace {
     fit: fit::Scratch,
-    aerodynamics: Vec<aerodynamics::Row>,
+    about_com: Vec<ObjectPose>,
+    rows: Vec<aerodynamics::Row>,
     ransac: ransac::Scratch,
 }
 
@@ -233,17 +248,45 @@ pub fn predict(
     workspace: &mut Workspace,
 ) -> Result<FlightTrajectory, PredictionStatus> {
     let fitted = &poses[poses.len() - config.fit_window.min(poses.len())..];
-    let mut flight = fit_flight(poses, fitted, previous, &symmetry, config, seed, workspace)?;
-    if config.aerodynamics.any() {
-        aerodynamics::refine(fitted, &mut flight, &symmetry, config, &mut workspace.aerodynamics);
+    let off_centre = previous.filter(|it| it.com_O != Vector3::zeros());
+    let mut flight = match off_centre {
+        None => fit_flight(poses, previous, &symmetry, config, seed, workspace)?,
+        Some(previous) => fit_about_com(poses, previous, &symmetry, config, seed, workspace)?,
+    };
+    if config.aerodynamics.any() || config.com_sd_m() > 0.0 {
+        aerodynamics::refine(fitted, &mut flight, &symmetry, config, &mut workspace.rows);
     }
     Ok(flight)
+}
+
+/// The same for poses that are seen from the centre of mass as the previous flight has it.
+fn fit_about_com(
+    poses: &[ObjectPose],
+    previous: &FlightTrajectory,
+    symmetry: &Symmetry,
+    config: &Config,
+    seed: u64,
+    workspace: &mut Workspace,
+) -> Result<FlightTrajectory, PredictionStatus> {
+    let &FlightTrajectory { com_O, com_covariance, .. } = previous;
+    let most = config.fit_window.max(config.window);
+    let mut about_com = std::mem::take(&mut workspace.about_com);
+    about_com.clear();
+    about_com.reserve(most);
+    about_com.extend(poses[poses.len() - most.min(poses.len())..].iter().map(|pose| {
+        let mut X_WO = pose.X_WO;
+        X_WO.translation.vector += X_WO.rotation * com_O;
+        ObjectPose { X_WO, ..*pose }
+    }));
+    let previous = FlightTrajectory { com_O: Vector3::zeros(), ..previous.clone() };
+    let found = fit_flight(&about_com, Some(&previous), symmetry, config, seed, workspace);
+    workspace.about_com = about_com;
+    found.map(|flight| FlightTrajectory { com_O, com_covariance, ..flight })
 }
 
 /// The flight that fits without forces by which orientation and spin matter.
 fn fit_flight(
     poses: &[ObjectPose],
-    fitted: &[ObjectPose],
     previous: Option<&FlightTrajectory>,
     symmetry: &Symmetry,
     config: &Config,
@@ -251,6 +294,7 @@ fn fit_flight(
     workspace: &mut Workspace,
 ) -> Result<FlightTrajectory, PredictionStatus> {
     let window = config.sampled(poses).ok_or(PredictionStatus::TooFewPoses)?;
+    let fitted = &poses[poses.len() - config.fit_window.min(poses.len())..];
     let Workspace { fit: fitting, ransac: sampling, .. } = workspace;
     let enough = |inliers: usize| inliers >= 3 && inliers as f64 >= config.min_inlier_fraction * window.len() as f64;
     let known = previous.and_then(|it| fit::fit(fitted, it, symmetry, config, fitting).ok());

@@ -126,6 +126,8 @@ fn through(
         rotation_covariance: Matrix6::zeros(),
         systematic_sd_m: config.systematic_sd_m,
         process_noise: config.process_noise,
+        com_O: Vector3::zeros(),
+        com_covariance: SMatrix::zeros(),
         forces: AerodynamicForces::default(),
         force_covariance: SMatrix::zeros(),
         inliers: 2,

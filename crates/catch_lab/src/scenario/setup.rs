@@ -340,6 +340,7 @@ impl Setup {
                 set.get_or_insert(known);
             }
         }
+        prediction.com_sd_m = prediction.com_sd_m.or(prior.com_sd_m);
         // A gripper that is ideal obeys at once; a real one as its file says.
         if self.scenario.arena.gripper.real().is_none() {
             config.control.gripper_latency_s.get_or_insert(0.0);
