@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use super::{
     Config, ReferenceModel,
-    segmentation::{Background, Surroundings, threshold_m},
+    segmentation::{Background, Surroundings, bleeding_px, threshold_m},
     view::View,
 };
 
@@ -75,6 +75,8 @@ impl Detector {
             let of_camera = |camera: &CameraModel| {
                 let mut depths_m = Vec::new();
                 Background::new(camera, known, &camera.full_window(), config).cast_all(&mut depths_m);
+                let aside_px = bleeding_px(config) as usize;
+                let mut depths_m = nearest_around(&depths_m, camera.width_px as usize, aside_px);
                 depths_m.iter_mut().for_each(|depth_m| *depth_m = nearer_than_m(f64::from(*depth_m), config) as f32);
                 depths_m
             };
@@ -163,7 +165,7 @@ impl Detector {
                 for (i, both) in depths_m.iter().zip(limits_m).enumerate().filter(|(_, both)| is_near(*both)) {
                     let column = run * RUN + i;
                     let uv = Point2::new((left + column) as f64 + 0.5, (top + row) as f64 + 0.5);
-                    if f64::from(*both.0) < self::nearer_than_m(background.depth_m(&uv), config) {
+                    if f64::from(*both.0) < self::nearer_than_m(background.nearest_m(&uv), config) {
                         self.candidates.push((row * columns + column) as u32);
                     }
                 }
@@ -240,6 +242,24 @@ impl Waiting {
         let limits_m = if is_waiting { &self.with_arm_m } else { &self.without_arm_m };
         limits_m.get(camera).map(Vec::as_slice)
     }
+}
+
+/// The least depth within so many pixels to each side of every pixel of an image that is `wide` pixels wide.
+fn nearest_around(depths_m: &[f32], wide: usize, aside_px: usize) -> Vec<f32> {
+    let merge = |into: &mut [f32], from: &[f32]| into.iter_mut().zip(from).for_each(|(into, from)| *into = into.min(*from));
+    let mut in_rows = depths_m.to_vec();
+    for (into, from) in in_rows.chunks_mut(wide.max(1)).zip(depths_m.chunks(wide.max(1))) {
+        for apart in 1..=aside_px.min(wide) {
+            merge(&mut into[apart..], from);
+            merge(into, &from[apart..]);
+        }
+    }
+    let mut all = in_rows.clone();
+    for apart in (1..=aside_px).map(|rows| rows * wide).take_while(|apart| *apart < in_rows.len()) {
+        merge(&mut all[apart..], &in_rows);
+        merge(&mut all, &in_rows[apart..]);
+    }
+    all
 }
 
 /// Before this depth a pixel shows something else than what is known to be there at `depth_m`.

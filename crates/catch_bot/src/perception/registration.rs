@@ -10,7 +10,7 @@ use nalgebra::{Matrix3, Matrix6, Translation3, UnitQuaternion, Vector3, Vector6}
 
 use super::{
     Config, PerceptionStatus, ReferenceModel,
-    normal_equations::{MEAN_SQUARE, NormalEquations, Sums},
+    normal_equations::{CommonError, MEAN_SQUARE, NormalEquations, Sums},
     point_cloud::{SceneCloud, ScenePoint},
     silhouette::Silhouette,
 };
@@ -40,6 +40,8 @@ pub struct Fit {
 
 /// Depth noise in radii of the object from which on depths are left aside where there is a silhouette.
 const HOPELESS_RADII: f64 = 0.5;
+/// How far before an object's centre its image lies, in its inner radii: two thirds for a ball.
+const FACING_RADII: f64 = 2.0 / 3.0;
 /// Steps that turn back and do not get shorter jump to and fro across a kink of the field, later ones that do not get shorter
 /// do so some other way: they are halved.
 const FREE_STEPS: usize = 8;
@@ -111,11 +113,8 @@ impl Registration<'_> {
         let measured = points.len();
         // Depths that are known worse than to the object's size say nothing that its silhouette does not say better, and the field
         // is no measure of how they err.
-        let points = if noise_m > HOPELESS_RADII * reference.radius_m && !silhouette.is_empty() {
-            &[]
-        } else {
-            points.as_slice()
-        };
+        let is_hopeless = noise_m > HOPELESS_RADII * reference.radius_m && !silhouette.is_empty();
+        let (points, far) = if is_hopeless { (&[][..], points.as_slice()) } else { (points.as_slice(), &[][..]) };
         let mut X_WO = *start;
         let observable = reference.symmetry.observable();
         silhouette.find(reference, &X_WO, config);
@@ -131,7 +130,7 @@ impl Registration<'_> {
         let (mut iterations, mut last_step, mut tolerance_sd) = (0, Vector6::zeros(), config.step_tolerance_sd);
         while iterations < max_iterations && !converged {
             iterations += 1;
-            (on_points, on_rays, equations) = self.sum_all(points, silhouette, &X_WO, &mut scales);
+            (on_points, on_rays, equations) = self.sum_all([points, far], silhouette, &X_WO, &mut scales);
             let (information, gradient) = equations.projected(&observable);
             let Some(mut step) = step(&information, &gradient, reference.radius_m) else { break };
             let step_sd = step.dot(&(information * step)).max(0.0).sqrt();
@@ -156,7 +155,7 @@ impl Registration<'_> {
             }
         }
         if !converged {
-            (on_points, on_rays, equations) = self.sum_all(points, silhouette, &X_WO, &mut scales);
+            (on_points, on_rays, equations) = self.sum_all([points, far], silhouette, &X_WO, &mut scales);
         }
         let weight = on_points.weight.max(1e-12);
         let fit = Fit {
@@ -181,8 +180,8 @@ impl Registration<'_> {
     /// worth.
     fn sum_all(
         &self,
-        points: &[ScenePoint],
-        silhouette: &Silhouette,
+        [points, far]: [&[ScenePoint]; 2],
+        silhouette: &mut Silhouette,
         X_WO: &Pose,
         scales: &mut Scales,
     ) -> (Sums, Sums, NormalEquations) {
@@ -191,13 +190,34 @@ impl Registration<'_> {
         scales.points = typical(&on_points);
         let mut equations = on_rays.equations;
         equations.add_scaled(&on_points.equations, scales.points.powi(-2));
+        self.add_mean_depths(&mut equations, far, X_WO);
         (on_points, on_rays, equations)
+    }
+
+    /// What the mean depth of each image tells where single depths tell no shape: about how far away the object is.
+    fn add_mean_depths(&self, equations: &mut NormalEquations, points: &[ScenePoint], X_WO: &Pose) {
+        let Some(common_fraction) = self.config.depth_common_fraction else { return };
+        let (R_OW, inner_radius_m) = (X_WO.rotation.inverse(), self.reference.inner_radius_m);
+        for image in points.chunk_by(|a, b| a.image == b.image) {
+            let count = image.len() as f64;
+            let sum = |value: &dyn Fn(&ScenePoint) -> Vector3<f64>| image.iter().map(value).sum::<Vector3<f64>>() / count;
+            let (p_W, ray_W) = (sum(&|it| it.p_W.coords), sum(&|it| it.per_depth_W));
+            let depth_sd_m = image.iter().map(|it| it.depth_sd_m).sum::<f64>() / count;
+            let direction_W = ray_W.normalize();
+            // What faces the camera of a ball lies two thirds of its radius before its centre, on average.
+            let beyond_m = direction_W.dot(&(p_W - X_WO.translation.vector)) + FACING_RADII * inner_radius_m;
+            let own_fraction = (1.0 - common_fraction) / count;
+            let variance_m2 = ray_W.norm_squared() * depth_sd_m.powi(2) * (common_fraction + own_fraction)
+                + (0.5 * inner_radius_m).powi(2);
+            let n_O = R_OW * direction_W;
+            equations.add(&nalgebra::Point3::origin(), &n_O, 1.0 / variance_m2, beyond_m / variance_m2);
+        }
     }
 
     /// Distances of all points, none taken for an outlier.
     fn measure_points(&self, points: &[ScenePoint], X_WO: &Pose) -> Sums {
         let mut sums = Sums::ZERO;
-        self.each_residual(points, X_WO, |_, _, distance, sd| {
+        self.each_residual(points, X_WO, |_, _, distance, sd, _| {
             sums.weigh(distance, sd, f64::INFINITY);
         });
         sums
@@ -205,15 +225,30 @@ impl Registration<'_> {
 
     fn sum_points(&self, points: &[ScenePoint], X_WO: &Pose, scale: f64) -> Sums {
         let mut sums = Sums::ZERO;
-        self.each_residual(points, X_WO, |p_O, n_O, distance, sd| {
-            let curvature = sums.weigh(distance, sd, scale) / (sd * sd);
-            sums.equations.add(p_O, n_O, curvature, curvature * distance);
-        });
+        let common_fraction = self.config.depth_common_fraction.unwrap_or_default();
+        if common_fraction == 0.0 {
+            self.each_residual(points, X_WO, |p_O, n_O, distance, sd, _| {
+                let curvature = sums.weigh(distance, sd, scale) / (sd * sd);
+                sums.equations.add(p_O, n_O, curvature, curvature * distance);
+            });
+            return sums;
+        }
+        for image in points.chunk_by(|a, b| a.image == b.image) {
+            let mut common = CommonError::new(0.0);
+            self.each_residual(image, X_WO, |p_O, n_O, distance, sd, by_depth| {
+                let effect = common_fraction.sqrt() * by_depth;
+                let curvature = sums.weigh(distance, sd, scale) / (sd * sd - effect * effect);
+                let slope = curvature * distance;
+                sums.equations.add(p_O, n_O, curvature, slope);
+                common.add(p_O, n_O, curvature, slope, effect);
+            });
+            sums.equations.eliminate(&common);
+        }
         sums
     }
 
-    /// Calls `visit` with each point in O, its distance's gradient there, its distance from the reference in metres, and the
-    /// standard deviation of that.
+    /// Calls `visit` with each point in O, its distance's gradient there, its distance from the reference in metres, the
+    /// standard deviation of that, and what of it one of the depth's makes.
     ///
     /// σ² = (σ_z·c)² + (σ_z²·(1 − c²)/2r)² + σ_model² with c = ∂r/∂z: noise moves the point along its ray, where the ray grazes
     /// the surface to second order only, by what a surface of the object's thickness r bends.
@@ -222,21 +257,22 @@ impl Registration<'_> {
         &self,
         points: &[ScenePoint],
         X_WO: &Pose,
-        mut visit: impl FnMut(&nalgebra::Point3<f64>, &Vector3<f64>, f64, f64),
+        mut visit: impl FnMut(&nalgebra::Point3<f64>, &Vector3<f64>, f64, f64, f64),
     ) {
         let Self { reference, config } = *self;
         let R_OW = X_WO.rotation.to_rotation_matrix().transpose();
         for point in points {
             let p_O = (R_OW * (point.p_W.coords - X_WO.translation.vector)).into();
             let (distance, n_O) = reference.distance.at(&p_O);
-            let mut variance = config.model_sd_m * config.model_sd_m;
+            let (mut variance, mut by_depth) = (config.model_sd_m * config.model_sd_m, 0.0);
             if point.depth_sd_m > 0.0 {
                 let along = n_O.dot(&(R_OW * point.per_depth_W));
                 let depth_variance = point.depth_sd_m * point.depth_sd_m;
+                by_depth = point.depth_sd_m * along;
                 let bent = depth_variance * (1.0 - along * along).max(0.0) * 0.5 / reference.inner_radius_m;
                 variance += depth_variance * along * along + bent * bent;
             }
-            visit(&p_O, &n_O, distance, variance.sqrt());
+            visit(&p_O, &n_O, distance, variance.sqrt(), by_depth);
         }
     }
 }
@@ -309,10 +345,10 @@ mod tests {
         let (mut squares, mut checked) = ([0.0_f64; 6], 0);
         for (point, normal) in reference.points.iter().zip(&reference.normals).step_by(37) {
             let scene =
-                [ScenePoint { p_W: X_WO * (point + normal * 0.003), per_depth_W: Vector3::z(), depth_sd_m: 0.0 }];
+                [ScenePoint { p_W: X_WO * (point + normal * 0.003), per_depth_W: Vector3::z(), depth_sd_m: 0.0, image: 0 }];
             let distance = |X_WO: &Pose| {
                 let mut found = 0.0;
-                registration.each_residual(&scene, X_WO, |_, _, distance, _| found = distance);
+                registration.each_residual(&scene, X_WO, |_, _, distance, _, _| found = distance);
                 found
             };
             let sums = registration.sum_points(&scene, &X_WO, f64::INFINITY);
