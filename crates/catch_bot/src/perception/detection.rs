@@ -47,10 +47,14 @@ struct Blob {
     /// Mean distance along it, and its standard deviation.
     along_m: f64,
     along_sd_m: f64,
+    /// Whether it is about as large as the object at least.
+    is_whole: bool,
 }
 
 /// Pixels that a blob has at least: single ones are noise.
 const MIN_PIXELS: usize = 3;
+/// Fraction of the pixels of the largest ball within the object that a blob has which is enough alone: noise makes no such blobs.
+const WHOLE_FRACTION: f64 = 0.3;
 /// Blobs that are looked at, the largest of all.
 const MAX_BLOBS: usize = 96;
 /// A blob's box may be larger than the object's by this factor.
@@ -134,9 +138,7 @@ impl Detector {
             }
         }
         let (agreeing, _, place) = best?;
-        // Where others could have confirmed it, one camera alone is not enough.
-        let alone_is_enough = frames.len() < 3;
-        (agreeing >= 2 || alone_is_enough).then(|| refined(blobs, &place, reach_m))
+        (agreeing >= 2 || is_enough_alone(blobs, &place, reach_m, view, config)).then(|| refined(blobs, &place, reach_m))
     }
 
     /// The pixels of one image that show something in front of all that is known to be there. Rays are cast for those alone
@@ -217,6 +219,7 @@ impl Detector {
             if pixels < MIN_PIXELS || extent_px > widest_px {
                 continue;
             }
+            let inner_px = reference.inner_radius_m * camera.focal_px / depth_m;
             let uv = Point2::new(left as f64 + sum_u / count + 0.5, top as f64 + sum_v / count + 0.5);
             let ray_C = camera.back_project(&uv, 1.0).coords;
             let length = ray_C.norm();
@@ -228,6 +231,7 @@ impl Detector {
                 direction_W: camera.X_WC.rotation * (ray_C / length),
                 along_m: depth_m * length,
                 along_sd_m: (spread_m2.max(config.depth_sd_m(depth_m).powi(2)) / count).sqrt() * length,
+                is_whole: count >= WHOLE_FRACTION * std::f64::consts::PI * inner_px * inner_px,
             });
         }
     }
@@ -275,6 +279,25 @@ impl Blob {
         (from_camera - self.direction_W * along_m).norm() < reach_m
             && (along_m - self.along_m).abs() < reach_m + 4.0 * self.along_sd_m
     }
+}
+
+/// Whether what one camera alone shows at a place is the object: it is large enough, and no other camera sees the place.
+fn is_enough_alone(blobs: &[Blob], place: &Point3<f64>, reach_m: f64, view: &View<'_>, config: &Config) -> bool {
+    let Some(blob) = blobs.iter().filter(|blob| blob.is_whole).find(|blob| blob.passes(place, reach_m)) else {
+        return false;
+    };
+    let sees_place = |frame: &DepthFrame| {
+        let Some(camera) = view.cameras.get(frame.camera) else { return false };
+        let p_C = camera.X_WC.inverse_transform_point(place);
+        let Some(uv) = camera.project(&p_C) else { return false };
+        let (u, v) = (uv.x - f64::from(frame.window.left), uv.y - f64::from(frame.window.top));
+        let margin_px = reach_m * camera.focal_px / p_C.z;
+        let is_within = |at: f64, length: u32| at > margin_px && at < f64::from(length) - margin_px;
+        is_within(u, frame.window.width)
+            && is_within(v, frame.window.height)
+            && p_C.z < nearer_than_m(Background::new(camera, view.surroundings, &frame.window, config).nearest_m(&uv), config)
+    };
+    !view.frames.iter().filter(|frame| frame.mask.is_none() && frame.camera != blob.camera).any(sees_place)
 }
 
 /// Where two rays come closest, if that is within reach and both see it there.
