@@ -138,7 +138,8 @@ impl Detector {
             }
         }
         let (agreeing, _, place) = best?;
-        (agreeing >= 2 || is_enough_alone(blobs, &place, reach_m, view, config)).then(|| refined(blobs, &place, reach_m))
+        (agreeing >= 2 || is_enough_alone(blobs, &place, reach_m, view, config))
+            .then(|| refined(blobs, &place, reach_m))
     }
 
     /// The pixels of one image that show something in front of all that is known to be there. Rays are cast for those alone
@@ -250,7 +251,8 @@ impl Waiting {
 
 /// The least depth within so many pixels to each side of every pixel of an image that is `wide` pixels wide.
 fn nearest_around(depths_m: &[f32], wide: usize, aside_px: usize) -> Vec<f32> {
-    let merge = |into: &mut [f32], from: &[f32]| into.iter_mut().zip(from).for_each(|(into, from)| *into = into.min(*from));
+    let merge =
+        |into: &mut [f32], from: &[f32]| into.iter_mut().zip(from).for_each(|(into, from)| *into = into.min(*from));
     let mut in_rows = depths_m.to_vec();
     for (into, from) in in_rows.chunks_mut(wide.max(1)).zip(depths_m.chunks(wide.max(1))) {
         for apart in 1..=aside_px.min(wide) {
@@ -295,7 +297,11 @@ fn is_enough_alone(blobs: &[Blob], place: &Point3<f64>, reach_m: f64, view: &Vie
         let is_within = |at: f64, length: u32| at > margin_px && at < f64::from(length) - margin_px;
         is_within(u, frame.window.width)
             && is_within(v, frame.window.height)
-            && p_C.z < nearer_than_m(Background::new(camera, view.surroundings, &frame.window, config).nearest_m(&uv), config)
+            && p_C.z
+                < nearer_than_m(
+                    Background::new(camera, view.surroundings, &frame.window, config).nearest_m(&uv),
+                    config,
+                )
     };
     !view.frames.iter().filter(|frame| frame.mask.is_none() && frame.camera != blob.camera).any(sees_place)
 }

@@ -23,6 +23,7 @@ pub mod symmetry;
 #[path = "../../tests/it/synthetic.rs"]
 pub(crate) mod synthetic;
 mod view;
+mod viewpoint;
 
 use std::ops::RangeInclusive;
 

@@ -98,8 +98,9 @@ impl SceneCloud {
             let image = Image { number: index, frame, camera };
             let pixels = match (&frame.mask, expected) {
                 (Some(mask), _) if mask.len() >= frame.window.area() => {
-                    let label =
-                        |column: usize, row: usize| [Label::Elsewhere, Label::Object][usize::from(mask[row * columns + column])];
+                    let label = |column: usize, row: usize| {
+                        [Label::Elsewhere, Label::Object][usize::from(mask[row * columns + column])]
+                    };
                     image.collect(points, &part, config, label)
                 }
                 (None, Some(expected)) if part.area() > 0 => {
@@ -192,42 +193,12 @@ struct Image<'a> {
 impl Image<'_> {
     /// Collects the measured pixels of a part that show the object by their labels, given by column and row in the frame, and returns the box
     /// around all that do, measured or not.
-    ///
-    /// What is beside an edge may be measured wrongly. It is left aside, unless too few pixels remain.
     fn collect(
         &self,
         points: &mut Vec<ScenePoint>,
         part: &PixelWindow,
         config: &Config,
         label: impl Fn(usize, usize) -> Label,
-    ) -> PixelWindow {
-        let edge_px = config.edge_px() as usize;
-        let (columns, rows) = (self.frame.window.width as usize, self.frame.window.height as usize);
-        let is_inner = |column: usize, row: usize| {
-            let beside = column.saturating_sub(edge_px)..(column + edge_px + 1).min(columns);
-            let mut around = (row.saturating_sub(edge_px)..(row + edge_px + 1).min(rows))
-                .flat_map(|row| beside.clone().map(move |column| (column, row)));
-            around.all(|(column, row)| label(column, row) != Label::Elsewhere)
-        };
-        let is_object = |column: usize, row: usize| label(column, row) == Label::Object;
-        if edge_px > 0 {
-            let before = points.len();
-            let pixels = self.collect_where(points, part, config, &is_object, &is_inner);
-            if points.len() >= before + config.min_points {
-                return pixels;
-            }
-            points.truncate(before);
-        }
-        self.collect_where(points, part, config, &is_object, &|_, _| true)
-    }
-
-    fn collect_where(
-        &self,
-        points: &mut Vec<ScenePoint>,
-        part: &PixelWindow,
-        config: &Config,
-        is_object: &impl Fn(usize, usize) -> bool,
-        is_wanted: &impl Fn(usize, usize) -> bool,
     ) -> PixelWindow {
         let Self { number, frame, camera } = *self;
         let columns = frame.window.width as usize;
@@ -238,13 +209,13 @@ impl Image<'_> {
         let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
         for row in top..top + part.height as usize {
             for column in left..left + part.width as usize {
-                if !is_object(column, row) {
+                if label(column, row) != Label::Object {
                     continue;
                 }
                 low = [low[0].min(column), low[1].min(row)];
                 high = [high[0].max(column + 1), high[1].max(row + 1)];
                 let depth_m = f64::from(frame.depth_m[row * columns + column]);
-                if !(depth_m > 0.0 && depth_m.is_finite() && is_wanted(column, row)) {
+                if !(depth_m > 0.0 && depth_m.is_finite()) {
                     continue;
                 }
                 let uv = Point2::new(

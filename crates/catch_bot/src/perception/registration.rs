@@ -114,7 +114,11 @@ impl Registration<'_> {
         let silhouette = if with_silhouette { silhouette } else { &mut none };
         let depths = Depths {
             points,
-            shapeless_above_m: if silhouette.is_empty() { f64::INFINITY } else { HOPELESS_RADII * reference.inner_radius_m },
+            shapeless_above_m: if silhouette.is_empty() {
+                f64::INFINITY
+            } else {
+                HOPELESS_RADII * reference.inner_radius_m
+            },
         };
         let mut X_WO = *start;
         let observable = reference.symmetry.observable();
@@ -205,7 +209,8 @@ impl Registration<'_> {
         let (R_OW, inner_radius_m) = (X_WO.rotation.inverse(), self.reference.inner_radius_m);
         for image in depths.images().filter(|image| !depths.has_shape(image)) {
             let count = image.len() as f64;
-            let sum = |value: &dyn Fn(&ScenePoint) -> Vector3<f64>| image.iter().map(value).sum::<Vector3<f64>>() / count;
+            let sum =
+                |value: &dyn Fn(&ScenePoint) -> Vector3<f64>| image.iter().map(value).sum::<Vector3<f64>>() / count;
             let (p_W, ray_W) = (sum(&|it| it.p_W.coords), sum(&|it| it.per_depth_W));
             let depth_sd_m = mean_sd_m(image);
             let direction_W = ray_W.normalize();
@@ -375,8 +380,12 @@ mod tests {
         let X_WO = Pose::new(Vector3::new(0.1, 0.2, 0.3), Vector3::new(0.4, -0.5, 0.6));
         let (mut squares, mut checked) = ([0.0_f64; 6], 0);
         for (point, normal) in reference.points.iter().zip(&reference.normals).step_by(37) {
-            let scene =
-                [ScenePoint { p_W: X_WO * (point + normal * 0.003), per_depth_W: Vector3::z(), depth_sd_m: 0.0, image: 0 }];
+            let scene = [ScenePoint {
+                p_W: X_WO * (point + normal * 0.003),
+                per_depth_W: Vector3::z(),
+                depth_sd_m: 0.0,
+                image: 0,
+            }];
             let distance = |X_WO: &Pose| {
                 let mut found = 0.0;
                 registration.each_residual(&scene, X_WO, |_, _, distance, _, _| found = distance);
@@ -405,5 +414,29 @@ mod tests {
         // Single cells may be rough, next to the banana's ends; a wrong formula is wrong everywhere.
         let off = squares.map(|square| (square / f64::from(checked)).sqrt());
         assert!(off.iter().all(|off| *off < 0.01), "{off:?}");
+    }
+
+    /// However many pixels an image has, the error that its depths have in common remains.
+    #[test]
+    fn what_depths_have_in_common_is_not_averaged_away() {
+        let reference = synthetic::reference(&synthetic::Shape::banana(), 200);
+        let facing = reference.points.iter().zip(&reference.normals).filter(|(_, normal)| normal.z < -0.5);
+        let point = |(p_W, _): (&nalgebra::Point3<f64>, _)| ScenePoint {
+            p_W: *p_W,
+            per_depth_W: Vector3::z(),
+            depth_sd_m: 0.004,
+            image: 0,
+        };
+        let points: Vec<ScenePoint> = facing.map(point).collect();
+        let sd_m = |common_fraction: f64| {
+            let config = Config { depth_common_fraction: Some(common_fraction), ..Config::default() };
+            let registration = Registration { reference: &reference, config: &config };
+            let depths = Depths { points: &points, shapeless_above_m: f64::INFINITY };
+            let sums = registration.sum_points(&depths, &Pose::identity(), f64::INFINITY);
+            sums.equations.projected(&Matrix3::identity()).0[(5, 5)].sqrt().recip()
+        };
+        let (alone, common) = (sd_m(0.0), sd_m(0.5));
+        assert!(alone < 4e-4, "{alone}");
+        assert!(common > 0.9 * 0.5_f64.sqrt() * 0.004, "{common}");
     }
 }

@@ -131,11 +131,14 @@ impl<'a> Background<'a> {
             return behind_m;
         }
         let aside = f64::from(self.bleeding_px) / self.camera.focal_px;
-        let around = [-aside, 0.0, aside].into_iter().flat_map(|x| [-aside, 0.0, aside].map(|y| Vector3::new(x, y, 0.0)));
+        let around =
+            [-aside, 0.0, aside].into_iter().flat_map(|x| [-aside, 0.0, aside].map(|y| Vector3::new(x, y, 0.0)));
         let beside = |nearest_m: f64, ray_C: Vector3<f64>| {
             self.bodies.iter().flatten().fold(nearest_m, |nearest_m, body| body_m(body, &ray_C, nearest_m))
         };
-        around.filter(|offset| *offset != Vector3::zeros()).fold(behind_m, |nearest_m, offset| beside(nearest_m, ray_C + offset))
+        around
+            .filter(|offset| *offset != Vector3::zeros())
+            .fold(behind_m, |nearest_m, offset| beside(nearest_m, ray_C + offset))
     }
 
     /// Depth along a ray whose third component is one.

@@ -7,7 +7,7 @@
 
 use catch_body::Pose;
 use catch_cell::{CameraModel, PixelWindow};
-use nalgebra::{Point2, Point3, Rotation3, Vector3};
+use nalgebra::{Point2, Point3, Vector3};
 
 use super::{
     Config, ReferenceModel, Symmetry,
@@ -15,6 +15,7 @@ use super::{
     normal_distribution::inverse_mills,
     normal_equations::{CommonError, OUTLIER_SD, Sums},
     segmentation::Label,
+    viewpoint::Viewpoint,
 };
 
 /// The ray through a pixel at the object's silhouette.
@@ -220,11 +221,11 @@ impl Silhouette {
         let mut neighbour: Option<SilhouetteRay> = None;
         self.edges.iter_mut().for_each(EdgeGrowth::reset);
         for ray in &mut self.rays {
-            if view.is_from_elsewhere(ray) {
+            if view.is_elsewhere(&ray.p_WC) {
                 neighbour = None;
             }
-            view.look_from(ray);
-            ray.along_m = view.passing_m(ray);
+            view.look_from(&ray.p_WC);
+            ray.along_m = view.passing_m(&ray.direction_W);
             ray.note(0.0, &self.edges, config);
             ray.find(reference, &view, neighbour.as_ref());
             ray.note(0.0, &self.edges, config);
@@ -258,7 +259,7 @@ impl Silhouette {
         for &i in &self.near {
             let ray = &mut self.rays[i as usize];
             if !ray.is_idle(moved_m, scale, &self.edges) {
-                view.look_from(ray);
+                view.look_from(&ray.p_WC);
                 ray.follow(reference, &view);
                 ray.note(moved_m, &self.edges, config);
             }
@@ -383,35 +384,49 @@ pub(super) fn stride(count: usize, most: usize) -> usize {
     count.div_ceil(most.max(1)).max(1)
 }
 
-/// A camera's place as the object sees it.
-struct Viewpoint {
-    R_OW: Rotation3<f64>,
-    p_WO: Vector3<f64>,
-    p_WC: Point3<f64>,
-    p_OC: Point3<f64>,
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::perception::synthetic::{self, Shape};
 
-impl Viewpoint {
-    fn new(X_WO: &Pose) -> Self {
-        let R_OW = X_WO.rotation.to_rotation_matrix().transpose();
-        let p_WC = Point3::new(f64::NAN, f64::NAN, f64::NAN);
-        Self { R_OW, p_WO: X_WO.translation.vector, p_WC, p_OC: p_WC }
+    /// A ball of 30 pixels' radius, whose image has grown by one, as `edge_px` allows for.
+    fn grown(edge_px: u32) -> (ReferenceModel, Silhouette) {
+        let radius_m: f64 = 0.03;
+        let camera = CameraModel {
+            X_WC: Pose::translation(0.0, 0.0, -1.0),
+            width_px: 100,
+            height_px: 100,
+            focal_px: 1000.0,
+            principal_px: [50.0, 50.0],
+        };
+        let window = camera.full_window();
+        // Seen from one metre the silhouette of a ball is a little larger than its radius.
+        let radius_px = 1000.0 * radius_m / (1.0 - radius_m * radius_m).sqrt() + 1.0;
+        let mut silhouette = Silhouette::default();
+        silhouette.collect(window, &camera, &window, edge_px, |column, row| {
+            let beside = (column as f64 - 49.5).hypot(row as f64 - 49.5);
+            if beside < radius_px { Label::Object } else { Label::Elsewhere }
+        });
+        (synthetic::reference(&Shape::Sphere { radius: radius_m }, 200), silhouette)
     }
 
-    fn is_from_elsewhere(&self, ray: &SilhouetteRay) -> bool {
-        self.p_WC != ray.p_WC
-    }
-
-    /// How far along a ray it passes the object's centre; the ray's camera has been taken the place of.
-    fn passing_m(&self, ray: &SilhouetteRay) -> f64 {
-        -self.p_OC.coords.dot(&(self.R_OW * ray.direction_W))
-    }
-
-    /// Takes the place of a ray's camera.
-    fn look_from(&mut self, ray: &SilhouetteRay) {
-        if self.is_from_elsewhere(ray) {
-            self.p_WC = ray.p_WC;
-            self.p_OC = Point3::from(self.R_OW * (ray.p_WC.coords - self.p_WO));
-        }
+    /// Where edges may grow, a ball that seems too large is no nearer.
+    #[test]
+    fn growth_is_told_from_nearness() {
+        let config = Config::default();
+        let along = |edge_px: u32| {
+            let (reference, mut silhouette) = grown(edge_px);
+            silhouette.find(&reference, &Pose::identity(), &config);
+            (0..10).for_each(|_| drop(silhouette.sum(1.0)));
+            let grown_px = silhouette.edges[0].px;
+            let (information, gradient) = silhouette.sum(1.0).equations.projected(&nalgebra::Matrix3::identity());
+            (grown_px, information[(5, 5)].sqrt().recip(), -gradient[5] / information[(5, 5)])
+        };
+        let (grown_px, sd_m, step_m) = along(2);
+        assert!((grown_px - 1.0).abs() < 0.3, "{grown_px}");
+        // A pixel is a thirtieth of a metre.
+        assert!(sd_m > 0.01 && step_m.abs() < sd_m, "{sd_m} {step_m}");
+        let (_, sd_m, step_m) = along(0);
+        assert!(sd_m < 0.005 && step_m < -3.0 * sd_m, "{sd_m} {step_m}");
     }
 }
