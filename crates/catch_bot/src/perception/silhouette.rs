@@ -39,6 +39,8 @@ pub struct SilhouetteRay {
     distance_m: f64,
     p_O: Point3<f64>,
     n_O: Vector3<f64>,
+    /// Its direction in O.
+    direction_O: Vector3<f64>,
     /// Standard deviation of the silhouette there, in metres.
     sd_m: f64,
     /// How far the object had moved when the ray was looked at.
@@ -75,6 +77,7 @@ impl SilhouetteRay {
             distance_m: 0.0,
             p_O: Point3::origin(),
             n_O: Vector3::zeros(),
+            direction_O: Vector3::zeros(),
             sd_m: 1.0,
             seen_after_m: 0.0,
         }
@@ -82,8 +85,12 @@ impl SilhouetteRay {
 
     /// How far the bound is broken in metres, where the object has grown as `edges` say; negative if it is kept.
     fn violation_m(&self, edges: &[EdgeGrowth]) -> f64 {
-        let beyond_m = self.distance_m - edges[self.image].px * self.pixel_m();
-        if self.inside { beyond_m } else { -beyond_m }
+        if self.inside { self.beyond_m(edges) } else { -self.beyond_m(edges) }
+    }
+
+    /// How far the ray passes beside the grown object, in metres; negative if it meets it.
+    fn beyond_m(&self, edges: &[EdgeGrowth]) -> f64 {
+        self.distance_m - edges[self.image].px * self.pixel_m()
     }
 
     /// What a pixel covers there, in metres.
@@ -93,7 +100,8 @@ impl SilhouetteRay {
 
     fn note(&mut self, moved_m: f64, edges: &[EdgeGrowth], config: &Config) {
         self.seen_after_m = moved_m;
-        let in_image_m = config.silhouette_sd_px.hypot(edges[self.image].blur_px()) * self.pixel_m();
+        let sd_px = config.silhouette_sd_px.hypot(edges[self.image].blur_px());
+        let in_image_m = sd_px * self.pixel_rad * self.along_m;
         self.sd_m = (in_image_m * in_image_m + config.model_sd_m * config.model_sd_m).sqrt();
     }
 
@@ -107,6 +115,7 @@ impl SilhouetteRay {
     fn find(&mut self, reference: &ReferenceModel, view: &Viewpoint, neighbour: Option<&Self>) {
         let p_OC = view.p_OC;
         let direction_O = view.R_OW * self.direction_W;
+        self.direction_O = direction_O;
         let middle_m = self.along_m;
         let passes_m = (p_OC + direction_O * middle_m).coords.norm();
         let clear_m = CLEAR_SD * self.sd_m;
@@ -170,6 +179,7 @@ impl SilhouetteRay {
         self.distance_m = distance_m + (slope + 0.5 * self.bend_per_m * ahead_m) * ahead_m;
         self.along_m += ahead_m;
         self.p_O = p_OC + direction_O * self.along_m;
+        self.direction_O = *direction_O;
         self.n_O = gradient - direction_O * slope;
         self.n_O /= self.n_O.norm().max(0.3);
     }
@@ -320,10 +330,14 @@ impl Silhouette {
                 let sign = if ray.inside { 1.0 } else { -1.0 };
                 let slope = sign * weight * mills / sd_m;
                 let curvature = weight * mills * (mills - u) / (sd_m * sd_m);
-                sums.equations.add(&ray.p_O, &ray.n_O, curvature, slope);
-                if let Some(growth) = &mut growth {
-                    growth.add(&ray.p_O, &ray.n_O, curvature, slope, -growth_sd_px * ray.pixel_m());
-                }
+                let Some(growth) = &mut growth else {
+                    sums.equations.add(&ray.p_O, &ray.n_O, curvature, slope);
+                    continue;
+                };
+                // Blur is an angle: what it covers grows with the distance, and must not be what makes the object seem farther away.
+                let n_O = ray.n_O + ray.direction_O * (ray.beyond_m(edges) / ray.along_m);
+                sums.equations.add(&ray.p_O, &n_O, curvature, slope);
+                growth.add(&ray.p_O, &n_O, curvature, slope, -growth_sd_px * ray.pixel_m());
             }
             if let Some(growth) = growth {
                 sums.equations.eliminate(&growth);
@@ -417,7 +431,9 @@ mod tests {
         let along = |edge_px: u32| {
             let (reference, mut silhouette) = grown(edge_px);
             silhouette.find(&reference, &Pose::identity(), &config);
-            (0..10).for_each(|_| drop(silhouette.sum(1.0)));
+            for _ in 0..10 {
+                silhouette.sum(1.0);
+            }
             let grown_px = silhouette.edges[0].px;
             let (information, gradient) = silhouette.sum(1.0).equations.projected(&nalgebra::Matrix3::identity());
             (grown_px, information[(5, 5)].sqrt().recip(), -gradient[5] / information[(5, 5)])
