@@ -168,7 +168,9 @@ impl Detector {
                 for (i, both) in depths_m.iter().zip(limits_m).enumerate().filter(|(_, both)| is_near(*both)) {
                     let column = run * RUN + i;
                     let uv = Point2::new((left + column) as f64 + 0.5, (top + row) as f64 + 0.5);
-                    if f64::from(*both.0) < self::nearer_than_m(background.nearest_m(&uv), config) {
+                    let is_before = |known_m: f64| f64::from(*both.0) < self::nearer_than_m(known_m, config);
+                    // What is beside costs more rays.
+                    if is_before(background.depth_m(&uv)) && is_before(background.nearest_m(&uv)) {
                         self.candidates.push((row * columns + column) as u32);
                     }
                 }

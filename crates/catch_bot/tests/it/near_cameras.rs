@@ -98,35 +98,24 @@ fn edges_of_the_arm_that_bleed_are_no_object() {
 /// Where others would have seen it too, an object that one camera shows is not believed.
 #[test]
 fn one_camera_is_enough_where_no_other_sees() {
-    let (cameras, config) = (cameras(), config());
+    let place = Point3::new(1.0, 0.4, 0.75);
     let reference = Arc::new(synthetic::reference(&Shape::ball(), 100));
-    let sees = |camera: &CameraModel, place: &Point3<f64>| {
-        let uv = camera.project(&camera.X_WC.inverse_transform_point(place));
-        uv.is_some_and(|uv| (60.0..788.0).contains(&uv.x) && (60.0..420.0).contains(&uv.y))
-    };
-    let places: Vec<Point3<f64>> = (0..3000)
-        .map(|i| Point3::new(f64::from(i % 20) * 0.15, f64::from(i / 20 % 15) * 0.15, f64::from(i / 300) * 0.15))
-        .filter(|place| {
-            (1.2..2.0).contains(&cameras[0].X_WC.inverse_transform_point(place).z) && sees(&cameras[0], place)
-        })
-        .collect();
-    let mut estimator = SdfEstimator::new(config, reference.clone(), Workspace::default());
-    let mut found = |place: &Point3<f64>| {
-        let X_WO = Pose::from_parts(place.coords.into(), UnitQuaternion::identity());
+    let X_WO = Pose::from_parts(place.coords.into(), UnitQuaternion::identity());
+    let mut estimator = SdfEstimator::new(config(), reference.clone(), Workspace::default());
+    let mut found = |cameras: &[CameraModel]| {
         let mut seen = synthetic::depth_frame(0, &cameras[0], &Shape::ball(), &(X_WO * reference.X_RO.inverse()), 0.03);
         seen.mask = None;
         let frames = [seen, empty(1, &cameras[1]), empty(2, &cameras[2])];
-        let view = View { frames: &frames, cameras: &cameras, surroundings: None };
+        let view = View { frames: &frames, cameras, surroundings: None };
         estimator.estimate(&view, Prior::Anywhere).map(|pose| (pose.X_WO.translation.vector - place.coords).norm())
     };
-    let seen_by = |place: &&Point3<f64>| cameras.iter().filter(|camera| sees(camera, place)).count();
-    let all = places.iter().find(|place| seen_by(place) == 3).expect("a place that all see");
-    assert_eq!(found(all), Err(PerceptionStatus::NoPoints));
-    let out_of_sight = |camera: &CameraModel, place: &Point3<f64>| {
-        camera.project(&camera.X_WC.inverse_transform_point(place)).is_none_or(|uv| !(-60.0..908.0).contains(&uv.x))
-    };
-    let alone = places.iter().find(|place| cameras[1..].iter().all(|camera| out_of_sight(camera, place)));
-    let off_m = found(alone.expect("a place that one sees")).unwrap();
+    let mut cameras = cameras();
+    assert_eq!(found(&cameras), Err(PerceptionStatus::NoPoints));
+    for camera in &mut cameras[1..] {
+        let eye = Point3::from(camera.X_WC.translation.vector);
+        camera.X_WC = look_at(&eye, &(eye + (eye - place)));
+    }
+    let off_m = found(&cameras).unwrap();
     assert!(off_m < 0.02, "{off_m}");
 }
 
@@ -152,6 +141,6 @@ fn a_far_object_is_as_far_away_as_its_mean_depth() {
         // 45 mm, half of whose variance is common.
         let claimed_m = pose.information[(3, 3)].sqrt().recip();
         assert!((0.02..0.06).contains(&claimed_m), "{claimed_m}");
-        assert!(error.x.abs() < 3.0 * claimed_m && error.yz().norm() < 0.006, "{error:?} {claimed_m}");
+        assert!(error.x.abs() < 3.0 * claimed_m && error.yz().norm() < 0.01, "{error:?} {claimed_m}");
     }
 }
