@@ -310,6 +310,7 @@ mod tests {
         let mut brain = BrainSettings::default();
         brain.perception.depth_noise = Some(Default::default());
         (brain.perception.floor_visible, brain.perception.depth_dropout) = (Some(true), Some(true));
+        brain.perception.depth_common_fraction = Some(0.5);
         brain.trajectory_prediction.drag_prior_per_m = Some(0.0);
         brain.trajectory_prediction.drag_prior_sd_per_m = Some(0.0);
         brain.grasp_selection.restitution = Some(0.5);

@@ -51,7 +51,12 @@ pub fn register_cloud(
     let mut scene = SceneCloud::default();
     let finite = points.iter().filter(|point| point.iter().all(|value| value.is_finite()));
     // No direction is noisier than the others: all of the noise is the model's.
-    scene.points.extend(finite.map(|p_W| ScenePoint { p_W: *p_W, per_depth_W: Vector3::zeros(), depth_sd_m: 0.0 }));
+    scene.points.extend(finite.map(|p_W| ScenePoint {
+        p_W: *p_W,
+        per_depth_W: Vector3::zeros(),
+        depth_sd_m: 0.0,
+        image: 0,
+    }));
     match scene.points.len() {
         0 => return Err(PerceptionStatus::NoPoints),
         few if few < config.min_points => return Err(PerceptionStatus::TooFewPoints),

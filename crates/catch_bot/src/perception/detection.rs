@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use super::{
     Config, ReferenceModel,
-    segmentation::{Background, Surroundings, threshold_m},
+    segmentation::{Background, Surroundings, bleeding_px, threshold_m},
     view::View,
 };
 
@@ -47,10 +47,14 @@ struct Blob {
     /// Mean distance along it, and its standard deviation.
     along_m: f64,
     along_sd_m: f64,
+    /// Whether it is about as large as the object at least.
+    is_whole: bool,
 }
 
 /// Pixels that a blob has at least: single ones are noise.
 const MIN_PIXELS: usize = 3;
+/// Fraction of the pixels of the largest ball within the object that a blob has which is enough alone: noise makes no such blobs.
+const WHOLE_FRACTION: f64 = 0.3;
 /// Blobs that are looked at, the largest of all.
 const MAX_BLOBS: usize = 96;
 /// A blob's box may be larger than the object's by this factor.
@@ -75,6 +79,8 @@ impl Detector {
             let of_camera = |camera: &CameraModel| {
                 let mut depths_m = Vec::new();
                 Background::new(camera, known, &camera.full_window(), config).cast_all(&mut depths_m);
+                let aside_px = bleeding_px(config) as usize;
+                let mut depths_m = nearest_around(&depths_m, camera.width_px as usize, aside_px);
                 depths_m.iter_mut().for_each(|depth_m| *depth_m = nearer_than_m(f64::from(*depth_m), config) as f32);
                 depths_m
             };
@@ -132,9 +138,8 @@ impl Detector {
             }
         }
         let (agreeing, _, place) = best?;
-        // Where others could have confirmed it, one camera alone is not enough.
-        let alone_is_enough = frames.len() < 3;
-        (agreeing >= 2 || alone_is_enough).then(|| refined(blobs, &place, reach_m))
+        (agreeing >= 2 || is_enough_alone(blobs, &place, reach_m, view, config))
+            .then(|| refined(blobs, &place, reach_m))
     }
 
     /// The pixels of one image that show something in front of all that is known to be there. Rays are cast for those alone
@@ -163,7 +168,9 @@ impl Detector {
                 for (i, both) in depths_m.iter().zip(limits_m).enumerate().filter(|(_, both)| is_near(*both)) {
                     let column = run * RUN + i;
                     let uv = Point2::new((left + column) as f64 + 0.5, (top + row) as f64 + 0.5);
-                    if f64::from(*both.0) < self::nearer_than_m(background.depth_m(&uv), config) {
+                    let is_before = |known_m: f64| f64::from(*both.0) < self::nearer_than_m(known_m, config);
+                    // What is beside costs more rays.
+                    if is_before(background.depth_m(&uv)) && is_before(background.nearest_m(&uv)) {
                         self.candidates.push((row * columns + column) as u32);
                     }
                 }
@@ -215,6 +222,7 @@ impl Detector {
             if pixels < MIN_PIXELS || extent_px > widest_px {
                 continue;
             }
+            let inner_px = reference.inner_radius_m * camera.focal_px / depth_m;
             let uv = Point2::new(left as f64 + sum_u / count + 0.5, top as f64 + sum_v / count + 0.5);
             let ray_C = camera.back_project(&uv, 1.0).coords;
             let length = ray_C.norm();
@@ -226,6 +234,7 @@ impl Detector {
                 direction_W: camera.X_WC.rotation * (ray_C / length),
                 along_m: depth_m * length,
                 along_sd_m: (spread_m2.max(config.depth_sd_m(depth_m).powi(2)) / count).sqrt() * length,
+                is_whole: count >= WHOLE_FRACTION * std::f64::consts::PI * inner_px * inner_px,
             });
         }
     }
@@ -242,6 +251,25 @@ impl Waiting {
     }
 }
 
+/// The least depth within so many pixels to each side of every pixel of an image that is `wide` pixels wide.
+fn nearest_around(depths_m: &[f32], wide: usize, aside_px: usize) -> Vec<f32> {
+    let merge =
+        |into: &mut [f32], from: &[f32]| into.iter_mut().zip(from).for_each(|(into, from)| *into = into.min(*from));
+    let mut in_rows = depths_m.to_vec();
+    for (into, from) in in_rows.chunks_mut(wide.max(1)).zip(depths_m.chunks(wide.max(1))) {
+        for apart in 1..=aside_px.min(wide) {
+            merge(&mut into[apart..], from);
+            merge(into, &from[apart..]);
+        }
+    }
+    let mut all = in_rows.clone();
+    for apart in (1..=aside_px).map(|rows| rows * wide).take_while(|apart| *apart < in_rows.len()) {
+        merge(&mut all[apart..], &in_rows);
+        merge(&mut all, &in_rows[apart..]);
+    }
+    all
+}
+
 /// Before this depth a pixel shows something else than what is known to be there at `depth_m`.
 fn nearer_than_m(depth_m: f64, config: &Config) -> f64 {
     if depth_m.is_finite() { depth_m - threshold_m(depth_m, config) } else { f64::INFINITY }
@@ -255,6 +283,29 @@ impl Blob {
         (from_camera - self.direction_W * along_m).norm() < reach_m
             && (along_m - self.along_m).abs() < reach_m + 4.0 * self.along_sd_m
     }
+}
+
+/// Whether what one camera alone shows at a place is the object: it is large enough, and no other camera sees the place.
+fn is_enough_alone(blobs: &[Blob], place: &Point3<f64>, reach_m: f64, view: &View<'_>, config: &Config) -> bool {
+    let Some(blob) = blobs.iter().filter(|blob| blob.is_whole).find(|blob| blob.passes(place, reach_m)) else {
+        return false;
+    };
+    let sees_place = |frame: &DepthFrame| {
+        let Some(camera) = view.cameras.get(frame.camera) else { return false };
+        let p_C = camera.X_WC.inverse_transform_point(place);
+        let Some(uv) = camera.project(&p_C) else { return false };
+        let (u, v) = (uv.x - f64::from(frame.window.left), uv.y - f64::from(frame.window.top));
+        let margin_px = reach_m * camera.focal_px / p_C.z;
+        let is_within = |at: f64, length: u32| at > margin_px && at < f64::from(length) - margin_px;
+        is_within(u, frame.window.width)
+            && is_within(v, frame.window.height)
+            && p_C.z
+                < nearer_than_m(
+                    Background::new(camera, view.surroundings, &frame.window, config).nearest_m(&uv),
+                    config,
+                )
+    };
+    !view.frames.iter().filter(|frame| frame.mask.is_none() && frame.camera != blob.camera).any(sees_place)
 }
 
 /// Where two rays come closest, if that is within reach and both see it there.

@@ -7,6 +7,7 @@ pub mod camera_alignment;
 mod cloud;
 mod detection;
 mod distance_field;
+mod edge_growth;
 mod estimator;
 mod global_registration;
 mod neighbours;
@@ -22,13 +23,16 @@ pub mod symmetry;
 #[path = "../../tests/it/synthetic.rs"]
 pub(crate) mod synthetic;
 mod view;
+mod viewpoint;
+
+use std::ops::RangeInclusive;
 
 use catch_body::Pose;
 use catch_cell::CameraModel;
 use nalgebra::Matrix6;
 use serde::{Deserialize, Serialize};
 
-use crate::settings::{DURATION_S, Faults, NOT_NEGATIVE, SettingError, Settings};
+use crate::settings::{DURATION_S, FRACTION, Faults, NOT_NEGATIVE, SettingError, Settings};
 pub use cloud::register_cloud;
 pub use distance_field::DistanceField;
 pub use estimator::{ObjectFinder, PoseEstimator, SdfEstimator};
@@ -38,6 +42,9 @@ pub use registration::{Fit, Registration};
 pub use segmentation::Surroundings;
 pub use symmetry::{RotationGroup, Symmetry};
 pub use view::{Prior, View};
+
+/// Widths of depth edges that can be.
+const EDGE_PX: RangeInclusive<f64> = 0.0..=8.0;
 
 /// Settings of perception.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -95,6 +102,11 @@ pub struct Config {
     pub floor_visible: Option<bool>,
     /// Whether depths may be missing where there is something; not, if it is not set.
     pub depth_dropout: Option<bool>,
+    /// Fraction of the depth noise's variance that all pixels of one image have in common; none if it is not set.
+    pub depth_common_fraction: Option<f64>,
+    /// How many pixels beside a depth edge may show something else than what is there, because stereo matches windows; none if it is not
+    /// set.
+    pub depth_edge_px: Option<u32>,
     /// Standard deviations of depth noise by which a pixel must be nearer than what is known to be there. Of 2.4 million pixels
     /// 76 exceed four by noise alone, which are too few to hang together.
     pub background_sd: f64,
@@ -127,6 +139,8 @@ impl Default for Config {
             camera_sd_rad: 0.0,
             floor_visible: None,
             depth_dropout: None,
+            depth_common_fraction: None,
+            depth_edge_px: None,
             background_sd: 4.0,
             background_margin_m: 0.01,
         }
@@ -145,6 +159,10 @@ impl Config {
 
     fn misses_depths(&self) -> bool {
         self.depth_dropout.unwrap_or_default()
+    }
+
+    fn edge_px(&self) -> u32 {
+        self.depth_edge_px.unwrap_or_default()
     }
 }
 
@@ -184,6 +202,8 @@ impl Settings for Config {
                     ("depth_noise.quadratic_per_m", self.depth_noise.map(|it| it.quadratic_per_m)),
                 ],
             )
+            .options(&FRACTION, [("depth_common_fraction", self.depth_common_fraction)])
+            .options(&EDGE_PX, [("depth_edge_px", self.depth_edge_px.map(f64::from))])
             .counts([("min_points", self.min_points), ("max_iterations", self.max_iterations)])
             .all()
     }

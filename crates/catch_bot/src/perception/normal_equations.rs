@@ -25,14 +25,27 @@ impl NormalEquations {
     /// Adds a residual: the gradient of the distance at a point, the curvature by which it counts, and the slope of its cost.
     #[inline]
     pub fn add(&mut self, p_O: &Point3<f64>, n_O: &Vector3<f64>, curvature: f64, slope: f64) {
-        let turn = n_O.cross(&p_O.coords);
-        let J = [turn.x, turn.y, turn.z, -n_O.x, -n_O.y, -n_O.z];
+        let J = jacobian(p_O, n_O);
         let mut at = 0;
         for i in 0..6 {
             self.gradient[i] += slope * J[i];
             let weighted = curvature * J[i];
             for entry in &J[..=i] {
                 self.products[at] += weighted * entry;
+                at += 1;
+            }
+        }
+    }
+
+    /// Eliminates an error that residuals have in common, by the Schur complement.
+    pub fn eliminate(&mut self, common: &CommonError) {
+        let CommonError { with_pose, curvature, slope } = common;
+        let mut at = 0;
+        for i in 0..6 {
+            let of_row = with_pose[i] / curvature;
+            self.gradient[i] -= of_row * slope;
+            for of_column in &with_pose[..=i] {
+                self.products[at] -= of_row * of_column;
                 at += 1;
             }
         }
@@ -58,6 +71,38 @@ impl NormalEquations {
         let mut projection = Matrix6::identity();
         projection.fixed_view_mut::<3, 3>(0, 0).copy_from(observable);
         (projection * information * projection, projection * Vector6::from(self.gradient))
+    }
+}
+
+/// Gradient of the distance at a point with respect to a small turn and shift of the object.
+#[inline]
+fn jacobian(p_O: &Point3<f64>, n_O: &Vector3<f64>) -> [f64; 6] {
+    let turn = n_O.cross(&p_O.coords);
+    [turn.x, turn.y, turn.z, -n_O.x, -n_O.y, -n_O.z]
+}
+
+/// Σ w·k·J, Σ w·k² and Σ w·k·r over residuals r + k·e with a common error e in standard deviations, and the prior on that.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct CommonError {
+    with_pose: [f64; 6],
+    pub curvature: f64,
+    pub slope: f64,
+}
+
+impl CommonError {
+    /// An error that is believed to be `expected` standard deviations less than where it is.
+    pub fn new(beyond_expected: f64) -> Self {
+        Self { with_pose: [0.0; 6], curvature: 1.0, slope: beyond_expected }
+    }
+
+    /// Adds a residual as [`NormalEquations::add`] does, that changes by `effect` per standard deviation of the common error.
+    #[inline]
+    pub fn add(&mut self, p_O: &Point3<f64>, n_O: &Vector3<f64>, curvature: f64, slope: f64, effect: f64) {
+        for (sum, J) in self.with_pose.iter_mut().zip(jacobian(p_O, n_O)) {
+            *sum += curvature * effect * J;
+        }
+        self.curvature += curvature * effect * effect;
+        self.slope += slope * effect;
     }
 }
 

@@ -40,6 +40,8 @@ pub struct ScenePoint {
     pub per_depth_W: Vector3<f64>,
     /// Standard deviation of its depth in metres.
     pub depth_sd_m: f64,
+    /// Number of its image among those that its cloud is from: depths of one image err together.
+    pub image: usize,
 }
 
 /// Points, silhouette rays and labels for which there is room from the start, so that larger images of the object than those
@@ -92,21 +94,21 @@ impl SceneCloud {
             let expected = prior.map(|X_WO| Expected::new(X_WO, camera, reference.radius_m + config.gate_m));
             let part = expected.map_or(frame.window, |expected| frame.window.intersection(&expected.window));
             let mut labelled = None;
+            let (columns, points) = (frame.window.width as usize, &mut self.points);
+            let image = Image { number: index, frame, camera };
             let pixels = match (&frame.mask, expected) {
                 (Some(mask), _) if mask.len() >= frame.window.area() => {
-                    collect_where(&mut self.points, frame, camera, &part, config, |i| mask[i])
+                    let label = |column: usize, row: usize| {
+                        [Label::Elsewhere, Label::Object][usize::from(mask[row * columns + column])]
+                    };
+                    image.collect(points, &part, config, label)
                 }
                 (None, Some(expected)) if part.area() > 0 => {
                     let from = self.labels.len();
                     let background = Background::new(camera, surroundings, &part, config);
                     let pixels = label(&mut self.labels, frame, &part, &background, &expected, config);
                     labelled = Some((part, from));
-                    let (wide, columns) = (part.width as usize, frame.window.width as usize);
-                    let [left, top] =
-                        [part.left - frame.window.left, part.top - frame.window.top].map(|at| at as usize);
-                    let labels = &self.labels[from..];
-                    let is_object = |i: usize| labels[(i / columns - top) * wide + i % columns - left] == Label::Object;
-                    collect_where(&mut self.points, frame, camera, &pixels, config, is_object);
+                    image.collect(points, &pixels, config, label_in(frame, &part, &self.labels[from..]));
                     pixels
                 }
                 _ => continue,
@@ -129,7 +131,7 @@ impl SceneCloud {
             let columns = frame.window.width as usize;
             match (&frame.mask, shown.labelled) {
                 (Some(mask), _) => {
-                    self.silhouette.collect(frame.window, camera, &shown.pixels, |column, row| {
+                    self.silhouette.collect(frame.window, camera, &shown.pixels, 0, |column, row| {
                         let i = row * columns + column;
                         // Something in front of the object.
                         let is_hidden = !mask[i] && f64::from(frame.depth_m[i]) < nearest_m;
@@ -137,14 +139,9 @@ impl SceneCloud {
                     });
                 }
                 (None, Some((part, from))) => {
-                    let (left, top) =
-                        ((part.left - frame.window.left) as usize, (part.top - frame.window.top) as usize);
-                    let (wide, high) = (part.width as usize, part.height as usize);
                     let labels = &self.labels[from..from + part.area()];
-                    self.silhouette.collect(frame.window, camera, &shown.pixels, |column, row| {
-                        let (x, y) = (column.wrapping_sub(left), row.wrapping_sub(top));
-                        if x < wide && y < high { labels[y * wide + x] } else { Label::Unknown }
-                    });
+                    let label = label_in(frame, &part, labels);
+                    self.silhouette.collect(frame.window, camera, &shown.pixels, config.edge_px(), label);
                 }
                 (None, None) => {}
             }
@@ -176,53 +173,72 @@ impl SceneCloud {
     }
 }
 
-/// Collects the measured pixels of a part of a frame for which `wanted` holds, given their indices in the frame, and returns
-/// the box around all for which it holds, measured or not.
-fn collect_where(
-    points: &mut Vec<ScenePoint>,
-    frame: &DepthFrame,
-    camera: &CameraModel,
-    part: &PixelWindow,
-    config: &Config,
-    wanted: impl Fn(usize) -> bool,
-) -> PixelWindow {
-    let columns = frame.window.width as usize;
-    let left = (part.left - frame.window.left.min(part.left)) as usize;
-    let top = (part.top - frame.window.top.min(part.top)) as usize;
-    let R_WC = camera.X_WC.rotation.to_rotation_matrix();
-    let p_WC = camera.X_WC.translation.vector;
-    let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
-    for row in top..top + part.height as usize {
-        for column in left..left + part.width as usize {
-            let i = row * columns + column;
-            if !wanted(i) {
-                continue;
+/// What the pixel at a column and row of a frame says, whose part `part` has these `labels`; elsewhere nothing.
+fn label_in(frame: &DepthFrame, part: &PixelWindow, labels: &[Label]) -> impl Fn(usize, usize) -> Label {
+    let [left, top] = [part.left - frame.window.left, part.top - frame.window.top].map(|offset| offset as usize);
+    let (wide, high) = (part.width as usize, part.height as usize);
+    move |column, row| {
+        let (x, y) = (column.wrapping_sub(left), row.wrapping_sub(top));
+        if x < wide && y < high { labels[y * wide + x] } else { Label::Unknown }
+    }
+}
+
+/// An image and its number among those of one capture time.
+struct Image<'a> {
+    number: usize,
+    frame: &'a DepthFrame,
+    camera: &'a CameraModel,
+}
+
+impl Image<'_> {
+    /// Collects the measured pixels of a part that show the object by their labels, given by column and row in the frame, and returns the box
+    /// around all that do, measured or not.
+    fn collect(
+        &self,
+        points: &mut Vec<ScenePoint>,
+        part: &PixelWindow,
+        config: &Config,
+        label: impl Fn(usize, usize) -> Label,
+    ) -> PixelWindow {
+        let Self { number, frame, camera } = *self;
+        let columns = frame.window.width as usize;
+        let left = (part.left - frame.window.left.min(part.left)) as usize;
+        let top = (part.top - frame.window.top.min(part.top)) as usize;
+        let R_WC = camera.X_WC.rotation.to_rotation_matrix();
+        let p_WC = camera.X_WC.translation.vector;
+        let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
+        for row in top..top + part.height as usize {
+            for column in left..left + part.width as usize {
+                if label(column, row) != Label::Object {
+                    continue;
+                }
+                low = [low[0].min(column), low[1].min(row)];
+                high = [high[0].max(column + 1), high[1].max(row + 1)];
+                let depth_m = f64::from(frame.depth_m[row * columns + column]);
+                if !(depth_m > 0.0 && depth_m.is_finite()) {
+                    continue;
+                }
+                let uv = Point2::new(
+                    f64::from(frame.window.left) + column as f64 + 0.5,
+                    f64::from(frame.window.top) + row as f64 + 0.5,
+                );
+                let per_depth_W = R_WC * camera.back_project(&uv, 1.0).coords;
+                points.push(ScenePoint {
+                    p_W: Point3::from(p_WC + per_depth_W * depth_m),
+                    per_depth_W,
+                    depth_sd_m: config.depth_sd_m(depth_m),
+                    image: number,
+                });
             }
-            low = [low[0].min(column), low[1].min(row)];
-            high = [high[0].max(column + 1), high[1].max(row + 1)];
-            let depth_m = f64::from(frame.depth_m[i]);
-            if !(depth_m > 0.0 && depth_m.is_finite()) {
-                continue;
-            }
-            let uv = Point2::new(
-                f64::from(frame.window.left) + column as f64 + 0.5,
-                f64::from(frame.window.top) + row as f64 + 0.5,
-            );
-            let per_depth_W = R_WC * camera.back_project(&uv, 1.0).coords;
-            points.push(ScenePoint {
-                p_W: Point3::from(p_WC + per_depth_W * depth_m),
-                per_depth_W,
-                depth_sd_m: config.depth_sd_m(depth_m),
-            });
         }
-    }
-    if low[0] >= high[0] {
-        return PixelWindow::default();
-    }
-    PixelWindow {
-        left: frame.window.left + low[0] as u32,
-        top: frame.window.top + low[1] as u32,
-        width: (high[0] - low[0]) as u32,
-        height: (high[1] - low[1]) as u32,
+        if low[0] >= high[0] {
+            return PixelWindow::default();
+        }
+        PixelWindow {
+            left: frame.window.left + low[0] as u32,
+            top: frame.window.top + low[1] as u32,
+            width: (high[0] - low[0]) as u32,
+            height: (high[1] - low[1]) as u32,
+        }
     }
 }

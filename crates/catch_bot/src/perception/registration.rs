@@ -10,7 +10,7 @@ use nalgebra::{Matrix3, Matrix6, Translation3, UnitQuaternion, Vector3, Vector6}
 
 use super::{
     Config, PerceptionStatus, ReferenceModel,
-    normal_equations::{MEAN_SQUARE, NormalEquations, Sums},
+    normal_equations::{CommonError, MEAN_SQUARE, NormalEquations, Sums},
     point_cloud::{SceneCloud, ScenePoint},
     silhouette::Silhouette,
 };
@@ -40,6 +40,10 @@ pub struct Fit {
 
 /// Depth noise in radii of the object from which on depths are left aside where there is a silhouette.
 const HOPELESS_RADII: f64 = 0.5;
+/// How far before an object's centre its image lies, in its inner radii: two thirds for a ball.
+const FACING_RADII: f64 = 2.0 / 3.0;
+/// Silhouettes in so many images tell how far away an object is.
+const ENOUGH_SILHOUETTES: usize = 3;
 /// Steps that turn back and do not get shorter jump to and fro across a kink of the field, later ones that do not get shorter
 /// do so some other way: they are halved.
 const FREE_STEPS: usize = 8;
@@ -108,20 +112,20 @@ impl Registration<'_> {
         let SceneCloud { points, silhouette, .. } = scene;
         let mut none = Silhouette::default();
         let silhouette = if with_silhouette { silhouette } else { &mut none };
-        let measured = points.len();
-        // Depths that are known worse than to the object's size say nothing that its silhouette does not say better, and the field
-        // is no measure of how they err.
-        let points = if noise_m > HOPELESS_RADII * reference.radius_m && !silhouette.is_empty() {
-            &[]
-        } else {
-            points.as_slice()
+        let depths = Depths {
+            points,
+            shapeless_above_m: if silhouette.is_empty() {
+                f64::INFINITY
+            } else {
+                HOPELESS_RADII * reference.inner_radius_m
+            },
         };
         let mut X_WO = *start;
         let observable = reference.symmetry.observable();
         silhouette.find(reference, &X_WO, config);
         // With infinite scales nothing is an outlier: the typical residual at the start, so that a start that is off does not
         // turn everything to outliers.
-        let mut on_points = self.measure_points(points, &X_WO);
+        let mut on_points = self.measure_points(&depths, &X_WO);
         let mut scales =
             Scales { points: typical(&on_points), silhouette: silhouette.typical_violation(f64::INFINITY).max(1.0) };
         silhouette.choose(0.0, scales.silhouette);
@@ -131,7 +135,7 @@ impl Registration<'_> {
         let (mut iterations, mut last_step, mut tolerance_sd) = (0, Vector6::zeros(), config.step_tolerance_sd);
         while iterations < max_iterations && !converged {
             iterations += 1;
-            (on_points, on_rays, equations) = self.sum_all(points, silhouette, &X_WO, &mut scales);
+            (on_points, on_rays, equations) = self.sum_all(&depths, silhouette, &X_WO, &mut scales);
             let (information, gradient) = equations.projected(&observable);
             let Some(mut step) = step(&information, &gradient, reference.radius_m) else { break };
             let step_sd = step.dot(&(information * step)).max(0.0).sqrt();
@@ -156,19 +160,19 @@ impl Registration<'_> {
             }
         }
         if !converged {
-            (on_points, on_rays, equations) = self.sum_all(points, silhouette, &X_WO, &mut scales);
+            (on_points, on_rays, equations) = self.sum_all(&depths, silhouette, &X_WO, &mut scales);
         }
-        let weight = on_points.weight.max(1e-12);
+        let (weight, has_shape) = (on_points.weight.max(1e-12), depths.shapes().next().is_some());
         let fit = Fit {
             X_WO,
             information: in_world(&equations.projected(&observable).0, &X_WO, config),
-            points: if points.is_empty() { measured } else { on_points.weight.round() as usize },
-            residual_m: if points.is_empty() { noise_m } else { (on_points.squares_m2 / weight).sqrt() },
-            noise_m: if points.is_empty() { noise_m } else { (on_points.variances_m2 / weight).sqrt() },
+            points: if has_shape { on_points.weight.round() as usize } else { depths.points.len() },
+            residual_m: if has_shape { (on_points.squares_m2 / weight).sqrt() } else { noise_m },
+            noise_m: if has_shape { (on_points.variances_m2 / weight).sqrt() } else { noise_m },
             silhouette_residual_m: (!silhouette.is_empty())
                 .then(|| (on_rays.squares_m2 / on_rays.weight.max(1.0)).sqrt()),
             mismatch: if silhouette.is_empty() { on_points.squares / weight } else { silhouette.mean_square() },
-            robust_cost: robust_cost(&on_points, points.len(), LEAST_MEAN_M)
+            robust_cost: robust_cost(&on_points, depths.shapes().map(<[_]>::len).sum(), LEAST_MEAN_M)
                 + robust_cost(&on_rays, silhouette.len(), LEAST_MEAN_PX * silhouette.pixel_m()),
             iterations,
         };
@@ -181,39 +185,78 @@ impl Registration<'_> {
     /// worth.
     fn sum_all(
         &self,
-        points: &[ScenePoint],
-        silhouette: &Silhouette,
+        depths: &Depths<'_>,
+        silhouette: &mut Silhouette,
         X_WO: &Pose,
         scales: &mut Scales,
     ) -> (Sums, Sums, NormalEquations) {
-        let on_points = self.sum_points(points, X_WO, scales.points);
+        let on_points = self.sum_points(depths, X_WO, scales.points);
         let on_rays = silhouette.sum(scales.silhouette);
         scales.points = typical(&on_points);
         let mut equations = on_rays.equations;
         equations.add_scaled(&on_points.equations, scales.points.powi(-2));
+        self.add_mean_depths(&mut equations, depths, X_WO);
         (on_points, on_rays, equations)
     }
 
+    /// What the mean depth of each image tells where single depths tell no shape: about how far away the object is. The silhouettes of
+    /// several images tell that much better.
+    fn add_mean_depths(&self, equations: &mut NormalEquations, depths: &Depths<'_>, X_WO: &Pose) {
+        let Some(common_fraction) = self.config.depth_common_fraction else { return };
+        if depths.images().count() >= ENOUGH_SILHOUETTES {
+            return;
+        }
+        let (R_OW, inner_radius_m) = (X_WO.rotation.inverse(), self.reference.inner_radius_m);
+        for image in depths.images().filter(|image| !depths.has_shape(image)) {
+            let count = image.len() as f64;
+            let sum =
+                |value: &dyn Fn(&ScenePoint) -> Vector3<f64>| image.iter().map(value).sum::<Vector3<f64>>() / count;
+            let (p_W, ray_W) = (sum(&|it| it.p_W.coords), sum(&|it| it.per_depth_W));
+            let depth_sd_m = mean_sd_m(image);
+            let direction_W = ray_W.normalize();
+            // What faces the camera of a ball lies two thirds of its radius before its centre, on average.
+            let beyond_m = direction_W.dot(&(p_W - X_WO.translation.vector)) + FACING_RADII * inner_radius_m;
+            let own_fraction = (1.0 - common_fraction) / count;
+            let variance_m2 = ray_W.norm_squared() * depth_sd_m.powi(2) * (common_fraction + own_fraction)
+                + (0.5 * inner_radius_m).powi(2);
+            let n_O = R_OW * direction_W;
+            equations.add(&nalgebra::Point3::origin(), &n_O, 1.0 / variance_m2, beyond_m / variance_m2);
+        }
+    }
+
     /// Distances of all points, none taken for an outlier.
-    fn measure_points(&self, points: &[ScenePoint], X_WO: &Pose) -> Sums {
+    fn measure_points(&self, depths: &Depths<'_>, X_WO: &Pose) -> Sums {
         let mut sums = Sums::ZERO;
-        self.each_residual(points, X_WO, |_, _, distance, sd| {
-            sums.weigh(distance, sd, f64::INFINITY);
-        });
+        for image in depths.shapes() {
+            self.each_residual(image, X_WO, |_, _, distance, sd, _| {
+                sums.weigh(distance, sd, f64::INFINITY);
+            });
+        }
         sums
     }
 
-    fn sum_points(&self, points: &[ScenePoint], X_WO: &Pose, scale: f64) -> Sums {
+    /// What the points tell. How far the depths of each image are off in common is eliminated.
+    fn sum_points(&self, depths: &Depths<'_>, X_WO: &Pose, scale: f64) -> Sums {
         let mut sums = Sums::ZERO;
-        self.each_residual(points, X_WO, |p_O, n_O, distance, sd| {
-            let curvature = sums.weigh(distance, sd, scale) / (sd * sd);
-            sums.equations.add(p_O, n_O, curvature, curvature * distance);
-        });
+        let common_sd = self.config.depth_common_fraction.unwrap_or_default().sqrt();
+        for image in depths.shapes() {
+            let mut common = CommonError::new(0.0);
+            self.each_residual(image, X_WO, |p_O, n_O, distance, sd, by_depth| {
+                let effect = common_sd * by_depth;
+                let curvature = sums.weigh(distance, sd, scale) / (sd * sd - effect * effect);
+                let slope = curvature * distance;
+                sums.equations.add(p_O, n_O, curvature, slope);
+                if effect != 0.0 {
+                    common.add(p_O, n_O, curvature, slope, effect);
+                }
+            });
+            sums.equations.eliminate(&common);
+        }
         sums
     }
 
-    /// Calls `visit` with each point in O, its distance's gradient there, its distance from the reference in metres, and the
-    /// standard deviation of that.
+    /// Calls `visit` with each point in O, its distance's gradient there, its distance from the reference in metres, the
+    /// standard deviation of that, and what of it one of the depth's makes.
     ///
     /// σ² = (σ_z·c)² + (σ_z²·(1 − c²)/2r)² + σ_model² with c = ∂r/∂z: noise moves the point along its ray, where the ray grazes
     /// the surface to second order only, by what a surface of the object's thickness r bends.
@@ -222,23 +265,52 @@ impl Registration<'_> {
         &self,
         points: &[ScenePoint],
         X_WO: &Pose,
-        mut visit: impl FnMut(&nalgebra::Point3<f64>, &Vector3<f64>, f64, f64),
+        mut visit: impl FnMut(&nalgebra::Point3<f64>, &Vector3<f64>, f64, f64, f64),
     ) {
         let Self { reference, config } = *self;
         let R_OW = X_WO.rotation.to_rotation_matrix().transpose();
         for point in points {
             let p_O = (R_OW * (point.p_W.coords - X_WO.translation.vector)).into();
             let (distance, n_O) = reference.distance.at(&p_O);
-            let mut variance = config.model_sd_m * config.model_sd_m;
+            let (mut variance, mut by_depth) = (config.model_sd_m * config.model_sd_m, 0.0);
             if point.depth_sd_m > 0.0 {
                 let along = n_O.dot(&(R_OW * point.per_depth_W));
                 let depth_variance = point.depth_sd_m * point.depth_sd_m;
+                by_depth = point.depth_sd_m * along;
                 let bent = depth_variance * (1.0 - along * along).max(0.0) * 0.5 / reference.inner_radius_m;
                 variance += depth_variance * along * along + bent * bent;
             }
-            visit(&p_O, &n_O, distance, variance.sqrt());
+            visit(&p_O, &n_O, distance, variance.sqrt(), by_depth);
         }
     }
+}
+
+/// The points of a scene, image by image.
+struct Depths<'a> {
+    points: &'a [ScenePoint],
+    /// Depths with a larger standard deviation tell no shape: nothing that the object's silhouette does not say better, and the field is no
+    /// measure of how they err.
+    shapeless_above_m: f64,
+}
+
+impl<'a> Depths<'a> {
+    fn images(&self) -> impl Iterator<Item = &'a [ScenePoint]> + use<'a> {
+        self.points.chunk_by(|a, b| a.image == b.image)
+    }
+
+    fn has_shape(&self, image: &[ScenePoint]) -> bool {
+        mean_sd_m(image) <= self.shapeless_above_m
+    }
+
+    /// The images whose depths tell the object's shape.
+    fn shapes(&self) -> impl Iterator<Item = &'a [ScenePoint]> {
+        self.images().filter(|image| self.has_shape(image))
+    }
+}
+
+/// Mean standard deviation of depths in metres.
+fn mean_sd_m(image: &[ScenePoint]) -> f64 {
+    image.iter().map(|it| it.depth_sd_m).sum::<f64>() / image.len().max(1) as f64
 }
 
 /// Root mean square of the points' residuals in multiples of what it should be, at least one.
@@ -308,14 +380,19 @@ mod tests {
         let X_WO = Pose::new(Vector3::new(0.1, 0.2, 0.3), Vector3::new(0.4, -0.5, 0.6));
         let (mut squares, mut checked) = ([0.0_f64; 6], 0);
         for (point, normal) in reference.points.iter().zip(&reference.normals).step_by(37) {
-            let scene =
-                [ScenePoint { p_W: X_WO * (point + normal * 0.003), per_depth_W: Vector3::z(), depth_sd_m: 0.0 }];
+            let scene = [ScenePoint {
+                p_W: X_WO * (point + normal * 0.003),
+                per_depth_W: Vector3::z(),
+                depth_sd_m: 0.0,
+                image: 0,
+            }];
             let distance = |X_WO: &Pose| {
                 let mut found = 0.0;
-                registration.each_residual(&scene, X_WO, |_, _, distance, _| found = distance);
+                registration.each_residual(&scene, X_WO, |_, _, distance, _, _| found = distance);
                 found
             };
-            let sums = registration.sum_points(&scene, &X_WO, f64::INFINITY);
+            let depths = Depths { points: &scene, shapeless_above_m: f64::INFINITY };
+            let sums = registration.sum_points(&depths, &X_WO, f64::INFINITY);
             let (_, gradient) = sums.equations.projected(&Matrix3::identity());
             let curvature = config.model_sd_m.powi(-2);
             for i in 0..6 {
@@ -337,5 +414,29 @@ mod tests {
         // Single cells may be rough, next to the banana's ends; a wrong formula is wrong everywhere.
         let off = squares.map(|square| (square / f64::from(checked)).sqrt());
         assert!(off.iter().all(|off| *off < 0.01), "{off:?}");
+    }
+
+    /// However many pixels an image has, the error that its depths have in common remains.
+    #[test]
+    fn what_depths_have_in_common_is_not_averaged_away() {
+        let reference = synthetic::reference(&synthetic::Shape::banana(), 200);
+        let facing = reference.points.iter().zip(&reference.normals).filter(|(_, normal)| normal.z < -0.5);
+        let point = |(p_W, _): (&nalgebra::Point3<f64>, _)| ScenePoint {
+            p_W: *p_W,
+            per_depth_W: Vector3::z(),
+            depth_sd_m: 0.004,
+            image: 0,
+        };
+        let points: Vec<ScenePoint> = facing.map(point).collect();
+        let sd_m = |common_fraction: f64| {
+            let config = Config { depth_common_fraction: Some(common_fraction), ..Config::default() };
+            let registration = Registration { reference: &reference, config: &config };
+            let depths = Depths { points: &points, shapeless_above_m: f64::INFINITY };
+            let sums = registration.sum_points(&depths, &Pose::identity(), f64::INFINITY);
+            sums.equations.projected(&Matrix3::identity()).0[(5, 5)].sqrt().recip()
+        };
+        let (alone, common) = (sd_m(0.0), sd_m(0.5));
+        assert!(alone < 4e-4, "{alone}");
+        assert!(common > 0.9 * 0.5_f64.sqrt() * 0.004, "{common}");
     }
 }

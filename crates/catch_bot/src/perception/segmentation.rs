@@ -53,6 +53,8 @@ pub struct Background<'a> {
     bodies: [Option<BodyInSight<'a>>; MAX_BODIES],
     /// Height of the camera over the floor and the vertical in C.
     floor: Option<(f64, Vector3<f64>)>,
+    /// How far beside an edge of these bodies a pixel may show them, in pixels.
+    bleeding_px: u32,
 }
 
 impl<'a> Background<'a> {
@@ -77,7 +79,7 @@ impl<'a> Background<'a> {
         }
         let up_C = camera.X_WC.rotation.inverse() * Vector3::z();
         let floor = config.sees_floor().then_some((camera.X_WC.translation.z, up_C));
-        Self { camera, bodies, floor }
+        Self { camera, bodies, floor, bleeding_px: bleeding_px(config) }
     }
 
     /// Depths of the full image, row by row.
@@ -117,7 +119,29 @@ impl<'a> Background<'a> {
         self.along_m(&self.camera.back_project(uv, 1.0).coords)
     }
 
-    /// The same along a ray whose third component is one.
+    /// The least depth that may be measured there: that of anything within the width of an edge.
+    pub fn nearest_m(&self, uv: &Point2<f64>) -> f64 {
+        let ray_C = self.camera.back_project(uv, 1.0).coords;
+        self.nearest_along_m(&ray_C, self.along_m(&ray_C))
+    }
+
+    /// The same along a ray whose third component is one, where what is behind it has a depth of `behind_m`.
+    fn nearest_along_m(&self, ray_C: &Vector3<f64>, behind_m: f64) -> f64 {
+        if self.bleeding_px == 0 || self.bodies.iter().flatten().next().is_none() {
+            return behind_m;
+        }
+        let aside = f64::from(self.bleeding_px) / self.camera.focal_px;
+        let around =
+            [-aside, 0.0, aside].into_iter().flat_map(|x| [-aside, 0.0, aside].map(|y| Vector3::new(x, y, 0.0)));
+        let beside = |nearest_m: f64, ray_C: Vector3<f64>| {
+            self.bodies.iter().flatten().fold(nearest_m, |nearest_m, body| body_m(body, &ray_C, nearest_m))
+        };
+        around
+            .filter(|offset| *offset != Vector3::zeros())
+            .fold(behind_m, |nearest_m, offset| beside(nearest_m, ray_C + offset))
+    }
+
+    /// Depth along a ray whose third component is one.
     fn along_m(&self, ray_C: &Vector3<f64>) -> f64 {
         self.bodies.iter().flatten().fold(self.floor_m(ray_C), |nearest_m, body| body_m(body, ray_C, nearest_m))
     }
@@ -137,6 +161,12 @@ fn body_m((centre_C, radius_m, X_BC, caster): &BodyInSight<'_>, ray_C: &Vector3<
 /// By how much a pixel must be nearer than what is known to be there: the depth noise there, and errors of the model.
 pub(super) fn threshold_m(depth_m: f64, config: &Config) -> f64 {
     config.background_margin_m + config.background_sd * config.depth_sd_m(depth_m)
+}
+
+/// How far beside an edge of the arm a pixel may show the arm: the width of edges, and a pixel for where the arm is not quite where it is
+/// believed to be.
+pub(super) fn bleeding_px(config: &Config) -> u32 {
+    if config.edge_px() > 0 { config.edge_px() + 1 } else { 0 }
 }
 
 /// Where in a camera's image the object is expected: a ball in C, and the window that it may cover.
@@ -185,11 +215,12 @@ pub(super) fn label(
             return Label::Unknown;
         }
         let behind_m = background.along_m(&ray_C);
+        let nearest_m = background.nearest_along_m(&ray_C, behind_m);
         // Too close to tell apart, or in front of where the object is.
-        let is_hidden = behind_m.is_finite() && behind_m - reach_m - threshold_m(behind_m, config) < depth_m;
-        let is_behind = behind_m.is_finite() && found_m > behind_m - threshold_m(behind_m, config);
+        let is_hidden = nearest_m.is_finite() && nearest_m - reach_m - threshold_m(nearest_m, config) < depth_m;
+        let is_behind = nearest_m.is_finite() && found_m > nearest_m - threshold_m(nearest_m, config);
         match is_measured(found_m) {
-            false if behind_m.is_infinite() => Label::Elsewhere,
+            false if nearest_m.is_infinite() => Label::Elsewhere,
             false if is_hidden || config.misses_depths() => Label::Unknown,
             false => Label::Elsewhere,
             true if is_behind && is_hidden => Label::Unknown,

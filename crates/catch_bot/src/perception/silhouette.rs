@@ -7,13 +7,15 @@
 
 use catch_body::Pose;
 use catch_cell::{CameraModel, PixelWindow};
-use nalgebra::{Point2, Point3, Rotation3, Vector3};
+use nalgebra::{Point2, Point3, Vector3};
 
 use super::{
     Config, ReferenceModel, Symmetry,
+    edge_growth::EdgeGrowth,
     normal_distribution::inverse_mills,
-    normal_equations::{OUTLIER_SD, Sums},
+    normal_equations::{CommonError, OUTLIER_SD, Sums},
     segmentation::Label,
+    viewpoint::Viewpoint,
 };
 
 /// The ray through a pixel at the object's silhouette.
@@ -27,6 +29,8 @@ pub struct SilhouetteRay {
     pub inside: bool,
     /// The angle that a pixel covers.
     pub pixel_rad: f64,
+    /// Number of its image.
+    image: usize,
     /// Where it comes nearest to the surface (or goes deepest below it): how far along it, and how the distance bends there,
     /// in 1/m.
     along_m: f64,
@@ -35,6 +39,8 @@ pub struct SilhouetteRay {
     distance_m: f64,
     p_O: Point3<f64>,
     n_O: Vector3<f64>,
+    /// Its direction in O.
+    direction_O: Vector3<f64>,
     /// Standard deviation of the silhouette there, in metres.
     sd_m: f64,
     /// How far the object had moved when the ray was looked at.
@@ -59,47 +65,59 @@ const LEAST_STEP_M: f64 = 5e-4;
 
 impl SilhouetteRay {
     /// A ray that has not been near an object.
-    pub fn new(p_WC: Point3<f64>, direction_W: Vector3<f64>, inside: bool, pixel_rad: f64) -> Self {
+    pub fn new(p_WC: Point3<f64>, direction_W: Vector3<f64>, inside: bool, pixel_rad: f64, image: usize) -> Self {
         Self {
             p_WC,
             direction_W,
             inside,
             pixel_rad,
+            image,
             along_m: 0.0,
             bend_per_m: 20.0,
             distance_m: 0.0,
             p_O: Point3::origin(),
             n_O: Vector3::zeros(),
+            direction_O: Vector3::zeros(),
             sd_m: 1.0,
             seen_after_m: 0.0,
         }
     }
 
-    /// How far the bound is broken in metres; negative if it is kept.
-    fn violation_m(&self) -> f64 {
-        if self.inside { self.distance_m } else { -self.distance_m }
+    /// How far the bound is broken in metres, where the object has grown as `edges` say; negative if it is kept.
+    fn violation_m(&self, edges: &[EdgeGrowth]) -> f64 {
+        if self.inside { self.beyond_m(edges) } else { -self.beyond_m(edges) }
     }
 
-    fn note(&mut self, moved_m: f64, config: &Config) {
+    /// How far the ray passes beside the grown object, in metres; negative if it meets it.
+    fn beyond_m(&self, edges: &[EdgeGrowth]) -> f64 {
+        self.distance_m - edges[self.image].px * self.pixel_m()
+    }
+
+    /// What a pixel covers there, in metres.
+    fn pixel_m(&self) -> f64 {
+        self.pixel_rad * self.along_m
+    }
+
+    fn note(&mut self, moved_m: f64, edges: &[EdgeGrowth], config: &Config) {
         self.seen_after_m = moved_m;
-        let in_image_m = config.silhouette_sd_px * self.pixel_rad * self.along_m;
+        let sd_px = config.silhouette_sd_px.hypot(edges[self.image].blur_px());
+        let in_image_m = sd_px * self.pixel_rad * self.along_m;
         self.sd_m = (in_image_m * in_image_m + config.model_sd_m * config.model_sd_m).sqrt();
     }
 
     /// Whether the bound is kept by so much that it does not matter after the object has moved by `moved_m`.
-    fn is_idle(&self, moved_m: f64, scale: f64) -> bool {
-        self.violation_m() + (moved_m - self.seen_after_m) < -IDLE_SD * scale * self.sd_m
+    fn is_idle(&self, moved_m: f64, scale: f64, edges: &[EdgeGrowth]) -> bool {
+        self.violation_m(edges) + (moved_m - self.seen_after_m) < -IDLE_SD * scale * self.sd_m
     }
 
     /// Finds the nearest place to the surface anew: from where its `neighbour` of the same camera came nearest, or else from the
     /// best of where it passes the object's centre and halfway to either side.
-    fn find(&mut self, reference: &ReferenceModel, view: &Viewpoint, neighbour: Option<&Self>, config: &Config) {
+    fn find(&mut self, reference: &ReferenceModel, view: &Viewpoint, neighbour: Option<&Self>) {
         let p_OC = view.p_OC;
         let direction_O = view.R_OW * self.direction_W;
-        let middle_m = -p_OC.coords.dot(&direction_O);
+        self.direction_O = direction_O;
+        let middle_m = self.along_m;
         let passes_m = (p_OC + direction_O * middle_m).coords.norm();
-        self.along_m = middle_m;
-        self.note(0.0, config);
         let clear_m = CLEAR_SD * self.sd_m;
         if passes_m > reference.radius_m + clear_m {
             // It misses the ball that holds the object.
@@ -161,6 +179,7 @@ impl SilhouetteRay {
         self.distance_m = distance_m + (slope + 0.5 * self.bend_per_m * ahead_m) * ahead_m;
         self.along_m += ahead_m;
         self.p_O = p_OC + direction_O * self.along_m;
+        self.direction_O = *direction_O;
         self.n_O = gradient - direction_O * slope;
         self.n_O /= self.n_O.norm().max(0.3);
     }
@@ -170,6 +189,8 @@ impl SilhouetteRay {
 #[derive(Debug, Clone, Default)]
 pub struct Silhouette {
     rays: Vec<SilhouetteRay>,
+    /// How far the object has grown in each image.
+    edges: Vec<EdgeGrowth>,
     /// Those that matter.
     near: Vec<u32>,
     /// How far the object had moved when they were chosen, and up to which scale they are all that matter.
@@ -181,6 +202,7 @@ impl Silhouette {
     /// Forgets all rays and makes room for `count`, so that collecting them does not allocate.
     pub(super) fn clear(&mut self, count: usize) {
         self.rays.clear();
+        self.edges.clear();
         self.near.clear();
         self.rays.reserve(count);
         self.near.reserve(count);
@@ -200,19 +222,23 @@ impl Silhouette {
     pub(super) fn thin_from(&mut self, other: &Self, most: usize) {
         self.rays.clear();
         self.rays.extend(other.rays.iter().step_by(stride(other.rays.len(), most)));
+        self.edges.clone_from(&other.edges);
     }
 
     /// Brings all rays to the object at `X_WO`, from scratch; all of them matter.
     pub(super) fn find(&mut self, reference: &ReferenceModel, X_WO: &Pose, config: &Config) {
         let mut view = Viewpoint::new(X_WO);
         let mut neighbour: Option<SilhouetteRay> = None;
+        self.edges.iter_mut().for_each(EdgeGrowth::reset);
         for ray in &mut self.rays {
-            if view.is_from_elsewhere(ray) {
+            if view.is_elsewhere(&ray.p_WC) {
                 neighbour = None;
             }
-            view.look_from(ray);
-            ray.find(reference, &view, neighbour.as_ref(), config);
-            ray.note(0.0, config);
+            view.look_from(&ray.p_WC);
+            ray.along_m = view.passing_m(&ray.direction_W);
+            ray.note(0.0, &self.edges, config);
+            ray.find(reference, &view, neighbour.as_ref());
+            ray.note(0.0, &self.edges, config);
             neighbour = Some(*ray);
         }
         self.choose(0.0, f64::INFINITY);
@@ -222,7 +248,7 @@ impl Silhouette {
     pub(super) fn choose(&mut self, moved_m: f64, scale: f64) {
         (self.moved_m, self.most_scale) = (moved_m, SCALE_GROWTH * scale);
         self.near.clear();
-        let matters = |ray: &SilhouetteRay| !ray.is_idle(moved_m + NEARBY_M, SCALE_GROWTH * scale);
+        let matters = |ray: &SilhouetteRay| !ray.is_idle(moved_m + NEARBY_M, SCALE_GROWTH * scale, &self.edges);
         self.near.extend((0_u32..).zip(&self.rays).filter(|(_, ray)| matters(ray)).map(|(i, _)| i));
     }
 
@@ -242,10 +268,10 @@ impl Silhouette {
         let mut view = Viewpoint::new(X_WO);
         for &i in &self.near {
             let ray = &mut self.rays[i as usize];
-            if !ray.is_idle(moved_m, scale) {
-                view.look_from(ray);
+            if !ray.is_idle(moved_m, scale, &self.edges) {
+                view.look_from(&ray.p_WC);
                 ray.follow(reference, &view);
-                ray.note(moved_m, config);
+                ray.note(moved_m, &self.edges, config);
             }
         }
     }
@@ -259,8 +285,8 @@ impl Silhouette {
     /// E\[u²; u > 0\] = ∫u²·Φ(−u)du / ∫Φ(−u)du = ⅔ for rays at any distance from the silhouette.
     pub(super) fn typical_violation(&self, scale: f64) -> f64 {
         let (mut weights, mut squares) = (0.0, 0.0);
-        for ray in self.near().filter(|ray| ray.violation_m() > 0.0) {
-            let in_sd = ray.violation_m() / ray.sd_m;
+        for ray in self.near().filter(|ray| ray.violation_m(&self.edges) > 0.0) {
+            let in_sd = ray.violation_m(&self.edges) / ray.sd_m;
             let weight = (1.0 + (in_sd / (OUTLIER_SD * scale)).powi(2)).powi(-2);
             weights += weight;
             squares += weight * in_sd * in_sd;
@@ -272,45 +298,67 @@ impl Silhouette {
     /// Mean square over all rays by which bounds are broken, in standard deviations; what is broken by more than outliers are counts
     /// like them, so that every ray that says otherwise has one vote.
     pub(super) fn mean_square(&self) -> f64 {
-        let broken = self.near().map(|ray| (ray.violation_m() / ray.sd_m).clamp(0.0, OUTLIER_SD));
+        let broken = self.near().map(|ray| (ray.violation_m(&self.edges) / ray.sd_m).clamp(0.0, OUTLIER_SD));
         broken.map(|in_sd| in_sd * in_sd).sum::<f64>() / self.len().max(1) as f64
     }
 
     /// What a pixel covers at the object, in metres.
     pub(super) fn pixel_m(&self) -> f64 {
-        let sum: f64 = self.rays.iter().map(|ray| ray.pixel_rad * ray.along_m).sum();
+        let sum: f64 = self.rays.iter().map(SilhouetteRay::pixel_m).sum();
         sum / self.rays.len().max(1) as f64
     }
 
-    /// Sums over the rays where they are: each costs −ln Φ(−u), u being by how many standard deviations its bound is broken.
-    pub(super) fn sum(&self, scale: f64) -> Sums {
+    /// Sums over the rays where they are: each costs −ln Φ(−u), u being by how many standard deviations its bound is broken. How far
+    /// the object has grown in an image is eliminated, and then brought to where that cost is least.
+    pub(super) fn sum(&mut self, scale: f64) -> Sums {
+        let Self { rays, edges, near, .. } = self;
         let mut sums = Sums::ZERO;
-        for ray in self.near() {
-            let violation_m = ray.violation_m();
-            let sd_m = ray.sd_m * scale;
-            let u = violation_m / sd_m;
-            if u < -IDLE_SD {
-                continue;
+        for of_image in near.chunk_by(|a, b| rays[*a as usize].image == rays[*b as usize].image) {
+            let image = rays[of_image[0] as usize].image;
+            let growth_sd_px = edges[image].sd_px();
+            let mut growth = (growth_sd_px > 0.0).then(|| CommonError::new(edges[image].beyond_expected()));
+            for ray in of_image.iter().map(|&i| &rays[i as usize]) {
+                let violation_m = ray.violation_m(edges);
+                let sd_m = ray.sd_m * scale;
+                let u = violation_m / sd_m;
+                if u < -IDLE_SD {
+                    continue;
+                }
+                let weight = if u > 0.0 { sums.weigh(violation_m, sd_m, 1.0) } else { 1.0 };
+                // λ = φ(u)/Φ(−u), and the cost's curvature λ·(λ − u).
+                let mills = inverse_mills(u);
+                let sign = if ray.inside { 1.0 } else { -1.0 };
+                let slope = sign * weight * mills / sd_m;
+                let curvature = weight * mills * (mills - u) / (sd_m * sd_m);
+                let Some(growth) = &mut growth else {
+                    sums.equations.add(&ray.p_O, &ray.n_O, curvature, slope);
+                    continue;
+                };
+                // Blur is an angle: what it covers grows with the distance, and must not be what makes the object seem farther away.
+                let n_O = ray.n_O + ray.direction_O * (ray.beyond_m(edges) / ray.along_m);
+                sums.equations.add(&ray.p_O, &n_O, curvature, slope);
+                growth.add(&ray.p_O, &n_O, curvature, slope, -growth_sd_px * ray.pixel_m());
             }
-            let weight = if u > 0.0 { sums.weigh(violation_m, sd_m, 1.0) } else { 1.0 };
-            // λ = φ(u)/Φ(−u), and the cost's curvature λ·(λ − u).
-            let mills = inverse_mills(u);
-            let sign = if ray.inside { 1.0 } else { -1.0 };
-            let slope = sign * weight * mills / sd_m;
-            sums.equations.add(&ray.p_O, &ray.n_O, weight * mills * (mills - u) / (sd_m * sd_m), slope);
+            if let Some(growth) = growth {
+                sums.equations.eliminate(&growth);
+                edges[image].step(-growth.slope / growth.curvature);
+            }
         }
         sums
     }
 
-    /// Appends the rays at the silhouette of an object whose pixels lie within `part` of an image's window, given what the pixel at a
-    /// column and row of the window says.
+    /// Appends the rays at the silhouette of an object whose pixels lie within `part` of an image's window, given how wide its edges
+    /// are and what the pixel at a column and row of the window says.
     pub(super) fn collect(
         &mut self,
         window: PixelWindow,
         camera: &CameraModel,
         part: &PixelWindow,
+        edge_px: u32,
         label: impl Fn(usize, usize) -> Label,
     ) {
+        let image = self.edges.len();
+        self.edges.push(EdgeGrowth::new(edge_px));
         let (columns, rows) = (window.width as usize, window.height as usize);
         // One pixel more all around, where the image has it.
         let left = ((part.left - window.left) as usize).saturating_sub(1);
@@ -338,7 +386,8 @@ impl Silhouette {
                 let ray_C = camera.back_project(&uv, 1.0).coords;
                 let length = ray_C.norm();
                 let pixel_rad = 1.0 / (camera.focal_px * length);
-                self.rays.push(SilhouetteRay::new(p_WC, R_WC * (ray_C / length), other == Label::Elsewhere, pixel_rad));
+                let inside = other == Label::Elsewhere;
+                self.rays.push(SilhouetteRay::new(p_WC, R_WC * (ray_C / length), inside, pixel_rad, image));
             }
         }
     }
@@ -349,30 +398,51 @@ pub(super) fn stride(count: usize, most: usize) -> usize {
     count.div_ceil(most.max(1)).max(1)
 }
 
-/// A camera's place as the object sees it.
-struct Viewpoint {
-    R_OW: Rotation3<f64>,
-    p_WO: Vector3<f64>,
-    p_WC: Point3<f64>,
-    p_OC: Point3<f64>,
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::perception::synthetic::{self, Shape};
 
-impl Viewpoint {
-    fn new(X_WO: &Pose) -> Self {
-        let R_OW = X_WO.rotation.to_rotation_matrix().transpose();
-        let p_WC = Point3::new(f64::NAN, f64::NAN, f64::NAN);
-        Self { R_OW, p_WO: X_WO.translation.vector, p_WC, p_OC: p_WC }
+    /// A ball of 30 pixels' radius, whose image has grown by one, as `edge_px` allows for.
+    fn grown(edge_px: u32) -> (ReferenceModel, Silhouette) {
+        let radius_m: f64 = 0.03;
+        let camera = CameraModel {
+            X_WC: Pose::translation(0.0, 0.0, -1.0),
+            width_px: 100,
+            height_px: 100,
+            focal_px: 1000.0,
+            principal_px: [50.0, 50.0],
+        };
+        let window = camera.full_window();
+        // Seen from one metre the silhouette of a ball is a little larger than its radius.
+        let radius_px = 1000.0 * radius_m / (1.0 - radius_m * radius_m).sqrt() + 1.0;
+        let mut silhouette = Silhouette::default();
+        silhouette.collect(window, &camera, &window, edge_px, |column, row| {
+            let beside = (column as f64 - 49.5).hypot(row as f64 - 49.5);
+            if beside < radius_px { Label::Object } else { Label::Elsewhere }
+        });
+        (synthetic::reference(&Shape::Sphere { radius: radius_m }, 200), silhouette)
     }
 
-    fn is_from_elsewhere(&self, ray: &SilhouetteRay) -> bool {
-        self.p_WC != ray.p_WC
-    }
-
-    /// Takes the place of a ray's camera.
-    fn look_from(&mut self, ray: &SilhouetteRay) {
-        if self.is_from_elsewhere(ray) {
-            self.p_WC = ray.p_WC;
-            self.p_OC = Point3::from(self.R_OW * (ray.p_WC.coords - self.p_WO));
-        }
+    /// Where edges may grow, a ball that seems too large is no nearer.
+    #[test]
+    fn growth_is_told_from_nearness() {
+        let config = Config::default();
+        let along = |edge_px: u32| {
+            let (reference, mut silhouette) = grown(edge_px);
+            silhouette.find(&reference, &Pose::identity(), &config);
+            for _ in 0..10 {
+                silhouette.sum(1.0);
+            }
+            let grown_px = silhouette.edges[0].px;
+            let (information, gradient) = silhouette.sum(1.0).equations.projected(&nalgebra::Matrix3::identity());
+            (grown_px, information[(5, 5)].sqrt().recip(), -gradient[5] / information[(5, 5)])
+        };
+        let (grown_px, sd_m, step_m) = along(2);
+        assert!((grown_px - 1.0).abs() < 0.3, "{grown_px}");
+        // A pixel is a thirtieth of a metre.
+        assert!(sd_m > 0.01 && step_m.abs() < sd_m, "{sd_m} {step_m}");
+        let (_, sd_m, step_m) = along(0);
+        assert!(sd_m < 0.005 && step_m < -3.0 * sd_m, "{sd_m} {step_m}");
     }
 }

@@ -9,6 +9,7 @@ mod darboux;
 mod edge_cases;
 mod grasp_fit;
 mod joint_spline;
+mod near_cameras;
 mod pose_estimation;
 mod quadratic_program;
 mod reach_map;

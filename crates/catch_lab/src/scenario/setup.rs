@@ -353,9 +353,11 @@ impl Setup {
         perception.floor_visible.get_or_insert(self.scenario.arena.floor_visible);
         let focal_px = self.cameras.first().map_or(1.0, |camera| camera.focal_px);
         let sheet = self.scenario.arena.depth.model.data_sheet(focal_px);
-        let DataSheet { constant_m, quadratic_per_m, dropout, .. } = sheet;
+        let DataSheet { constant_m, quadratic_per_m, common_fraction, dropout, edge_px } = sheet;
         perception.depth_noise.get_or_insert(DepthNoise { constant_m, quadratic_per_m });
         perception.depth_dropout.get_or_insert(dropout);
+        perception.depth_common_fraction.get_or_insert(common_fraction);
+        perception.depth_edge_px.get_or_insert(edge_px);
         config
     }
 

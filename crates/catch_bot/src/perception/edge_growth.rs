@@ -1,0 +1,52 @@
+//! How far stereo lets objects grow beyond their silhouettes.
+//!
+//! Stereo matches windows. Beside a depth edge some pixels show the nearer surface, others a depth between both, so that the edge of the
+//! object's pixels is blurred, and lies somewhere beside the silhouette: alike all around the object in one image.
+
+/// Standard deviation of a single pixel's place at an edge, by the edge's width.
+const BLUR_FRACTION: f64 = 0.35;
+/// By how much objects are expected to grow, by the same.
+const EXPECTED_FRACTION: f64 = 0.25;
+/// And the standard deviation of that.
+const GROWTH_SD_FRACTION: f64 = 0.5;
+
+/// The growth of an object in one image, as it is estimated along with the pose.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct EdgeGrowth {
+    edge_px: f64,
+    /// The growth in pixels.
+    pub px: f64,
+}
+
+impl EdgeGrowth {
+    /// As it is expected where edges are so wide.
+    pub fn new(edge_px: u32) -> Self {
+        let edge_px = f64::from(edge_px);
+        Self { edge_px, px: EXPECTED_FRACTION * edge_px }
+    }
+
+    /// As it was before any image.
+    pub fn reset(&mut self) {
+        self.px = EXPECTED_FRACTION * self.edge_px;
+    }
+
+    /// Standard deviation of a pixel's place at the edge.
+    pub fn blur_px(&self) -> f64 {
+        BLUR_FRACTION * self.edge_px
+    }
+
+    /// Standard deviation of the growth that is expected; zero where edges are sharp.
+    pub fn sd_px(&self) -> f64 {
+        GROWTH_SD_FRACTION * self.edge_px
+    }
+
+    /// By how many of these it is more than expected.
+    pub fn beyond_expected(&self) -> f64 {
+        self.px / self.sd_px() - EXPECTED_FRACTION / GROWTH_SD_FRACTION
+    }
+
+    /// Takes a step of so many of them.
+    pub fn step(&mut self, in_sd: f64) {
+        self.px = (self.px + in_sd * self.sd_px()).clamp(-self.edge_px, 2.0 * self.edge_px);
+    }
+}

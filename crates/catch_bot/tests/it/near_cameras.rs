@@ -1,0 +1,146 @@
+//! Tests of images from a few near stereo cameras without masks: edges that bleed, and objects that one camera alone sees.
+
+use std::sync::Arc;
+
+use catch_body::{Pose, pose::look_at, ray_cast::ArmSurface};
+use catch_bot::perception::{
+    Config, DepthNoise, PerceptionStatus, PoseEstimator, Prior, SdfEstimator, Surroundings, View, Workspace,
+    segmentation::Background,
+};
+use catch_cell::{CameraModel, DepthFrame};
+use nalgebra::{Point3, UnitQuaternion};
+
+use crate::{
+    synthetic::{self, Normal, Shape},
+    unlabelled::arm,
+};
+
+const EDGE_PX: u32 = 2;
+
+fn cameras() -> Vec<CameraModel> {
+    let eyes = [[2.0, -1.0, 1.4], [-0.6, 1.6, 1.4], [2.2, 1.8, 1.4]];
+    let camera = |eye: [f64; 3]| {
+        let X_WC = look_at(&Point3::from(eye), &Point3::new(1.0, 0.4, 0.75));
+        CameraModel::with_field_of_view(X_WC, 848, 480, 58.0_f64.to_radians())
+    };
+    eyes.map(camera).to_vec()
+}
+
+fn config() -> Config {
+    Config {
+        depth_noise: Some(DepthNoise { constant_m: 0.0, quadratic_per_m: 0.08 / (433.0 * 0.05) }),
+        depth_common_fraction: Some(0.5),
+        depth_dropout: Some(true),
+        depth_edge_px: Some(EDGE_PX),
+        ..Config::default()
+    }
+}
+
+/// An image of nothing.
+fn empty(index: usize, camera: &CameraModel) -> DepthFrame {
+    let window = camera.full_window();
+    DepthFrame { camera: index, capture_s: 0.0, window, depth_m: vec![f32::NAN; window.area()], mask: None }
+}
+
+/// Lets a quarter of the pixels beside what is there show it too, and adds noise.
+fn measured(clean: &DepthFrame, normal: &mut Normal) -> DepthFrame {
+    let (wide, reach) = (clean.window.width as usize, EDGE_PX as usize);
+    let mut frame = clean.clone();
+    for (i, depth_m) in frame.depth_m.iter_mut().enumerate() {
+        let (column, row) = (i % wide, i / wide);
+        if depth_m.is_nan() && normal.uniform(0.0, 1.0) < 0.25 {
+            let columns = column.saturating_sub(reach)..(column + reach + 1).min(wide);
+            let rows = row.saturating_sub(reach)..(row + reach + 1).min(clean.window.height as usize);
+            let around = rows.flat_map(|row| columns.clone().map(move |column| clean.depth_m[row * wide + column]));
+            *depth_m = around.fold(f32::NAN, f32::min);
+        }
+        let z = f64::from(*depth_m);
+        *depth_m += (z * z * 0.08 / (433.0 * 0.05) * normal.draw()) as f32;
+    }
+    frame
+}
+
+/// The arm alone is no object, although pixels beside it seem to be something before nothing.
+#[test]
+fn edges_of_the_arm_that_bleed_are_no_object() {
+    let (robot, gripper) = arm();
+    let surface = ArmSurface::new(&robot, &gripper);
+    let surroundings = Surroundings { arm: &surface, X_WL: robot.link_poses(&robot.ready_q), width_m: 0.11 };
+    let (cameras, config) = (cameras(), config());
+    let clean: Vec<DepthFrame> = (0..)
+        .zip(&cameras)
+        .map(|(index, camera)| {
+            let mut frame = empty(index, camera);
+            let background = Background::new(camera, Some(&surroundings), &camera.full_window(), &config);
+            background.cast_all(&mut frame.depth_m);
+            frame.depth_m.iter_mut().filter(|depth_m| depth_m.is_infinite()).for_each(|depth_m| *depth_m = f32::NAN);
+            frame
+        })
+        .collect();
+    let reference = Arc::new(synthetic::reference(&Shape::ball(), 100));
+    let found = |config: &Config| {
+        let workspace = Workspace::before_flight(&cameras, &surroundings, config);
+        let mut estimator = SdfEstimator::new(config.clone(), reference.clone(), workspace);
+        let mut normal = Normal::new(1);
+        let mut is_found = || {
+            let frames: Vec<DepthFrame> = clean.iter().map(|frame| measured(frame, &mut normal)).collect();
+            let view = View { frames: &frames, cameras: &cameras, surroundings: Some(&surroundings) };
+            estimator
+                .estimate(&view, Prior::Anywhere)
+                .map_or_else(|status| status != PerceptionStatus::NoPoints, |_| true)
+        };
+        (0..5).filter(|_| is_found()).count()
+    };
+    assert_eq!(found(&config), 0);
+    assert!(found(&Config { depth_edge_px: None, ..config.clone() }) > 0, "edges that nobody expects are objects");
+}
+
+/// Where others would have seen it too, an object that one camera shows is not believed.
+#[test]
+fn one_camera_is_enough_where_no_other_sees() {
+    let place = Point3::new(1.0, 0.4, 0.75);
+    let reference = Arc::new(synthetic::reference(&Shape::ball(), 100));
+    let X_WO = Pose::from_parts(place.coords.into(), UnitQuaternion::identity());
+    let mut estimator = SdfEstimator::new(config(), reference.clone(), Workspace::default());
+    let mut found = |cameras: &[CameraModel]| {
+        let mut seen = synthetic::depth_frame(0, &cameras[0], &Shape::ball(), &(X_WO * reference.X_RO.inverse()), 0.03);
+        seen.mask = None;
+        let frames = [seen, empty(1, &cameras[1]), empty(2, &cameras[2])];
+        let view = View { frames: &frames, cameras, surroundings: None };
+        estimator.estimate(&view, Prior::Anywhere).map(|pose| (pose.X_WO.translation.vector - place.coords).norm())
+    };
+    let mut cameras = cameras();
+    assert_eq!(found(&cameras), Err(PerceptionStatus::NoPoints));
+    for camera in &mut cameras[1..] {
+        let eye = Point3::from(camera.X_WC.translation.vector);
+        camera.X_WC = look_at(&eye, &(eye + (eye - place)));
+    }
+    let off_m = found(&cameras).unwrap();
+    assert!(off_m < 0.02, "{off_m}");
+}
+
+/// One far camera tells how far away an object is as well as its mean depth does, and says so.
+#[test]
+fn a_far_object_is_as_far_away_as_its_mean_depth() {
+    let camera = CameraModel::with_field_of_view(
+        look_at(&Point3::new(3.5, 0.0, 1.0), &Point3::new(0.0, 0.0, 1.0)),
+        848,
+        480,
+        58.0_f64.to_radians(),
+    );
+    let reference = Arc::new(synthetic::reference(&Shape::ball(), 100));
+    let X_WO = Pose::translation(0.0, 0.0, 1.0);
+    let mut estimator = SdfEstimator::new(config(), reference.clone(), Workspace::default());
+    let mut normal = Normal::new(2);
+    for _ in 0..10 {
+        let clean = synthetic::depth_frame(0, &camera, &Shape::ball(), &(X_WO * reference.X_RO.inverse()), 0.05);
+        let frames = [DepthFrame { mask: None, ..measured(&clean, &mut normal) }];
+        let view = View { frames: &frames, cameras: std::slice::from_ref(&camera), surroundings: None };
+        let pose = estimator.estimate(&view, Prior::Pose(Pose::translation(0.01, 0.01, 1.0))).unwrap();
+        let error = pose.X_WO.translation.vector - X_WO.translation.vector;
+        // 45 mm, half of whose variance is common.
+        let claimed_m = pose.information[(3, 3)].sqrt().recip();
+        assert!((0.02..0.06).contains(&claimed_m), "{claimed_m}");
+        assert!(error.x.abs() < 3.0 * claimed_m && error.yz().norm() < 0.01, "{error:?} {claimed_m}");
+    }
+}
