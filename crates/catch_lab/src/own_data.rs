@@ -12,6 +12,7 @@ mod mesh_paths;
 mod object_check;
 pub mod object_import;
 pub mod planner_cases;
+pub mod recorded_throws;
 pub mod robot_import;
 pub mod ros_calibration;
 pub mod templates;

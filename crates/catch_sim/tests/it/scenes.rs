@@ -95,6 +95,7 @@ fn the_same_scene_gives_the_same_truth() {
             v_WO: Vector3::new(0.1, 0.0, -2.0),
             q_WO: UnitQuaternion::from_euler_angles(0.3, 0.2, 0.1),
             omega_WO: Vector3::new(4.0, 5.0, 6.0),
+            path: None,
         };
         let mut arena = arena(&ArenaConfig::default(), "banana", &release);
         let Ok(_) = arena.sense();
@@ -124,6 +125,7 @@ fn the_arm_holds_what_it_has_grasped() {
             v_WO: Vector3::zeros(),
             q_WO: X_WG.rotation,
             omega_WO: Vector3::zeros(),
+            path: None,
         };
         let mut arena = arena(&ArenaConfig::default(), object, &release);
         let Ok(_) = arena.sense();
