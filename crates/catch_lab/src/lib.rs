@@ -40,6 +40,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`bounded_file`] | files of users: regular ones of a limited size |
+//! | [`own_data::recorded_throws`] | recorded tracks as throws; it stands on the modules of [`own_data`] on tracks and flights, which use nothing else |
 //! | [`assets`] | what is built in or named by a file |
 //! | [`scenario`] | everything that trials share: [`scenario::setup`] reads what a scenario names, [`scenario::brain`] makes the brain |
 //! | [`trial`] | one throw: arena and brain tick by tick |

@@ -1,12 +1,12 @@
 //! Aerodynamic forces that are found along with a flight: drag by direction, and a force across the flight.
 //!
-//! a = g − k·|v|·v + f with f = −|v|·R·E·Rᵀ·v + s×v: E is symmetric, without trace and fixed to the object, and has the symmetry that the object
-//! looks to have; s is the Magnus coefficient times the angular velocity, which need not be seen. The orientations of the poses are taken
-//! as they are and the velocities as fitted before, so that position, velocity, k, E and s follow from one linear problem with Gaussian
-//! priors.
+//! a = g − k·|v|·v + f with f = −|v|·R·E·Rᵀ·v + (c_M·ω + s)×v: E is symmetric, without trace and fixed to the object, and has the symmetry that
+//! the object looks to have; c_M is the Magnus coefficient, and s that times the part of the spin that cannot be seen, about the axis of a
+//! body of revolution or about any of a ball. The orientations of the poses are taken as they are, and velocities and angular velocities
+//! as fitted before, so that position, velocity, k, E, c_M and s follow from one linear problem with Gaussian priors.
 
 use catch_body::dynamics::gravity;
-use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -24,13 +24,28 @@ use crate::{
 pub struct AerodynamicPrior {
     /// Standard deviation of E's elements in 1/m.
     pub drag_deviation_sd_per_m: f64,
-    /// Standard deviation of each component of s, in rad/s.
+    /// Magnus coefficient c_M that is expected.
+    pub magnus: f64,
+    /// Its standard deviation.
+    pub magnus_sd: f64,
+    /// Standard deviation of each component of s, in rad/s. Where `magnus_sd` is zero, s is the lift of all spin, seen or not.
     pub lift_sd_radps: f64,
+    /// Decay c of the spin that is expected, ω̇ = −c·ω, in 1/s.
+    pub spin_decay_per_s: f64,
+    /// Its standard deviation.
+    pub spin_decay_sd_per_s: f64,
 }
 
 impl Settings for AerodynamicPrior {
     fn faults(&self) -> Vec<SettingError> {
-        let values = [("drag_deviation_sd_per_m", self.drag_deviation_sd_per_m), ("lift_sd_radps", self.lift_sd_radps)];
+        let values = [
+            ("drag_deviation_sd_per_m", self.drag_deviation_sd_per_m),
+            ("magnus", self.magnus),
+            ("magnus_sd", self.magnus_sd),
+            ("lift_sd_radps", self.lift_sd_radps),
+            ("spin_decay_per_s", self.spin_decay_per_s),
+            ("spin_decay_sd_per_s", self.spin_decay_sd_per_s),
+        ];
         Faults::default().values(&NOT_NEGATIVE, values).all()
     }
 }
@@ -38,17 +53,18 @@ impl Settings for AerodynamicPrior {
 impl AerodynamicPrior {
     /// Whether any forces are expected.
     pub fn any(&self) -> bool {
-        self.drag_deviation_sd_per_m > 0.0 || self.lift_sd_radps > 0.0
+        self.drag_deviation_sd_per_m > 0.0 || self.magnus > 0.0 || self.magnus_sd > 0.0 || self.lift_sd_radps > 0.0
     }
 }
 
 /// Elements of E.
 const E: usize = 5;
-/// Parameters: position, velocity, k, elements of E, s.
-const N: usize = 15;
+/// Parameters: position, velocity, k, elements of E, s, c_M.
+const N: usize = 16;
 const DRAG: usize = 6;
 const DEVIATION: usize = 7;
 const LIFT: usize = DEVIATION + E;
+const MAGNUS: usize = LIFT + 3;
 /// Passes of reweighting, and the error in scaled standard deviations at which a weight has fallen to a quarter.
 const PASSES: usize = 3;
 const OUTLIER_SD: f64 = 4.0;
@@ -74,6 +90,39 @@ fn deviations(symmetry: &Symmetry) -> [Matrix3<f64>; E] {
     basis
 }
 
+/// How s depends on its parameters, at an orientation of the object.
+#[derive(Debug, Clone, Copy)]
+enum UnseenSpin {
+    /// Fixed in W: the parameters are its components.
+    World,
+    /// Along an axis in O: the first parameter is its length.
+    Along(Unit<Vector3<f64>>),
+    /// There is none.
+    None,
+}
+
+impl UnseenSpin {
+    fn of(symmetry: &Symmetry, prior: &AerodynamicPrior) -> Self {
+        match symmetry {
+            Symmetry::Sphere => Self::World,
+            _ if prior.magnus_sd == 0.0 => Self::World,
+            Symmetry::Axis { axis, .. } => Self::Along(*axis),
+            Symmetry::Finite { .. } => Self::None,
+        }
+    }
+
+    /// ∂(s×v)/∂(its parameters).
+    fn acceleration_by(self, R_WO: &Rotation3<f64>, v: &Vector3<f64>) -> Matrix3<f64> {
+        let mut by = Matrix3::zeros();
+        match self {
+            Self::World => by = -v.cross_matrix(),
+            Self::Along(axis) => by.set_column(0, &(R_WO * axis.into_inner()).cross(v)),
+            Self::None => {}
+        }
+        by
+    }
+}
+
 /// The dependence of the position at one time on the parameters, and what remains of the position without them.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Row {
@@ -94,8 +143,9 @@ pub(super) fn refine(
     rows: &mut Vec<Row>,
 ) {
     let basis = deviations(symmetry);
+    let unseen = UnseenSpin::of(symmetry, &config.aerodynamics);
     // Accelerations by the parameters from the drag constant on.
-    let accelerations = |R_WO: &UnitQuaternion<f64>, v: &Vector3<f64>| {
+    let accelerations = |R_WO: &UnitQuaternion<f64>, v: &Vector3<f64>, w: &Vector3<f64>| {
         let mut by = SMatrix::<f64, 3, { N - DRAG }>::zeros();
         by.set_column(0, &(v * -v.norm()));
         let R = R_WO.to_rotation_matrix();
@@ -103,21 +153,29 @@ pub(super) fn refine(
         for (i, unit) in basis.iter().enumerate() {
             by.set_column(1 + i, &(R * (unit * in_body) * -v.norm()));
         }
-        by.fixed_view_mut::<3, 3>(0, 1 + E).copy_from(&-v.cross_matrix());
+        by.fixed_view_mut::<3, 3>(0, LIFT - DRAG).copy_from(&unseen.acceleration_by(&R, v));
+        by.set_column(MAGNUS - DRAG, &w.cross(v));
         by
     };
     rows.clear();
     rows.reserve(config.fit_window);
     // Backward from the newest pose, by the trapezoid rule: the velocity along the flight as it was fitted.
     let mut v = flight.v_WO;
-    let newest = accelerations(&flight.R_WO, &v);
+    let mut tumbling = flight.tumbling();
+    let turns = !matches!(symmetry, Symmetry::Sphere) && (config.aerodynamics.magnus > 0.0 || config.aerodynamics.magnus_sd > 0.0);
+    let newest = accelerations(&flight.R_WO, &v, &if turns { flight.w_WO } else { Vector3::zeros() });
     let mut last = newest;
     let (mut by_velocity, mut by_position) = (last * 0.0, last * 0.0);
     let mut age_s = 0.0;
     for pose in poses.iter().rev().filter(|pose| super::ransac::is_finite(pose)) {
         let h = (flight.time_s - pose.capture_s - age_s).max(0.0);
         v -= (gravity() - v * (flight.drag_per_m * v.norm())) * h;
-        let now = accelerations(&pose.X_WO.rotation, &v);
+        let mut w = Vector3::zeros();
+        if turns {
+            tumbling = tumbling.after(-h, false);
+            w = tumbling.w_WO();
+        }
+        let now = accelerations(&pose.X_WO.rotation, &v, &w);
         let mean = (last + now) * 0.5;
         by_position += mean * (0.5 * h * h) - by_velocity * h;
         by_velocity -= mean * h;
@@ -131,6 +189,7 @@ pub(super) fn refine(
     }
     let mut expected = SVector::<f64, N>::zeros();
     expected[DRAG] = config.drag_per_m();
+    expected[MAGNUS] = config.aerodynamics.magnus;
     let mut known = SVector::<f64, N>::repeat(1e-6);
     let of = |sd: f64| sd.max(1e-7).powi(-2);
     known[DRAG] = of(config.drag_sd_per_m());
@@ -140,6 +199,7 @@ pub(super) fn refine(
     for i in 0..3 {
         known[LIFT + i] = of(config.aerodynamics.lift_sd_radps);
     }
+    known[MAGNUS] = of(config.aerodynamics.magnus_sd);
     let mut found = None;
     let mut scale = 1.0;
     for pass in 0..=PASSES {
@@ -182,8 +242,14 @@ pub(super) fn refine(
     flight.drag_per_m = x[DRAG];
     flight.forces = AerodynamicForces {
         drag_deviation_O: basis.iter().enumerate().map(|(i, unit)| unit * x[DEVIATION + i]).sum(),
-        lift_W: x.fixed_rows::<3>(LIFT).into_owned(),
+        magnus: if turns { x[MAGNUS] } else { 0.0 },
+        ..AerodynamicForces::default()
     };
+    match unseen {
+        UnseenSpin::World => flight.forces.lift_W = x.fixed_rows::<3>(LIFT).into_owned(),
+        UnseenSpin::Along(axis) => flight.forces.lift_O = axis.into_inner() * x[LIFT],
+        UnseenSpin::None => {}
+    }
     flight.covariance = covariance.fixed_view::<7, 7>(0, 0).into_owned();
     let by_forces = newest.fixed_columns::<{ N - DEVIATION }>(1).transpose();
     let of_forces = covariance.fixed_columns::<{ N - DEVIATION }>(DEVIATION) * by_forces;

@@ -213,7 +213,7 @@ fn drag_is_found_as_well_as_it_can_be() {
 fn aerodynamic_forces_are_found() {
     let calm = Config { drag_prior_per_m: Some(0.05), drag_prior_sd_per_m: Some(0.01), ..Config::default() };
     let process_noise = ProcessNoise { acceleration: 0.05, angular_acceleration: 0.5 };
-    let aerodynamics = AerodynamicPrior { drag_deviation_sd_per_m: 0.02, lift_sd_radps: 0.03 };
+    let aerodynamics = AerodynamicPrior { drag_deviation_sd_per_m: 0.02, lift_sd_radps: 0.03, ..AerodynamicPrior::default() };
     let aware = Config { process_noise, aerodynamics, ..calm.clone() };
     let (mut errors, mut inside) = ([Vec::new(), Vec::new()], 0);
     for seed in 0..200 {
@@ -221,7 +221,7 @@ fn aerodynamic_forces_are_found() {
         let mut throw = throw(&mut normal, 10.0, 0.05, &banana());
         let diagonal = normal.vector() * 0.02;
         let drag_deviation_O = Matrix3::from_diagonal(&diagonal.add_scalar(-diagonal.mean()));
-        throw.forces = AerodynamicForces { drag_deviation_O, lift_W: normal.vector() * 0.03 };
+        throw.forces = AerodynamicForces { drag_deviation_O, lift_W: normal.vector() * 0.03, ..throw.forces };
         let poses = seen(&throw, 40, 0.0006, 0.02, 0.1, &mut normal);
         for (config, errors) in [&calm, &aware].into_iter().zip(&mut errors) {
             let flight = predict(&poses, None, banana(), config, seed, &mut Default::default()).unwrap();

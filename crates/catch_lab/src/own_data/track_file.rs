@@ -49,9 +49,11 @@ pub fn in_folder(folder: &Path, least: usize) -> Result<Vec<PathBuf>, InputError
     let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
     paths.retain(|path| path.extension().is_some_and(|it| it.eq_ignore_ascii_case("csv")));
     paths.sort();
-    if !(least..=MOST_TRACKS).contains(&paths.len()) {
-        let expected = format!("{least} to {MOST_TRACKS}, a throw each");
-        return Err(InputError::new(shown, "CSV files", paths.len(), expected));
+    let fault = |expected: String| Err(InputError::new(&shown, "CSV files", paths.len(), expected));
+    match paths.len() {
+        count if count < least => return fault(format!("{least} or more, a throw each")),
+        count if count > MOST_TRACKS => return fault(format!("at most {MOST_TRACKS}, a throw each")),
+        _ => {}
     }
     Ok(paths)
 }

@@ -242,3 +242,105 @@ impl RecordedMotion {
         Release { p_WO: first.position, v_WO: first.velocity, q_WO, omega_WO, path }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::throw::Throw;
+    use approx::assert_relative_eq;
+    use catch_body::dynamics::gravity;
+
+    const STEP_S: f64 = 0.02;
+
+    /// A parabola, seen from the release on, the object turning about a fixed axis.
+    fn flight(v: Vector3<f64>, duration_s: f64, is_oriented: bool) -> RecordedFlight {
+        let omega = Vector3::new(3.0, -5.0, 9.0);
+        let state = |i: usize| {
+            let t = STEP_S * i as f64;
+            RecordedState {
+                time_s: t,
+                position: (v * t + gravity() * (0.5 * t * t)).into(),
+                velocity: v + gravity() * t,
+                rotation: is_oriented.then(|| (UnitQuaternion::from_scaled_axis(omega * t), omega)),
+            }
+        };
+        RecordedFlight::new((0..=(duration_s / STEP_S) as usize).map(state).collect()).unwrap()
+    }
+
+    fn thrown(settings: &str, is_oriented: bool) -> Throw {
+        let text = format!("[motion]\nkind = \"recorded\"\n{settings}");
+        let flights =
+            [Vector3::new(4.0, 3.0, 4.5), Vector3::new(-6.0, 0.1, 5.5)].map(|v| flight(v, 0.6, is_oriented)).to_vec();
+        Throw::from_toml_with("t.toml", &text, &|_| Ok(flights.clone())).unwrap()
+    }
+
+    fn calm() -> Conditions {
+        let text = include_str!("../../../../assets/objects/tennis_ball.toml");
+        let object = crate::ThrownObject::from_toml("ball", text, &|_| unreachable!("it names no file")).unwrap();
+        Conditions::draw(&crate::ArenaConfig::default(), &object, 0, 0)
+    }
+
+    #[test]
+    fn between_states_the_motion_is_smooth() {
+        let flight = flight(Vector3::new(4.0, 3.0, 4.5), 0.6, true);
+        for time_s in [0.0, 0.013, 0.3141, 0.59] {
+            let (state, h) = (flight.at(time_s).unwrap(), 1e-6);
+            let expected = Vector3::new(4.0, 3.0, 4.5) * time_s + gravity() * (0.5 * time_s * time_s);
+            assert_relative_eq!(state.position.coords, expected, epsilon = 1e-9);
+            assert_relative_eq!(state.velocity, Vector3::new(4.0, 3.0, 4.5) + gravity() * time_s, epsilon = 1e-9);
+            let next = flight.at(time_s + h).unwrap();
+            let ((q, omega), (q_next, _)) = (state.rotation.unwrap(), next.rotation.unwrap());
+            assert_relative_eq!((q_next * q.inverse()).scaled_axis() / h, omega, epsilon = 1e-4);
+        }
+        assert!(flight.at(-0.01).is_none() && flight.at(0.6).is_none());
+    }
+
+    /// Each passes the axis where it is drawn to, comes from where the thrower stands, and is a rotation of what was recorded.
+    #[test]
+    fn throws_pass_within_reach() {
+        let conditions = calm();
+        for flight in ["released", "recorded"] {
+            let throw = thrown(&format!("flight = \"{flight}\""), true);
+            for index in 0..40 {
+                let release = throw.release("mug", &conditions, 3, index);
+                assert_eq!(release, throw.release("mug", &conditions, 3, index));
+                assert_eq!(release.path.is_some(), flight == "recorded");
+                let nearest = release.p_WO.coords.xy().perp(&release.v_WO.xy().normalize());
+                assert!((0.35..=0.7).contains(&nearest), "{nearest} m beside the axis, clockwise");
+                let azimuth = release.p_WO.y.atan2(release.p_WO.x).to_degrees();
+                assert!((15.0..=75.0).contains(&azimuth), "{azimuth}");
+                assert!(release.p_WO.z >= LEAST_RELEASE_M - 1e-9);
+                let recorded = if index % 2 == 0 { Vector3::new(4.0, 3.0, 4.5) } else { Vector3::new(-6.0, 0.1, 5.5) };
+                assert_relative_eq!(release.v_WO.norm(), recorded.norm(), epsilon = 1e-9);
+                assert_relative_eq!(release.omega_WO.z, 9.0, epsilon = 1e-9);
+            }
+        }
+        let others = thrown("side = \"counterclockwise\"\npassage_distance_m = [0.2, 0.2]", true);
+        let release = others.release("mug", &conditions, 3, 0);
+        assert_relative_eq!(release.p_WO.coords.xy().perp(&release.v_WO.xy().normalize()), -0.2, epsilon = 1e-9);
+    }
+
+    #[test]
+    fn what_was_not_recorded_is_drawn() {
+        let conditions = calm();
+        let [one, other] = [0, 2].map(|index| thrown("", false).release("mug", &conditions, 3, index));
+        assert!(one.q_WO.angle_to(&other.q_WO) > 1e-3);
+        assert_eq!(one.omega_WO, conditions.spin_radps);
+    }
+
+    #[test]
+    fn faults_name_the_field() {
+        for (text, field) in [
+            ("passage_s = [0.9, 0.6]", "motion.passage_s"),
+            ("flight = \"simulated\"", "flight"),
+            ("tracks = \"nowhere\"", "motion.tracks"),
+        ] {
+            let text = format!("[motion]\nkind = \"recorded\"\n{text}");
+            let fault = Throw::from_toml_with("t.toml", &text, &|_| Ok(Vec::new())).unwrap_err().to_string();
+            assert!(fault.contains(field), "{fault}");
+        }
+        let fault = Throw::from_toml("t.toml", "[motion]\nkind = \"recorded\"").unwrap_err().to_string();
+        assert!(fault.contains("motion.tracks"), "{fault}");
+        assert!(RecordedFlight::new(Vec::new()).is_none());
+    }
+}

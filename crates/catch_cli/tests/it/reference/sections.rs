@@ -121,6 +121,7 @@ pub const FILES: &[Section] = &[
     of("Throw", "catch_sim/src/throw.rs", "ThrowFile"),
     of("Throw: motion", "catch_sim/src/throw.rs", "Motion"),
     of("Throw: motion, kind random", "catch_sim/src/throw/random.rs", "RandomMotion"),
+    of("Throw: motion, kind recorded", "catch_sim/src/throw/recorded.rs", "RecordedMotion"),
     of("Rig", "catch_cell/src/rig.rs", "RigFile"),
     of("Rig: uv_sphere", "catch_cell/src/rig.rs", "UvSphereFields"),
     of("Rig: cameras", "catch_cell/src/rig.rs", "CameraFields"),
