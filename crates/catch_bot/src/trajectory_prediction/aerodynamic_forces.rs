@@ -20,15 +20,17 @@ pub struct AerodynamicForces {
 }
 
 impl AerodynamicForces {
-    /// The acceleration f of an object with this orientation, velocity and angular velocity.
+    /// The acceleration f of an object with this orientation, velocity and angular velocity; of the spin that cannot be seen, `left` is the
+    /// fraction that has not decayed.
     pub fn acceleration_mps2(
         &self,
         R_WO: &UnitQuaternion<f64>,
         v_WO: &Vector3<f64>,
         w_WO: &Vector3<f64>,
+        left: f64,
     ) -> Vector3<f64> {
         let across = R_WO * (self.drag_deviation_O * R_WO.inverse_transform_vector(v_WO));
-        let lift_W = w_WO * self.magnus + self.lift_W + R_WO * self.lift_O;
+        let lift_W = w_WO * self.magnus + (self.lift_W + R_WO * self.lift_O) * left;
         lift_W.cross(v_WO) - across * v_WO.norm()
     }
 

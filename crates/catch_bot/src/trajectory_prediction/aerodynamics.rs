@@ -22,7 +22,7 @@ use crate::{
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AerodynamicPrior {
-    /// Standard deviation of E's elements in 1/m.
+    /// Standard deviation in 1/m of E's elements along the principal axes of inertia; of those beside them a fifth.
     pub drag_deviation_sd_per_m: f64,
     /// Magnus coefficient c_M that is expected.
     pub magnus: f64,
@@ -65,6 +65,9 @@ const DRAG: usize = 6;
 const DEVIATION: usize = 7;
 const LIFT: usize = DEVIATION + E;
 const MAGNUS: usize = LIFT + 3;
+/// How much less of E is expected beside the principal axes of inertia than along them: where shape and mass have planes of symmetry,
+/// there is none.
+const ACROSS: f64 = 0.2;
 /// Passes of reweighting, and the error in scaled standard deviations at which a weight has fallen to a quarter.
 const PASSES: usize = 3;
 const OUTLIER_SD: f64 = 4.0;
@@ -78,9 +81,12 @@ fn deviations(symmetry: &Symmetry) -> [Matrix3<f64>; E] {
     };
     let mut basis = [Matrix3::zeros(); E];
     match symmetry {
-        Symmetry::Finite { .. } => {
+        Symmetry::Finite { inertia_per_kg, .. } => {
             let along = |diagonal: [f64; 3]| Matrix3::from_diagonal(&Vector3::from(diagonal));
-            basis = [along([1.0, -1.0, 0.0]), along([-0.5, -0.5, 1.0]), pair(0, 1), pair(0, 2), pair(1, 2)];
+            let across = [pair(0, 1), pair(0, 2), pair(1, 2)].map(|unit| unit * ACROSS);
+            let axes = inertia_per_kg.symmetric_eigen().eigenvectors;
+            basis = [along([1.0, -1.0, 0.0]), along([-0.5, -0.5, 1.0]), across[0], across[1], across[2]]
+                .map(|unit| axes * unit * axes.transpose());
         }
         Symmetry::Axis { axis, .. } => {
             basis[0] = axis.into_inner() * axis.transpose() * 1.5 - Matrix3::identity() * 0.5;
@@ -145,7 +151,7 @@ pub(super) fn refine(
     let basis = deviations(symmetry);
     let unseen = UnseenSpin::of(symmetry, &config.aerodynamics);
     // Accelerations by the parameters from the drag constant on.
-    let accelerations = |R_WO: &UnitQuaternion<f64>, v: &Vector3<f64>, w: &Vector3<f64>| {
+    let accelerations = |R_WO: &UnitQuaternion<f64>, v: &Vector3<f64>, w: &Vector3<f64>, left: f64| {
         let mut by = SMatrix::<f64, 3, { N - DRAG }>::zeros();
         by.set_column(0, &(v * -v.norm()));
         let R = R_WO.to_rotation_matrix();
@@ -153,7 +159,7 @@ pub(super) fn refine(
         for (i, unit) in basis.iter().enumerate() {
             by.set_column(1 + i, &(R * (unit * in_body) * -v.norm()));
         }
-        by.fixed_view_mut::<3, 3>(0, LIFT - DRAG).copy_from(&unseen.acceleration_by(&R, v));
+        by.fixed_view_mut::<3, 3>(0, LIFT - DRAG).copy_from(&(unseen.acceleration_by(&R, v) * left));
         by.set_column(MAGNUS - DRAG, &w.cross(v));
         by
     };
@@ -163,7 +169,7 @@ pub(super) fn refine(
     let mut v = flight.v_WO;
     let mut tumbling = flight.tumbling();
     let turns = !matches!(symmetry, Symmetry::Sphere) && (config.aerodynamics.magnus > 0.0 || config.aerodynamics.magnus_sd > 0.0);
-    let newest = accelerations(&flight.R_WO, &v, &if turns { flight.w_WO } else { Vector3::zeros() });
+    let newest = accelerations(&flight.R_WO, &v, &if turns { flight.w_WO } else { Vector3::zeros() }, 1.0);
     let mut last = newest;
     let (mut by_velocity, mut by_position) = (last * 0.0, last * 0.0);
     let mut age_s = 0.0;
@@ -175,7 +181,8 @@ pub(super) fn refine(
             tumbling = tumbling.after(-h, false);
             w = tumbling.w_WO();
         }
-        let now = accelerations(&pose.X_WO.rotation, &v, &w);
+        let left = (flight.spin_decay_per_s * (age_s + h)).exp();
+        let now = accelerations(&pose.X_WO.rotation, &v, &w, left);
         let mean = (last + now) * 0.5;
         by_position += mean * (0.5 * h * h) - by_velocity * h;
         by_velocity -= mean * h;

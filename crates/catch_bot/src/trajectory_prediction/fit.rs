@@ -114,7 +114,8 @@ pub(super) fn fit(
         Symmetry::Axis { .. } => 5.0,
         Symmetry::Sphere => 3.0,
     };
-    let problem = Problem { poses, newest_s, symmetry, inertia: tumbling::inertia_per_kg(symmetry), freedom, config };
+    let (inertia, forces) = (tumbling::inertia_per_kg(symmetry), start.forces);
+    let problem = Problem { poses, newest_s, symmetry, inertia, forces, freedom, config };
 
     // The poses near the start are taken for the good ones; how far the nearer half of as many is off sets the scale.
     let near_start = problem.linearize(&state, poses.len(), scratch);
@@ -180,6 +181,8 @@ struct Problem<'a> {
     newest_s: f64,
     symmetry: &'a Symmetry,
     inertia: Option<Matrix3<f64>>,
+    /// Those of the flight from which the fit starts.
+    forces: AerodynamicForces,
     freedom: f64,
     config: &'a Config,
 }
@@ -198,13 +201,24 @@ impl Problem<'_> {
         let (mut motion, mut tumbling) = (Motion::new(state.p, state.v), start);
         let mut time_s = self.newest_s;
         let turns = !matches!(self.symmetry, Symmetry::Sphere);
+        let force = |motion: &Motion, tumbling: &Tumbling| {
+            self.forces.acceleration_mps2(&tumbling.R_WO, &motion.v, &tumbling.w_WO(), tumbling.left)
+        };
+        // How far the forces have moved the object, and their part of its velocity.
+        let (mut pushed_m, mut pushed_mps) = (Vector3::zeros(), Vector3::zeros());
         let mut agreeing = 0;
         for (age, pose) in self.poses.iter().rev().enumerate().filter(|(_, pose)| is_finite(pose)) {
             let elapsed_s = pose.capture_s - time_s;
             if elapsed_s != 0.0 {
+                let before = (motion, tumbling);
                 motion = motion.after(elapsed_s, state.drag_per_m, true);
-                if turns {
+                if turns || self.forces.any() {
                     tumbling = tumbling.after(elapsed_s, true);
+                }
+                if self.forces.any() {
+                    let mean = (force(&before.0, &before.1) + force(&motion, &tumbling)) * 0.5;
+                    pushed_m += pushed_mps * elapsed_s + mean * (0.5 * elapsed_s * elapsed_s);
+                    pushed_mps += mean * elapsed_s;
                 }
             }
             time_s = pose.capture_s;
@@ -212,7 +226,7 @@ impl Problem<'_> {
             let mut row = Row {
                 age_s: self.newest_s - pose.capture_s,
                 turn: Vector3::zeros(),
-                shift: X_WO.translation.vector - motion.p,
+                shift: X_WO.translation.vector - motion.p - pushed_m,
                 by_rotation: SMatrix::zeros(),
                 by_motion: motion.dp,
                 turns: Matrix3::zeros(),

@@ -165,7 +165,7 @@ impl FlightPropagator {
         let h = (time_s - self.moved_s) / steps.max(1.0);
         for _ in 0..steps as usize {
             let acceleration = |tumbling: &Tumbling, v: &Vector3<f64>| {
-                let forces = self.forces.acceleration_mps2(&tumbling.R_WO, v, &tumbling.w_WO());
+                let forces = self.forces.acceleration_mps2(&tumbling.R_WO, v, &tumbling.w_WO(), tumbling.left);
                 gravity() - v * (self.drag_per_m * v.norm()) + forces
             };
             let middle = self.tumbling.after(h / 2.0, false);
@@ -190,7 +190,7 @@ impl FlightPropagator {
             X_WO: Pose::from_parts(p_WO.into(), R_WO),
             V_WO: Twist { angular: w_WO, linear: self.motion.v },
             drag_per_m: self.drag_per_m,
-            forces_mps2: self.forces.acceleration_mps2(&R_WO, &self.motion.v, &w_WO),
+            forces_mps2: self.forces.acceleration_mps2(&R_WO, &self.motion.v, &w_WO, self.tumbling.left),
         }
     }
 }

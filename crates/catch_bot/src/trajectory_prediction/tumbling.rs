@@ -23,7 +23,7 @@ pub(super) struct Tumbling {
     /// Decay c of the momentum in 1/s, the time since the start, and what is left of the momentum by now.
     decay_per_s: f64,
     elapsed_s: f64,
-    left: f64,
+    pub left: f64,
     /// ∂θ/∂(θ₀, L), rotation vectors in W.
     by_start: SMatrix<f64, 3, 6>,
 }

@@ -44,7 +44,7 @@ fn read_flight(path: &Path, up: Option<Vector3<f64>>, fit: &mut AerodynamicFit) 
         return Err(fault("rows", seen.len().to_string(), format!("{LEAST_SIGHTINGS} or more with numbers in all columns")));
     }
     let [acceleration, ..] = typical_motion(&seen);
-    let up = Unit::new_normalize(up.unwrap_or_else(|| against(&acceleration)));
+    let up = up.map_or_else(|| self::up(&seen), Unit::new_normalize);
     if !falls(&seen, &up) {
         let [x, y, z] = acceleration.into();
         let expected = "gravity and air: 9.81 m/s² or so against the axis that points up, times in seconds and places in metres";
@@ -93,10 +93,11 @@ fn read_flight(path: &Path, up: Option<Vector3<f64>>, fit: &mut AerodynamicFit) 
     RecordedFlight::new(recorded).ok_or_else(unordered)
 }
 
-/// The direction of the axis against which something accelerates most.
-fn against(acceleration: &Vector3<f64>) -> Vector3<f64> {
+/// The direction of the axis against which what was seen accelerates most.
+pub fn up(seen: &[Sighting]) -> Unit<Vector3<f64>> {
+    let [acceleration, ..] = typical_motion(seen);
     let mut up = Vector3::zeros();
     let axis = acceleration.iamax();
     up[axis] = -acceleration[axis].signum();
-    up
+    Unit::new_normalize(up)
 }
