@@ -7,10 +7,10 @@ use std::{
 
 use anyhow::Context;
 use catch_body::InputError;
-use catch_lab::own_data::aerodynamics::FlightPrior;
+use catch_lab::flights::aerodynamics::FlightPrior;
 use catch_lab::{
     VERSION,
-    own_data::{
+    flights::{
         flight_learning::{self, broad},
         flight_misses::{Misses, QUANTILES, Reliability, Seen, Throw},
     },

@@ -7,7 +7,7 @@ use catch_bot::trajectory_prediction::FlightTrajectory;
 use catch_cell::{Brain, Cell, Command};
 use catch_lab::{
     assets::Kind,
-    own_data::{
+    flights::{
         flight_learning::{self, broad},
         flight_misses::{Miss, Misses, QUANTILES, Reliability, Seen, Throw},
         recorded_throws, track_file,
@@ -42,7 +42,8 @@ pub fn run(options: &Options) -> Result<Findings> {
             let choice = Choice { scenario: Some(scenario), object: Some(object), ..Choice::default() };
             let setup = Setup::load(&choice)?;
             setup.prepare();
-            let throws = parallel::map(usize::try_from(options.trials)?, |index| simulated(&setup, options.seed, index as u64));
+            let throws =
+                parallel::map(usize::try_from(options.trials)?, |index| simulated(&setup, options.seed, index as u64));
             let misses = std::array::from_fn(|at| throws.iter().flatten().map(|it| it[at]).collect());
             of_objects.push((object.to_owned(), misses));
         }

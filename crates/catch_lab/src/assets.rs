@@ -12,7 +12,7 @@ use catch_body::InputError;
 use catch_sim::{Throw, ThrownObject};
 use include_dir::{Dir, include_dir};
 
-use crate::{bounded_file::FileKind, own_data::recorded_throws};
+use crate::{bounded_file::FileKind, flights::recorded_throws};
 
 static BUILT_IN: Dir = include_dir!("$CARGO_MANIFEST_DIR/../../assets");
 

@@ -168,7 +168,8 @@ pub(super) fn refine(
     // Backward from the newest pose, by the trapezoid rule: the velocity along the flight as it was fitted.
     let mut v = flight.v_WO;
     let mut tumbling = flight.tumbling();
-    let turns = !matches!(symmetry, Symmetry::Sphere) && (config.aerodynamics.magnus > 0.0 || config.aerodynamics.magnus_sd > 0.0);
+    let turns = !matches!(symmetry, Symmetry::Sphere)
+        && (config.aerodynamics.magnus > 0.0 || config.aerodynamics.magnus_sd > 0.0);
     let newest = accelerations(&flight.R_WO, &v, &if turns { flight.w_WO } else { Vector3::zeros() }, 1.0);
     let mut last = newest;
     let (mut by_velocity, mut by_position) = (last * 0.0, last * 0.0);

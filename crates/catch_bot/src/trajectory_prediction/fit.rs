@@ -107,7 +107,11 @@ pub(super) fn fit(
         drag_per_m: start.drag_per_m,
         R_WO: X_WO.rotation,
         w: V_WO.angular,
-        decay_per_s: if config.spin_decay_sd_per_s() > 0.0 { start.spin_decay_per_s } else { config.spin_decay_per_s() },
+        decay_per_s: if config.spin_decay_sd_per_s() > 0.0 {
+            start.spin_decay_per_s
+        } else {
+            config.spin_decay_per_s()
+        },
     };
     let freedom = match symmetry {
         Symmetry::Finite { .. } => 6.0,

@@ -213,7 +213,8 @@ fn drag_is_found_as_well_as_it_can_be() {
 fn aerodynamic_forces_are_found() {
     let calm = Config { drag_prior_per_m: Some(0.05), drag_prior_sd_per_m: Some(0.01), ..Config::default() };
     let process_noise = ProcessNoise { acceleration: 0.05, angular_acceleration: 0.5 };
-    let aerodynamics = AerodynamicPrior { drag_deviation_sd_per_m: 0.02, lift_sd_radps: 0.03, ..AerodynamicPrior::default() };
+    let aerodynamics =
+        AerodynamicPrior { drag_deviation_sd_per_m: 0.02, lift_sd_radps: 0.03, ..AerodynamicPrior::default() };
     let aware = Config { process_noise, aerodynamics, ..calm.clone() };
     let (mut errors, mut inside) = ([Vec::new(), Vec::new()], 0);
     for seed in 0..200 {

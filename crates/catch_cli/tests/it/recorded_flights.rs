@@ -172,7 +172,20 @@ fn recorded_tracks_are_thrown() {
     let [throws, out] = [&throws, &out].map(|it| it.to_str().unwrap());
     let prior = "brain.trajectory_prediction.spin_prior_sd_radps=8";
     let run = |throw: &str| {
-        json(&["catch", "--object", "tennis_ball", "--throw", throw, "--set", prior, "--out", out, "--seed", "2", "--json"])
+        json(&[
+            "catch",
+            "--object",
+            "tennis_ball",
+            "--throw",
+            throw,
+            "--set",
+            prior,
+            "--out",
+            out,
+            "--seed",
+            "2",
+            "--json",
+        ])
     };
     let released = run(throws);
     assert_eq!(released["scene"]["throw"], "tumbling");

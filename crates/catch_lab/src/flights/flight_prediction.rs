@@ -284,7 +284,7 @@ pub(super) fn typical_motion(seen: &[Sighting]) -> [Vector3<f64>; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::own_data::track_file::parse;
+    use crate::flights::track_file::parse;
     use nalgebra::Point3;
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64;

@@ -41,13 +41,18 @@ fn read_flight(path: &Path, up: Option<Vector3<f64>>, fit: &mut AerodynamicFit) 
         InputError::new(&file, field, found, format!("{expected}; or a folder without this file"))
     };
     if seen.len() < LEAST_SIGHTINGS {
-        return Err(fault("rows", seen.len().to_string(), format!("{LEAST_SIGHTINGS} or more with numbers in all columns")));
+        return Err(fault(
+            "rows",
+            seen.len().to_string(),
+            format!("{LEAST_SIGHTINGS} or more with numbers in all columns"),
+        ));
     }
     let [acceleration, ..] = typical_motion(&seen);
     let up = up.map_or_else(|| self::up(&seen), Unit::new_normalize);
     if !falls(&seen, &up) {
         let [x, y, z] = acceleration.into();
-        let expected = "gravity and air: 9.81 m/s² or so against the axis that points up, times in seconds and places in metres";
+        let expected =
+            "gravity and air: 9.81 m/s² or so against the axis that points up, times in seconds and places in metres";
         return Err(fault("x, y, z", format!("an acceleration of [{x:.1}, {y:.1}, {z:.1}]"), expected.to_owned()));
     }
     let samples: Vec<TrackSample> = seen.iter().map(Sighting::sample).collect();
