@@ -15,7 +15,7 @@ use crate::{
 };
 
 const LEGEND: &str = "Recorded throws of real objects ([their source](flights.md)) are repeated in the scenario `honest-aero`, each turned about the \
-vertical and moved past the arm. The built-in object stands for the recorded one. *Released*: it leaves the hand as recorded and flies by the \
+vertical and moved past the arm. The built-in object of the recorded one's name stands for it, or else each of them. *Released*: it leaves the hand as recorded and flies by the \
 arena's physics. *Recorded*: it moves along the recording until something touches it. Sensors *paper*: labels, exact depth, no image lost, no \
 latency of the cameras; all else as in the scenario. The rate *caught* is of those within reach, with its interval (Wilson, 95 %).";
 
@@ -27,7 +27,10 @@ pub fn run(options: &Options) -> Result<Findings> {
     let columns: Vec<&str> = ["recorded", "thrown", "flight", "sensors"].into_iter().chain(FIGURES).collect();
     let mut table = Table::new("Caught of the throws within reach", &columns);
     for folder in options.tracks("recorded-throws")? {
-        for object in Kind::Object.names() {
+        let recorded = folder.file_name().map(|it| it.to_string_lossy().into_owned()).unwrap_or_default();
+        let objects = Kind::Object.names();
+        let itself = objects.iter().find(|it| **it == recorded);
+        for object in itself.map_or(&objects[..], std::slice::from_ref) {
             for (sensors, settings) in [("paper", PAPER), ("honest", &[])] {
                 let settings: Vec<String> = settings.iter().map(|&it| it.to_owned()).collect();
                 let scenario = Some("honest-aero");
@@ -35,8 +38,7 @@ pub fn run(options: &Options) -> Result<Findings> {
                 let setup = Setup::load(&choice)?;
                 for flight in ["released", "recorded"] {
                     let setups = vec![thrown(&setup, folder, flight)?];
-                    let recorded = folder.file_name().map(|it| it.to_string_lossy().into_owned()).unwrap_or_default();
-                    let condition = [&recorded, object, flight, sensors].map(Entry::text);
+                    let condition = [recorded.as_str(), object, flight, sensors].map(Entry::text);
                     table.rows.push(condition.into_iter().chain(rates::figures(setups, options)?).collect());
                 }
             }

@@ -47,7 +47,7 @@ pub fn run(options: &Options) -> Result<Findings> {
             let misses = std::array::from_fn(|at| throws.iter().flatten().map(|it| it[at]).collect());
             of_objects.push((object.to_owned(), misses));
         }
-        tables.push(table(&format!("Simulated, `{scenario}`"), TO_GO_S.map(|it| format!("{it} s to go")), of_objects));
+        tables.push(table(&format!("Simulated, `{scenario}`"), &TO_GO_S.map(|it| format!("{it} s to go")), of_objects));
     }
     if !options.tracks.is_empty() {
         tables.extend(recorded(options)?);
@@ -103,9 +103,9 @@ fn recorded(options: &Options) -> Result<Vec<Table>> {
             Seen::AllBut(to_go_s) => format!("{to_go_s} s to go"),
         })
     };
-    let mut tables = vec![table("Recorded, learned from other throws of the object", seen(), own)];
+    let mut tables = vec![table("Recorded, learned from other throws of the object", &seen(), own)];
     if !others.is_empty() {
-        tables.push(table("Recorded, learned from the other objects", seen(), others));
+        tables.push(table("Recorded, learned from the other objects", &seen(), others));
     }
     Ok(tables)
 }
@@ -121,7 +121,7 @@ fn name(folder: &Path) -> String {
 }
 
 /// A line for each object and time, and for all objects together.
-fn table(title: &str, times: [String; 4], mut of_objects: Vec<(String, Misses)>) -> Table {
+fn table(title: &str, times: &[String; 4], mut of_objects: Vec<(String, Misses)>) -> Table {
     let claimed = QUANTILES.map(|(claimed, _)| format!("in {:.0} %, %", 100.0 * claimed));
     let columns = ["object", "predicted", "throws", "without", "median, cm", "p95, cm"].map(str::to_owned);
     let mut table = Table::new(title, &[]);
