@@ -16,7 +16,7 @@ mod spherical_shoulder;
 pub use arcs::Branch;
 pub use numerical::Ranges;
 pub use parallel_axes::ParallelAxesArm;
-pub use spherical_shoulder::{BRANCHES, SphericalShoulderArm};
+pub use spherical_shoulder::{ALL_BRANCHES, BRANCHES, SphericalShoulderArm};
 
 use arcs::Harmonic;
 use nalgebra::{Matrix3, Point3, Rotation3, Unit, Vector3};

@@ -21,6 +21,8 @@ use crate::{
 /// Solutions of one pose and angle of the last joint: how joint 4 is bent, on which side of the line from shoulder to wrist axis 5
 /// passes, and how joint 2 is.
 pub const BRANCHES: usize = 8;
+/// All of them are wanted.
+pub const ALL_BRANCHES: u8 = u8::MAX;
 
 /// Directions that are closer to one line than this, as a sine, do not fix an orientation.
 const SINGULAR: f64 = 1e-9;
@@ -62,13 +64,15 @@ impl SphericalShoulderArm {
     }
 
     /// Shows `found` all joint positions within `ranges` that put the gripper at `X_WG` with the last joint at `q7`, of those that
-    /// differ by whole turns the nearest to `from`, each with its branch: [which of eight](BRANCHES).
+    /// differ by whole turns the nearest to `from`, each with its branch: [which of eight](BRANCHES). Only branches are looked at for which
+    /// `wanted`, one bit for each, says so.
     pub fn for_each_solution(
         &self,
         X_WG: &Pose,
         q7: f64,
         from: &JointVector,
         ranges: &Ranges,
+        wanted: u8,
         mut found: impl FnMut(usize, JointVector),
     ) {
         let turn = |i: usize, q: f64| Rotation3::from_axis_angle(&self.axes[i], q);
@@ -89,6 +93,9 @@ impl SphericalShoulderArm {
         let inner = (forearm.norm_squared() + upper_arm.norm_squared() - d.norm_squared()) / 2.0
             - a4.dot(&forearm) * a4.dot(&upper_arm);
         for (bend, q4) in angles_with([fore.dot(&upper), a4.cross(&fore).dot(&upper)], inner).enumerate() {
+            if (wanted >> (4 * bend)) & 0b1111 == 0 {
+                continue;
+            }
             let Some(q4) = turned_into(q4, from[3], ranges[3]) else { continue };
             let R4 = turn(3, q4);
             let (v, along_5) = (R4 * forearm - upper_arm, R4 * a5);
@@ -103,6 +110,9 @@ impl SphericalShoulderArm {
                 continue;
             }
             for (side, rest) in [rest.sqrt(), -rest.sqrt()].into_iter().enumerate() {
+                if (wanted >> (4 * bend + 2 * side)) & 0b11 == 0 {
+                    continue;
+                }
                 let Some(after) = axes_of(&d, &(in_plane + across * rest)) else { continue };
                 let R3 = Rotation3::from_matrix_unchecked(after * before.transpose());
                 // What follows joint 4: R5·R6.
@@ -118,8 +128,8 @@ impl SphericalShoulderArm {
                     let R2 = turn(1, q2);
                     let third = R2 * a3;
                     let q1 = if third.cross(&a1).norm() < SINGULAR { from[0] } else { angle(&a1, &third, &to) };
-                    let q3 = angle(&a3, &a2, &(R2.inverse() * turn(0, -q1) * R3 * a2));
                     let Some(q1) = turned_into(q1, from[0], ranges[0]) else { continue };
+                    let q3 = angle(&a3, &a2, &(R2.inverse() * turn(0, -q1) * R3 * a2));
                     let Some(q3) = turned_into(q3, from[2], ranges[2]) else { continue };
                     let mut q = JointVector::zeros();
                     q.as_mut_slice()[..7].copy_from_slice(&[q1, q2, q3, q4, q5, q6, q7]);
@@ -177,7 +187,7 @@ mod tests {
             let nearly = ranges.map(|[low, high]| [low - 1e-5, high + 1e-5]);
             let solutions = |near: &JointVector| {
                 let mut found = Vec::new();
-                closed.for_each_solution(&X_WG, near[6], near, &nearly, |branch, q| {
+                closed.for_each_solution(&X_WG, near[6], near, &nearly, ALL_BRANCHES, |branch, q| {
                     assert!(branch < BRANCHES);
                     found.push(q);
                 });
@@ -211,7 +221,7 @@ mod tests {
             let q = robot.joint_vector(&q).unwrap();
             let ranges: Ranges = std::array::from_fn(|i| [q[i] - 0.2, q[i] + 0.3]);
             let mut found = Vec::new();
-            closed.for_each_solution(&robot.gripper_pose(&q), q[6], &q, &ranges, |_, q| found.push(q));
+            closed.for_each_solution(&robot.gripper_pose(&q), q[6], &q, &ranges, ALL_BRANCHES, |_, q| found.push(q));
             prop_assert!(found.iter().all(|it| (0..7).all(|i| (ranges[i][0]..=ranges[i][1]).contains(&it[i]))));
         }
     }
