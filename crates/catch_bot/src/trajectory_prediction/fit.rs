@@ -18,7 +18,7 @@ use super::{
     tumbling::Tumbling,
 };
 use crate::perception::{ObjectPose, Symmetry};
-use state::{DECAY, DRAG, N, SPIN, State, TURN};
+use state::{DECAY, DRAG, N, SPIN, State, TURN, solved};
 
 /// Parameters from the orientation on.
 const ROTATION: usize = N - TURN;
@@ -130,8 +130,7 @@ pub(super) fn fit(
     for _ in 0..config.max_iterations {
         let sums = problem.sums(scale, scale, scratch);
         let (information, gradient) = problem.with_priors(&sums, &state, scale);
-        let factor = information.cholesky().ok_or(PredictionStatus::NotConverged)?;
-        let step = -factor.solve(&gradient);
+        let step = -solved(&information, &gradient, config).ok_or(PredictionStatus::NotConverged)?;
         if !step.iter().all(|value| value.is_finite()) {
             return Err(PredictionStatus::NotConverged);
         }
@@ -157,7 +156,7 @@ pub(super) fn fit(
     let error_scale = ((sums.squares + SCALE_PRIOR_DOF) / (sums.freedom + SCALE_PRIOR_DOF)).sqrt();
     let sums = if config.process_noise.any() { problem.sums(scale, error_scale, scratch) } else { sums };
     let (information, _) = problem.with_priors(&sums, &state, error_scale);
-    let covariance = information.cholesky().ok_or(PredictionStatus::NotConverged)?.inverse();
+    let covariance = solved::<N>(&information, &SMatrix::identity(), config).ok_or(PredictionStatus::NotConverged)?;
     let flight = FlightTrajectory {
         time_s: newest_s,
         p_WO: Point3::from(state.p),

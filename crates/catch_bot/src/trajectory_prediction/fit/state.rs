@@ -1,6 +1,6 @@
 //! The state that the fit looks for, as a vector of parameters.
 
-use nalgebra::{SVector, UnitQuaternion, Vector3};
+use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
 
 use super::super::Config;
 
@@ -53,4 +53,19 @@ impl State {
         step[DECAY] = self.decay_per_s - before.decay_per_s;
         step
     }
+}
+
+/// H⁻¹·B, H being the information on the parameters. A decay that is known has no part in it.
+pub fn solved<const C: usize>(
+    H: &SMatrix<f64, N, N>,
+    B: &SMatrix<f64, N, C>,
+    config: &Config,
+) -> Option<SMatrix<f64, N, C>> {
+    if config.spin_decay_sd_per_s() > 0.0 {
+        return Some(H.cholesky()?.solve(B));
+    }
+    let mut found = SMatrix::<f64, N, C>::zeros();
+    let factor = H.fixed_view::<DECAY, DECAY>(0, 0).into_owned().cholesky()?;
+    found.fixed_view_mut::<DECAY, C>(0, 0).copy_from(&factor.solve(&B.fixed_view::<DECAY, C>(0, 0)));
+    Some(found)
 }
