@@ -20,10 +20,10 @@ use crate::{
     results::{Entry, Table},
 };
 
-const LEGEND: &str = "An error is the distance from the predicted to the true position at one time. The last columns are the diagram: how many \
-of the true positions lie in the ellipsoids that claim to hold 50, 80, 95 and 99 % of them. *Simulated*: random throws in the arena, seen by the brain with the \
-cameras of the scenario; the predicted time is 0.6 s after the release, and the arm stands still. *Recorded*: tracks of motion capture \
-([their source](flights.md)) whose last row is predicted, by a prior learned from other throws of the object or from the other objects.";
+const LEGEND: &str = "An error is the distance from the predicted to the true position at one time. The last columns are the diagram: how many of the true positions lie \
+in the ellipsoids that claim to hold 50, 80, 95 and 99 % of them. Simulated throws are random ones, seen by the brain with the cameras of the \
+scenario. What is predicted is the position 0.6 s after the release, and the arm stands still. Recorded throws are tracks of motion capture \
+([their source](flights.md)), whose last row is predicted. The prior is learned from other throws of the object, or from the other objects.";
 
 /// For when positions are predicted, after the release: shortly before objects are caught.
 const PREDICTED_FOR_S: f64 = 0.6;
