@@ -2,20 +2,17 @@
 
 use std::{
     fmt::Write,
-    fs,
     path::{Path, PathBuf},
 };
 
 use anyhow::Context;
 use catch_body::InputError;
-use catch_bot::trajectory_prediction::TrackSample;
-use catch_lab::own_data::aerodynamics::FlightPrior;
+use catch_lab::flights::aerodynamics::FlightPrior;
 use catch_lab::{
     VERSION,
-    own_data::{
+    flights::{
         flight_learning::{self, broad},
         flight_misses::{Misses, QUANTILES, Reliability, Seen, Throw},
-        track_file,
     },
     whole_file,
 };
@@ -91,7 +88,8 @@ struct Document {
 /// # Errors
 /// Faults of the arguments and of the tracks' files, or throws from which nothing could be learned.
 pub fn run(arguments: &LearnArguments) -> anyhow::Result<()> {
-    let objects = arguments.tracks.iter().map(|folder| read(folder, arguments.up)).collect::<Result<Vec<_>, _>>()?;
+    let read = |folder: &PathBuf| Throw::read_folder(folder, arguments.up.direction(), LEAST_THROWS);
+    let objects = arguments.tracks.iter().map(read).collect::<Result<Vec<_>, _>>()?;
     for path in arguments.report.iter().chain([&arguments.out]) {
         whole_file::check_place(path)?;
     }
@@ -148,32 +146,6 @@ const OTHERS: &str = "Learned from the other objects";
 /// Last part of a folder's path.
 fn name(folder: &Path) -> String {
     folder.file_name().unwrap_or(folder.as_os_str()).to_string_lossy().into_owned()
-}
-
-/// Throws in a folder, in the order of their names.
-fn read(folder: &Path, up: Up) -> Result<Vec<Throw>, InputError> {
-    let shown = folder.display().to_string();
-    let entries = fs::read_dir(folder)
-        .map_err(|fault| InputError::new(&shown, "the folder", fault, "a folder of CSV files, a throw each"))?;
-    let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
-    paths.retain(|path| path.extension().is_some_and(|it| it.eq_ignore_ascii_case("csv")));
-    paths.sort();
-    if paths.len() < LEAST_THROWS {
-        let expected = format!("{LEAST_THROWS} or more, a throw each");
-        return Err(InputError::new(shown, "CSV files", paths.len(), expected));
-    }
-    let throw = |path: &PathBuf| {
-        let (track, _) = track_file::read(path)?;
-        let sample = |it: &track_file::Sighting| TrackSample {
-            time_s: it.time_s,
-            position: it.p,
-            orientation: it.rotation,
-            position_sd_m: 0.0,
-            orientation_sd_rad: 0.0,
-        };
-        Ok(Throw { samples: track.iter().map(sample).collect(), up: up.direction() })
-    };
-    paths.iter().map(throw).collect()
 }
 
 /// Rows for each object by how much was seen, and for all together.

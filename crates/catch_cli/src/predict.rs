@@ -6,7 +6,7 @@ use catch_body::{InputError, quantity};
 use catch_lab::{
     VERSION,
     assets::COMMAND_LINE,
-    own_data::{
+    flights::{
         flight_learning,
         flight_prediction::{self, DRAG_PER_M, Flight, FlightModel, FlightState, Known, LEAST_SIGHTINGS, NoFlight},
         track_file,

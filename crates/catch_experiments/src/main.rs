@@ -17,6 +17,8 @@ mod objects;
 mod parallel;
 mod rates;
 mod reachability;
+mod recorded_throws;
+mod reliability;
 mod results;
 mod spread;
 mod stage_times;
@@ -42,12 +44,24 @@ struct Experiment {
 }
 
 /// How an experiment is run.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Options {
     /// Seed of everything random.
     pub seed: u64,
     /// Trials per condition.
     pub trials: u64,
+    /// Folders of recorded tracks, of one object each.
+    pub tracks: Vec<PathBuf>,
+}
+
+impl Options {
+    /// The folders of recorded tracks, without which an experiment is none.
+    fn tracks(&self, experiment: &str) -> Result<&[PathBuf]> {
+        if self.tracks.is_empty() {
+            bail!("--tracks: found nothing, expected a folder of recorded tracks for {experiment}, once or more");
+        }
+        Ok(&self.tracks)
+    }
 }
 
 /// What an experiment found.
@@ -138,6 +152,18 @@ const EXPERIMENTS: &[Experiment] = &[
         run: objects::run,
     },
     Experiment {
+        name: "reliability",
+        about: "how many positions lie in the ellipsoids that predictions claim, simulated, and recorded with --tracks",
+        trials: 60,
+        run: reliability::run,
+    },
+    Experiment {
+        name: "recorded-throws",
+        about: "what is caught of recorded throws, which --tracks names, as the built-in objects",
+        trials: 60,
+        run: recorded_throws::run,
+    },
+    Experiment {
         name: "holding",
         about: "logistic regression of the outcome of honest throws on what each catch was like",
         trials: 100,
@@ -156,6 +182,9 @@ struct Arguments {
     /// Trials per condition instead of the experiment's own number.
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     trials: Option<u64>,
+    /// Folder of recorded tracks of one object; may be repeated.
+    #[arg(long, value_name = "DIR")]
+    tracks: Vec<PathBuf>,
     /// Folder of the results.
     #[arg(long, default_value = "docs/results")]
     out: PathBuf,
@@ -163,10 +192,10 @@ struct Arguments {
 
 #[expect(clippy::print_stdout, reason = "the list and where the results are is what was asked for")]
 fn main() -> Result<()> {
-    let Arguments { name, seed, trials, out } = Arguments::parse();
+    let Arguments { name, seed, trials, tracks, out } = Arguments::parse();
     if name == "list" {
         for Experiment { name, about, trials, .. } in EXPERIMENTS {
-            println!("{name:14} {about} ({trials} trials per condition)");
+            println!("{name:15} {about} ({trials} trials per condition)");
         }
         return Ok(());
     }
@@ -177,7 +206,7 @@ fn main() -> Result<()> {
         let names: BTreeSet<&str> = EXPERIMENTS.iter().map(|it| it.name).collect();
         bail!("there is no experiment `{name}`; expected `list`, `figures` or one of {names:?}");
     };
-    let options = Options { seed, trials: trials.unwrap_or(experiment.trials) };
+    let options = Options { seed, trials: trials.unwrap_or(experiment.trials), tracks };
     let findings = (experiment.run)(&options).with_context(|| format!("experiment {name}"))?;
     let path = results::write(&out, experiment.name, experiment.about, &options, &findings)?;
     println!("{}", path.display());

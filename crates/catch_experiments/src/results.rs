@@ -107,11 +107,16 @@ struct Document<'a> {
 /// # Errors
 /// If a file cannot be written.
 pub fn write(folder: &Path, name: &str, about: &str, options: &Options, findings: &Findings) -> Result<PathBuf> {
+    let mut command = format!(
+        "cargo run --release -p catch_experiments -- {name} --seed {} --trials {}",
+        options.seed, options.trials
+    );
+    // Where the folders lie is nobody else's.
+    for folder in options.tracks.iter().filter_map(|it| it.file_name()) {
+        let _ = write!(command, " --tracks {}", folder.display());
+    }
     let provenance = Provenance {
-        command: format!(
-            "cargo run --release -p catch_experiments -- {name} --seed {} --trials {}",
-            options.seed, options.trials
-        ),
+        command,
         version: VERSION,
         commit: commit(),
         machine: Machine { cpu: cpu(), cores: thread::available_parallelism().map_or(1, usize::from) },
@@ -169,7 +174,8 @@ mod tests {
             table.rows.push(vec![Entry::text("none"), Entry::Count(3), Entry::Number(value)]);
         }
         let findings = Findings { legend: "Errors are medians.", tables: vec![table] };
-        let path = write(&folder, "example", "errors", &Options { seed: 7, trials: 9 }, &findings).unwrap();
+        let path = write(&folder, "example", "errors", &Options { seed: 7, trials: 9, tracks: Vec::new() }, &findings)
+            .unwrap();
         let page = fs::read_to_string(&path).unwrap();
         let document: serde_json::Value =
             serde_json::from_str(&fs::read_to_string(path.with_extension("json")).unwrap()).unwrap();

@@ -9,10 +9,10 @@ use std::{
 };
 
 use catch_body::InputError;
-use catch_sim::ThrownObject;
+use catch_sim::{Throw, ThrownObject};
 use include_dir::{Dir, include_dir};
 
-use crate::bounded_file::FileKind;
+use crate::{bounded_file::FileKind, flights::recorded_throws};
 
 static BUILT_IN: Dir = include_dir!("$CARGO_MANIFEST_DIR/../../assets");
 
@@ -141,6 +141,9 @@ impl Asset {
             Origin::Disk(folder) => folder.join(name),
             Origin::BuiltIn(_) => PathBuf::from(name),
         };
+        if kind == Kind::Throw && path.is_dir() && !path.join(kind.main_file()).exists() {
+            return Ok(Self::of_recordings(path));
+        }
         let path = if path.is_dir() { path.join(kind.main_file()) } else { path };
         let is_shape = |it: &std::ffi::OsStr| SHAPES.iter().any(|known| it.eq_ignore_ascii_case(known));
         if kind == Kind::Object && path.extension().is_some_and(is_shape) {
@@ -213,6 +216,14 @@ impl Asset {
         Ok(Self { name, file, text, origin: Origin::Disk(folder) })
     }
 
+    /// The throws that were recorded in a folder, all settings as they are without a file.
+    fn of_recordings(folder: PathBuf) -> Self {
+        let name = folder.canonicalize().unwrap_or_else(|_| folder.clone());
+        let name = name.file_name().map(|it| it.to_string_lossy().into_owned()).unwrap_or_default();
+        let text = "[motion]\nkind = \"recorded\"\n".to_owned();
+        Self { name, file: folder.display().to_string(), text, origin: Origin::Disk(folder) }
+    }
+
     /// Reads a file that this one names, from beside it.
     ///
     /// # Errors
@@ -243,6 +254,18 @@ impl Asset {
     /// A fault in the file, or in the mesh that it names.
     pub fn thrown_object(&self) -> Result<ThrownObject, InputError> {
         ThrownObject::from_toml(&self.file, &self.text, &|name| Ok(self.read_beside(name)?.1))
+    }
+
+    /// The throw that this file describes, with the recordings that it names.
+    ///
+    /// # Errors
+    /// A fault in the file, or in a recording.
+    pub fn throw(&self) -> Result<Throw, InputError> {
+        let folder = match &self.origin {
+            Origin::Disk(folder) => folder.as_path(),
+            Origin::BuiltIn(_) => Path::new(""),
+        };
+        Throw::from_toml_with(&self.file, &self.text, &|it| recorded_throws::read(&folder.join(it.tracks), it.up))
     }
 
     /// Like [`read_beside`](Self::read_beside), for text.

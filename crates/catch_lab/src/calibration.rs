@@ -62,6 +62,7 @@ pub fn run_session(setup: &Setup, config: &Config, guesses: &[CameraModel], seed
         v_WO: Vector3::zeros(),
         q_WO: UnitQuaternion::identity(),
         omega_WO: Vector3::zeros(),
+        path: None,
     };
     let mut arena = Arena::new(setup.equipment(), &release, &setup.robot.ready_q, seed, index);
     let mut now_s = 0.0;

@@ -40,6 +40,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`bounded_file`] | files of users: regular ones of a limited size |
+//! | [`flights`] | recorded tracks and the flights through them, their aerodynamics, learned from throws; recorded tracks as throws |
 //! | [`assets`] | what is built in or named by a file |
 //! | [`scenario`] | everything that trials share: [`scenario::setup`] reads what a scenario names, [`scenario::brain`] makes the brain |
 //! | [`trial`] | one throw: arena and brain tick by tick |
@@ -53,7 +54,7 @@
 //! | [`calibration`] | where cameras stand, from what they see of the arm |
 //! | [`pages`] | throws, evaluations and studies in the browser |
 //! | `export` | the same for other tools; each format is a feature: `mcap`, `gif`, `plots` (and `parquet` for the rows of evaluations) |
-//! | [`own_data`] | users' files: templates, checks, clouds, tracks, catches to plan |
+//! | [`own_data`] | users' files: templates, checks, clouds, catches to plan |
 
 /// The blocks of Rust in the pages for people, as doctests.
 #[cfg(doctest)]
@@ -71,7 +72,7 @@ pub mod bounded_file;
 pub mod calibration;
 pub mod evaluation;
 pub mod export;
-
+pub mod flights;
 pub mod own_data;
 pub mod pages;
 pub mod play;

@@ -1,12 +1,8 @@
 //! What users bring along: files of their own to start from, their checks, and data of other systems.
 
-pub mod aerodynamics;
 pub mod check;
 pub mod cloud_file;
 pub mod cloud_registration;
-pub mod flight_learning;
-pub mod flight_misses;
-pub mod flight_prediction;
 mod gripper_check;
 mod mesh_paths;
 mod object_check;
@@ -15,4 +11,3 @@ pub mod planner_cases;
 pub mod robot_import;
 pub mod ros_calibration;
 pub mod templates;
-pub mod track_file;

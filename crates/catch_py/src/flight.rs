@@ -2,7 +2,7 @@
 
 use catch_body::quantity;
 use catch_bot::trajectory_prediction::FlightTrajectory;
-use catch_lab::own_data::{
+use catch_lab::flights::{
     flight_prediction::{self, DRAG_PER_M, FlightState, Known},
     track_file::Sighting,
 };

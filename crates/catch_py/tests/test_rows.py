@@ -72,3 +72,14 @@ def test_a_throw_shows_itself(setup, program, tmp_path):
     replayed = subprocess.run([program, "replay", recording, "--json"], check=True, capture_output=True)
     assert json.loads(replayed.stdout)
     assert "caught" in repr(trial)
+
+
+def test_a_folder_of_recorded_tracks_is_a_throw(tmp_path):
+    rows = (f"{t},{5.0 * t},{1.2 + 4.0 * t - 4.905 * t * t},{0.1 * t}" for t in np.arange(60) / 100.0)
+    (tmp_path / "one.csv").write_text("t,x,y,z\n" + "\n".join(rows) + "\n")
+    setup = cb.Setup(object="tennis_ball", throw=str(tmp_path), settings={"arena.drag": True})
+    row = setup.run(seed=1, index=0).row
+    assert row["throw"] == tmp_path.name
+    (tmp_path / "one.csv").write_text("t,x,y,z\n0,1,2,3\n")
+    with pytest.raises(ValueError, match="one.csv: rows"):
+        cb.Setup(throw=str(tmp_path))

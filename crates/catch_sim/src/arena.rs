@@ -1,6 +1,6 @@
 //! The simulated cell.
 
-use std::convert::Infallible;
+use std::{convert::Infallible, sync::Arc};
 
 use catch_body::{JointVector, MAX_JOINTS, Pose, Robot, dynamics, kinematics::LinkPoses};
 use catch_cell::{ArmState, Cell, Command, Observation};
@@ -17,7 +17,7 @@ use crate::{
     random_streams::{Draws, Stream},
     sensors::Sensors,
     servo::Servo,
-    throw::Release,
+    throw::{RecordedFlight, Release},
     truth::{Truth, TruthSample},
 };
 
@@ -50,6 +50,8 @@ pub struct Arena {
     has_triggered: bool,
     /// Whether the object is far from everything.
     is_alone: bool,
+    /// The recorded flight along which the untouched object moves, and when it was released.
+    path: Option<(Arc<RecordedFlight>, f64)>,
     state: WorldState,
     truth: Truth,
 }
@@ -90,6 +92,7 @@ impl Arena {
             has_sensed: false,
             has_triggered: false,
             is_alone: false,
+            path: release.path.clone().map(|path| (path, 0.0)),
             truth: Truth::default(),
         };
         arena.record(JointVector::zeros(), &ContactForces::default());
@@ -121,6 +124,7 @@ impl Arena {
         self.conditions = Conditions::draw(config, object, seed, index);
         self.world.exchange_object(object, release, self.conditions.friction, self.conditions.restitution);
         self.equipment = equipment.clone();
+        self.path = release.path.clone().map(|path| (path, self.time_s()));
         self.state = self.world.state();
         (self.has_sensed, self.has_triggered) = (false, false);
         self.take_truth();
@@ -251,6 +255,7 @@ impl Arena {
         if self.truth.diverged_s.is_none() {
             self.world.set_substeps(self.substeps());
             let went_well = self.world.step(&loads);
+            self.follow_path();
             let state = self.world.state();
             if went_well && state.is_finite() {
                 self.state = state;
@@ -261,6 +266,17 @@ impl Arena {
         }
         self.servo.watch(self.time_s(), step_s, &self.state.q, &self.state.dq, &before.dq);
         self.record(torque, &forces);
+    }
+
+    /// Moves the object along the recorded flight until something touches it or the recording ends.
+    fn follow_path(&mut self) {
+        let untouched = !self.world.contact_forces().contact.any();
+        let now_s = self.time_s();
+        let recorded = self.path.as_ref().filter(|_| untouched).and_then(|(path, since_s)| path.at(now_s - since_s));
+        match recorded {
+            Some(recorded) => self.world.follow(&recorded),
+            None => self.path = None,
+        }
     }
 
     fn record(&mut self, torque: JointVector, forces: &ContactForces) {

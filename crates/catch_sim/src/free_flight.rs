@@ -1,9 +1,16 @@
 //! The flight of an object that nothing touches, step by step.
 
+use std::sync::Arc;
+
 use catch_body::{Pose, Twist, dynamics};
 use nalgebra::Vector3;
 
-use crate::{conditions::Conditions, object::ThrownObject, physics::FreeBody, throw::Release};
+use crate::{
+    conditions::Conditions,
+    object::ThrownObject,
+    physics::FreeBody,
+    throw::{RecordedFlight, Release},
+};
 
 /// Pose and spatial velocity in W from the release on, in even steps.
 #[derive(Debug, Clone)]
@@ -11,6 +18,8 @@ pub struct FreeFlight {
     body: FreeBody,
     conditions: Conditions,
     step_s: f64,
+    steps: u32,
+    path: Option<Arc<RecordedFlight>>,
     X_WO: Pose,
     V_WO: Twist,
 }
@@ -22,6 +31,8 @@ impl FreeFlight {
             body: FreeBody::of(object),
             conditions: conditions.clone(),
             step_s,
+            steps: 0,
+            path: release.path.clone(),
             X_WO: Pose::from_parts(release.p_WO.coords.into(), release.q_WO),
             V_WO: Twist { angular: release.omega_WO, linear: release.v_WO },
         }
@@ -39,6 +50,10 @@ impl Iterator for FreeFlight {
         let linear = V_WO.linear + (dynamics::gravity() + air.acceleration_mps2) * step_s;
         let (R_WO, angular) = self.body.rotated((&X_WO.rotation, &V_WO.angular), &air.torque_nm, step_s);
         (self.X_WO, self.V_WO) = (Pose::from_parts(p_WO.into(), R_WO), Twist { angular, linear });
+        self.steps += 1;
+        if let Some(recorded) = self.path.as_ref().and_then(|it| it.at(f64::from(self.steps) * step_s)) {
+            recorded.put((&mut self.X_WO, &mut self.V_WO));
+        }
         Some((X_WO, V_WO))
     }
 }

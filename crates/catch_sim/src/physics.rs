@@ -20,7 +20,11 @@ use catch_body::{Gripper, JointVector, Pose, Robot, Twist};
 use nalgebra::{Matrix3, Vector3};
 use rapier3d_f64::prelude as engine;
 
-use crate::{object::ThrownObject, throw::Release, truth::Contact};
+use crate::{
+    object::ThrownObject,
+    throw::{RecordedState, Release},
+    truth::Contact,
+};
 use convert::{from_pose, from_vector, to_pose, to_vector};
 pub(crate) use free_motion::FreeBody;
 
@@ -220,6 +224,15 @@ impl World {
             self.set_object_state(&X_WO, &V_WO);
         }
         self.pipeline.quarantine().is_empty()
+    }
+
+    /// Moves the object to where its centre of mass is recorded to be.
+    pub(crate) fn follow(&mut self, recorded: &RecordedState) {
+        let (X_WO, V_WO) = self.object_state();
+        let (mut X_WC, mut V_WC) = carried((&X_WO, &V_WO), &self.com_O);
+        recorded.put((&mut X_WC, &mut V_WC));
+        let (X_WO, V_WO) = carried((&X_WC, &V_WC), &-self.com_O);
+        self.set_object_state(&X_WO, &V_WO);
     }
 
     fn object_state(&self) -> (Pose, Twist) {

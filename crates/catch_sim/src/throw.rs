@@ -1,8 +1,9 @@
 //! How an object leaves the thrower's hand.
 
 mod random;
+mod recorded;
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, sync::Arc};
 
 use catch_body::{InputError, quantity};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
@@ -13,9 +14,11 @@ use crate::{
     random_streams::{Draws, Stream},
 };
 use random::RandomMotion;
+use recorded::RecordedMotion;
+pub use recorded::{FlightSource, RecordedFlight, RecordedState, Recordings};
 
 /// An object's state at t = 0.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Release {
     /// Its centre of mass in W, in metres.
     pub p_WO: Point3<f64>,
@@ -25,6 +28,8 @@ pub struct Release {
     pub q_WO: UnitQuaternion<f64>,
     /// Its angular velocity in W, in rad/s.
     pub omega_WO: Vector3<f64>,
+    /// Along which recorded flight in W it moves until something touches it; by the arena's physics if there is none.
+    pub path: Option<Arc<RecordedFlight>>,
 }
 
 /// A throw or a distribution of throws, as its file gives it.
@@ -97,6 +102,8 @@ enum Motion {
     },
     /// From anywhere in a sector, past the robot's base on one side.
     Random(RandomMotion),
+    /// As others were recorded.
+    Recorded(RecordedMotion),
 }
 
 impl Throw {
@@ -105,9 +112,27 @@ impl Throw {
     /// # Errors
     /// A field that is missing, misspelt or not finite, or a range whose end lies below its start.
     pub fn from_toml(file: &str, text: &str) -> Result<Self, InputError> {
-        let fields: ThrowFile = InputError::parse_toml(file, text)?;
+        Self::from_toml_with(file, text, &|it| {
+            let expected = "a throw without recordings: nothing reads them here";
+            Err(InputError::new(file, "motion.tracks", format!("`{}`", it.tracks), expected))
+        })
+    }
+
+    /// The same, of recorded throws too: `read` finds their recordings.
+    ///
+    /// # Errors
+    /// As [`from_toml`](Self::from_toml), or faults of the recordings.
+    pub fn from_toml_with(
+        file: &str,
+        text: &str,
+        read: &dyn Fn(&Recordings) -> Result<Vec<RecordedFlight>, InputError>,
+    ) -> Result<Self, InputError> {
+        let mut fields: ThrowFile = InputError::parse_toml(file, text)?;
+        if let Motion::Recorded(motion) = fields.motion {
+            fields.motion = Motion::Recorded(motion.with_recordings(file, read)?);
+        }
         match &fields.motion {
-            Motion::Fixed { .. } => {}
+            Motion::Fixed { .. } | Motion::Recorded(_) => {}
             Motion::Sampled { x_m, y_m, z_m: _, horizontal_speed_mps, aside, vertical_speed_mps } => {
                 for (field, range) in [
                     ("x_m", x_m),
@@ -140,8 +165,10 @@ impl Throw {
     /// The same throw for an arm of this [length](catch_body::Robot::length_m): where the file gives the passage for an arm of some
     /// length, it is nearer and lower for a shorter one.
     pub fn for_arm(mut self, length_m: f64) -> Self {
-        if let Motion::Random(motion) = &mut self.motion {
-            *motion = motion.for_arm(length_m);
+        match &mut self.motion {
+            Motion::Random(motion) => *motion = motion.for_arm(length_m),
+            Motion::Recorded(motion) => *motion = motion.for_arm(length_m),
+            Motion::Fixed { .. } | Motion::Sampled { .. } => {}
         }
         self
     }
@@ -154,8 +181,8 @@ impl Throw {
     }
 
     /// The throw number `index` of `seed`. Where the file does not give the object's orientation, a fixed throw has the axes of the
-    /// object's file along those of W; of all others every orientation is as likely as any other. `conditions` are those of the
-    /// same throw.
+    /// object's file along those of W; of all others every orientation is as likely as any other. A recorded orientation is that of
+    /// the tracked body, in which the file gives the object's. `conditions` are those of the same throw.
     pub fn release(&self, object_name: &str, conditions: &Conditions, seed: u64, index: u64) -> Release {
         let given = self.orientations.get(object_name).copied();
         let is_fixed = matches!(self.motion, Motion::Fixed { .. });
@@ -165,6 +192,7 @@ impl Throw {
             v_WO: Vector3::zeros(),
             q_WO: given.unwrap_or_else(|| if is_fixed { UnitQuaternion::identity() } else { drawn() }),
             omega_WO: conditions.spin_radps,
+            path: None,
         };
         match &self.motion {
             Motion::Fixed { position_m, velocity_mps, spin_radps } => {
@@ -187,6 +215,10 @@ impl Throw {
             }
             Motion::Random(motion) => {
                 (release.p_WO, release.v_WO) = motion.draw(conditions, &mut Draws::new(Stream::Throw, seed, index));
+            }
+            Motion::Recorded(motion) => {
+                let orientations = [given.unwrap_or_default(), release.q_WO];
+                return motion.draw(conditions, &mut Draws::new(Stream::Throw, seed, index), index, orientations);
             }
         }
         release

@@ -1,18 +1,18 @@
 //! What is found of an object along with its flight: drag by direction, a force across the flight, and its centre of mass.
 //!
-//! a = g − k·|v|·v + f with f = −|v|·R·E·Rᵀ·v + s×v: E is symmetric, without trace and fixed to the object, and has the symmetry that the object
-//! looks to have; s is the Magnus coefficient times the angular velocity, which need not be seen. What flies so is the centre of mass, at c in O
-//! (on the axis of an object of revolution). The orientations are taken as they are and the velocities as fitted before, so that position,
-//! velocity, k, E, s and c follow from one linear problem with Gaussian priors.
+//! a = g − k·|v|·v + f with f = −|v|·R·E·Rᵀ·v + (c_M·ω + s)×v: E is symmetric, without trace and fixed to the object, and has the symmetry that
+//! the object looks to have; c_M is the Magnus coefficient, and s that times the part of the spin that cannot be seen, about the axis of a
+//! body of revolution or about any of a ball. What flies so is the centre of mass, at c in O (on the axis of a body of revolution). The
+//! orientations of the poses are taken as they are, and velocities and angular velocities as fitted before, so that position, velocity, k,
+//! E, c_M, s and c follow from one linear problem with Gaussian priors.
 
 use catch_body::dynamics::gravity;
-use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::{
     AerodynamicForces, Config, FlightTrajectory,
     process_noise::{after_impulse, lost_square},
-    tumbling::Tumbling,
 };
 use crate::{
     perception::{ObjectPose, Symmetry},
@@ -23,15 +23,30 @@ use crate::{
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AerodynamicPrior {
-    /// Standard deviation of E's elements in 1/m.
+    /// Standard deviation in 1/m of E's elements along the principal axes of inertia; of those beside them a fifth.
     pub drag_deviation_sd_per_m: f64,
-    /// Standard deviation of each component of s, in rad/s.
+    /// Magnus coefficient c_M that is expected.
+    pub magnus: f64,
+    /// Its standard deviation.
+    pub magnus_sd: f64,
+    /// Standard deviation of each component of s, in rad/s. Where `magnus_sd` is zero, s is the lift of all spin, seen or not.
     pub lift_sd_radps: f64,
+    /// Decay c of the spin that is expected, ω̇ = −c·ω, in 1/s.
+    pub spin_decay_per_s: f64,
+    /// Its standard deviation.
+    pub spin_decay_sd_per_s: f64,
 }
 
 impl Settings for AerodynamicPrior {
     fn faults(&self) -> Vec<SettingError> {
-        let values = [("drag_deviation_sd_per_m", self.drag_deviation_sd_per_m), ("lift_sd_radps", self.lift_sd_radps)];
+        let values = [
+            ("drag_deviation_sd_per_m", self.drag_deviation_sd_per_m),
+            ("magnus", self.magnus),
+            ("magnus_sd", self.magnus_sd),
+            ("lift_sd_radps", self.lift_sd_radps),
+            ("spin_decay_per_s", self.spin_decay_per_s),
+            ("spin_decay_sd_per_s", self.spin_decay_sd_per_s),
+        ];
         Faults::default().values(&NOT_NEGATIVE, values).all()
     }
 }
@@ -39,20 +54,24 @@ impl Settings for AerodynamicPrior {
 impl AerodynamicPrior {
     /// Whether any forces are expected.
     pub fn any(&self) -> bool {
-        self.drag_deviation_sd_per_m > 0.0 || self.lift_sd_radps > 0.0
+        self.drag_deviation_sd_per_m > 0.0 || self.magnus > 0.0 || self.magnus_sd > 0.0 || self.lift_sd_radps > 0.0
     }
 }
 
 /// Elements of E.
 const E: usize = 5;
-/// Parameters: position, velocity, k, elements of E, s, c.
-const N: usize = 18;
+/// Parameters: position, velocity, k, elements of E, s, c_M, c.
+const N: usize = 19;
 const DRAG: usize = 6;
 const DEVIATION: usize = 7;
 const LIFT: usize = DEVIATION + E;
-const COM: usize = LIFT + 3;
+const MAGNUS: usize = LIFT + 3;
+const COM: usize = MAGNUS + 1;
 /// Those on which accelerations depend.
 const FORCES: usize = COM - DRAG;
+/// How much less of E is expected beside the principal axes of inertia than along them: where shape and mass have planes of symmetry,
+/// there is none.
+const ACROSS: f64 = 0.2;
 /// Passes of reweighting, and the error in scaled standard deviations at which a weight has fallen to a quarter.
 const PASSES: usize = 3;
 const OUTLIER_SD: f64 = 4.0;
@@ -66,9 +85,12 @@ fn deviations(symmetry: &Symmetry) -> [Matrix3<f64>; E] {
     };
     let mut basis = [Matrix3::zeros(); E];
     match symmetry {
-        Symmetry::Finite { .. } => {
+        Symmetry::Finite { inertia_per_kg, .. } => {
             let along = |diagonal: [f64; 3]| Matrix3::from_diagonal(&Vector3::from(diagonal));
-            basis = [along([1.0, -1.0, 0.0]), along([-0.5, -0.5, 1.0]), pair(0, 1), pair(0, 2), pair(1, 2)];
+            let across = [pair(0, 1), pair(0, 2), pair(1, 2)].map(|unit| unit * ACROSS);
+            let axes = inertia_per_kg.symmetric_eigen().eigenvectors;
+            basis = [along([1.0, -1.0, 0.0]), along([-0.5, -0.5, 1.0]), across[0], across[1], across[2]]
+                .map(|unit| axes * unit * axes.transpose());
         }
         Symmetry::Axis { axis, .. } => {
             basis[0] = axis.into_inner() * axis.transpose() * 1.5 - Matrix3::identity() * 0.5;
@@ -84,6 +106,39 @@ fn centres(symmetry: &Symmetry) -> Matrix3<f64> {
         Symmetry::Finite { .. } => Matrix3::identity(),
         Symmetry::Axis { axis, .. } => Matrix3::from_columns(&[axis.into_inner(), Vector3::zeros(), Vector3::zeros()]),
         Symmetry::Sphere => Matrix3::zeros(),
+    }
+}
+
+/// How s depends on its parameters, at an orientation of the object.
+#[derive(Debug, Clone, Copy)]
+enum UnseenSpin {
+    /// Fixed in W: the parameters are its components.
+    World,
+    /// Along an axis in O: the first parameter is its length.
+    Along(Unit<Vector3<f64>>),
+    /// There is none.
+    None,
+}
+
+impl UnseenSpin {
+    fn of(symmetry: &Symmetry, prior: &AerodynamicPrior) -> Self {
+        match symmetry {
+            Symmetry::Sphere => Self::World,
+            _ if prior.magnus_sd == 0.0 => Self::World,
+            Symmetry::Axis { axis, .. } => Self::Along(*axis),
+            Symmetry::Finite { .. } => Self::None,
+        }
+    }
+
+    /// ∂(s×v)/∂(its parameters).
+    fn acceleration_by(self, R_WO: &Rotation3<f64>, v: &Vector3<f64>) -> Matrix3<f64> {
+        let mut by = Matrix3::zeros();
+        match self {
+            Self::World => by = -v.cross_matrix(),
+            Self::Along(axis) => by.set_column(0, &(R_WO * axis.into_inner()).cross(v)),
+            Self::None => {}
+        }
+        by
     }
 }
 
@@ -107,8 +162,9 @@ pub(super) fn refine(
     rows: &mut Vec<Row>,
 ) {
     let (basis, centres) = (deviations(symmetry), centres(symmetry));
+    let unseen = UnseenSpin::of(symmetry, &config.aerodynamics);
     // Accelerations by the parameters from the drag constant on.
-    let accelerations = |R_WO: &UnitQuaternion<f64>, v: &Vector3<f64>| {
+    let accelerations = |R_WO: &UnitQuaternion<f64>, v: &Vector3<f64>, w: &Vector3<f64>, left: f64| {
         let mut by = SMatrix::<f64, 3, FORCES>::zeros();
         by.set_column(0, &(v * -v.norm()));
         let R = R_WO.to_rotation_matrix();
@@ -116,27 +172,32 @@ pub(super) fn refine(
         for (i, unit) in basis.iter().enumerate() {
             by.set_column(1 + i, &(R * (unit * in_body) * -v.norm()));
         }
-        by.fixed_view_mut::<3, 3>(0, 1 + E).copy_from(&-v.cross_matrix());
+        by.fixed_view_mut::<3, 3>(0, LIFT - DRAG).copy_from(&(unseen.acceleration_by(&R, v) * left));
+        by.set_column(MAGNUS - DRAG, &w.cross(v));
         by
     };
     rows.clear();
     rows.reserve(config.fit_window);
     // Backward from the newest pose, by the trapezoid rule: the velocity along the flight as it was fitted.
     let mut v = flight.v_WO;
-    let newest = accelerations(&flight.R_WO, &v);
+    let mut tumbling = flight.tumbling();
+    let turns = !matches!(symmetry, Symmetry::Sphere)
+        && (config.aerodynamics.magnus > 0.0 || config.aerodynamics.magnus_sd > 0.0);
+    let newest = accelerations(&flight.R_WO, &v, &if turns { flight.w_WO } else { Vector3::zeros() }, 1.0);
     let mut last = newest;
     let (mut by_velocity, mut by_position) = (last * 0.0, last * 0.0);
     let mut age_s = 0.0;
-    let mut tumbling = Tumbling::new(flight.R_WO, &flight.w_WO, flight.inertia_per_kg.as_ref());
     for pose in poses.iter().rev().filter(|pose| super::ransac::is_finite(pose)) {
         let h = (flight.time_s - pose.capture_s - age_s).max(0.0);
         v -= (gravity() - v * (flight.drag_per_m * v.norm())) * h;
-        let now = accelerations(&pose.X_WO.rotation, &v);
+        tumbling = tumbling.after(-h, false);
+        let w = if turns { tumbling.w_WO() } else { Vector3::zeros() };
+        let left = (flight.spin_decay_per_s * (age_s + h)).exp();
+        let now = accelerations(&pose.X_WO.rotation, &v, &w, left);
         let mean = (last + now) * 0.5;
         by_position += mean * (0.5 * h * h) - by_velocity * h;
         by_velocity -= mean * h;
         (age_s, last) = (age_s + h, now);
-        tumbling = tumbling.after(-h, false);
         let mut by = SMatrix::<f64, 3, N>::zeros();
         by.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
         by.fixed_view_mut::<3, 3>(0, 3).fill_diagonal(-age_s);
@@ -148,6 +209,7 @@ pub(super) fn refine(
     }
     let mut expected = SVector::<f64, N>::zeros();
     expected[DRAG] = config.drag_per_m();
+    expected[MAGNUS] = config.aerodynamics.magnus;
     let mut known = SVector::<f64, N>::repeat(1e-6);
     let of = |sd: f64| sd.max(1e-7).powi(-2);
     known[DRAG] = of(config.drag_sd_per_m());
@@ -158,6 +220,7 @@ pub(super) fn refine(
         known[LIFT + i] = of(config.aerodynamics.lift_sd_radps);
         known[COM + i] = of(config.com_sd_m());
     }
+    known[MAGNUS] = of(config.aerodynamics.magnus_sd);
     let mut found = None;
     let mut scale = 1.0;
     for pass in 0..=PASSES {
@@ -208,8 +271,14 @@ pub(super) fn refine(
     if config.aerodynamics.any() {
         flight.forces = AerodynamicForces {
             drag_deviation_O: basis.iter().enumerate().map(|(i, unit)| unit * x[DEVIATION + i]).sum(),
-            lift_W: x.fixed_rows::<3>(LIFT).into_owned(),
+            magnus: if turns { x[MAGNUS] } else { 0.0 },
+            ..AerodynamicForces::default()
         };
+        match unseen {
+            UnseenSpin::World => flight.forces.lift_W = x.fixed_rows::<3>(LIFT).into_owned(),
+            UnseenSpin::Along(axis) => flight.forces.lift_O = axis.into_inner() * x[LIFT],
+            UnseenSpin::None => {}
+        }
         let by_forces = newest.fixed_columns::<{ COM - DEVIATION }>(1).transpose();
         let of_forces = covariance.fixed_columns::<{ COM - DEVIATION }>(DEVIATION) * by_forces;
         flight.force_covariance.fixed_rows_mut::<6>(0).copy_from(&of_forces.fixed_rows::<6>(0));

@@ -1,11 +1,13 @@
 //! The flight that fits all poses best, by what each pose's information is worth.
 //!
-//! Minimizes Σ ρ(eᵢᵀ·Wᵢ·eᵢ / s²) + (k − k̄)²/σ_k² + |ω|²/σ_ω² over (p, v, k, R, ω) at the time of the newest pose, eᵢ being the
+//! Minimizes Σ ρ(eᵢᵀ·Wᵢ·eᵢ / s²) + (k − k̄)²/σ_k² + |ω|²/σ_ω² + (c − c̄)²/σ_c² over (p, v, k, R, ω, c) at the time of the newest pose, eᵢ being the
 //! turn and shift from the flight to pose i and Wᵢ its information, by Gauss–Newton with reweighting. Outliers weigh nothing
 //! (ρ of Geman and McClure); the scale s, by which the poses err more or less than they say, is estimated along.
 
+mod state;
+
 use catch_body::Pose;
-use nalgebra::{Matrix3, Matrix3x4, Matrix3x6, Point3, SMatrix, SVector, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Matrix3x4, Point3, SMatrix, SVector, Vector3};
 
 use super::{
     AerodynamicForces, Config, FlightTrajectory, LocalFlight, PredictionStatus, ProcessNoise,
@@ -16,12 +18,10 @@ use super::{
     tumbling::Tumbling,
 };
 use crate::perception::{ObjectPose, Symmetry};
+use state::{DECAY, DRAG, N, SPIN, State, TURN, solved};
 
-/// Number of parameters: position, velocity, drag constant, orientation, angular velocity.
-const N: usize = 13;
-const DRAG: usize = 6;
-const TURN: usize = 7;
-const SPIN: usize = 10;
+/// Parameters from the orientation on.
+const ROTATION: usize = N - TURN;
 
 /// Error in scaled standard deviations per degree of freedom at which a pose's weight has fallen to a quarter.
 const OUTLIER_SD: f64 = 4.0;
@@ -32,16 +32,6 @@ const STEP_SD: f64 = 0.05;
 /// Within this many standard deviations the flight is as good as linear in its parameters.
 const LINEAR_SD: f64 = 0.5;
 
-/// State that is being fitted.
-#[derive(Debug, Clone, Copy)]
-struct State {
-    p: Vector3<f64>,
-    v: Vector3<f64>,
-    drag_per_m: f64,
-    R_WO: UnitQuaternion<f64>,
-    w: Vector3<f64>,
-}
-
 /// How the flight stands to one pose: the error, and how the flight's pose there depends on its parameters.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Row {
@@ -50,8 +40,8 @@ pub(super) struct Row {
     /// Turn and shift from the flight to the pose.
     turn: Vector3<f64>,
     shift: Vector3<f64>,
-    /// ∂turn/∂(θ, ω), and ∂shift/∂(v, k); ∂shift/∂p is the identity.
-    by_rotation: Matrix3x6<f64>,
+    /// ∂turn/∂(θ, ω, c), and ∂shift/∂(v, k); ∂shift/∂p is the identity.
+    by_rotation: SMatrix<f64, 3, ROTATION>,
     by_motion: Matrix3x4<f64>,
     /// The pose's information by turns, turns and shifts, and shifts.
     turns: Matrix3<f64>,
@@ -117,13 +107,19 @@ pub(super) fn fit(
         drag_per_m: start.drag_per_m,
         R_WO: X_WO.rotation,
         w: V_WO.angular,
+        decay_per_s: if config.spin_decay_sd_per_s() > 0.0 {
+            start.spin_decay_per_s
+        } else {
+            config.spin_decay_per_s()
+        },
     };
     let freedom = match symmetry {
         Symmetry::Finite { .. } => 6.0,
         Symmetry::Axis { .. } => 5.0,
         Symmetry::Sphere => 3.0,
     };
-    let problem = Problem { poses, newest_s, symmetry, inertia: tumbling::inertia_per_kg(symmetry), freedom, config };
+    let (inertia, forces) = (tumbling::inertia_per_kg(symmetry), start.forces);
+    let problem = Problem { poses, newest_s, symmetry, inertia, forces, freedom, config };
 
     // The poses near the start are taken for the good ones; how far the nearer half of as many is off sets the scale.
     let near_start = problem.linearize(&state, poses.len(), scratch);
@@ -134,8 +130,7 @@ pub(super) fn fit(
     for _ in 0..config.max_iterations {
         let sums = problem.sums(scale, scale, scratch);
         let (information, gradient) = problem.with_priors(&sums, &state, scale);
-        let factor = information.cholesky().ok_or(PredictionStatus::NotConverged)?;
-        let step = -factor.solve(&gradient);
+        let step = -solved(&information, &gradient, config).ok_or(PredictionStatus::NotConverged)?;
         if !step.iter().all(|value| value.is_finite()) {
             return Err(PredictionStatus::NotConverged);
         }
@@ -161,7 +156,7 @@ pub(super) fn fit(
     let error_scale = ((sums.squares + SCALE_PRIOR_DOF) / (sums.freedom + SCALE_PRIOR_DOF)).sqrt();
     let sums = if config.process_noise.any() { problem.sums(scale, error_scale, scratch) } else { sums };
     let (information, _) = problem.with_priors(&sums, &state, error_scale);
-    let covariance = information.cholesky().ok_or(PredictionStatus::NotConverged)?.inverse();
+    let covariance = solved::<N>(&information, &SMatrix::identity(), config).ok_or(PredictionStatus::NotConverged)?;
     let flight = FlightTrajectory {
         time_s: newest_s,
         p_WO: Point3::from(state.p),
@@ -169,6 +164,7 @@ pub(super) fn fit(
         R_WO: state.R_WO,
         w_WO: state.w,
         drag_per_m: state.drag_per_m,
+        spin_decay_per_s: state.decay_per_s,
         inertia_per_kg: problem.inertia,
         covariance: covariance.fixed_view::<7, 7>(0, 0).into_owned(),
         rotation_covariance: covariance.fixed_view::<6, 6>(TURN, TURN).into_owned(),
@@ -190,35 +186,10 @@ struct Problem<'a> {
     newest_s: f64,
     symmetry: &'a Symmetry,
     inertia: Option<Matrix3<f64>>,
+    /// Those of the flight from which the fit starts.
+    forces: AerodynamicForces,
     freedom: f64,
     config: &'a Config,
-}
-
-impl State {
-    fn moved(&self, step: &SVector<f64, N>, config: &Config) -> Self {
-        let turn = step.fixed_rows::<3>(TURN).into_owned();
-        // Drag never accelerates; half the prior's width below zero is left to noise. One that is known stays as it is.
-        let least = -0.5 * config.drag_sd_per_m();
-        let drag_step = if config.drag_sd_per_m() > 0.0 { step[DRAG] } else { 0.0 };
-        Self {
-            p: self.p + step.fixed_rows::<3>(0),
-            v: self.v + step.fixed_rows::<3>(3),
-            drag_per_m: (self.drag_per_m + drag_step).clamp(least.min(config.drag_per_m()), 1.0),
-            R_WO: UnitQuaternion::from_scaled_axis(turn * (0.5 / turn.norm()).min(1.0)) * self.R_WO,
-            w: self.w + step.fixed_rows::<3>(SPIN),
-        }
-    }
-
-    /// The step that led here.
-    fn since(&self, before: &Self) -> SVector<f64, N> {
-        let mut step = SVector::<f64, N>::zeros();
-        step.fixed_rows_mut::<3>(0).copy_from(&(self.p - before.p));
-        step.fixed_rows_mut::<3>(3).copy_from(&(self.v - before.v));
-        step[DRAG] = self.drag_per_m - before.drag_per_m;
-        step.fixed_rows_mut::<3>(TURN).copy_from(&(self.R_WO * before.R_WO.inverse()).scaled_axis());
-        step.fixed_rows_mut::<3>(SPIN).copy_from(&(self.w - before.w));
-        step
-    }
 }
 
 impl Problem<'_> {
@@ -229,17 +200,30 @@ impl Problem<'_> {
         // Room for as many poses as there will ever be, so that it is made once.
         scratch.rows.reserve(self.config.fit_window);
         scratch.squares.reserve(self.config.fit_window);
-        let start = Tumbling::new(state.R_WO, &state.w, self.inertia.as_ref());
+        let start = Tumbling::new(state.R_WO, &state.w, self.inertia.as_ref()).decaying(state.decay_per_s);
+        // A decay that is known has no part in the fit.
+        let decays = self.config.spin_decay_sd_per_s() > 0.0;
         let (mut motion, mut tumbling) = (Motion::new(state.p, state.v), start);
         let mut time_s = self.newest_s;
         let turns = !matches!(self.symmetry, Symmetry::Sphere);
+        let force = |motion: &Motion, tumbling: &Tumbling| {
+            self.forces.acceleration_mps2(&tumbling.R_WO, &motion.v, &tumbling.w_WO(), tumbling.left)
+        };
+        // How far the forces have moved the object, and their part of its velocity.
+        let (mut pushed_m, mut pushed_mps) = (Vector3::zeros(), Vector3::zeros());
         let mut agreeing = 0;
         for (age, pose) in self.poses.iter().rev().enumerate().filter(|(_, pose)| is_finite(pose)) {
             let elapsed_s = pose.capture_s - time_s;
             if elapsed_s != 0.0 {
+                let before = (motion, tumbling);
                 motion = motion.after(elapsed_s, state.drag_per_m, true);
-                if turns {
+                if turns || self.forces.any() {
                     tumbling = tumbling.after(elapsed_s, true);
+                }
+                if self.forces.any() {
+                    let mean = (force(&before.0, &before.1) + force(&motion, &tumbling)) * 0.5;
+                    pushed_m += pushed_mps * elapsed_s + mean * (0.5 * elapsed_s * elapsed_s);
+                    pushed_mps += mean * elapsed_s;
                 }
             }
             time_s = pose.capture_s;
@@ -247,8 +231,8 @@ impl Problem<'_> {
             let mut row = Row {
                 age_s: self.newest_s - pose.capture_s,
                 turn: Vector3::zeros(),
-                shift: X_WO.translation.vector - motion.p,
-                by_rotation: Matrix3x6::zeros(),
+                shift: X_WO.translation.vector - motion.p - pushed_m,
+                by_rotation: SMatrix::zeros(),
                 by_motion: motion.dp,
                 turns: Matrix3::zeros(),
                 mixed: Matrix3::zeros(),
@@ -257,7 +241,11 @@ impl Problem<'_> {
             };
             if turns {
                 row.turn = self.symmetry.turn_between(&tumbling.R_WO, &X_WO.rotation);
-                row.by_rotation = tumbling.by_orientation_and_rate(&start);
+                let by_start = tumbling.by_orientation_and_rate(&start);
+                row.by_rotation.fixed_view_mut::<3, 6>(0, 0).copy_from(&by_start);
+                if decays {
+                    row.by_rotation.set_column(DECAY - TURN, &tumbling.by_decay());
+                }
                 row.turns = pose.information.fixed_view::<3, 3>(0, 0).into_owned();
                 row.mixed = pose.information.fixed_view::<3, 3>(0, 3).into_owned();
             }
@@ -273,7 +261,7 @@ impl Problem<'_> {
     fn advance(&self, step: &SVector<f64, N>, window: usize, scratch: &mut Scratch) -> usize {
         let turns = !matches!(self.symmetry, Symmetry::Sphere);
         let (p, motion) = (step.fixed_rows::<3>(0), step.fixed_rows::<4>(3));
-        let rotation = step.fixed_rows::<6>(TURN);
+        let rotation = step.fixed_rows::<ROTATION>(TURN);
         let poses = self.poses.iter().rev().enumerate().filter(|(_, pose)| is_finite(pose));
         let mut agreeing = 0;
         for (row, (age, pose)) in scratch.rows.iter_mut().zip(poses) {
@@ -362,13 +350,13 @@ impl Problem<'_> {
             push += mixed.transpose() * row.turn;
             let by_rotation = row.by_rotation.transpose();
             let crossed = mixed.transpose() * row.by_rotation;
-            let mut view = H.fixed_view_mut::<3, 6>(0, TURN);
+            let mut view = H.fixed_view_mut::<3, ROTATION>(0, TURN);
             view += crossed;
-            let mut view = H.fixed_view_mut::<4, 6>(3, TURN);
+            let mut view = H.fixed_view_mut::<4, ROTATION>(3, TURN);
             view += row.by_motion.transpose() * crossed;
-            let mut view = H.fixed_view_mut::<6, 6>(TURN, TURN);
+            let mut view = H.fixed_view_mut::<ROTATION, ROTATION>(TURN, TURN);
             view += by_rotation * (row.turns * weight * row.by_rotation);
-            let mut view = sums.gradient.fixed_rows_mut::<6>(TURN);
+            let mut view = sums.gradient.fixed_rows_mut::<ROTATION>(TURN);
             view -= by_rotation * (row.turns * row.turn * weight + mixed * row.shift);
         }
         let mut view = sums.gradient.fixed_rows_mut::<3>(0);
@@ -391,6 +379,9 @@ impl Problem<'_> {
         let drag = self.config.drag_sd_per_m().max(1e-7).powi(-2);
         information[(DRAG, DRAG)] += drag;
         gradient[DRAG] += drag * (state.drag_per_m - self.config.drag_per_m());
+        let decay = self.config.spin_decay_sd_per_s().max(1e-7).powi(-2);
+        information[(DECAY, DECAY)] += decay;
+        gradient[DECAY] += decay * (state.decay_per_s - self.config.spin_decay_per_s());
         let spin = self.config.spin_prior_sd_radps.max(1e-6).powi(-2);
         for i in 0..3 {
             information[(SPIN + i, SPIN + i)] += spin;

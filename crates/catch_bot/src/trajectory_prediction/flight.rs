@@ -21,6 +21,9 @@ pub struct FlightTrajectory {
     pub w_WO: Vector3<f64>,
     /// Drag constant k in a = −k·|v|·v, in 1/m.
     pub drag_per_m: f64,
+    /// Decay c of its spin in 1/s.
+    #[serde(default)]
+    pub spin_decay_per_s: f64,
     /// Inertia tensor in O divided by the mass, in m², where it makes the object tumble; `None` where the angular velocity
     /// stays as it is.
     pub inertia_per_kg: Option<Matrix3<f64>>,
@@ -168,14 +171,15 @@ impl FlightPropagator {
         let steps = ((time_s - self.moved_s).abs() / PUSHED_STEP_S).ceil().min(MAX_STEPS);
         let h = (time_s - self.moved_s) / steps.max(1.0);
         for _ in 0..steps as usize {
-            let acceleration = |R_WO: &UnitQuaternion<f64>, v: &Vector3<f64>| {
-                gravity() - v * (self.drag_per_m * v.norm()) + self.forces.acceleration_mps2(R_WO, v)
+            let acceleration = |tumbling: &Tumbling, v: &Vector3<f64>| {
+                let forces = self.forces.acceleration_mps2(&tumbling.R_WO, v, &tumbling.w_WO(), tumbling.left);
+                gravity() - v * (self.drag_per_m * v.norm()) + forces
             };
             let middle = self.tumbling.after(h / 2.0, false);
             let Motion { p, v, .. } = &mut self.motion;
-            let v_middle = *v + acceleration(&self.tumbling.R_WO, v) * (h / 2.0);
+            let v_middle = *v + acceleration(&self.tumbling, v) * (h / 2.0);
             *p += v_middle * h;
-            *v += acceleration(&middle.R_WO, &v_middle) * h;
+            *v += acceleration(&middle, &v_middle) * h;
             self.tumbling = middle.after(h / 2.0, false);
         }
         (self.moved_s, self.turned_s) = (time_s, time_s);
@@ -187,14 +191,15 @@ impl FlightPropagator {
         let p_W = self.position_at(time_s);
         self.tumbling = self.tumbling.after(time_s - self.turned_s, false);
         self.turned_s = time_s;
-        let (to_com_W, w_WO) = (self.tumbling.R_WO * self.com_O, self.tumbling.w_WO());
+        let (R_WO, w_WO) = (self.tumbling.R_WO, self.tumbling.w_WO());
+        let to_com_W = R_WO * self.com_O;
         LocalFlight {
             time_s,
-            X_WO: Pose::from_parts((p_W - to_com_W).into(), self.tumbling.R_WO),
+            X_WO: Pose::from_parts((p_W - to_com_W).into(), R_WO),
             V_WO: Twist { angular: w_WO, linear: self.motion.v - w_WO.cross(&to_com_W) },
             com_O: self.com_O,
             drag_per_m: self.drag_per_m,
-            forces_mps2: self.forces.acceleration_mps2(&self.tumbling.R_WO, &self.motion.v),
+            forces_mps2: self.forces.acceleration_mps2(&R_WO, &self.motion.v, &w_WO, self.tumbling.left),
         }
     }
 }
@@ -209,8 +214,13 @@ impl FlightTrajectory {
             moved_s: self.time_s,
             motion: Motion::new(self.p_WO.coords, self.v_WO),
             turned_s: self.time_s,
-            tumbling: Tumbling::new(self.R_WO, &self.w_WO, self.inertia_per_kg.as_ref()),
+            tumbling: self.tumbling(),
         }
+    }
+
+    /// Its rotation, from its own time on.
+    pub(super) fn tumbling(&self) -> Tumbling {
+        Tumbling::new(self.R_WO, &self.w_WO, self.inertia_per_kg.as_ref()).decaying(self.spin_decay_per_s)
     }
 
     /// The flight near `time_s`.

@@ -149,6 +149,16 @@ impl Config {
         self.com_sd_m.unwrap_or_default()
     }
 
+    /// Decay of the spin that is expected, in 1/s.
+    fn spin_decay_per_s(&self) -> f64 {
+        self.aerodynamics.spin_decay_per_s
+    }
+
+    /// Its standard deviation.
+    fn spin_decay_sd_per_s(&self) -> f64 {
+        self.aerodynamics.spin_decay_sd_per_s
+    }
+
     /// The newest poses, at which sampling looks, oldest first; `None` before there are enough for a first flight.
     pub fn sampled<'a>(&self, poses: &'a [ObjectPose]) -> Option<&'a [ObjectPose]> {
         let window = &poses[poses.len() - self.window.max(2).min(poses.len())..];

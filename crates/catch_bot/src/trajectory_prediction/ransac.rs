@@ -121,6 +121,7 @@ fn through(
         R_WO: later.X_WO.rotation,
         w_WO,
         drag_per_m: config.drag_per_m(),
+        spin_decay_per_s: config.spin_decay_per_s(),
         inertia_per_kg: tumbling::inertia_per_kg(symmetry).filter(|_| rotation == Rotation::Free),
         covariance: SMatrix::zeros(),
         rotation_covariance: Matrix6::zeros(),

@@ -2,6 +2,9 @@
 //!
 //! Nothing turns a flying object but its own momentum (drag acts at the centre of mass): L = J_W·ω stays, with
 //! J_W = R·J·Rᵀ, so ω = R·J⁻¹·Rᵀ·L changes as the object turns (Euler's equations).
+//!
+//! Where the air lets the spin decay, L̇ = −c·L, the object goes through the same orientations more and more slowly: R(t) is the free
+//! rotation at τ(t) = (1 − e^(−c·t))/c.
 
 use nalgebra::{Matrix3, Quaternion, SMatrix, UnitQuaternion, Vector3};
 
@@ -17,6 +20,10 @@ pub(super) struct Tumbling {
     inverse: Matrix3<f64>,
     /// Whether ω stays as it is.
     steady: bool,
+    /// Decay c of the momentum in 1/s, the time since the start, and what is left of the momentum by now.
+    decay_per_s: f64,
+    elapsed_s: f64,
+    pub left: f64,
     /// ∂θ/∂(θ₀, L), rotation vectors in W.
     by_start: SMatrix<f64, 3, 6>,
 }
@@ -44,7 +51,13 @@ impl Tumbling {
         let momentum = R_WO * (inertia * (R_WO.inverse() * w_WO));
         let mut by_start = SMatrix::<f64, 3, 6>::zeros();
         by_start.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
-        Self { R_WO, momentum, inertia, inverse, steady: inertia_per_kg.is_none(), by_start }
+        let steady = inertia_per_kg.is_none();
+        Self { R_WO, momentum, inertia, inverse, steady, decay_per_s: 0.0, elapsed_s: 0.0, left: 1.0, by_start }
+    }
+
+    /// The same state, of a momentum that decays.
+    pub fn decaying(self, decay_per_s: f64) -> Self {
+        Self { decay_per_s, ..self }
     }
 
     /// Angular velocity in W.
@@ -67,6 +80,26 @@ impl Tumbling {
     /// A small turn δθ of the start and a change δL of the momentum obey δθ̇ = ω×δθ + δω with
     /// δω = δθ×ω − J_W⁻¹(δθ×L) + J_W⁻¹δL, that is δθ̇ = J_W⁻¹·([L]ₓ·δθ + δL).
     pub fn after(&self, duration_s: f64, with_derivatives: bool) -> Self {
+        if self.decay_per_s == 0.0 {
+            return Self { elapsed_s: self.elapsed_s + duration_s, ..self.after_free(duration_s, with_derivatives) };
+        }
+        let lost = (-self.decay_per_s * duration_s).exp_m1();
+        let mut state = self.after_free(-lost / self.decay_per_s, with_derivatives);
+        state.elapsed_s += duration_s;
+        state.left *= 1.0 + lost;
+        state.momentum *= 1.0 + lost;
+        state
+    }
+
+    /// ∂θ/∂c, c being the decay and all states since the start those of the same one: ω of the free rotation times ∂τ/∂c.
+    pub fn by_decay(&self) -> Vector3<f64> {
+        let (c, t) = (self.decay_per_s, self.elapsed_s);
+        let by = if (c * t).abs() < 1e-4 { -t * t / 2.0 } else { (t * (-c * t).exp() + (-c * t).exp_m1() / c) / c };
+        self.w_WO() * (by / self.left)
+    }
+
+    /// The state after a free rotation.
+    fn after_free(&self, duration_s: f64, with_derivatives: bool) -> Self {
         if self.steady {
             return self.after_turning(duration_s, with_derivatives);
         }
@@ -118,7 +151,7 @@ impl Tumbling {
             };
             state.by_start = turn.to_rotation_matrix().matrix() * self.by_start;
             let mut by_rate = state.by_start.fixed_view_mut::<3, 3>(0, 3);
-            by_rate += (Matrix3::identity() + cross * first + cross * cross * second) * duration_s;
+            by_rate += (Matrix3::identity() + cross * first + cross * cross * second) * (duration_s * self.left);
         }
         state
     }
@@ -126,11 +159,11 @@ impl Tumbling {
     /// One step of the derivatives, given the orientations at its start, middle and end.
     fn carry_derivatives(&mut self, R_WO: &[UnitQuaternion<f64>; 3], h: f64) {
         let mobility = R_WO.map(|R_WO| self.mobility(&R_WO));
-        let twist = self.momentum.cross_matrix();
+        let (twist, left) = (self.momentum.cross_matrix(), self.left);
         let slope = |mobility: &Matrix3<f64>, by_start: &SMatrix<f64, 3, 6>| {
             let mut inner = twist * by_start;
             let mut by_momentum = inner.fixed_view_mut::<3, 3>(0, 3);
-            by_momentum += Matrix3::identity();
+            by_momentum += Matrix3::identity() * left;
             mobility * inner
         };
         let k1 = slope(&mobility[0], &self.by_start);
@@ -189,9 +222,9 @@ mod tests {
     #[test]
     fn derivatives_are_those_of_the_orientation() {
         let (R, w, inertia) = start();
-        for inertia in [None, Some(&inertia)] {
-            let from = Tumbling::new(R, &w, inertia);
-            let analytic = from.after(0.3, true).by_orientation_and_rate(&from);
+        for (inertia, decay) in [(None, 0.0), (Some(&inertia), 0.0), (None, 0.8), (Some(&inertia), 0.8)] {
+            let from = Tumbling::new(R, &w, inertia).decaying(decay);
+            let analytic = from.after(0.1, true).after(0.2, true).by_orientation_and_rate(&from);
             for i in 0..6 {
                 let h = 1e-5;
                 let at = |sign: f64| {
@@ -199,10 +232,25 @@ mod tests {
                     change[i] = sign * h;
                     let turn = UnitQuaternion::from_scaled_axis(Vector3::new(change[0], change[1], change[2]));
                     let w = w + Vector3::new(change[3], change[4], change[5]);
-                    Tumbling::new(turn * R, &w, inertia).after(0.3, false).R_WO
+                    Tumbling::new(turn * R, &w, inertia).decaying(decay).after(0.3, false).R_WO
                 };
                 let numeric = (at(1.0) * at(-1.0).inverse()).scaled_axis() / (2.0 * h);
                 assert!((numeric - analytic.column(i)).norm() < 1e-4, "{i}: {numeric} {}", analytic.column(i));
+            }
+        }
+    }
+
+    #[test]
+    fn a_momentum_that_decays_slows_the_rotation_down() {
+        let (R, w, inertia) = start();
+        for inertia in [None, Some(&inertia)] {
+            let at = |decay: f64| Tumbling::new(R, &w, inertia).decaying(decay).after(0.2, false).after(0.2, false);
+            let (free, slowed) = (at(0.0), at(0.5));
+            assert!((slowed.momentum - free.momentum * (-0.2f64).exp()).norm() < 1e-9 * free.momentum.norm());
+            for decay in [0.0, 0.5] {
+                let h = 1e-4;
+                let numeric = (at(decay + h).R_WO * at(decay - h).R_WO.inverse()).scaled_axis() / (2.0 * h);
+                assert!((numeric - at(decay).by_decay()).norm() < 1e-3 * numeric.norm(), "{decay}: {numeric}");
             }
         }
     }

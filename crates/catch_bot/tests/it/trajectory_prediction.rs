@@ -213,7 +213,8 @@ fn drag_is_found_as_well_as_it_can_be() {
 fn aerodynamic_forces_are_found() {
     let calm = Config { drag_prior_per_m: Some(0.05), drag_prior_sd_per_m: Some(0.01), ..Config::default() };
     let process_noise = ProcessNoise { acceleration: 0.05, angular_acceleration: 0.5 };
-    let aerodynamics = AerodynamicPrior { drag_deviation_sd_per_m: 0.02, lift_sd_radps: 0.03 };
+    let aerodynamics =
+        AerodynamicPrior { drag_deviation_sd_per_m: 0.02, lift_sd_radps: 0.03, ..AerodynamicPrior::default() };
     let aware = Config { process_noise, aerodynamics, ..calm.clone() };
     let (mut errors, mut inside) = ([Vec::new(), Vec::new()], 0);
     for seed in 0..200 {
@@ -221,7 +222,7 @@ fn aerodynamic_forces_are_found() {
         let mut throw = throw(&mut normal, 10.0, 0.05, &banana());
         let diagonal = normal.vector() * 0.02;
         let drag_deviation_O = Matrix3::from_diagonal(&diagonal.add_scalar(-diagonal.mean()));
-        throw.forces = AerodynamicForces { drag_deviation_O, lift_W: normal.vector() * 0.03 };
+        throw.forces = AerodynamicForces { drag_deviation_O, lift_W: normal.vector() * 0.03, ..throw.forces };
         let poses = seen(&throw, 40, 0.0006, 0.02, 0.1, &mut normal);
         for (config, errors) in [&calm, &aware].into_iter().zip(&mut errors) {
             let flight = predict(&poses, None, banana(), config, seed, &mut Default::default()).unwrap();
@@ -289,4 +290,58 @@ fn without_spin_an_unknown_centre_of_mass_costs_nothing() {
     assert!(error_m < 5e-3 && found.position_sd_at(0.6) < 5e-3, "{error_m}, {}", found.position_sd_at(0.6));
     let sd_m = found.com_covariance.fixed_rows::<3>(6).diagonal().map(f64::sqrt);
     assert!(sd_m.min() > 4e-3, "{sd_m}");
+}
+
+/// A spin that is seen tells the direction of the Magnus force and how fast it decays: with that, positions and orientations are predicted
+/// better than by a force of any direction and noise of the rotation.
+#[test]
+fn a_seen_spin_tells_its_lift_and_its_decay() {
+    let of = |aerodynamics: AerodynamicPrior, angular_acceleration: f64| Config {
+        drag_prior_per_m: Some(0.05),
+        drag_prior_sd_per_m: Some(0.01),
+        process_noise: ProcessNoise { acceleration: 0.003, angular_acceleration },
+        aerodynamics,
+        ..Config::default()
+    };
+    let any_force = AerodynamicPrior { lift_sd_radps: 0.03, ..AerodynamicPrior::default() };
+    let of_spin = AerodynamicPrior {
+        magnus: 0.003,
+        magnus_sd: 0.0018,
+        spin_decay_per_s: 0.3,
+        spin_decay_sd_per_s: 0.18,
+        ..any_force
+    };
+    let configs = [of(any_force, 3.0), of(of_spin, 0.3)];
+    let (mut errors, mut inside) = ([const { [const { Vec::new() }; 2] }; 2], 0);
+    for seed in 0..100 {
+        let mut normal = Normal::new(seed);
+        let mut throw = throw(&mut normal, 15.0, 0.05, &banana());
+        throw.forces.magnus = 0.003 + 0.0015 * normal.vector().x;
+        throw.spin_decay_per_s = (0.3 + 0.15 * normal.vector().x).max(0.0);
+        let poses = seen(&throw, 40, 0.0006, 0.02, 0.0, &mut normal);
+        for (config, [positions, rotations]) in configs.iter().zip(&mut errors) {
+            let mut previous = None;
+            for count in [38, 39, 40] {
+                let known = &poses[..count];
+                previous =
+                    Some(predict(known, previous.as_ref(), banana(), config, seed, &mut Default::default()).unwrap());
+            }
+            let (flight, X_WO) = (previous.unwrap(), throw.pose_at(0.65));
+            let error = X_WO.translation.vector - flight.pose_at(0.65).translation.vector;
+            positions.push(error.norm());
+            rotations.push(banana().turn_between(&flight.pose_at(0.65).rotation, &X_WO.rotation).norm());
+            if config.aerodynamics.magnus > 0.0 {
+                let covariance = flight.covariance_at(0.65).fixed_view::<3, 3>(0, 0).into_owned();
+                inside += usize::from(error.dot(&covariance.cholesky().unwrap().solve(&error)) < 7.815);
+            }
+        }
+    }
+    let [[any_m, any_rad], [spin_m, spin_rad]] = errors.map(|each| {
+        each.map(|mut errors| {
+            errors.sort_by(f64::total_cmp);
+            errors[errors.len() / 2]
+        })
+    });
+    assert!(spin_m < 0.7 * any_m && spin_rad < 0.7 * any_rad, "{any_m} {spin_m} m, {any_rad} {spin_rad} rad");
+    assert!((85..=100).contains(&inside), "{inside} of 100 within 95 %");
 }

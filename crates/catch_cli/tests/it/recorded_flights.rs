@@ -158,3 +158,72 @@ fn files_that_teach_nothing_are_named() {
         assert!(stderr(&output).contains(hint), "{arguments:?}: {}", stderr(&output));
     }
 }
+
+/// A folder of tracks is a throw: released as recorded, or moved along the recording.
+#[test]
+fn recorded_tracks_are_thrown() {
+    let folder = tempfile::tempdir().unwrap();
+    let throws = folder.path().join("tumbling");
+    fs::create_dir(&throws).unwrap();
+    for number in 0..2 {
+        write_throw(&throws.join(format!("{number}.csv")), number, 70, -9.0, 1.0);
+    }
+    let out = folder.path().join("out");
+    let [throws, out] = [&throws, &out].map(|it| it.to_str().unwrap());
+    let prior = "brain.trajectory_prediction.spin_prior_sd_radps=8";
+    let run = |throw: &str| {
+        json(&[
+            "catch",
+            "--object",
+            "tennis_ball",
+            "--throw",
+            throw,
+            "--set",
+            prior,
+            "--out",
+            out,
+            "--seed",
+            "2",
+            "--json",
+        ])
+    };
+    let released = run(throws);
+    assert_eq!(released["scene"]["throw"], "tumbling");
+    assert!(released["caught"].as_bool().unwrap(), "{}", released["reason"]);
+    fs::write(Path::new(throws).join("throw.toml"), "[motion]\nkind = \"recorded\"\nflight = \"recorded\"\n").unwrap();
+    let recorded = run(throws);
+    assert_eq!(recorded["scene"]["throw"], "tumbling");
+    assert_ne!(released["measures"], recorded["measures"]);
+    let life = json(&["play", "--throw", throws, "--throws", "2", "--set", prior, "--json"]);
+    assert_eq!(life["throws"], 2);
+}
+
+#[test]
+fn tracks_that_cannot_be_thrown_say_why() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("one.csv");
+    let throw = folder.path().to_str().unwrap();
+    let refused = |expected: &[&str]| {
+        let output = catchingbot(&["catch", "--throw", throw, "--out", throw]);
+        assert_eq!(output.status.code(), Some(2), "{}", stdout(&output));
+        let fault = stderr(&output);
+        assert!(expected.iter().all(|it| fault.contains(it)), "{expected:?}: {fault}");
+    };
+    refused(&["CSV files: found 0"]);
+    write_throw(&path, 1, 60, -9.0, 1e-3);
+    refused(&["one.csv: x, y, z", "places in metres"]);
+    write_throw(&path, 1, 20, -9.0, 1.0);
+    refused(&["one.csv: t", "0.3 s or more"]);
+    write_throw(&path, 1, 3, -9.0, 1.0);
+    refused(&["one.csv: rows: found 3", "6 or more"]);
+    let still: String = (0..60).map(|i| format!("{},1,2,3\n", f64::from(i) * 0.01)).collect();
+    fs::write(&path, still).unwrap();
+    refused(&["one.csv: x, y, z", "9.81 m/s²"]);
+    fs::write(&path, "0,NaN,2,3\n").unwrap();
+    refused(&["one.csv: rows"]);
+    write_throw(&path, 1, 60, -9.0, 1.0);
+    let whole = fs::read_to_string(&path).unwrap();
+    let with_gap: Vec<&str> = whole.lines().enumerate().filter(|(i, _)| !(20..35).contains(i)).map(|it| it.1).collect();
+    fs::write(&path, with_gap.join("\n")).unwrap();
+    refused(&["one.csv: t: found none from", "every 0.1 s"]);
+}

@@ -8,7 +8,6 @@ use catch_body::{
     stated::{Assumption, assumptions},
     workcell::Workcell,
 };
-use catch_sim::Throw;
 
 use super::{
     gripper_check,
@@ -190,7 +189,7 @@ fn faults_of(kind: Kind, asset: &Asset) -> Vec<InputError> {
         }),
         Kind::Gripper => Gripper::from_toml(file, text).map(drop),
         Kind::Object => asset.thrown_object().map(drop),
-        Kind::Throw => Throw::from_toml(file, text).map(drop),
+        Kind::Throw => asset.throw().map(drop),
         Kind::Workcell => Workcell::from_toml(file, text).map(drop),
         Kind::Rig => catch_cell::rig_from_toml(file, text).map(drop),
         Kind::Study => Study::of(asset.clone()).and_then(|study| {

@@ -213,17 +213,17 @@ impl Setup {
         scenario.robot = robot.name;
         scenario.gripper = gripper.name;
         scenario.object = object.name;
+        let motion = throw.throw()?.for_arm(arm.length_m());
         scenario.throw = throw.name;
         scenario.flight_rig = flight_rig.name;
         scenario.reference_rig = reference_rig.name;
-        let length_m = arm.length_m();
         scenario.ready_rad = Some(arm.ready_q.as_slice()[..arm.dof()].to_vec());
         Ok(Self {
             scenario,
             robot: arm,
             gripper: hand,
             cameras,
-            throw: Throw::from_toml(&throw.file, &throw.text)?.for_arm(length_m),
+            throw: motion,
             object: thrown,
             reference_scan,
             sources,
@@ -273,7 +273,7 @@ impl Setup {
     /// As [`load`](Self::load).
     pub fn thrown(&self, throw: &str) -> Result<Self, InputError> {
         let asset = Asset::find(Kind::Throw, throw, &Origin::BuiltIn(PathBuf::new()), (COMMAND_LINE, "--throw"))?;
-        let throw = Throw::from_toml(&asset.file, &asset.text)?.for_arm(self.robot.length_m());
+        let throw = asset.throw()?.for_arm(self.robot.length_m());
         Ok(self.with_throw(asset.name, throw))
     }
 

@@ -1,7 +1,7 @@
 """Reference fit of a flight with aerodynamics: writes aerodynamic_flight.json. Needs NumPy and SciPy.
 
 All unknowns at once (the state at every sample and the parameters) by scipy.optimize.least_squares: the same posterior as
-`own_data::aerodynamics`, found without a filter. States are (p, v, q, w), quaternions x, y, z, w.
+`flights::aerodynamics`, found without a filter. States are (p, v, q, w), quaternions x, y, z, w.
 """
 
 import json

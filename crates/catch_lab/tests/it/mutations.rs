@@ -24,7 +24,8 @@ use std::{
 use catch_body::{Gripper, InputError, Robot, TriangleMesh, mesh_file, robot_file::RobotFiles};
 use catch_cell::rig_from_toml;
 use catch_lab::{
-    own_data::{cloud_file, planner_cases, templates, track_file},
+    flights::track_file,
+    own_data::{cloud_file, planner_cases, templates},
     pages::catch_page,
     recording::{playback::Playback, replay::replay},
     scenario::{

@@ -41,7 +41,7 @@ pub(super) struct RandomMotion {
 /// How a flight turns about the base's axis, seen from above.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case")]
-enum Side {
+pub(super) enum Side {
     Clockwise,
     Counterclockwise,
 }
@@ -113,7 +113,7 @@ fn aimed(p_WO: Point3<f64>, target_W: Point3<f64>, time_s: f64, conditions: &Con
     let parabola = (target_W - p_WO) / time_s - dynamics::gravity() * (time_s / 2.0);
     let mut v_WO = parabola;
     for _ in 0..20 {
-        let miss = target_W - flown(p_WO, v_WO, time_s, conditions);
+        let miss = target_W - flown(p_WO, v_WO, time_s, conditions).0;
         v_WO += miss / time_s;
         let speed_mps = v_WO.norm();
         if speed_mps > MOST_SPEED_MPS || speed_mps.is_nan() {
@@ -126,8 +126,13 @@ fn aimed(p_WO: Point3<f64>, target_W: Point3<f64>, time_s: f64, conditions: &Con
     v_WO
 }
 
-/// Where a flight is after `time_s`, by steps of the midpoint rule.
-fn flown(mut p_WO: Point3<f64>, mut v_WO: Vector3<f64>, time_s: f64, conditions: &Conditions) -> Point3<f64> {
+/// Position and velocity of a flight after `time_s`, by steps of the midpoint rule.
+pub(super) fn flown(
+    mut p_WO: Point3<f64>,
+    mut v_WO: Vector3<f64>,
+    time_s: f64,
+    conditions: &Conditions,
+) -> (Point3<f64>, Vector3<f64>) {
     const STEPS: u32 = 200;
     let step_s = time_s / f64::from(STEPS);
     let acceleration = |v_WO: &Vector3<f64>| dynamics::gravity() + conditions.drag_mps2(v_WO);
@@ -136,5 +141,5 @@ fn flown(mut p_WO: Point3<f64>, mut v_WO: Vector3<f64>, time_s: f64, conditions:
         p_WO += middle * step_s;
         v_WO += acceleration(&middle) * step_s;
     }
-    p_WO
+    (p_WO, v_WO)
 }

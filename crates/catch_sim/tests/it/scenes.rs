@@ -1,8 +1,13 @@
 //! Whole scenes: free flight, the same scene twice, catches that hold, and what happens when numbers go bad.
 
+use std::sync::Arc;
+
 use catch_body::{JointVector, Twist};
 use catch_cell::{Cell, Command, GripperMove};
-use catch_sim::{Arena, ArenaConfig, Release, Throw, TruthSample};
+use catch_sim::{
+    Arena, ArenaConfig, Release, Throw, TruthSample,
+    throw::{RecordedFlight, RecordedState},
+};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 use crate::setting;
@@ -95,6 +100,7 @@ fn the_same_scene_gives_the_same_truth() {
             v_WO: Vector3::new(0.1, 0.0, -2.0),
             q_WO: UnitQuaternion::from_euler_angles(0.3, 0.2, 0.1),
             omega_WO: Vector3::new(4.0, 5.0, 6.0),
+            path: None,
         };
         let mut arena = arena(&ArenaConfig::default(), "banana", &release);
         let Ok(_) = arena.sense();
@@ -124,6 +130,7 @@ fn the_arm_holds_what_it_has_grasped() {
             v_WO: Vector3::zeros(),
             q_WO: X_WG.rotation,
             omega_WO: Vector3::zeros(),
+            path: None,
         };
         let mut arena = arena(&ArenaConfig::default(), object, &release);
         let Ok(_) = arena.sense();
@@ -174,4 +181,33 @@ fn numbers_that_go_bad_are_contained() {
     let last = truth.samples.last().unwrap();
     assert!(last.X_WO.translation.vector.iter().chain(last.q.iter()).all(|value| value.is_finite()));
     assert!(last.q != JointVector::zeros());
+}
+
+/// An object that moves along a recording is where it was recorded until something touches it or the recording ends.
+#[test]
+fn a_recorded_flight_is_followed_until_a_contact() {
+    let height_m = |time_s: f64| 1.0 - 2.0 * time_s;
+    let state = |i: u32| RecordedState {
+        time_s: 0.1 * f64::from(i),
+        position: Point3::new(5.0, 5.0, height_m(0.1 * f64::from(i))),
+        velocity: Vector3::new(0.0, 0.0, -2.0),
+        rotation: None,
+    };
+    for (ends_s, is_touched) in [(0.3, false), (1.0, true)] {
+        let states: Vec<RecordedState> = (0..=10).map(state).filter(|it| it.time_s < ends_s + 0.01).collect();
+        let path = RecordedFlight::new(states).map(Arc::new);
+        let release = Release { path, ..setting::release([5.0, 5.0, 1.0], [0.0, 0.0, -2.0]) };
+        let mut arena = arena(&ArenaConfig::default(), "tennis_ball", &release);
+        while arena.time_s() < 0.6 {
+            let Ok(_) = arena.sense();
+        }
+        let samples = &arena.truth().samples;
+        let touched = samples.iter().find(|it| it.contact.any()).map_or(f64::INFINITY, |it| it.time_s);
+        let mut followed = samples.iter().take_while(|it| it.time_s < ends_s.min(touched) - 1e-3);
+        assert!(followed.all(|it| (it.X_WO.translation.z - height_m(it.time_s)).abs() < 1e-9));
+        let last = samples.iter().take_while(|it| it.time_s < touched).last().unwrap();
+        // Gravity has it again where the recording ends.
+        assert_eq!(last.V_WO.linear.z < -2.05, !is_touched, "{}", last.V_WO.linear.z);
+        assert!(samples.last().unwrap().V_WO.linear.z > -2.0, "the floor has stopped it");
+    }
 }

@@ -40,7 +40,13 @@ pub fn ball(radius_m: f64) -> ThrownObject {
 
 /// A release without spin.
 pub fn release(p_WO: [f64; 3], v_WO: [f64; 3]) -> Release {
-    Release { p_WO: p_WO.into(), v_WO: v_WO.into(), q_WO: UnitQuaternion::identity(), omega_WO: Vector3::zeros() }
+    Release {
+        p_WO: p_WO.into(),
+        v_WO: v_WO.into(),
+        q_WO: UnitQuaternion::identity(),
+        omega_WO: Vector3::zeros(),
+        path: None,
+    }
 }
 
 pub fn settings(friction: f64, restitution: f64) -> WorldSettings {

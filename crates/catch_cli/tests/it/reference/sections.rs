@@ -121,6 +121,7 @@ pub const FILES: &[Section] = &[
     of("Throw", "catch_sim/src/throw.rs", "ThrowFile"),
     of("Throw: motion", "catch_sim/src/throw.rs", "Motion"),
     of("Throw: motion, kind random", "catch_sim/src/throw/random.rs", "RandomMotion"),
+    of("Throw: motion, kind recorded", "catch_sim/src/throw/recorded.rs", "RecordedMotion"),
     of("Rig", "catch_cell/src/rig.rs", "RigFile"),
     of("Rig: uv_sphere", "catch_cell/src/rig.rs", "UvSphereFields"),
     of("Rig: cameras", "catch_cell/src/rig.rs", "CameraFields"),
@@ -134,7 +135,7 @@ pub const FILES: &[Section] = &[
     of("Study: throw_grid", "catch_lab/src/study/throw_grid.rs", "ThrowGrid"),
     of("Suite", "catch_lab/src/suite.rs", "SuiteFile"),
     of("Suite: part", "catch_lab/src/suite.rs", "SuitePart"),
-    of("Learned flights", "catch_lab/src/own_data/aerodynamics/mod.rs", "FlightPrior"),
+    of("Learned flights", "catch_lab/src/flights/aerodynamics/mod.rs", "FlightPrior"),
 ];
 
 /// Strict structs that are no file of a user.

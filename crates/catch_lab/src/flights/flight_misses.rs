@@ -1,9 +1,15 @@
 //! Predicted ends of recorded throws against where they ended.
 
+use std::path::{Path, PathBuf};
+
+use catch_body::InputError;
 use catch_bot::trajectory_prediction::TrackSample;
 use nalgebra::{Matrix3, Unit, Vector3};
 
-use super::aerodynamics::{AerodynamicFit, FlightPrior};
+use super::{
+    aerodynamics::{AerodynamicFit, FlightPrior},
+    track_file,
+};
 
 /// A recorded throw.
 #[derive(Debug, Clone)]
@@ -12,6 +18,20 @@ pub struct Throw {
     pub samples: Vec<TrackSample>,
     /// Direction against which gravity pulls.
     pub up: Unit<Vector3<f64>>,
+}
+
+impl Throw {
+    /// The throws that are recorded in a folder, `least` or more, in the order of their names.
+    ///
+    /// # Errors
+    /// Too few tracks, or one that cannot be read.
+    pub fn read_folder(folder: &Path, up: Unit<Vector3<f64>>, least: usize) -> Result<Vec<Self>, InputError> {
+        let read = |path: &PathBuf| {
+            let (track, _) = track_file::read(path)?;
+            Ok(Self { samples: track.iter().map(track_file::Sighting::sample).collect(), up })
+        };
+        track_file::in_folder(folder, least)?.iter().map(read).collect()
+    }
 }
 
 /// How much of a throw is seen before its end is predicted.

@@ -167,6 +167,21 @@ pub struct TrackedPoint {
     pub covariance: Matrix6<f64>,
 }
 
+/// The motion at one sample of a track, given all samples of the flight; in the track's axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SmoothedState {
+    /// Time of the sample.
+    pub time_s: f64,
+    /// Position of the centre of mass, in metres.
+    pub position: Point3<f64>,
+    /// Its velocity, in m/s.
+    pub velocity: Vector3<f64>,
+    /// Orientation of the object.
+    pub orientation: UnitQuaternion<f64>,
+    /// Angular velocity in rad/s.
+    pub angular_velocity: Vector3<f64>,
+}
+
 /// The first free flight in a track, in the order of time: the range of its samples, and when a contact ended it.
 ///
 /// A contact changes the velocity by more than gravity, drag and tumbling do. Samples before the flight, in a hand, are left out.
@@ -235,6 +250,17 @@ impl AerodynamicFit {
             contact_s = Some(self.samples[last].time_s);
             self.samples.truncate(last);
         }
+    }
+
+    /// The motion that the last [`fit`](Self::fit) found, at each sample that it looked at; of no meaning where that failed.
+    pub fn smoothed(&self) -> impl Iterator<Item = SmoothedState> {
+        self.samples.iter().zip(&self.nodes).map(|(Sample { time_s, .. }, Node { state, .. })| SmoothedState {
+            time_s: *time_s,
+            position: state.p.into(),
+            velocity: state.v,
+            orientation: state.R,
+            angular_velocity: state.R * state.w,
+        })
     }
 
     fn fit_free_flight(

@@ -249,7 +249,17 @@ fn fit(
 const STRANGE_MPS2: f64 = 8.0;
 
 /// Whether the sightings fall as gravity has it, but for a force against the motion.
-fn falls(seen: &[Sighting], up: &Unit<Vector3<f64>>) -> bool {
+pub(super) fn falls(seen: &[Sighting], up: &Unit<Vector3<f64>>) -> bool {
+    let [acceleration, velocity, scatter] = typical_motion(seen);
+    let mut rest = acceleration + up.into_inner() * 9.81;
+    if let Some(along) = velocity.try_normalize(1e-9) {
+        rest -= along * along.dot(&rest).min(0.0);
+    }
+    rest.norm() <= STRANGE_MPS2 + 3.0 * scatter.x
+}
+
+/// Medians of the acceleration and the velocity between sightings a third of the track apart, and of the distance from the former.
+pub(super) fn typical_motion(seen: &[Sighting]) -> [Vector3<f64>; 3] {
     let third = seen.len() / 3;
     let middle = |of: &dyn Fn(&Vector3<f64>) -> f64, all: &[Vector3<f64>]| {
         let mut values: Vec<f64> = all.iter().map(of).collect();
@@ -268,17 +278,13 @@ fn falls(seen: &[Sighting], up: &Unit<Vector3<f64>>) -> bool {
     let median = |all: &[Vector3<f64>]| Vector3::from_fn(|axis, _| middle(&|it| it[axis], all));
     let acceleration = median(&accelerations);
     let scatter = middle(&|it| (it - acceleration).norm(), &accelerations);
-    let mut rest = acceleration + up.into_inner() * 9.81;
-    if let Some(along) = median(&velocities).try_normalize(1e-9) {
-        rest -= along * along.dot(&rest).min(0.0);
-    }
-    rest.norm() <= STRANGE_MPS2 + 3.0 * scatter
+    [acceleration, median(&velocities), Vector3::repeat(scatter)]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::own_data::track_file::parse;
+    use crate::flights::track_file::parse;
     use nalgebra::Point3;
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64;

@@ -1,8 +1,12 @@
 //! Recorded tracks of flying things: CSV files of `t,x,y,z` or `t,x,y,z,qx,qy,qz,qw`, in seconds and metres.
 
-use std::path::Path;
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
 
 use catch_body::InputError;
+use catch_bot::trajectory_prediction::TrackSample;
 use nalgebra::{Point3, Quaternion, UnitQuaternion};
 
 use crate::bounded_file::FileKind;
@@ -16,6 +20,42 @@ pub struct Sighting {
     pub p: Point3<f64>,
     /// How it was turned, if the track says so.
     pub rotation: Option<UnitQuaternion<f64>>,
+}
+
+impl Sighting {
+    /// It as a sample of which nobody says how noisy it is.
+    pub fn sample(&self) -> TrackSample {
+        TrackSample {
+            time_s: self.time_s,
+            position: self.p,
+            orientation: self.rotation,
+            position_sd_m: 0.0,
+            orientation_sd_rad: 0.0,
+        }
+    }
+}
+
+/// Tracks in a folder at most.
+const MOST_TRACKS: usize = 10_000;
+
+/// The CSV files of a folder, a throw each, in the order of their names.
+///
+/// # Errors
+/// A folder that cannot be read, or one with fewer than `least` of them.
+pub fn in_folder(folder: &Path, least: usize) -> Result<Vec<PathBuf>, InputError> {
+    let shown = folder.display().to_string();
+    let entries = fs::read_dir(folder)
+        .map_err(|fault| InputError::new(&shown, "the folder", fault, "a folder of CSV files, a throw each"))?;
+    let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+    paths.retain(|path| path.extension().is_some_and(|it| it.eq_ignore_ascii_case("csv")));
+    paths.sort();
+    let fault = |expected: String| Err(InputError::new(&shown, "CSV files", paths.len(), expected));
+    match paths.len() {
+        count if count < least => return fault(format!("{least} or more, a throw each")),
+        count if count > MOST_TRACKS => return fault(format!("at most {MOST_TRACKS}, a throw each")),
+        _ => {}
+    }
+    Ok(paths)
 }
 
 /// Reads a track, oldest sighting first, and the last time in the file. A header may stand above it; rows in which a number is

@@ -1,0 +1,71 @@
+//! The state that the fit looks for, as a vector of parameters.
+
+use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
+
+use super::super::Config;
+
+/// Number of parameters: position, velocity, drag constant, orientation, angular velocity, decay of the spin.
+pub const N: usize = 14;
+pub const DRAG: usize = 6;
+pub const TURN: usize = 7;
+pub const SPIN: usize = 10;
+pub const DECAY: usize = 13;
+
+/// No spin decays faster.
+const MOST_DECAY_PER_S: f64 = 10.0;
+
+/// State that is being fitted.
+#[derive(Debug, Clone, Copy)]
+pub struct State {
+    pub p: Vector3<f64>,
+    pub v: Vector3<f64>,
+    pub drag_per_m: f64,
+    pub R_WO: UnitQuaternion<f64>,
+    pub w: Vector3<f64>,
+    pub decay_per_s: f64,
+}
+
+impl State {
+    /// After a step.
+    pub fn moved(&self, step: &SVector<f64, N>, config: &Config) -> Self {
+        let turn = step.fixed_rows::<3>(TURN).into_owned();
+        // Drag never accelerates; half the prior's width below zero is left to noise. One that is known stays as it is.
+        let least = -0.5 * config.drag_sd_per_m();
+        let drag_step = if config.drag_sd_per_m() > 0.0 { step[DRAG] } else { 0.0 };
+        Self {
+            p: self.p + step.fixed_rows::<3>(0),
+            v: self.v + step.fixed_rows::<3>(3),
+            drag_per_m: (self.drag_per_m + drag_step).clamp(least.min(config.drag_per_m()), 1.0),
+            R_WO: UnitQuaternion::from_scaled_axis(turn * (0.5 / turn.norm()).min(1.0)) * self.R_WO,
+            w: self.w + step.fixed_rows::<3>(SPIN),
+            decay_per_s: (self.decay_per_s + step[DECAY]).clamp(-MOST_DECAY_PER_S, MOST_DECAY_PER_S),
+        }
+    }
+
+    /// The step that led here.
+    pub fn since(&self, before: &Self) -> SVector<f64, N> {
+        let mut step = SVector::<f64, N>::zeros();
+        step.fixed_rows_mut::<3>(0).copy_from(&(self.p - before.p));
+        step.fixed_rows_mut::<3>(3).copy_from(&(self.v - before.v));
+        step[DRAG] = self.drag_per_m - before.drag_per_m;
+        step.fixed_rows_mut::<3>(TURN).copy_from(&(self.R_WO * before.R_WO.inverse()).scaled_axis());
+        step.fixed_rows_mut::<3>(SPIN).copy_from(&(self.w - before.w));
+        step[DECAY] = self.decay_per_s - before.decay_per_s;
+        step
+    }
+}
+
+/// H⁻¹·B, H being the information on the parameters. A decay that is known has no part in it.
+pub fn solved<const C: usize>(
+    H: &SMatrix<f64, N, N>,
+    B: &SMatrix<f64, N, C>,
+    config: &Config,
+) -> Option<SMatrix<f64, N, C>> {
+    if config.spin_decay_sd_per_s() > 0.0 {
+        return Some(H.cholesky()?.solve(B));
+    }
+    let mut found = SMatrix::<f64, N, C>::zeros();
+    let factor = H.fixed_view::<DECAY, DECAY>(0, 0).into_owned().cholesky()?;
+    found.fixed_view_mut::<DECAY, C>(0, 0).copy_from(&factor.solve(&B.fixed_view::<DECAY, C>(0, 0)));
+    Some(found)
+}

@@ -1,0 +1,144 @@
+//! Reliability diagrams: how many positions lie in the ellipsoids that predictions claim, by time to go.
+
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use catch_bot::trajectory_prediction::FlightTrajectory;
+use catch_cell::{Brain, Cell, Command};
+use catch_lab::{
+    assets::Kind,
+    flights::{
+        flight_learning::{self, broad},
+        flight_misses::{Miss, Misses, QUANTILES, Reliability, Seen, Throw},
+        recorded_throws, track_file,
+    },
+    scenario::setup::{Choice, Setup},
+};
+
+use crate::{
+    Findings, Options, parallel,
+    results::{Entry, Table},
+};
+
+const LEGEND: &str = "An error is the distance from the predicted to the true position at one time. The last columns are the diagram: how many of the true positions lie \
+in the ellipsoids that claim to hold 50, 80, 95 and 99 % of them. Simulated throws are random ones, seen by the brain with the cameras of the \
+scenario. What is predicted is the position 0.6 s after the release, and the arm stands still. Recorded throws are tracks of motion capture \
+([their source](flights.md)), whose last row is predicted. The prior is learned from other throws of the object, or from the other objects.";
+
+/// For when positions are predicted, after the release: shortly before objects are caught.
+const PREDICTED_FOR_S: f64 = 0.6;
+/// How long before that, in seconds.
+const TO_GO_S: [f64; 4] = [0.4, 0.3, 0.2, 0.1];
+/// Recorded throws that are learned from at least, and parts of the cross-validation.
+const LEAST_THROWS: usize = 5;
+const FOLDS: usize = 5;
+
+/// The scenarios that have noisy cameras, and the recordings if there are any.
+pub fn run(options: &Options) -> Result<Findings> {
+    let mut tables = Vec::new();
+    for scenario in ["honest", "honest-aero"] {
+        let mut of_objects = Vec::new();
+        for object in Kind::Object.names() {
+            let choice = Choice { scenario: Some(scenario), object: Some(object), ..Choice::default() };
+            let setup = Setup::load(&choice)?;
+            setup.prepare();
+            let throws =
+                parallel::map(usize::try_from(options.trials)?, |index| simulated(&setup, options.seed, index as u64));
+            let misses = std::array::from_fn(|at| throws.iter().flatten().map(|it| it[at]).collect());
+            of_objects.push((object.to_owned(), misses));
+        }
+        tables.push(table(&format!("Simulated, `{scenario}`"), &TO_GO_S.map(|it| format!("{it} s to go")), of_objects));
+    }
+    if !options.tracks.is_empty() {
+        tables.extend(recorded(options)?);
+    }
+    Ok(Findings { legend: LEGEND, tables })
+}
+
+/// The misses of one throw by time to go; `None` where something touched the object.
+fn simulated(setup: &Setup, seed: u64, index: u64) -> Option<[Option<Miss>; 4]> {
+    let (mut arena, mut brain) = (setup.arena(seed, index), setup.brain(seed, index));
+    let mut flights: [Option<FlightTrajectory>; 4] = Default::default();
+    loop {
+        let Ok(observation) = arena.sense();
+        if observation.time_s > PREDICTED_FOR_S - 0.005 {
+            break;
+        }
+        // The arm stands still: the cameras alone are told where to look.
+        let command = Command { windows: brain.tick(&observation, &mut ()).windows, ..Command::default() };
+        for (flight, to_go_s) in flights.iter_mut().zip(TO_GO_S) {
+            if observation.time_s < PREDICTED_FOR_S - to_go_s + 0.005 {
+                flight.clone_from(&brain.report().flight);
+            }
+        }
+        let Ok(()) = arena.act(&command);
+    }
+    let truth = arena.truth();
+    let then = truth.samples.last().filter(|_| truth.samples.iter().all(|it| !it.contact.any()))?;
+    Some(flights.map(|flight| {
+        let flight = flight?;
+        let error = then.X_WO.translation.vector - flight.pose_at(then.time_s).translation.vector;
+        let covariance = flight.covariance_at(then.time_s).fixed_view::<3, 3>(0, 0).into_owned();
+        Some(Miss { error, covariance })
+    }))
+}
+
+/// Each object's throws by what other throws taught, and by what the other objects taught.
+fn recorded(options: &Options) -> Result<Vec<Table>> {
+    let (mut own, mut priors) = (Vec::new(), Vec::new());
+    let throws = options.tracks.iter().map(|it| read(it)).collect::<Result<Vec<_>>>()?;
+    let nothing = "no flight in any of the tracks";
+    for (folder, throws) in options.tracks.iter().zip(&throws) {
+        own.push((name(folder), flight_learning::cross_validated(throws, FOLDS, || ()).context(nothing)?));
+        priors.push(flight_learning::learn(&throws.iter().collect::<Vec<_>>(), &broad()).context(nothing)?);
+    }
+    let mut others = Vec::new();
+    for (at, (folder, throws)) in options.tracks.iter().zip(&throws).enumerate().filter(|_| priors.len() > 1) {
+        let rest: Vec<_> = priors.iter().enumerate().filter(|(i, _)| *i != at).map(|(_, it)| it.clone()).collect();
+        others.push((name(folder), flight_learning::left_out(throws, &rest).context(nothing)?));
+    }
+    let seen = || {
+        Seen::ALL.map(|seen| match seen {
+            Seen::Half => "half of the throw".to_owned(),
+            Seen::AllBut(to_go_s) => format!("{to_go_s} s to go"),
+        })
+    };
+    let mut tables = vec![table("Recorded, learned from other throws of the object", &seen(), own)];
+    if !others.is_empty() {
+        tables.push(table("Recorded, learned from the other objects", &seen(), others));
+    }
+    Ok(tables)
+}
+
+fn read(folder: &Path) -> Result<Vec<Throw>> {
+    let first = track_file::in_folder(folder, LEAST_THROWS)?.swap_remove(0);
+    let up = recorded_throws::up(&track_file::read(&first)?.0);
+    Ok(Throw::read_folder(folder, up, LEAST_THROWS)?)
+}
+
+fn name(folder: &Path) -> String {
+    folder.file_name().unwrap_or(folder.as_os_str()).to_string_lossy().into_owned()
+}
+
+/// A line for each object and time, and for all objects together.
+fn table(title: &str, times: &[String; 4], mut of_objects: Vec<(String, Misses)>) -> Table {
+    let claimed = QUANTILES.map(|(claimed, _)| format!("in {:.0} %, %", 100.0 * claimed));
+    let columns = ["object", "predicted", "throws", "without", "median, cm", "p95, cm"].map(str::to_owned);
+    let mut table = Table::new(title, &[]);
+    table.columns = columns.into_iter().chain(claimed).collect();
+    if of_objects.len() > 1 {
+        let pooled = std::array::from_fn(|at| of_objects.iter().flat_map(|(_, it)| it[at].iter().copied()).collect());
+        of_objects.push(("all".to_owned(), pooled));
+    }
+    for (object, misses) in of_objects {
+        for (time, misses) in times.iter().zip(&misses) {
+            let Reliability { throws, failed, median_m, p95_m, covered } = Reliability::of(misses);
+            let number = |value: f64| Entry::Number(value.is_finite().then_some(value));
+            let mut row = vec![Entry::text(&object), Entry::text(time), Entry::Count(throws), Entry::Count(failed)];
+            row.extend([median_m, p95_m].map(|it| number(100.0 * it)));
+            row.extend(covered.map(|it| number(100.0 * it)));
+            table.rows.push(row);
+        }
+    }
+    table
+}
