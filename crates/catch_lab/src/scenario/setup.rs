@@ -314,7 +314,10 @@ impl Setup {
     pub fn repeats_itself(&self) -> bool {
         let Scenario { arena, clock, .. } = &self.scenario;
         let scene = |index| (self.release(0, index), self.conditions(0, index));
+        let [earliest_s, latest_s] = arena.latency_s.bounds();
         let has_own_stream = arena.depth != DepthConfig::default()
+            || arena.free_running_cameras
+            || earliest_s < latest_s
             || arena.gripper != GripperDriveKind::default()
             || arena.robot_errors != RobotErrors::default()
             || arena.robot_controller != RobotController::default()
@@ -354,7 +357,8 @@ impl Setup {
         let sheet = self.scenario.arena.depth.model.data_sheet(focal_px);
         let DataSheet { constant_m, quadratic_per_m, dropout, .. } = sheet;
         perception.depth_noise.get_or_insert(DepthNoise { constant_m, quadratic_per_m });
-        perception.depth_dropout.get_or_insert(dropout);
+        let has_holes = self.scenario.arena.depth.hole_fraction.bounds()[1] > 0.0;
+        perception.depth_dropout.get_or_insert(dropout || has_holes);
         config
     }
 
