@@ -54,7 +54,7 @@ pub const SCENARIO: &[Section] = &[
         "arena.gripper_trigger={ kind = \"proximity\" }",
         (GRIPPER, "ProximitySensor"),
     ),
-    of("arena.friction, drawn", ARENA, "Between"),
+    of("Numbers that are drawn", "catch_sim/src/drawn.rs", "Between"),
     of("arena.wind, drawn", ARENA, "DrawnWind"),
     at("arena.aerodynamics", "catch_sim/src/aerodynamics.rs", "AerodynamicsConfig"),
     at("arena.robot_errors", ARENA, "RobotErrors"),
