@@ -7,7 +7,7 @@ use catch_cell::{CameraModel, rig_to_toml};
 use catch_lab::{
     VERSION,
     assets::COMMAND_LINE,
-    camera_placement::{Config, PlacementStudy, Score},
+    camera_placement::{Config, PlacementStudy, Score, quantile_m},
     evaluation::results::make_writable,
     pages::placement_page::{self, CameraView},
     scenario::setup::Setup,
@@ -27,8 +27,9 @@ const MOST_COMPARED: usize = 20;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Cameras hang on the walls and the ceiling of a box, and are aimed at where objects fly. Those are chosen whose
-images, until the catch is decided, tell most about where the object will be caught. What the waiting arm and
-the border of an image hide does not count. They are cameras like the first one of the scenario's rig:
+images tell most about where the object will be caught, at two times: when the catch is decided, and when the
+fingers begin to close. What the waiting arm and the border of an image hide does not count. They are cameras
+like the first one of the scenario's rig:
 
   catchingbot place-cameras --scenario lab --cameras 2 --out placed
   catchingbot place-cameras --scenario lab --cameras 3 --from=-1,-1.5,0.5 --to=2,2,1.9 --out placed
@@ -62,6 +63,9 @@ pub struct PlaceCamerasArguments {
     /// How long before the catch it is decided, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = Config::default().decision_s, value_parser = between(0.0, 2.0))]
     decision: f64,
+    /// How long before it the fingers begin to close, in seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = Config::default().closing_s, value_parser = between(0.0, 2.0))]
+    closing: f64,
     /// No camera is nearer than this to any flight, in metres
     #[arg(long, value_name = "METRES", default_value_t = Config::default().clear_m, value_parser = between(0.0, 10.0))]
     clear: f64,
@@ -108,9 +112,12 @@ struct RigDocument {
     shown_by_two: f64,
     /// Fraction of each camera's images.
     shown: Vec<f64>,
-    /// Standard deviation along each axis of the position at the catch: median and 90 %.
-    sd_median_m: f64,
-    sd_90_m: f64,
+    /// Standard deviation along each axis of the position at the catch, predicted at the decision: median and 90 %.
+    decision_sd_median_m: f64,
+    decision_sd_90_m: f64,
+    /// The same when the fingers begin to close.
+    closing_sd_median_m: f64,
+    closing_sd_90_m: f64,
 }
 
 impl RigDocument {
@@ -121,8 +128,10 @@ impl RigDocument {
             shown_by_one: score.shown_by_one,
             shown_by_two: score.shown_by_two,
             shown: score.shown.clone(),
-            sd_median_m: score.sd_quantile_m(0.5),
-            sd_90_m: score.sd_quantile_m(0.9),
+            decision_sd_median_m: quantile_m(&score.decision_sd_m, 0.5),
+            decision_sd_90_m: quantile_m(&score.decision_sd_m, 0.9),
+            closing_sd_median_m: quantile_m(&score.closing_sd_m, 0.5),
+            closing_sd_90_m: quantile_m(&score.closing_sd_m, 0.9),
         }
     }
 }
@@ -142,6 +151,7 @@ pub fn run(arguments: &PlaceCamerasArguments) -> anyhow::Result<()> {
         volume_m: [arguments.from, arguments.to],
         spacing_m: arguments.spacing,
         decision_s: arguments.decision,
+        closing_s: arguments.closing,
         clear_m: arguments.clear,
     };
     let Some(kind) = setup.cameras.first() else {
@@ -158,8 +168,8 @@ pub fn run(arguments: &PlaceCamerasArguments) -> anyhow::Result<()> {
     }
     let rig: Vec<_> = placement.cameras.iter().map(|camera| (camera.clone(), None)).collect();
     let about = format!(
-        "Cameras placed for the throw {} of the scenario {}, by what {} throws of seed {} tell until {} s before the catch.",
-        setup.scenario.throw, setup.scenario.name, config.throws, config.seed, config.decision_s
+        "Cameras placed for the throw {} of the scenario {}, by what {} throws of seed {} tell until {} s and {} s before the catch.",
+        setup.scenario.throw, setup.scenario.name, config.throws, config.seed, config.decision_s, config.closing_s
     );
     let (rig_path, page_path) = (out.join("rig.toml"), out.join("cameras.html"));
     whole_file::write(&rig_path, rig_to_toml(&about, &rig))?;
@@ -196,16 +206,27 @@ fn views<'a>(setup: &Setup, study: &PlacementStudy, cameras: &'a [CameraModel], 
 
 fn tell(document: &Document<'_>, cameras: &[CameraModel]) -> io::Result<()> {
     screen::line("")?;
-    let headings = ["rig", "cameras", "one camera\nshows it, %", "two, %", "sd at the catch,\nmm", "90 %"];
-    let mut table = screen::table(headings, 1..6);
+    let headings = [
+        "rig",
+        "cameras",
+        "one camera\nshows it, %",
+        "two, %",
+        "sd at the\ndecision, mm",
+        "90 %",
+        "at the\nclosing",
+        "90 %",
+    ];
+    let mut table = screen::table(headings, 1..8);
     for it in &document.rigs {
         table.add_row([
             it.rig.clone(),
             it.cameras.to_string(),
             format!("{:.0}", it.shown_by_one * 100.0),
             format!("{:.0}", it.shown_by_two * 100.0),
-            format!("{:.1}", it.sd_median_m * 1e3),
-            format!("{:.1}", it.sd_90_m * 1e3),
+            format!("{:.2}", it.decision_sd_median_m * 1e3),
+            format!("{:.2}", it.decision_sd_90_m * 1e3),
+            format!("{:.2}", it.closing_sd_median_m * 1e3),
+            format!("{:.2}", it.closing_sd_90_m * 1e3),
         ]);
     }
     screen::line(&table.trim_fmt())?;
@@ -213,7 +234,7 @@ fn tell(document: &Document<'_>, cameras: &[CameraModel]) -> io::Result<()> {
     for (i, (camera, shown)) in cameras.iter().zip(&document.rigs[0].shown).enumerate() {
         let p = camera.X_WC.translation.vector;
         let ahead = camera.X_WC.rotation * nalgebra::Vector3::z();
-        let (turned_deg, down_deg) = (ahead.y.atan2(ahead.x).to_degrees(), -ahead.z.asin().to_degrees());
+        let (turned_deg, down_deg) = (ahead.y.atan2(ahead.x).to_degrees(), (-ahead.z).asin().to_degrees());
         let place =
             format!("({:.2}, {:.2}, {:.2}) m, looks to {turned_deg:.0}° and {down_deg:.0}° down", p.x, p.y, p.z);
         screen::fact(&format!("camera {i}"), &format!("{place}, shows {:.0} % of the images", shown * 100.0))?;

@@ -5,6 +5,7 @@
 //! an unknown position and velocity at the catch. Each image adds the information Jᵀ·W·J with J = \[I, (t − t_c)·I\] and W the inverse
 //! covariance of a position that one image measures: the data sheet's noise along the optical axis, [`LATERAL_PX`] across it. The
 //! covariance of the position at the catch is a block of the inverse of the sum. The catch is where the flight is nearest to the base's axis.
+//! What counts is the deviation at two times: when the catch is decided, and when the fingers begin to close.
 //!
 //! The search is greedy and then exchanges cameras as long as that helps (Fedorov, Theory of optimal experiments, 1972).
 
@@ -45,6 +46,8 @@ pub struct Config {
     pub spacing_m: f64,
     /// How long before the catch it is decided.
     pub decision_s: f64,
+    /// How long before it the fingers begin to close.
+    pub closing_s: f64,
     /// No camera is nearer than this to any flight.
     pub clear_m: f64,
 }
@@ -58,6 +61,7 @@ impl Default for Config {
             volume_m: [[-1.2, -1.6, 0.4], [2.2, 2.2, 2.2]],
             spacing_m: 0.4,
             decision_s: 0.3,
+            closing_s: 0.12,
             clear_m: 0.4,
         }
     }
@@ -72,16 +76,17 @@ pub struct Score {
     pub shown_by_two: f64,
     /// Fraction of each camera's images until the catch that show it.
     pub shown: Vec<f64>,
-    /// Expected standard deviation along each axis of the predicted position at the catch, in metres, of each throw in rising order.
-    pub sd_m: Vec<f64>,
+    /// Expected standard deviation along each axis of the position at the catch that is predicted when it is decided, in metres, of each
+    /// throw in rising order.
+    pub decision_sd_m: Vec<f64>,
+    /// The same when the fingers begin to close.
+    pub closing_sd_m: Vec<f64>,
 }
 
-impl Score {
-    /// The deviation that this fraction of the throws does not exceed.
-    pub fn sd_quantile_m(&self, fraction: f64) -> f64 {
-        let at = (fraction * self.sd_m.len().saturating_sub(1) as f64).round() as usize;
-        self.sd_m.get(at).copied().unwrap_or(f64::NAN)
-    }
+/// The deviation that a fraction of the throws does not exceed; `rising` has that of each.
+pub fn quantile_m(rising: &[f64], fraction: f64) -> f64 {
+    let at = (fraction * rising.len().saturating_sub(1) as f64).round() as usize;
+    rising.get(at).copied().unwrap_or(f64::NAN)
 }
 
 /// Cameras that were placed.
@@ -160,17 +165,21 @@ impl<'a> PlacementStudy<'a> {
             }
         }
         let fraction = |count: usize| count as f64 / f64::from(instants.max(1));
-        let information: Vec<Vec<Matrix6<f64>>> =
-            cameras.iter().zip(&sights).map(|(camera, sight)| self.information(camera, sight)).collect();
-        let of_throw = |throw: usize| deviation_m(&information.iter().map(|it| it[throw]).sum());
-        let mut sd_m: Vec<f64> = (0..self.flights.len()).map(of_throw).collect();
-        sd_m.sort_by(f64::total_cmp);
+        let deviations = |ahead_s: f64| {
+            let told = cameras.iter().zip(&sights);
+            let told: Vec<_> = told.map(|(camera, sight)| self.information(camera, sight, ahead_s)).collect();
+            let of_throw = |throw: usize| deviation_m(&told.iter().map(|it| it[throw]).sum());
+            let mut sd_m: Vec<f64> = (0..self.flights.len()).map(of_throw).collect();
+            sd_m.sort_by(f64::total_cmp);
+            sd_m
+        };
         let shown = |sight: &Vec<Vec<bool>>| fraction(sight.iter().flatten().filter(|shown| **shown).count());
         Score {
             shown_by_one: fraction(by_one),
             shown_by_two: fraction(by_two),
             shown: sights.iter().map(shown).collect(),
-            sd_m,
+            decision_sd_m: deviations(self.config.decision_s),
+            closing_sd_m: deviations(self.config.closing_s),
         }
     }
 
@@ -180,8 +189,13 @@ impl<'a> PlacementStudy<'a> {
     /// If there is no place that is clear of all flights.
     pub fn place(&self, kind: &CameraModel) -> Result<Placement, InputError> {
         let candidates = self.candidates(kind);
-        let told: Vec<Vec<Matrix6<f64>>> =
-            candidates.iter().map(|camera| self.information(camera, &self.sight(camera))).collect();
+        // Throw by throw at the decision, then at the closing.
+        let told = |camera: &CameraModel| {
+            let sight = self.sight(camera);
+            let at = |ahead_s: f64| self.information(camera, &sight, ahead_s);
+            [at(self.config.decision_s), at(self.config.closing_s)].concat()
+        };
+        let told: Vec<Vec<Matrix6<f64>>> = candidates.iter().map(told).collect();
         if candidates.is_empty() {
             let expected = "a volume with a wall that flights stay clear of";
             return Err(InputError::new(COMMAND_LINE, "--from and --to", "none that is clear", expected));
@@ -191,7 +205,7 @@ impl<'a> PlacementStudy<'a> {
             others.iter().zip(&told[candidate]).map(|(sum, one)| deviation_m(&(sum + one)).ln()).sum()
         };
         let best = |chosen: &[usize]| {
-            let none = vec![Matrix6::zeros(); self.flights.len()];
+            let none = vec![Matrix6::zeros(); 2 * self.flights.len()];
             let others = chosen.iter().fold(none, |sums, it| sums.iter().zip(&told[*it]).map(|(a, b)| a + b).collect());
             // Two cameras at one place are one mount.
             let is_free = |it: &usize| chosen.iter().all(|other| apart_m(&candidates[*it], &candidates[*other]) > 0.1);
@@ -278,11 +292,11 @@ impl<'a> PlacementStudy<'a> {
         self.flights.iter().map(|flight| flight.p_WO.iter().map(shows).collect()).collect()
     }
 
-    /// What the images of a camera until the decision tell of position and velocity at the catch, throw by throw.
-    fn information(&self, camera: &CameraModel, sight: &[Vec<bool>]) -> Vec<Matrix6<f64>> {
+    /// What the images of a camera that have arrived so long before the catch tell of position and velocity there, throw by throw.
+    fn information(&self, camera: &CameraModel, sight: &[Vec<bool>], before_s: f64) -> Vec<Matrix6<f64>> {
         let arena = &self.setup.scenario.arena;
         let rate_hz = camera.rate_hz.filter(|_| arena.free_running_cameras).unwrap_or(arena.frame_rate_hz);
-        let late_s = self.config.decision_s + arena.latency_s.bounds().into_iter().sum::<f64>() / 2.0;
+        let late_s = before_s + arena.latency_s.bounds().into_iter().sum::<f64>() / 2.0;
         let sheet = arena.depth.model.data_sheet(camera.focal_px);
         // Images of a camera are so much rarer than instants.
         let images = rate_hz * TICK_S;
@@ -386,7 +400,7 @@ mod tests {
         let kind = &setup.cameras[0];
         let study = PlacementStudy::new(&setup, &one).unwrap();
         let best = study.place(kind).unwrap();
-        let mean = |score: &Score| score.sd_m.iter().map(|it| it.ln()).sum::<f64>();
+        let mean = |it: &Score| it.decision_sd_m.iter().chain(&it.closing_sd_m).map(|sd_m| sd_m.ln()).sum::<f64>();
         let placed = study.score(&best.cameras);
         assert!(best.candidates > 50 && placed.shown.len() == 1 && placed.shown_by_one == placed.shown[0]);
         for other in study.candidates(kind).iter().step_by(17) {
@@ -394,8 +408,8 @@ mod tests {
         }
         let pair = PlacementStudy::new(&setup, &two).unwrap();
         let of_pair = pair.score(&pair.place(kind).unwrap().cameras);
-        assert!(of_pair.sd_quantile_m(0.5) < placed.sd_quantile_m(0.5));
-        assert!(of_pair.sd_m.is_sorted() && of_pair.shown_by_two <= of_pair.shown_by_one);
+        assert!(quantile_m(&of_pair.closing_sd_m, 0.5) < quantile_m(&placed.closing_sd_m, 0.5));
+        assert!(of_pair.decision_sd_m.is_sorted() && of_pair.shown_by_two <= of_pair.shown_by_one);
         assert_eq!(study.place(kind).unwrap(), best, "always the same");
     }
 

@@ -1,6 +1,6 @@
 //! Statistical tests of each model of the cameras' errors against its own formula, and of what they may not depend on.
 
-use catch_body::{JointVector, Pose, TriangleMesh, shape::Cuboid};
+use catch_body::{JointVector, Pose, TriangleMesh, pose::look_at, shape::Cuboid};
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};
 use nalgebra::{Point3, Vector3};
 
@@ -343,11 +343,12 @@ fn depths_and_disparities_have_steps() {
 fn patches_of_the_object_give_no_depth() {
     const THROWS: u64 = 150;
     let fraction = 0.3;
-    let rig = flight_rig();
-    let rig: Vec<CameraModel> =
-        rig[..3].iter().map(|it| CameraModel { focal_px: it.focal_px * 20.0, ..it.clone() }).collect();
-    let (X_WL, renderer) = (iiwa().link_poses(&JointVector::repeat(1.5)), renderer(&long_object(), false));
-    let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: 0.11, X_WO: &Pose::identity() };
+    let centre = Point3::new(1.2, 1.0, 0.8);
+    let rig = [Vector3::x(), Vector3::y(), Vector3::new(0.3, 0.2, 1.0)]
+        .map(|away| CameraModel::with_field_of_view(look_at(&(centre + away), &centre), 120, 120, 0.3));
+    let (X_WL, renderer) = (iiwa().link_poses(&JointVector::zeros()), renderer(&long_object(), false));
+    let X_WO = Pose::translation(centre.x, centre.y, centre.z);
+    let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: 0.11, X_WO: &X_WO };
     let config = |fraction| DepthConfig { hole_fraction: fraction, hole_size_m: 0.03, ..DepthConfig::default() };
     let images = |config: &DepthConfig, index, exposure| {
         let cameras = DepthCameras::new(&rig, config, 8, index);
