@@ -15,7 +15,7 @@ pub struct DepthConfig {
     /// Fraction of the images that never arrive, each camera and each time by itself. Users of D435 cameras report 5 to 10 %.
     #[serde(deserialize_with = "quantity::fraction")]
     pub lost_frame_fraction: f64,
-    /// Fraction of the images that share the fate of the camera's image before them, so that images are lost in bursts of
+    /// Fraction of the images whose fate is that of the camera's image before them, so that images are lost in bursts of
     /// 1/((1 − this)·(1 − `lost_frame_fraction`)) on average.
     #[serde(deserialize_with = "quantity::fraction")]
     pub lost_frame_persistence: f64,

@@ -377,7 +377,8 @@ fn patches_of_the_object_give_no_depth() {
     }
     let (mean, variance, count) = moments(fractions.iter().copied());
     assert!((mean - fraction).abs() < 4.0 * (variance / count).sqrt(), "{mean} ± {}", variance.sqrt());
-    assert!(same / pairs > 0.9, "patches are coherent: {}", same / pairs);
+    // A patch is some twelve pixels wide; neighbours that are drawn apart would be missing together in 0.3 of all cases.
+    assert!(same / pairs > 0.8, "patches are coherent: {}", same / pairs);
     // Without labels the same is missing, and nothing tells.
     let cameras = DepthCameras::new(&rig, &config(Drawn::Always(fraction)), 8, 0);
     let unlabelled = cameras.capture(&renderer, &scene, 0, Readout::Object, false);

@@ -152,8 +152,8 @@ impl DepthCameras {
     /// Whether an image never arrives: that is drawn anew, or as it was for the image before.
     fn is_lost(&self, camera: usize, exposure: u64) -> bool {
         let draw = |exposure: u64, n: u64| self.exposure_key(camera, exposure).part(Place::Loss as u64).unit(n);
-        let shares_fate = |exposure: &u64| *exposure == 0 || draw(*exposure, 1) >= self.config.lost_frame_persistence;
-        let drawn = (0..=exposure).rev().find(shares_fate).unwrap_or(0);
+        let is_drawn_anew = |exposure: &u64| *exposure == 0 || draw(*exposure, 1) >= self.config.lost_frame_persistence;
+        let drawn = (0..=exposure).rev().find(is_drawn_anew).unwrap_or(0);
         draw(drawn, 0) < self.config.lost_frame_fraction
     }
 }

@@ -38,6 +38,7 @@ pub const SCENARIO: &[Section] = &[
     of("The file", "catch_lab/src/scenario.rs", "Scenario"),
     at("limit_scale", "catch_body/src/robot.rs", "LimitScale"),
     at("clock", "catch_lab/src/scenario.rs", "Clock"),
+    with("calibration", "calibration", "calibration={}", ("catch_lab/src/scenario.rs", "CalibrationSettings")),
     at("arena", ARENA, "ArenaConfig"),
     at("arena.gripper", GRIPPER, "GripperDriveKind"),
     with("arena.gripper", "arena.gripper, kind real", "arena.gripper={ kind = \"real\" }", (GRIPPER, "RealDrive")),
