@@ -337,6 +337,8 @@ quantities! {
     magnus MAGNUS = 0.0 to 1.0 "";
     /// Rates at which something decays.
     decay_per_s DECAY_PER_S = 0.0 to 100.0 "1/s";
+    /// Poses of the arm in a calibration.
+    poses POSES = 3.0 to 100.0 "";
     /// Fractions.
     fraction FRACTION = 0.0 to 1.0 "";
     /// Fractions by which something is drawn around its mean, below one.

@@ -98,7 +98,9 @@ impl Tracker {
             if self.poses.len() == POSES {
                 self.poses.drain(..POSES / 2);
             }
-            self.poses.push(pose);
+            // Images of several cameras may arrive in another order than they were taken.
+            let at = self.poses.partition_point(|it| it.capture_s <= pose.capture_s);
+            self.poses.insert(at, pose);
             newest = Some(pose);
         }
         newest

@@ -25,6 +25,9 @@ pub struct CameraModel {
     /// Principal point in image coordinates.
     #[serde(deserialize_with = "quantity::image_coordinate_px")]
     pub principal_px: [f64; 2],
+    /// Images per second, where that is known.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "quantity::rate_hz")]
+    pub rate_hz: Option<f64>,
 }
 
 impl CameraModel {
@@ -32,7 +35,7 @@ impl CameraModel {
     pub fn with_field_of_view(X_WC: Pose, width_px: u32, height_px: u32, vertical_rad: f64) -> Self {
         let [width, height] = [f64::from(width_px), f64::from(height_px)];
         let focal_px = height / 2.0 / (vertical_rad / 2.0).tan();
-        Self { X_WC, width_px, height_px, focal_px, principal_px: [width / 2.0, height / 2.0] }
+        Self { X_WC, width_px, height_px, focal_px, principal_px: [width / 2.0, height / 2.0], rate_hz: None }
     }
 
     /// Point in C seen at image coordinates `uv` at depth `depth_m` along the optical axis.

@@ -77,6 +77,9 @@ struct CameraFields {
     /// Principal point; the middle of the image if left out.
     #[serde(default, deserialize_with = "quantity::image_coordinate_px")]
     principal_px: Option<[f64; 2]>,
+    /// Images per second.
+    #[serde(default, deserialize_with = "quantity::rate_hz")]
+    rate_hz: Option<f64>,
     /// How well this is known, where it was calibrated.
     calibration: Option<RigCalibration>,
 }
@@ -179,6 +182,7 @@ fn single_camera(file: &str, table: &str, camera: &CameraFields) -> Result<Camer
     if let Some(principal_px) = camera.principal_px {
         model.principal_px = principal_px;
     }
+    model.rate_hz = camera.rate_hz;
     Ok(model)
 }
 
@@ -238,6 +242,7 @@ mod tests {
             height_px = 480
             focal_px = 425.0
             principal_px = [423.1, 241.7]
+            rate_hz = 90
             [[cameras]]
             position_m = [1.0, 0.0, 0.0]
             look_at_m = [0.0, 0.0, 0.0]
@@ -246,6 +251,7 @@ mod tests {
             vertical_fov_deg = 45.0";
         let cameras = rig_from_toml("rig.toml", text).unwrap();
         assert_eq!((cameras[0].focal_px, cameras[0].principal_px), (425.0, [423.1, 241.7]));
+        assert_eq!([cameras[0].rate_hz, cameras[1].rate_hz], [Some(90.0), None]);
         assert!((cameras[0].X_WC * Vector3::x() + Vector3::x()).norm() < 1e-12);
         assert!((cameras[1].focal_px - 362.13).abs() < 0.01);
         assert_eq!(cameras[1].principal_px, [200.0, 150.0]);

@@ -65,7 +65,7 @@ pub fn rig_to_toml(about: &str, cameras: &[(CameraModel, Option<RigCalibration>)
     let mut text = String::new();
     about.lines().for_each(|line| text += &format!("# {line}\n"));
     for (camera, calibration) in cameras {
-        let CameraModel { X_WC, width_px, height_px, focal_px, principal_px } = camera;
+        let CameraModel { X_WC, width_px, height_px, focal_px, principal_px, rate_hz } = camera;
         let p: [f64; 3] = X_WC.translation.vector.into();
         let xyzw: [f64; 4] = X_WC.rotation.coords.into();
         let _ = write!(
@@ -73,6 +73,9 @@ pub fn rig_to_toml(about: &str, cameras: &[(CameraModel, Option<RigCalibration>)
             "\n[[cameras]]\nposition_m = {p:?}\nrotation_xyzw = {xyzw:?}\nwidth_px = {width_px}\nheight_px = {height_px}\n\
              focal_px = {focal_px:?}\nprincipal_px = {principal_px:?}\n"
         );
+        if let Some(rate_hz) = rate_hz {
+            let _ = writeln!(text, "rate_hz = {rate_hz:?}");
+        }
         let Some(it) = calibration else { continue };
         let _ = writeln!(text, "\n[cameras.calibration]\ncovariance = [");
         for row in it.covariance.chunks(6) {
@@ -101,8 +104,11 @@ mod tests {
 
     fn calibrated() -> (CameraModel, Option<RigCalibration>) {
         let X_WC = look_at(&Point3::new(2.0, -1.0, 1.4), &Point3::new(1.05, 0.35, 0.75));
-        let camera =
-            CameraModel { principal_px: [423.1, 241.7], ..CameraModel::with_field_of_view(X_WC, 848, 480, 1.0) };
+        let camera = CameraModel {
+            principal_px: [423.1, 241.7],
+            rate_hz: Some(60.0),
+            ..CameraModel::with_field_of_view(X_WC, 848, 480, 1.0)
+        };
         let covariance = Matrix6::<f64>::identity() * 1e-7;
         let calibration = RigCalibration {
             covariance: covariance.iter().copied().collect(),
@@ -128,6 +134,7 @@ mod tests {
             assert!((camera.X_WC.translation.vector - read.X_WC.translation.vector).norm() < 1e-12);
             assert!(camera.X_WC.rotation.angle_to(&read.X_WC.rotation) < 1e-7);
             assert_eq!((camera.focal_px, camera.principal_px), (read.focal_px, read.principal_px));
+            assert_eq!(camera.rate_hz, read.rate_hz);
             assert_eq!(calibration, read_calibration);
         }
     }

@@ -13,11 +13,13 @@ use catch_cell::{CameraModel, RigCalibration, rig_to_toml};
 use catch_lab::{
     VERSION,
     assets::COMMAND_LINE,
-    calibration::{self, ArenaSession},
     evaluation::results::make_writable,
     own_data::ros_calibration::{camera_info_yaml, hand_eye_yaml, read_camera_info, read_hand_eye},
     pages::calibration_page::{self, CameraSection},
-    scenario::setup::{Choice, Setup},
+    scenario::setup::{
+        Choice, Setup,
+        calibration::{self, ArenaSession},
+    },
     whole_file,
 };
 use clap::Args;
@@ -93,8 +95,9 @@ struct Document<'a> {
     link_offset_m: Vec<f64>,
 }
 
+/// What became of a camera.
 #[derive(Serialize)]
-struct CameraDocument {
+pub struct CameraDocument {
     status: &'static str,
     position_m: [f64; 3],
     rotation_xyzw: [f64; 4],
@@ -151,6 +154,30 @@ pub fn run(arguments: &CalibrateArguments) -> anyhow::Result<()> {
         link_offset_m: found.link_offset_m,
     };
     if *json { screen::json(&document) } else { Ok(tell(&document)?) }
+}
+
+/// Calibrates the cameras before anything is thrown, where the scenario wants that, and tells what remains if it is told `aloud`.
+///
+/// # Errors
+/// If standard output is closed.
+pub fn before_throws(setup: &Setup, seed: u64, aloud: bool) -> io::Result<Vec<CameraDocument>> {
+    if setup.scenario.calibration.is_none() {
+        return Ok(Vec::new());
+    }
+    let bar = screen::spinner("calibrating the cameras");
+    let calibrated = setup.calibrated(seed);
+    bar.finish_and_clear();
+    let found = calibrated.iter().flat_map(|it| it.found.iter().zip(&it.cameras));
+    let documents = found.zip(&setup.cameras).map(|((found, believed), truth)| {
+        camera_document(&CameraCalibration { X_WC: believed.X_WC, ..found.clone() }, truth)
+    });
+    let documents: Vec<CameraDocument> = documents.collect();
+    for (i, it) in documents.iter().enumerate().filter(|_| aloud) {
+        let error_mm = it.position_error_m * 1e3;
+        let off = format!("{error_mm:.2} mm and {:.4}° off, claimed {}", it.rotation_error_deg, uncertainty(it));
+        screen::fact(&format!("camera {i}"), &format!("{}, {off}", it.status))?;
+    }
+    Ok(documents)
 }
 
 /// The scenario, with the cameras that are asked for.

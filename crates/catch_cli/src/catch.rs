@@ -27,7 +27,10 @@ use clap::Args;
 use serde::Serialize;
 
 use super::{ChoiceArguments, MOST, OutputArguments, view, whole};
-use crate::screen::{self, BAD, FAINT, GOOD, STRONG};
+use crate::{
+    calibrate,
+    screen::{self, BAD, FAINT, GOOD, STRONG},
+};
 
 /// Arguments of `catch`.
 #[derive(Debug, Args)]
@@ -96,6 +99,7 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
     if aloud {
         title(&scene)?;
     }
+    calibrate::before_throws(&setup, *seed, aloud)?;
     let RecordedThrow { recording, timeline, verdict, stopwatch } =
         record(&setup, *seed, *index, &output.out, &mut |entry| if aloud { tell(entry) } else { Ok(()) })
             .with_context(|| format!("the recording in {}", output.out.display()))?;

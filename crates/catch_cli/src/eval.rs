@@ -26,7 +26,10 @@ use comfy_table::Table;
 use serde::Serialize;
 
 use super::{ChoiceArguments, MOST, whole};
-use crate::screen::{self, FAINT, STRONG};
+use crate::{
+    calibrate::{self, CameraDocument},
+    screen::{self, FAINT, STRONG},
+};
 
 /// Name of the file with the wall times of the stages.
 const TIMES_FILE: &str = "times.json";
@@ -80,6 +83,9 @@ pub struct EvalArguments {
 struct Document<'a> {
     #[serde(flatten)]
     outcome: Outcome<'a>,
+    /// Of the cameras before anything was thrown, where the scenario has them calibrated.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    calibration: Vec<CameraDocument>,
     wall_s: f64,
     stages: BTreeMap<&'static str, StageTimes>,
 }
@@ -152,6 +158,8 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
     tell_how_to_resume(&arguments.out);
     let started = Instant::now();
     let (evaluation, folder) = (evaluation(arguments)?, &arguments.out);
+    let is_told = !(arguments.json || arguments.markdown);
+    let calibration = calibrate::before_throws(&evaluation.cells[0].setup, arguments.seed, is_told)?;
     let Done { rows, timed, stopwatch } = complete(&evaluation, folder, arguments.into(), "trials")?;
 
     let wall_s = started.elapsed().as_secs_f64();
@@ -180,7 +188,7 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
         return Ok(print(&cells, &times, &stopwatch, &arguments.out)?);
     }
     let outcome = Outcome::new(&identity, &cells, &rows, &arguments.out);
-    screen::json(&Document { outcome, wall_s, stages: times.stages })
+    screen::json(&Document { outcome, calibration, wall_s, stages: times.stages })
 }
 
 /// An evaluation whose trials are all there.
@@ -282,6 +290,10 @@ fn evaluation(arguments: &EvalArguments) -> Result<Evaluation, InputError> {
             let setup = match (&of_object, &throw) {
                 (Some(setup), Some(throw)) => setup.thrown(throw)?,
                 _ => Setup::load(&arguments.choice.with(object.as_deref(), throw.as_deref()))?,
+            };
+            let setup = match cells.first() {
+                Some(first) => setup.sharing_calibrations(&first.setup),
+                None => setup,
             };
             let setup = of_object.insert(setup).clone();
             let names = (&setup.scenario.object, &setup.scenario.throw);

@@ -24,6 +24,7 @@ mod list;
 mod merge;
 mod new;
 mod object;
+mod place_cameras;
 mod plan;
 mod play;
 mod predict;
@@ -98,6 +99,8 @@ enum Command {
     Learn(learn::LearnArguments),
     /// Where the cameras stand, from what they see of the arm
     Calibrate(Box<calibrate::CalibrateArguments>),
+    /// Where cameras tell most about the throws of a scenario: a rig file, a table, a page
+    PlaceCameras(Box<place_cameras::PlaceCamerasArguments>),
     /// The best waiting pose for a distribution of throws
     Ready(ready::ReadyArguments),
     /// Things to throw that others described
@@ -289,6 +292,7 @@ fn run(arguments: Arguments) -> anyhow::Result<()> {
         Some(Command::Learn(learn)) => learn::run(&learn),
         Some(Command::Register(register)) => register::run(&register),
         Some(Command::Calibrate(calibrate)) => calibrate::run(&calibrate),
+        Some(Command::PlaceCameras(place)) => place_cameras::run(&place),
         Some(Command::Ready(ready)) => ready::run(&ready),
         Some(Command::Object(object)) => object::run(&object),
         Some(Command::Robot(robot)) => robot::run(&robot),

@@ -17,7 +17,7 @@ use comfy_table::{CellAlignment, Table, presets::NOTHING};
 use serde::Serialize;
 
 use super::{ChoiceArguments, MOST, whole};
-use crate::screen;
+use crate::{calibrate, screen};
 
 /// Arguments of `play`.
 #[derive(Debug, Args)]
@@ -86,11 +86,19 @@ pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
         objects = Kind::Object.names();
     }
     let load = |object: &str| Setup::load(&arguments.choice.with(Some(object), arguments.throw.as_deref()));
-    let setups = objects.into_iter().map(load).collect::<Result<Vec<Setup>, InputError>>()?;
+    let mut setups: Vec<Setup> = Vec::new();
+    for object in objects {
+        let setup = load(object)?;
+        setups.push(match setups.first() {
+            Some(first) => setup.sharing_calibrations(first),
+            None => setup,
+        });
+    }
     let play = Play { setups, throws: arguments.throws, every_s: arguments.every, seed: arguments.seed };
     if let Some(path) = &arguments.html {
         whole_file::check_place(path)?;
     }
+    calibrate::before_throws(&play.setups[0], arguments.seed, !arguments.json)?;
     let bar = screen::progress_bar(arguments.throws as usize, "throws");
     let mut caught = 0;
     let life = play.run(&mut |row| {

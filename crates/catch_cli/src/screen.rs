@@ -132,6 +132,13 @@ pub fn progress_bar(total: usize, things: &str) -> ProgressBar {
     ProgressBar::new(total as u64).with_style(style)
 }
 
+/// Says on standard error what takes a while until the bar is finished; it shows itself on a terminal only.
+pub fn spinner(what: &str) -> ProgressBar {
+    let bar = ProgressBar::new_spinner().with_message(what.to_owned());
+    bar.enable_steady_tick(Duration::from_millis(100));
+    bar
+}
+
 /// Says what went wrong, on standard error.
 pub fn error(message: &str) {
     // Nobody is left to be told if this fails.

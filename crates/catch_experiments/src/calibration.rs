@@ -6,9 +6,9 @@ use anyhow::Result;
 use catch_body::{Pose, Robot};
 use catch_bot::calibration::{CalibrationStatus, CameraCalibration, Config, calibrate};
 use catch_cell::CameraModel;
-use catch_lab::{
+use catch_lab::scenario::setup::{
+    Choice, Setup,
     calibration::{self, ArenaSession},
-    scenario::setup::{Choice, Setup},
 };
 use catch_sim::{
     depth_noise::DepthModel,

@@ -51,7 +51,8 @@
 //! | [`study`] | evaluations of many variants of a scenario |
 //! | [`suite`] | frozen benchmarks |
 //! | [`play`] | many throws in one life |
-//! | [`calibration`] | where cameras stand, from what they see of the arm |
+//! | [`scenario::setup::calibration`] | where cameras stand, from what they see of the arm |
+//! | [`camera_placement`] | where cameras tell most about throws |
 //! | [`pages`] | throws, evaluations and studies in the browser |
 //! | `export` | the same for other tools; each format is a feature: `mcap`, `gif`, `plots` (and `parquet` for the rows of evaluations) |
 //! | [`own_data`] | users' files: templates, checks, clouds, catches to plan |
@@ -69,7 +70,7 @@ mod pages_for_people {
 
 pub mod assets;
 pub mod bounded_file;
-pub mod calibration;
+pub mod camera_placement;
 pub mod evaluation;
 pub mod export;
 pub mod flights;

@@ -3,6 +3,7 @@
 pub mod calibration_page;
 pub mod catch_page;
 pub mod packed;
+pub mod placement_page;
 pub mod report_page;
 pub mod robot_page;
 

@@ -218,7 +218,7 @@ impl Recorder {
             brain: setup.brain_config(scene.seed, scene.index),
             sources: setup.sources.clone(),
             ready_rad: setup.robot.ready_q.as_slice()[..setup.robot.dof()].to_vec(),
-            cameras: setup.cameras.clone(),
+            cameras: setup.believed_cameras(scene.seed),
             reference_scan: setup.reference_scan.clone(),
         };
         let title = format!("{}, {} throw", scene.object, scene.throw).replace('_', " ");

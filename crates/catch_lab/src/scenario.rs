@@ -77,12 +77,37 @@ pub struct Scenario {
     /// table, `[brain.control]`, as `expected_latency_s`.
     #[serde(default)]
     pub clock: Clock,
+    /// How the cameras are calibrated before anything is thrown. Without it the brain believes what the rig's file says.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<CalibrationSettings>,
     /// The physics, the sensors and the drives.
     #[serde(default)]
     pub arena: ArenaConfig,
     /// The brain.
     #[serde(default)]
     pub brain: BrainSettings,
+}
+
+/// A calibration before all throws of a seed: the cameras stand where the rig's file says, and are believed to stand elsewhere until the
+/// arm has calibrated them. The brain has what comes out, and what is claimed of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CalibrationSettings {
+    /// Standard deviation of what is believed before, along each axis of a camera, in metres.
+    #[serde(deserialize_with = "quantity::error_m")]
+    pub position_sd_m: f64,
+    /// And of its rotation about each axis, in degrees.
+    #[serde(deserialize_with = "quantity::error_deg")]
+    pub rotation_sd_deg: f64,
+    /// Poses of the arm, at most.
+    #[serde(deserialize_with = "quantity::poses")]
+    pub poses: usize,
+}
+
+impl Default for CalibrationSettings {
+    fn default() -> Self {
+        Self { position_sd_m: 0.005, rotation_sd_deg: 0.3, poses: 12 }
+    }
 }
 
 impl Scenario {
@@ -106,6 +131,12 @@ impl Scenario {
                 self.brain.seed,
                 "nothing: every trial has its own, from --seed",
             ));
+        }
+        let depth = &self.arena.depth;
+        if self.calibration.is_some() && (depth.calibration_sd_m > 0.0 || depth.calibration_sd_rad > 0.0) {
+            let found = depth.calibration_sd_m.max(depth.calibration_sd_rad);
+            let expected = "zero beside a table [calibration], whose cameras stand where their rig says";
+            faults.push(InputError::new(file, "arena.depth.calibration_sd_m and calibration_sd_rad", found, expected));
         }
         let of_brain = |it: SettingError| InputError::new(file, format!("brain.{}", it.field), it.found, it.expected);
         faults.extend(self.brain.faults().into_iter().map(of_brain));

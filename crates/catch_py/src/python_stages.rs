@@ -27,7 +27,7 @@ use crate::{
 /// Brains of the scenario, but for stages that are made in Python.
 pub fn factory(predictor: Option<Maker>, planner: Option<Maker>) -> BrainFactory {
     BrainFactory::new(move |setup, seed, index| {
-        let (known, settings) = (setup.known().clone(), setup.brain_config(seed, index));
+        let (known, settings) = (setup.known_for(seed), setup.brain_config(seed, index));
         let seed_of_brain = settings.seed;
         let stages = settings.stages(&known, seed_of_brain);
         let (estimator, ours, planning) = stages.expect("settings are checked when a scenario is read");

@@ -106,7 +106,7 @@ impl SteeredArena {
 
 /// What sees and predicts in one scene.
 fn eyes(setup: &Setup, seed: u64, index: u64) -> Eyes {
-    let known = setup.known().clone();
+    let known = setup.known_for(seed);
     let seed = setup.brain_config(seed, index).seed;
     let (estimator, predictor) = (Box::new(known.pose_estimator()), Box::new(known.flight_predictor(seed)));
     CatchingBot::with_stages(known, estimator, predictor, NoPlanner)

@@ -266,6 +266,20 @@ impl Arena {
         }
         self.servo.watch(self.time_s(), step_s, &self.state.q, &self.state.dq, &before.dq);
         self.record(torque, &forces);
+        self.look(false);
+    }
+
+    /// Cameras take their images: those that run freely when it is their time, the others at observations.
+    fn look(&mut self, at_observation: bool) {
+        let now_s = self.time_s();
+        if !self.sensors.are_due(now_s, at_observation) {
+            return;
+        }
+        let state = &self.state;
+        let X_WL = self.link_poses(&state.q);
+        let width_m = state.finger_m[0] + state.finger_m[1];
+        let scene = Scene { capture_s: now_s, X_WL: &X_WL, width_m, X_WO: &state.X_WO };
+        self.sensors.expose(&self.equipment.shared.renderer, &scene, at_observation);
     }
 
     /// Moves the object along the recorded flight until something touches it or the recording ends.
@@ -316,11 +330,7 @@ impl Cell for Arena {
             }
         }
         let (now_s, state) = (self.time_s(), self.state);
-        let width_m = state.finger_m[0] + state.finger_m[1];
-        let Shared { renderer, .. } = &*self.equipment.shared;
-        let X_WL = self.link_poses(&state.q);
-        let scene = Scene { capture_s: now_s, X_WL: &X_WL, width_m, X_WO: &state.X_WO };
-        self.sensors.expose(renderer, &scene);
+        self.look(true);
         self.update_report();
         Ok(Observation {
             time_s: now_s,

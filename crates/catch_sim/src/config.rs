@@ -5,6 +5,8 @@ mod gripper;
 use catch_body::{InputError, quantity};
 use serde::{Deserialize, Serialize};
 
+pub use crate::drawn::{Between, Drawn};
+
 pub use gripper::{GripperDriveKind, GripperTrigger, PositionDrive, ProximitySensor, RealDrive};
 
 use crate::{aerodynamics::AerodynamicsConfig, depth_noise::DepthConfig};
@@ -57,12 +59,16 @@ pub struct ArenaConfig {
     pub floor_visible: bool,
     /// What the depth images are off by. Nothing by default, as in the paper.
     pub depth: DepthConfig,
-    /// Images per second of each camera. Default 100 Hz (paper, IV).
+    /// Observations per second, each with an image of every camera unless these run freely. Default 100 Hz (paper, IV).
     #[serde(deserialize_with = "quantity::rate_hz")]
     pub frame_rate_hz: f64,
-    /// How long an image takes to arrive.
+    /// Whether each camera takes its images in its own time: at the `rate_hz` of its rig's file, else at `frame_rate_hz`, and at a phase
+    /// that every throw draws. An observation has the images that have arrived since the last one. Off by default.
+    pub free_running_cameras: bool,
+    /// How long an image takes to arrive, in seconds: a number, or `{ min, max }` from which every image draws. The images of a camera
+    /// arrive in their order.
     #[serde(deserialize_with = "quantity::latency_s")]
-    pub latency_s: f64,
+    pub latency_s: Drawn,
     /// Time step of the physics and period of the servo. Default 1 ms.
     #[serde(deserialize_with = "quantity::step_s")]
     pub step_s: f64,
@@ -73,55 +79,6 @@ pub struct ArenaConfig {
     /// Default 2: the tool still follows a fast motion within 0.1 mm.
     #[serde(deserialize_with = "quantity::solver_steps")]
     pub substeps_alone: usize,
-}
-
-/// A number, or a range from which every throw draws one uniformly.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(untagged, expecting = "a number or { min = …, max = … }")]
-pub enum Drawn {
-    /// The same for every throw.
-    Always(f64),
-    /// Drawn.
-    Between(Between),
-}
-
-/// Bounds of what is drawn.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Between {
-    /// The least.
-    pub min: f64,
-    /// The most.
-    pub max: f64,
-}
-
-impl From<f64> for Drawn {
-    fn from(value: f64) -> Self {
-        Self::Always(value)
-    }
-}
-
-impl Drawn {
-    /// The least and the most.
-    pub fn bounds(self) -> [f64; 2] {
-        match self {
-            Self::Always(value) => [value, value],
-            Self::Between(Between { min, max }) => [min, max],
-        }
-    }
-
-    /// Whether this can be a friction coefficient.
-    ///
-    /// # Errors
-    /// If it cannot.
-    pub fn check_friction(self, file: &str, field: &str) -> Result<(), InputError> {
-        let [least, most] = self.bounds();
-        match [least, most].into_iter().find(|value| !quantity::FRICTION.contains(*value)) {
-            Some(value) => Err(InputError::new(file, field, value, quantity::FRICTION)),
-            None if least > most => Err(InputError::new(file, field, least, "a min that is not above the max")),
-            None => Ok(()),
-        }
-    }
 }
 
 /// How the air moves.
@@ -247,7 +204,8 @@ impl Default for ArenaConfig {
             floor_visible: false,
             depth: DepthConfig::default(),
             frame_rate_hz: 100.0,
-            latency_s: 0.0,
+            free_running_cameras: false,
+            latency_s: Drawn::Always(0.0),
             step_s: 1e-3,
             substeps: 4,
             substeps_alone: 2,
@@ -260,7 +218,8 @@ impl ArenaConfig {
     /// ends are swapped, a frame interval that is not a whole number of steps.
     pub fn faults(&self, file: &str, table: &str) -> Vec<InputError> {
         let friction = self.friction.check_friction(file, &format!("{table}.friction"));
-        let mut faults: Vec<InputError> = friction.err().into_iter().collect();
+        let latency = self.latency_s.check(&quantity::LATENCY_S, file, &format!("{table}.latency_s"));
+        let mut faults: Vec<InputError> = friction.err().into_iter().chain(latency.err()).collect();
         let wind = |value: f64| quantity::WIND_MPS.check(file, format!("{table}.wind"), value).err();
         faults.extend(match self.wind {
             Wind::Always(velocity) => velocity.into_iter().find_map(wind),
@@ -327,6 +286,7 @@ mod tests {
             "frame_rate_hz = 1e-9",
             "max_spin_radps = 1e300",
             "latency_s = -1",
+            "latency_s = { min = 0.01, max = 1 }",
             "substeps = 0",
             "robot_errors.tool_position_m = 1e300",
             "aerodynamics.drag_anisotropy = 1.0",
@@ -338,6 +298,9 @@ mod tests {
             let field = text.split([' ', '{']).next().unwrap();
             assert!(fault.starts_with(&format!("s.toml: {field}")), "{fault}");
         }
+        let latency_s = Drawn::Between(Between { min: 0.03, max: 0.02 });
+        let fault = check(ArenaConfig { latency_s, ..Default::default() });
+        assert!(fault.contains("arena.latency_s: found 0.03, expected a min that is not above the max"), "{fault}");
         for wind in [Wind::Always([1e300, 0.0, 0.0]), Wind::Drawn(DrawnWind { max_mps: -1.0 })] {
             let fault = check(ArenaConfig { wind, ..Default::default() });
             assert!(fault.contains("arena.wind"), "{fault}");

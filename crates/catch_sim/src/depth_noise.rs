@@ -4,8 +4,10 @@ use catch_body::{InputError, quantity};
 use catch_cell::CameraModel;
 use serde::{Deserialize, Serialize};
 
+use crate::drawn::Drawn;
+
 /// How the depth images differ from the truth. Nothing does by default, as in the paper.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DepthConfig {
     /// The errors of a pixel's depth.
@@ -13,6 +15,20 @@ pub struct DepthConfig {
     /// Fraction of the images that never arrive, each camera and each time by itself. Users of D435 cameras report 5 to 10 %.
     #[serde(deserialize_with = "quantity::fraction")]
     pub lost_frame_fraction: f64,
+    /// Fraction of the images whose fate is that of the camera's image before them, so that images are lost in bursts of
+    /// 1/((1 − this)·(1 − `lost_frame_fraction`)) on average.
+    #[serde(deserialize_with = "quantity::fraction")]
+    pub lost_frame_persistence: f64,
+    /// Fraction of the object's surface, dark or specular, of which no camera measures any depth: a number, or `{ min, max }` from
+    /// which every throw draws. It is in patches that are fixed to the object.
+    #[serde(deserialize_with = "quantity::fraction")]
+    pub hole_fraction: Drawn,
+    /// Edge length of such a patch in metres. Default 2 cm.
+    #[serde(deserialize_with = "quantity::size_m")]
+    pub hole_size_m: f64,
+    /// Depths are whole multiples of this, in metres: 1 mm for cameras that tell them as whole millimetres. Zero: any.
+    #[serde(deserialize_with = "quantity::error_m")]
+    pub step_m: f64,
     /// Standard deviation, along each axis, of where a camera truly stands around where the brain believes it stands, in
     /// metres. Drawn once per scene and camera.
     #[serde(deserialize_with = "quantity::error_m")]
@@ -24,6 +40,22 @@ pub struct DepthConfig {
     /// where corners of pixels are taken for their centres, as in the authors' code.
     #[serde(deserialize_with = "quantity::error_px")]
     pub pixel_shift_px: f64,
+}
+
+impl Default for DepthConfig {
+    fn default() -> Self {
+        Self {
+            model: DepthModel::default(),
+            lost_frame_fraction: 0.0,
+            lost_frame_persistence: 0.0,
+            hole_fraction: Drawn::Always(0.0),
+            hole_size_m: 0.02,
+            step_m: 0.0,
+            calibration_sd_m: 0.0,
+            calibration_sd_rad: 0.0,
+            pixel_shift_px: 0.0,
+        }
+    }
 }
 
 impl DepthConfig {
@@ -82,6 +114,9 @@ pub struct StereoNoise {
     /// Standard deviation of the disparity in pixels.
     #[serde(deserialize_with = "quantity::error_px")]
     pub subpixel_px: f64,
+    /// Disparities are whole multiples of this, in pixels. Zero: any.
+    #[serde(deserialize_with = "quantity::error_px")]
+    pub disparity_step_px: f64,
     /// Fraction of the disparity's variance that all pixels of one image have in common; the rest each pixel has by itself.
     #[serde(deserialize_with = "quantity::fraction")]
     pub common_fraction: f64,
@@ -112,6 +147,7 @@ impl Default for StereoNoise {
         Self {
             baseline_m: 0.095,
             subpixel_px: 0.08,
+            disparity_step_px: 0.0,
             common_fraction: 0.0,
             dropout_fraction: 0.0,
             grazing_rad: None,
@@ -138,6 +174,7 @@ impl StereoNoise {
         Self {
             baseline_m: 0.05,
             subpixel_px: 0.08,
+            disparity_step_px: 0.0,
             common_fraction: 0.5,
             dropout_fraction: 0.02,
             grazing_rad: Some([70.0_f64.to_radians(), 85.0_f64.to_radians()]),
@@ -227,6 +264,7 @@ impl DepthConfig {
     /// # Errors
     /// Ranges whose ends are swapped, fractions whose sum is above one.
     pub fn check(&self, file: &str, table: &str) -> Result<(), InputError> {
+        self.hole_fraction.check(&quantity::FRACTION, file, &format!("{table}.hole_fraction"))?;
         let DepthModel::Stereo(noise) = &self.model else { return Ok(()) };
         let field = |name: &str| format!("{table}.model.stereo.{name}");
         let rising = |name: &str, values: Option<[f64; 2]>| match values {
@@ -311,6 +349,11 @@ mod tests {
     fn values_out_of_range_are_named() {
         for (text, field) in [
             ("lost_frame_fraction = 1.5", "arena.depth.lost_frame_fraction"),
+            ("lost_frame_persistence = 2", "arena.depth.lost_frame_persistence"),
+            ("hole_fraction = { min = 0.3, max = 0.2 }", "arena.depth.hole_fraction"),
+            ("hole_fraction = 1.1", "arena.depth.hole_fraction"),
+            ("hole_size_m = 0.0", "arena.depth.hole_size_m"),
+            ("step_m = -0.001", "arena.depth.step_m"),
             ("calibration_sd_m = -0.1", "arena.depth.calibration_sd_m"),
             ("calibration_sd_rad = nan", "arena.depth.calibration_sd_rad"),
             ("model = { gaussian = { sd_m = -1.0 } }", "arena.depth.model.gaussian.sd_m"),

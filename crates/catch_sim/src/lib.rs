@@ -35,6 +35,7 @@ pub mod conditions;
 pub mod config;
 mod convex_parts;
 pub mod depth_noise;
+pub mod drawn;
 pub mod equipment;
 pub mod free_flight;
 pub mod gripper_drive;

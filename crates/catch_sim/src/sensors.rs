@@ -5,27 +5,61 @@ use catch_cell::{CameraModel, DepthFrame, PixelWindow};
 use crate::{
     cameras::{DepthCameras, Readout, Renderer, Scene},
     config::ArenaConfig,
+    drawn::Drawn,
 };
 
-/// Cameras that look at every tick and whose images arrive after a while.
+/// Cameras that look, at every observation or in their own time, and whose images arrive after a while.
 #[derive(Debug, Clone)]
 pub(crate) struct Sensors {
     cameras: DepthCameras,
-    /// How often they have looked.
-    exposures: u64,
+    clocks: Vec<CameraClock>,
     labels: bool,
-    latency_s: f64,
+    latency_s: Drawn,
     windows: Option<Vec<PixelWindow>>,
     /// Images that have not arrived, with their times of arrival, soonest first.
-    under_way: Vec<(f64, Vec<DepthFrame>)>,
+    under_way: Vec<(f64, DepthFrame)>,
+}
+
+/// When a camera looks.
+#[derive(Debug, Clone)]
+struct CameraClock {
+    /// None: at every observation.
+    free: Option<FreeRun>,
+    /// How often it has looked.
+    exposures: u64,
+    /// When its newest image arrives.
+    arrival_s: f64,
+}
+
+/// A camera that runs freely.
+#[derive(Debug, Clone)]
+struct FreeRun {
+    phase_s: f64,
+    period_s: f64,
+}
+
+impl CameraClock {
+    /// Whether the camera looks now.
+    fn is_due(&self, now_s: f64, at_observation: bool) -> bool {
+        match &self.free {
+            None => at_observation,
+            Some(FreeRun { phase_s, period_s }) => now_s + 1e-9 >= phase_s + self.exposures as f64 * period_s,
+        }
+    }
 }
 
 impl Sensors {
     /// The sensors of the scene (`seed`, `index`), whose cameras the brain believes to stand as `calibrated`.
     pub fn new(config: &ArenaConfig, calibrated: &[CameraModel], seed: u64, index: u64) -> Self {
+        let cameras = DepthCameras::new(calibrated, &config.depth, seed, index);
+        let clock = |(i, camera): (usize, &CameraModel)| {
+            let period_s = 1.0 / camera.rate_hz.unwrap_or(config.frame_rate_hz);
+            let free = FreeRun { phase_s: cameras.phase(i) * period_s, period_s };
+            CameraClock { free: config.free_running_cameras.then_some(free), exposures: 0, arrival_s: 0.0 }
+        };
         Self {
-            cameras: DepthCameras::new(calibrated, &config.depth, seed, index),
-            exposures: 0,
+            clocks: calibrated.iter().enumerate().map(clock).collect(),
+            cameras,
             labels: config.labels,
             latency_s: config.latency_s,
             windows: None,
@@ -38,21 +72,133 @@ impl Sensors {
         self.windows = windows;
     }
 
-    /// All cameras look at `scene`.
-    pub fn expose(&mut self, renderer: &Renderer, scene: &Scene) {
+    /// Whether any camera looks now.
+    pub fn are_due(&self, now_s: f64, at_observation: bool) -> bool {
+        self.clocks.iter().any(|clock| clock.is_due(now_s, at_observation))
+    }
+
+    /// All cameras that look now look at `scene`.
+    pub fn expose(&mut self, renderer: &Renderer, scene: &Scene, at_observation: bool) {
         let readout = match &self.windows {
             Some(windows) => Readout::Windows(windows),
             None if self.labels => Readout::Object,
             None => Readout::Full,
         };
-        let frames = self.cameras.capture(renderer, scene, self.exposures, readout, self.labels);
-        self.exposures += 1;
-        self.under_way.push((scene.capture_s + self.latency_s, frames));
+        let clocks = self.clocks.iter().enumerate();
+        let due: Vec<(usize, u64)> = clocks
+            .filter(|(_, clock)| clock.is_due(scene.capture_s, at_observation))
+            .map(|(camera, clock)| (camera, clock.exposures))
+            .collect();
+        for frame in self.cameras.capture_some(renderer, scene, due.iter().copied(), readout, self.labels) {
+            let clock = &mut self.clocks[frame.camera];
+            let latency_s = self.latency_s.at(self.cameras.lateness(frame.camera, clock.exposures));
+            clock.arrival_s = clock.arrival_s.max(scene.capture_s + latency_s);
+            let at = self.under_way.partition_point(|(at_s, _)| *at_s <= clock.arrival_s);
+            self.under_way.insert(at, (clock.arrival_s, frame));
+        }
+        due.iter().for_each(|(camera, _)| self.clocks[*camera].exposures += 1);
     }
 
     /// The images that have arrived by `now_s`, oldest first.
     pub fn arrived(&mut self, now_s: f64) -> Vec<DepthFrame> {
         let count = self.under_way.partition_point(|(at_s, _)| *at_s <= now_s + 1e-9);
-        self.under_way.drain(..count).flat_map(|(_, frames)| frames).collect()
+        let mut frames: Vec<DepthFrame> = self.under_way.drain(..count).map(|(_, frame)| frame).collect();
+        frames.sort_by(|one, two| one.capture_s.total_cmp(&two.capture_s));
+        frames
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use catch_body::{Gripper, JointVector, Pose, Robot, TriangleMesh, robot_file::RobotFiles};
+    use catch_cell::{CameraModel, rig_from_toml};
+
+    use super::*;
+    use crate::drawn::Between;
+
+    /// Two cameras at 60 and 90 Hz for 20 s, looked at every 10 ms; frames with the times of their observations.
+    fn frames(config: &ArenaConfig, index: u64) -> Vec<(f64, DepthFrame)> {
+        let files = RobotFiles {
+            urdf_file: "robot.urdf",
+            urdf: include_str!("../../../assets/robots/iiwa14/robot.urdf"),
+            toml_file: "robot.toml",
+            toml: include_str!("../../../assets/robots/iiwa14/robot.toml"),
+        };
+        let robot = Robot::from_files(&files).unwrap();
+        let gripper = Gripper::from_toml("g", include_str!("../../../assets/grippers/wsg50.toml")).unwrap();
+        let renderer = Renderer::new(&robot, &gripper, &TriangleMesh::sphere(0.03, 2), false);
+        let X_WL = robot.link_poses(&JointVector::zeros());
+        let mut cameras = rig_from_toml("d435_2", include_str!("../../../assets/rigs/d435_2.toml")).unwrap();
+        for (camera, rate_hz) in cameras.iter_mut().zip([60.0, 90.0]) {
+            *camera = CameraModel { rate_hz: Some(rate_hz), ..camera.clone() };
+        }
+        let mut sensors = Sensors::new(config, &cameras, 5, index);
+        sensors.set_windows(Some(vec![PixelWindow::default(); 2]));
+        let mut seen = Vec::new();
+        for step in 0..20_000_u32 {
+            let now_s = f64::from(step) * 1e-3;
+            let at_observation = step % 10 == 0;
+            if sensors.are_due(now_s, at_observation) {
+                let scene =
+                    Scene { capture_s: now_s, X_WL: &X_WL, width_m: 0.1, X_WO: &Pose::translation(0.0, 0.0, 9.0) };
+                sensors.expose(&renderer, &scene, at_observation);
+            }
+            if at_observation {
+                seen.extend(sensors.arrived(now_s).into_iter().map(|frame| (now_s, frame)));
+            }
+        }
+        seen
+    }
+
+    #[test]
+    fn cameras_run_freely_at_their_own_rates_and_phases() {
+        let config = ArenaConfig { free_running_cameras: true, ..ArenaConfig::default() };
+        let mut phases = Vec::new();
+        for index in 0..40 {
+            let seen = frames(&config, index);
+            for (camera, rate_hz) in [(0, 60.0), (1, 90.0)] {
+                let times: Vec<f64> =
+                    seen.iter().filter(|(_, frame)| frame.camera == camera).map(|(_, frame)| frame.capture_s).collect();
+                assert!((times.len() as f64 - 20.0 * rate_hz).abs() <= 1.0, "{}", times.len());
+                for (n, time_s) in times.iter().enumerate() {
+                    // A camera looks in the first step of the physics when it is due.
+                    let late_s = time_s - times[0] - n as f64 / rate_hz;
+                    assert!(late_s.abs() <= 1.0e-3 + 1e-9, "{late_s}");
+                }
+                phases.push(times[0] * rate_hz);
+            }
+            assert!(seen.iter().all(|(now_s, frame)| (0.0..0.01 - 1e-9).contains(&(now_s - frame.capture_s))));
+            assert!(seen.windows(2).all(|pair| pair[0].1.capture_s <= pair[1].1.capture_s), "oldest first");
+        }
+        // Uniform: mean 1/2 and variance 1/12; steps add half of one.
+        let mean = phases.iter().sum::<f64>() / phases.len() as f64;
+        assert!((mean - 0.5 - 0.04).abs() < 4.0 * (1.0 / 12.0 / phases.len() as f64).sqrt(), "{mean}");
+        assert!(phases.iter().any(|it| *it < 0.2) && phases.iter().any(|it| *it > 0.8));
+    }
+
+    #[test]
+    fn images_draw_how_late_they_are_and_keep_their_order() {
+        let latency_s = Drawn::Between(Between { min: 0.02, max: 0.05 });
+        let config = ArenaConfig { free_running_cameras: true, latency_s, ..ArenaConfig::default() };
+        let seen = frames(&config, 0);
+        let late_s: Vec<f64> = seen.iter().map(|(now_s, frame)| now_s - frame.capture_s).collect();
+        // Observations come every 10 ms.
+        assert!(late_s.iter().all(|it| (0.02 - 1e-9..0.06 + 1e-9).contains(it)));
+        let mean = late_s.iter().sum::<f64>() / late_s.len() as f64;
+        // 35 ms, half an interval, and what waiting for the image before adds.
+        assert!((0.038..0.046).contains(&mean), "{mean}");
+        for camera in 0..2 {
+            let times = seen.iter().filter(|(_, frame)| frame.camera == camera).map(|(_, frame)| frame.capture_s);
+            assert!(times.is_sorted(), "a camera's images arrive in their order");
+        }
+        let overtaken = seen.windows(2).filter(|pair| pair[0].1.capture_s > pair[1].1.capture_s).count();
+        assert!(overtaken > 10, "images of different cameras overtake each other: {overtaken}");
+    }
+
+    #[test]
+    fn without_either_all_cameras_look_at_observations() {
+        let seen = frames(&ArenaConfig::default(), 0);
+        assert_eq!(seen.len(), 2 * 2000);
+        assert!(seen.iter().all(|(now_s, frame)| frame.capture_s == *now_s));
     }
 }

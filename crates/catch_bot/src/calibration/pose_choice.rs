@@ -107,6 +107,7 @@ fn smaller(camera: &CameraModel) -> CameraModel {
         height_px: camera.height_px / SMALLER,
         focal_px: camera.focal_px / by,
         principal_px: camera.principal_px.map(|it| it / by),
+        ..camera.clone()
     }
 }
 

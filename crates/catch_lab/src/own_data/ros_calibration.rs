@@ -126,7 +126,14 @@ pub fn camera_info(file: &str, text: &str) -> Result<CameraModel, InputError> {
     }
     let focal_px = quantity::FOCAL_PX.check(file, "camera_matrix.data", f64::midpoint(fx, fy))?;
     let place = |value: f64| quantity::IMAGE_COORDINATE_PX.check(file, "camera_matrix.data", value);
-    Ok(CameraModel { X_WC: Pose::identity(), width_px, height_px, focal_px, principal_px: [place(cx)?, place(cy)?] })
+    Ok(CameraModel {
+        X_WC: Pose::identity(),
+        width_px,
+        height_px,
+        focal_px,
+        principal_px: [place(cx)?, place(cy)?],
+        rate_hz: None,
+    })
 }
 
 /// The `camera_info` YAML of a camera.

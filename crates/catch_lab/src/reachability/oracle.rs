@@ -89,7 +89,8 @@ impl<'a> Oracle<'a> {
     /// What is possible in one scene.
     pub fn reach(&self, setup: &Setup, seed: u64, index: u64) -> Reach {
         let flight = Flight::of(setup, seed, index);
-        let (ready_q, first_estimate_s) = (&self.robot.ready_q, setup.scenario.arena.latency_s + FIRST_ESTIMATE_S);
+        let (ready_q, first_estimate_s) =
+            (&self.robot.ready_q, setup.scenario.arena.latency_s.bounds()[0] + FIRST_ESTIMATE_S);
         let from_first_image_s = self.first_catch_s(&flight, ready_q, first_estimate_s, CATCH_INTERVAL_S);
         // Whoever can do it later can do it at once.
         let from_release_s = from_first_image_s.or_else(|| self.first_catch_s(&flight, ready_q, 0.0, CATCH_INTERVAL_S));

@@ -1,5 +1,7 @@
 //! What a trial needs, read and checked: the scenario and every file that it names.
 
+pub mod calibration;
+
 use std::{
     path::PathBuf,
     sync::{Arc, OnceLock},
@@ -16,11 +18,13 @@ use catch_sim::{
 };
 use serde::{Deserialize, Serialize};
 
+use calibration::{BySeed, CalibratedCameras};
+
 use crate::{
     assets::{Asset, COMMAND_LINE, Kind, Origin},
     scenario::{
         Clock, Scenario,
-        brain::{BrainSettings, ChosenBrain, Method},
+        brain::{BrainSettings, Method},
         reach_map,
         sources::{self, SourceNames, Sources},
     },
@@ -88,6 +92,9 @@ pub struct Setup {
     equipment: OnceLock<Equipment>,
     /// Made when it is first needed.
     known: OnceLock<Arc<Preparation>>,
+    /// The same with calibrated cameras.
+    known_calibrated: BySeed<Preparation>,
+    calibrations: BySeed<CalibratedCameras>,
 }
 
 impl Setup {
@@ -229,6 +236,8 @@ impl Setup {
             sources,
             equipment: OnceLock::new(),
             known: OnceLock::new(),
+            known_calibrated: BySeed::default(),
+            calibrations: BySeed::default(),
         })
     }
 
@@ -314,7 +323,10 @@ impl Setup {
     pub fn repeats_itself(&self) -> bool {
         let Scenario { arena, clock, .. } = &self.scenario;
         let scene = |index| (self.release(0, index), self.conditions(0, index));
+        let [earliest_s, latest_s] = arena.latency_s.bounds();
         let has_own_stream = arena.depth != DepthConfig::default()
+            || arena.free_running_cameras
+            || earliest_s < latest_s
             || arena.gripper != GripperDriveKind::default()
             || arena.robot_errors != RobotErrors::default()
             || arena.robot_controller != RobotController::default()
@@ -327,8 +339,8 @@ impl Setup {
         self.throw.release(&self.object.name, &self.conditions(seed, index), seed, index)
     }
 
-    /// The brain's settings in one scene: those of the scenario, what is known of the object beforehand, and a seed.
-    pub fn brain_config(&self, seed: u64, index: u64) -> BrainSettings {
+    /// The brain's settings in one scene, but for what a calibration says.
+    fn uncalibrated_config(&self, seed: u64, index: u64) -> BrainSettings {
         let mut config = self.scenario.brain.clone();
         config.seed = seed_for(Stream::Brain, seed, index);
         // What is known beforehand, unless the scenario tells the brain otherwise: whether there is air, and how much it brakes the
@@ -355,33 +367,26 @@ impl Setup {
         let sheet = self.scenario.arena.depth.model.data_sheet(focal_px);
         let DataSheet { constant_m, quadratic_per_m, common_fraction, dropout, edge_px } = sheet;
         perception.depth_noise.get_or_insert(DepthNoise { constant_m, quadratic_per_m });
-        perception.depth_dropout.get_or_insert(dropout);
+        let has_holes = self.scenario.arena.depth.hole_fraction.bounds()[1] > 0.0;
+        perception.depth_dropout.get_or_insert(dropout || has_holes);
         perception.depth_common_fraction.get_or_insert(common_fraction);
         perception.depth_edge_px.get_or_insert(edge_px);
         config
     }
 
-    /// What the brain works out before anything flies.
+    /// What the brain works out before anything flies, with the cameras as they are.
     ///
     /// # Panics
     /// If settings were changed in code to values out of their ranges.
     pub fn known(&self) -> &Arc<Preparation> {
-        self.known.get_or_init(|| {
-            let Self { robot, gripper, cameras, .. } = self.clone();
-            let config = self.brain_config(0, 0).config();
-            let reach_map = reach_map::of(&robot);
-            let known = Preparation::new(config, robot, gripper, cameras, &self.reference_scan, reach_map);
-            Arc::new(known.expect(CHECKED))
-        })
+        self.known.get_or_init(|| Arc::new(self.preparation(&self.uncalibrated_config(0, 0), self.cameras.clone())))
     }
 
-    /// A brain that has seen nothing yet.
-    ///
-    /// # Panics
-    /// As [`known`](Self::known).
-    pub fn brain(&self, seed: u64, index: u64) -> ChosenBrain {
-        let settings = self.brain_config(seed, index);
-        settings.brain(self.known().clone(), settings.seed).expect(CHECKED)
+    fn preparation(&self, config: &BrainSettings, cameras: Vec<CameraModel>) -> Preparation {
+        let (robot, reach_map) = (self.robot.clone(), reach_map::of(&self.robot));
+        let known =
+            Preparation::new(config.config(), robot, self.gripper.clone(), cameras, &self.reference_scan, reach_map);
+        known.expect(CHECKED)
     }
 }
 

@@ -3,9 +3,9 @@
 use catch_body::Pose;
 use catch_bot::calibration::{CalibrationStatus, Config, calibrate};
 use catch_cell::CameraModel;
-use catch_lab::{
+use catch_lab::scenario::setup::{
+    Choice, Setup,
     calibration::{self, ArenaSession},
-    scenario::setup::{Choice, Setup},
 };
 use nalgebra::{UnitQuaternion, Vector3};
 

@@ -1,10 +1,13 @@
 //! Statistical tests of each model of the cameras' errors against its own formula, and of what they may not depend on.
 
-use catch_body::{JointVector, Pose, TriangleMesh, shape::Cuboid};
+use catch_body::{JointVector, Pose, TriangleMesh, pose::look_at, shape::Cuboid};
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};
 use nalgebra::{Point3, Vector3};
 
-use crate::depth_noise::{DepthConfig, DepthModel, GaussianNoise, StereoNoise};
+use crate::{
+    depth_noise::{DepthConfig, DepthModel, GaussianNoise, StereoNoise},
+    drawn::{Between, Drawn},
+};
 
 use super::{DepthCameras, Readout, Renderer, Scene, tests::*};
 
@@ -283,6 +286,120 @@ fn the_fraction_of_images_is_lost_that_should_be() {
     by_camera.iter().for_each(|found| check(EXPOSURES as f64, fraction, *found));
 }
 
+/// Images are lost in bursts: a run of lost ones has the length 1/((1 − p)·(1 − f)) on average, and as many are lost as without.
+#[test]
+fn images_are_lost_in_bursts() {
+    const EXPOSURES: u64 = 4000;
+    let rig = flight_rig();
+    let (X_WL, renderer) = (iiwa().link_poses(&JointVector::zeros()), renderer(&ball(), false));
+    let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: 0.11, X_WO: &Pose::translation(0.0, 0.0, 1.0) };
+    let nothing = [PixelWindow::default(); 20];
+    let (fraction, persistence) = (0.1, 0.75);
+    let config =
+        DepthConfig { lost_frame_fraction: fraction, lost_frame_persistence: persistence, ..DepthConfig::default() };
+    let cameras = DepthCameras::new(&rig, &config, 3, 1);
+    let (mut lost, mut runs, mut lost_before) = (0.0, 0.0, [false; 20]);
+    for exposure in 0..EXPOSURES {
+        let frames = cameras.capture(&renderer, &scene, exposure, Readout::Windows(&nothing), false);
+        for (camera, before) in lost_before.iter_mut().enumerate() {
+            let is_lost = frames.iter().all(|frame| frame.camera != camera);
+            lost += f64::from(u8::from(is_lost));
+            runs += f64::from(u8::from(is_lost && !*before));
+            *before = is_lost;
+        }
+    }
+    // An image is worth (1 − p)/(1 + p) independent ones.
+    let count = EXPOSURES as f64 * 20.0 * (1.0 - persistence) / (1.0 + persistence);
+    let found = lost / (EXPOSURES as f64 * 20.0);
+    assert!((found - fraction).abs() < 4.0 * (fraction * (1.0 - fraction) / count).sqrt(), "{found}");
+    let expected = 1.0 / ((1.0 - persistence) * (1.0 - fraction));
+    // The length of a run is geometric, and so has about its mean as standard deviation.
+    assert!((lost / runs - expected).abs() < 4.0 * expected / f64::sqrt(runs), "{} {expected}", lost / runs);
+}
+
+#[test]
+fn depths_and_disparities_have_steps() {
+    let depths = DepthConfig { step_m: 0.001, ..config(DepthModel::Stereo7) };
+    let disparity_step_px = 1.0 / 32.0;
+    let disparities = stereo(StereoNoise { disparity_step_px, ..StereoNoise::default() });
+    let wall = Wall::at(3.0);
+    let exact = wall.captured(&config(DepthModel::Stereo7), 0..1);
+    for (config, is_whole, most_off_m) in [
+        (depths, Box::new(|z: f64| z / 0.001) as Box<dyn Fn(f64) -> f64>, 0.0005),
+        (disparities, Box::new(|z: f64| wall.camera.focal_px * 0.095 / z / disparity_step_px), 0.006),
+    ] {
+        for (stepped, exact) in wall.captured(&config, 0..1)[0].depth_m.iter().zip(&exact[0].depth_m) {
+            let (stepped, exact) = (f64::from(*stepped), f64::from(*exact));
+            let steps = is_whole(stepped);
+            assert!((steps - steps.round()).abs() < 1e-3, "{stepped}");
+            assert!((stepped - exact).abs() < most_off_m, "{stepped} {exact}");
+        }
+    }
+}
+
+/// Over many throws the fraction of the object's pixels that is missing is the one asked for; in one throw the same part of the
+/// object is missing in every exposure, and a neighbour of what is missing is mostly missing, too.
+#[test]
+fn patches_of_the_object_give_no_depth() {
+    const THROWS: u64 = 150;
+    let fraction = 0.3;
+    let centre = Point3::new(1.2, 1.0, 0.8);
+    let rig = [Vector3::x(), Vector3::y(), Vector3::new(0.3, 0.2, 1.0)]
+        .map(|away| CameraModel::with_field_of_view(look_at(&(centre + away), &centre), 120, 120, 0.3));
+    let (X_WL, renderer) = (iiwa().link_poses(&JointVector::zeros()), renderer(&long_object(), false));
+    let X_WO = Pose::translation(centre.x, centre.y, centre.z);
+    let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: 0.11, X_WO: &X_WO };
+    let config = |fraction| DepthConfig { hole_fraction: fraction, hole_size_m: 0.03, ..DepthConfig::default() };
+    let images = |config: &DepthConfig, index, exposure| {
+        let cameras = DepthCameras::new(&rig, config, 8, index);
+        cameras.capture(&renderer, &scene, exposure, Readout::Object, true)
+    };
+    let (mut fractions, mut pairs, mut same) = (Vec::new(), 0.0, 0.0);
+    for index in 0..THROWS {
+        let frames = images(&config(Drawn::Always(fraction)), index, 0);
+        let again = images(&config(Drawn::Always(fraction)), index, 7);
+        assert!(frames.iter().zip(&again).all(|(one, two)| bits(one) == bits(two)));
+        let (mut shown, mut missing) = (0.0, 0.0);
+        for frame in &frames {
+            let mask = frame.mask.as_ref().unwrap();
+            let is_missing: Vec<bool> = frame.depth_m.iter().map(|it| it.is_nan()).collect();
+            shown += mask.iter().filter(|it| **it).count() as f64;
+            missing += mask.iter().zip(&is_missing).filter(|(shown, missing)| **shown && **missing).count() as f64;
+            for (mask, is_missing) in mask.windows(2).zip(is_missing.windows(2)) {
+                if mask[0] && mask[1] && is_missing[0] {
+                    pairs += 1.0;
+                    same += f64::from(u8::from(is_missing[1]));
+                }
+            }
+        }
+        assert!(shown > 1000.0, "{shown}");
+        fractions.push(missing / shown);
+    }
+    let (mean, variance, count) = moments(fractions.iter().copied());
+    assert!((mean - fraction).abs() < 4.0 * (variance / count).sqrt(), "{mean} ± {}", variance.sqrt());
+    // A patch is some twelve pixels wide; neighbours that are drawn apart would be missing together in 0.3 of all cases.
+    assert!(same / pairs > 0.8, "patches are coherent: {}", same / pairs);
+    // Without labels the same is missing, and nothing tells.
+    let cameras = DepthCameras::new(&rig, &config(Drawn::Always(fraction)), 8, 0);
+    let unlabelled = cameras.capture(&renderer, &scene, 0, Readout::Object, false);
+    for (with, without) in images(&config(Drawn::Always(fraction)), 0, 0).iter().zip(&unlabelled) {
+        assert_eq!((bits(with), &without.mask), (bits(without), &None));
+    }
+    // A fraction that is drawn is uniform between its bounds.
+    let drawn = config(Drawn::Between(Between { min: 0.0, max: 0.6 }));
+    let drawn: Vec<f64> = (0..THROWS)
+        .map(|index| {
+            let frames = images(&drawn, index, 0);
+            let shown = frames.iter().flat_map(|frame| frame.mask.iter().flatten()).filter(|it| **it).count();
+            let pixels = frames.iter().flat_map(|frame| frame.depth_m.iter().zip(frame.mask.iter().flatten()));
+            pixels.filter(|(depth, shown)| **shown && depth.is_nan()).count() as f64 / shown as f64
+        })
+        .collect();
+    let (mean, drawn_variance, count) = moments(drawn.into_iter());
+    assert!((mean - 0.3).abs() < 4.0 * (drawn_variance / count).sqrt(), "{mean}");
+    assert!(drawn_variance > variance + 0.5 * 0.36 / 12.0, "{drawn_variance} {variance}");
+}
+
 /// Over many scenes each component of a camera's error is normal with the standard deviation asked for.
 #[test]
 fn calibration_is_off_as_much_as_it_should_be() {
@@ -336,6 +453,9 @@ fn every_model() -> Vec<DepthConfig> {
     let with_losses = |model| DepthConfig {
         model,
         lost_frame_fraction: 0.05,
+        lost_frame_persistence: 0.5,
+        hole_fraction: Drawn::Always(0.2),
+        step_m: 0.001,
         calibration_sd_m: 0.002,
         calibration_sd_rad: 0.001,
         ..DepthConfig::default()

@@ -2,7 +2,7 @@
 
 use catch_body::Pose;
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 use crate::depth_noise::{DepthConfig, DepthModel, EDGE_JUMP_PX, StereoNoise};
 
@@ -20,6 +20,7 @@ use super::{
 pub struct DepthCameras {
     cameras: Vec<CameraModel>,
     config: DepthConfig,
+    holes: Option<Holes>,
     key: Key,
 }
 
@@ -28,7 +29,11 @@ pub struct DepthCameras {
 enum Purpose {
     Calibration,
     Exposures,
+    Phase,
 }
+
+/// The part of a scene's random numbers that belongs to its object, beside the parts of its cameras.
+const OBJECT: u64 = u64::MAX;
 
 /// Places in the sequence of an exposure's key, before those of its pixels.
 #[derive(Debug, Clone, Copy)]
@@ -37,6 +42,7 @@ enum Place {
     Common,
     Pixels,
     Edges,
+    Latency,
 }
 
 impl DepthCameras {
@@ -55,7 +61,12 @@ impl DepthCameras {
             }
             camera
         };
-        Self { cameras: (0..).zip(calibrated).map(true_camera).collect(), config: config.clone(), key }
+        Self {
+            cameras: (0..).zip(calibrated).map(true_camera).collect(),
+            config: config.clone(),
+            holes: Holes::new(config, key.part(OBJECT)),
+            key,
+        }
     }
 
     /// The cameras where they truly stand.
@@ -63,7 +74,22 @@ impl DepthCameras {
         &self.cameras
     }
 
-    /// The images of exposure number `exposure` that are not lost; with `labelled` also which pixels truly show the object.
+    /// The phase of a camera that runs freely, as a fraction of its period.
+    pub(crate) fn phase(&self, camera: usize) -> f64 {
+        self.key.part(camera as u64).part(Purpose::Phase as u64).unit(0)
+    }
+
+    /// How late an image of a camera arrives, between the least (0) and the most (1).
+    pub(crate) fn lateness(&self, camera: usize, exposure: u64) -> f64 {
+        self.exposure_key(camera, exposure).part(Place::Latency as u64).unit(0)
+    }
+
+    fn exposure_key(&self, camera: usize, exposure: u64) -> Key {
+        self.key.part(camera as u64).part(Purpose::Exposures as u64).part(exposure)
+    }
+
+    /// The images of exposure number `exposure` of every camera that are not lost; with `labelled` also which pixels truly show the
+    /// object.
     pub fn capture(
         &self,
         renderer: &Renderer,
@@ -72,23 +98,37 @@ impl DepthCameras {
         readout: Readout,
         labelled: bool,
     ) -> Vec<DepthFrame> {
+        self.capture_some(renderer, scene, (0..self.cameras.len()).map(|camera| (camera, exposure)), readout, labelled)
+    }
+
+    /// The same of some cameras, each with the number of its exposure.
+    pub fn capture_some(
+        &self,
+        renderer: &Renderer,
+        scene: &Scene,
+        exposures: impl IntoIterator<Item = (usize, u64)>,
+        readout: Readout,
+        labelled: bool,
+    ) -> Vec<DepthFrame> {
         let view = renderer.view(scene);
         let stereo = self.config.model.stereo();
         let edge_px = stereo.as_ref().map_or(0, StereoNoise::edge_reach_px);
         let channels = Channels {
-            shows_object: labelled,
+            shows_object: labelled || self.holes.is_some(),
             facing: stereo.as_ref().is_some_and(|stereo| stereo.grazing_rad.is_some()),
         };
-        let frame_of = |(index, camera): (usize, &CameraModel)| {
-            let key = self.key.part(index as u64).part(Purpose::Exposures as u64).part(exposure);
-            if key.part(Place::Loss as u64).unit(0) < self.config.lost_frame_fraction {
+        let frame_of = |(index, exposure): (usize, u64)| {
+            let camera = &self.cameras[index];
+            let key = self.exposure_key(index, exposure);
+            if self.is_lost(index, exposure) {
                 return None;
             }
             let window = view.window(index, camera, readout, edge_px);
             // What a pixel shows depends on its neighbours too.
             let exact = view.image(camera, widened(camera, &window, edge_px), channels);
+            let hidden = self.holes.as_ref().map(|holes| holes.pixels(&exact.part(window), scene.X_WO));
             let pixels = key.part(Place::Pixels as u64);
-            let image = match (&self.config.model, &stereo) {
+            let mut image = match (&self.config.model, &stereo) {
                 (_, Some(stereo)) => stereo.measured(exact, window, key),
                 (DepthModel::Perfect, _) => exact,
                 (model, _) => exact.changed(|pixel, _, z| {
@@ -96,9 +136,58 @@ impl DepthCameras {
                     (z + model.sd_m(z, camera.focal_px) * normal) as f32
                 }),
             };
+            if self.config.step_m > 0.0 {
+                let step_m = self.config.step_m;
+                image = image.changed(|_, _, z| ((z / step_m).round() * step_m) as f32);
+            }
+            for pixel in hidden.into_iter().flatten() {
+                image.depth_m[pixel] = f32::NAN;
+            }
+            image.shows_object = image.shows_object.filter(|_| labelled);
             Some(image.frame(index, scene.capture_s))
         };
-        self.cameras.iter().enumerate().filter_map(frame_of).collect()
+        exposures.into_iter().filter_map(frame_of).collect()
+    }
+
+    /// Whether an image never arrives: that is drawn anew, or as it was for the image before.
+    fn is_lost(&self, camera: usize, exposure: u64) -> bool {
+        let draw = |exposure: u64, n: u64| self.exposure_key(camera, exposure).part(Place::Loss as u64).unit(n);
+        let is_drawn_anew = |exposure: &u64| *exposure == 0 || draw(*exposure, 1) >= self.config.lost_frame_persistence;
+        let drawn = (0..=exposure).rev().find(is_drawn_anew).unwrap_or(0);
+        draw(drawn, 0) < self.config.lost_frame_fraction
+    }
+}
+
+/// Patches of the object's surface of which there are no depths: cubes of a lattice in O.
+#[derive(Debug, Clone)]
+struct Holes {
+    fraction: f64,
+    size_m: f64,
+    key: Key,
+}
+
+impl Holes {
+    /// Those of a throw; none where there are none.
+    fn new(config: &DepthConfig, key: Key) -> Option<Self> {
+        let fraction = config.hole_fraction.at(key.unit(0));
+        (fraction > 0.0).then_some(Self { fraction, size_m: config.hole_size_m, key })
+    }
+
+    /// The pixels of an exact image that show such a patch.
+    fn pixels(&self, exact: &Image, X_WO: &Pose) -> Vec<usize> {
+        let X_OC = X_WO.inv_mul(&exact.camera.X_WC);
+        let is_hole = |pixel: &usize| {
+            let p_C = exact.camera.back_project(&exact.window.pixel_centre(*pixel), f64::from(exact.depth_m[*pixel]));
+            self.includes(&(X_OC * p_C))
+        };
+        let shown = exact.shows_object.iter().flatten().enumerate().filter(|(_, shown)| **shown);
+        shown.map(|(pixel, _)| pixel).filter(is_hole).collect()
+    }
+
+    fn includes(&self, p_O: &Point3<f64>) -> bool {
+        // The lattice lies differently in every throw.
+        let cell = |axis: usize| (p_O[axis] / self.size_m + self.key.unit(1 + axis as u64)).floor() as i64 as u64;
+        self.key.part(cell(0)).part(cell(1)).part(cell(2)).unit(0) < self.fraction
     }
 }
 
@@ -151,6 +240,8 @@ impl StereoNoise {
         let own_sd = sd * (1.0 - self.common_fraction).sqrt();
         let pixels = key.part(Place::Pixels as u64);
         let [nearest_m, farthest_m] = self.range_m.unwrap_or([0.0, f64::MAX]);
+        // Inverse depths that are a step of the disparity apart.
+        let step_per_m = self.disparity_step_px / (image.camera.focal_px * self.baseline_m);
         let facing = image.facing.take();
         let grazing = self.grazing_rad.map(|[from, to]| (from.cos(), from, to));
         image.changed(|pixel, at, z| {
@@ -165,7 +256,9 @@ impl StereoNoise {
             if counter_generator::unit(bits as u32) < missing {
                 return f32::NAN;
             }
-            let measured = 1.0 / (1.0 / z + common + own_sd * counter_generator::normal((bits >> 32) as u32));
+            let inverse = 1.0 / z + common + own_sd * counter_generator::normal((bits >> 32) as u32);
+            let measured =
+                if step_per_m > 0.0 { 1.0 / ((inverse / step_per_m).round() * step_per_m) } else { 1.0 / inverse };
             // An error that leaves no disparity gives a depth that is infinite or behind the camera.
             if measured >= nearest_m && measured <= farthest_m { measured as f32 } else { f32::NAN }
         })

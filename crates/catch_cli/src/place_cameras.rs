@@ -1,0 +1,244 @@
+//! `catchingbot place-cameras`: where cameras tell most about the throws of a scenario.
+
+use std::{io, path::PathBuf};
+
+use catch_body::{InputError, Pose};
+use catch_cell::{CameraModel, rig_to_toml};
+use catch_lab::{
+    VERSION,
+    assets::COMMAND_LINE,
+    camera_placement::{Config, PlacementStudy, Score, quantile_m},
+    evaluation::results::make_writable,
+    pages::placement_page::{self, CameraView},
+    scenario::setup::Setup,
+    whole_file,
+};
+use catch_sim::cameras::{Readout, Renderer, Scene};
+use clap::Args;
+use serde::Serialize;
+
+use super::{ChoiceArguments, MOST, OutputArguments, whole};
+use crate::screen;
+
+/// Cameras of a rig that is compared, at most.
+const MOST_COMPARED: usize = 20;
+
+/// Arguments of `place-cameras`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Cameras hang on the walls and the ceiling of a box, and are aimed at where objects fly. Those are chosen whose
+images tell most about where the object will be caught, at two times: when the catch is decided, and when the
+fingers begin to close. What the waiting arm and the border of an image hide does not count. They are cameras
+like the first one of the scenario's rig:
+
+  catchingbot place-cameras --scenario lab --cameras 2 --out placed
+  catchingbot place-cameras --scenario lab --cameras 3 --from=-1,-1.5,0.5 --to=2,2,1.9 --out placed
+  catchingbot eval --scenario lab --set flight_rig=placed/rig.toml
+
+The table compares them with the scenario's own rig.")]
+pub struct PlaceCamerasArguments {
+    #[command(flatten)]
+    choice: ChoiceArguments,
+    /// Object: a built-in name or a file [default: the scenario's]
+    #[arg(long, value_name = "NAME|FILE")]
+    object: Option<String>,
+    /// Throw: a built-in name or a file [default: the scenario's]
+    #[arg(long, value_name = "NAME|FILE")]
+    throw: Option<String>,
+    /// How many cameras
+    #[arg(long, value_name = "N", default_value_t = Config::default().cameras as u64, value_parser = whole(1, 16))]
+    cameras: u64,
+    /// Throws that are looked at
+    #[arg(long, value_name = "N", default_value_t = Config::default().throws, value_parser = whole(1, 1000))]
+    throws: u64,
+    /// A corner of the box, in metres; cameras hang on its walls, but not on its floor
+    #[arg(long, value_name = "X,Y,Z", value_parser = corner, default_value = "-1.2,-1.6,0.4", allow_hyphen_values = true)]
+    from: [f64; 3],
+    /// The opposite corner
+    #[arg(long, value_name = "X,Y,Z", value_parser = corner, default_value = "2.2,2.2,2.2", allow_hyphen_values = true)]
+    to: [f64; 3],
+    /// Between neighbouring places on a wall, in metres
+    #[arg(long, value_name = "METRES", default_value_t = Config::default().spacing_m, value_parser = between(0.05, 5.0))]
+    spacing: f64,
+    /// How long before the catch it is decided, in seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = Config::default().decision_s, value_parser = between(0.0, 2.0))]
+    decision: f64,
+    /// How long before it the fingers begin to close, in seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = Config::default().closing_s, value_parser = between(0.0, 2.0))]
+    closing: f64,
+    /// No camera is nearer than this to any flight, in metres
+    #[arg(long, value_name = "METRES", default_value_t = Config::default().clear_m, value_parser = between(0.0, 10.0))]
+    clear: f64,
+    /// Seed of the throws
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole(0, MOST))]
+    seed: u64,
+    #[command(flatten)]
+    output: OutputArguments,
+}
+
+/// Reads three coordinates of a place in a cell.
+fn corner(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Option<Vec<f64>> =
+        text.split(',').map(|it| it.trim().parse().ok().filter(|it: &f64| it.abs() <= 50.0)).collect();
+    let corner = numbers.and_then(|it| it.try_into().ok());
+    corner.ok_or_else(|| "expected three numbers from -50 to 50, such as -1.2,-1.6,0.4".to_owned())
+}
+
+/// Reads numbers within a range.
+fn between(least: f64, most: f64) -> impl Fn(&str) -> Result<f64, String> + Clone {
+    move |text| {
+        let number = text.parse().ok().filter(|it: &f64| (least..=most).contains(it));
+        number.ok_or_else(|| format!("expected a number from {least} to {most}"))
+    }
+}
+
+#[derive(Serialize)]
+struct Document<'a> {
+    version: &'static str,
+    scenario: &'a str,
+    seed: u64,
+    throws: u64,
+    candidates: usize,
+    rig: PathBuf,
+    page: PathBuf,
+    rigs: Vec<RigDocument>,
+}
+
+#[derive(Serialize)]
+struct RigDocument {
+    rig: String,
+    cameras: usize,
+    shown_by_one: f64,
+    shown_by_two: f64,
+    /// Fraction of each camera's images.
+    shown: Vec<f64>,
+    /// Standard deviation along each axis of the position at the catch, predicted at the decision: median and 90 %.
+    decision_sd_median_m: f64,
+    decision_sd_90_m: f64,
+    /// The same when the fingers begin to close.
+    closing_sd_median_m: f64,
+    closing_sd_90_m: f64,
+}
+
+impl RigDocument {
+    fn of(rig: &str, score: &Score) -> Self {
+        Self {
+            rig: rig.to_owned(),
+            cameras: score.shown.len(),
+            shown_by_one: score.shown_by_one,
+            shown_by_two: score.shown_by_two,
+            shown: score.shown.clone(),
+            decision_sd_median_m: quantile_m(&score.decision_sd_m, 0.5),
+            decision_sd_90_m: quantile_m(&score.decision_sd_m, 0.9),
+            closing_sd_median_m: quantile_m(&score.closing_sd_m, 0.5),
+            closing_sd_90_m: quantile_m(&score.closing_sd_m, 0.9),
+        }
+    }
+}
+
+/// Places cameras, writes their rig and a page, and compares them with the scenario's.
+///
+/// # Errors
+/// What is wrong with the choice, or with writing.
+pub fn run(arguments: &PlaceCamerasArguments) -> anyhow::Result<()> {
+    let OutputArguments { out, json } = &arguments.output;
+    make_writable(out, "--out")?;
+    let setup = Setup::load(&arguments.choice.with(arguments.object.as_deref(), arguments.throw.as_deref()))?;
+    let config = Config {
+        cameras: arguments.cameras as usize,
+        throws: arguments.throws,
+        seed: arguments.seed,
+        volume_m: [arguments.from, arguments.to],
+        spacing_m: arguments.spacing,
+        decision_s: arguments.decision,
+        closing_s: arguments.closing,
+        clear_m: arguments.clear,
+    };
+    let Some(kind) = setup.cameras.first() else {
+        return Err(InputError::new(COMMAND_LINE, "flight_rig", "no camera", "a rig with cameras").into());
+    };
+    let bar = screen::spinner("placing cameras");
+    let study = PlacementStudy::new(&setup, &config)?;
+    let placement = study.place(kind)?;
+    bar.finish_and_clear();
+    let score = study.score(&placement.cameras);
+    let mut rigs = vec![RigDocument::of("placed", &score)];
+    if setup.cameras.len() <= MOST_COMPARED {
+        rigs.push(RigDocument::of(&setup.scenario.flight_rig, &study.score(&setup.cameras)));
+    }
+    let rig: Vec<_> = placement.cameras.iter().map(|camera| (camera.clone(), None)).collect();
+    let about = format!(
+        "Cameras placed for the throw {} of the scenario {}, by what {} throws of seed {} tell until {} s and {} s before the catch.",
+        setup.scenario.throw, setup.scenario.name, config.throws, config.seed, config.decision_s, config.closing_s
+    );
+    let (rig_path, page_path) = (out.join("rig.toml"), out.join("cameras.html"));
+    whole_file::write(&rig_path, rig_to_toml(&about, &rig))?;
+    let views = views(&setup, &study, &placement.cameras, &score);
+    whole_file::write(&page_path, placement_page::page("Placed cameras", &study.flights, &views))?;
+    let document = Document {
+        version: VERSION,
+        scenario: &setup.scenario.name,
+        seed: config.seed,
+        throws: config.throws,
+        candidates: placement.candidates,
+        rig: rig_path,
+        page: page_path,
+        rigs,
+    };
+    if *json { screen::json(&document) } else { Ok(tell(&document, &placement.cameras)?) }
+}
+
+fn views<'a>(setup: &Setup, study: &PlacementStudy, cameras: &'a [CameraModel], score: &Score) -> Vec<CameraView<'a>> {
+    let renderer = Renderer::new(&setup.robot, &setup.gripper, &setup.object.mesh, false);
+    let X_WL = setup.robot.link_poses(&setup.robot.ready_q);
+    // The object is where no camera sees it.
+    let X_WO = Pose::translation(0.0, 0.0, -1e3);
+    let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: setup.gripper.max_width_m, X_WO: &X_WO };
+    let images = renderer.render(cameras, &scene, Readout::Full, false);
+    let view = |((camera, image), shown): ((&'a CameraModel, _), &f64)| CameraView {
+        camera,
+        summary: format!("{:.0} % of the images show the object", shown * 100.0),
+        sight: study.sight(camera),
+        image,
+    };
+    cameras.iter().zip(images).zip(&score.shown).map(view).collect()
+}
+
+fn tell(document: &Document<'_>, cameras: &[CameraModel]) -> io::Result<()> {
+    screen::line("")?;
+    let headings = [
+        "rig",
+        "cameras",
+        "one camera\nshows it, %",
+        "two, %",
+        "sd at the\ndecision, mm",
+        "90 %",
+        "at the\nclosing",
+        "90 %",
+    ];
+    let mut table = screen::table(headings, 1..8);
+    for it in &document.rigs {
+        table.add_row([
+            it.rig.clone(),
+            it.cameras.to_string(),
+            format!("{:.0}", it.shown_by_one * 100.0),
+            format!("{:.0}", it.shown_by_two * 100.0),
+            format!("{:.2}", it.decision_sd_median_m * 1e3),
+            format!("{:.2}", it.decision_sd_90_m * 1e3),
+            format!("{:.2}", it.closing_sd_median_m * 1e3),
+            format!("{:.2}", it.closing_sd_90_m * 1e3),
+        ]);
+    }
+    screen::line(&table.trim_fmt())?;
+    screen::line("")?;
+    for (i, (camera, shown)) in cameras.iter().zip(&document.rigs[0].shown).enumerate() {
+        let p = camera.X_WC.translation.vector;
+        let ahead = camera.X_WC.rotation * nalgebra::Vector3::z();
+        let (turned_deg, down_deg) = (ahead.y.atan2(ahead.x).to_degrees(), (-ahead.z).asin().to_degrees());
+        let place =
+            format!("({:.2}, {:.2}, {:.2}) m, looks to {turned_deg:.0}° and {down_deg:.0}° down", p.x, p.y, p.z);
+        screen::fact(&format!("camera {i}"), &format!("{place}, shows {:.0} % of the images", shown * 100.0))?;
+    }
+    screen::fact("rig", &document.rig.display().to_string())?;
+    screen::fact("what is seen", &document.page.display().to_string())
+}

@@ -1,0 +1,428 @@
+//! Where to put cameras: poses that tell most about flights by the time when the catch is decided.
+//!
+//! A measure of rigs, and a search for the rig that is best by it. For each of many throws of a scenario every image until the decision
+//! tells something about the flight, if it shows the object: neither its border nor the waiting arm hides it. The flight is a parabola with
+//! an unknown position and velocity at the catch. Each image adds the information Jᵀ·W·J with J = \[I, (t − t_c)·I\] and W the inverse
+//! covariance of a position that one image measures: the data sheet's noise along the optical axis, [`LATERAL_PX`] across it. The
+//! covariance of the position at the catch is a block of the inverse of the sum. The catch is where the flight is nearest to the base's axis.
+//! What counts is the deviation at two times: when the catch is decided, and when the fingers begin to close.
+//!
+//! The search is greedy and then exchanges cameras as long as that helps (Fedorov, Theory of optimal experiments, 1972).
+
+use catch_body::{InputError, Pose, dynamics, pose::look_at, quantity, ray_cast::ArmSurface};
+use catch_cell::CameraModel;
+use catch_sim::depth_noise::DataSheet;
+use nalgebra::{Matrix3, Matrix6, Point3, Vector3};
+
+use crate::{assets::COMMAND_LINE, scenario::setup::Setup};
+
+/// Standard deviation of the centre of an object's image, in pixels: what bleeding edges leave, whatever the number of pixels. Chosen.
+pub const LATERAL_PX: f64 = 0.3;
+/// Pixels of an object that say something about where it is.
+pub const MIN_PIXELS: f64 = 30.0;
+/// No image tells where an object is better than this, in metres.
+const LEAST_SD_M: f64 = 3e-4;
+/// Standard deviations of what is known of a throw before any image, in metres and m/s.
+const PRIOR_SD: [f64; 2] = [0.5, 3.0];
+/// Longest flight that is looked at, in seconds.
+const LONGEST_S: f64 = 1.5;
+/// Times that each throw is sampled at, at most.
+const TICK_S: f64 = 0.01;
+/// Quantiles of the flights' times at whose mean places cameras may be aimed.
+const AIMS: [f64; 6] = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0];
+
+/// What is asked for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Config {
+    /// How many cameras.
+    pub cameras: usize,
+    /// Throws that are looked at.
+    pub throws: u64,
+    /// Their seed.
+    pub seed: u64,
+    /// Opposite corners of the volume on whose walls and ceiling cameras may hang, in W.
+    pub volume_m: [[f64; 3]; 2],
+    /// Between neighbouring places on a wall.
+    pub spacing_m: f64,
+    /// How long before the catch it is decided.
+    pub decision_s: f64,
+    /// How long before it the fingers begin to close.
+    pub closing_s: f64,
+    /// No camera is nearer than this to any flight.
+    pub clear_m: f64,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self {
+            cameras: 2,
+            throws: 60,
+            seed: 1,
+            volume_m: [[-1.2, -1.6, 0.4], [2.2, 2.2, 2.2]],
+            spacing_m: 0.4,
+            decision_s: 0.3,
+            closing_s: 0.12,
+            clear_m: 0.4,
+        }
+    }
+}
+
+/// What a rig sees and tells of the flights.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Score {
+    /// Fraction of the instants until the catch at which one camera or more shows the object.
+    pub shown_by_one: f64,
+    /// The same for two or more.
+    pub shown_by_two: f64,
+    /// Fraction of each camera's images until the catch that show it.
+    pub shown: Vec<f64>,
+    /// Expected standard deviation along each axis of the position at the catch that is predicted when it is decided, in metres, of each
+    /// throw in rising order.
+    pub decision_sd_m: Vec<f64>,
+    /// The same when the fingers begin to close.
+    pub closing_sd_m: Vec<f64>,
+}
+
+/// The deviation that a fraction of the throws does not exceed; `rising` has that of each.
+pub fn quantile_m(rising: &[f64], fraction: f64) -> f64 {
+    let at = (fraction * rising.len().saturating_sub(1) as f64).round() as usize;
+    rising.get(at).copied().unwrap_or(f64::NAN)
+}
+
+/// Cameras that were placed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Placement {
+    /// Where they stand.
+    pub cameras: Vec<CameraModel>,
+    /// Places and aims among which they were chosen.
+    pub candidates: usize,
+}
+
+/// One throw at the instants until the catch.
+#[derive(Debug, Clone)]
+pub struct SampledFlight {
+    /// Where the object is every 10 ms from the release on.
+    pub p_WO: Vec<Point3<f64>>,
+    /// When it is caught after the release, in seconds.
+    pub catch_s: f64,
+}
+
+/// Measures rigs on the throws of a scenario.
+#[derive(Debug)]
+pub struct PlacementStudy<'a> {
+    setup: &'a Setup,
+    config: &'a Config,
+    /// The throws.
+    pub flights: Vec<SampledFlight>,
+    arm: ArmSurface,
+}
+
+impl<'a> PlacementStudy<'a> {
+    /// Samples the throws of a scenario.
+    ///
+    /// # Errors
+    /// A volume whose corners are swapped or too large for its spacing, or throws that are over before the decision.
+    pub fn new(setup: &'a Setup, config: &'a Config) -> Result<Self, InputError> {
+        let [from, to] = config.volume_m;
+        for axis in 0..3 {
+            if to[axis] - from[axis] < config.spacing_m || (to[axis] - from[axis]) / config.spacing_m > 100.0 {
+                let found = format!("{from:?} to {to:?}");
+                let expected = format!("corners of a box whose sides are 1 to 100 times {} m long", config.spacing_m);
+                return Err(InputError::new(COMMAND_LINE, "--from and --to", found, expected));
+            }
+        }
+        let flight = |index| {
+            let release = setup.release(config.seed, index);
+            let at = |time_s: f64| release.p_WO + release.v_WO * time_s + dynamics::gravity() * (time_s * time_s / 2.0);
+            let mut p_WO: Vec<Point3<f64>> = Vec::new();
+            for tick in 0..(LONGEST_S / TICK_S) as usize {
+                let p = at(tick as f64 * TICK_S);
+                if p_WO.last().is_some_and(|before| p.coords.xy().norm() > before.coords.xy().norm()) || p.z < 0.0 {
+                    break;
+                }
+                p_WO.push(p);
+            }
+            SampledFlight { catch_s: p_WO.len().saturating_sub(1) as f64 * TICK_S, p_WO }
+        };
+        let flights: Vec<SampledFlight> = (0..config.throws).map(flight).collect();
+        if let Some(it) = flights.iter().find(|it| it.catch_s <= config.decision_s) {
+            let expected = format!("less than the {:.2} s that a throw takes", it.catch_s);
+            return Err(InputError::new(COMMAND_LINE, "--decision", config.decision_s, expected));
+        }
+        Ok(Self { setup, config, flights, arm: ArmSurface::new(&setup.robot, &setup.gripper) })
+    }
+
+    /// What a rig sees and tells.
+    pub fn score(&self, cameras: &[CameraModel]) -> Score {
+        let sights: Vec<Vec<Vec<bool>>> = cameras.iter().map(|camera| self.sight(camera)).collect();
+        let (mut instants, mut by_one, mut by_two) = (0, 0, 0);
+        for (throw, flight) in self.flights.iter().enumerate() {
+            for tick in 0..flight.p_WO.len() {
+                let seeing = sights.iter().filter(|it| it[throw][tick]).count();
+                instants += 1;
+                by_one += usize::from(seeing >= 1);
+                by_two += usize::from(seeing >= 2);
+            }
+        }
+        let fraction = |count: usize| count as f64 / f64::from(instants.max(1));
+        let deviations = |ahead_s: f64| {
+            let told = cameras.iter().zip(&sights);
+            let told: Vec<_> = told.map(|(camera, sight)| self.information(camera, sight, ahead_s)).collect();
+            let of_throw = |throw: usize| deviation_m(&told.iter().map(|it| it[throw]).sum());
+            let mut sd_m: Vec<f64> = (0..self.flights.len()).map(of_throw).collect();
+            sd_m.sort_by(f64::total_cmp);
+            sd_m
+        };
+        let shown = |sight: &Vec<Vec<bool>>| fraction(sight.iter().flatten().filter(|shown| **shown).count());
+        Score {
+            shown_by_one: fraction(by_one),
+            shown_by_two: fraction(by_two),
+            shown: sights.iter().map(shown).collect(),
+            decision_sd_m: deviations(self.config.decision_s),
+            closing_sd_m: deviations(self.config.closing_s),
+        }
+    }
+
+    /// The best cameras of a kind among those that may hang on walls and ceiling.
+    ///
+    /// # Errors
+    /// If there is no place that is clear of all flights.
+    pub fn place(&self, kind: &CameraModel) -> Result<Placement, InputError> {
+        let candidates = self.candidates(kind);
+        // Throw by throw at the decision, then at the closing.
+        let told = |camera: &CameraModel| {
+            let sight = self.sight(camera);
+            let at = |ahead_s: f64| self.information(camera, &sight, ahead_s);
+            [at(self.config.decision_s), at(self.config.closing_s)].concat()
+        };
+        let told: Vec<Vec<Matrix6<f64>>> = candidates.iter().map(told).collect();
+        if candidates.is_empty() {
+            let expected = "a volume with a wall that flights stay clear of";
+            return Err(InputError::new(COMMAND_LINE, "--from and --to", "none that is clear", expected));
+        }
+        // Mean logarithm of the deviations, of which what one camera improves counts as a ratio.
+        let cost = |others: &[Matrix6<f64>], candidate: usize| -> f64 {
+            others.iter().zip(&told[candidate]).map(|(sum, one)| deviation_m(&(sum + one)).ln()).sum()
+        };
+        let best = |chosen: &[usize]| {
+            let none = vec![Matrix6::zeros(); 2 * self.flights.len()];
+            let others = chosen.iter().fold(none, |sums, it| sums.iter().zip(&told[*it]).map(|(a, b)| a + b).collect());
+            // Two cameras at one place are one mount.
+            let is_free = |it: &usize| chosen.iter().all(|other| apart_m(&candidates[*it], &candidates[*other]) > 0.1);
+            let costs = (0..candidates.len()).filter(is_free).map(|it| (cost(&others, it), it));
+            costs.min_by(|one, two| one.0.total_cmp(&two.0))
+        };
+        let mut chosen: Vec<usize> = Vec::new();
+        let mut least = f64::INFINITY;
+        while chosen.len() < self.config.cameras
+            && let Some((cost, it)) = best(&chosen)
+        {
+            (least, chosen) = (cost, [chosen, vec![it]].concat());
+        }
+        let mut unchanged = 0;
+        while unchanged < chosen.len() {
+            let taken = chosen.remove(0);
+            match best(&chosen).filter(|(cost, _)| *cost < least - 1e-9) {
+                Some((cost, it)) => {
+                    chosen.push(it);
+                    (least, unchanged) = (cost, 1);
+                }
+                None => {
+                    chosen.push(taken);
+                    unchanged += 1;
+                }
+            }
+        }
+        let cameras = chosen.into_iter().map(|it| candidates[it].clone()).collect();
+        Ok(Placement { cameras, candidates: candidates.len() })
+    }
+
+    /// Every place on the walls and the ceiling that all flights stay clear of, with every aim.
+    fn candidates(&self, kind: &CameraModel) -> Vec<CameraModel> {
+        let [from, to] = self.config.volume_m;
+        let steps = |axis: usize| {
+            let count = ((to[axis] - from[axis]) / self.config.spacing_m).round().max(1.0) as usize;
+            (0..=count).map(move |i| from[axis] + (to[axis] - from[axis]) * i as f64 / count as f64)
+        };
+        let on_a_wall =
+            |p: &Point3<f64>| (0..2).any(|axis| p[axis] == from[axis] || p[axis] == to[axis]) || p.z == to[2];
+        let flown = || self.flights.iter().flat_map(|it| &it.p_WO);
+        let is_clear = |p: &Point3<f64>| flown().all(|it| (it - p).norm() > self.config.clear_m);
+        let aims: Vec<Point3<f64>> = AIMS.iter().map(|fraction| self.mean_place(*fraction)).collect();
+        let places = steps(0).flat_map(|x| steps(1).flat_map(move |y| steps(2).map(move |z| Point3::new(x, y, z))));
+        let places = places.filter(|p| on_a_wall(p) && is_clear(p));
+        let aimed = |p: Point3<f64>| {
+            let cameras = aims.iter().filter(move |aim| (*aim - p).norm() > quantity::DISTANCE_M.least);
+            cameras.map(move |aim| CameraModel { X_WC: look_at(&p, aim), ..kind.clone() }).collect::<Vec<_>>()
+        };
+        places.flat_map(aimed).collect()
+    }
+
+    /// The mean place of the object after a fraction of its flight.
+    fn mean_place(&self, fraction: f64) -> Point3<f64> {
+        let place = |it: &SampledFlight| it.p_WO[(fraction * (it.p_WO.len() - 1) as f64) as usize].coords;
+        Point3::from(self.flights.iter().map(place).sum::<Vector3<f64>>() / self.flights.len().max(1) as f64)
+    }
+
+    /// At which instants of each throw a camera shows the object.
+    pub fn sight(&self, camera: &CameraModel) -> Vec<Vec<bool>> {
+        let X_WL = self.setup.robot.link_poses(&self.setup.robot.ready_q);
+        let arm: Vec<_> = self.arm.parts(&X_WL, self.setup.gripper.max_width_m).collect();
+        let eye = Point3::from(camera.X_WC.translation.vector);
+        let hidden = |p_WO: &Point3<f64>| {
+            arm.iter().any(|(X_WB, caster)| {
+                let X_BW: Pose = X_WB.inverse();
+                caster.cast_within(&(X_BW * eye), &(X_BW * (p_WO - eye)), 1.0).is_some()
+            })
+        };
+        let range_m = self.setup.scenario.arena.depth.model.stereo().and_then(|it| it.range_m);
+        let [nearest_m, farthest_m] = range_m.unwrap_or([0.0, f64::INFINITY]);
+        let radius_m = self.setup.object.bounding_radius_m;
+        let shows = |p_WO: &Point3<f64>| {
+            let p_C = camera.X_WC.inverse_transform_point(p_WO);
+            let Some(uv) = camera.project(&p_C) else { return false };
+            let radius_px = radius_m * camera.focal_px / p_C.z;
+            let is_within = |at: f64, size: u32| at >= radius_px && at <= f64::from(size) - radius_px;
+            (nearest_m..=farthest_m).contains(&p_C.z)
+                && is_within(uv.x, camera.width_px)
+                && is_within(uv.y, camera.height_px)
+                && std::f64::consts::PI * radius_px * radius_px >= MIN_PIXELS
+                && !hidden(p_WO)
+        };
+        self.flights.iter().map(|flight| flight.p_WO.iter().map(shows).collect()).collect()
+    }
+
+    /// What the images of a camera that have arrived so long before the catch tell of position and velocity there, throw by throw.
+    fn information(&self, camera: &CameraModel, sight: &[Vec<bool>], before_s: f64) -> Vec<Matrix6<f64>> {
+        let arena = &self.setup.scenario.arena;
+        let rate_hz = camera.rate_hz.filter(|_| arena.free_running_cameras).unwrap_or(arena.frame_rate_hz);
+        let late_s = before_s + arena.latency_s.bounds().into_iter().sum::<f64>() / 2.0;
+        let sheet = arena.depth.model.data_sheet(camera.focal_px);
+        // Images of a camera are so much rarer than instants.
+        let images = rate_hz * TICK_S;
+        let of_flight = |(flight, shown): (&SampledFlight, &Vec<bool>)| {
+            let mut sum = Matrix6::zeros();
+            for (tick, (p_WO, _)) in flight.p_WO.iter().zip(shown).enumerate().filter(|(_, (_, shown))| **shown) {
+                let ahead_s = tick as f64 * TICK_S - flight.catch_s;
+                if ahead_s > -late_s {
+                    break;
+                }
+                let weight = self.weight(camera, &sheet, p_WO) * images;
+                for (row, row_factor) in [(0, 1.0), (3, ahead_s)] {
+                    for (column, factor) in [(0, 1.0), (3, ahead_s)] {
+                        let mut block = sum.fixed_view_mut::<3, 3>(row, column);
+                        block += weight * (row_factor * factor);
+                    }
+                }
+            }
+            sum
+        };
+        self.flights.iter().zip(sight).map(of_flight).collect()
+    }
+
+    /// Inverse covariance in W of a position that one image measures.
+    fn weight(&self, camera: &CameraModel, sheet: &DataSheet, p_WO: &Point3<f64>) -> Matrix3<f64> {
+        let p_C = camera.X_WC.inverse_transform_point(p_WO);
+        let pixels = std::f64::consts::PI * (self.setup.object.bounding_radius_m * camera.focal_px / p_C.z).powi(2);
+        let depth_sd_m = sheet.constant_m + sheet.quadratic_per_m * p_C.z * p_C.z;
+        let own = (1.0 - sheet.common_fraction) / pixels.max(1.0);
+        let along = depth_sd_m.powi(2) * (sheet.common_fraction + own) + LEAST_SD_M.powi(2);
+        let across = (LATERAL_PX * p_C.z / camera.focal_px).powi(2) + LEAST_SD_M.powi(2);
+        let ray_W = camera.X_WC.rotation * p_C.coords.normalize();
+        let along_ray = ray_W * ray_W.transpose();
+        along_ray / along + (Matrix3::identity() - along_ray) / across
+    }
+}
+
+fn apart_m(one: &CameraModel, other: &CameraModel) -> f64 {
+    (one.X_WC.translation.vector - other.X_WC.translation.vector).norm()
+}
+
+/// Standard deviation along each axis of the position at the catch, from what images tell and what is known before.
+fn deviation_m(information: &Matrix6<f64>) -> f64 {
+    let mut sum = *information;
+    for i in 0..6 {
+        sum[(i, i)] += PRIOR_SD[i / 3].powi(-2);
+    }
+    let covariance = sum.cholesky().map(|it| it.inverse());
+    covariance.map_or(f64::INFINITY, |it| (it.fixed_view::<3, 3>(0, 0).trace() / 3.0).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::setup::Choice;
+
+    fn setup() -> Setup {
+        let settings = ["flight_rig=d435_1", "arena.depth.model=near_stereo"].map(str::to_owned);
+        Setup::load(&Choice { throw: Some("random"), settings: &settings, ..Choice::default() }).unwrap()
+    }
+
+    fn config(cameras: usize) -> Config {
+        Config { cameras, throws: 12, spacing_m: 0.8, ..Config::default() }
+    }
+
+    /// Of a ball that hangs still, images from two sides tell more than twice as many from one; and the deviation is that of the formula.
+    #[test]
+    fn the_deviation_is_that_of_the_images() {
+        let mut information = Matrix6::zeros();
+        information.fixed_view_mut::<3, 3>(0, 0).copy_from(&(Matrix3::identity() * 1e6));
+        information.fixed_view_mut::<3, 3>(3, 3).copy_from(&(Matrix3::identity() * 1e6));
+        assert!((deviation_m(&information) - 1e-3).abs() < 1e-8);
+        assert!((deviation_m(&Matrix6::zeros()) - PRIOR_SD[0]).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_the_arm_and_the_border_hide_is_not_shown() {
+        let (setup, config) = (setup(), config(1));
+        let study = PlacementStudy::new(&setup, &config).unwrap();
+        let p_WG = Point3::from(setup.robot.gripper_pose(&setup.robot.ready_q).translation.vector);
+        let flight = |p_WO: Vec<Point3<f64>>| SampledFlight { catch_s: 0.0, p_WO };
+        let ahead_m = |camera: &CameraModel, p_C: [f64; 3]| camera.X_WC * Point3::from(p_C);
+        // From above, the hand between camera and object; then past it, and beside the image.
+        let eye = p_WG + Vector3::new(0.0, 0.0, 1.0);
+        let above =
+            CameraModel { X_WC: look_at(&eye, &(p_WG + Vector3::new(0.01, 0.0, 0.0))), ..setup.cameras[0].clone() };
+        let behind = p_WG - Vector3::new(0.0, 0.0, 0.3);
+        let places = vec![
+            behind,
+            ahead_m(&above, [0.5, 0.3, 1.2]),
+            ahead_m(&above, [3.0, 0.0, 1.0]),
+            ahead_m(&above, [0.0, 0.0, 30.0]),
+        ];
+        let study = PlacementStudy { flights: vec![flight(places)], ..study };
+        assert_eq!(study.sight(&above), [[false, true, false, false]]);
+    }
+
+    #[test]
+    fn cameras_that_are_placed_tell_more_than_others_and_more_of_them_more() {
+        let (setup, one, two) = (setup(), config(1), config(2));
+        let kind = &setup.cameras[0];
+        let study = PlacementStudy::new(&setup, &one).unwrap();
+        let best = study.place(kind).unwrap();
+        let mean = |it: &Score| it.decision_sd_m.iter().chain(&it.closing_sd_m).map(|sd_m| sd_m.ln()).sum::<f64>();
+        let placed = study.score(&best.cameras);
+        assert!(best.candidates > 50 && placed.shown.len() == 1 && placed.shown_by_one == placed.shown[0]);
+        for other in study.candidates(kind).iter().step_by(17) {
+            assert!(mean(&study.score(std::slice::from_ref(other))) >= mean(&placed) - 1e-9);
+        }
+        let pair = PlacementStudy::new(&setup, &two).unwrap();
+        let of_pair = pair.score(&pair.place(kind).unwrap().cameras);
+        assert!(quantile_m(&of_pair.closing_sd_m, 0.5) < quantile_m(&placed.closing_sd_m, 0.5));
+        assert!(of_pair.decision_sd_m.is_sorted() && of_pair.shown_by_two <= of_pair.shown_by_one);
+        assert_eq!(study.place(kind).unwrap(), best, "always the same");
+    }
+
+    #[test]
+    fn what_cannot_be_placed_is_said() {
+        let setup = setup();
+        let fault = |config: Config| PlacementStudy::new(&setup, &config).map(drop).unwrap_err().to_string();
+        let swapped = fault(Config { volume_m: [[1.0; 3], [0.0; 3]], ..config(1) });
+        assert!(swapped.contains("--from and --to"), "{swapped}");
+        let late = fault(Config { decision_s: 1.4, ..config(1) });
+        assert!(late.contains("--decision"), "{late}");
+        let everywhere = Config { clear_m: 20.0, ..config(1) };
+        let study = PlacementStudy::new(&setup, &everywhere).unwrap();
+        assert!(study.place(&setup.cameras[0]).unwrap_err().to_string().contains("none that is clear"));
+    }
+}

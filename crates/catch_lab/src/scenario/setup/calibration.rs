@@ -1,0 +1,274 @@
+//! Calibration of the cameras of a simulated cell on its arm, and setups whose cameras are calibrated before anything is thrown.
+
+use std::{
+    collections::BTreeMap,
+    sync::{Arc, Mutex, PoisonError},
+};
+
+use catch_body::{JointVector, Pose};
+use catch_bot::{
+    Preparation,
+    calibration::{
+        CalibrationRun, CalibrationStatus, CameraCalibration, Config, Session, calibrate, pose_choice::choose_poses,
+    },
+    trajectory_optimization::MotionPlanner,
+};
+use catch_cell::{Brain, CameraModel, Cell};
+use catch_sim::{
+    Arena, Release,
+    cameras::DepthCameras,
+    random_streams::{Draws, Stream},
+};
+use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
+
+use super::{CHECKED, Setup};
+use crate::scenario::{
+    CalibrationSettings,
+    brain::{BrainSettings, ChosenBrain},
+};
+
+/// Where the thrown object lies, out of the cameras' range.
+const OUT_OF_SIGHT_M: [f64; 3] = [45.0, 45.0, 0.3];
+/// No session takes longer than this, in seconds.
+const LONGEST_S: f64 = 600.0;
+
+/// What a session of calibration in the arena gave.
+#[derive(Debug, Clone)]
+pub struct ArenaSession {
+    /// What was seen.
+    pub session: Session,
+    /// The poses that were chosen.
+    pub poses: Vec<JointVector>,
+    /// How long it took on the cell's clock.
+    pub robot_time_s: f64,
+    /// Commands that broke a limit.
+    pub limit_violations: usize,
+}
+
+/// The settings of a calibration for the cameras of a setup: what their data sheet says.
+pub fn config(setup: &Setup, seed: u64) -> Config {
+    let focal_px = setup.cameras.first().map_or(1.0, |camera| camera.focal_px);
+    let sheet = setup.scenario.arena.depth.model.data_sheet(focal_px);
+    let errors = &setup.scenario.arena.robot_errors;
+    let least = Config::default().inverse_depth_sd_per_m / 10.0;
+    // A camera that runs freely may give fewer images than there are observations.
+    let arena = &setup.scenario.arena;
+    let rates = setup.cameras.iter().filter_map(|camera| camera.rate_hz.filter(|_| arena.free_running_cameras));
+    let observations_per_image = arena.frame_rate_hz / rates.fold(arena.frame_rate_hz, f64::min);
+    Config {
+        images_per_pose: (Config::default().images_per_pose as f64 * observations_per_image).ceil() as usize,
+        inverse_depth_sd_per_m: (sheet.constant_m + sheet.quadratic_per_m).max(least),
+        common_fraction: sheet.common_fraction,
+        expected_latency_s: setup.scenario.brain.control.expected_latency_s,
+        mount_sd_m: errors.tool_position_m,
+        mount_sd_rad: errors.tool_rotation_deg.to_radians(),
+        seed,
+        ..Config::default()
+    }
+}
+
+/// Where the cameras of a scene truly stand. No brain may see it.
+pub fn true_cameras(setup: &Setup, seed: u64, index: u64) -> Vec<CameraModel> {
+    DepthCameras::new(&setup.cameras, &setup.scenario.arena.depth, seed, index).cameras().to_vec()
+}
+
+/// Lets the arm go through poses chosen for cameras that are believed to stand as `guesses`, in the scene (`seed`, `index`).
+pub fn run_session(setup: &Setup, config: &Config, guesses: &[CameraModel], seed: u64, index: u64) -> ArenaSession {
+    let settings = setup.uncalibrated_config(seed, index).config().trajectory_optimization;
+    let planner = MotionPlanner::new(setup.robot.clone(), setup.gripper.clone(), settings);
+    let poses = choose_poses(config, &planner, &setup.gripper, guesses);
+    let mut run = CalibrationRun::new(config.clone(), planner, guesses, poses.clone());
+    let release = Release {
+        p_WO: Point3::from(OUT_OF_SIGHT_M),
+        v_WO: Vector3::zeros(),
+        q_WO: UnitQuaternion::identity(),
+        omega_WO: Vector3::zeros(),
+        path: None,
+    };
+    let mut arena = Arena::new(setup.equipment(), &release, &setup.robot.ready_q, seed, index);
+    let mut now_s = 0.0;
+    while !run.is_done() && now_s < LONGEST_S {
+        let Ok(observation) = arena.sense();
+        now_s = observation.time_s;
+        let command = run.tick(&observation, &mut ());
+        arena.act_after(setup.scenario.clock.delay_s(0.0), &command);
+    }
+    let servo = &arena.truth().servo;
+    let limit_violations = servo.command_violations.len() + servo.motion_violations.len();
+    ArenaSession { session: run.into_session(), poses, robot_time_s: now_s, limit_violations }
+}
+
+/// Cameras as a calibration before all throws left them.
+#[derive(Debug, Clone)]
+pub struct CalibratedCameras {
+    /// As the brain has them. One whose calibration did not converge is where it was believed to be before.
+    pub cameras: Vec<CameraModel>,
+    /// What the calibration found, and claims, of each.
+    pub found: Vec<CameraCalibration>,
+}
+
+impl CalibratedCameras {
+    /// The calibration before the throws of a seed.
+    fn new(setup: &Setup, settings: &CalibrationSettings, seed: u64) -> Self {
+        let mut draws = Draws::new(Stream::Calibration, seed, 0);
+        let mut normal = |sd: f64| Vector3::from_fn(|_, _| sd * draws.normal());
+        let believed = |camera: &CameraModel| {
+            let (p, r) = (normal(settings.position_sd_m), normal(settings.rotation_sd_deg.to_radians()));
+            let X_WC = camera.X_WC * Pose::from_parts(p.into(), UnitQuaternion::from_scaled_axis(r));
+            CameraModel { X_WC, ..camera.clone() }
+        };
+        let believed: Vec<CameraModel> = setup.cameras.iter().map(believed).collect();
+        let config = Config { poses: settings.poses, ..config(setup, seed) };
+        let session = run_session(setup, &config, &believed, seed, 0).session;
+        let found = calibrate(&config, &setup.robot, &setup.gripper, &believed, &session).cameras;
+        let calibrated = |(camera, found): (&CameraModel, &CameraCalibration)| {
+            let X_WC = if found.status == CalibrationStatus::Converged { found.X_WC } else { camera.X_WC };
+            CameraModel { X_WC, ..camera.clone() }
+        };
+        Self { cameras: believed.iter().zip(&found).map(calibrated).collect(), found }
+    }
+
+    /// Standard deviation that is claimed of a camera's rotation about each axis, that of the worst.
+    fn rotation_sd_rad(&self) -> f64 {
+        let sd = |it: &CameraCalibration| (it.covariance.fixed_view::<3, 3>(0, 0).trace() / 3.0).sqrt();
+        self.converged().map(|(_, found)| sd(found)).fold(0.0, f64::max)
+    }
+
+    /// Standard deviation along each axis of a place that all cameras see.
+    fn position_sd_m(&self, p_W: &Point3<f64>) -> f64 {
+        // p = X·exp(ω, v)·p_C: a displacement of v + ω × p_C in C.
+        let variance = |(camera, found): (&CameraModel, &CameraCalibration)| {
+            let p_C = camera.X_WC.inverse_transform_point(p_W).coords;
+            let mut derivative = nalgebra::Matrix3x6::zeros();
+            derivative.fixed_view_mut::<3, 3>(0, 0).copy_from(&-p_C.cross_matrix());
+            derivative.fixed_view_mut::<3, 3>(0, 3).copy_from(&Matrix3::identity());
+            (derivative * found.covariance * derivative.transpose()).trace() / 3.0
+        };
+        let variances: Vec<f64> = self.converged().map(variance).collect();
+        variances.iter().sum::<f64>().sqrt() / variances.len().max(1) as f64
+    }
+
+    fn converged(&self) -> impl Iterator<Item = (&CameraModel, &CameraCalibration)> {
+        self.cameras.iter().zip(&self.found).filter(|(_, it)| it.status == CalibrationStatus::Converged)
+    }
+}
+
+/// What is made once for each seed, and shared by clones.
+#[derive(Debug)]
+pub(super) struct BySeed<T>(Arc<Mutex<BTreeMap<u64, Arc<T>>>>);
+
+impl<T> Default for BySeed<T> {
+    fn default() -> Self {
+        Self(Arc::default())
+    }
+}
+
+impl<T> Clone for BySeed<T> {
+    fn clone(&self) -> Self {
+        Self(self.0.clone())
+    }
+}
+
+impl<T> BySeed<T> {
+    fn get(&self, seed: u64, make: impl FnOnce() -> T) -> Arc<T> {
+        // Whoever comes second waits: it takes longer than a trial.
+        let mut made = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        made.entry(seed).or_insert_with(|| Arc::new(make())).clone()
+    }
+}
+
+impl Setup {
+    /// The cameras as they were calibrated before the throws of `seed`; none where the scenario has no such calibration. It runs when
+    /// it is first asked for, which takes tens of seconds.
+    pub fn calibrated(&self, seed: u64) -> Option<Arc<CalibratedCameras>> {
+        let settings = self.scenario.calibration.as_ref()?;
+        Some(self.calibrations.get(seed, || CalibratedCameras::new(self, settings, seed)))
+    }
+
+    /// This setup with the calibrations of another one, which differs in object and throw at most.
+    #[must_use]
+    pub fn sharing_calibrations(mut self, other: &Self) -> Self {
+        self.calibrations = other.calibrations.clone();
+        self
+    }
+
+    /// The cameras as the brain believes them to stand, in scenes of `seed`.
+    pub fn believed_cameras(&self, seed: u64) -> Vec<CameraModel> {
+        self.calibrated(seed).map_or_else(|| self.cameras.clone(), |it| it.cameras.clone())
+    }
+
+    /// The brain's settings in one scene: those of the scenario, what is known of the object beforehand, what a calibration claims, and a
+    /// seed.
+    pub fn brain_config(&self, seed: u64, index: u64) -> BrainSettings {
+        let mut config = self.uncalibrated_config(seed, index);
+        if let Some(calibrated) = self.calibrated(seed) {
+            let p_WG = self.robot.gripper_pose(&self.robot.ready_q).translation.vector.into();
+            let (turned_rad, systematic_m) = (&mut config.perception.camera_sd_rad, calibrated.position_sd_m(&p_WG));
+            *turned_rad = turned_rad.max(calibrated.rotation_sd_rad());
+            let prediction = &mut config.trajectory_prediction;
+            prediction.systematic_sd_m = prediction.systematic_sd_m.max(systematic_m);
+        }
+        config
+    }
+
+    /// What the brain works out before anything flies, with the cameras as it believes them to stand in scenes of `seed`.
+    ///
+    /// # Panics
+    /// As [`known`](Self::known).
+    pub fn known_for(&self, seed: u64) -> Arc<Preparation> {
+        match self.calibrated(seed) {
+            None => self.known().clone(),
+            Some(calibrated) => {
+                let make = || self.preparation(&self.brain_config(seed, 0), calibrated.cameras.clone());
+                self.known_calibrated.get(seed, make)
+            }
+        }
+    }
+
+    /// A brain that has seen nothing yet.
+    ///
+    /// # Panics
+    /// As [`known`](Self::known).
+    pub fn brain(&self, seed: u64, index: u64) -> ChosenBrain {
+        let settings = self.brain_config(seed, index);
+        settings.brain(self.known_for(seed), settings.seed).expect(CHECKED)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::setup::Choice;
+
+    fn covariance(sd_rad: f64, sd_m: f64) -> nalgebra::Matrix6<f64> {
+        let variances = [sd_rad, sd_rad, sd_rad, sd_m, sd_m, sd_m].map(|it| it * it);
+        nalgebra::Matrix6::from_diagonal(&variances.into())
+    }
+
+    #[test]
+    fn what_is_claimed_of_a_place_adds_up() {
+        let settings = ["flight_rig=d435_2".to_owned()];
+        let setup = Setup::load(&Choice { settings: &settings, ..Choice::default() }).unwrap();
+        let found = |status| CameraCalibration {
+            status,
+            X_WC: Pose::identity(),
+            covariance: covariance(1e-3, 2e-3),
+            depth_scale: 0.0,
+            time_offset_s: 0.0,
+            time_offset_sd_s: None,
+            residuals: Default::default(),
+        };
+        let both =
+            CalibratedCameras { cameras: setup.cameras.clone(), found: vec![found(CalibrationStatus::Converged); 2] };
+        // 2 m in front of the first camera a rotation displaces along two axes, by 2 mm.
+        let p_W = setup.cameras[0].X_WC * Point3::new(0.0, 0.0, 2.0);
+        let one = CalibratedCameras {
+            found: vec![found(CalibrationStatus::Converged), found(CalibrationStatus::PoorFit)],
+            ..both.clone()
+        };
+        assert!((one.position_sd_m(&p_W) - (4e-6_f64 + 2.0 / 3.0 * 4e-6).sqrt()).abs() < 1e-12);
+        assert!((one.rotation_sd_rad() - 1e-3).abs() < 1e-12);
+        assert!(both.position_sd_m(&p_W) < one.position_sd_m(&p_W));
+        assert!(setup.calibrated(1).is_none() && setup.believed_cameras(1) == setup.cameras);
+    }
+}
