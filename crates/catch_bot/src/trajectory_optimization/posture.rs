@@ -15,10 +15,10 @@ use catch_body::{
 /// Swivel angles that are looked at in each arc, as fractions of it.
 const FRACTIONS_OF_ARC: [f64; 5] = [0.5, 0.25, 0.75, 0.05, 0.95];
 
-/// Angles of the last joint that are looked at in a part of its range, and the parts: the whole, or in a thorough search thirds.
+/// Angles of the last joint that are looked at in a part of its range, and the parts: the whole, or in a thorough search quarters.
 /// Of each part and branch one posture is kept.
-const LAST_JOINT_SAMPLES: usize = 4;
-const THOROUGH_PARTS: usize = 3;
+const LAST_JOINT_SAMPLES: usize = 10;
+const THOROUGH_PARTS: usize = 4;
 /// How far samples may be out of a range, as a fraction of it, and still lead to what is within; how often the search for it narrows its interval.
 const NEARLY: f64 = 0.25;
 const NARROWINGS: usize = 1;
@@ -78,8 +78,8 @@ impl PostureFinder {
     pub fn work(&self, thorough: bool) -> usize {
         match (self, thorough) {
             (Self::Srs(_) | Self::ParallelAxes(_), _) => 1,
-            (Self::SphericalShoulder(_), false) => 4,
-            (Self::SphericalShoulder(_), true) => 12,
+            (Self::SphericalShoulder(_), false) => 5,
+            (Self::SphericalShoulder(_), true) => 20,
             (Self::Numerical, false) => 4,
             (Self::Numerical, true) => 40,
         }
