@@ -1,8 +1,11 @@
 //! The cell's cameras in time: when they look, which pixels they read out, and when their images arrive.
 
+use catch_body::{Pose, kinematics::LinkPoses};
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};
+use nalgebra::Vector3;
 
 use crate::{
+    camera_faults::{CameraFault, CameraFaultKind, Push, SwappedCamera},
     cameras::{DepthCameras, Readout, Renderer, Scene},
     config::ArenaConfig,
     drawn::Drawn,
@@ -16,8 +19,32 @@ pub(crate) struct Sensors {
     labels: bool,
     latency_s: Drawn,
     windows: Option<Vec<PixelWindow>>,
+    /// Faults that have not begun.
+    coming_faults: Vec<CameraFault>,
+    /// For each camera how its images are spoilt.
+    spoilt: Vec<Spoilt>,
     /// Images that have not arrived, with their times of arrival, soonest first.
     under_way: Vec<(f64, DepthFrame)>,
+}
+
+/// How the images of a camera are spoilt.
+#[derive(Debug, Clone)]
+enum Spoilt {
+    Not,
+    Blinded,
+    /// None have come since.
+    Frozen(Option<StillImage>),
+    Silent,
+}
+
+/// What a frozen camera shows: a scene, and the number of the exposure.
+#[derive(Debug, Clone)]
+struct StillImage {
+    exposure: u64,
+    capture_s: f64,
+    X_WL: LinkPoses,
+    width_m: f64,
+    X_WO: Pose,
 }
 
 /// When a camera looks.
@@ -63,6 +90,8 @@ impl Sensors {
             labels: config.labels,
             latency_s: config.latency_s,
             windows: None,
+            coming_faults: config.camera_faults.iter().filter(|it| it.camera < calibrated.len()).copied().collect(),
+            spoilt: vec![Spoilt::Not; calibrated.len()],
             under_way: Vec::new(),
         }
     }
@@ -79,17 +108,13 @@ impl Sensors {
 
     /// All cameras that look now look at `scene`.
     pub fn expose(&mut self, renderer: &Renderer, scene: &Scene, at_observation: bool) {
-        let readout = match &self.windows {
-            Some(windows) => Readout::Windows(windows),
-            None if self.labels => Readout::Object,
-            None => Readout::Full,
-        };
+        self.begin_faults(scene.capture_s);
         let clocks = self.clocks.iter().enumerate();
         let due: Vec<(usize, u64)> = clocks
             .filter(|(_, clock)| clock.is_due(scene.capture_s, at_observation))
             .map(|(camera, clock)| (camera, clock.exposures))
             .collect();
-        for frame in self.cameras.capture_some(renderer, scene, due.iter().copied(), readout, self.labels) {
+        for frame in self.capture(renderer, scene, &due) {
             let clock = &mut self.clocks[frame.camera];
             let latency_s = self.latency_s.at(self.cameras.lateness(frame.camera, clock.exposures));
             clock.arrival_s = clock.arrival_s.max(scene.capture_s + latency_s);
@@ -97,6 +122,60 @@ impl Sensors {
             self.under_way.insert(at, (clock.arrival_s, frame));
         }
         due.iter().for_each(|(camera, _)| self.clocks[*camera].exposures += 1);
+    }
+
+    /// The images of cameras that are due, each with the number of its exposure.
+    fn capture(&mut self, renderer: &Renderer, scene: &Scene, due: &[(usize, u64)]) -> Vec<DepthFrame> {
+        let readout = match &self.windows {
+            Some(windows) => Readout::Windows(windows),
+            None if self.labels => Readout::Object,
+            None => Readout::Full,
+        };
+        let sees_now = |camera: usize| !matches!(self.spoilt[camera], Spoilt::Silent | Spoilt::Frozen(Some(_)));
+        let exposures = due.iter().copied().filter(|(camera, _)| sees_now(*camera));
+        let mut frames = self.cameras.capture_some(renderer, scene, exposures, readout, self.labels);
+        for (camera, _) in due {
+            let Spoilt::Frozen(Some(still)) = &self.spoilt[*camera] else { continue };
+            let StillImage { exposure, capture_s, X_WL, width_m, X_WO } = still;
+            let scene_then = Scene { capture_s: *capture_s, X_WL, width_m: *width_m, X_WO };
+            let exposures = [(*camera, *exposure)];
+            let again = self.cameras.capture_some(renderer, &scene_then, exposures, readout, self.labels);
+            frames.extend(again.into_iter().map(|frame| DepthFrame { capture_s: scene.capture_s, ..frame }));
+        }
+        for frame in &mut frames {
+            match &mut self.spoilt[frame.camera] {
+                Spoilt::Blinded => {
+                    frame.depth_m.fill(f32::NAN);
+                    frame.mask.iter_mut().for_each(|mask| mask.fill(false));
+                }
+                Spoilt::Frozen(still @ None) => {
+                    *still = Some(StillImage {
+                        exposure: self.clocks[frame.camera].exposures,
+                        capture_s: scene.capture_s,
+                        X_WL: *scene.X_WL,
+                        width_m: scene.width_m,
+                        X_WO: *scene.X_WO,
+                    });
+                }
+                _ => {}
+            }
+        }
+        frames.sort_by_key(|frame| frame.camera);
+        frames
+    }
+
+    /// The faults begin whose time has come.
+    fn begin_faults(&mut self, now_s: f64) {
+        let is_due = |fault: &mut CameraFault| fault.from_s <= now_s;
+        for CameraFault { camera, kind, .. } in self.coming_faults.extract_if(.., is_due) {
+            match kind {
+                CameraFaultKind::Swapped(SwappedCamera { with }) => self.cameras.swap(camera, with),
+                CameraFaultKind::Pushed(Push { by_m }) => self.cameras.push(camera, Vector3::from(by_m)),
+                CameraFaultKind::Blinded => self.spoilt[camera] = Spoilt::Blinded,
+                CameraFaultKind::Frozen => self.spoilt[camera] = Spoilt::Frozen(None),
+                CameraFaultKind::Silent => self.spoilt[camera] = Spoilt::Silent,
+            }
+        }
     }
 
     /// The images that have arrived by `now_s`, oldest first.
