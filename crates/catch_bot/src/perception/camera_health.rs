@@ -99,7 +99,7 @@ const BLINDED_FRACTION: f64 = 0.05;
 /// Of the pixels along the silhouette more than this fraction show what they should, but for a camera that is misplaced.
 const EXPLAINED: f64 = 0.7;
 /// So much better another camera's silhouette explains an image if that is its camera.
-const BETTER: f64 = 0.15;
+const BETTER: f64 = 0.08;
 /// A camera is silent when it has not given an image for so long, in seconds, and in so many sets of images.
 const SILENT_S: f64 = 0.25;
 const SILENT_SETS: usize = 10;
@@ -208,7 +208,8 @@ impl CameraHealth {
         let sight = edges.look(frame);
         let blinded = sight.measured_fraction < BLINDED_FRACTION && is_empty(frame) || is_uniform(frame);
         let misplaced = sight.explained.is_some_and(|it| it < EXPLAINED);
-        let is_unclear = !blinded && sight.explained.is_none_or(|it| it < EXPLAINED);
+        let is_displaced = misplaced || self.records[frame.camera].shift.is_displaced();
+        let is_unclear = !blinded && (is_displaced || sight.explained.is_none());
         let swapped = is_unclear && self.is_of_another(frame, &sight);
         let record = &mut self.records[frame.camera];
         record.blinded.update(blinded);
@@ -223,7 +224,7 @@ impl CameraHealth {
 
     /// Whether an image shows the arm as another camera would.
     fn is_of_another(&self, frame: &DepthFrame, own: &Sight) -> bool {
-        let least = own.explained.unwrap_or(0.0).max(EXPLAINED - BETTER) + BETTER;
+        let least = own.explained.unwrap_or(0.0).max(EXPLAINED) + BETTER;
         self.edges.iter().enumerate().any(|(i, edges)| {
             i != frame.camera
                 && edges.are_enough()
