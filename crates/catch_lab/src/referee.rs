@@ -7,11 +7,7 @@ mod measures;
 pub mod reason;
 
 use catch_body::dynamics::gravity;
-use catch_bot::{
-    Report, Status,
-    perception::{CameraStatus, Symmetry},
-    trajectory_optimization::CatchPlan,
-};
+use catch_bot::{Report, Status, perception::Symmetry, trajectory_optimization::CatchPlan};
 use catch_cell::LimitViolation;
 use catch_sim::{Truth, TruthSample};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
@@ -23,7 +19,6 @@ use crate::{
     trial::{StateSnapshot, Trial},
 };
 use counted::Counted;
-use faulty_cameras::faulty_cameras;
 use impact::impact;
 pub use measures::{LEADS_S, Measures};
 use reason::Reason;
@@ -268,8 +263,6 @@ impl<'a> Evidence<'a> {
             .iter()
             .filter(|sample| in_contact_with_gripper(sample))
             .map(|it| it.contact.peak_impulse_ns);
-        let faulty = faulty_cameras(self.snapshots);
-        let said = |status: CameraStatus| faulty.iter().filter(|it| it.status == status).count() as u32;
         let impact = self.contact_s.map(|contact_s| impact(self.truth, contact_s, &setup.object, &setup.robot));
         Measures {
             prediction_error_m: self.prediction_error_m(),
@@ -308,11 +301,7 @@ impl<'a> Evidence<'a> {
             discontinuous_trajectories: servo.discontinuous_trajectories,
             min_self_clearance_m: servo.min_self_clearance_m,
             min_floor_clearance_m: servo.min_floor_clearance_m,
-            blinded_cameras: said(CameraStatus::Blinded),
-            frozen_cameras: said(CameraStatus::Frozen),
-            silent_cameras: said(CameraStatus::Silent),
-            displaced_cameras: said(CameraStatus::Displaced),
-            swapped_cameras: said(CameraStatus::Swapped),
+            ..faulty_cameras::counted(self.snapshots)
         }
     }
 

@@ -98,6 +98,8 @@ const WAITING: f64 = 2e-3;
 const BLINDED_FRACTION: f64 = 0.05;
 /// Of the pixels along the silhouette more than this fraction show what they should, but for a camera that is misplaced.
 const EXPLAINED: f64 = 0.7;
+/// An image of which less is explained may be another camera's.
+const UNCLEAR: f64 = 0.85;
 /// So much better another camera's silhouette explains an image if that is its camera.
 const BETTER: f64 = 0.08;
 /// A camera is silent when it has not given an image for so long, in seconds, and in so many sets of images.
@@ -208,8 +210,7 @@ impl CameraHealth {
         let sight = edges.look(frame);
         let blinded = sight.measured_fraction < BLINDED_FRACTION && is_empty(frame) || is_uniform(frame);
         let misplaced = sight.explained.is_some_and(|it| it < EXPLAINED);
-        let is_displaced = misplaced || self.records[frame.camera].shift.is_displaced();
-        let is_unclear = !blinded && (is_displaced || sight.explained.is_none());
+        let is_unclear = !blinded && sight.explained.is_none_or(|it| it < UNCLEAR);
         let swapped = is_unclear && self.is_of_another(frame, &sight);
         let record = &mut self.records[frame.camera];
         record.blinded.update(blinded);

@@ -3,6 +3,7 @@
 use catch_bot::perception::CameraStatus;
 use serde::{Deserialize, Serialize};
 
+use super::Measures;
 use crate::trial::StateSnapshot;
 
 /// A camera that the brain says is at fault.
@@ -24,4 +25,18 @@ pub fn faulty_cameras(snapshots: &[StateSnapshot]) -> Vec<FaultyCamera> {
     }
     let faulty = statuses.into_iter().enumerate().filter(|(_, status)| *status != CameraStatus::Good);
     faulty.map(|(camera, status)| FaultyCamera { camera, status }).collect()
+}
+
+/// How many cameras were said to be at fault, as measures of a throw without any other.
+pub(super) fn counted(snapshots: &[StateSnapshot]) -> Measures {
+    let faulty = faulty_cameras(snapshots);
+    let said = |status: CameraStatus| faulty.iter().filter(|it| it.status == status).count() as u32;
+    Measures {
+        blinded_cameras: said(CameraStatus::Blinded),
+        frozen_cameras: said(CameraStatus::Frozen),
+        silent_cameras: said(CameraStatus::Silent),
+        displaced_cameras: said(CameraStatus::Displaced),
+        swapped_cameras: said(CameraStatus::Swapped),
+        ..Measures::default()
+    }
 }
