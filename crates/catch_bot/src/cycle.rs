@@ -279,7 +279,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
             Progress::Going(command) => command,
             Progress::Arrived => {
                 for candidate in &mut self.candidates {
-                    candidate.bot.reset();
+                    candidate.bot.end_throw();
                     candidate.forget();
                 }
                 self.enter(Phase::Waiting, now_s);

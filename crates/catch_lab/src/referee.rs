@@ -1,6 +1,7 @@
 //! The referee: the only place where truth meets score.
 
 mod counted;
+pub mod faulty_cameras;
 mod impact;
 mod measures;
 pub mod reason;
@@ -300,6 +301,7 @@ impl<'a> Evidence<'a> {
             discontinuous_trajectories: servo.discontinuous_trajectories,
             min_self_clearance_m: servo.min_self_clearance_m,
             min_floor_clearance_m: servo.min_floor_clearance_m,
+            ..faulty_cameras::counted(self.snapshots)
         }
     }
 

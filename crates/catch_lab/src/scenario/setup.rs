@@ -192,6 +192,7 @@ impl Setup {
         }
         scenario.check_closing(file, &hand, &gripper.file)?;
         let cameras = rig_from_toml(&flight_rig.file, &flight_rig.text)?;
+        scenario.arena.check_cameras(&cameras, file, "arena")?;
         let scanners = rig_from_toml(&reference_rig.file, &reference_rig.text)?;
         let depth = &scenario.arena.depth;
         let shifted: Vec<CameraModel> = scanners.iter().map(|camera| depth.shifted(camera)).collect();

@@ -31,6 +31,7 @@ const fn with(
 
 const ARENA: &str = "catch_sim/src/config.rs";
 const GRIPPER: &str = "catch_sim/src/config/gripper.rs";
+const FAULTS: &str = "catch_sim/src/camera_faults.rs";
 const DEPTH: &str = "catch_sim/src/depth_noise.rs";
 
 /// A scenario.
@@ -57,6 +58,10 @@ pub const SCENARIO: &[Section] = &[
     ),
     of("Numbers that are drawn", "catch_sim/src/drawn.rs", "Between"),
     of("arena.wind, drawn", ARENA, "DrawnWind"),
+    of("arena.camera_faults", FAULTS, "CameraFault"),
+    of("arena.camera_faults, kind", FAULTS, "CameraFaultKind"),
+    of("arena.camera_faults, kind swapped", FAULTS, "SwappedCamera"),
+    of("arena.camera_faults, kind pushed", FAULTS, "Push"),
     at("arena.aerodynamics", "catch_sim/src/aerodynamics.rs", "AerodynamicsConfig"),
     at("arena.robot_errors", ARENA, "RobotErrors"),
     at("arena.robot_controller", ARENA, "RobotController"),
