@@ -14,7 +14,8 @@ use crate::settings::{DURATION_S, Faults, NOT_NEGATIVE, SettingError, Settings};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CorrelatedError {
-    /// Its standard deviation σ in metres for each metre between the pose and the origin of W, where the arm stands; zero if it is not set.
+    /// Its standard deviation σ in metres for each metre between the pose and the origin of W, where the arm stands. Scenarios have it from
+    /// `perception.camera_sd_rad` if it is not set.
     pub sd_per_m: Option<f64>,
     /// Its correlation time τ in seconds.
     pub correlation_time_s: f64,
@@ -36,9 +37,9 @@ impl Settings for CorrelatedError {
 }
 
 impl CorrelatedError {
-    /// What such cameras leave if each may be rotated by `camera_sd_rad` about its line of sight: at the distance d from the arm a roll
-    /// moves an object by up to d·σ, along one of the two axes that an image tells of, and `cameras` that look from all around average it to
-    /// d·σ/√(2n) along each.
+    /// σ per metre that is left by cameras which are aligned on the arm, if each may still be rotated by `camera_sd_rad` about its line of
+    /// sight. At the distance d from the arm such a roll moves an object by up to d·σ, along one of the two axes that an image tells of;
+    /// n `cameras` that look from all around average it to d·σ/√(2n) along each.
     pub fn of_cameras(camera_sd_rad: f64, cameras: usize) -> f64 {
         camera_sd_rad / (2.0 * cameras.max(1) as f64).sqrt()
     }

@@ -61,9 +61,9 @@ pub struct Config {
     pub drag_prior_sd_per_m: Option<f64>,
     /// Standard deviation of each component of the angular velocity around zero before anything is seen, rad/s.
     pub spin_prior_sd_radps: f64,
-    /// Error in metres that all poses have in common (calibration of the cameras).
+    /// Error in metres that all poses have in common, at the arm and away from it (calibration of the cameras).
     pub systematic_sd_m: f64,
-    /// Error that successive poses have in common. None by default, as in the paper's simulator.
+    /// Error that successive poses have in common, which grows with the distance from the arm. None by default, as in the paper's simulator.
     pub correlated_error: CorrelatedError,
     /// Standard deviation in metres of each coordinate by which the centre of mass may be beside that of the reference model, whose density is
     /// uniform; zero if it is not set.
