@@ -293,6 +293,8 @@ quantities! {
     true_value TRUE_VALUE = -1e12 to 1e12 "";
     /// Poses of a simulated state, which may have diverged.
     true_pose TRUE_POSE = -1e12 to 1e12 "m";
+    /// Numbers of cameras in a rig.
+    camera_number CAMERA_NUMBER = 0.0 to 1000.0 "";
     /// Columns and rows of images.
     pixel PIXEL = 0.0 to 8192.0 "pixels";
     /// Moments and products of inertia.

@@ -70,7 +70,7 @@ fn perceive(noise: Noise, masks: bool, tracked: bool) {
     let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(&shape, 64), &config));
     let Images { cameras, mut frames, prior } = Images::new(&shape, &reference, noise);
     frames.iter_mut().filter(|_| !masks).for_each(|frame| frame.mask = None);
-    let view = View { frames: &frames, cameras: &cameras, surroundings: None };
+    let view = View { frames: &frames, cameras: &cameras, left_out: &[], surroundings: None };
     let mut estimator = SdfEstimator::new(config, reference, Workspace::default());
     run(|| estimator.estimate(&view, tracked.then_some(prior).into()).expect("a pose"));
 }

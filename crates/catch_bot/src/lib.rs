@@ -51,7 +51,7 @@ use catch_body::{Gripper, Robot};
 use catch_cell::{Brain, CameraModel, Command, Observation, PixelWindow, Probe, ReferenceScan};
 
 use control::{CatchPlanner, Controller, GripperPlan, Situation, TimeGridSearch};
-use perception::{ObjectPose, PoseEstimator, SdfEstimator};
+use perception::{CameraStatus, ObjectPose, PoseEstimator, SdfEstimator};
 use settings::SettingError;
 use tracker::Tracker;
 use trajectory_optimization::{CatchPlan, reach_map::ReachMap};
@@ -73,6 +73,8 @@ pub struct Report {
     pub plan: Option<CatchPlan>,
     /// Closing of the gripper as commanded last.
     pub closing: Option<GripperPlan>,
+    /// How well each camera works.
+    pub cameras: Vec<CameraStatus>,
 }
 
 /// The catching robot's brain, made of a pose estimator, a flight predictor and a catch planner.
@@ -141,6 +143,8 @@ impl<E, P, C> CatchingBot<E, P, C> {
         self.report.flight.clone_from(flight);
         (self.report.status, self.report.pose, self.report.closing) = (status, pose, controller.closing());
         self.report.plan = controller.plan().cloned();
+        self.report.cameras.clear();
+        self.report.cameras.extend_from_slice(self.tracker.camera_statuses());
         command
     }
 }
@@ -161,13 +165,8 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Brain for CatchingBo
     }
 
     fn reset(&mut self) {
-        self.estimator.reset();
-        self.predictor.reset();
-        self.planner.reset();
         self.tracker = Tracker::new(&self.known);
-        self.flight = None;
-        self.controller.reset();
-        self.report = Report::default();
+        self.forget_flight();
     }
 }
 
@@ -176,6 +175,21 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingBot<E, P, C>
     fn perceive(&mut self, observation: &Observation) -> Option<ObjectPose> {
         self.tracker.sense(observation);
         self.tracker.track(&observation.frames, self.flight.as_ref(), &self.known, &mut self.estimator)
+    }
+
+    /// The throw is over, the next one begins; what is known of the cameras stays.
+    fn end_throw(&mut self) {
+        self.tracker.end_throw(&self.known);
+        self.forget_flight();
+    }
+
+    fn forget_flight(&mut self) {
+        self.estimator.reset();
+        self.predictor.reset();
+        self.planner.reset();
+        self.flight = None;
+        self.controller.reset();
+        self.report = Report::default();
     }
 
     /// What follows from the poses so far; `pose` is the newest, if this tick found one.

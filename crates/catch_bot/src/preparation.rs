@@ -9,7 +9,10 @@ use serde::{Deserialize, Serialize};
 use crate::{
     control::{self, TimeGridSearch},
     grasp_selection::{self, GraspSet},
-    perception::{self, ReferenceModel, SdfEstimator, Surroundings, camera_alignment::CameraAlignment},
+    perception::{
+        self, ReferenceModel, SdfEstimator, Surroundings, camera_alignment::CameraAlignment,
+        camera_health::CameraHealth,
+    },
     settings::{Faults, SettingError, Settings},
     trajectory_optimization::{self, CatchSearch, MotionPlanner, reach_map::ReachMap},
     trajectory_prediction::{self, InformationFit},
@@ -56,6 +59,7 @@ pub struct Preparation {
     search: Arc<CatchSearch>,
     arm_surface: ArmSurface,
     alignment: CameraAlignment,
+    camera_health: CameraHealth,
     workspace: perception::Workspace,
 }
 
@@ -82,10 +86,11 @@ impl Preparation {
         let X_WL = robot.link_poses(&robot.ready_q);
         let waiting = Surroundings { arm: &arm_surface, X_WL, width_m: gripper.max_width_m };
         let alignment = CameraAlignment::before_flight(&cameras, &waiting, &config.perception);
+        let camera_health = CameraHealth::before_flight(&cameras, &waiting, &config.perception);
         let workspace = perception::Workspace::before_flight(&cameras, &waiting, &config.perception);
         let motion = MotionPlanner::new(robot, gripper, config.trajectory_optimization.clone());
         let search = Arc::new(CatchSearch::new(motion, reach_map));
-        Ok(Self { config, cameras, reference, grasps, search, arm_surface, alignment, workspace })
+        Ok(Self { config, cameras, reference, grasps, search, arm_surface, alignment, camera_health, workspace })
     }
 
     /// The settings.
@@ -141,5 +146,10 @@ impl Preparation {
     /// The cameras' alignment before anything has been seen.
     pub(crate) fn alignment(&self) -> &CameraAlignment {
         &self.alignment
+    }
+
+    /// The cameras' health before anything has been seen.
+    pub(crate) fn camera_health(&self) -> &CameraHealth {
+        &self.camera_health
     }
 }

@@ -6,7 +6,10 @@ use catch_body::{JointVector, Pose};
 use catch_cell::{CameraModel, DepthFrame, Observation, PixelWindow};
 
 use crate::{
-    perception::{ObjectPose, PoseEstimator, Surroundings, View, camera_alignment::CameraAlignment},
+    perception::{
+        CameraStatus, ObjectPose, PoseEstimator, Surroundings, View, camera_alignment::CameraAlignment,
+        camera_health::CameraHealth,
+    },
     preparation::Preparation,
     trajectory_prediction::FlightTrajectory,
 };
@@ -30,6 +33,8 @@ struct Sensed {
 pub(crate) struct Tracker {
     /// The cameras, as far as images of the arm have told where they look.
     alignment: CameraAlignment,
+    /// What is wrong with them.
+    health: CameraHealth,
     /// Oldest first.
     sensed: VecDeque<Sensed>,
     /// Oldest first.
@@ -40,13 +45,27 @@ pub(crate) struct Tracker {
 
 impl Tracker {
     pub fn new(known: &Preparation) -> Self {
-        let alignment = known.alignment().clone();
         Self {
-            alignment,
+            alignment: known.alignment().clone(),
+            health: known.camera_health().clone(),
             sensed: VecDeque::with_capacity(SENSED),
             poses: Vec::with_capacity(POSES),
             unlabelled_s: None,
         }
+    }
+
+    /// Forgets the throw, and remembers what is wrong with the cameras.
+    pub fn end_throw(&mut self, known: &Preparation) {
+        self.alignment.clone_from(known.alignment());
+        self.health.end_throw();
+        self.sensed.clear();
+        self.poses.clear();
+        self.unlabelled_s = None;
+    }
+
+    /// The status of each camera.
+    pub fn camera_statuses(&self) -> &[CameraStatus] {
+        self.health.statuses()
     }
 
     /// Forgets the object's poses but for the newest `count`.
@@ -89,8 +108,11 @@ impl Tracker {
             let expected = self.expected_pose(flight, frames[0].capture_s);
             let surroundings = self.surroundings(known, frames[0].capture_s);
             let surroundings = surroundings.as_ref();
-            self.alignment.observe(frames, known.cameras(), surroundings, &known.config().perception);
-            let view = View { frames, cameras: self.alignment.cameras(), surroundings };
+            let (cameras, config) = (known.cameras(), &known.config().perception);
+            self.health.observe(frames, cameras, surroundings, config);
+            self.alignment.observe(frames, cameras, surroundings, config);
+            let (cameras, left_out) = (self.alignment.cameras(), self.health.left_out());
+            let view = View { frames, cameras, left_out, surroundings };
             let Ok(mut pose) = estimator.estimate(&view, expected.into()) else { continue };
             if let Some(X_WO) = &expected {
                 pose.X_WO.rotation = known.reference().symmetry.nearest_alike(&X_WO.rotation, &pose.X_WO.rotation);
@@ -122,9 +144,11 @@ impl Tracker {
         let (p_WO, v_WO) = (flight.pose_at(next_s).translation.vector, flight.twist_at(next_s).linear);
         let uncertainty_m = 3.0 * flight.position_sd_at(next_s) + v_WO.norm() * period_s;
         let radius_m = known.reference().radius_m + known.config().perception.gate_m + uncertainty_m;
-        let window =
-            |camera: &CameraModel| camera.window_around(&camera.X_WC.inverse_transform_point(&p_WO.into()), radius_m);
-        Some(self.alignment.cameras().iter().map(window).collect())
+        let window = |(camera, left_out): (&CameraModel, &bool)| match left_out {
+            true => PixelWindow::default(),
+            false => camera.window_around(&camera.X_WC.inverse_transform_point(&p_WO.into()), radius_m),
+        };
+        Some(self.alignment.cameras().iter().zip(self.health.left_out()).map(window).collect())
     }
 
     /// Where the object should be: on the last flight, or, before there is one, where it was seen last. The latter keeps an

@@ -127,6 +127,13 @@ pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
     screen::fact("put down", &format!("{placed} of {caught}"))?;
     screen::fact("told from the others", &format!("{identified} of {throws}"))?;
     screen::fact("limits broken", &limit_violations.to_string())?;
+    let mut told = Vec::new();
+    for (i, row) in life.rows.iter().enumerate() {
+        for faulty in row.faulty_cameras.iter().filter(|it| !told.contains(*it)).copied().collect::<Vec<_>>() {
+            told.push(faulty);
+            screen::fact("camera", &format!("number {}: {}, first in throw {}", faulty.camera, faulty.status, i + 1))?;
+        }
+    }
     if life.stuck {
         screen::fact("ended early", "the arm did not become ready again, or the physics diverged")?;
     }
@@ -212,7 +219,7 @@ fn escaped(name: &str) -> String {
 /// One file without network: a row for each throw.
 fn page(life: &Life) -> String {
     let mut rows = String::new();
-    for (i, PlayRow { row, thrown_s, identified, placed }) in life.rows.iter().enumerate() {
+    for (i, PlayRow { row, thrown_s, identified, placed, .. }) in life.rows.iter().enumerate() {
         let outcome = row.verdict.reason.map_or_else(|| "caught".to_owned(), |reason| reason.to_string());
         let placed = placed.map_or("", |placed| if placed { "yes" } else { "no" });
         let class = if row.verdict.caught { "caught" } else { "missed" };

@@ -8,6 +8,7 @@ mod arms;
 mod as_published;
 mod calibration;
 mod catch_rates;
+mod centre_of_mass;
 mod figures;
 mod flights;
 mod grippers;
@@ -150,6 +151,12 @@ const EXPERIMENTS: &[Experiment] = &[
         about: "objects of public collections, imported by one command each and thrown in the scenario honest",
         trials: 20,
         run: objects::run,
+    },
+    Experiment {
+        name: "centre-of-mass",
+        about: "what a centre of mass beside that of uniform density costs, and what estimating it in flight is worth",
+        trials: 60,
+        run: centre_of_mass::run,
     },
     Experiment {
         name: "reliability",

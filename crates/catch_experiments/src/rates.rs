@@ -17,7 +17,7 @@ pub const FIGURES: [&str; 7] =
     ["trials", "within reach, %", "caught, %", "from, %", "to, %", "limits broken", "misses within reach"];
 
 /// The trials of a condition, the same number of each of its throws.
-fn rows(setups: Vec<Setup>, options: &Options) -> Result<Vec<Row>> {
+pub fn rows(setups: Vec<Setup>, options: &Options) -> Result<Vec<Row>> {
     setups.iter().for_each(Setup::prepare);
     let trials = options.trials.div_ceil(setups.len() as u64);
     let cells = setups.into_iter().map(Cell::new).collect();

@@ -14,7 +14,10 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    referee::{self, HELD_UNTIL_S, Row},
+    referee::{
+        self, HELD_UNTIL_S, Row,
+        faulty_cameras::{FaultyCamera, faulty_cameras},
+    },
     scenario::{
         Scenario,
         brain::{BrainSettings, ChosenCycle},
@@ -40,6 +43,9 @@ pub struct PlayRow {
     pub identified: Option<String>,
     /// Whether the hand left the object where objects are put down; `None` if it was not caught.
     pub placed: Option<bool>,
+    /// Cameras that the brain said were at fault.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub faulty_cameras: Vec<FaultyCamera>,
 }
 
 /// What came of a life.
@@ -114,6 +120,7 @@ impl Play {
             let thrown_s = cell.arena.time_s();
             let (trial, identified) = cell.trial(setup, thrown_s);
             let verdict = referee::judge(setup, &trial);
+            let faulty_cameras = faulty_cameras(&trial.snapshots);
             let ready = cell.until_ready(setup, thrown_s + self.every_s);
             life.violations_between += ready.violations;
             // A world that has diverged stands still for good.
@@ -127,6 +134,7 @@ impl Play {
                     let off_m = ready.left_W.map(|left_W| (left_W.xy() - place_W.coords.xy()).norm());
                     off_m.is_some_and(|off_m| off_m < PLACED_WITHIN_M)
                 }),
+                faulty_cameras,
             };
             on_row(&row);
             life.rows.push(row);

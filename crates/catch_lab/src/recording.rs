@@ -34,6 +34,7 @@ use catch_bot::{
 use catch_cell::{CameraModel, Command, Observation, ReferenceScan};
 use catch_sim::Truth;
 use flate2::{Compression, GzBuilder, write::GzEncoder};
+use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -176,6 +177,9 @@ pub struct GroundTruth {
     pub verdict: Verdict,
     /// The object's true surface in O, for pictures.
     pub surface: RecordedSurface,
+    /// The object's true centre of mass in the brain's O.
+    #[serde(default = "Point3::origin")]
+    pub com_O: Point3<f64>,
 }
 
 impl From<&Report> for RecordedReport {

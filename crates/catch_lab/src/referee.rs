@@ -1,6 +1,7 @@
 //! The referee: the only place where truth meets score.
 
 mod counted;
+pub mod faulty_cameras;
 mod impact;
 mod measures;
 pub mod reason;
@@ -117,6 +118,11 @@ pub struct Row {
     pub verdict: Verdict,
 }
 
+/// The object's true centre of mass in the brain's O, which has its origin where the centre of mass would be at uniform density.
+pub fn true_com_O(setup: &Setup) -> Point3<f64> {
+    setup.known().reference().X_RO.inverse_transform_point(&Point3::origin())
+}
+
 /// What the referee looks at.
 pub(crate) struct Evidence<'a> {
     pub truth: &'a Truth,
@@ -132,7 +138,7 @@ pub(crate) struct Evidence<'a> {
     /// Where the object would have been at the planned catch if nothing had touched it.
     pub undisturbed_O: Option<Point3<f64>>,
     grasp_centre_G: Point3<f64>,
-    /// The object's true centre of mass in the brain's O, which has its origin where the centre of mass would be at uniform density.
+    /// As [`true_com_O`] has it.
     com_O: Point3<f64>,
     symmetry: Symmetry,
 }
@@ -156,7 +162,7 @@ impl<'a> Evidence<'a> {
             at_catch: catch_s.and_then(|at| sample_at(truth, at)),
             undisturbed_O: catch_s.and_then(|at| undisturbed_position(truth, at)),
             grasp_centre_G: setup.gripper.grasp_centre(),
-            com_O: setup.known().reference().X_RO.inverse_transform_point(&Point3::origin()),
+            com_O: true_com_O(setup),
             symmetry: setup.known().reference().symmetry,
         }
     }
@@ -295,6 +301,7 @@ impl<'a> Evidence<'a> {
             discontinuous_trajectories: servo.discontinuous_trajectories,
             min_self_clearance_m: servo.min_self_clearance_m,
             min_floor_clearance_m: servo.min_floor_clearance_m,
+            ..faulty_cameras::counted(self.snapshots)
         }
     }
 

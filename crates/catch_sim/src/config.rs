@@ -3,13 +3,14 @@
 mod gripper;
 
 use catch_body::{InputError, quantity};
+use catch_cell::CameraModel;
 use serde::{Deserialize, Serialize};
 
 pub use crate::drawn::{Between, Drawn};
 
 pub use gripper::{GripperDriveKind, GripperTrigger, PositionDrive, ProximitySensor, RealDrive};
 
-use crate::{aerodynamics::AerodynamicsConfig, depth_noise::DepthConfig};
+use crate::{aerodynamics::AerodynamicsConfig, camera_faults::CameraFault, depth_noise::DepthConfig};
 
 /// What the arena is like. The defaults are the paper's where the paper says something.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -59,6 +60,8 @@ pub struct ArenaConfig {
     pub floor_visible: bool,
     /// What the depth images are off by. Nothing by default, as in the paper.
     pub depth: DepthConfig,
+    /// Cameras that fail, each at its time. None by default.
+    pub camera_faults: Vec<CameraFault>,
     /// Observations per second, each with an image of every camera unless these run freely. Default 100 Hz (paper, IV).
     #[serde(deserialize_with = "quantity::rate_hz")]
     pub frame_rate_hz: f64,
@@ -203,6 +206,7 @@ impl Default for ArenaConfig {
             labels: true,
             floor_visible: false,
             depth: DepthConfig::default(),
+            camera_faults: Vec::new(),
             frame_rate_hz: 100.0,
             free_running_cameras: false,
             latency_s: Drawn::Always(0.0),
@@ -235,6 +239,15 @@ impl ArenaConfig {
         }
         faults.extend(self.depth.check(file, &format!("{table}.depth")).err().into_iter().flat_map(InputError::all));
         faults
+    }
+
+    /// What cannot be used with the cameras of a rig: faults of cameras that it does not have.
+    ///
+    /// # Errors
+    /// The first of them.
+    pub fn check_cameras(&self, cameras: &[CameraModel], file: &str, table: &str) -> Result<(), InputError> {
+        let faults = self.camera_faults.iter().enumerate();
+        InputError::first_of(faults.map(|(i, it)| it.check(cameras, file, &format!("{table}.camera_faults[{i}]"))))
     }
 
     /// Whether every value can be used.

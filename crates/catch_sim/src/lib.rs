@@ -30,6 +30,7 @@
 
 pub mod aerodynamics;
 pub mod arena;
+pub mod camera_faults;
 pub mod cameras;
 pub mod conditions;
 pub mod config;

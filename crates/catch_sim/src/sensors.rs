@@ -1,8 +1,11 @@
 //! The cell's cameras in time: when they look, which pixels they read out, and when their images arrive.
 
+use catch_body::{Pose, kinematics::LinkPoses};
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};
+use nalgebra::Vector3;
 
 use crate::{
+    camera_faults::{CameraFault, CameraFaultKind, Push, SwappedCamera},
     cameras::{DepthCameras, Readout, Renderer, Scene},
     config::ArenaConfig,
     drawn::Drawn,
@@ -16,8 +19,32 @@ pub(crate) struct Sensors {
     labels: bool,
     latency_s: Drawn,
     windows: Option<Vec<PixelWindow>>,
+    /// Faults that have not begun.
+    coming_faults: Vec<CameraFault>,
+    /// For each camera how its images are spoilt.
+    spoilt: Vec<Spoilt>,
     /// Images that have not arrived, with their times of arrival, soonest first.
     under_way: Vec<(f64, DepthFrame)>,
+}
+
+/// How the images of a camera are spoilt.
+#[derive(Debug, Clone)]
+enum Spoilt {
+    Not,
+    Blinded,
+    /// None have come since.
+    Frozen(Option<Box<StillImage>>),
+    Silent,
+}
+
+/// What a frozen camera shows: a scene, and the number of the exposure.
+#[derive(Debug, Clone)]
+struct StillImage {
+    exposure: u64,
+    capture_s: f64,
+    X_WL: LinkPoses,
+    width_m: f64,
+    X_WO: Pose,
 }
 
 /// When a camera looks.
@@ -63,6 +90,8 @@ impl Sensors {
             labels: config.labels,
             latency_s: config.latency_s,
             windows: None,
+            coming_faults: config.camera_faults.iter().filter(|it| it.camera < calibrated.len()).copied().collect(),
+            spoilt: vec![Spoilt::Not; calibrated.len()],
             under_way: Vec::new(),
         }
     }
@@ -79,17 +108,13 @@ impl Sensors {
 
     /// All cameras that look now look at `scene`.
     pub fn expose(&mut self, renderer: &Renderer, scene: &Scene, at_observation: bool) {
-        let readout = match &self.windows {
-            Some(windows) => Readout::Windows(windows),
-            None if self.labels => Readout::Object,
-            None => Readout::Full,
-        };
+        self.begin_faults(scene.capture_s);
         let clocks = self.clocks.iter().enumerate();
         let due: Vec<(usize, u64)> = clocks
             .filter(|(_, clock)| clock.is_due(scene.capture_s, at_observation))
             .map(|(camera, clock)| (camera, clock.exposures))
             .collect();
-        for frame in self.cameras.capture_some(renderer, scene, due.iter().copied(), readout, self.labels) {
+        for frame in self.capture(renderer, scene, &due) {
             let clock = &mut self.clocks[frame.camera];
             let latency_s = self.latency_s.at(self.cameras.lateness(frame.camera, clock.exposures));
             clock.arrival_s = clock.arrival_s.max(scene.capture_s + latency_s);
@@ -97,6 +122,60 @@ impl Sensors {
             self.under_way.insert(at, (clock.arrival_s, frame));
         }
         due.iter().for_each(|(camera, _)| self.clocks[*camera].exposures += 1);
+    }
+
+    /// The images of cameras that are due, each with the number of its exposure.
+    fn capture(&mut self, renderer: &Renderer, scene: &Scene, due: &[(usize, u64)]) -> Vec<DepthFrame> {
+        let readout = match &self.windows {
+            Some(windows) => Readout::Windows(windows),
+            None if self.labels => Readout::Object,
+            None => Readout::Full,
+        };
+        let sees_now = |camera: usize| !matches!(self.spoilt[camera], Spoilt::Silent | Spoilt::Frozen(Some(_)));
+        let exposures = due.iter().copied().filter(|(camera, _)| sees_now(*camera));
+        let mut frames = self.cameras.capture_some(renderer, scene, exposures, readout, self.labels);
+        for (camera, _) in due {
+            let Spoilt::Frozen(Some(still)) = &self.spoilt[*camera] else { continue };
+            let StillImage { exposure, capture_s, X_WL, width_m, X_WO } = &**still;
+            let scene_then = Scene { capture_s: *capture_s, X_WL, width_m: *width_m, X_WO };
+            let exposures = [(*camera, *exposure)];
+            let again = self.cameras.capture_some(renderer, &scene_then, exposures, readout, self.labels);
+            frames.extend(again.into_iter().map(|frame| DepthFrame { capture_s: scene.capture_s, ..frame }));
+        }
+        for frame in &mut frames {
+            match &mut self.spoilt[frame.camera] {
+                Spoilt::Blinded => {
+                    frame.depth_m.fill(f32::NAN);
+                    frame.mask.iter_mut().for_each(|mask| mask.fill(false));
+                }
+                Spoilt::Frozen(still @ None) => {
+                    *still = Some(Box::new(StillImage {
+                        exposure: self.clocks[frame.camera].exposures,
+                        capture_s: scene.capture_s,
+                        X_WL: *scene.X_WL,
+                        width_m: scene.width_m,
+                        X_WO: *scene.X_WO,
+                    }));
+                }
+                _ => {}
+            }
+        }
+        frames.sort_by_key(|frame| frame.camera);
+        frames
+    }
+
+    /// The faults begin whose time has come.
+    fn begin_faults(&mut self, now_s: f64) {
+        let is_due = |fault: &mut CameraFault| fault.from_s <= now_s;
+        for CameraFault { camera, kind, .. } in self.coming_faults.extract_if(.., is_due) {
+            match kind {
+                CameraFaultKind::Swapped(SwappedCamera { with }) => self.cameras.swap(camera, with),
+                CameraFaultKind::Pushed(Push { by_m }) => self.cameras.push(camera, Vector3::from(by_m)),
+                CameraFaultKind::Blinded => self.spoilt[camera] = Spoilt::Blinded,
+                CameraFaultKind::Frozen => self.spoilt[camera] = Spoilt::Frozen(None),
+                CameraFaultKind::Silent => self.spoilt[camera] = Spoilt::Silent,
+            }
+        }
     }
 
     /// The images that have arrived by `now_s`, oldest first.
@@ -114,10 +193,14 @@ mod tests {
     use catch_cell::{CameraModel, rig_from_toml};
 
     use super::*;
-    use crate::drawn::Between;
+    use crate::{depth_noise::DepthModel, drawn::Between};
 
     /// Two cameras at 60 and 90 Hz for 20 s, looked at every 10 ms; frames with the times of their observations.
     fn frames(config: &ArenaConfig, index: u64) -> Vec<(f64, DepthFrame)> {
+        frames_of(config, index, 20.0, PixelWindow::default())
+    }
+
+    fn frames_of(config: &ArenaConfig, index: u64, duration_s: f64, window: PixelWindow) -> Vec<(f64, DepthFrame)> {
         let files = RobotFiles {
             urdf_file: "robot.urdf",
             urdf: include_str!("../../../assets/robots/iiwa14/robot.urdf"),
@@ -133,9 +216,9 @@ mod tests {
             *camera = CameraModel { rate_hz: Some(rate_hz), ..camera.clone() };
         }
         let mut sensors = Sensors::new(config, &cameras, 5, index);
-        sensors.set_windows(Some(vec![PixelWindow::default(); 2]));
+        sensors.set_windows(Some(vec![window; 2]));
         let mut seen = Vec::new();
-        for step in 0..20_000_u32 {
+        for step in 0..(duration_s * 1e3) as u32 {
             let now_s = f64::from(step) * 1e-3;
             let at_observation = step % 10 == 0;
             if sensors.are_due(now_s, at_observation) {
@@ -174,6 +257,63 @@ mod tests {
         let mean = phases.iter().sum::<f64>() / phases.len() as f64;
         assert!((mean - 0.5 - 0.04).abs() < 4.0 * (1.0 / 12.0 / phases.len() as f64).sqrt(), "{mean}");
         assert!(phases.iter().any(|it| *it < 0.2) && phases.iter().any(|it| *it > 0.8));
+    }
+
+    /// What camera 0 shows of the arm when a fault of it begins at 50 ms, before and after, in noisy images or exact ones.
+    fn spoilt(kind: CameraFaultKind, is_noisy: bool) -> [Vec<Vec<f32>>; 2] {
+        let camera_faults = vec![CameraFault { camera: 0, kind, from_s: 0.05 }];
+        let mut config = ArenaConfig { camera_faults, ..ArenaConfig::default() };
+        if is_noisy {
+            config.depth.model = DepthModel::NearStereo;
+        }
+        let window = PixelWindow { left: 0, top: 0, width: 848, height: 480 };
+        let seen = frames_of(&config, 0, 0.1, window);
+        assert_eq!(seen.iter().filter(|(_, frame)| frame.camera == 1).count(), 10, "the other one goes on");
+        assert!(seen.iter().all(|(now_s, frame)| frame.capture_s == *now_s));
+        [false, true].map(|after| {
+            let of_first = |(now_s, frame): &&(f64, DepthFrame)| frame.camera == 0 && (*now_s >= 0.05) == after;
+            seen.iter().filter(of_first).map(|(_, frame)| frame.depth_m.clone()).collect()
+        })
+    }
+
+    fn are_alike(one: &[f32], other: &[f32]) -> bool {
+        one.iter().zip(other).all(|(one, other)| one.to_bits() == other.to_bits() || one.is_nan() && other.is_nan())
+    }
+
+    #[test]
+    fn cameras_fail_from_their_time_on() {
+        let is_seen = |image: &Vec<f32>| image.iter().any(|depth_m| depth_m.is_finite());
+        for kind in [CameraFaultKind::Blinded, CameraFaultKind::Frozen, CameraFaultKind::Silent] {
+            let [before, after] = spoilt(kind, true);
+            assert!(before.len() == 5 && before.iter().all(is_seen) && !are_alike(&before[0], &before[1]));
+            match kind {
+                CameraFaultKind::Blinded => assert!(after.len() == 5 && !after.iter().any(is_seen)),
+                CameraFaultKind::Frozen => {
+                    assert!(after.len() == 5 && after.iter().all(|it| are_alike(it, &after[0])));
+                    assert!(is_seen(&after[0]) && !are_alike(&before[4], &after[0]));
+                }
+                _ => assert!(after.is_empty()),
+            }
+        }
+        let swapped = CameraFaultKind::Swapped(SwappedCamera { with: 1 });
+        for kind in [swapped, CameraFaultKind::Pushed(Push { by_m: [0.0, 0.02, 0.0] })] {
+            let [before, after] = spoilt(kind, false);
+            assert!(are_alike(&before[0], &before[4]) && are_alike(&after[0], &after[4]));
+            assert!(!are_alike(&before[0], &after[0]));
+        }
+    }
+
+    #[test]
+    fn faults_of_cameras_that_there_are_not_are_named() {
+        let rig = rig_from_toml("d435_2", include_str!("../../../assets/rigs/d435_2.toml")).unwrap();
+        let fault = |text: &str| {
+            let config: ArenaConfig = toml::from_str(&format!("camera_faults = [{text}]")).unwrap();
+            config.check_cameras(&rig, "s.toml", "arena").unwrap_err().to_string()
+        };
+        let found = fault("{ camera = 1, kind = \"blinded\" }, { camera = 2, kind = \"blinded\" }");
+        assert!(found.starts_with("s.toml: arena.camera_faults[1].camera: found 2, expected"), "{found}");
+        let found = fault("{ camera = 1, kind = { swapped = { with = 9 } } }");
+        assert!(found.contains("camera_faults[0].kind.swapped.with: found 9, expected"), "{found}");
     }
 
     #[test]

@@ -97,10 +97,12 @@ impl Detector {
 
     /// The place that most cameras agree on, if any.
     pub fn find(&mut self, view: &View<'_>, reference: &ReferenceModel, config: &Config) -> Option<Point3<f64>> {
-        let View { frames, cameras, surroundings } = *view;
+        let View { cameras, surroundings, .. } = *view;
         let waiting = self.waiting.clone();
         self.blobs.clear();
-        for frame in frames.iter().filter(|frame| frame.mask.is_none() && frame.depth_m.len() >= frame.window.area()) {
+        for (_, frame) in
+            view.seen().filter(|(_, frame)| frame.mask.is_none() && frame.depth_m.len() >= frame.window.area())
+        {
             if let Some(camera) = cameras.get(frame.camera) {
                 let background = Background::new(camera, surroundings, &frame.window, config);
                 let nearer_than_m =
@@ -305,7 +307,11 @@ fn is_enough_alone(blobs: &[Blob], place: &Point3<f64>, reach_m: f64, view: &Vie
                     config,
                 )
     };
-    !view.frames.iter().filter(|frame| frame.mask.is_none() && frame.camera != blob.camera).any(sees_place)
+    !view
+        .seen()
+        .map(|(_, frame)| frame)
+        .filter(|frame| frame.mask.is_none() && frame.camera != blob.camera)
+        .any(sees_place)
 }
 
 /// Where two rays come closest, if that is within reach and both see it there.

@@ -3,7 +3,9 @@
 //! Pixels become points, points that belong to the object are kept ([`point_cloud`]), and the reference ([`ReferenceModel`])
 //! is registered to them ([`registration`]), starting from where the last trajectory says the object should be.
 
+mod arm_edges;
 pub mod camera_alignment;
+pub mod camera_health;
 mod cloud;
 mod detection;
 mod distance_field;
@@ -18,6 +20,7 @@ pub mod reference;
 pub mod registration;
 pub mod segmentation;
 pub mod silhouette;
+mod silhouette_shift;
 pub mod symmetry;
 #[cfg(test)]
 #[path = "../../tests/it/synthetic.rs"]
@@ -33,6 +36,7 @@ use nalgebra::Matrix6;
 use serde::{Deserialize, Serialize};
 
 use crate::settings::{DURATION_S, FRACTION, Faults, NOT_NEGATIVE, SettingError, Settings};
+pub use camera_health::CameraStatus;
 pub use cloud::register_cloud;
 pub use distance_field::DistanceField;
 pub use estimator::{ObjectFinder, PoseEstimator, SdfEstimator};
@@ -98,6 +102,8 @@ pub struct Config {
     /// Standard deviation in radians by which cameras may be turned about each axis from how they are said to stand: they are
     /// aligned on the arm that they see. Zero where they are known exactly.
     pub camera_sd_rad: f64,
+    /// How far a camera must seem to have moved, in metres, to count as displaced.
+    pub displaced_m: f64,
     /// Whether the cameras see the floor, the plane z = 0; not, if it is not set.
     pub floor_visible: Option<bool>,
     /// Whether depths may be missing where there is something; not, if it is not set.
@@ -137,6 +143,7 @@ impl Default for Config {
             gate_m: 0.05,
             lost_after_s: 0.05,
             camera_sd_rad: 0.0,
+            displaced_m: 0.008,
             floor_visible: None,
             depth_dropout: None,
             depth_common_fraction: None,
@@ -194,6 +201,7 @@ impl Settings for Config {
                     ("background_margin_m", self.background_margin_m),
                 ],
             )
+            .values(&(1e-3..=1.0), [("displaced_m", self.displaced_m)])
             .values(&DURATION_S, [("lost_after_s", self.lost_after_s)])
             .options(
                 &NOT_NEGATIVE,

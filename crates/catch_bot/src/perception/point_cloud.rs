@@ -78,7 +78,7 @@ impl SceneCloud {
     /// A pixel is the object's if the image's mask says so; without a mask, if it lies in front of the surroundings and near
     /// the predicted pose, which then must be given.
     pub fn collect(&mut self, view: &View<'_>, reference: &ReferenceModel, prior: Option<&Pose>, config: &Config) {
-        let View { frames, cameras, surroundings } = *view;
+        let View { cameras, surroundings, .. } = *view;
         self.points.clear();
         self.shown.clear();
         self.labels.clear();
@@ -86,7 +86,7 @@ impl SceneCloud {
         self.silhouette.clear(ROOM_POINTS);
         self.shown.reserve(cameras.len());
         self.labels.reserve(ROOM_LABELS);
-        for (index, frame) in frames.iter().enumerate() {
+        for (index, frame) in view.seen() {
             let Some(camera) = cameras.get(frame.camera) else { continue };
             if frame.depth_m.len() < frame.window.area() || !frame.capture_s.is_finite() {
                 continue;

@@ -12,11 +12,19 @@ pub struct View<'a> {
     pub frames: &'a [DepthFrame],
     /// The cameras, as well as their poses are known.
     pub cameras: &'a [CameraModel],
+    /// For each camera whether its images are passed over; those beyond the end of the list are not.
+    pub left_out: &'a [bool],
     /// The arm at the capture time; it matters where images come without masks.
     pub surroundings: Option<&'a Surroundings<'a>>,
 }
 
-impl View<'_> {
+impl<'a> View<'a> {
+    /// The images that count, each with its place among all.
+    pub fn seen(&self) -> impl Iterator<Item = (usize, &'a DepthFrame)> + use<'a> {
+        let Self { frames, left_out, .. } = *self;
+        frames.iter().enumerate().filter(|(_, frame)| left_out.get(frame.camera) != Some(&true))
+    }
+
     /// Whether an image comes without a mask.
     pub fn is_unlabelled(&self) -> bool {
         self.frames.iter().any(|frame| frame.mask.is_none())

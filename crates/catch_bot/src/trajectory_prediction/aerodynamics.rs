@@ -29,7 +29,7 @@ pub struct AerodynamicPrior {
     pub magnus: f64,
     /// Its standard deviation.
     pub magnus_sd: f64,
-    /// Standard deviation of each component of s, in rad/s. Where `magnus_sd` is zero, s is the lift of all spin, seen or not.
+    /// Standard deviation of each component of s, in rad/s. Where no Magnus coefficient is expected, s is the lift of all spin, seen or not.
     pub lift_sd_radps: f64,
     /// Decay c of the spin that is expected, ω̇ = −c·ω, in 1/s.
     pub spin_decay_per_s: f64,
@@ -124,7 +124,7 @@ impl UnseenSpin {
     fn of(symmetry: &Symmetry, prior: &AerodynamicPrior) -> Self {
         match symmetry {
             Symmetry::Sphere => Self::World,
-            _ if prior.magnus_sd == 0.0 => Self::World,
+            _ if prior.magnus == 0.0 && prior.magnus_sd == 0.0 => Self::World,
             Symmetry::Axis { axis, .. } => Self::Along(*axis),
             Symmetry::Finite { .. } => Self::None,
         }

@@ -143,7 +143,7 @@ pub(super) fn fit(
         process_noise: config.process_noise,
         com_O: Vector3::zeros(),
         com_covariance: SMatrix::zeros(),
-        forces: AerodynamicForces::default(),
+        forces: problem.forces,
         force_covariance: SMatrix::zeros(),
         inliers: sums.inliers,
         considered: poses.len(),

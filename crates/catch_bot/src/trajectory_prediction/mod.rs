@@ -14,7 +14,7 @@ pub mod ransac;
 mod track;
 mod tumbling;
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix6, SMatrix, Vector3};
 use serde::{Deserialize, Serialize};
 
 pub use aerodynamic_forces::AerodynamicForces;
@@ -254,7 +254,8 @@ pub struct Workspace {
 
 /// Predicts the flight from the poses seen so far, oldest first.
 ///
-/// `previous` is where the fit starts as long as the newest poses agree with it; nothing else of it enters the result.
+/// `previous` is where the fit starts as long as the newest poses agree with it. Its forces and its centre of mass correct what the fit
+/// expects; both are then found anew.
 pub fn predict(
     poses: &[ObjectPose],
     previous: Option<&FlightTrajectory>,
@@ -284,16 +285,22 @@ fn fit_about_com(
     seed: u64,
     workspace: &mut Workspace,
 ) -> Result<FlightTrajectory, PredictionStatus> {
-    let &FlightTrajectory { com_O, com_covariance, .. } = previous;
+    let com_O = previous.com_O;
     let most = config.fit_window.max(config.window);
     let mut about_com = std::mem::take(&mut workspace.about_com);
     about_com.clear();
     about_com.reserve(most);
     about_com.extend(poses[poses.len() - most.min(poses.len())..].iter().map(|pose| {
         let mut X_WO = pose.X_WO;
-        X_WO.translation.vector += X_WO.rotation * com_O;
-        ObjectPose { X_WO, ..*pose }
+        let to_com_W = X_WO.rotation * com_O;
+        X_WO.translation.vector += to_com_W;
+        // A turn about the centre of mass shifts O.
+        let mut by_com = Matrix6::identity();
+        by_com.fixed_view_mut::<3, 3>(3, 0).copy_from(&to_com_W.cross_matrix());
+        ObjectPose { X_WO, information: by_com.transpose() * pose.information * by_com, ..*pose }
     }));
+    let mut com_covariance = SMatrix::zeros();
+    com_covariance.fixed_rows_mut::<3>(6).fill_diagonal(config.com_sd_m().powi(2));
     let previous = FlightTrajectory { com_O: Vector3::zeros(), ..previous.clone() };
     let found = fit_flight(&about_com, Some(&previous), symmetry, config, seed, workspace);
     workspace.about_com = about_com;

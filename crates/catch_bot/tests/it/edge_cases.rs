@@ -40,7 +40,10 @@ impl Bench {
         prior: Option<&Pose>,
     ) -> Result<ObjectPose, PerceptionStatus> {
         let mut estimator = SdfEstimator::new(self.config.clone(), reference.clone(), Workspace::default());
-        estimator.estimate(&View { frames, cameras: &self.cameras, surroundings: None }, prior.copied().into())
+        estimator.estimate(
+            &View { frames, cameras: &self.cameras, left_out: &[], surroundings: None },
+            prior.copied().into(),
+        )
     }
 
     fn find(&self, frames: &[DepthFrame], prior: Option<&Pose>) -> Result<ObjectPose, PerceptionStatus> {

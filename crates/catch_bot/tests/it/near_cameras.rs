@@ -84,7 +84,7 @@ fn edges_of_the_arm_that_bleed_are_no_object() {
         let mut normal = Normal::new(1);
         let mut is_found = || {
             let frames: Vec<DepthFrame> = clean.iter().map(|frame| measured(frame, &mut normal)).collect();
-            let view = View { frames: &frames, cameras: &cameras, surroundings: Some(&surroundings) };
+            let view = View { frames: &frames, cameras: &cameras, left_out: &[], surroundings: Some(&surroundings) };
             estimator
                 .estimate(&view, Prior::Anywhere)
                 .map_or_else(|status| status != PerceptionStatus::NoPoints, |_| true)
@@ -106,7 +106,7 @@ fn one_camera_is_enough_where_no_other_sees() {
         let mut seen = synthetic::depth_frame(0, &cameras[0], &Shape::ball(), &(X_WO * reference.X_RO.inverse()), 0.03);
         seen.mask = None;
         let frames = [seen, empty(1, &cameras[1]), empty(2, &cameras[2])];
-        let view = View { frames: &frames, cameras, surroundings: None };
+        let view = View { frames: &frames, cameras, left_out: &[], surroundings: None };
         estimator.estimate(&view, Prior::Anywhere).map(|pose| (pose.X_WO.translation.vector - place.coords).norm())
     };
     let mut cameras = cameras();
@@ -135,7 +135,7 @@ fn a_far_object_is_as_far_away_as_its_mean_depth() {
     for _ in 0..10 {
         let clean = synthetic::depth_frame(0, &camera, &Shape::ball(), &(X_WO * reference.X_RO.inverse()), 0.05);
         let frames = [DepthFrame { mask: None, ..measured(&clean, &mut normal) }];
-        let view = View { frames: &frames, cameras: std::slice::from_ref(&camera), surroundings: None };
+        let view = View { frames: &frames, cameras: std::slice::from_ref(&camera), left_out: &[], surroundings: None };
         let pose = estimator.estimate(&view, Prior::Pose(Pose::translation(0.01, 0.01, 1.0))).unwrap();
         let error = pose.X_WO.translation.vector - X_WO.translation.vector;
         // 45 mm, half of whose variance is common.

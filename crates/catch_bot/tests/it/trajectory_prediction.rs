@@ -272,8 +272,7 @@ fn a_centre_of_mass_that_is_elsewhere_is_found_in_flight() {
     for (symmetry, com_O) in [(bottle, Vector3::z() * 8e-3), (banana(), Vector3::new(5e-3, -4e-3, 4.8e-3))] {
         let (unaware_m, _) = off_centre(&symmetry, com_O, None, 40);
         let (aware_m, inside) = off_centre(&symmetry, com_O, Some(5e-3), 40);
-        assert!(unaware_m > 4e-3, "{unaware_m}");
-        assert!(aware_m < 3e-3, "{aware_m}");
+        assert!(aware_m < 0.2 * unaware_m, "{aware_m}, {unaware_m}");
         assert!(inside >= 33, "{inside} of 40");
     }
 }

@@ -86,6 +86,11 @@ const COLUMNS: &[(&str, Kind)] = &[
     ("discontinuous_trajectories", Kind::Count),
     ("min_self_clearance_m", Kind::Number),
     ("min_floor_clearance_m", Kind::Number),
+    ("blinded_cameras", Kind::Count),
+    ("frozen_cameras", Kind::Count),
+    ("silent_cameras", Kind::Count),
+    ("displaced_cameras", Kind::Count),
+    ("swapped_cameras", Kind::Count),
 ];
 /// One column each for how long before the catch a prediction was made.
 const PREDICTIONS: &str = "prediction_errors_m";

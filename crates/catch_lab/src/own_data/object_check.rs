@@ -34,7 +34,7 @@ pub(super) fn examine(asset: &Asset) -> Examined {
         let choice = Choice { scenario: Some(scenario), object: Some(&asset.file), ..Choice::default() };
         // A scenario that asks for more than the file has is none for it.
         let Ok(setup) = Setup::load(&choice) else { continue };
-        let config = setup.brain_config(0, 0).config();
+        let config = setup.uncalibrated_config(0, 0).config();
         let known = models
             .iter()
             .position(|(scan, perception, _)| is_same(scan, &setup.reference_scan) && *perception == config.perception);

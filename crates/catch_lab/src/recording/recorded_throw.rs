@@ -52,7 +52,8 @@ pub fn record(
     timeline.ended(&verdict, end_s).iter().try_for_each(&mut *tell)?;
     let times = ThrowTimes::of(&trial);
     let surface = RecordedSurface::from(&setup.object.mesh);
-    let ground_truth = Some(GroundTruth { truth: trial.truth, verdict: verdict.clone(), surface });
+    let ground_truth =
+        Some(GroundTruth { truth: trial.truth, verdict: verdict.clone(), surface, com_O: referee::true_com_O(setup) });
     let timeline = timeline.entries().to_vec();
     let ending = Ending { timeline, ground_truth };
     let recording = recorder.finish(&ending)?;

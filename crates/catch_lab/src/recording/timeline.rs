@@ -1,5 +1,6 @@
 //! The story of a throw: what happened when, as it happens.
 
+use catch_bot::perception::CameraStatus;
 use catch_sim::{Truth, TruthSample};
 use serde::{Deserialize, Serialize};
 
@@ -14,6 +15,8 @@ use crate::{
 pub enum Event {
     /// The object leaves the thrower's hand.
     Thrown,
+    /// The brain found a camera to be at fault, or right again.
+    Camera,
     /// The brain has its first pose of the object.
     FirstSeen,
     /// It knows how the object flies.
@@ -37,6 +40,7 @@ impl Event {
     pub fn label(self) -> &'static str {
         match self {
             Self::Thrown => "thrown",
+            Self::Camera => "camera",
             Self::FirstSeen => "first seen",
             Self::FirstTrajectory => "first trajectory",
             Self::FirstPlan => "first plan",
@@ -70,6 +74,8 @@ pub struct Timeline {
     /// Replans since the last entry; they are told as one.
     replans: Option<Entry>,
     samples_seen: usize,
+    /// What is known of the cameras.
+    cameras: Vec<CameraStatus>,
     seen: bool,
     predicted: bool,
     planned: bool,
@@ -98,6 +104,12 @@ impl Timeline {
     fn follow_brain(&mut self, tick: &Tick) {
         let Some(report) = tick.report else { return };
         let now = tick.observation.time_s;
+        self.cameras.resize(report.cameras.len(), CameraStatus::Good);
+        for (camera, status) in report.cameras.iter().enumerate() {
+            if std::mem::replace(&mut self.cameras[camera], *status) != *status {
+                self.tell(now, Event::Camera, format!("number {camera}: {status}"));
+            }
+        }
         if let Some(pose) = report.pose.as_ref().filter(|_| !self.seen) {
             self.seen = true;
             self.tell(now, Event::FirstSeen, format!("{} points on its surface", pose.points));

@@ -76,4 +76,19 @@ pub struct Measures {
     pub min_self_clearance_m: Option<f64>,
     /// Smallest distance of the arm's moving parts from the floor or an obstacle, in metres.
     pub min_floor_clearance_m: Option<f64>,
+    /// Cameras whose images have no depths, as the brain says.
+    #[serde(default)]
+    pub blinded_cameras: u32,
+    /// Cameras that repeat an image, as the brain says.
+    #[serde(default)]
+    pub frozen_cameras: u32,
+    /// Cameras that give no images, as the brain says.
+    #[serde(default)]
+    pub silent_cameras: u32,
+    /// Cameras that do not stand as they are believed to, as the brain says.
+    #[serde(default)]
+    pub displaced_cameras: u32,
+    /// Cameras that give the images of others, as the brain says.
+    #[serde(default)]
+    pub swapped_cameras: u32,
 }

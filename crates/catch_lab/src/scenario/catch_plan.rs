@@ -16,7 +16,7 @@ const PASSES: usize = 8;
 /// # Panics
 /// If settings were changed in code to values out of their ranges.
 pub fn plan(setup: &Setup, start: Start, flight: &FlightTrajectory) -> Decision {
-    let settings = setup.brain_config(0, 0);
+    let settings = setup.uncalibrated_config(0, 0);
     let mut planner = settings.catch_planner(setup.known(), settings.seed).expect(CHECKED);
     let mut progress = Progress::default();
     let mut ask = || {

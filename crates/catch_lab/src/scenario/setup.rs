@@ -192,6 +192,7 @@ impl Setup {
         }
         scenario.check_closing(file, &hand, &gripper.file)?;
         let cameras = rig_from_toml(&flight_rig.file, &flight_rig.text)?;
+        scenario.arena.check_cameras(&cameras, file, "arena")?;
         let scanners = rig_from_toml(&reference_rig.file, &reference_rig.text)?;
         let depth = &scenario.arena.depth;
         let shifted: Vec<CameraModel> = scanners.iter().map(|camera| depth.shifted(camera)).collect();
@@ -340,7 +341,7 @@ impl Setup {
     }
 
     /// The brain's settings in one scene, but for what a calibration says.
-    fn uncalibrated_config(&self, seed: u64, index: u64) -> BrainSettings {
+    pub(crate) fn uncalibrated_config(&self, seed: u64, index: u64) -> BrainSettings {
         let mut config = self.scenario.brain.clone();
         config.seed = seed_for(Stream::Brain, seed, index);
         // What is known beforehand, unless the scenario tells the brain otherwise: whether there is air, and how much it brakes the

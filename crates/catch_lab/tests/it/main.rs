@@ -4,6 +4,7 @@ mod aerodynamic_flight;
 mod all_cells;
 mod blanked;
 mod calibration;
+mod camera_health;
 mod circles;
 mod frames;
 mod mutations;

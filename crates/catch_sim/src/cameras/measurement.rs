@@ -74,6 +74,20 @@ impl DepthCameras {
         &self.cameras
     }
 
+    /// Two cameras exchange their images.
+    pub(crate) fn swap(&mut self, one: usize, other: usize) {
+        if one.max(other) < self.cameras.len() {
+            self.cameras.swap(one, other);
+        }
+    }
+
+    /// A camera is displaced, by metres in W.
+    pub(crate) fn push(&mut self, camera: usize, by_W: Vector3<f64>) {
+        if let Some(camera) = self.cameras.get_mut(camera) {
+            camera.X_WC.translation.vector += by_W;
+        }
+    }
+
     /// The phase of a camera that runs freely, as a fraction of its period.
     pub(crate) fn phase(&self, camera: usize) -> f64 {
         self.key.part(camera as u64).part(Purpose::Phase as u64).unit(0)

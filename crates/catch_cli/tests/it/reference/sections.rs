@@ -31,6 +31,7 @@ const fn with(
 
 const ARENA: &str = "catch_sim/src/config.rs";
 const GRIPPER: &str = "catch_sim/src/config/gripper.rs";
+const FAULTS: &str = "catch_sim/src/camera_faults.rs";
 const DEPTH: &str = "catch_sim/src/depth_noise.rs";
 
 /// A scenario.
@@ -57,6 +58,10 @@ pub const SCENARIO: &[Section] = &[
     ),
     of("Numbers that are drawn", "catch_sim/src/drawn.rs", "Between"),
     of("arena.wind, drawn", ARENA, "DrawnWind"),
+    of("arena.camera_faults", FAULTS, "CameraFault"),
+    of("arena.camera_faults, kind", FAULTS, "CameraFaultKind"),
+    of("arena.camera_faults, kind swapped", FAULTS, "SwappedCamera"),
+    of("arena.camera_faults, kind pushed", FAULTS, "Push"),
     at("arena.aerodynamics", "catch_sim/src/aerodynamics.rs", "AerodynamicsConfig"),
     at("arena.robot_errors", ARENA, "RobotErrors"),
     at("arena.robot_controller", ARENA, "RobotController"),
@@ -75,6 +80,11 @@ pub const SCENARIO: &[Section] = &[
     at("brain.perception", "catch_bot/src/perception/mod.rs", "Config"),
     of("brain.perception.depth_noise", "catch_bot/src/perception/point_cloud.rs", "DepthNoise"),
     at("brain.trajectory_prediction", "catch_bot/src/trajectory_prediction/mod.rs", "Config"),
+    at(
+        "brain.trajectory_prediction.correlated_error",
+        "catch_bot/src/trajectory_prediction/correlated_error.rs",
+        "CorrelatedError",
+    ),
     at(
         "brain.trajectory_prediction.aerodynamics",
         "catch_bot/src/trajectory_prediction/aerodynamics.rs",

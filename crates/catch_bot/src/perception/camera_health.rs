@@ -1,0 +1,293 @@
+//! What is wrong with a camera, told from its full images while the arm waits where it is known to be.
+//!
+//! Along the [silhouette](super::arm_edges) of the arm pixels show the arm on one side and not on the other. Where a camera has no
+//! depths it is blinded; where its depths repeat bit for bit, although they are noisy, it is frozen; where its silhouette is
+//! elsewhere, it is displaced, or another camera's images come in its place. Cameras that do not see the arm are not judged.
+
+use std::fmt::{self, Display};
+
+use catch_body::kinematics::LinkPoses;
+use catch_cell::{CameraModel, DepthFrame};
+use serde::{Deserialize, Serialize};
+
+use super::{
+    Config,
+    arm_edges::{ArmEdges, Sight},
+    detection::is_within,
+    segmentation::Surroundings,
+    silhouette_shift::{Shift, ShiftHistory},
+};
+
+/// How well a camera works.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CameraStatus {
+    /// Nothing is known against it.
+    #[default]
+    Good,
+    /// Its images have no depths, or the same one everywhere.
+    Blinded,
+    /// It gives the same image again and again.
+    Frozen,
+    /// It gives no images while others do.
+    Silent,
+    /// It does not stand or look as it is said to, or not as it did before.
+    Displaced,
+    /// Its images are those of another camera.
+    Swapped,
+}
+
+impl Display for CameraStatus {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Good => "right again",
+            Self::Blinded => "blinded",
+            Self::Frozen => "frozen",
+            Self::Silent => "silent",
+            Self::Displaced => "displaced",
+            Self::Swapped => "swapped with another",
+        })
+    }
+}
+
+/// The health of all cameras.
+#[derive(Debug, Clone)]
+pub struct CameraHealth {
+    /// The waiting arm, and the aperture of its gripper.
+    waiting: Option<(LinkPoses, f64)>,
+    edges: Vec<ArmEdges>,
+    records: Vec<Record>,
+    statuses: Vec<CameraStatus>,
+    left_out: Vec<bool>,
+}
+
+/// What is remembered of a camera.
+#[derive(Debug, Clone)]
+struct Record {
+    /// Capture time of its newest image.
+    newest_s: Option<f64>,
+    /// Sets of full images since then that it had no part in.
+    missed: usize,
+    /// Depths of its newest full image, at the same pixels in each.
+    depths_m: [f32; SAMPLES],
+    frozen: Verdict,
+    blinded: Verdict,
+    swapped: Verdict,
+    /// Whether too little of the silhouette is where it should be.
+    misplaced: Verdict,
+    shift: ShiftHistory,
+}
+
+/// A verdict that changes when so many images in a row speak against it.
+#[derive(Debug, Clone, Copy, Default)]
+struct Verdict {
+    holds: bool,
+    against: u8,
+}
+
+/// Depths of an image that are remembered.
+const SAMPLES: usize = 64;
+/// As many of them at least must be depths if they are to tell anything.
+const MIN_SAMPLES: usize = 12;
+/// Images in a row that make a verdict; so many more unmake it.
+const MAKES: u8 = 2;
+const UNMAKES: u8 = 4;
+/// An arm whose links are nearer to where they wait than this waits, in metres and radians.
+const WAITING: f64 = 2e-3;
+/// Of the pixels that should show the arm a blinded camera measures fewer than this fraction.
+const BLINDED_FRACTION: f64 = 0.05;
+/// Of the pixels along the silhouette more than this fraction show what they should, but for a camera that is misplaced.
+const EXPLAINED: f64 = 0.7;
+/// An image of which less is explained may be another camera's.
+const UNCLEAR: f64 = 0.85;
+/// So much better another camera's silhouette explains an image if that is its camera.
+const BETTER: f64 = 0.08;
+/// A camera is silent when it has not given an image for so long, in seconds, and in so many sets of images.
+const SILENT_S: f64 = 0.25;
+const SILENT_SETS: usize = 10;
+
+impl CameraHealth {
+    /// For an arm that will be waiting where `surroundings` say.
+    pub fn before_flight(cameras: &[CameraModel], surroundings: &Surroundings<'_>, config: &Config) -> Self {
+        let record = Record {
+            newest_s: None,
+            missed: 0,
+            depths_m: [f32::NAN; SAMPLES],
+            frozen: Verdict::default(),
+            blinded: Verdict::default(),
+            swapped: Verdict::default(),
+            misplaced: Verdict::default(),
+            shift: ShiftHistory::default(),
+        };
+        Self {
+            waiting: Some((surroundings.X_WL, surroundings.width_m)),
+            edges: cameras.iter().map(|camera| ArmEdges::new(camera, surroundings, config)).collect(),
+            records: vec![record; cameras.len()],
+            statuses: vec![CameraStatus::Good; cameras.len()],
+            left_out: vec![false; cameras.len()],
+        }
+    }
+
+    /// The status of each camera.
+    pub fn statuses(&self) -> &[CameraStatus] {
+        &self.statuses
+    }
+
+    /// Whether each camera is left out of perception.
+    pub fn left_out(&self) -> &[bool] {
+        &self.left_out
+    }
+
+    /// A throw is over; where the cameras were seen to look during it is how they looked before.
+    pub fn end_throw(&mut self) {
+        self.records.iter_mut().for_each(|it| it.shift.close());
+    }
+
+    /// Takes in the images of one capture time. Only full images without masks tell anything.
+    pub fn observe(
+        &mut self,
+        frames: &[DepthFrame],
+        cameras: &[CameraModel],
+        surroundings: Option<&Surroundings<'_>>,
+        config: &Config,
+    ) {
+        let is_full = |frame: &&DepthFrame| {
+            let is_whole = cameras.get(frame.camera).is_some_and(|it| frame.window == it.full_window());
+            is_whole && frame.mask.is_none() && frame.depth_m.len() >= frame.window.area()
+        };
+        self.note_arrivals(frames, frames.iter().any(|frame| is_full(&frame)));
+        let waits = self.waiting.as_ref().zip(surroundings).is_some_and(|((X_WL, width_m), known)| {
+            is_within(WAITING, X_WL, &known.X_WL) && (width_m - known.width_m).abs() < WAITING
+        });
+        for frame in frames.iter().filter(is_full) {
+            self.judge_repetition(frame, config);
+            if waits {
+                self.judge_sight(frame, &cameras[frame.camera], config);
+            }
+        }
+        self.conclude();
+    }
+
+    /// Which cameras give images, while any gives full ones.
+    fn note_arrivals(&mut self, frames: &[DepthFrame], any_is_full: bool) {
+        let Some(now_s) = frames.first().map(|frame| frame.capture_s) else { return };
+        for record in &mut self.records {
+            record.missed = (record.missed + usize::from(any_is_full)).min(SILENT_SETS);
+            record.newest_s.get_or_insert(now_s);
+        }
+        for frame in frames {
+            if let Some(record) = self.records.get_mut(frame.camera) {
+                (record.newest_s, record.missed) = (Some(frame.capture_s), 0);
+            }
+        }
+        for (record, status) in self.records.iter().zip(&mut self.statuses) {
+            let silent = record.missed == SILENT_SETS && record.newest_s.is_some_and(|it| now_s - it > SILENT_S);
+            *status = if silent { CameraStatus::Silent } else { CameraStatus::Good };
+        }
+    }
+
+    /// Whether depths repeat that are noisy.
+    fn judge_repetition(&mut self, frame: &DepthFrame, config: &Config) {
+        let (edges, record) = (&self.edges[frame.camera], &mut self.records[frame.camera]);
+        let (mut measured, mut repeated) = (0, true);
+        for (pixel, before_m) in edges.samples(SAMPLES).zip(&mut record.depths_m) {
+            let depth_m = frame.depth_m[pixel];
+            repeated &= depth_m.to_bits() == before_m.to_bits() || depth_m.is_nan() && before_m.is_nan();
+            measured += usize::from(depth_m.is_finite());
+            *before_m = depth_m;
+        }
+        if measured >= MIN_SAMPLES && config.depth_sd_m(edges.mean_depth_m()) > 0.0 {
+            record.frozen.update(repeated);
+        }
+    }
+
+    /// Whether the arm is seen, and where.
+    fn judge_sight(&mut self, frame: &DepthFrame, camera: &CameraModel, config: &Config) {
+        let edges = &self.edges[frame.camera];
+        if !edges.are_enough() {
+            return;
+        }
+        let sight = edges.look(frame);
+        let blinded = sight.measured_fraction < BLINDED_FRACTION && is_empty(frame) || is_uniform(frame);
+        let misplaced = sight.explained.is_some_and(|it| it < EXPLAINED);
+        let is_unclear = !blinded && sight.explained.is_none_or(|it| it < UNCLEAR);
+        let swapped = is_unclear && self.is_of_another(frame, &sight);
+        let record = &mut self.records[frame.camera];
+        record.blinded.update(blinded);
+        record.swapped.update(swapped);
+        if !blinded && sight.explained.is_some() {
+            record.misplaced.update(misplaced);
+        }
+        if let Some(shift) = Shift::of(&sight).filter(|_| !blinded && !misplaced && !record.frozen.holds) {
+            record.shift.add(shift, camera, edges.mean_depth_m(), config);
+        }
+    }
+
+    /// Whether an image shows the arm as another camera would.
+    fn is_of_another(&self, frame: &DepthFrame, own: &Sight) -> bool {
+        let least = own.explained.unwrap_or(0.0).max(EXPLAINED) + BETTER;
+        self.edges.iter().enumerate().any(|(i, edges)| {
+            i != frame.camera
+                && edges.are_enough()
+                && edges.is_for(&frame.window)
+                && edges.look(frame).explained.is_some_and(|explained| explained > least)
+        })
+    }
+
+    /// The statuses, and which cameras are left out. Where most cameras seem to be displaced, the arm is: then they all stay.
+    fn conclude(&mut self) {
+        let mut displaced = 0;
+        for (record, status) in self.records.iter().zip(&mut self.statuses) {
+            *status = match record {
+                _ if *status == CameraStatus::Silent => CameraStatus::Silent,
+                Record { frozen: Verdict { holds: true, .. }, .. } => CameraStatus::Frozen,
+                Record { blinded: Verdict { holds: true, .. }, .. } => CameraStatus::Blinded,
+                Record { swapped: Verdict { holds: true, .. }, .. } => CameraStatus::Swapped,
+                _ if record.misplaced.holds || record.shift.is_displaced() => CameraStatus::Displaced,
+                _ => CameraStatus::Good,
+            };
+            displaced += usize::from(*status == CameraStatus::Displaced);
+        }
+        let most_are_displaced = 2 * displaced > self.statuses.len();
+        for (left_out, status) in self.left_out.iter_mut().zip(&self.statuses) {
+            *left_out = match status {
+                CameraStatus::Good => false,
+                CameraStatus::Displaced => !most_are_displaced,
+                _ => true,
+            };
+        }
+    }
+}
+
+impl Verdict {
+    fn update(&mut self, holds: bool) {
+        self.against = if holds == self.holds { 0 } else { self.against + 1 };
+        if self.against >= if self.holds { UNMAKES } else { MAKES } {
+            *self = Self { holds, against: 0 };
+        }
+    }
+}
+
+/// Depths of an image that are evenly spread.
+fn spread(frame: &DepthFrame) -> impl Iterator<Item = f32> {
+    let count = frame.window.area();
+    // Not a multiple of the width, so that all columns have their turn.
+    let step = (count / 256).max(1) | 1;
+    frame.depth_m[..count].iter().step_by(step).copied()
+}
+
+/// Whether hardly any pixel has a depth.
+fn is_empty(frame: &DepthFrame) -> bool {
+    spread(frame).filter(|depth_m| depth_m.is_finite() && *depth_m > 0.0).count() <= 2
+}
+
+/// Whether nearly all pixels have the same depth.
+fn is_uniform(frame: &DepthFrame) -> bool {
+    let Some(first) = spread(frame).find(|depth_m| depth_m.is_finite() && *depth_m > 0.0) else { return false };
+    let (mut count, mut alike) = (0, 0);
+    for depth_m in spread(frame) {
+        count += 1;
+        alike += usize::from(depth_m == first);
+    }
+    10 * alike > 9 * count
+}

@@ -1,0 +1,42 @@
+//! Cameras that the brain says are at fault.
+
+use catch_bot::perception::CameraStatus;
+use serde::{Deserialize, Serialize};
+
+use super::Measures;
+use crate::trial::StateSnapshot;
+
+/// A camera that the brain says is at fault.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FaultyCamera {
+    /// Its number in the rig, from 0 on.
+    pub camera: usize,
+    /// What is wrong with it.
+    pub status: CameraStatus,
+}
+
+/// The cameras that were said to be at fault in a throw, each with the last status that is none of a good one.
+pub fn faulty_cameras(snapshots: &[StateSnapshot]) -> Vec<FaultyCamera> {
+    let mut statuses: Vec<CameraStatus> = Vec::new();
+    for report in snapshots.iter().filter_map(|it| it.report.as_ref()) {
+        statuses.resize(statuses.len().max(report.cameras.len()), CameraStatus::Good);
+        let said = statuses.iter_mut().zip(&report.cameras);
+        said.filter(|(_, now)| **now != CameraStatus::Good).for_each(|(last, now)| *last = *now);
+    }
+    let faulty = statuses.into_iter().enumerate().filter(|(_, status)| *status != CameraStatus::Good);
+    faulty.map(|(camera, status)| FaultyCamera { camera, status }).collect()
+}
+
+/// How many cameras were said to be at fault, as measures of a throw without any other.
+pub(super) fn counted(snapshots: &[StateSnapshot]) -> Measures {
+    let faulty = faulty_cameras(snapshots);
+    let said = |status: CameraStatus| faulty.iter().filter(|it| it.status == status).count() as u32;
+    Measures {
+        blinded_cameras: said(CameraStatus::Blinded),
+        frozen_cameras: said(CameraStatus::Frozen),
+        silent_cameras: said(CameraStatus::Silent),
+        displaced_cameras: said(CameraStatus::Displaced),
+        swapped_cameras: said(CameraStatus::Swapped),
+        ..Measures::default()
+    }
+}

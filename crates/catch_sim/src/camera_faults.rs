@@ -1,0 +1,76 @@
+//! Cameras that fail: what a test of a brain does to them, and from when on.
+
+use catch_body::{InputError, quantity};
+use catch_cell::CameraModel;
+use serde::{Deserialize, Serialize};
+
+/// A camera that fails.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CameraFault {
+    /// Number of the camera in its rig, from 0 on.
+    #[serde(deserialize_with = "quantity::camera_number")]
+    pub camera: usize,
+    /// What is wrong with it.
+    pub kind: CameraFaultKind,
+    /// From when on, in seconds on the cell's clock.
+    #[serde(default, deserialize_with = "quantity::clock_s")]
+    pub from_s: f64,
+}
+
+/// What can be wrong with a camera.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CameraFaultKind {
+    /// Its images have no depths.
+    Blinded,
+    /// It gives the same image again and again, each with a new capture time.
+    Frozen,
+    /// It gives no images.
+    Silent,
+    /// It and another one have exchanged their images.
+    Swapped(SwappedCamera),
+    /// Something has pushed it.
+    Pushed(Push),
+}
+
+/// Whose images a camera has.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SwappedCamera {
+    /// Number of the other camera, whose images are as large.
+    #[serde(deserialize_with = "quantity::camera_number")]
+    pub with: usize,
+}
+
+/// How far a camera was pushed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Push {
+    /// Displacement in W, in metres.
+    #[serde(deserialize_with = "quantity::offset_m")]
+    pub by_m: [f64; 3],
+}
+
+impl CameraFault {
+    /// Whether there are such cameras in a rig.
+    ///
+    /// # Errors
+    /// If there are not; `file` and `field` name the place.
+    pub fn check(&self, cameras: &[CameraModel], file: &str, field: &str) -> Result<(), InputError> {
+        let find = |number: usize, name: &str| {
+            let expected = format!("the number of a camera of the rig, 0 to {}", cameras.len().saturating_sub(1));
+            cameras.get(number).ok_or_else(|| InputError::new(file, format!("{field}.{name}"), number, expected))
+        };
+        let camera = find(self.camera, "camera")?;
+        if let CameraFaultKind::Swapped(SwappedCamera { with }) = self.kind {
+            let name = "kind.swapped.with";
+            let other = find(with, name)?;
+            if (camera.width_px, camera.height_px) != (other.width_px, other.height_px) {
+                let expected = "a camera with images of the same size";
+                return Err(InputError::new(file, format!("{field}.{name}"), with, expected));
+            }
+        }
+        Ok(())
+    }
+}
