@@ -299,7 +299,7 @@ fn fit_about_com(
         by_com.fixed_view_mut::<3, 3>(3, 0).copy_from(&to_com_W.cross_matrix());
         ObjectPose { X_WO, information: by_com.transpose() * pose.information * by_com, ..*pose }
     }));
-    let mut com_covariance = SMatrix::zeros();
+    let mut com_covariance = SMatrix::<f64, 9, 3>::zeros();
     com_covariance.fixed_rows_mut::<3>(6).fill_diagonal(config.com_sd_m().powi(2));
     let previous = FlightTrajectory { com_O: Vector3::zeros(), ..previous.clone() };
     let found = fit_flight(&about_com, Some(&previous), symmetry, config, seed, workspace);
