@@ -5,6 +5,7 @@
 
 mod aerodynamic_forces;
 mod aerodynamics;
+mod correlated_error;
 mod fit;
 mod flight;
 mod local_flight;
@@ -18,6 +19,7 @@ use serde::{Deserialize, Serialize};
 
 pub use aerodynamic_forces::AerodynamicForces;
 pub use aerodynamics::AerodynamicPrior;
+pub use correlated_error::CorrelatedError;
 pub use flight::{FlightPropagator, FlightTrajectory};
 pub use local_flight::LocalFlight;
 pub use process_noise::ProcessNoise;
@@ -59,8 +61,10 @@ pub struct Config {
     pub drag_prior_sd_per_m: Option<f64>,
     /// Standard deviation of each component of the angular velocity around zero before anything is seen, rad/s.
     pub spin_prior_sd_radps: f64,
-    /// Error in metres that all poses have in common (calibration of the cameras).
+    /// Error in metres that all poses have in common, at the arm and away from it (calibration of the cameras).
     pub systematic_sd_m: f64,
+    /// Error that successive poses have in common, which grows with the distance from the arm. None by default, as in the paper's simulator.
+    pub correlated_error: CorrelatedError,
     /// Standard deviation in metres of each coordinate by which the centre of mass may be beside that of the reference model, whose density is
     /// uniform; zero if it is not set.
     pub com_sd_m: Option<f64>,
@@ -88,6 +92,7 @@ impl Default for Config {
             drag_prior_sd_per_m: None,
             spin_prior_sd_radps: 10.0,
             systematic_sd_m: 0.0,
+            correlated_error: CorrelatedError::default(),
             com_sd_m: None,
             aerodynamics: AerodynamicPrior::default(),
             process_noise: ProcessNoise::default(),
@@ -119,6 +124,7 @@ impl Settings for Config {
                 ],
             )
             .values(&LIMIT_SCALE, [("min_inlier_fraction", self.min_inlier_fraction)])
+            .table("correlated_error", &self.correlated_error)
             .table("aerodynamics", &self.aerodynamics)
             .table("process_noise", &self.process_noise)
             .options(

@@ -10,6 +10,8 @@ pub const DRAG: usize = 6;
 pub const TURN: usize = 7;
 pub const SPIN: usize = 10;
 pub const DECAY: usize = 13;
+/// Parameters from the orientation on.
+pub const ROTATION: usize = N - TURN;
 
 /// No spin decays faster.
 const MOST_DECAY_PER_S: f64 = 10.0;

@@ -12,6 +12,7 @@ use catch_bot::{
         CalibrationRun, CalibrationStatus, CameraCalibration, Config, Session, calibrate, pose_choice::choose_poses,
     },
     trajectory_optimization::MotionPlanner,
+    trajectory_prediction::CorrelatedError,
 };
 use catch_cell::{Brain, CameraModel, Cell};
 use catch_sim::{
@@ -215,7 +216,15 @@ impl Setup {
             let prediction = &mut config.trajectory_prediction;
             prediction.systematic_sd_m = prediction.systematic_sd_m.max(systematic_m);
         }
+        config.trajectory_prediction.correlated_error.sd_per_m = Some(self.correlated_sd_per_m(&config));
         config
+    }
+
+    /// What the scenario says of the error that successive poses have in common, or else what follows from how the brain expects cameras
+    /// to be rotated.
+    pub(super) fn correlated_sd_per_m(&self, config: &BrainSettings) -> f64 {
+        let of_scenario = self.scenario.brain.trajectory_prediction.correlated_error.sd_per_m;
+        of_scenario.unwrap_or(CorrelatedError::of_cameras(config.perception.camera_sd_rad, self.cameras.len()))
     }
 
     /// What the brain works out before anything flies, with the cameras as it believes them to stand in scenes of `seed`.
