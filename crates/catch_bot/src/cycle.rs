@@ -17,6 +17,9 @@ use crate::{
     trajectory_prediction::FlightPredictor,
 };
 
+/// Two images less than this apart tell no speed, in seconds.
+const LEAST_SPAN_S: f64 = 0.005;
+
 /// What the brain is at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
@@ -350,6 +353,10 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Candidate<E, P, C> {
     fn look(&mut self, observation: &Observation, config: &CycleConfig) -> Option<ObjectPose> {
         self.bot.controller.acknowledge(&observation.arm);
         let pose = self.bot.perceive(observation)?;
+        // Images of cameras that run freely come in any order, and so close to each other that they tell no speed.
+        if self.seen.is_some_and(|(before_s, _)| pose.capture_s < before_s + LEAST_SPAN_S) {
+            return Some(pose);
+        }
         let p_WO = Point3::from(pose.X_WO.translation.vector);
         let before = self.seen.replace((pose.capture_s, p_WO));
         let flies = before.is_some_and(|(before_s, before_W)| {

@@ -17,8 +17,10 @@ No command may break a limit of the arm. *Limits broken* also counts limits that
 60 ms after the first image. The rate *caught* is of those within reach, with its interval (Wilson, 95 %).";
 
 /// Scenarios, workcells, and the throws that are counted together.
-const CONDITIONS: [(&str, Option<&str>, &[&str]); 4] = [
+const CONDITIONS: [(&str, Option<&str>, &[&str]); 6] = [
     ("honest", None, &["random"]),
+    ("honest-aero", None, &["random"]),
+    ("lab", None, &["by_hand"]),
     ("paper", None, &["near_sampled", "far_sampled"]),
     ("paper", None, &["random_by_reach"]),
     ("paper", Some("table_and_fence"), &["near_sampled", "far_sampled"]),

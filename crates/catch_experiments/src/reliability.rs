@@ -12,6 +12,7 @@ use catch_lab::{
         flight_misses::{Miss, Misses, QUANTILES, Reliability, Seen, Throw},
         recorded_throws, track_file,
     },
+    referee::true_com_O,
     scenario::setup::{Choice, Setup},
 };
 
@@ -73,11 +74,11 @@ fn simulated(setup: &Setup, seed: u64, index: u64) -> Option<[Option<Miss>; 4]> 
         }
         let Ok(()) = arena.act(&command);
     }
-    let truth = arena.truth();
+    let (truth, com_O) = (arena.truth(), true_com_O(setup));
     let then = truth.samples.last().filter(|_| truth.samples.iter().all(|it| !it.contact.any()))?;
     Some(flights.map(|flight| {
         let flight = flight?;
-        let error = then.X_WO.translation.vector - flight.pose_at(then.time_s).translation.vector;
+        let error = then.X_WO.translation.vector - (flight.pose_at(then.time_s) * com_O).coords;
         let covariance = flight.covariance_at(then.time_s).fixed_view::<3, 3>(0, 0).into_owned();
         Some(Miss { error, covariance })
     }))

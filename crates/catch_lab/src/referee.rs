@@ -119,7 +119,7 @@ pub struct Row {
 }
 
 /// The object's true centre of mass in the brain's O, which has its origin where the centre of mass would be at uniform density.
-pub(crate) fn true_com_O(setup: &Setup) -> Point3<f64> {
+pub fn true_com_O(setup: &Setup) -> Point3<f64> {
     setup.known().reference().X_RO.inverse_transform_point(&Point3::origin())
 }
 

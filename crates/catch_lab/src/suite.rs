@@ -250,8 +250,9 @@ fn release(setup: &Setup, seed: u64, index: u64) -> String {
         release.q_WO.coords.as_slice(),
         release.omega_WO.as_slice(),
     ];
+    let path = release.path.iter().flat_map(|it| it.states()).flat_map(|it| it.position.coords.data.0[0]);
     // Adding zero makes one zero of both.
-    parts.concat().iter().map(|value| format!("{:.6} ", (value * 1e6).round() / 1e6 + 0.0)).collect()
+    parts.concat().into_iter().chain(path).map(|value| format!("{:.6} ", (value * 1e6).round() / 1e6 + 0.0)).collect()
 }
 
 #[cfg(test)]

@@ -17,7 +17,7 @@ pub struct DepthConfig {
     pub lost_frame_fraction: f64,
     /// Fraction of the images whose fate is that of the camera's image before them, so that images are lost in bursts of
     /// 1/((1 − this)·(1 − `lost_frame_fraction`)) on average.
-    #[serde(deserialize_with = "quantity::fraction")]
+    #[serde(deserialize_with = "quantity::spread")]
     pub lost_frame_persistence: f64,
     /// Fraction of the object's surface, dark or specular, of which no camera measures any depth: a number, or `{ min, max }` from
     /// which every throw draws. It is in patches that are fixed to the object.

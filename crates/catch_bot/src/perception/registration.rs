@@ -40,6 +40,8 @@ pub struct Fit {
 
 /// Depth noise in radii of the object from which on depths are left aside where there is a silhouette.
 const HOPELESS_RADII: f64 = 0.5;
+/// A point's variance of its own is this fraction of all of it or more, whatever the points of an image have in common.
+const LEAST_OWN: f64 = 1e-3;
 /// How far before an object's centre its image lies, in its inner radii: two thirds for a ball.
 const FACING_RADII: f64 = 2.0 / 3.0;
 /// Silhouettes in so many images tell how far away an object is.
@@ -243,7 +245,7 @@ impl Registration<'_> {
             let mut common = CommonError::new(0.0);
             self.each_residual(image, X_WO, |p_O, n_O, distance, sd, by_depth| {
                 let effect = common_sd * by_depth;
-                let curvature = sums.weigh(distance, sd, scale) / (sd * sd - effect * effect);
+                let curvature = sums.weigh(distance, sd, scale) / (sd * sd - effect * effect).max(LEAST_OWN * sd * sd);
                 let slope = curvature * distance;
                 sums.equations.add(p_O, n_O, curvature, slope);
                 if effect != 0.0 {

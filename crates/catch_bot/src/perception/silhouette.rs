@@ -335,7 +335,7 @@ impl Silhouette {
                     continue;
                 };
                 // Blur is an angle: what it covers grows with the distance, and must not be what makes the object seem farther away.
-                let n_O = ray.n_O + ray.direction_O * (ray.beyond_m(edges) / ray.along_m);
+                let n_O = ray.n_O + ray.direction_O * (ray.distance_m / ray.along_m);
                 sums.equations.add(&ray.p_O, &n_O, curvature, slope);
                 growth.add(&ray.p_O, &n_O, curvature, slope, -growth_sd_px * ray.pixel_m());
             }

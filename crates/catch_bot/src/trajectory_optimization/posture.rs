@@ -292,7 +292,7 @@ mod tests {
                 nearest = nearest.min((x - lowest).abs());
                 (x - lowest).powi(2)
             });
-            prop_assert!(nearest <= GOLDEN_SECTION);
+            prop_assert!(nearest <= GOLDEN_SECTION * (1.0 - GOLDEN_SECTION) + 1e-5);
         }
     }
 }

@@ -29,7 +29,7 @@ pub struct AerodynamicPrior {
     pub magnus: f64,
     /// Its standard deviation.
     pub magnus_sd: f64,
-    /// Standard deviation of each component of s, in rad/s. Where `magnus_sd` is zero, s is the lift of all spin, seen or not.
+    /// Standard deviation of each component of s, in rad/s. Where no Magnus coefficient is expected, s is the lift of all spin, seen or not.
     pub lift_sd_radps: f64,
     /// Decay c of the spin that is expected, ω̇ = −c·ω, in 1/s.
     pub spin_decay_per_s: f64,
@@ -124,7 +124,7 @@ impl UnseenSpin {
     fn of(symmetry: &Symmetry, prior: &AerodynamicPrior) -> Self {
         match symmetry {
             Symmetry::Sphere => Self::World,
-            _ if prior.magnus_sd == 0.0 => Self::World,
+            _ if prior.magnus == 0.0 && prior.magnus_sd == 0.0 => Self::World,
             Symmetry::Axis { axis, .. } => Self::Along(*axis),
             Symmetry::Finite { .. } => Self::None,
         }
@@ -146,6 +146,7 @@ impl UnseenSpin {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Row {
     age_s: f64,
+    p_W: Vector3<f64>,
     by: SMatrix<f64, 3, N>,
     rest: Vector3<f64>,
     information: Matrix3<f64>,
@@ -205,7 +206,8 @@ pub(super) fn refine(
         let R_WO = tumbling.R_WO.to_rotation_matrix();
         by.fixed_view_mut::<3, 3>(0, COM).copy_from(&-(R_WO * centres));
         let rest = pose.X_WO.translation.vector - gravity() * (0.5 * age_s * age_s);
-        rows.push(Row { age_s, by, rest, information: of_position(pose), weight: 1.0 });
+        let p_W = pose.X_WO.translation.vector;
+        rows.push(Row { age_s, p_W, by, rest, information: of_position(pose), weight: 1.0 });
     }
     let mut expected = SVector::<f64, N>::zeros();
     expected[DRAG] = config.drag_per_m();
@@ -225,24 +227,34 @@ pub(super) fn refine(
     let mut scale = 1.0;
     for pass in 0..=PASSES {
         let (mut H, mut g) = (SMatrix::<f64, N, N>::zeros(), SVector::<f64, N>::zeros());
+        let mut correlated = config.correlated_error.sums().filter(|_| pass == PASSES);
         let mut older_s = None;
         for row in rows.iter().rev() {
             if let Some(older_s) = older_s.replace(row.age_s) {
                 let variance = config.process_noise.acceleration.powi(2) * (older_s - row.age_s);
                 if variance > 0.0 {
-                    after_impulse(&mut H, &mut g, [0, 3], f64::midpoint(older_s, row.age_s), variance);
+                    let middle_s = f64::midpoint(older_s, row.age_s);
+                    let gain = after_impulse(&mut H, &mut g, [0, 3], middle_s, variance);
+                    if let (Some(gain), Some(correlated)) = (gain, &mut correlated) {
+                        correlated.after_impulse(&gain, [0, 3], middle_s);
+                    }
                 }
             }
             let pulled = row.by.transpose() * row.information * (row.weight / (scale * scale));
             H += pulled * row.by;
             g -= pulled * row.rest;
+            if let Some(correlated) = &mut correlated {
+                correlated.add(row.age_s, &row.p_W, &pulled);
+            }
         }
         H += SMatrix::from_diagonal(&known);
         g -= known.component_mul(&expected);
         let Some(factor) = H.cholesky() else { return };
         let x = -factor.solve(&g);
         if pass == PASSES {
-            found = Some((x, factor.inverse()));
+            let inverse = factor.inverse();
+            let correlated = correlated.map_or_else(SMatrix::zeros, |it| it.covariance(&inverse));
+            found = Some((x, inverse + correlated));
             break;
         }
         // The noise of the process displaces older poses: the newest ones tell how large the errors are.

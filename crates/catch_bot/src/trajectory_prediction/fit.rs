@@ -4,24 +4,24 @@
 //! turn and shift from the flight to pose i and Wᵢ its information, by Gauss–Newton with reweighting. Outliers weigh nothing
 //! (ρ of Geman and McClure); the scale s, by which the poses err more or less than they say, is estimated along.
 
+mod row;
 mod state;
 
 use catch_body::Pose;
-use nalgebra::{Matrix3, Matrix3x4, Point3, SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, Point3, SMatrix, SVector, Vector3};
 
 use super::{
-    AerodynamicForces, Config, FlightTrajectory, LocalFlight, PredictionStatus, ProcessNoise,
+    AerodynamicForces, Config, FlightTrajectory, LocalFlight, PredictionStatus,
+    correlated_error::CorrelatedSums,
     flight::Motion,
-    process_noise::{after_impulse, lost_square},
+    process_noise::after_impulse,
     ransac::{is_finite, reach_m},
     tumbling,
     tumbling::Tumbling,
 };
 use crate::perception::{ObjectPose, Symmetry};
-use state::{DECAY, DRAG, N, SPIN, State, TURN, solved};
-
-/// Parameters from the orientation on.
-const ROTATION: usize = N - TURN;
+use row::Row;
+use state::{DECAY, DRAG, N, ROTATION, SPIN, State, TURN, solved};
 
 /// Error in scaled standard deviations per degree of freedom at which a pose's weight has fallen to a quarter.
 const OUTLIER_SD: f64 = 4.0;
@@ -32,42 +32,6 @@ const STEP_SD: f64 = 0.05;
 /// Within this many standard deviations the flight is as good as linear in its parameters.
 const LINEAR_SD: f64 = 0.5;
 
-/// How the flight stands to one pose: the error, and how the flight's pose there depends on its parameters.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Row {
-    /// How much older than the newest pose this one is, in seconds.
-    age_s: f64,
-    /// Turn and shift from the flight to the pose.
-    turn: Vector3<f64>,
-    shift: Vector3<f64>,
-    /// ∂turn/∂(θ, ω, c), and ∂shift/∂(v, k); ∂shift/∂p is the identity.
-    by_rotation: SMatrix<f64, 3, ROTATION>,
-    by_motion: Matrix3x4<f64>,
-    /// The pose's information by turns, turns and shifts, and shifts.
-    turns: Matrix3<f64>,
-    mixed: Matrix3<f64>,
-    shifts: Matrix3<f64>,
-    /// eᵀ·W·e, W less the noise of the process since then.
-    square: f64,
-}
-
-impl Row {
-    /// Notes eᵀ·W·e.
-    fn weigh(&mut self, turns: bool, noise: &ProcessNoise) {
-        self.square = self.shift.dot(&(self.shifts * self.shift));
-        if turns {
-            self.square += self.turn.dot(&(self.turns * self.turn + self.mixed * (self.shift * 2.0)));
-        }
-        if noise.any() && self.age_s > 0.0 {
-            self.square -= lost_square(&self.shifts, &self.shift, noise.acceleration, self.age_s);
-            if turns {
-                self.square -= lost_square(&self.turns, &self.turn, noise.angular_acceleration, self.age_s);
-            }
-        }
-        self.square = self.square.max(0.0);
-    }
-}
-
 /// Sums over all poses.
 struct Sums {
     information: SMatrix<f64, N, N>,
@@ -76,6 +40,8 @@ struct Sums {
     squares: f64,
     freedom: f64,
     inliers: usize,
+    /// What errors that poses have in common do to the gradient, if that was asked for.
+    correlated: Option<CorrelatedSums<N>>,
 }
 
 /// Buffers of the fit.
@@ -128,7 +94,7 @@ pub(super) fn fit(
     let mut agreeing = near_start;
     let mut converged = false;
     for _ in 0..config.max_iterations {
-        let sums = problem.sums(scale, scale, scratch);
+        let sums = problem.sums(scale, scale, None, scratch);
         let (information, gradient) = problem.with_priors(&sums, &state, scale);
         let step = -solved(&information, &gradient, config).ok_or(PredictionStatus::NotConverged)?;
         if !step.iter().all(|value| value.is_finite()) {
@@ -149,14 +115,19 @@ pub(super) fn fit(
             break;
         }
     }
-    let sums = problem.sums(scale, scale, scratch);
+    let correlated = config.correlated_error.sums();
+    let sums = problem.sums(scale, scale, correlated.clone(), scratch);
     if !converged && scale > 10.0 {
         return Err(PredictionStatus::NotConverged);
     }
     let error_scale = ((sums.squares + SCALE_PRIOR_DOF) / (sums.freedom + SCALE_PRIOR_DOF)).sqrt();
-    let sums = if config.process_noise.any() { problem.sums(scale, error_scale, scratch) } else { sums };
+    let sums = if config.process_noise.any() { problem.sums(scale, error_scale, correlated, scratch) } else { sums };
     let (information, _) = problem.with_priors(&sums, &state, error_scale);
-    let covariance = solved::<N>(&information, &SMatrix::identity(), config).ok_or(PredictionStatus::NotConverged)?;
+    let mut covariance =
+        solved::<N>(&information, &SMatrix::identity(), config).ok_or(PredictionStatus::NotConverged)?;
+    if let Some(correlated) = &sums.correlated {
+        covariance += correlated.covariance(&covariance) / error_scale.powi(4);
+    }
     let flight = FlightTrajectory {
         time_s: newest_s,
         p_WO: Point3::from(state.p),
@@ -172,7 +143,7 @@ pub(super) fn fit(
         process_noise: config.process_noise,
         com_O: Vector3::zeros(),
         com_covariance: SMatrix::zeros(),
-        forces: AerodynamicForces::default(),
+        forces: problem.forces,
         force_covariance: SMatrix::zeros(),
         inliers: sums.inliers,
         considered: poses.len(),
@@ -230,6 +201,7 @@ impl Problem<'_> {
             let X_WO: &Pose = &pose.X_WO;
             let mut row = Row {
                 age_s: self.newest_s - pose.capture_s,
+                p_W: X_WO.translation.vector,
                 turn: Vector3::zeros(),
                 shift: X_WO.translation.vector - motion.p - pushed_m,
                 by_rotation: SMatrix::zeros(),
@@ -291,9 +263,9 @@ impl Problem<'_> {
     ///
     /// With noise they are gathered from the oldest pose on: between two poses, Δt apart, impulses of variance q²·Δt have changed velocity and
     /// angular velocity. An impulse u of age τ is τ·u in the position now and u in the velocity; drag and tumbling are left out of that.
-    fn sums(&self, scale: f64, noise_scale: f64, scratch: &Scratch) -> Sums {
-        let mut sums =
-            Sums { information: SMatrix::zeros(), gradient: SVector::zeros(), squares: 0.0, freedom: 0.0, inliers: 0 };
+    fn sums(&self, scale: f64, noise_scale: f64, correlated: Option<CorrelatedSums<N>>, scratch: &Scratch) -> Sums {
+        let (information, gradient) = (SMatrix::zeros(), SVector::zeros());
+        let mut sums = Sums { information, gradient, squares: 0.0, freedom: 0.0, inliers: 0, correlated };
         let noise = self.config.process_noise;
         if noise.any() {
             let mut older_s = None;
@@ -321,7 +293,10 @@ impl Problem<'_> {
         for (blocks, density) in [([0, 3], noise.acceleration), ([TURN, SPIN], noise.angular_acceleration)] {
             let variance = variance(density);
             if variance > 0.0 {
-                after_impulse(&mut sums.information, &mut sums.gradient, blocks, middle_s, variance);
+                let gain = after_impulse(&mut sums.information, &mut sums.gradient, blocks, middle_s, variance);
+                if let (Some(gain), Some(correlated)) = (gain, &mut sums.correlated) {
+                    correlated.after_impulse(&gain, blocks, middle_s);
+                }
             }
         }
     }
@@ -335,7 +310,7 @@ impl Problem<'_> {
             let mut view = H.fixed_view_mut::<3, 3>(at.0, at.1);
             view += block;
         };
-        let in_sd = (row.square / self.freedom).sqrt() / scale;
+        let in_sd = row.in_sd(self.freedom, scale);
         let weight = (1.0 + (in_sd / OUTLIER_SD).powi(2)).powi(-2);
         let shifts = row.shifts * weight;
         let by_motion = shifts * row.by_motion;
@@ -366,6 +341,9 @@ impl Problem<'_> {
         sums.squares += weight * row.square;
         sums.freedom += weight * self.freedom;
         sums.inliers += usize::from(in_sd < OUTLIER_SD);
+        if let Some(correlated) = &mut sums.correlated {
+            correlated.add(row.age_s, &row.p_W, &(row.by_position() * weight));
+        }
     }
 
     /// The normal equations with the priors on drag and spin, and a trace of one on everything, for what is not observed.

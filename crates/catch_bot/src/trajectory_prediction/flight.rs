@@ -11,7 +11,7 @@ use super::{AerodynamicForces, LocalFlight, ProcessNoise, tumbling::Tumbling};
 pub struct FlightTrajectory {
     /// The instant of the state below, in seconds on the cell's clock: that of the newest pose it rests on.
     pub time_s: f64,
-    /// Position of the centre of mass in W, in metres.
+    /// Position of the centre of mass in W, in metres; that of O is [`pose_at`](Self::pose_at)'s.
     pub p_WO: Point3<f64>,
     /// Its velocity in W, in m/s.
     pub v_WO: Vector3<f64>,
@@ -238,6 +238,12 @@ impl FlightTrajectory {
         self.local_flight_at(time_s).V_WO
     }
 
+    /// Covariance of the rotation vector in W some time later, as if the angular velocity stayed as it is.
+    fn turn_covariance_after(&self, duration_s: f64) -> Matrix3<f64> {
+        let block = |i, j| self.rotation_covariance.fixed_view::<3, 3>(i, j).into_owned();
+        block(0, 0) + (block(0, 3) + block(3, 0)) * duration_s + block(3, 3) * (duration_s * duration_s)
+    }
+
     /// Covariance of (position of O, velocity of the centre of mass) in W at `time_s`, m² and m²/s².
     ///
     /// Σ(t) = Φ·Σ₀·Φᵀ, Φ being the derivative of (p, v) at `time_s` with respect to (p, v, k) at the state's time.
@@ -262,7 +268,9 @@ impl FlightTrajectory {
         }
         if self.com_covariance.iter().any(|it| *it != 0.0) {
             let by_com = -self.pose_at(time_s).rotation.to_rotation_matrix().into_inner();
-            let own = by_com * self.com_covariance.fixed_rows::<3>(6) * by_com.transpose();
+            let by_turn = (by_com * self.com_O).cross_matrix();
+            let own = by_com * self.com_covariance.fixed_rows::<3>(6) * by_com.transpose()
+                + by_turn * self.turn_covariance_after(time_s - self.time_s) * by_turn.transpose();
             let crossed =
                 transition.fixed_columns::<6>(0) * self.com_covariance.fixed_rows::<6>(0) * by_com.transpose();
             let mut of_position = covariance.fixed_columns_mut::<3>(0);

@@ -5,6 +5,7 @@
 
 mod aerodynamic_forces;
 mod aerodynamics;
+mod correlated_error;
 mod fit;
 mod flight;
 mod local_flight;
@@ -13,11 +14,12 @@ pub mod ransac;
 mod track;
 mod tumbling;
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix6, SMatrix, Vector3};
 use serde::{Deserialize, Serialize};
 
 pub use aerodynamic_forces::AerodynamicForces;
 pub use aerodynamics::AerodynamicPrior;
+pub use correlated_error::CorrelatedError;
 pub use flight::{FlightPropagator, FlightTrajectory};
 pub use local_flight::LocalFlight;
 pub use process_noise::ProcessNoise;
@@ -59,8 +61,10 @@ pub struct Config {
     pub drag_prior_sd_per_m: Option<f64>,
     /// Standard deviation of each component of the angular velocity around zero before anything is seen, rad/s.
     pub spin_prior_sd_radps: f64,
-    /// Error in metres that all poses have in common (calibration of the cameras).
+    /// Error in metres that all poses have in common, at the arm and away from it (calibration of the cameras).
     pub systematic_sd_m: f64,
+    /// Error that successive poses have in common, which grows with the distance from the arm. None by default, as in the paper's simulator.
+    pub correlated_error: CorrelatedError,
     /// Standard deviation in metres of each coordinate by which the centre of mass may be beside that of the reference model, whose density is
     /// uniform; zero if it is not set.
     pub com_sd_m: Option<f64>,
@@ -88,6 +92,7 @@ impl Default for Config {
             drag_prior_sd_per_m: None,
             spin_prior_sd_radps: 10.0,
             systematic_sd_m: 0.0,
+            correlated_error: CorrelatedError::default(),
             com_sd_m: None,
             aerodynamics: AerodynamicPrior::default(),
             process_noise: ProcessNoise::default(),
@@ -119,6 +124,7 @@ impl Settings for Config {
                 ],
             )
             .values(&LIMIT_SCALE, [("min_inlier_fraction", self.min_inlier_fraction)])
+            .table("correlated_error", &self.correlated_error)
             .table("aerodynamics", &self.aerodynamics)
             .table("process_noise", &self.process_noise)
             .options(
@@ -248,7 +254,8 @@ pub struct Workspace {
 
 /// Predicts the flight from the poses seen so far, oldest first.
 ///
-/// `previous` is where the fit starts as long as the newest poses agree with it; nothing else of it enters the result.
+/// `previous` is where the fit starts as long as the newest poses agree with it. Its forces and its centre of mass correct what the fit
+/// expects; both are then found anew.
 pub fn predict(
     poses: &[ObjectPose],
     previous: Option<&FlightTrajectory>,
@@ -278,16 +285,22 @@ fn fit_about_com(
     seed: u64,
     workspace: &mut Workspace,
 ) -> Result<FlightTrajectory, PredictionStatus> {
-    let &FlightTrajectory { com_O, com_covariance, .. } = previous;
+    let com_O = previous.com_O;
     let most = config.fit_window.max(config.window);
     let mut about_com = std::mem::take(&mut workspace.about_com);
     about_com.clear();
     about_com.reserve(most);
     about_com.extend(poses[poses.len() - most.min(poses.len())..].iter().map(|pose| {
         let mut X_WO = pose.X_WO;
-        X_WO.translation.vector += X_WO.rotation * com_O;
-        ObjectPose { X_WO, ..*pose }
+        let to_com_W = X_WO.rotation * com_O;
+        X_WO.translation.vector += to_com_W;
+        // A turn about the centre of mass shifts O.
+        let mut by_com = Matrix6::identity();
+        by_com.fixed_view_mut::<3, 3>(3, 0).copy_from(&to_com_W.cross_matrix());
+        ObjectPose { X_WO, information: by_com.transpose() * pose.information * by_com, ..*pose }
     }));
+    let mut com_covariance = SMatrix::<f64, 9, 3>::zeros();
+    com_covariance.fixed_rows_mut::<3>(6).fill_diagonal(config.com_sd_m().powi(2));
     let previous = FlightTrajectory { com_O: Vector3::zeros(), ..previous.clone() };
     let found = fit_flight(&about_com, Some(&previous), symmetry, config, seed, workspace);
     workspace.about_com = about_com;

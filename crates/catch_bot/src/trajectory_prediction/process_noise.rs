@@ -47,20 +47,22 @@ impl ProcessNoise {
 /// Normal equations H·x + g = 0 of the state now, before and after an impulse u with variance `variance` per axis, which moved what they say of
 /// two blocks of x: x → x + Γ·u with Γ = `age_s`·1 on the block at `place` and 1 on that at `rate`.
 ///
-/// Minimizing over u: H − H·Γ·(ΓᵀHΓ + 1/σ²)⁻¹·ΓᵀH, and the same for g.
+/// Minimizing over u: H − H·Γ·(ΓᵀHΓ + 1/σ²)⁻¹·ΓᵀH, and the same for g. Returns the gain H·Γ·(ΓᵀHΓ + 1/σ²)⁻¹.
 pub(super) fn after_impulse<const N: usize>(
     H: &mut SMatrix<f64, N, N>,
     g: &mut SVector<f64, N>,
     [place, rate]: [usize; 2],
     age_s: f64,
     variance: f64,
-) {
+) -> Option<SMatrix<f64, N, 3>> {
     let by_impulse = H.fixed_columns::<3>(place) * age_s + H.fixed_columns::<3>(rate);
     let slope = g.fixed_rows::<3>(place) * age_s + g.fixed_rows::<3>(rate);
     let inner = by_impulse.fixed_rows::<3>(place) * age_s + by_impulse.fixed_rows::<3>(rate);
-    let Some(factor) = (inner + Matrix3::identity() / variance).cholesky() else { return };
-    *H -= by_impulse * factor.solve(&by_impulse.transpose());
+    let factor = (inner + Matrix3::identity() / variance).cholesky()?;
+    let gain = factor.solve(&by_impulse.transpose()).transpose();
+    *H -= by_impulse * gain.transpose();
     *g -= by_impulse * factor.solve(&slope);
+    Some(gain)
 }
 
 /// What of eᵀ·W·e the noise accounts for that has displaced an object since a pose of this age: of the information it leaves

@@ -2,7 +2,7 @@
 
 use catch_bot::{
     perception::{Config, DepthNoise, PoseEstimator, ReferenceModel, SdfEstimator, View, Workspace},
-    trajectory_prediction::{self, predict},
+    trajectory_prediction::{self, AerodynamicPrior, predict},
 };
 use nalgebra::Vector3;
 use std::sync::Arc;
@@ -12,10 +12,19 @@ use crate::synthetic::{self, Noise, Normal, Shape};
 #[test]
 fn tracking_and_predicting_allocate_nothing() {
     let cameras = synthetic::flight_rig();
-    let prediction = trajectory_prediction::Config { drag_prior_sd_per_m: Some(0.02), ..Default::default() };
+    let simple = trajectory_prediction::Config { drag_prior_sd_per_m: Some(0.02), ..Default::default() };
+    let prediction = trajectory_prediction::Config {
+        com_sd_m: Some(0.005),
+        aerodynamics: AerodynamicPrior { drag_deviation_sd_per_m: 0.01, magnus_sd: 0.002, ..Default::default() },
+        ..simple.clone()
+    };
     for ((name, shape), noise) in Shape::all().into_iter().zip([Noise::Clean, Noise::Constant(0.002), Noise::Stereo7]) {
         let (constant_m, quadratic_per_m) = synthetic::data_sheet(noise);
-        let config = Config { depth_noise: Some(DepthNoise { constant_m, quadratic_per_m }), ..Config::default() };
+        // The third shape with all that can be expected of images and flights.
+        let (prediction, depth_edge_px, depth_common_fraction) =
+            if noise == Noise::Stereo7 { (&prediction, Some(2), Some(0.5)) } else { (&simple, None, None) };
+        let depth_noise = Some(DepthNoise { constant_m, quadratic_per_m });
+        let config = Config { depth_noise, depth_edge_px, depth_common_fraction, ..Config::default() };
         let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(&shape, 100), &config));
         for labelled in [true, false] {
             let mut estimator = SdfEstimator::new(config.clone(), reference.clone(), Workspace::default());
@@ -41,7 +50,7 @@ fn tracking_and_predicting_allocate_nothing() {
                     let pose = estimator.estimate(&view, expected.into());
                     poses.push(pose.unwrap());
                     let symmetry = reference.symmetry;
-                    found = predict(&poses, flight.as_ref(), symmetry, &prediction, 1, &mut space).ok();
+                    found = predict(&poses, flight.as_ref(), symmetry, prediction, 1, &mut space).ok();
                 });
                 flight = found;
                 // The first images make the buffers as large as they need to be.

@@ -372,6 +372,7 @@ impl Setup {
         perception.depth_dropout.get_or_insert(dropout || has_holes);
         perception.depth_common_fraction.get_or_insert(common_fraction);
         perception.depth_edge_px.get_or_insert(edge_px);
+        config.trajectory_prediction.correlated_error.sd_per_m = Some(self.correlated_sd_per_m(&config));
         config
     }
 

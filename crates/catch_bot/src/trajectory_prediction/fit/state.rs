@@ -10,6 +10,8 @@ pub const DRAG: usize = 6;
 pub const TURN: usize = 7;
 pub const SPIN: usize = 10;
 pub const DECAY: usize = 13;
+/// Parameters from the orientation on.
+pub const ROTATION: usize = N - TURN;
 
 /// No spin decays faster.
 const MOST_DECAY_PER_S: f64 = 10.0;
@@ -32,13 +34,17 @@ impl State {
         // Drag never accelerates; half the prior's width below zero is left to noise. One that is known stays as it is.
         let least = -0.5 * config.drag_sd_per_m();
         let drag_step = if config.drag_sd_per_m() > 0.0 { step[DRAG] } else { 0.0 };
+        // Nor does air speed up a spin.
+        let (expected, decay_sd) = (config.spin_decay_per_s(), config.spin_decay_sd_per_s());
+        let (least_decay, decay_step) = (-0.5 * decay_sd, if decay_sd > 0.0 { step[DECAY] } else { 0.0 });
         Self {
             p: self.p + step.fixed_rows::<3>(0),
             v: self.v + step.fixed_rows::<3>(3),
             drag_per_m: (self.drag_per_m + drag_step).clamp(least.min(config.drag_per_m()), 1.0),
             R_WO: UnitQuaternion::from_scaled_axis(turn * (0.5 / turn.norm()).min(1.0)) * self.R_WO,
             w: self.w + step.fixed_rows::<3>(SPIN),
-            decay_per_s: (self.decay_per_s + step[DECAY]).clamp(-MOST_DECAY_PER_S, MOST_DECAY_PER_S),
+            decay_per_s: (self.decay_per_s + decay_step)
+                .clamp(least_decay.min(expected), MOST_DECAY_PER_S.max(expected)),
         }
     }
 

@@ -88,6 +88,10 @@ fn fields(body: &[&str], snake_case: bool, indent: &str) -> Vec<Field> {
             attributes.clear();
             continue;
         }
+        if attributes.contains("serde(skip)") {
+            attributes.clear();
+            continue;
+        }
         if snake_case {
             field.name = snake(&field.name);
         }

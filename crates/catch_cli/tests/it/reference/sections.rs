@@ -81,6 +81,11 @@ pub const SCENARIO: &[Section] = &[
     of("brain.perception.depth_noise", "catch_bot/src/perception/point_cloud.rs", "DepthNoise"),
     at("brain.trajectory_prediction", "catch_bot/src/trajectory_prediction/mod.rs", "Config"),
     at(
+        "brain.trajectory_prediction.correlated_error",
+        "catch_bot/src/trajectory_prediction/correlated_error.rs",
+        "CorrelatedError",
+    ),
+    at(
         "brain.trajectory_prediction.aerodynamics",
         "catch_bot/src/trajectory_prediction/aerodynamics.rs",
         "AerodynamicPrior",

@@ -11,6 +11,8 @@ use super::mass::Stated;
 const AIR_KGPM3: f64 = 1.2;
 /// Drag coefficient of something that tumbles; blunt bodies have about this one.
 const DRAG_COEFFICIENT: f64 = 0.9;
+/// Standard deviation of each coordinate of the centre of mass about that of uniform density, which few objects have.
+const COM_SD_M: f64 = 0.005;
 /// What nobody says of impacts.
 const RESTITUTION: f64 = 0.4;
 
@@ -62,7 +64,8 @@ impl Draft<'_> {
         let drag_sd = (drag_per_m * 0.3 * 1e4).round() / 1e4;
         text + &format!(
             "\n# What the brain is told beforehand, beside a scan of the object from all sides.\n[prior]\nmass_kg = {mass_kg}\n\
-             drag_per_m = {drag_per_m}\ndrag_sd_per_m = {}\nrestitution = {RESTITUTION:?}\n",
+             drag_per_m = {drag_per_m}\ndrag_sd_per_m = {}\nrestitution = {RESTITUTION:?}\n\
+             # Assumed: how far its centre of mass may be from that of uniform density.\ncom_sd_m = {COM_SD_M:?}\n",
             drag_sd.max(1e-4)
         )
     }

@@ -12,6 +12,7 @@ use catch_bot::{
         CalibrationRun, CalibrationStatus, CameraCalibration, Config, Session, calibrate, pose_choice::choose_poses,
     },
     trajectory_optimization::MotionPlanner,
+    trajectory_prediction::CorrelatedError,
 };
 use catch_cell::{Brain, CameraModel, Cell};
 use catch_sim::{
@@ -19,7 +20,7 @@ use catch_sim::{
     cameras::DepthCameras,
     random_streams::{Draws, Stream},
 };
-use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Matrix6, Point3, UnitQuaternion, Vector3};
 
 use super::{CHECKED, Setup};
 use crate::scenario::{
@@ -121,6 +122,7 @@ impl CalibratedCameras {
         let config = Config { poses: settings.poses, ..config(setup, seed) };
         let session = run_session(setup, &config, &believed, seed, 0).session;
         let found = calibrate(&config, &setup.robot, &setup.gripper, &believed, &session).cameras;
+        let found: Vec<CameraCalibration> = found.into_iter().map(|it| claimed(it, settings)).collect();
         let calibrated = |(camera, found): (&CameraModel, &CameraCalibration)| {
             let X_WC = if found.status == CalibrationStatus::Converged { found.X_WC } else { camera.X_WC };
             CameraModel { X_WC, ..camera.clone() }
@@ -131,7 +133,7 @@ impl CalibratedCameras {
     /// Standard deviation that is claimed of a camera's rotation about each axis, that of the worst.
     fn rotation_sd_rad(&self) -> f64 {
         let sd = |it: &CameraCalibration| (it.covariance.fixed_view::<3, 3>(0, 0).trace() / 3.0).sqrt();
-        self.converged().map(|(_, found)| sd(found)).fold(0.0, f64::max)
+        self.found.iter().map(sd).fold(0.0, f64::max)
     }
 
     /// Standard deviation along each axis of a place that all cameras see.
@@ -144,13 +146,19 @@ impl CalibratedCameras {
             derivative.fixed_view_mut::<3, 3>(0, 3).copy_from(&Matrix3::identity());
             (derivative * found.covariance * derivative.transpose()).trace() / 3.0
         };
-        let variances: Vec<f64> = self.converged().map(variance).collect();
+        let variances: Vec<f64> = self.cameras.iter().zip(&self.found).map(variance).collect();
         variances.iter().sum::<f64>().sqrt() / variances.len().max(1) as f64
     }
+}
 
-    fn converged(&self) -> impl Iterator<Item = (&CameraModel, &CameraCalibration)> {
-        self.cameras.iter().zip(&self.found).filter(|(_, it)| it.status == CalibrationStatus::Converged)
+/// What is found of a camera, with the covariance of what was believed before where the calibration did not converge.
+fn claimed(found: CameraCalibration, settings: &CalibrationSettings) -> CameraCalibration {
+    if found.status == CalibrationStatus::Converged {
+        return found;
     }
+    let (rotation, position) = (settings.rotation_sd_deg.to_radians().powi(2), settings.position_sd_m.powi(2));
+    let variances = [rotation, rotation, rotation, position, position, position];
+    CameraCalibration { covariance: Matrix6::from_diagonal(&variances.into()), ..found }
 }
 
 /// What is made once for each seed, and shared by clones.
@@ -208,7 +216,15 @@ impl Setup {
             let prediction = &mut config.trajectory_prediction;
             prediction.systematic_sd_m = prediction.systematic_sd_m.max(systematic_m);
         }
+        config.trajectory_prediction.correlated_error.sd_per_m = Some(self.correlated_sd_per_m(&config));
         config
+    }
+
+    /// What the scenario says of the error that successive poses have in common, or else what follows from how the brain expects cameras
+    /// to be rotated.
+    pub(super) fn correlated_sd_per_m(&self, config: &BrainSettings) -> f64 {
+        let of_scenario = self.scenario.brain.trajectory_prediction.correlated_error.sd_per_m;
+        of_scenario.unwrap_or(CorrelatedError::of_cameras(config.perception.camera_sd_rad, self.cameras.len()))
     }
 
     /// What the brain works out before anything flies, with the cameras as it believes them to stand in scenes of `seed`.
@@ -258,17 +274,22 @@ mod tests {
             time_offset_sd_s: None,
             residuals: Default::default(),
         };
-        let both =
-            CalibratedCameras { cameras: setup.cameras.clone(), found: vec![found(CalibrationStatus::Converged); 2] };
+        let settings = CalibrationSettings { position_sd_m: 5e-3, rotation_sd_deg: 0.3, ..Default::default() };
+        let of = |status| CalibratedCameras {
+            cameras: setup.cameras.clone(),
+            found: [CalibrationStatus::Converged, status].map(|it| claimed(found(it), &settings)).to_vec(),
+        };
+        let both = of(CalibrationStatus::Converged);
         // 2 m in front of the first camera a rotation displaces along two axes, by 2 mm.
         let p_W = setup.cameras[0].X_WC * Point3::new(0.0, 0.0, 2.0);
-        let one = CalibratedCameras {
-            found: vec![found(CalibrationStatus::Converged), found(CalibrationStatus::PoorFit)],
-            ..both.clone()
-        };
-        assert!((one.position_sd_m(&p_W) - (4e-6_f64 + 2.0 / 3.0 * 4e-6).sqrt()).abs() < 1e-12);
-        assert!((one.rotation_sd_rad() - 1e-3).abs() < 1e-12);
-        assert!(both.position_sd_m(&p_W) < one.position_sd_m(&p_W));
+        let first = CalibratedCameras { cameras: both.cameras[..1].to_vec(), found: both.found[..1].to_vec() };
+        assert!((first.position_sd_m(&p_W) - (4e-6_f64 + 2.0 / 3.0 * 4e-6).sqrt()).abs() < 1e-12);
+        assert!((both.rotation_sd_rad() - 1e-3).abs() < 1e-12);
+        assert!(both.position_sd_m(&p_W) < first.position_sd_m(&p_W));
+        // One that did not converge is no better than it was believed to be before.
+        let failed = of(CalibrationStatus::PoorFit);
+        assert!((failed.rotation_sd_rad() - 0.3_f64.to_radians()).abs() < 1e-12);
+        assert!(failed.position_sd_m(&p_W) > 2.5e-3);
         assert!(setup.calibrated(1).is_none() && setup.believed_cameras(1) == setup.cameras);
     }
 }

@@ -1,0 +1,149 @@
+//! The error that successive poses have in common.
+//!
+//! Cameras that are aligned on the arm place it rightly, and what is away from it the less rightly the farther away it is: their rolls about
+//! their lines of sight are not seen. Such an error moves as slowly as the object and looks like a velocity that the object does not have.
+//! Nothing in one flight tells it from the motion, so that it is not estimated but considered (S. F. Schmidt, Application of state-space
+//! methods to navigation problems, 1966): the flight stays that of independent errors, and its covariance counts what such errors do to it.
+
+use nalgebra::{SMatrix, Vector3};
+use serde::{Deserialize, Serialize};
+
+use crate::settings::{DURATION_S, Faults, NOT_NEGATIVE, SettingError, Settings};
+
+/// A first-order Gauss–Markov process along each axis: errors of positions Δt apart have the covariance σ₁·σ₂·e^(−Δt/τ).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CorrelatedError {
+    /// Its standard deviation σ in metres for each metre between the pose and the origin of W, where the arm stands. Scenarios have it from
+    /// `perception.camera_sd_rad` if it is not set.
+    pub sd_per_m: Option<f64>,
+    /// Its correlation time τ in seconds.
+    pub correlation_time_s: f64,
+}
+
+impl Default for CorrelatedError {
+    fn default() -> Self {
+        Self { sd_per_m: None, correlation_time_s: 0.1 }
+    }
+}
+
+impl Settings for CorrelatedError {
+    fn faults(&self) -> Vec<SettingError> {
+        Faults::default()
+            .options(&NOT_NEGATIVE, [("sd_per_m", self.sd_per_m)])
+            .values(&DURATION_S, [("correlation_time_s", self.correlation_time_s)])
+            .all()
+    }
+}
+
+impl CorrelatedError {
+    /// σ per metre that is left by cameras which are aligned on the arm, if each may still be rotated by `camera_sd_rad` about its line of
+    /// sight. At the distance d from the arm such a roll moves an object by up to d·σ, along one of the two axes that an image tells of;
+    /// n `cameras` that look from all around average it to d·σ/√(2n) along each.
+    pub fn of_cameras(camera_sd_rad: f64, cameras: usize) -> f64 {
+        camera_sd_rad / (2.0 * cameras.max(1) as f64).sqrt()
+    }
+
+    /// Sums to which poses can be added; `None` if there is no such error.
+    pub(super) fn sums<const N: usize>(&self) -> Option<CorrelatedSums<N>> {
+        let sd_per_m = self.sd_per_m.filter(|it| *it > 0.0)?;
+        let Self { correlation_time_s, .. } = *self;
+        let (sum, half) = (SMatrix::zeros(), SMatrix::zeros());
+        Some(CorrelatedSums { sd_per_m, correlation_time_s, last_age_s: None, sum, half })
+    }
+}
+
+/// What correlated errors eᵢ of the positions do to the right-hand side Σ Aᵢ·eᵢ of normal equations, Aᵢ = Jᵢᵀ·Wᵢ.
+///
+/// Its covariance is Σᵢⱼ σᵢ·σⱼ·e^(−|tᵢ − tⱼ|/τ)·Aᵢ·Aⱼᵀ. With Sᵢ = σᵢ·Aᵢ + e^(−|tᵢ − tᵢ₋₁|/τ)·Sᵢ₋₁ that is Σᵢ (Sᵢ − ½·σᵢ·Aᵢ)·σᵢ·Aᵢᵀ and its
+/// transpose.
+#[derive(Debug, Clone)]
+pub(super) struct CorrelatedSums<const N: usize> {
+    sd_per_m: f64,
+    correlation_time_s: f64,
+    last_age_s: Option<f64>,
+    /// S of the last pose.
+    sum: SMatrix<f64, N, 3>,
+    /// The covariance is this and its transpose.
+    half: SMatrix<f64, N, N>,
+}
+
+impl<const N: usize> CorrelatedSums<N> {
+    /// Adds a pose at the position `p_W` with this A. Poses come in the order of their ages, up or down.
+    pub fn add(&mut self, age_s: f64, p_W: &Vector3<f64>, A: &SMatrix<f64, N, 3>) {
+        let since_s = self.last_age_s.replace(age_s).map_or(0.0, |last_s| (age_s - last_s).abs());
+        self.sum *= (-since_s / self.correlation_time_s.max(f64::MIN_POSITIVE)).exp();
+        let own = A * (self.sd_per_m * p_W.norm());
+        self.half += (self.sum + own * 0.5) * own.transpose();
+        self.sum += own;
+    }
+
+    /// Eliminates an impulse as [`after_impulse`](super::process_noise::after_impulse) does, which returned this gain.
+    pub fn after_impulse(&mut self, gain: &SMatrix<f64, N, 3>, [place, rate]: [usize; 2], age_s: f64) {
+        self.sum -= gain * (self.sum.fixed_rows::<3>(place) * age_s + self.sum.fixed_rows::<3>(rate));
+        self.half -= gain * (self.half.fixed_rows::<3>(place) * age_s + self.half.fixed_rows::<3>(rate));
+        let by_impulse = self.half.fixed_columns::<3>(place) * age_s + self.half.fixed_columns::<3>(rate);
+        self.half -= by_impulse * gain.transpose();
+    }
+
+    /// What it adds to the covariance H⁻¹ of the solution.
+    pub fn covariance(&self, inverse: &SMatrix<f64, N, N>) -> SMatrix<f64, N, N> {
+        inverse * (self.half + self.half.transpose()) * inverse
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trajectory_prediction::process_noise::after_impulse;
+
+    const N: usize = 8;
+    const ERROR: CorrelatedError = CorrelatedError { sd_per_m: Some(0.02), correlation_time_s: 0.15 };
+
+    fn by_position(i: usize) -> SMatrix<f64, N, 3> {
+        SMatrix::from_fn(|row, column| ((3 * i + 7 * row + 5 * column) as f64).sin())
+    }
+
+    fn p_W(i: usize) -> Vector3<f64> {
+        Vector3::new(1.0 + i as f64, 0.3, -0.5)
+    }
+
+    /// Against the sum over all pairs of poses.
+    #[test]
+    fn sums_are_those_over_all_pairs() {
+        let ages_s = [0.5, 0.45, 0.3, 0.1, 0.0];
+        let mut sums = ERROR.sums::<N>().unwrap();
+        let mut expected = SMatrix::<f64, N, N>::zeros();
+        for (i, first_s) in ages_s.into_iter().enumerate() {
+            sums.add(first_s, &p_W(i), &by_position(i));
+            for (j, second_s) in ages_s.into_iter().enumerate() {
+                let correlation = (-(first_s - second_s).abs() / 0.15).exp();
+                let variance = 0.02 * p_W(i).norm() * 0.02 * p_W(j).norm() * correlation;
+                expected += by_position(i) * by_position(j).transpose() * variance;
+            }
+        }
+        let covariance = sums.covariance(&SMatrix::identity());
+        assert!((covariance - expected).amax() < 1e-12 * expected.amax(), "{covariance} {expected}");
+    }
+
+    /// An error that both poses before an impulse have displaces the right-hand side as the elimination has it.
+    #[test]
+    fn an_impulse_is_eliminated_from_the_sums() {
+        let (blocks, age_s, variance) = ([1, 5], 0.3, 0.07);
+        let rows = SMatrix::<f64, 12, N>::from_fn(|i, j| ((3 * i + 7 * j) as f64).sin() + f64::from(u8::from(i == j)));
+        let same = CorrelatedError { correlation_time_s: 1e12, ..ERROR };
+        let mut sums = same.sums::<N>().unwrap();
+        (0..2).for_each(|i| sums.add(0.4, &p_W(i), &by_position(i)));
+        let by_error = (0..2).map(|i| by_position(i) * (0.02 * p_W(i).norm())).sum::<SMatrix<f64, N, 3>>();
+        let mut expected = SMatrix::<f64, N, N>::zeros();
+        let mut gain = None;
+        for axis in 0..3 {
+            let (mut H, mut g) = (rows.transpose() * rows, by_error.column(axis).into_owned());
+            gain = after_impulse(&mut H, &mut g, blocks, age_s, variance);
+            expected += g * g.transpose();
+        }
+        sums.after_impulse(&gain.unwrap(), blocks, age_s);
+        let covariance = sums.covariance(&SMatrix::identity());
+        assert!((covariance - expected).amax() < 1e-9 * expected.amax(), "{covariance} {expected}");
+    }
+}
