@@ -1,6 +1,6 @@
 //! What is wrong with a camera, told from its full images while the arm waits where it is known to be.
 //!
-//! Along the [silhouette](super::arm_edges) of the arm pixels show the arm on one side and not on the other. Where a camera has no
+//! Along the silhouette of the arm pixels show the arm on one side and not on the other. Where a camera has no
 //! depths it is blinded; where its depths repeat bit for bit, although they are noisy, it is frozen; where its silhouette is
 //! elsewhere, it is displaced, or another camera's images come in its place. Cameras that do not see the arm are not judged.
 
@@ -87,7 +87,9 @@ struct Verdict {
 
 /// Depths of an image that are remembered.
 const SAMPLES: usize = 64;
-/// As many of them at least must be depths if they are to tell anything.
+/// Depths that are looked at all over an image.
+const SPREAD: usize = 1024;
+/// As many of those that are remembered must be depths if they are to tell anything.
 const MIN_SAMPLES: usize = 12;
 /// Images in a row that make a verdict; so many more unmake it.
 const MAKES: u8 = 2;
@@ -96,6 +98,8 @@ const UNMAKES: u8 = 4;
 const WAITING: f64 = 2e-3;
 /// Of the pixels that should show the arm a blinded camera measures fewer than this fraction.
 const BLINDED_FRACTION: f64 = 0.05;
+/// One that sees the same depth everywhere measures more than this fraction.
+const COVERED_FRACTION: f64 = 0.9;
 /// Of the pixels along the silhouette more than this fraction show what they should, but for a camera that is misplaced.
 const EXPLAINED: f64 = 0.7;
 /// An image of which less is explained may be another camera's.
@@ -208,7 +212,10 @@ impl CameraHealth {
             return;
         }
         let sight = edges.look(frame);
-        let blinded = sight.measured_fraction < BLINDED_FRACTION && is_empty(frame) || is_uniform(frame);
+        let blinded = match sight.measured_fraction {
+            fraction if fraction < BLINDED_FRACTION => is_empty(frame),
+            fraction => fraction > COVERED_FRACTION && is_uniform(frame),
+        };
         let misplaced = sight.explained.is_some_and(|it| it < EXPLAINED);
         let is_unclear = !blinded && sight.explained.is_none_or(|it| it < UNCLEAR);
         let swapped = is_unclear && self.is_of_another(frame, &sight);
@@ -272,7 +279,7 @@ impl Verdict {
 fn spread(frame: &DepthFrame) -> impl Iterator<Item = f32> {
     let count = frame.window.area();
     // Not a multiple of the width, so that all columns have their turn.
-    let step = (count / 256).max(1) | 1;
+    let step = (count / SPREAD).max(1) | 1;
     frame.depth_m[..count].iter().step_by(step).copied()
 }
 
