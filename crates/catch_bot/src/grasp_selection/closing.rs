@@ -39,7 +39,10 @@ impl Closing {
         let mut wait_s = 0.0;
         while wait_s + self.duration_from_s(width_m - object_width_m, -rate_mps) < contact_in_s {
             let travel_m = aperture_m - width_m;
-            let stoppable_mps = (2.0 * self.acceleration_mps2 * travel_m.abs()).sqrt();
+            // In steps of h a speed v is stopped within v²/2a + v·h/2.
+            let half_step_s = WAIT_STEP_S / 2.0;
+            let in_steps_s = half_step_s.hypot((2.0 * travel_m.abs() / self.acceleration_mps2).sqrt());
+            let stoppable_mps = 2.0 * travel_m.abs() / (half_step_s + in_steps_s);
             let wanted_mps = self.speed_mps.min(stoppable_mps).min(travel_m.abs() / WAIT_STEP_S);
             let change_mps = wanted_mps.copysign(travel_m) - rate_mps;
             rate_mps += change_mps.clamp(-most_change_mps, most_change_mps);

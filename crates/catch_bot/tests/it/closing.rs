@@ -40,7 +40,7 @@ proptest! {
             at_m += at_mps * step_s;
             time_s += step_s;
         }
-        prop_assert!((time_s - contact_in_s).abs() < 5e-3, "after {time_s} s");
+        prop_assert!((time_s - contact_in_s).abs() < 2e-3, "after {time_s} s");
     }
 }
 
