@@ -3,6 +3,7 @@
 use std::{
     io,
     path::{Path, PathBuf},
+    sync::Arc,
 };
 
 use catch_body::InputError;
@@ -18,7 +19,7 @@ use catch_lab::{
     pages::calibration_page::{self, CameraSection},
     scenario::setup::{
         Choice, Setup,
-        calibration::{self, ArenaSession},
+        calibration::{self, ArenaSession, CalibratedCameras},
     },
     whole_file,
 };
@@ -156,17 +157,21 @@ pub fn run(arguments: &CalibrateArguments) -> anyhow::Result<()> {
     if *json { screen::json(&document) } else { Ok(tell(&document)?) }
 }
 
+/// The cameras as they are calibrated before anything is thrown, where the scenario wants that. It tells that this takes a while.
+pub fn cameras(setup: &Setup, seed: u64) -> Option<Arc<CalibratedCameras>> {
+    setup.scenario.calibration.as_ref()?;
+    let bar = screen::spinner("calibrating the cameras");
+    let calibrated = setup.calibrated(seed);
+    bar.finish_and_clear();
+    calibrated
+}
+
 /// Calibrates the cameras before anything is thrown, where the scenario wants that, and tells what remains if it is told `aloud`.
 ///
 /// # Errors
 /// If standard output is closed.
 pub fn before_throws(setup: &Setup, seed: u64, aloud: bool) -> io::Result<Vec<CameraDocument>> {
-    if setup.scenario.calibration.is_none() {
-        return Ok(Vec::new());
-    }
-    let bar = screen::spinner("calibrating the cameras");
-    let calibrated = setup.calibrated(seed);
-    bar.finish_and_clear();
+    let calibrated = cameras(setup, seed);
     let found = calibrated.iter().flat_map(|it| it.found.iter().zip(&it.cameras));
     let documents = found.zip(&setup.cameras).map(|((found, believed), truth)| {
         camera_document(&CameraCalibration { X_WC: believed.X_WC, ..found.clone() }, truth)

@@ -214,6 +214,9 @@ pub fn complete(
     let done_before = rows.len();
     let mut stopwatch = Stopwatch::default();
     let mut caught = rows.iter().filter(|row| row.verdict.caught).count();
+    for cell in &evaluation.cells {
+        calibrate::cameras(&cell.setup, evaluation.seed);
+    }
     let bar = screen::progress_bar(evaluation.len(), things);
     bar.set_position(done_before as u64);
     bar.reset_eta();

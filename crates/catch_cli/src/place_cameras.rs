@@ -1,6 +1,10 @@
 //! `catchingbot place-cameras`: where cameras tell most about the throws of a scenario.
 
-use std::{io, path::PathBuf};
+use std::{
+    fmt::{self, Display},
+    io,
+    path::PathBuf,
+};
 
 use catch_body::{InputError, Pose};
 use catch_cell::{CameraModel, rig_to_toml};
@@ -52,11 +56,11 @@ pub struct PlaceCamerasArguments {
     #[arg(long, value_name = "N", default_value_t = Config::default().throws, value_parser = whole(1, 1000))]
     throws: u64,
     /// A corner of the box, in metres; cameras hang on its walls, but not on its floor
-    #[arg(long, value_name = "X,Y,Z", value_parser = corner, default_value = "-1.2,-1.6,0.4", allow_hyphen_values = true)]
-    from: [f64; 3],
+    #[arg(long, value_name = "X,Y,Z", value_parser = corner, default_value_t = Corner(Config::default().volume_m[0]), allow_hyphen_values = true)]
+    from: Corner,
     /// The opposite corner
-    #[arg(long, value_name = "X,Y,Z", value_parser = corner, default_value = "2.2,2.2,2.2", allow_hyphen_values = true)]
-    to: [f64; 3],
+    #[arg(long, value_name = "X,Y,Z", value_parser = corner, default_value_t = Corner(Config::default().volume_m[1]), allow_hyphen_values = true)]
+    to: Corner,
     /// Between neighbouring places on a wall, in metres
     #[arg(long, value_name = "METRES", default_value_t = Config::default().spacing_m, value_parser = between(0.05, 5.0))]
     spacing: f64,
@@ -76,12 +80,23 @@ pub struct PlaceCamerasArguments {
     output: OutputArguments,
 }
 
+/// A corner of a box in a cell, as its coordinates are written.
+#[derive(Debug, Clone, Copy)]
+struct Corner([f64; 3]);
+
+impl Display for Corner {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self([x, y, z]) = self;
+        write!(f, "{x},{y},{z}")
+    }
+}
+
 /// Reads three coordinates of a place in a cell.
-fn corner(text: &str) -> Result<[f64; 3], String> {
+fn corner(text: &str) -> Result<Corner, String> {
     let numbers: Option<Vec<f64>> =
         text.split(',').map(|it| it.trim().parse().ok().filter(|it: &f64| it.abs() <= 50.0)).collect();
     let corner = numbers.and_then(|it| it.try_into().ok());
-    corner.ok_or_else(|| "expected three numbers from -50 to 50, such as -1.2,-1.6,0.4".to_owned())
+    corner.map(Corner).ok_or_else(|| "expected three numbers from -50 to 50, such as -1.2,-1.6,0.4".to_owned())
 }
 
 /// Reads numbers within a range.
@@ -148,7 +163,7 @@ pub fn run(arguments: &PlaceCamerasArguments) -> anyhow::Result<()> {
         cameras: arguments.cameras as usize,
         throws: arguments.throws,
         seed: arguments.seed,
-        volume_m: [arguments.from, arguments.to],
+        volume_m: [arguments.from.0, arguments.to.0],
         spacing_m: arguments.spacing,
         decision_s: arguments.decision,
         closing_s: arguments.closing,

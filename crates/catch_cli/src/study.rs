@@ -22,10 +22,7 @@ use catch_lab::{
 use serde::Serialize;
 
 use super::eval::{self, EvalArguments};
-use crate::{
-    calibrate,
-    screen::{self, FAINT, STRONG},
-};
+use crate::screen::{self, FAINT, STRONG};
 
 /// The JSON document.
 #[derive(Serialize)]
@@ -74,7 +71,6 @@ fn summary_of(
     let trials = arguments.trials.div_ceil(step.throws.len() as u64);
     let evaluation = Evaluation { cells, seed: arguments.seed, first: arguments.first, trials };
     let folder = arguments.out.join(&step.head.name);
-    calibrate::before_throws(&evaluation.cells[0].setup, evaluation.seed, false)?;
     let done = eval::complete(&evaluation, &folder, arguments.into(), &step.head.name)
         .with_context(|| folder.display().to_string())?;
     eval::write_report(&evaluation, &done.rows, &done.stopwatch, MOST_MISSES_OF_A_STEP, arguments.plots, &folder)?;

@@ -23,10 +23,7 @@ use super::{
     eval::{self, Pace},
     whole,
 };
-use crate::{
-    calibrate,
-    screen::{self, FAINT, STRONG},
-};
+use crate::screen::{self, FAINT, STRONG};
 
 /// Arguments of `suite`.
 #[derive(Debug, Args)]
@@ -169,7 +166,6 @@ fn throw(arguments: &RunArguments) -> anyhow::Result<()> {
         complete &= evaluation.trials == part.trials;
         // Who catches is no part of what an evaluation is known by.
         let folder = arguments.out.join(format!("{}-{brain}-{}", suite.name, part.scenario));
-        calibrate::before_throws(&evaluation.cells[0].setup, evaluation.seed, false)?;
         let done =
             eval::complete(&evaluation, &folder, pace, &part.scenario).with_context(|| folder.display().to_string())?;
         let summaries = evaluation.identity().summarize(&done.rows);

@@ -241,11 +241,19 @@ impl ArenaConfig {
         faults
     }
 
-    /// What cannot be used with the cameras of a rig: faults of cameras that it does not have.
+    /// What cannot be used with the cameras of a rig: faults of cameras that it does not have, and rates of which the physics' steps leave
+    /// out images.
     ///
     /// # Errors
     /// The first of them.
     pub fn check_cameras(&self, cameras: &[CameraModel], file: &str, table: &str) -> Result<(), InputError> {
+        let most_hz = self.step_s.recip();
+        let too_fast = |it: &&CameraModel| it.rate_hz.is_some_and(|rate_hz| rate_hz > most_hz * (1.0 + 1e-9));
+        if let Some(camera) = cameras.iter().find(too_fast).filter(|_| self.free_running_cameras) {
+            let found = format!("true, with a camera at {} Hz", camera.rate_hz.unwrap_or_default());
+            let expected = format!("cameras at {most_hz} Hz or less, an image for each step of {} s", self.step_s);
+            return Err(InputError::new(file, format!("{table}.free_running_cameras"), found, expected));
+        }
         let faults = self.camera_faults.iter().enumerate();
         InputError::first_of(faults.map(|(i, it)| it.check(cameras, file, &format!("{table}.camera_faults[{i}]"))))
     }
@@ -267,6 +275,24 @@ impl ArenaConfig {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn cameras_that_run_freely_are_no_faster_than_the_physics() {
+        let camera = CameraModel {
+            rate_hz: Some(2000.0),
+            ..CameraModel::with_field_of_view(catch_body::Pose::identity(), 8, 8, 1.0)
+        };
+        let check = |free_running_cameras: bool, step_s: f64| {
+            ArenaConfig { free_running_cameras, step_s, ..Default::default() }.check_cameras(
+                std::slice::from_ref(&camera),
+                "s.toml",
+                "arena",
+            )
+        };
+        let fault = check(true, 1e-3).unwrap_err().to_string();
+        assert!(fault.contains("arena.free_running_cameras") && fault.contains("2000 Hz"), "{fault}");
+        assert!(check(false, 1e-3).is_ok() && check(true, 5e-4).is_ok());
+    }
 
     #[test]
     fn an_empty_table_is_the_default_and_a_misspelt_field_a_fault() {

@@ -61,7 +61,7 @@ pub struct ObjectPrior {
     #[serde(default, deserialize_with = "quantity::fraction")]
     pub restitution: Option<f64>,
     /// Standard deviation in metres of each coordinate of its centre of mass about that of uniform density; zero, as left out, if its density is
-    /// uniform. What spins tells more in flight.
+    /// uniform. Otherwise it is estimated in flight, as far as the spin shows it.
     #[serde(default, deserialize_with = "quantity::error_m")]
     pub com_sd_m: Option<f64>,
 }

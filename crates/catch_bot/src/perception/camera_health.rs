@@ -40,7 +40,7 @@ pub enum CameraStatus {
 impl Display for CameraStatus {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::Good => "right again",
+            Self::Good => "good",
             Self::Blinded => "blinded",
             Self::Frozen => "frozen",
             Self::Silent => "silent",

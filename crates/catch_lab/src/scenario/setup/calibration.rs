@@ -215,8 +215,8 @@ impl Setup {
             *turned_rad = turned_rad.max(calibrated.rotation_sd_rad());
             let prediction = &mut config.trajectory_prediction;
             prediction.systematic_sd_m = prediction.systematic_sd_m.max(systematic_m);
+            config.trajectory_prediction.correlated_error.sd_per_m = Some(self.correlated_sd_per_m(&config));
         }
-        config.trajectory_prediction.correlated_error.sd_per_m = Some(self.correlated_sd_per_m(&config));
         config
     }
 
