@@ -174,7 +174,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingBot<E, P, C>
     /// III-B: pose of the object in the newest images, started from where the last flight says it is.
     fn perceive(&mut self, observation: &Observation) -> Option<ObjectPose> {
         self.tracker.sense(observation);
-        self.tracker.track(&observation.frames, self.flight.as_ref(), &self.known, &mut self.estimator)
+        self.tracker.track(&observation.frames, &mut self.flight, &self.known, &mut self.estimator)
     }
 
     /// The throw is over, the next one begins; what is known of the cameras stays.

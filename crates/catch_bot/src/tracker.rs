@@ -93,11 +93,12 @@ impl Tracker {
         self.sensed.push_back(Sensed { time_s: observation.arm.time_s, q, width_m });
     }
 
-    /// Takes in new images, capture time by capture time. Returns the newest pose, if they show any.
+    /// Takes in new images, capture time by capture time. Returns the newest pose, if they show any. Where they show that the object was taken
+    /// for turned over, earlier poses are turned, and there is no flight any more.
     pub fn track(
         &mut self,
         frames: &[DepthFrame],
-        flight: Option<&FlightTrajectory>,
+        flight: &mut Option<FlightTrajectory>,
         known: &Preparation,
         estimator: &mut impl PoseEstimator,
     ) -> Option<ObjectPose> {
@@ -105,7 +106,7 @@ impl Tracker {
         self.unlabelled_s = self.unlabelled_s.into_iter().chain(unlabelled_s).reduce(f64::max);
         let mut newest = None;
         for frames in frames.chunk_by(|a, b| a.capture_s == b.capture_s) {
-            let expected = self.expected_pose(flight, frames[0].capture_s);
+            let expected = self.expected_pose(flight.as_ref(), frames[0].capture_s);
             let surroundings = self.surroundings(known, frames[0].capture_s);
             let surroundings = surroundings.as_ref();
             let (cameras, config) = (known.cameras(), &known.config().perception);
@@ -114,7 +115,10 @@ impl Tracker {
             let (cameras, left_out) = (self.alignment.cameras(), self.health.left_out());
             let view = View { frames, cameras, left_out, surroundings };
             let Ok(mut pose) = estimator.estimate(&view, expected.into()) else { continue };
-            if let Some(X_WO) = &expected {
+            if let Some(T) = estimator.turned_over() {
+                self.poses.iter_mut().for_each(|it| it.X_WO *= T);
+                *flight = None;
+            } else if let Some(X_WO) = &expected {
                 pose.X_WO.rotation = known.reference().symmetry.nearest_alike(&X_WO.rotation, &pose.X_WO.rotation);
             }
             if self.poses.len() == POSES {

@@ -7,6 +7,7 @@ use nalgebra::UnitQuaternion;
 
 use super::{
     Config, ObjectPose, PerceptionStatus, ReferenceModel, Workspace,
+    half_turns::HalfTurns,
     point_cloud::SceneCloud,
     registration::{Fit, Registration},
     view::{Prior, View},
@@ -22,6 +23,11 @@ pub trait PoseEstimator {
     /// Why there is no pose.
     fn estimate(&mut self, view: &View<'_>, prior: Prior) -> Result<ObjectPose, PerceptionStatus>;
 
+    /// A rigid motion T in O, if the newest pose shows that all earlier ones had the object the wrong way around: it then was at X_WO·T.
+    fn turned_over(&self) -> Option<Pose> {
+        None
+    }
+
     /// Forgets all that it knows of the throw; the next one is another.
     fn reset(&mut self) {}
 }
@@ -31,6 +37,10 @@ impl<T: PoseEstimator + ?Sized> PoseEstimator for Box<T> {
         (**self).estimate(view, prior)
     }
 
+    fn turned_over(&self) -> Option<Pose> {
+        (**self).turned_over()
+    }
+
     fn reset(&mut self) {
         (**self).reset();
     }
@@ -38,35 +48,73 @@ impl<T: PoseEstimator + ?Sized> PoseEstimator for Box<T> {
 
 /// Registration on the signed distance field of the reference, with silhouettes where depths are noisy.
 #[derive(Debug, Clone)]
-pub struct SdfEstimator(ObjectFinder);
+pub struct SdfEstimator {
+    finder: ObjectFinder,
+    half_turns: HalfTurns,
+    turned_over: Option<Pose>,
+}
 
 impl SdfEstimator {
     /// For a known object. The workspace holds the buffers, best those of [`Workspace::before_flight`].
     pub fn new(config: Config, reference: Arc<ReferenceModel>, workspace: Workspace) -> Self {
-        Self(ObjectFinder::new(config, reference, workspace))
+        let half_turns = HalfTurns::new(&reference.symmetry);
+        Self { finder: ObjectFinder::new(config, reference, workspace), half_turns, turned_over: None }
     }
 
     /// What was found in the last images.
     pub fn scene(&self) -> &SceneCloud {
-        &self.0.workspace.scene
+        &self.finder.workspace.scene
     }
 }
 
 impl PoseEstimator for SdfEstimator {
     fn estimate(&mut self, view: &View<'_>, prior: Prior) -> Result<ObjectPose, PerceptionStatus> {
-        self.0.find(view, prior, |registration, scene, X_WO| {
-            // Where depths are configured to be noisy silhouettes are needed; else a registration without them tells.
-            let Registration { reference, config } = *registration;
-            let from_points_alone = scene.mean_noise_m() <= config.silhouette_above_m;
-            let fit = registration.register(scene, X_WO, !from_points_alone);
-            let good = fit.as_ref().is_ok_and(|fit| fit.residual_m <= config.silhouette_above_m);
-            if good || !from_points_alone {
-                return fit;
-            }
-            scene.collect_silhouette(view, reference, config);
-            if scene.silhouette.is_empty() { fit } else { registration.register(scene, X_WO, true) }
-        })
+        self.turned_over = None;
+        let mut tracked = None;
+        let found = self.finder.find(view, prior, |registration, scene, X_WO| {
+            let fit = register_near(registration, view, scene, X_WO);
+            tracked = fit.as_ref().ok().copied();
+            fit
+        })?;
+        let Some(fit) = tracked.filter(|_| !found.registered_globally) else {
+            self.half_turns.reset();
+            return Ok(found);
+        };
+        let ObjectFinder { config, reference, workspace } = &mut self.finder;
+        let registration = Registration { reference, config };
+        let other =
+            self.half_turns.compare(&fit, |X_WO| register_near(&registration, view, &mut workspace.scene, X_WO).ok());
+        let Some(other) = other else { return Ok(found) };
+        self.turned_over = Some(fit.X_WO.inverse() * other.X_WO);
+        Ok(other.pose(view, config, false))
     }
+
+    fn turned_over(&self) -> Option<Pose> {
+        self.turned_over
+    }
+
+    fn reset(&mut self) {
+        self.half_turns.reset();
+        self.turned_over = None;
+    }
+}
+
+/// Where depths are configured to be noisy silhouettes are needed; else a registration without them tells.
+fn register_near(
+    registration: &Registration<'_>,
+    view: &View<'_>,
+    scene: &mut SceneCloud,
+    X_WO: &Pose,
+) -> Result<Fit, PerceptionStatus> {
+    let Registration { reference, config } = *registration;
+    let from_points_alone = scene.mean_noise_m() <= config.silhouette_above_m;
+    let fit = registration.register(scene, X_WO, !from_points_alone);
+    let good = fit.as_ref().is_ok_and(|fit| fit.residual_m <= config.silhouette_above_m);
+    if good || !from_points_alone {
+        return fit;
+    }
+    scene.collect_silhouette(view, reference, config);
+    if scene.silhouette.is_empty() { fit } else { registration.register(scene, X_WO, true) }
 }
 
 /// A pose explains images much better than another if its mismatch is less than this fraction.
@@ -149,9 +197,8 @@ impl ObjectFinder {
             Prior::Pose(X_WO) => register(&registration, scene, X_WO).ok(),
             Prior::Place(_) | Prior::Anywhere => None,
         };
-        let is_unexplained = |fit: &Fit| fit.silhouette_residual_m.is_some() && fit.mismatch > config.max_mismatch;
         let (fit, registered_globally) = match tracked {
-            Some(fit) if !is_unexplained(&fit) => (fit, false),
+            Some(fit) if !fit.is_unexplained(config) => (fit, false),
             _ => {
                 if scene.silhouette.is_empty() {
                     scene.collect_silhouette(view, reference, config);
@@ -166,17 +213,27 @@ impl ObjectFinder {
                 }
             }
         };
-        // Where images are not explained, they tell that much less of the pose.
-        let told = if is_unexplained(&fit) { fit.mismatch.recip() } else { 1.0 };
-        Ok(ObjectPose {
+        Ok(fit.pose(view, config, registered_globally))
+    }
+}
+
+impl Fit {
+    fn is_unexplained(&self, config: &Config) -> bool {
+        self.silhouette_residual_m.is_some() && self.mismatch > config.max_mismatch
+    }
+
+    /// The pose in the images. Where these are not explained, they tell that much less of it.
+    fn pose(&self, view: &View<'_>, config: &Config, registered_globally: bool) -> ObjectPose {
+        let told = if self.is_unexplained(config) { self.mismatch.recip() } else { 1.0 };
+        ObjectPose {
             capture_s: view.capture_s(),
-            X_WO: fit.X_WO,
-            information: fit.information * told,
-            points: fit.points,
-            residual_m: fit.residual_m,
-            mismatch: fit.mismatch,
-            iterations: fit.iterations,
+            X_WO: self.X_WO,
+            information: self.information * told,
+            points: self.points,
+            residual_m: self.residual_m,
+            mismatch: self.mismatch,
+            iterations: self.iterations,
             registered_globally,
-        })
+        }
     }
 }

@@ -12,6 +12,7 @@ mod distance_field;
 mod edge_growth;
 mod estimator;
 mod global_registration;
+mod half_turns;
 mod neighbours;
 mod normal_distribution;
 mod normal_equations;

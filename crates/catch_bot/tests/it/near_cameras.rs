@@ -1,14 +1,14 @@
 //! Tests of images from a few near stereo cameras without masks: edges that bleed, and objects that one camera alone sees.
 
-use std::sync::Arc;
+use std::{f64::consts::PI, sync::Arc};
 
 use catch_body::{Pose, pose::look_at, ray_cast::ArmSurface};
 use catch_bot::perception::{
-    Config, DepthNoise, PerceptionStatus, PoseEstimator, Prior, SdfEstimator, Surroundings, View, Workspace,
+    Config, DepthNoise, PerceptionStatus, PoseEstimator, Prior, SdfEstimator, Surroundings, Symmetry, View, Workspace,
     segmentation::Background,
 };
 use catch_cell::{CameraModel, DepthFrame};
-use nalgebra::{Point3, UnitQuaternion};
+use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
 
 use crate::{
     synthetic::{self, Normal, Shape},
@@ -142,5 +142,41 @@ fn a_far_object_is_as_far_away_as_its_mean_depth() {
         let claimed_m = pose.information[(3, 3)].sqrt().recip();
         assert!((0.02..0.06).contains(&claimed_m), "{claimed_m}");
         assert!(error.x.abs() < 3.0 * claimed_m && error.yz().norm() < 0.01, "{error:?} {claimed_m}");
+    }
+}
+
+/// A bottle that was taken for upside down is turned over by what all images say, and one that stands right is not.
+#[test]
+fn which_end_is_which_is_decided_by_all_images() {
+    let shape = Shape::Bottle;
+    let reference = Arc::new(synthetic::reference(&shape, 200));
+    let Symmetry::Axis { axis, .. } = reference.symmetry else { panic!("{:?}", reference.symmetry) };
+    let half_turn = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), PI);
+    assert!((half_turn * axis).dot(&axis) < -0.99, "{axis:?}");
+    let cameras = cameras();
+    let mut normal = Normal::new(3);
+    for trial in 0..6 {
+        let X_WO = Pose::from_parts(Translation3::new(1.0, 0.4, 0.75), normal.rotation());
+        let mut estimator = SdfEstimator::new(config(), reference.clone(), Workspace::default());
+        let is_wrong = trial % 2 == 0;
+        let begun = if is_wrong { X_WO * half_turn } else { X_WO };
+        let (mut believed, mut turns) = (begun, 0);
+        for _ in 0..15 {
+            let X_WS = X_WO * reference.X_RO.inverse();
+            let image = |(i, camera): (usize, &CameraModel)| {
+                let clean = synthetic::depth_frame(i, camera, &shape, &X_WS, 0.05);
+                DepthFrame { mask: None, ..measured(&clean, &mut normal) }
+            };
+            let frames: Vec<DepthFrame> = cameras.iter().enumerate().map(image).collect();
+            let view = View { frames: &frames, cameras: &cameras, left_out: &[], surroundings: None };
+            believed = estimator.estimate(&view, Prior::Pose(believed)).unwrap().X_WO;
+            if let Some(T) = estimator.turned_over() {
+                turns += 1;
+                let earlier = begun * T;
+                assert!((earlier.rotation * axis).dot(&(X_WO.rotation * axis)) > 0.9, "{trial}");
+            }
+        }
+        assert_eq!(turns, usize::from(is_wrong), "{trial}");
+        assert!((believed.rotation * axis).dot(&(X_WO.rotation * axis)) > 0.98, "{trial}");
     }
 }

@@ -1,0 +1,137 @@
+//! Which end is which: orientations that are half a turn apart.
+//!
+//! Half a turn about a principal axis leaves an object's extents as they are, and what tells both orientations apart may be smaller than a
+//! pixel where the object is first seen. All images together tell them apart: each adds how much better one of them explains it.
+
+use std::f64::consts::PI;
+
+use catch_body::Pose;
+use nalgebra::{SymmetricEigen, UnitQuaternion, Vector3};
+
+use super::{Symmetry, registration::Fit};
+
+/// What one image adds at most, so that no single one decides: −2 × the logarithm of a likelihood ratio.
+const MOST_OF_IMAGE: f64 = 30.0;
+/// Evidence from which on the other orientation is believed.
+const DECISIVE: f64 = 60.0;
+/// Evidence for the present orientation from which on the other one is no longer asked for.
+const SETTLED: f64 = 150.0;
+/// Orientations of the same looks are closer than this.
+const ALIKE_RAD: f64 = 0.3;
+
+/// One of the half turns.
+#[derive(Debug, Clone, Copy)]
+struct HalfTurn {
+    /// Of the object, in O.
+    rotation: UnitQuaternion<f64>,
+    /// For it.
+    evidence: f64,
+}
+
+/// The half turns that change an object's looks, and what the images so far say for them.
+#[derive(Debug, Clone)]
+pub(super) struct HalfTurns {
+    turns: Vec<HalfTurn>,
+    /// Which of them is asked for next.
+    next: usize,
+}
+
+impl HalfTurns {
+    pub fn new(symmetry: &Symmetry) -> Self {
+        let axes: Vec<Vector3<f64>> = match symmetry {
+            Symmetry::Sphere => Vec::new(),
+            Symmetry::Axis { axis, .. } => {
+                let beside = if axis.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() };
+                vec![axis.cross(&beside).normalize()]
+            }
+            Symmetry::Finite { inertia_per_kg, .. } => {
+                SymmetricEigen::new(*inertia_per_kg).eigenvectors.column_iter().map(|it| it.into_owned()).collect()
+            }
+        };
+        let rotations = axes.iter().map(|axis| UnitQuaternion::from_scaled_axis(axis * PI));
+        let changes =
+            |it: &UnitQuaternion<f64>| symmetry.turn_between(&UnitQuaternion::identity(), it).norm() > ALIKE_RAD;
+        let turns = rotations.filter(changes).map(|rotation| HalfTurn { rotation, evidence: 0.0 }).collect();
+        Self { turns, next: 0 }
+    }
+
+    /// Forgets all images.
+    pub fn reset(&mut self) {
+        self.turns.iter_mut().for_each(|it| it.evidence = 0.0);
+        self.next = 0;
+    }
+
+    /// Compares `fit` with what `register` makes of the same images from one of the half turns. Returns the latter once the images speak for it.
+    pub fn compare(&mut self, fit: &Fit, register: impl FnOnce(&Pose) -> Option<Fit>) -> Option<Fit> {
+        let open = (0..self.turns.len()).map(|i| (self.next + i) % self.turns.len());
+        let asked = open.into_iter().find(|i| self.turns[*i].evidence > -SETTLED)?;
+        self.next = asked + 1;
+        let turn = &mut self.turns[asked];
+        let other = register(&Pose::from_parts(fit.X_WO.translation, fit.X_WO.rotation * turn.rotation));
+        let better = other.map_or(-MOST_OF_IMAGE, |other| fit.robust_cost - other.robust_cost);
+        turn.evidence += better.clamp(-MOST_OF_IMAGE, MOST_OF_IMAGE);
+        let is_other = turn.evidence > DECISIVE;
+        if is_other {
+            self.reset();
+        }
+        other.filter(|_| is_other)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Matrix3, Matrix6, Vector3};
+
+    use super::*;
+    use crate::perception::RotationGroup;
+
+    /// A fit that explains its images by so much better than one of cost 0.
+    fn fit(better: f64) -> Fit {
+        Fit {
+            X_WO: Pose::identity(),
+            information: Matrix6::zeros(),
+            points: 0,
+            residual_m: 0.0,
+            silhouette_residual_m: None,
+            mismatch: 0.0,
+            robust_cost: -better,
+            noise_m: 0.0,
+            iterations: 0,
+        }
+    }
+
+    #[test]
+    fn what_looks_the_same_is_not_asked_for() {
+        let axis = |reversible| Symmetry::Axis { axis: Vector3::z_axis(), reversible };
+        let inertia_per_kg = Matrix3::from_diagonal(&Vector3::new(1.0, 2.0, 3.0));
+        let finite = |group| Symmetry::Finite { group, inertia_per_kg };
+        let box_like = [Vector3::x(), Vector3::y()].map(|it| UnitQuaternion::from_scaled_axis(it * PI));
+        let count = |symmetry: Symmetry| HalfTurns::new(&symmetry).turns.len();
+        assert_eq!([count(Symmetry::Sphere), count(axis(true)), count(axis(false))], [0, 0, 1]);
+        assert_eq!(count(finite(RotationGroup::default())), 3);
+        assert_eq!(count(finite(RotationGroup::generated(box_like))), 0);
+        assert_eq!(count(finite(RotationGroup::generated([box_like[0]]))), 2);
+    }
+
+    #[test]
+    fn several_images_decide_and_settle() {
+        let new = || HalfTurns::new(&Symmetry::Axis { axis: Vector3::z_axis(), reversible: false });
+        // A single one has no say, however clear it is, nor have many that contradict each other.
+        let mut turns = new();
+        for better in [1e6, 1.0, -1e6, 1e6, -5.0, -1e6] {
+            assert!(turns.compare(&fit(0.0), |_| Some(fit(better))).is_none());
+        }
+        let mut turns = new();
+        let decided = (1..10).find(|_| turns.compare(&fit(0.0), |_| Some(fit(25.0))).is_some());
+        assert_eq!(decided, Some(3));
+        // Where the other one leads nowhere it is soon left alone.
+        let mut asked = 0;
+        for _ in 0..100 {
+            turns.compare(&fit(0.0), |_| {
+                asked += 1;
+                None
+            });
+        }
+        assert_eq!(asked, 5);
+    }
+}
