@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     AerodynamicForces, Config, FlightTrajectory,
-    process_noise::{after_impulse, lost_square},
+    process_noise::{add_product, after_impulse, lost_square},
 };
 use crate::{
     perception::{ObjectPose, Symmetry},
@@ -240,8 +240,9 @@ pub(super) fn refine(
                     }
                 }
             }
-            let pulled = row.by.transpose() * row.information * (row.weight / (scale * scale));
-            H += pulled * row.by;
+            let by = row.by.transpose();
+            let pulled = by * row.information * (row.weight / (scale * scale));
+            add_product(&mut H, &pulled, &by);
             g -= pulled * row.rest;
             if let Some(correlated) = &mut correlated {
                 correlated.add(row.age_s, &row.p_W, &pulled);
