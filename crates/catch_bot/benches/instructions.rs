@@ -127,7 +127,7 @@ fn plan(again: bool) {
     }
     let plan = search.search(&start, &incoming).expect("a catch");
     let later = Start { time_s: 0.2, state: plan.trajectory.setpoint(0.2) };
-    let aside = FlightTrajectory { p_WO: flight.p_WO + Vector3::x() * 5e-3, ..flight.clone() };
+    let aside = FlightTrajectory { p_WOcm: flight.p_WOcm + Vector3::x() * 5e-3, ..flight.clone() };
     run(|| search.retarget(&later, &Incoming { flight: &aside, ..incoming }, &plan).expect("a replan"));
 }
 

@@ -111,8 +111,8 @@ pub(super) fn fit(
     let Conclusion { covariance, error_scale, inliers } = concluded.ok_or(PredictionStatus::NotConverged)?;
     let flight = FlightTrajectory {
         time_s: newest_s,
-        p_WO: Point3::from(state.p),
-        v_WO: state.v,
+        p_WOcm: Point3::from(state.p),
+        v_WOcm: state.v,
         R_WO: state.R_WO,
         w_WO: state.w,
         drag_per_m: state.drag_per_m,
