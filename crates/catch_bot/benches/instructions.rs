@@ -17,9 +17,9 @@ use std::{collections::BTreeMap, fs, hint::black_box, process::Command, sync::Ar
 
 use catch_bot::{
     grasp_selection::{self, GraspSet},
-    perception::{self, DepthNoise, PoseEstimator, ReferenceModel, SdfEstimator, View, Workspace},
+    perception::{self, DepthNoise, PoseEstimator, ReferenceModel, SdfEstimator, Symmetry, View, Workspace},
     trajectory_optimization::{CatchSearch, Incoming, Start},
-    trajectory_prediction::{self, FlightTrajectory, predict},
+    trajectory_prediction::{self, AerodynamicPrior, CorrelatedError, FlightTrajectory, ProcessNoise, predict},
 };
 use inputs::{Images, arm};
 use nalgebra::Vector3;
@@ -30,13 +30,16 @@ const BASELINE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/instruction
 const TOLERANCE: f64 = 0.1;
 
 /// Stages by name.
-const STAGES: [(&str, fn()); 8] = [
+const STAGES: [(&str, fn()); 11] = [
     ("registration", || perceive(Noise::Clean, true, true)),
     ("registration_with_silhouettes", || perceive(Noise::Stereo7, true, true)),
     ("segmentation", || perceive(Noise::Clean, false, true)),
     ("global_registration", || perceive(Noise::Clean, true, false)),
     ("detection", || perceive(Noise::Clean, false, false)),
-    ("trajectory_prediction", predict_flight),
+    ("trajectory_prediction", || predict_flight(&Shape::ball(), None, &told())),
+    ("trajectory_prediction_of_ball", || predict_flight(&Shape::ball(), Some(Symmetry::Sphere), &expected())),
+    ("trajectory_prediction_of_bottle", || predict_flight(&Shape::Bottle, None, &expected())),
+    ("trajectory_prediction_with_forces", || predict_flight(&Shape::Bottle, None, &with_forces())),
     ("catch_search", || plan(false)),
     ("replan", || plan(true)),
 ];
@@ -76,17 +79,38 @@ fn perceive(noise: Noise, masks: bool, tracked: bool) {
 }
 
 /// A flight from thirty poses and the flight before.
-fn predict_flight() {
-    let shape = Shape::ball();
-    let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(&shape, 32), &perception::Config::default()));
-    let poses = inputs::poses(&shape, &reference);
-    // A refit alone: these poses, whose noise nobody told, err more than they say and would be sampled anew as well.
-    let max_error_scale = 1e3;
-    let config =
-        trajectory_prediction::Config { drag_prior_sd_per_m: Some(0.02), max_error_scale, ..Default::default() };
+fn predict_flight(shape: &Shape, symmetry: Option<Symmetry>, config: &trajectory_prediction::Config) {
+    let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(shape, 32), &perception::Config::default()));
+    let poses = inputs::poses(shape, &reference);
+    let symmetry = symmetry.unwrap_or(reference.symmetry);
     let mut space = trajectory_prediction::Workspace::default();
-    let before = predict(&poses, None, reference.symmetry, &config, 1, &mut space).expect("a flight");
-    run(|| predict(&poses, Some(&before), reference.symmetry, &config, 1, &mut space).expect("a flight"));
+    let before = predict(&poses, None, symmetry, config, 1, &mut space).expect("a flight");
+    run(|| predict(&poses, Some(&before), symmetry, config, 1, &mut space).expect("a flight"));
+}
+
+/// Drag that is known about.
+fn told() -> trajectory_prediction::Config {
+    // A refit alone: these poses, whose noise nobody told, err more than they say and would be sampled anew as well.
+    trajectory_prediction::Config { drag_prior_sd_per_m: Some(0.02), max_error_scale: 1e3, ..Default::default() }
+}
+
+/// And an error that successive poses have in common.
+fn expected() -> trajectory_prediction::Config {
+    let correlated_error = CorrelatedError { sd_per_m: Some(3e-4), ..Default::default() };
+    trajectory_prediction::Config { correlated_error, ..told() }
+}
+
+/// And forces that depend on orientation and spin.
+fn with_forces() -> trajectory_prediction::Config {
+    let aerodynamics = AerodynamicPrior {
+        drag_deviation_sd_per_m: 0.015,
+        magnus_sd: 0.0018,
+        lift_sd_radps: 0.03,
+        spin_decay_sd_per_s: 0.18,
+        ..Default::default()
+    };
+    let process_noise = ProcessNoise { acceleration: 0.003, angular_acceleration: 0.0 };
+    trajectory_prediction::Config { aerodynamics, process_noise, ..expected() }
 }
 
 /// A catch of the paper's near throw, or its replan after the flight has changed by 5 mm.
@@ -103,7 +127,7 @@ fn plan(again: bool) {
     }
     let plan = search.search(&start, &incoming).expect("a catch");
     let later = Start { time_s: 0.2, state: plan.trajectory.setpoint(0.2) };
-    let aside = FlightTrajectory { p_WO: flight.p_WO + Vector3::x() * 5e-3, ..flight.clone() };
+    let aside = FlightTrajectory { p_WOcm: flight.p_WOcm + Vector3::x() * 5e-3, ..flight.clone() };
     run(|| search.retarget(&later, &Incoming { flight: &aside, ..incoming }, &plan).expect("a replan"));
 }
 

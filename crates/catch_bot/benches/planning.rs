@@ -34,7 +34,7 @@ fn everything(criterion: &mut Criterion) {
         });
         let Ok(plan) = search.search(&start, &incoming) else { continue };
         let later = Start { time_s: 0.2, state: plan.trajectory.setpoint(0.2) };
-        let aside = FlightTrajectory { p_WO: flight.p_WO + Vector3::x() * 5e-3, ..flight.clone() };
+        let aside = FlightTrajectory { p_WOcm: flight.p_WOcm + Vector3::x() * 5e-3, ..flight.clone() };
         let aside = Incoming { flight: &aside, ..incoming };
         criterion.bench_function(&format!("replan/{name}"), |bencher| {
             bencher.iter(|| search.retarget(&later, &aside, &plan));

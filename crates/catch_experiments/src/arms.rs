@@ -80,8 +80,8 @@ fn first_searches(setup: &Setup, options: &Options) -> Vec<(f64, bool)> {
     let timed = |index| {
         let release = setup.release(options.seed, index);
         let flight = FlightTrajectory {
-            p_WO: release.p_WO,
-            v_WO: release.v_WO,
+            p_WOcm: release.p_WO,
+            v_WOcm: release.v_WO,
             R_WO: release.q_WO,
             w_WO: release.omega_WO,
             ..FlightTrajectory::default()

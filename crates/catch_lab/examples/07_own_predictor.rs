@@ -31,9 +31,15 @@ impl FlightPredictor for Parabola {
             (sum_t, sum_tt, sum_p, sum_tp) = (sum_t + t, sum_tt + t * t, sum_p + straight, sum_tp + straight * t);
         }
         let n = poses.len() as f64;
-        let v_WO = (sum_tp * n - sum_p * sum_t) / (n * sum_tt - sum_t * sum_t);
-        let p_WO = Point3::from((sum_p - v_WO * sum_t) / n);
-        Ok(FlightTrajectory { time_s: newest.capture_s, p_WO, v_WO, R_WO: newest.X_WO.rotation, ..Default::default() })
+        let v_WOcm = (sum_tp * n - sum_p * sum_t) / (n * sum_tt - sum_t * sum_t);
+        let p_WOcm = Point3::from((sum_p - v_WOcm * sum_t) / n);
+        Ok(FlightTrajectory {
+            time_s: newest.capture_s,
+            p_WOcm,
+            v_WOcm,
+            R_WO: newest.X_WO.rotation,
+            ..Default::default()
+        })
     }
 }
 

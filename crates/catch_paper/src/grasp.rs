@@ -192,8 +192,8 @@ mod tests {
         }
         let flight = FlightTrajectory {
             time_s: 0.6,
-            p_WO: Point3::new(0.6, 0.1, 0.5),
-            v_WO: Vector3::new(0.0, -4.0, -1.0),
+            p_WOcm: Point3::new(0.6, 0.1, 0.5),
+            v_WOcm: Vector3::new(0.0, -4.0, -1.0),
             ..FlightTrajectory::default()
         };
         let toml = include_str!("../../../assets/grippers/wsg50.toml");
@@ -201,7 +201,7 @@ mod tests {
         let config = Config::default();
         let grasp = select(&reference, &gripper, &flight, 0.6, &Point3::origin(), 7, &config).unwrap();
         let X_WG = flight.pose_at(0.6) * grasp.X_OG;
-        assert!((X_WG * Vector3::z()).dot(&flight.v_WO.normalize()).abs() > 0.9);
+        assert!((X_WG * Vector3::z()).dot(&flight.v_WOcm.normalize()).abs() > 0.9);
         assert!(comfort(&X_WG, &Point3::origin()) > 0.6);
         assert!((grasp.X_OG.translation.vector.norm() - 0.084).abs() < 1e-3);
         assert!((grasp.object_width_m - 0.067).abs() < 3e-3, "{}", grasp.object_width_m);

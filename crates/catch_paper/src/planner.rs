@@ -120,8 +120,8 @@ mod tests {
         // On a circle of 0.6 m around the base between 0.6 and 0.8 s only.
         let flight = FlightTrajectory {
             time_s: 0.7,
-            p_WO: Point3::new(0.6, 0.0, 5.0),
-            v_WO: Vector3::new(0.0, 4.5, 0.0),
+            p_WOcm: Point3::new(0.6, 0.0, 5.0),
+            v_WOcm: Vector3::new(0.0, 4.5, 0.0),
             ..FlightTrajectory::default()
         };
         let config = Config { sought: 501, ..Config::default() };
@@ -130,7 +130,7 @@ mod tests {
         // Seen later by 0.1 s, its clock starts later.
         let catch_s = catch_time_s(&flight, 0.1, &Point3::origin(), &config).unwrap();
         assert!((catch_s - 0.1 - 0.475 * 1.2).abs() < 2e-3, "{catch_s}");
-        let far = FlightTrajectory { p_WO: Point3::new(3.0, 0.0, 5.0), ..flight };
+        let far = FlightTrajectory { p_WOcm: Point3::new(3.0, 0.0, 5.0), ..flight };
         assert_eq!(catch_time_s(&far, 0.0, &Point3::origin(), &config), None);
     }
 }

@@ -110,8 +110,8 @@ impl Flight {
         };
         let mut flight = FlightTrajectory {
             time_s: number("time_s", time_s)?,
-            p_WO: vector("p", p)?.into(),
-            v_WO: vector("v", v)?,
+            p_WOcm: vector("p", p)?.into(),
+            v_WOcm: vector("v", v)?,
             error_scale: 1.0,
             ..FlightTrajectory::default()
         };

@@ -61,8 +61,8 @@ pub fn poses(shape: &Shape, reference: &Arc<ReferenceModel>) -> Vec<ObjectPose> 
 /// The paper's near throw.
 pub fn near_throw() -> FlightTrajectory {
     FlightTrajectory {
-        p_WO: Point3::new(1.66613, 1.63277, 0.3),
-        v_WO: Vector3::new(-1.58705, -2.68301, 3.75643),
+        p_WOcm: Point3::new(1.66613, 1.63277, 0.3),
+        v_WOcm: Vector3::new(-1.58705, -2.68301, 3.75643),
         ..FlightTrajectory::default()
     }
 }

@@ -14,6 +14,8 @@ const GROWTH_SD_FRACTION: f64 = 0.5;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct EdgeGrowth {
     edge_px: f64,
+    /// Standard deviation of a single pixel's place at the edge.
+    pub place_sd_px: f64,
     /// The growth in pixels.
     pub px: f64,
 }
@@ -22,17 +24,13 @@ impl EdgeGrowth {
     /// As it is expected where edges are so wide.
     pub fn new(edge_px: u32) -> Self {
         let edge_px = f64::from(edge_px);
-        Self { edge_px, px: EXPECTED_FRACTION * edge_px }
+        Self { edge_px, place_sd_px: BLUR_FRACTION * edge_px, px: EXPECTED_FRACTION * edge_px }
     }
 
-    /// As it was before any image.
-    pub fn reset(&mut self) {
+    /// As it was before any image, where pixels at sharp edges have this standard deviation.
+    pub fn reset(&mut self, sharp_sd_px: f64) {
+        self.place_sd_px = sharp_sd_px.hypot(BLUR_FRACTION * self.edge_px);
         self.px = EXPECTED_FRACTION * self.edge_px;
-    }
-
-    /// Standard deviation of a pixel's place at the edge.
-    pub fn blur_px(&self) -> f64 {
-        BLUR_FRACTION * self.edge_px
     }
 
     /// Standard deviation of the growth that is expected; zero where edges are sharp.

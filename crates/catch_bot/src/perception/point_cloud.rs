@@ -44,6 +44,30 @@ pub struct ScenePoint {
     pub image: usize,
 }
 
+/// How a pose of the object stands to a point of the scene.
+#[derive(Debug, Clone)]
+pub(super) struct PointResidual {
+    /// Number of the point in its cloud, and of its image.
+    pub point: usize,
+    pub image: usize,
+    /// The point in O.
+    pub p_O: Point3<f64>,
+    /// Its signed distance from the reference in metres, and the gradient of that in O.
+    pub distance_m: f64,
+    pub n_O: Vector3<f64>,
+    /// Standard deviation of the distance, and by how much a standard deviation of the depth changes it.
+    pub sd_m: f64,
+    pub by_depth_m: f64,
+}
+
+impl PointResidual {
+    /// Before there is a pose.
+    pub fn unmeasured(point: usize, image: usize) -> Self {
+        let (p_O, n_O) = (Point3::origin(), Vector3::zeros());
+        Self { point, image, p_O, distance_m: 0.0, n_O, sd_m: 0.0, by_depth_m: 0.0 }
+    }
+}
+
 /// Points, silhouette rays and labels for which there is room from the start, so that larger images of the object than those
 /// before do not allocate.
 const ROOM_POINTS: usize = 4096;
@@ -56,6 +80,8 @@ pub struct SceneCloud {
     pub points: Vec<ScenePoint>,
     /// Its silhouette, if it has been collected.
     pub silhouette: Silhouette,
+    /// Room for how a pose stands to the points.
+    pub(super) residuals: Vec<PointResidual>,
     /// The frames that show it.
     shown: Vec<Shown>,
     /// Labels of the pixels of frames that have no mask.
@@ -80,9 +106,11 @@ impl SceneCloud {
     pub fn collect(&mut self, view: &View<'_>, reference: &ReferenceModel, prior: Option<&Pose>, config: &Config) {
         let View { cameras, surroundings, .. } = *view;
         self.points.clear();
+        self.residuals.clear();
         self.shown.clear();
         self.labels.clear();
         self.points.reserve(ROOM_POINTS);
+        self.residuals.reserve(ROOM_POINTS);
         self.silhouette.clear(ROOM_POINTS);
         self.shown.reserve(cameras.len());
         self.labels.reserve(ROOM_LABELS);

@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, Matrix6, Translation3, UnitQuaternion, Vector3, Vector6}
 use super::{
     Config, PerceptionStatus, ReferenceModel,
     normal_equations::{CommonError, MEAN_SQUARE, NormalEquations, Sums},
-    point_cloud::{SceneCloud, ScenePoint},
+    point_cloud::{PointResidual, SceneCloud, ScenePoint},
     silhouette::Silhouette,
 };
 
@@ -111,23 +111,22 @@ impl Registration<'_> {
     ) -> (Fit, bool) {
         let Self { reference, config } = *self;
         let noise_m = scene.mean_noise_m();
-        let SceneCloud { points, silhouette, .. } = scene;
+        let SceneCloud { points, silhouette, residuals, .. } = scene;
         let mut none = Silhouette::default();
         let silhouette = if with_silhouette { silhouette } else { &mut none };
-        let depths = Depths {
-            points,
-            shapeless_above_m: if silhouette.is_empty() {
-                f64::INFINITY
-            } else {
-                HOPELESS_RADII * reference.inner_radius_m
-            },
-        };
+        let shapeless_above_m =
+            if silhouette.is_empty() { f64::INFINITY } else { HOPELESS_RADII * reference.inner_radius_m };
+        let mut depths = Depths::new(points, residuals, shapeless_above_m);
         let mut X_WO = *start;
         let observable = reference.symmetry.observable();
         silhouette.find(reference, &X_WO, config);
         // With infinite scales nothing is an outlier: the typical residual at the start, so that a start that is off does not
         // turn everything to outliers.
-        let mut on_points = self.measure_points(&depths, &X_WO);
+        self.measure(&mut depths, &X_WO);
+        let mut on_points = Sums::ZERO;
+        for it in &*depths.residuals {
+            on_points.weigh(it.distance_m, it.sd_m, f64::INFINITY);
+        }
         let mut scales =
             Scales { points: typical(&on_points), silhouette: silhouette.typical_violation(f64::INFINITY).max(1.0) };
         silhouette.choose(0.0, scales.silhouette);
@@ -136,6 +135,9 @@ impl Registration<'_> {
         let (mut converged, mut in_sd, mut moved_m, mut damping) = (false, f64::INFINITY, 0.0, 1.0);
         let (mut iterations, mut last_step, mut tolerance_sd) = (0, Vector6::zeros(), config.step_tolerance_sd);
         while iterations < max_iterations && !converged {
+            if iterations > 0 {
+                self.measure(&mut depths, &X_WO);
+            }
             iterations += 1;
             (on_points, on_rays, equations) = self.sum_all(&depths, silhouette, &X_WO, &mut scales);
             let (information, gradient) = equations.projected(&observable);
@@ -162,9 +164,10 @@ impl Registration<'_> {
             }
         }
         if !converged {
+            self.measure(&mut depths, &X_WO);
             (on_points, on_rays, equations) = self.sum_all(&depths, silhouette, &X_WO, &mut scales);
         }
-        let (weight, has_shape) = (on_points.weight.max(1e-12), depths.shapes().next().is_some());
+        let (weight, has_shape) = (on_points.weight.max(1e-12), !depths.residuals.is_empty());
         let fit = Fit {
             X_WO,
             information: in_world(&equations.projected(&observable).0, &X_WO, config),
@@ -174,7 +177,7 @@ impl Registration<'_> {
             silhouette_residual_m: (!silhouette.is_empty())
                 .then(|| (on_rays.squares_m2 / on_rays.weight.max(1.0)).sqrt()),
             mismatch: if silhouette.is_empty() { on_points.squares / weight } else { silhouette.mean_square() },
-            robust_cost: robust_cost(&on_points, depths.shapes().map(<[_]>::len).sum(), LEAST_MEAN_M)
+            robust_cost: robust_cost(&on_points, depths.residuals.len(), LEAST_MEAN_M)
                 + robust_cost(&on_rays, silhouette.len(), LEAST_MEAN_PX * silhouette.pixel_m()),
             iterations,
         };
@@ -183,7 +186,7 @@ impl Registration<'_> {
         (fit, (converged || damping * in_sd < 1.0) && finite && fit.residual_m.is_finite())
     }
 
-    /// The normal equations of both kinds at a pose that the rays have been brought to, each by what its residuals turn out to be
+    /// The normal equations of both kinds at a pose that points and rays have been brought to, each by what its residuals turn out to be
     /// worth.
     fn sum_all(
         &self,
@@ -192,7 +195,7 @@ impl Registration<'_> {
         X_WO: &Pose,
         scales: &mut Scales,
     ) -> (Sums, Sums, NormalEquations) {
-        let on_points = self.sum_points(depths, X_WO, scales.points);
+        let on_points = self.sum_points(depths.residuals, scales.points);
         let on_rays = silhouette.sum(scales.silhouette);
         scales.points = typical(&on_points);
         let mut equations = on_rays.equations;
@@ -205,7 +208,7 @@ impl Registration<'_> {
     /// several images tell that much better.
     fn add_mean_depths(&self, equations: &mut NormalEquations, depths: &Depths<'_>, X_WO: &Pose) {
         let Some(common_fraction) = self.config.depth_common_fraction else { return };
-        if depths.images().count() >= ENOUGH_SILHOUETTES {
+        if depths.residuals.len() == depths.points.len() || depths.images().count() >= ENOUGH_SILHOUETTES {
             return;
         }
         let (R_OW, inner_radius_m) = (X_WO.rotation.inverse(), self.reference.inner_radius_m);
@@ -226,63 +229,52 @@ impl Registration<'_> {
         }
     }
 
-    /// Distances of all points, none taken for an outlier.
-    fn measure_points(&self, depths: &Depths<'_>, X_WO: &Pose) -> Sums {
-        let mut sums = Sums::ZERO;
-        for image in depths.shapes() {
-            self.each_residual(image, X_WO, |_, _, distance, sd, _| {
-                sums.weigh(distance, sd, f64::INFINITY);
-            });
-        }
-        sums
-    }
-
     /// What the points tell. How far the depths of each image are off in common is eliminated.
-    fn sum_points(&self, depths: &Depths<'_>, X_WO: &Pose, scale: f64) -> Sums {
+    fn sum_points(&self, residuals: &[PointResidual], scale: f64) -> Sums {
         let mut sums = Sums::ZERO;
         let common_sd = self.config.depth_common_fraction.unwrap_or_default().sqrt();
-        for image in depths.shapes() {
+        if common_sd == 0.0 {
+            for PointResidual { p_O, n_O, distance_m, sd_m, .. } in residuals {
+                let curvature = sums.weigh(*distance_m, *sd_m, scale) / (sd_m * sd_m);
+                sums.equations.add(p_O, n_O, curvature, curvature * distance_m);
+            }
+            return sums;
+        }
+        for image in residuals.chunk_by(|a, b| a.image == b.image) {
             let mut common = CommonError::new(0.0);
-            self.each_residual(image, X_WO, |p_O, n_O, distance, sd, by_depth| {
-                let effect = common_sd * by_depth;
-                let curvature = sums.weigh(distance, sd, scale) / (sd * sd - effect * effect).max(LEAST_OWN * sd * sd);
-                let slope = curvature * distance;
+            for PointResidual { p_O, n_O, distance_m, sd_m, by_depth_m, .. } in image {
+                let (variance_m2, effect_m) = (sd_m * sd_m, common_sd * by_depth_m);
+                let own_m2 = (variance_m2 - effect_m * effect_m).max(LEAST_OWN * variance_m2);
+                let curvature = sums.weigh(*distance_m, *sd_m, scale) / own_m2;
+                let slope = curvature * distance_m;
                 sums.equations.add(p_O, n_O, curvature, slope);
-                if effect != 0.0 {
-                    common.add(p_O, n_O, curvature, slope, effect);
-                }
-            });
+                common.add(p_O, n_O, curvature, slope, effect_m);
+            }
             sums.equations.eliminate(&common);
         }
         sums
     }
 
-    /// Calls `visit` with each point in O, its distance's gradient there, its distance from the reference in metres, the
-    /// standard deviation of that, and what of it one of the depth's makes.
+    /// Brings the residuals of all points whose depths tell the shape to a pose.
     ///
     /// σ² = (σ_z·c)² + (σ_z²·(1 − c²)/2r)² + σ_model² with c = ∂r/∂z: noise moves the point along its ray, where the ray grazes
     /// the surface to second order only, by what a surface of the object's thickness r bends.
-    #[inline]
-    fn each_residual(
-        &self,
-        points: &[ScenePoint],
-        X_WO: &Pose,
-        mut visit: impl FnMut(&nalgebra::Point3<f64>, &Vector3<f64>, f64, f64, f64),
-    ) {
+    fn measure(&self, depths: &mut Depths<'_>, X_WO: &Pose) {
         let Self { reference, config } = *self;
         let R_OW = X_WO.rotation.to_rotation_matrix().transpose();
-        for point in points {
-            let p_O = (R_OW * (point.p_W.coords - X_WO.translation.vector)).into();
-            let (distance, n_O) = reference.distance.at(&p_O);
-            let (mut variance, mut by_depth) = (config.model_sd_m * config.model_sd_m, 0.0);
+        for residual in &mut *depths.residuals {
+            let point = &depths.points[residual.point];
+            residual.p_O = (R_OW * (point.p_W.coords - X_WO.translation.vector)).into();
+            (residual.distance_m, residual.n_O) = reference.distance.at(&residual.p_O);
+            let mut variance = config.model_sd_m * config.model_sd_m;
             if point.depth_sd_m > 0.0 {
-                let along = n_O.dot(&(R_OW * point.per_depth_W));
+                let along = residual.n_O.dot(&(R_OW * point.per_depth_W));
                 let depth_variance = point.depth_sd_m * point.depth_sd_m;
-                by_depth = point.depth_sd_m * along;
+                residual.by_depth_m = point.depth_sd_m * along;
                 let bent = depth_variance * (1.0 - along * along).max(0.0) * 0.5 / reference.inner_radius_m;
                 variance += depth_variance * along * along + bent * bent;
             }
-            visit(&p_O, &n_O, distance, variance.sqrt(), by_depth);
+            residual.sd_m = variance.sqrt();
         }
     }
 }
@@ -290,23 +282,35 @@ impl Registration<'_> {
 /// The points of a scene, image by image.
 struct Depths<'a> {
     points: &'a [ScenePoint],
+    /// Those of the images whose depths tell the object's shape.
+    residuals: &'a mut Vec<PointResidual>,
     /// Depths with a larger standard deviation tell no shape: nothing that the object's silhouette does not say better, and the field is no
     /// measure of how they err.
     shapeless_above_m: f64,
 }
 
 impl<'a> Depths<'a> {
+    fn new(points: &'a [ScenePoint], residuals: &'a mut Vec<PointResidual>, shapeless_above_m: f64) -> Self {
+        residuals.clear();
+        let depths = Self { points, residuals, shapeless_above_m };
+        let mut first = 0;
+        for image in depths.images() {
+            if depths.has_shape(image) {
+                depths
+                    .residuals
+                    .extend((first..).zip(image).map(|(i, point)| PointResidual::unmeasured(i, point.image)));
+            }
+            first += image.len();
+        }
+        depths
+    }
+
     fn images(&self) -> impl Iterator<Item = &'a [ScenePoint]> + use<'a> {
         self.points.chunk_by(|a, b| a.image == b.image)
     }
 
     fn has_shape(&self, image: &[ScenePoint]) -> bool {
-        mean_sd_m(image) <= self.shapeless_above_m
-    }
-
-    /// The images whose depths tell the object's shape.
-    fn shapes(&self) -> impl Iterator<Item = &'a [ScenePoint]> {
-        self.images().filter(|image| self.has_shape(image))
+        self.shapeless_above_m == f64::INFINITY || mean_sd_m(image) <= self.shapeless_above_m
     }
 }
 
@@ -388,13 +392,13 @@ mod tests {
                 depth_sd_m: 0.0,
                 image: 0,
             }];
-            let distance = |X_WO: &Pose| {
-                let mut found = 0.0;
-                registration.each_residual(&scene, X_WO, |_, _, distance, _, _| found = distance);
-                found
+            let measured = |X_WO: &Pose| {
+                let mut residuals = Vec::new();
+                registration.measure(&mut Depths::new(&scene, &mut residuals, f64::INFINITY), X_WO);
+                residuals
             };
-            let depths = Depths { points: &scene, shapeless_above_m: f64::INFINITY };
-            let sums = registration.sum_points(&depths, &X_WO, f64::INFINITY);
+            let distance = |X_WO: &Pose| measured(X_WO)[0].distance_m;
+            let sums = registration.sum_points(&measured(&X_WO), f64::INFINITY);
             let (_, gradient) = sums.equations.projected(&Matrix3::identity());
             let curvature = config.model_sd_m.powi(-2);
             for i in 0..6 {
@@ -433,8 +437,9 @@ mod tests {
         let sd_m = |common_fraction: f64| {
             let config = Config { depth_common_fraction: Some(common_fraction), ..Config::default() };
             let registration = Registration { reference: &reference, config: &config };
-            let depths = Depths { points: &points, shapeless_above_m: f64::INFINITY };
-            let sums = registration.sum_points(&depths, &Pose::identity(), f64::INFINITY);
+            let mut residuals = Vec::new();
+            registration.measure(&mut Depths::new(&points, &mut residuals, f64::INFINITY), &Pose::identity());
+            let sums = registration.sum_points(&residuals, f64::INFINITY);
             sums.equations.projected(&Matrix3::identity()).0[(5, 5)].sqrt().recip()
         };
         let (alone, common) = (sd_m(0.0), sd_m(0.5));

@@ -100,8 +100,7 @@ impl SilhouetteRay {
 
     fn note(&mut self, moved_m: f64, edges: &[EdgeGrowth], config: &Config) {
         self.seen_after_m = moved_m;
-        let sd_px = config.silhouette_sd_px.hypot(edges[self.image].blur_px());
-        let in_image_m = sd_px * self.pixel_rad * self.along_m;
+        let in_image_m = edges[self.image].place_sd_px * self.pixel_rad * self.along_m;
         self.sd_m = (in_image_m * in_image_m + config.model_sd_m * config.model_sd_m).sqrt();
     }
 
@@ -229,7 +228,7 @@ impl Silhouette {
     pub(super) fn find(&mut self, reference: &ReferenceModel, X_WO: &Pose, config: &Config) {
         let mut view = Viewpoint::new(X_WO);
         let mut neighbour: Option<SilhouetteRay> = None;
-        self.edges.iter_mut().for_each(EdgeGrowth::reset);
+        self.edges.iter_mut().for_each(|it| it.reset(config.silhouette_sd_px));
         for ray in &mut self.rays {
             if view.is_elsewhere(&ray.p_WC) {
                 neighbour = None;
@@ -241,7 +240,9 @@ impl Silhouette {
             ray.note(0.0, &self.edges, config);
             neighbour = Some(*ray);
         }
-        self.choose(0.0, f64::INFINITY);
+        (self.moved_m, self.most_scale) = (0.0, f64::INFINITY);
+        self.near.clear();
+        self.near.extend(0..self.rays.len() as u32);
     }
 
     /// Chooses those that matter anew.

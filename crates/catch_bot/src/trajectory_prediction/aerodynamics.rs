@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     AerodynamicForces, Config, FlightTrajectory,
-    process_noise::{after_impulse, lost_square},
+    process_noise::{add_product, after_impulse, lost_square},
 };
 use crate::{
     perception::{ObjectPose, Symmetry},
@@ -180,7 +180,7 @@ pub(super) fn refine(
     rows.clear();
     rows.reserve(config.fit_window);
     // Backward from the newest pose, by the trapezoid rule: the velocity along the flight as it was fitted.
-    let mut v = flight.v_WO;
+    let mut v = flight.v_WOcm;
     let mut tumbling = flight.tumbling();
     let turns = !matches!(symmetry, Symmetry::Sphere)
         && (config.aerodynamics.magnus > 0.0 || config.aerodynamics.magnus_sd > 0.0);
@@ -240,8 +240,9 @@ pub(super) fn refine(
                     }
                 }
             }
-            let pulled = row.by.transpose() * row.information * (row.weight / (scale * scale));
-            H += pulled * row.by;
+            let by = row.by.transpose();
+            let pulled = by * row.information * (row.weight / (scale * scale));
+            add_product(&mut H, &pulled, &by);
             g -= pulled * row.rest;
             if let Some(correlated) = &mut correlated {
                 correlated.add(row.age_s, &row.p_W, &pulled);
@@ -270,8 +271,8 @@ pub(super) fn refine(
         scale = f64::sqrt(squares / freedom);
     }
     let Some((x, covariance)) = found.filter(|(x, _)| x.iter().all(|value| value.is_finite())) else { return };
-    flight.p_WO = x.fixed_rows::<3>(0).into_owned().into();
-    flight.v_WO = x.fixed_rows::<3>(3).into_owned();
+    flight.p_WOcm = x.fixed_rows::<3>(0).into_owned().into();
+    flight.v_WOcm = x.fixed_rows::<3>(3).into_owned();
     flight.drag_per_m = x[DRAG];
     flight.covariance = covariance.fixed_view::<7, 7>(0, 0).into_owned();
     if config.com_sd_m() > 0.0 {

@@ -8,6 +8,7 @@
 use nalgebra::{SMatrix, Vector3};
 use serde::{Deserialize, Serialize};
 
+use super::process_noise::add_product;
 use crate::settings::{DURATION_S, Faults, NOT_NEGATIVE, SettingError, Settings};
 
 /// A first-order Gauss–Markov process along each axis: errors of positions Δt apart have the covariance σ₁·σ₂·e^(−Δt/τ).
@@ -74,16 +75,17 @@ impl<const N: usize> CorrelatedSums<N> {
         let since_s = self.last_age_s.replace(age_s).map_or(0.0, |last_s| (age_s - last_s).abs());
         self.sum *= (-since_s / self.correlation_time_s.max(f64::MIN_POSITIVE)).exp();
         let own = A * (self.sd_per_m * p_W.norm());
-        self.half += (self.sum + own * 0.5) * own.transpose();
+        add_product(&mut self.half, &(self.sum + own * 0.5), &own);
         self.sum += own;
     }
 
     /// Eliminates an impulse as [`after_impulse`](super::process_noise::after_impulse) does, which returned this gain.
     pub fn after_impulse(&mut self, gain: &SMatrix<f64, N, 3>, [place, rate]: [usize; 2], age_s: f64) {
         self.sum -= gain * (self.sum.fixed_rows::<3>(place) * age_s + self.sum.fixed_rows::<3>(rate));
-        self.half -= gain * (self.half.fixed_rows::<3>(place) * age_s + self.half.fixed_rows::<3>(rate));
-        let by_impulse = self.half.fixed_columns::<3>(place) * age_s + self.half.fixed_columns::<3>(rate);
-        self.half -= by_impulse * gain.transpose();
+        let rows = self.half.fixed_rows::<3>(place) * age_s + self.half.fixed_rows::<3>(rate);
+        add_product(&mut self.half, &-gain, &rows.transpose());
+        let columns = self.half.fixed_columns::<3>(place) * age_s + self.half.fixed_columns::<3>(rate);
+        add_product(&mut self.half, &-columns, gain);
     }
 
     /// What it adds to the covariance H⁻¹ of the solution.
@@ -124,6 +126,22 @@ mod tests {
         }
         let covariance = sums.covariance(&SMatrix::identity());
         assert!((covariance - expected).amax() < 1e-12 * expected.amax(), "{covariance} {expected}");
+    }
+
+    /// Where errors reach some parameters alone, the sums of these are all there is.
+    #[test]
+    fn sums_of_some_parameters_are_those_of_all() {
+        const FEW: usize = 5;
+        let (mut all, mut few) = (ERROR.sums::<N>().unwrap(), ERROR.sums::<FEW>().unwrap());
+        for (i, age_s) in [0.5, 0.45, 0.3, 0.1].into_iter().enumerate() {
+            let mut A = by_position(i);
+            A.fixed_rows_mut::<{ N - FEW }>(FEW).fill(0.0);
+            all.add(age_s, &p_W(i), &A);
+            few.add(age_s, &p_W(i), &A.fixed_rows::<FEW>(0).into_owned());
+        }
+        assert_eq!(all.half.fixed_view::<FEW, FEW>(0, 0).into_owned(), few.half);
+        all.half.fixed_view_mut::<FEW, FEW>(0, 0).fill(0.0);
+        assert_eq!(all.half, SMatrix::<f64, N, N>::zeros());
     }
 
     /// An error that both poses before an impulse have displaces the right-hand side as the elimination has it.

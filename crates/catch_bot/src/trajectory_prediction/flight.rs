@@ -11,10 +11,12 @@ use super::{AerodynamicForces, LocalFlight, ProcessNoise, tumbling::Tumbling};
 pub struct FlightTrajectory {
     /// The instant of the state below, in seconds on the cell's clock: that of the newest pose it rests on.
     pub time_s: f64,
-    /// Position of the centre of mass in W, in metres; that of O is [`pose_at`](Self::pose_at)'s.
-    pub p_WO: Point3<f64>,
-    /// Its velocity in W, in m/s.
-    pub v_WO: Vector3<f64>,
+    /// Position of the object's centre of mass Ocm in W, in metres; that of O is [`pose_at`](Self::pose_at)'s. In files it is `p_WO`.
+    #[serde(rename = "p_WO")]
+    pub p_WOcm: Point3<f64>,
+    /// Its velocity in W, in m/s. In files it is `v_WO`.
+    #[serde(rename = "v_WO")]
+    pub v_WOcm: Vector3<f64>,
     /// Orientation in W.
     pub R_WO: UnitQuaternion<f64>,
     /// Angular velocity in W, rad/s.
@@ -212,7 +214,7 @@ impl FlightTrajectory {
             com_O: self.com_O,
             forces: self.forces,
             moved_s: self.time_s,
-            motion: Motion::new(self.p_WO.coords, self.v_WO),
+            motion: Motion::new(self.p_WOcm.coords, self.v_WOcm),
             turned_s: self.time_s,
             tumbling: self.tumbling(),
         }
@@ -248,7 +250,7 @@ impl FlightTrajectory {
     ///
     /// Σ(t) = Φ·Σ₀·Φᵀ, Φ being the derivative of (p, v) at `time_s` with respect to (p, v, k) at the state's time.
     pub fn covariance_at(&self, time_s: f64) -> Matrix6<f64> {
-        let start = Motion::new(self.p_WO.coords, self.v_WO);
+        let start = Motion::new(self.p_WOcm.coords, self.v_WOcm);
         let motion = start.after(time_s - self.time_s, self.drag_per_m, true);
         let mut transition = SMatrix::<f64, 6, 7>::zeros();
         transition.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();

@@ -3,7 +3,7 @@
 //! The acceleration and the angular acceleration are those of the model and white noise. Poses then tell the less of the present state
 //! the older they are, and predictions become uncertain the sooner the farther ahead they are.
 
-use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Vector3};
+use nalgebra::{Cholesky, Matrix3, Matrix6, SMatrix, SVector, U3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::settings::{Faults, NOT_NEGATIVE, SettingError, Settings};
@@ -59,10 +59,37 @@ pub(super) fn after_impulse<const N: usize>(
     let slope = g.fixed_rows::<3>(place) * age_s + g.fixed_rows::<3>(rate);
     let inner = by_impulse.fixed_rows::<3>(place) * age_s + by_impulse.fixed_rows::<3>(rate);
     let factor = (inner + Matrix3::identity() / variance).cholesky()?;
-    let gain = factor.solve(&by_impulse.transpose()).transpose();
-    *H -= by_impulse * gain.transpose();
+    let gain = solved_right(&factor, &by_impulse);
+    add_product(H, &-by_impulse, &gain);
     *g -= by_impulse * factor.solve(&slope);
     Some(gain)
+}
+
+/// B·(L·Lᵀ)⁻¹, row by row.
+fn solved_right<const N: usize>(factor: &Cholesky<f64, U3>, B: &SMatrix<f64, N, 3>) -> SMatrix<f64, N, 3> {
+    let L = factor.l_dirty();
+    let mut solved = *B;
+    let [first, second, third] = &mut solved.data.0;
+    for ((first, second), third) in first.iter_mut().zip(second).zip(third) {
+        let x = *first / L[(0, 0)];
+        let y = (*second - x * L[(1, 0)]) / L[(1, 1)];
+        let z = (*third - x * L[(2, 0)] - y * L[(2, 1)]) / L[(2, 2)];
+        *third = z / L[(2, 2)];
+        *second = (y - *third * L[(2, 1)]) / L[(1, 1)];
+        *first = (x - (*second * L[(1, 0)] + *third * L[(2, 0)])) / L[(0, 0)];
+    }
+    solved
+}
+
+/// M + A·Bᵀ, column by column, without the product in between.
+pub(super) fn add_product<const N: usize>(M: &mut SMatrix<f64, N, N>, A: &SMatrix<f64, N, 3>, B: &SMatrix<f64, N, 3>) {
+    let [first, second, third] = &A.data.0;
+    for (j, column) in M.data.0.iter_mut().enumerate() {
+        let by = [0, 1, 2].map(|k| B[(j, k)]);
+        for (((sum, first), second), third) in column.iter_mut().zip(first).zip(second).zip(third) {
+            *sum += first * by[0] + second * by[1] + third * by[2];
+        }
+    }
 }
 
 /// What of eᵀ·W·e the noise accounts for that has displaced an object since a pose of this age: of the information it leaves
@@ -107,6 +134,18 @@ mod tests {
         after_impulse(&mut H, &mut g, [1, 5], age_s, variance);
         let found = -H.try_inverse().unwrap() * g;
         assert!((found - expected.fixed_rows::<N>(0)).amax() < 1e-9, "{found} {expected}");
+    }
+
+    #[test]
+    fn products_are_added_and_factors_solved_as_whole_matrices_are() {
+        const N: usize = 7;
+        let [A, B] = [1.0, 2.0].map(|k| SMatrix::<f64, N, 3>::from_fn(|i, j| (k + (3 * i + 5 * j) as f64).sin()));
+        let mut M = SMatrix::<f64, N, N>::from_fn(|i, j| ((2 * i + 3 * j) as f64).cos());
+        let expected = M + A * B.transpose();
+        add_product(&mut M, &A, &B);
+        assert_eq!(M, expected);
+        let factor = Matrix3::new(4.0, 1.0, 0.3, 1.0, 3.0, 0.5, 0.3, 0.5, 5.0).cholesky().unwrap();
+        assert_eq!(solved_right(&factor, &A), factor.solve(&A.transpose()).transpose());
     }
 
     #[test]

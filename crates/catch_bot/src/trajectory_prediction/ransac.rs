@@ -105,19 +105,19 @@ fn through(
         return None;
     }
     let (p1, p2) = (earlier.X_WO.translation.vector, later.X_WO.translation.vector);
-    let mut v_WO = (p2 - p1) / elapsed_s + gravity() * (0.5 * elapsed_s);
+    let mut v_WOcm = (p2 - p1) / elapsed_s + gravity() * (0.5 * elapsed_s);
     if config.drag_per_m() != 0.0 {
         // Flown backwards from the later pose, the flight must meet the earlier one.
         for _ in 0..3 {
-            let missed = Motion::new(p2, v_WO).after(-elapsed_s, config.drag_per_m(), false).p - p1;
-            v_WO += missed / elapsed_s;
+            let missed = Motion::new(p2, v_WOcm).after(-elapsed_s, config.drag_per_m(), false).p - p1;
+            v_WOcm += missed / elapsed_s;
         }
     }
     let w_WO = symmetry.turn_between(&earlier.X_WO.rotation, &later.X_WO.rotation) / elapsed_s;
     let flight = FlightTrajectory {
         time_s: later.capture_s,
-        p_WO: Point3::from(p2),
-        v_WO,
+        p_WOcm: Point3::from(p2),
+        v_WOcm,
         R_WO: later.X_WO.rotation,
         w_WO,
         drag_per_m: config.drag_per_m(),
@@ -135,7 +135,7 @@ fn through(
         considered: 2,
         error_scale: 1.0,
     };
-    (v_WO.iter().chain(w_WO.iter()).all(|value| value.is_finite())).then_some(flight)
+    (v_WOcm.iter().chain(w_WO.iter()).all(|value| value.is_finite())).then_some(flight)
 }
 
 /// Median, component by component, of the turns from one agreeing pose to the next per time. Over the short time between
@@ -174,7 +174,7 @@ fn each_position<'a>(
     flight: &FlightTrajectory,
     mut visit: impl FnMut(&'a ObjectPose, &Vector3<f64>),
 ) {
-    let mut motion = Motion::new(flight.p_WO.coords, flight.v_WO);
+    let mut motion = Motion::new(flight.p_WOcm.coords, flight.v_WOcm);
     let mut time_s = flight.time_s;
     for pose in poses {
         let elapsed_s = pose.capture_s - time_s;

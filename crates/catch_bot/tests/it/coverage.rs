@@ -23,8 +23,8 @@ fn throw(far: bool, reference: &ReferenceModel, normal: &mut Normal) -> FlightTr
         (Vector3::new(1.66613, 1.63277, 0.3), Vector3::new(-1.58705, -2.68301, 3.75643))
     };
     FlightTrajectory {
-        p_WO: (p_WO + normal.vector() * 0.05).into(),
-        v_WO: v_WO + normal.vector() * 0.1,
+        p_WOcm: (p_WO + normal.vector() * 0.05).into(),
+        v_WOcm: v_WO + normal.vector() * 0.1,
         R_WO: normal.rotation(),
         inertia_per_kg: inertia_per_kg(&reference.symmetry),
         ..FlightTrajectory::default()

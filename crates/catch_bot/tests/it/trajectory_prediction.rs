@@ -20,8 +20,8 @@ fn banana() -> Symmetry {
 /// A throw as in the paper: about 0.7 s.
 fn throw(normal: &mut Normal, spin_radps: f64, drag_per_m: f64, symmetry: &Symmetry) -> FlightTrajectory {
     FlightTrajectory {
-        p_WO: Point3::new(2.66, 2.61, 0.5) + normal.vector() * 0.05,
-        v_WO: Vector3::new(-2.96, -4.06, 3.59) + normal.vector() * 0.1,
+        p_WOcm: Point3::new(2.66, 2.61, 0.5) + normal.vector() * 0.05,
+        v_WOcm: Vector3::new(-2.96, -4.06, 3.59) + normal.vector() * 0.1,
         w_WO: normal.vector().normalize() * spin_radps,
         inertia_per_kg: inertia_per_kg(symmetry),
         R_WO: normal.rotation(),
@@ -183,7 +183,7 @@ fn drag_against_the_bound(throws: u64) -> f64 {
                 let at = |change: f64| {
                     let mut throw = throw.clone();
                     if i < 3 {
-                        throw.v_WO[i] += change;
+                        throw.v_WOcm[i] += change;
                     } else {
                         throw.drag_per_m += change;
                     }

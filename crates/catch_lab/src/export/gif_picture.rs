@@ -108,8 +108,8 @@ fn lines(playback: &Playback, sample: &MotionSample) -> Vec<Line> {
     let tick = playback.ticks.iter().rev().find(|tick| tick.observation.time_s <= now_s);
     let report = tick.map(|tick| &tick.report);
     if let Some((flight, plan)) = report.and_then(|it| it.flight.as_ref().zip(it.plan.as_ref())) {
-        let path =
-            path(now_s, plan.catch_s + BEYOND_CATCH_S, |at_s| Some(flight.pose_at(at_s).translation.vector.into()));
+        let com_O = playback.com_O();
+        let path = path(now_s, plan.catch_s + BEYOND_CATCH_S, |at_s| Some(flight.pose_at(at_s) * com_O));
         lines.push(Line { path, colour: palette::PREDICTED, width_px: 2.0 });
     }
     if playback.ground_truth().is_none() {

@@ -160,8 +160,8 @@ impl<'a> Corridor<'a> {
 fn flight(release: &Release) -> FlightTrajectory {
     FlightTrajectory {
         time_s: 0.0,
-        p_WO: release.p_WO,
-        v_WO: release.v_WO,
+        p_WOcm: release.p_WO,
+        v_WOcm: release.v_WO,
         R_WO: release.q_WO,
         w_WO: release.omega_WO,
         ..FlightTrajectory::default()

@@ -301,14 +301,14 @@ mod tests {
                 q[i] += low + ways[i] * (high - low);
             }
             let X_WL = planner.robot().link_poses(&q);
-            let p_WO = planner.robot().gripper_in(&X_WL) * planner.gripper().grasp_centre();
-            let J = planner.robot().jacobian(&X_WL, &p_WO).fixed_rows::<3>(3).into_owned();
+            let p_WOcm = planner.robot().gripper_in(&X_WL) * planner.gripper().grasp_centre();
+            let J = planner.robot().jacobian(&X_WL, &p_WOcm).fixed_rows::<3>(3).into_owned();
             let dq = JointVector::from_fn(|i, _| {
                 let fast = reaches[i].terminal_velocities(q[i] - from[i]);
                 if J.column(i).dot(&Vector3::from(toward)) > 0.0 { fast.high } else { fast.low }
             });
-            let v_WO = J * dq / (fraction.min(1.0) * planner.config().max_speed_fraction);
-            let flight = FlightTrajectory { time_s: catch_s, p_WO, v_WO, drag_per_m, ..FlightTrajectory::default() };
+            let v_WOcm = J * dq / (fraction.min(1.0) * planner.config().max_speed_fraction);
+            let flight = FlightTrajectory { time_s: catch_s, p_WOcm, v_WOcm, drag_per_m, ..FlightTrajectory::default() };
 
             let any = AnyCatch { flight: &flight, times_s: [0.0, 1.0], within_m: 0.0 };
             let proof = Proof { planner: &planner, start: &start, any: &any };

@@ -6,6 +6,7 @@ use catch_body::{Gripper, InputError, JointVector, Pose, Robot};
 use catch_bot::Preparation;
 use catch_cell::{ArmState, ArmTrajectory, Observation, Setpoint, TrajectoryId};
 use catch_sim::TruthSample;
+use nalgebra::Point3;
 
 use crate::{
     recording::{
@@ -97,6 +98,11 @@ impl Playback {
         self.ending.ground_truth.as_ref()
     }
 
+    /// The true centre of mass in the brain's O, whose path the true one is; O's origin without ground truth.
+    pub fn com_O(&self) -> Point3<f64> {
+        self.ground_truth().map_or(Point3::origin(), |it| it.com_O)
+    }
+
     /// The true state nearest to `time_s`.
     pub fn truth_at(&self, time_s: f64) -> Option<&TruthSample> {
         sample_at(&self.ground_truth()?.truth, time_s)
@@ -155,12 +161,12 @@ impl Playback {
     /// How each prediction fared at the last planned catch, or at the end of the flight if there was no plan; nothing without ground
     /// truth.
     pub fn prediction_errors(&self) -> Vec<PredictionError> {
-        let Some(GroundTruth { truth, verdict, com_O, .. }) = self.ground_truth() else { return Vec::new() };
+        let Some(GroundTruth { truth, verdict, .. }) = self.ground_truth() else { return Vec::new() };
         let at_s = verdict.catch_time_s.unwrap_or_else(|| self.flight_end_s());
         let Some(truth_O) = undisturbed_position(truth, at_s) else { return Vec::new() };
         let of_tick = |tick: &RecordedTick| {
             let flight = tick.report.flight.as_ref().filter(|_| tick.observation.time_s <= at_s)?;
-            let predicted = flight.pose_at(at_s) * com_O;
+            let predicted = flight.pose_at(at_s) * self.com_O();
             let (error_m, claimed_sd_m) = ((predicted - truth_O).norm(), flight.position_sd_at(at_s));
             Some(PredictionError { time_s: tick.observation.time_s, error_m, claimed_sd_m })
         };

@@ -92,14 +92,14 @@ pub fn random_flight(rng: &mut Pcg64) -> FlightTrajectory {
     let from = PI / 4.0 + between(-0.52, 0.52);
     let (distance, height) = (between(2.0, 4.0), between(0.2, 1.2));
     let (aside, passes_at, duration) = (between(0.3, 0.8), between(0.2, 1.0), between(0.5, 0.8));
-    let p_WO = Point3::new(distance * from.cos(), distance * from.sin(), height);
+    let p_WOcm = Point3::new(distance * from.cos(), distance * from.sin(), height);
     // Past the axis on the side where the arm waits.
     let passed = Vector3::new(from.sin(), -from.cos(), 0.0) * aside;
-    let mut v_WO = (passed - p_WO.coords) / duration;
-    v_WO.z = (passes_at - height) / duration + 4.905 * duration;
+    let mut v_WOcm = (passed - p_WOcm.coords) / duration;
+    v_WOcm.z = (passes_at - height) / duration + 4.905 * duration;
     let mut normal = || between(-1.0, 1.0) + between(-1.0, 1.0) + between(-1.0, 1.0);
     let R_WO = UnitQuaternion::from_quaternion(Quaternion::new(normal(), normal(), normal(), normal() + 1e-9));
-    FlightTrajectory { p_WO, v_WO, R_WO, ..FlightTrajectory::default() }
+    FlightTrajectory { p_WOcm, v_WOcm, R_WO, ..FlightTrajectory::default() }
 }
 
 /// Every trajectory that the brain sends begins where the one before it is, in position, velocity and acceleration.
@@ -265,8 +265,8 @@ fn many(desks: &[Desk], catches: usize, seed: u64) -> Outcomes {
             }
             start = Start { time_s, state: plan.trajectory.setpoint(time_s) };
             let mut between = |by: f64| rng.random_range(-by..by);
-            seen.p_WO += Vector3::new(between(0.01), between(0.01), between(0.01));
-            seen.v_WO += Vector3::new(between(0.02), between(0.02), between(0.02));
+            seen.p_WOcm += Vector3::new(between(0.01), between(0.01), between(0.01));
+            seen.v_WOcm += Vector3::new(between(0.02), between(0.02), between(0.02));
             known = Some(plan);
         }
     }
@@ -291,7 +291,7 @@ fn shifts_or_approaches(desk: &Desk) {
         let start = Start { time_s, state: plan.trajectory.setpoint(time_s) };
         let mut between = |by: f64| rng.random_range(-by..by);
         let aside = Vector3::new(between(0.06), between(0.06), between(0.06));
-        let seen = FlightTrajectory { p_WO: flight.p_WO + aside, ..flight };
+        let seen = FlightTrajectory { p_WOcm: flight.p_WOcm + aside, ..flight };
         let incoming = desk.incoming(&seen);
         if search.retarget(&start, &incoming, &plan).is_some() {
             continue;

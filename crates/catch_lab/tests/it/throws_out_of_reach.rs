@@ -25,8 +25,8 @@ fn the_papers_near_throw_is_out_of_reach_from_its_pose() {
     let q = planner.robot().joint_vector(&[1.57, 0.5, 0.0, -1.2, 0.0, 0.8, 1.57]).unwrap();
     let start = Start { time_s: 0.05, state: Setpoint::at_rest(q) };
     let flight = FlightTrajectory {
-        p_WO: Point3::new(1.66613, 1.63277, 0.3),
-        v_WO: Vector3::new(-1.58705, -2.68301, 3.75643),
+        p_WOcm: Point3::new(1.66613, 1.63277, 0.3),
+        v_WOcm: Vector3::new(-1.58705, -2.68301, 3.75643),
         ..FlightTrajectory::default()
     };
     assert_eq!(desk.search(&start, &flight).err(), Some(PlanningFailure::OutOfReach));

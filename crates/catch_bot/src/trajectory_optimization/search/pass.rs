@@ -198,11 +198,11 @@ impl<'a, 's> Pass<'a, 's> {
         for step in 0..steps {
             let lead_s = motion.config.min_lead_s + (step as f64 + offset) * motion.config.time_step_s;
             let catch_s = start.time_s + lead_s;
-            let p_WO = propagator.position_at(catch_s);
-            if p_WO.z < 0.0 {
+            let p_WOcm = propagator.position_at(catch_s);
+            if p_WOcm.z < 0.0 {
                 break;
             }
-            if (p_WO - base).norm() > motion.longest_reach_m {
+            if (p_WOcm - base).norm() > motion.longest_reach_m {
                 continue;
             }
             let at = self.sample(&mut propagator, catch_s);

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Matrix3x4, SMatrix, Vector3};
 
 use super::{
     super::{ProcessNoise, process_noise::lost_square},
-    state::{N, ROTATION, TURN},
+    state::{ROTATION, TURN},
 };
 
 /// How the flight stands to one pose: the error, and how the flight's pose there depends on its parameters.
@@ -49,12 +49,16 @@ impl Row {
         (self.square / freedom).sqrt() / scale
     }
 
-    /// Jᵀ·W for an error of the pose's position.
-    pub fn by_position(&self) -> SMatrix<f64, N, 3> {
-        let mut by = SMatrix::<f64, N, 3>::zeros();
+    /// The first rows of Jᵀ·W for an error of the pose's position: all, or those of position, velocity and drag.
+    pub fn by_position<const M: usize>(&self) -> SMatrix<f64, M, 3> {
+        let mut by = SMatrix::<f64, M, 3>::zeros();
         by.fixed_view_mut::<3, 3>(0, 0).copy_from(&self.shifts);
-        by.fixed_view_mut::<4, 3>(3, 0).copy_from(&(self.by_motion.transpose() * self.shifts));
-        by.fixed_view_mut::<ROTATION, 3>(TURN, 0).copy_from(&(self.by_rotation.transpose() * self.mixed));
+        for (i, shifts) in self.shifts.column_iter().enumerate() {
+            (0..4).for_each(|j| by[(3 + j, i)] = self.by_motion.column(j).dot(&shifts));
+        }
+        for (i, mixed) in self.mixed.column_iter().enumerate().filter(|_| M > TURN) {
+            (0..ROTATION).for_each(|j| by[(TURN + j, i)] = self.by_rotation.column(j).dot(&mixed));
+        }
         by
     }
 }

@@ -61,17 +61,61 @@ impl State {
     }
 }
 
-/// H⁻¹·B, H being the information on the parameters. A decay that is known has no part in it.
+/// H⁻¹·B, H being the information on the parameters. A decay that is known has no part in it. Where orientations are not seen, nothing ties
+/// the parameters of the rotation to any other.
 pub fn solved<const C: usize>(
     H: &SMatrix<f64, N, N>,
     B: &SMatrix<f64, N, C>,
+    turns: bool,
     config: &Config,
 ) -> Option<SMatrix<f64, N, C>> {
-    if config.spin_decay_sd_per_s() > 0.0 {
-        return Some(H.cholesky()?.solve(B));
+    let free = if config.spin_decay_sd_per_s() > 0.0 { N } else { DECAY };
+    match (turns, free) {
+        (true, N) => Some(H.cholesky()?.solve(B)),
+        (true, _) => solved_first::<DECAY, C>(H, B),
+        (false, _) => {
+            let mut found = solved_first::<TURN, C>(H, B)?;
+            (TURN..free).for_each(|i| found.set_row(i, &(B.row(i) / H[(i, i)])));
+            Some(found)
+        }
     }
+}
+
+/// The same for the first `M` parameters alone; of the others it says zero.
+fn solved_first<const M: usize, const C: usize>(
+    H: &SMatrix<f64, N, N>,
+    B: &SMatrix<f64, N, C>,
+) -> Option<SMatrix<f64, N, C>> {
     let mut found = SMatrix::<f64, N, C>::zeros();
-    let factor = H.fixed_view::<DECAY, DECAY>(0, 0).into_owned().cholesky()?;
-    found.fixed_view_mut::<DECAY, C>(0, 0).copy_from(&factor.solve(&B.fixed_view::<DECAY, C>(0, 0)));
+    let factor = H.fixed_view::<M, M>(0, 0).into_owned().cholesky()?;
+    found.fixed_view_mut::<M, C>(0, 0).copy_from(&factor.solve(&B.fixed_view::<M, C>(0, 0)));
     Some(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trajectory_prediction::AerodynamicPrior;
+
+    /// Against the whole matrix, where orientations are seen or not, and the decay is known or not.
+    #[test]
+    fn parameters_without_a_part_are_left_out() {
+        let all = SMatrix::<f64, 20, N>::from_fn(|i, j| (((1 + i) * (2 + j)) as f64).sin());
+        for (turns, decay_sd) in [(true, 0.2), (true, 0.0), (false, 0.2), (false, 0.0)] {
+            let aerodynamics = AerodynamicPrior { spin_decay_sd_per_s: decay_sd, ..AerodynamicPrior::default() };
+            let config = Config { aerodynamics, ..Config::default() };
+            let mut H = all.transpose() * all + SMatrix::<f64, N, N>::identity();
+            let tied =
+                |i: usize, j: usize| i == j || (turns || i.max(j) < TURN) && (decay_sd > 0.0 || i.max(j) < DECAY);
+            for (i, j) in (0..N).flat_map(|i| (0..N).map(move |j| (i, j))).filter(|(i, j)| !tied(*i, *j)) {
+                H[(i, j)] = 0.0;
+            }
+            let mut expected = H.try_inverse().unwrap();
+            if decay_sd == 0.0 {
+                expected[(DECAY, DECAY)] = 0.0;
+            }
+            let found = solved(&H, &SMatrix::<f64, N, N>::identity(), turns, &config).unwrap();
+            assert!((found - expected).amax() < 1e-12 * expected.amax(), "{turns} {decay_sd}: {found} {expected}");
+        }
+    }
 }

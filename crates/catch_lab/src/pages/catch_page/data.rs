@@ -99,6 +99,7 @@ struct Motion {
     finger_force_n: Packed,
 }
 
+/// Predicted paths of what the true path is of.
 #[derive(Debug, Serialize)]
 struct Predictions {
     time_s: Vec<f64>,
@@ -291,6 +292,7 @@ fn sensed(playback: &Playback) -> Vec<MotionSample> {
 impl Predictions {
     fn of(playback: &Playback) -> Self {
         let (mut time_s, mut values) = (Vec::new(), Vec::new());
+        let com_O = playback.com_O();
         for tick in playback.ticks.iter().filter(|tick| is_news(tick)) {
             let Some(flight) = &tick.report.flight else { continue };
             let from_s = tick.observation.time_s;
@@ -298,7 +300,7 @@ impl Predictions {
             let until_s = catch_s.unwrap_or(from_s + WITHOUT_PLAN_S).max(from_s);
             for i in 0..PATH_POINTS {
                 let at_s = from_s + (until_s - from_s) * i as f64 / (PATH_POINTS - 1) as f64;
-                values.extend_from_slice(flight.pose_at(at_s).translation.vector.as_slice());
+                values.extend_from_slice((flight.pose_at(at_s) * com_O).coords.as_slice());
             }
             time_s.push(from_s - playback.start_s());
         }
