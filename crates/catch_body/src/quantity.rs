@@ -58,6 +58,9 @@ impl Quantity {
 impl Display for Quantity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { least, most, unit } = self;
+        if *most == f64::MAX {
+            return f.write_str("a finite number");
+        }
         let space = if unit.is_empty() { "" } else { " " };
         write!(f, "{least} to {most}{space}{unit}")
     }

@@ -290,7 +290,10 @@ fn page_text(setup: &Setup, session: &ArenaSession, calibrated: &[CameraModel], 
 }
 
 fn uncertainty(it: &CameraDocument) -> String {
-    format!("± {:.2} mm and {:.4}°", it.position_sd_m * 1e3, it.rotation_sd_deg)
+    match it.status {
+        "converged" => format!("± {:.2} mm and {:.4}°", it.position_sd_m * 1e3, it.rotation_sd_deg),
+        _ => "it stays where it was believed to stand".to_owned(),
+    }
 }
 
 fn tell(document: &Document<'_>) -> io::Result<()> {

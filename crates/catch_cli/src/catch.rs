@@ -188,6 +188,7 @@ fn summary(setup: &Setup, scene: &Scene, verdict: &Verdict, stopwatch: &Stopwatc
         let off = [
             ("prediction", measures.prediction_error_m, "at the catch"),
             ("hand", measures.tracking_error_m, "from its plan"),
+            ("grasp", measures.grasp_offset_m, "from where the plan holds the object"),
         ];
         for (what, error_m, at) in off.into_iter().filter(|(_, error_m, _)| error_m.is_some()) {
             screen::fact(what, &format!("off by {} {at}", millimetres(error_m)))?;
@@ -197,7 +198,10 @@ fn summary(setup: &Setup, scene: &Scene, verdict: &Verdict, stopwatch: &Stopwatc
         screen::fact("arm", &format!("{travel_rad:.2} rad over all joints from its ready pose to the catch"))?;
     }
     let clearances = [measures.min_self_clearance_m, measures.min_floor_clearance_m].map(millimetres);
-    screen::fact("clearance", &format!("{} from itself, {} from what stands around", clearances[0], clearances[1]))?;
+    screen::fact(
+        "clearance",
+        &format!("{} from itself, {} from the floor and obstacles", clearances[0], clearances[1]),
+    )?;
     let broken = match verdict.first_violation {
         None => "none broken".to_owned(),
         Some(LimitViolation { joint, kind, ratio, time_s }) => {
@@ -212,7 +216,7 @@ fn summary(setup: &Setup, scene: &Scene, verdict: &Verdict, stopwatch: &Stopwatc
     screen::fact("limits", &format!("{broken}; at most {velocity} of a joint's velocity, {torque} of its torque"))?;
     for (stage, times) in stopwatch.summary() {
         let usual = if times.p50_ms < 0.01 { "under 0.01".to_owned() } else { format!("{:.2}", times.p50_ms) };
-        screen::fact(stage, &format!("{usual} ms as a rule, {:.2} ms at most", times.max_ms))?;
+        screen::fact(stage, &format!("{usual} ms (median), {:.2} ms at most", times.max_ms))?;
     }
     screen::fact("recording", &recording.display().to_string())
 }

@@ -61,7 +61,7 @@ use catch_lab::{
 Examples:
   catchingbot                                     a tennis ball, thrown from near
   catchingbot --object banana --throw far         a banana, thrown from far
-  catchingbot eval --throw near --throw far       57 throws of each: a table
+  catchingbot eval --throw near_sampled           57 throws from near: a table
   catchingbot list                                what there is to throw, and how
   catchingbot catch --json --seed 7 | jq .caught  for scripts: one JSON document
   catchingbot view out/paper-tennis_ball-near-1-0.catch

@@ -2,7 +2,7 @@
 
 use std::{
     fs::{self, File},
-    io::Read,
+    io::{self, Read},
     path::Path,
 };
 
@@ -48,7 +48,7 @@ impl<'a> FileKind<'a> {
         let file = path.display().to_string();
         let fault = |field: &str, found: String, expected: String| InputError::new(&file, field, found, expected);
         // A pipe without a writer would never be opened.
-        let metadata = fs::metadata(path).map_err(|it| fault("the file", it.to_string(), self.expected.to_owned()))?;
+        let metadata = fs::metadata(path).map_err(|it| fault("the file", in_words(&it), self.expected.to_owned()))?;
         if !metadata.is_file() {
             let found = if metadata.is_dir() { "a folder" } else { "a device or a pipe" };
             return Err(fault("the file", found.to_owned(), format!("a regular file: {}", self.expected)));
@@ -56,7 +56,7 @@ impl<'a> FileKind<'a> {
         if metadata.len() > self.most_bytes {
             return Err(self.too_large(&file, metadata.len()));
         }
-        File::open(path).map_err(|it| fault("the file", it.to_string(), self.expected.to_owned()))
+        File::open(path).map_err(|it| fault("the file", in_words(&it), self.expected.to_owned()))
     }
 
     /// Reads a whole file.
@@ -68,7 +68,7 @@ impl<'a> FileKind<'a> {
         let mut bytes = Vec::new();
         // A file may grow after it was opened, or say that it is empty.
         let read = self.open(path)?.take(self.most_bytes + 1).read_to_end(&mut bytes);
-        read.map_err(|it| InputError::new(&file, "the file", it, self.expected))?;
+        read.map_err(|it| InputError::new(&file, "the file", in_words(&it), self.expected))?;
         if bytes.len() as u64 > self.most_bytes {
             return Err(self.too_large(&file, bytes.len() as u64));
         }
@@ -97,6 +97,15 @@ impl<'a> FileKind<'a> {
     fn too_large(&self, file: &str, bytes: u64) -> InputError {
         let found = format!("{} MiB", bytes.div_ceil(MIB));
         InputError::new(file, "size", found, format!("at most {} MiB: {}", self.most_bytes / MIB, self.expected))
+    }
+}
+
+/// Why a file cannot be read.
+fn in_words(fault: &io::Error) -> String {
+    match fault.kind() {
+        io::ErrorKind::NotFound => "nothing there".to_owned(),
+        io::ErrorKind::PermissionDenied => "that it may not be read".to_owned(),
+        _ => fault.to_string(),
     }
 }
 

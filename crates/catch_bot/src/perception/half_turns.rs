@@ -31,6 +31,7 @@ struct HalfTurn {
 /// The half turns that change an object's looks, and what the images so far say for them.
 #[derive(Debug, Clone)]
 pub(super) struct HalfTurns {
+    symmetry: Symmetry,
     turns: Vec<HalfTurn>,
     /// Which of them is asked for next.
     next: usize,
@@ -52,7 +53,7 @@ impl HalfTurns {
         let changes =
             |it: &UnitQuaternion<f64>| symmetry.turn_between(&UnitQuaternion::identity(), it).norm() > ALIKE_RAD;
         let turns = rotations.filter(changes).map(|rotation| HalfTurn { rotation, evidence: 0.0 }).collect();
-        Self { turns, next: 0 }
+        Self { symmetry: *symmetry, turns, next: 0 }
     }
 
     /// Forgets all images.
@@ -67,7 +68,10 @@ impl HalfTurns {
         let asked = open.into_iter().find(|i| self.turns[*i].evidence > -SETTLED)?;
         self.next = asked + 1;
         let turn = &mut self.turns[asked];
-        let other = register(&Pose::from_parts(fit.X_WO.translation, fit.X_WO.rotation * turn.rotation));
+        let turned = Pose::from_parts(fit.X_WO.translation, fit.X_WO.rotation * turn.rotation);
+        // One that leads back to the same looks says nothing for it.
+        let differs = |it: &Fit| self.symmetry.turn_between(&fit.X_WO.rotation, &it.X_WO.rotation).norm() > ALIKE_RAD;
+        let other = register(&turned).filter(differs);
         let better = other.map_or(-MOST_OF_IMAGE, |other| fit.robust_cost - other.robust_cost);
         turn.evidence += better.clamp(-MOST_OF_IMAGE, MOST_OF_IMAGE);
         let is_other = turn.evidence > DECISIVE;
@@ -85,10 +89,10 @@ mod tests {
     use super::*;
     use crate::perception::RotationGroup;
 
-    /// A fit that explains its images by so much better than one of cost 0.
-    fn fit(better: f64) -> Fit {
+    /// A fit, turned about x, that explains its images by so much better than one of cost 0.
+    fn fit(about_x_rad: f64, better: f64) -> Fit {
         Fit {
-            X_WO: Pose::identity(),
+            X_WO: Pose::rotation(Vector3::x() * about_x_rad),
             information: Matrix6::zeros(),
             points: 0,
             residual_m: 0.0,
@@ -119,19 +123,22 @@ mod tests {
         // A single one has no say, however clear it is, nor have many that contradict each other.
         let mut turns = new();
         for better in [1e6, 1.0, -1e6, 1e6, -5.0, -1e6] {
-            assert!(turns.compare(&fit(0.0), |_| Some(fit(better))).is_none());
+            assert!(turns.compare(&fit(0.0, 0.0), |_| Some(fit(PI, better))).is_none());
         }
         let mut turns = new();
-        let decided = (1..10).find(|_| turns.compare(&fit(0.0), |_| Some(fit(25.0))).is_some());
+        let decided = (1..10).find(|_| turns.compare(&fit(0.0, 0.0), |_| Some(fit(PI, 25.0))).is_some());
         assert_eq!(decided, Some(3));
-        // Where the other one leads nowhere it is soon left alone.
-        let mut asked = 0;
-        for _ in 0..100 {
-            turns.compare(&fit(0.0), |_| {
-                asked += 1;
-                None
-            });
+        // Where the other one leads nowhere, or back, it is soon left alone.
+        for leads_to in [None, Some(fit(0.1, 1e6))] {
+            let (mut turns, mut asked) = (new(), 0);
+            for _ in 0..100 {
+                let found = turns.compare(&fit(0.0, 0.0), |_| {
+                    asked += 1;
+                    leads_to
+                });
+                assert!(found.is_none());
+            }
+            assert_eq!(asked, 5);
         }
-        assert_eq!(asked, 5);
     }
 }

@@ -162,9 +162,9 @@ fn which_end_is_which_is_decided_by_all_images() {
         let begun = if is_wrong { X_WO * half_turn } else { X_WO };
         let (mut believed, mut turns) = (begun, 0);
         for _ in 0..15 {
-            let X_WS = X_WO * reference.X_RO.inverse();
+            let X_WR = X_WO * reference.X_RO.inverse();
             let image = |(i, camera): (usize, &CameraModel)| {
-                let clean = synthetic::depth_frame(i, camera, &shape, &X_WS, 0.05);
+                let clean = synthetic::depth_frame(i, camera, &shape, &X_WR, 0.05);
                 DepthFrame { mask: None, ..measured(&clean, &mut normal) }
             };
             let frames: Vec<DepthFrame> = cameras.iter().enumerate().map(image).collect();
