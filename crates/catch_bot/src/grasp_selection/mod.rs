@@ -34,7 +34,9 @@ pub struct Config {
     /// Points of the cloud at which Darboux frames are tried at most. The paper draws 2,000 in every call; here they are drawn once,
     /// and each frame is used in four orientations.
     pub samples: usize,
-    /// No more are tried once this many grasps fit: of an object as large as the gripper opens few do, of a small one nearly all.
+    /// So many are tried in any case.
+    pub fewest_samples: usize,
+    /// No more than these are tried once this many grasps fit: of an object as large as the gripper opens few do, of a small one nearly all.
     pub enough_grasps: usize,
     /// Seed of the draw.
     pub seed: u64,
@@ -94,6 +96,7 @@ impl Default for Config {
     fn default() -> Self {
         Self {
             samples: 4000,
+            fewest_samples: 250,
             enough_grasps: 1000,
             seed: 1,
             turns_rad: Vec::new(),
@@ -122,7 +125,12 @@ impl Default for Config {
 impl Settings for Config {
     fn faults(&self) -> Vec<SettingError> {
         Faults::default()
-            .counts([("samples", self.samples), ("enough_grasps", self.enough_grasps), ("kept", self.kept)])
+            .counts([
+                ("samples", self.samples),
+                ("fewest_samples", self.fewest_samples),
+                ("enough_grasps", self.enough_grasps),
+                ("kept", self.kept),
+            ])
             .values(
                 &NOT_NEGATIVE,
                 [
@@ -246,8 +254,8 @@ impl GraspSet {
         // A ball looks the same from everywhere.
         let turns_rad: &[f64] = if reference.symmetry == Symmetry::Sphere { &[] } else { &config.turns_rad };
         let samples = if reference.points.is_empty() { 0 } else { config.samples };
-        for _ in 0..samples {
-            if grasps.len() >= config.enough_grasps {
+        for sample in 0..samples {
+            if sample >= config.fewest_samples && grasps.len() >= config.enough_grasps {
                 break;
             }
             let index = rng.random_range(0..reference.points.len());
