@@ -38,7 +38,7 @@ impl std::fmt::Display for GraspFailure {
 }
 
 /// The gripper with orientation `R_OG` over the surface point `sample`, open by the finger margin on each side if it opens that far, and by
-/// `least_margin_m` at least.
+/// the approach margin at least.
 ///
 /// # Errors
 /// Why it cannot hold the object there.
@@ -48,7 +48,6 @@ pub fn fit_gripper(
     config: &Config,
     sample: &Point3<f64>,
     R_OG: UnitQuaternion<f64>,
-    least_margin_m: f64,
 ) -> Result<Grasp, GraspFailure> {
     // Over the sample, with the centre of mass (the origin of O) level with the grasp centre.
     let lateral = sample.coords - (R_OG * Vector3::y()) * (R_OG * Vector3::y()).dot(&sample.coords);
@@ -81,7 +80,7 @@ pub fn fit_gripper(
     let roomy_m = object_width_m + 2.0 * config.finger_margin_m;
     let most_margin_m = (gripper.max_width_m - object_width_m) / 2.0;
     let margin_m = if roomy_m > gripper.max_width_m { most_margin_m } else { config.finger_margin_m };
-    if margin_m < least_margin_m {
+    if margin_m < config.approach_margin_m.min(config.finger_margin_m) {
         return Err(GraspFailure::TooWide);
     }
     let aperture_m = match gripper.drive.control {

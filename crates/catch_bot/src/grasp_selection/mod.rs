@@ -12,7 +12,7 @@ pub mod heuristics;
 
 use std::collections::BTreeMap;
 
-use catch_body::{DriveControl, Gripper, Pose, capsule_fit::outermost, shape::Cuboid};
+use catch_body::{DriveControl, Gripper, Pose, shape::Cuboid};
 use nalgebra::{Point3, Rotation3, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -31,9 +31,13 @@ pub use heuristics::{Approach, RankedGrasp};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// Points of the cloud at which Darboux frames are tried. The paper draws 2,000 in every call; here they are drawn once,
+    /// Points of the cloud at which Darboux frames are tried at most. The paper draws 2,000 in every call; here they are drawn once,
     /// and each frame is used in four orientations.
     pub samples: usize,
+    /// So many are tried in any case.
+    pub fewest_samples: usize,
+    /// No more than these are tried once this many grasps fit: of an object as large as the gripper opens few do, of a small one nearly all.
+    pub enough_grasps: usize,
     /// Seed of the draw.
     pub seed: u64,
     /// Each grasp is also tried turned by these angles about the direction in which the fingers close, in radians: they meet the
@@ -50,7 +54,8 @@ pub struct Config {
     /// The fingers' faces must meet the surface at most this far from its normal, in radians: the cone of a friction
     /// coefficient of 0.4, the lowest that is expected.
     pub max_contact_angle_rad: f64,
-    /// Free space on each side between the object and the open fingers, in metres, for the prediction's uncertainty.
+    /// Free space on each side between the object and the open fingers, in metres, for the prediction's uncertainty. Where the gripper does
+    /// not open so far there is less, not less than the approach margin.
     pub finger_margin_m: f64,
     /// Fingers that need longer than this to close by the finger margin on both sides, in seconds, are slow: they wait nearer to the object,
     /// so that less is left to close and the motion can be corrected for longer.
@@ -90,7 +95,9 @@ pub struct Config {
 impl Default for Config {
     fn default() -> Self {
         Self {
-            samples: 250,
+            samples: 4000,
+            fewest_samples: 250,
+            enough_grasps: 1000,
             seed: 1,
             turns_rad: Vec::new(),
             darboux_radius_m: 0.008,
@@ -118,7 +125,12 @@ impl Default for Config {
 impl Settings for Config {
     fn faults(&self) -> Vec<SettingError> {
         Faults::default()
-            .counts([("samples", self.samples), ("kept", self.kept)])
+            .counts([
+                ("samples", self.samples),
+                ("fewest_samples", self.fewest_samples),
+                ("enough_grasps", self.enough_grasps),
+                ("kept", self.kept),
+            ])
             .values(
                 &NOT_NEGATIVE,
                 [
@@ -235,46 +247,38 @@ pub struct GraspSet {
 }
 
 impl GraspSet {
-    /// Samples Darboux frames on the reference cloud and keeps the grasps that fit; those with less free space beside the fingers only if
-    /// there are no others.
+    /// Samples Darboux frames on the reference cloud and keeps the grasps that fit, until there are enough.
     pub fn sample(reference: &ReferenceModel, gripper: &Gripper, config: &Config) -> Self {
-        let roomy = Self::with_margin(reference, gripper, config, config.finger_margin_m);
-        if roomy.grasps.is_empty() {
-            Self::with_margin(reference, gripper, config, config.approach_margin_m.min(config.finger_margin_m))
-        } else {
-            roomy
-        }
-    }
-
-    fn with_margin(reference: &ReferenceModel, gripper: &Gripper, config: &Config, least_margin_m: f64) -> Self {
         let mut rng = Pcg64::seed_from_u64(config.seed);
         let (mut grasps, mut failures) = (Vec::new(), BTreeMap::new());
         // A ball looks the same from everywhere.
         let turns_rad: &[f64] = if reference.symmetry == Symmetry::Sphere { &[] } else { &config.turns_rad };
-        if !reference.points.is_empty() {
-            for _ in 0..config.samples {
-                let index = rng.random_range(0..reference.points.len());
-                let frame = darboux_frame(&reference.points, &reference.normals, index, config.darboux_radius_m);
-                let [least, most] = frame.principal;
-                for closing in [least, -least, most, -most] {
-                    // The gripper looks along the inward normal (y) and closes along a principal direction (x).
-                    let approach = -frame.normal;
-                    let R_OG = Rotation3::from_basis_unchecked(&[closing, approach, closing.cross(&approach)]);
-                    let R_OG = UnitQuaternion::from_rotation_matrix(&R_OG);
-                    let grasp = match fit::fit_gripper(reference, gripper, config, &frame.point, R_OG, least_margin_m) {
-                        Ok(grasp) => grasp,
-                        Err(failure) => {
-                            *failures.entry(failure).or_default() += 1;
-                            continue;
-                        }
-                    };
-                    let held = grasp.X_OG * gripper.grasp_centre();
-                    grasps.push(grasp);
-                    grasps.extend(turns_rad.iter().filter_map(|&turn| {
-                        let R_OG = R_OG * UnitQuaternion::from_scaled_axis(Vector3::x() * turn);
-                        fit::fit_gripper(reference, gripper, config, &held, R_OG, least_margin_m).ok()
-                    }));
-                }
+        let samples = if reference.points.is_empty() { 0 } else { config.samples };
+        for sample in 0..samples {
+            if sample >= config.fewest_samples && grasps.len() >= config.enough_grasps {
+                break;
+            }
+            let index = rng.random_range(0..reference.points.len());
+            let frame = darboux_frame(&reference.points, &reference.normals, index, config.darboux_radius_m);
+            let [least, most] = frame.principal;
+            for closing in [least, -least, most, -most] {
+                // The gripper looks along the inward normal (y) and closes along a principal direction (x).
+                let approach = -frame.normal;
+                let R_OG = Rotation3::from_basis_unchecked(&[closing, approach, closing.cross(&approach)]);
+                let R_OG = UnitQuaternion::from_rotation_matrix(&R_OG);
+                let grasp = match fit::fit_gripper(reference, gripper, config, &frame.point, R_OG) {
+                    Ok(grasp) => grasp,
+                    Err(failure) => {
+                        *failures.entry(failure).or_default() += 1;
+                        continue;
+                    }
+                };
+                let held = grasp.X_OG * gripper.grasp_centre();
+                grasps.push(grasp);
+                grasps.extend(turns_rad.iter().filter_map(|&turn| {
+                    let R_OG = R_OG * UnitQuaternion::from_scaled_axis(Vector3::x() * turn);
+                    fit::fit_gripper(reference, gripper, config, &held, R_OG).ok()
+                }));
             }
         }
         let axes = grasps.iter().map(|it| [it.X_OG * Vector3::x(), it.X_OG * Vector3::y()]).collect();
@@ -327,15 +331,58 @@ impl GraspSet {
     }
 }
 
-/// Directions in which the outermost point is kept, and points that are kept of the rest.
-const OUTERMOST: usize = 300;
-const OTHERS: usize = 150;
+/// Points that outline an object at most.
+const SURFACE_POINTS: usize = 450;
+/// Length of the edges of the smallest cells of which one point is kept.
+const SMALLEST_CELL_M: f64 = 0.003;
 
-/// A cloud with few points that still has the corners: the outermost point in each of many directions, and some others.
+/// A cloud with few points that still has corners and edges: of each cell of a grid the point that is farthest from the centre of mass.
 fn surface_points(points: &[Point3<f64>]) -> Vec<Point3<f64>> {
-    let others = (0..points.len()).step_by(points.len().div_ceil(OTHERS).max(1));
-    let mut indices: Vec<usize> = outermost(points, OUTERMOST).chain(others).collect();
-    indices.sort_unstable();
-    indices.dedup();
-    indices.into_iter().map(|i| points[i]).collect()
+    let distance = |i: usize| points[i].coords.norm();
+    let in_cells = |cell_m: f64| {
+        let mut farthest = BTreeMap::new();
+        for (i, point) in points.iter().enumerate() {
+            let cell = (point.coords / cell_m).map(|it| it.floor() as i64);
+            let kept = farthest.entry([cell.x, cell.y, cell.z]).or_insert(i);
+            if distance(i) > distance(*kept) {
+                *kept = i;
+            }
+        }
+        farthest
+    };
+    let mut cell_m = SMALLEST_CELL_M;
+    let mut kept = in_cells(cell_m);
+    while kept.len() > SURFACE_POINTS {
+        cell_m *= 1.1;
+        kept = in_cells(cell_m);
+    }
+    kept.into_values().map(|i| points[i]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A finger meets a box at its edges, where the corners are far away.
+    #[test]
+    fn surface_points_keep_the_edges_of_a_box() {
+        let half = Vector3::new(0.019, 0.045, 0.088);
+        let steps = (half * 2.0 / 0.0025).map(|it| it.round() as usize);
+        let mut points = Vec::new();
+        for (i, j, k) in
+            (0..=steps.x).flat_map(|i| (0..=steps.y).flat_map(move |j| (0..=steps.z).map(move |k| (i, j, k))))
+        {
+            let at = [(i, steps.x), (j, steps.y), (k, steps.z)].map(|(step, steps)| step as f64 / steps as f64);
+            if at.iter().any(|it| [0.0, 1.0].contains(it)) {
+                points.push(Point3::from((Vector3::from(at) * 2.0 - Vector3::repeat(1.0)).component_mul(&half)));
+            }
+        }
+        let kept = surface_points(&points);
+        assert!(kept.len() <= SURFACE_POINTS && kept.len() > SURFACE_POINTS / 2, "{}", kept.len());
+        let is_on_edge = |it: &&Point3<f64>| (0..3).filter(|i| (it[*i].abs() - half[*i]).abs() < 1e-9).count() >= 2;
+        for point in points.iter().filter(is_on_edge) {
+            let nearest_m = kept.iter().filter(is_on_edge).map(|it| (it - point).norm()).fold(f64::INFINITY, f64::min);
+            assert!(nearest_m < 0.018, "no point of the edge within {nearest_m} m of {point}");
+        }
+    }
 }

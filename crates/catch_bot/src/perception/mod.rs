@@ -66,7 +66,8 @@ pub struct Config {
     /// ≤ 0.3 mm on symmetric objects, ≥ 8 mm on others.
     pub symmetry_tolerance_m: f64,
     /// The same for single rotations, such as the quarter turns of a brick, as a fraction of the largest ball that fits into the object, where that
-    /// is more: what differs by less is confused from one image to the next.
+    /// is more: what differs by less is confused from one image to the next. Half of it counts for turns by any angle, so that a can with beads
+    /// is round and a hexagonal prism is not.
     pub confused_fraction: f64,
     /// Depth noise of the cameras, as their data sheet has it; none if it is not set.
     pub depth_noise: Option<DepthNoise>,

@@ -101,7 +101,7 @@ const TRIAL_ANGLES: [f64; 5] = [0.4, 0.9, 1.7, 2.3, 3.0];
 impl Symmetry {
     /// Tries rotations about the principal axes of an object given by its points and distance field in O and its second moment
     /// ∫ x·xᵀ dV / V: it looks the same if the rotated points lie within `tolerance_m` (root mean square) of the surface, for single rotations
-    /// within `confused_m`: what is not told apart in flight.
+    /// within `confused_m`, for turns by any angle within half of that: what is not told apart in flight.
     pub(super) fn find(
         points: &[Point3<f64>],
         distance: &DistanceField,
@@ -113,7 +113,8 @@ impl Symmetry {
             let squares: f64 = points.iter().map(|point| distance.at(&(turn * point)).0.powi(2)).sum();
             squares / points.len() as f64
         };
-        let looks_the_same = |turn: UnitQuaternion<f64>| mean_square(turn) <= tolerance_m * tolerance_m;
+        let round_m = tolerance_m.max(confused_m / 2.0);
+        let looks_the_same = |turn: UnitQuaternion<f64>| mean_square(turn) <= round_m * round_m;
         let eigen = SymmetricEigen::new(*second_moment);
         let principal = [0, 1, 2].map(|i| Unit::new_normalize(eigen.eigenvectors.column(i).into_owned()));
         let around = principal.map(|axis| {

@@ -52,6 +52,29 @@ fn a_long_body_is_held_across_and_a_wide_one_not_at_all() {
     assert!(GraspSet::sample(&ellipsoid(Vector3::repeat(0.06)), &gripper(), &config).grasps.is_empty());
 }
 
+/// Few places on a large body can be held: more are tried there.
+#[test]
+fn sampling_ends_when_there_are_enough_grasps() {
+    let config = Config { fewest_samples: 10, enough_grasps: 300, ..Config::default() };
+    for semi_axes in [Vector3::repeat(0.0335), Vector3::new(0.02, 0.045, 0.085)] {
+        let found = GraspSet::sample(&ellipsoid(semi_axes), &gripper(), &config).grasps.len();
+        assert!((300..304).contains(&found), "{found} grasps");
+    }
+    let few = Config { samples: 75, ..config };
+    let found = GraspSet::sample(&ellipsoid(Vector3::new(0.02, 0.045, 0.085)), &gripper(), &few).grasps.len();
+    assert!((1..300).contains(&found), "{found} grasps");
+}
+
+/// A body whose narrow side does not lie across its flight is held across the wide one.
+#[test]
+fn a_body_is_also_held_where_less_than_the_finger_margin_is_free() {
+    let set = GraspSet::sample(&ellipsoid(Vector3::new(0.02, 0.045, 0.045)), &gripper(), &Config::default());
+    let widest_m = gripper().max_width_m - 2.0 * Config::default().finger_margin_m;
+    let wide = set.grasps.iter().filter(|it| it.object_width_m > widest_m);
+    assert!(wide.clone().count() > 0 && wide.clone().count() < set.grasps.len());
+    assert!(wide.into_iter().all(|it| it.aperture_m == gripper().max_width_m));
+}
+
 fn slow(control: &str) -> Gripper {
     let file = include_str!("../../../../assets/grippers/franka_hand.toml").replace("\"speed_and_force\"", control);
     Gripper::from_toml("slow.toml", &file).unwrap()

@@ -29,8 +29,8 @@ fn notes_of_margins(gripper: &Gripper, grasping: &grasp_selection::Config) -> Ve
     let fastest_mps = 2.0 * depth_m * closing.speed_mps / (2.0 * approach_margin_m);
     let mut notes = vec![
         format!(
-            "width: brain.grasp_selection.finger_margin_m decides, {:.0} mm on each side in {SCENARIO}: objects up to {:.0} mm; if an \
-             object has no grasp so narrow, up to {:.0} mm",
+            "width: brain.grasp_selection.finger_margin_m decides, {:.0} mm on each side in {SCENARIO}: objects up to {:.0} mm; with \
+             less free space beside them up to {:.0} mm",
             finger_margin_m * 1e3,
             widest_mm(finger_margin_m),
             widest_mm(approach_margin_m),
