@@ -82,7 +82,7 @@ const EXPERIMENTS: &[Experiment] = &[
     },
     Experiment {
         name: "spin-and-drag",
-        about: "the same for objects that spin through air, and in the scenario honest",
+        about: "errors of poses and predicted positions for objects that spin through air, and in the scenario honest",
         trials: 48,
         run: flights::spin_and_drag,
     },

@@ -367,7 +367,7 @@ mod tests {
     #[test]
     fn surface_points_keep_the_edges_of_a_box() {
         let half = Vector3::new(0.019, 0.045, 0.088);
-        let steps = (half * 2.0 / 0.0025).map(|it| it.round() as usize);
+        let steps = (half * 2.0 / 0.0025).map(|it: f64| it.round() as usize);
         let mut points = Vec::new();
         for (i, j, k) in
             (0..=steps.x).flat_map(|i| (0..=steps.y).flat_map(move |j| (0..=steps.z).map(move |k| (i, j, k))))
