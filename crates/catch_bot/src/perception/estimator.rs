@@ -82,8 +82,10 @@ impl PoseEstimator for SdfEstimator {
         };
         let ObjectFinder { config, reference, workspace } = &mut self.finder;
         let registration = Registration { reference, config };
-        let other =
-            self.half_turns.compare(&fit, |X_WO| register_near(&registration, view, &mut workspace.scene, X_WO).ok());
+        // Costs compare where both rest on the same.
+        let with_silhouette = fit.silhouette_residual_m.is_some();
+        let register = |X_WO: &Pose| registration.register(&mut workspace.scene, X_WO, with_silhouette).ok();
+        let other = self.half_turns.compare(&fit, register);
         let Some(other) = other else { return Ok(found) };
         self.turned_over = Some(fit.X_WO.inverse() * other.X_WO);
         Ok(other.pose(view, config, false))
