@@ -30,12 +30,13 @@ const BASELINE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/instruction
 const TOLERANCE: f64 = 0.1;
 
 /// Stages by name.
-const STAGES: [(&str, fn()); 11] = [
-    ("registration", || perceive(Noise::Clean, true, true)),
-    ("registration_with_silhouettes", || perceive(Noise::Stereo7, true, true)),
-    ("segmentation", || perceive(Noise::Clean, false, true)),
-    ("global_registration", || perceive(Noise::Clean, true, false)),
-    ("detection", || perceive(Noise::Clean, false, false)),
+const STAGES: [(&str, fn()); 12] = [
+    ("registration", || perceive(Noise::Clean, true, true, SETTLED)),
+    ("registration_with_silhouettes", || perceive(Noise::Stereo7, true, true, SETTLED)),
+    ("registration_with_half_turn", || perceive(Noise::Stereo7, true, true, 0)),
+    ("segmentation", || perceive(Noise::Clean, false, true, SETTLED)),
+    ("global_registration", || perceive(Noise::Clean, true, false, 0)),
+    ("detection", || perceive(Noise::Clean, false, false, 0)),
     ("trajectory_prediction", || predict_flight(&Shape::ball(), None, &told())),
     ("trajectory_prediction_of_ball", || predict_flight(&Shape::ball(), Some(Symmetry::Sphere), &expected())),
     ("trajectory_prediction_of_bottle", || predict_flight(&Shape::Bottle, None, &expected())),
@@ -64,8 +65,11 @@ fn counted<T>(work: &mut impl FnMut() -> T) -> T {
     work()
 }
 
-/// A pose of an object from one set of images, with masks or without, a predicted pose given or not.
-fn perceive(noise: Noise, masks: bool, tracked: bool) {
+/// Images after which it is known which end of an object is which.
+const SETTLED: usize = 20;
+
+/// A pose of an object from one set of images, with masks or without, a predicted pose given or not, after so many others.
+fn perceive(noise: Noise, masks: bool, tracked: bool, before: usize) {
     let (constant_m, quadratic_per_m) = synthetic::data_sheet(noise);
     let depth_noise = Some(DepthNoise { constant_m, quadratic_per_m });
     let config = perception::Config { depth_noise, ..Default::default() };
@@ -75,7 +79,11 @@ fn perceive(noise: Noise, masks: bool, tracked: bool) {
     frames.iter_mut().filter(|_| !masks).for_each(|frame| frame.mask = None);
     let view = View { frames: &frames, cameras: &cameras, left_out: &[], surroundings: None };
     let mut estimator = SdfEstimator::new(config, reference, Workspace::default());
-    run(|| estimator.estimate(&view, tracked.then_some(prior).into()).expect("a pose"));
+    let mut estimate = || estimator.estimate(&view, tracked.then_some(prior).into()).expect("a pose");
+    for _ in 0..before {
+        estimate();
+    }
+    run(estimate);
 }
 
 /// A flight from thirty poses and the flight before.

@@ -7,7 +7,7 @@ use nalgebra::UnitQuaternion;
 
 use super::{
     Config, ObjectPose, PerceptionStatus, ReferenceModel, Workspace,
-    half_turns::HalfTurns,
+    half_turns::{COMPARED_AFTER, HalfTurns},
     point_cloud::SceneCloud,
     registration::{Fit, Registration},
     view::{Prior, View},
@@ -84,7 +84,8 @@ impl PoseEstimator for SdfEstimator {
         let registration = Registration { reference, config };
         // Costs compare where both rest on the same.
         let with_silhouette = fit.silhouette_residual_m.is_some();
-        let register = |X_WO: &Pose| registration.register(&mut workspace.scene, X_WO, with_silhouette).ok();
+        let register =
+            |X_WO: &Pose| registration.iterate(&mut workspace.scene, X_WO, COMPARED_AFTER, with_silhouette).0;
         let other = self.half_turns.compare(&fit, register);
         let Some(other) = other else { return Ok(found) };
         self.turned_over = Some(fit.X_WO.inverse() * other.X_WO);

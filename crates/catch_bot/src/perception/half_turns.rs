@@ -16,6 +16,8 @@ const MOST_OF_IMAGE: f64 = 30.0;
 const DECISIVE: f64 = 60.0;
 /// Evidence for the present orientation from which on the other one is no longer asked for.
 const SETTLED: f64 = 150.0;
+/// Steps from the other orientation before it is compared: it is near by then, and one that is not counts as worse.
+pub(super) const COMPARED_AFTER: usize = 8;
 /// Orientations of the same looks are closer than this.
 const ALIKE_RAD: f64 = 0.3;
 
@@ -45,9 +47,11 @@ impl HalfTurns {
                 let beside = if axis.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() };
                 vec![axis.cross(&beside).normalize()]
             }
-            Symmetry::Finite { inertia_per_kg, .. } => {
-                SymmetricEigen::new(*inertia_per_kg).eigenvectors.column_iter().map(|it| it.into_owned()).collect()
-            }
+            Symmetry::Finite { inertia_per_kg, .. } => SymmetricEigen::new(*inertia_per_kg)
+                .eigenvectors
+                .column_iter()
+                .map(nalgebra::Matrix::into_owned)
+                .collect(),
         };
         let rotations = axes.iter().map(|axis| UnitQuaternion::from_scaled_axis(axis * PI));
         let changes =
@@ -63,7 +67,7 @@ impl HalfTurns {
     }
 
     /// Compares `fit` with what `register` makes of the same images from one of the half turns. Returns the latter once the images speak for it.
-    pub fn compare(&mut self, fit: &Fit, register: impl FnOnce(&Pose) -> Option<Fit>) -> Option<Fit> {
+    pub fn compare(&mut self, fit: &Fit, register: impl FnOnce(&Pose) -> Fit) -> Option<Fit> {
         let open = (0..self.turns.len()).map(|i| (self.next + i) % self.turns.len());
         let asked = open.into_iter().find(|i| self.turns[*i].evidence > -SETTLED)?;
         self.next = asked + 1;
@@ -71,7 +75,7 @@ impl HalfTurns {
         let turned = Pose::from_parts(fit.X_WO.translation, fit.X_WO.rotation * turn.rotation);
         // One that leads back to the same looks says nothing for it.
         let differs = |it: &Fit| self.symmetry.turn_between(&fit.X_WO.rotation, &it.X_WO.rotation).norm() > ALIKE_RAD;
-        let other = register(&turned).filter(differs);
+        let other = Some(register(&turned)).filter(differs);
         let better = other.map_or(-MOST_OF_IMAGE, |other| fit.robust_cost - other.robust_cost);
         turn.evidence += better.clamp(-MOST_OF_IMAGE, MOST_OF_IMAGE);
         let is_other = turn.evidence > DECISIVE;
@@ -123,13 +127,13 @@ mod tests {
         // A single one has no say, however clear it is, nor have many that contradict each other.
         let mut turns = new();
         for better in [1e6, 1.0, -1e6, 1e6, -5.0, -1e6] {
-            assert!(turns.compare(&fit(0.0, 0.0), |_| Some(fit(PI, better))).is_none());
+            assert!(turns.compare(&fit(0.0, 0.0), |_| fit(PI, better)).is_none());
         }
         let mut turns = new();
-        let decided = (1..10).find(|_| turns.compare(&fit(0.0, 0.0), |_| Some(fit(PI, 25.0))).is_some());
+        let decided = (1..10).find(|_| turns.compare(&fit(0.0, 0.0), |_| fit(PI, 25.0)).is_some());
         assert_eq!(decided, Some(3));
-        // Where the other one leads nowhere, or back, it is soon left alone.
-        for leads_to in [None, Some(fit(0.1, 1e6))] {
+        // Where the other one is worse, or leads back, it is soon left alone.
+        for leads_to in [fit(PI, -1e6), fit(0.1, 1e6)] {
             let (mut turns, mut asked) = (new(), 0);
             for _ in 0..100 {
                 let found = turns.compare(&fit(0.0, 0.0), |_| {
