@@ -292,7 +292,7 @@ fn page_text(setup: &Setup, session: &ArenaSession, calibrated: &[CameraModel], 
 fn uncertainty(it: &CameraDocument) -> String {
     match it.status {
         "converged" => format!("± {:.2} mm and {:.4}°", it.position_sd_m * 1e3, it.rotation_sd_deg),
-        _ => "it stays where it was believed to stand".to_owned(),
+        _ => "not to be believed".to_owned(),
     }
 }
 
