@@ -34,9 +34,9 @@ pub struct Config {
     /// Points of the cloud at which Darboux frames are tried at most. The paper draws 2,000 in every call; here they are drawn once,
     /// and each frame is used in four orientations.
     pub samples: usize,
-    /// So many are tried in any case.
+    /// Points of the cloud that are tried at least.
     pub fewest_samples: usize,
-    /// No more than these are tried once this many grasps fit: of an object as large as the gripper opens few do, of a small one nearly all.
+    /// Grasps with which sampling ends, once the fewest points are tried. An object as large as the gripper opens can be held at few places.
     pub enough_grasps: usize,
     /// Seed of the draw.
     pub seed: u64,
