@@ -8,7 +8,7 @@ use catch_bot::{
     perception::PoseEstimator,
     trajectory_prediction::FlightPredictor,
 };
-use catch_cell::{Brain as _, Command, Observation};
+use catch_cell::{Brain as _, Command, Observation, PixelWindow};
 use catch_lab::{
     evaluation::{self, Row},
     referee,
@@ -55,6 +55,8 @@ struct State {
     sensed: Observation,
     seen: Vec<SeenArray>,
     eyes: Option<Box<Eyes>>,
+    /// What is wanted of the next images, as in [`Command::windows`]; a brain that acts asks by itself.
+    windows: Option<Vec<PixelWindow>>,
     actor: Actor,
     row: Option<Row>,
 }
@@ -83,7 +85,9 @@ impl SteeredArena {
         // A brain that acts has eyes of its own.
         let is_alone = matches!(actor, Actor::Steered(_));
         let eyes = (view == View::Pose && is_alone).then(|| Box::new(eyes(setup, seed, index)));
-        let mut state = State { episode: Some(episode), seen: Vec::new(), eyes, actor, row: None, sensed };
+        // Images that nobody looks at are not taken.
+        let windows = (view == View::State).then(|| vec![PixelWindow::default(); setup.cameras.len()]);
+        let mut state = State { episode: Some(episode), seen: Vec::new(), eyes, windows, actor, row: None, sensed };
         state.think();
         state.look(setup, view);
         Ok(Self { setup: setup.clone(), scene: (seed, index), view, action, state: Mutex::new(Some(state)) })
@@ -119,7 +123,10 @@ impl State {
         let start_s = self.sensed.time_s + setup.scenario.brain.control.expected_latency_s;
         let snapshot = StateSnapshot { time_s: self.sensed.time_s, report: None, stage_ms: Vec::new() };
         let (command, snapshot, computed_s) = match &mut self.actor {
-            Actor::Steered(arm) => (arm.command(setup, &self.sensed, start_s, action), snapshot, 0.0),
+            Actor::Steered(arm) => {
+                let command = arm.command(setup, &self.sensed, start_s, action);
+                (Command { windows: self.windows.clone(), ..command }, snapshot, 0.0)
+            }
             Actor::Shifted(brain) => {
                 brain.command(setup, start_s, action).unwrap_or((Command::default(), snapshot, 0.0))
             }
@@ -137,7 +144,7 @@ impl State {
     /// Whatever sees or decides does so once for what was sensed.
     fn think(&mut self) {
         if let Some(eyes) = &mut self.eyes {
-            eyes.tick(&self.sensed, &mut ());
+            self.windows = eyes.tick(&self.sensed, &mut ()).windows;
         }
         if let Actor::Shifted(brain) = &mut self.actor {
             brain.tick(&mut self.sensed);
