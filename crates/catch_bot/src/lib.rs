@@ -34,7 +34,6 @@
 //! The brain does no I/O, reads no clock and draws no random numbers but from its own seed: the same observations give the
 //! same commands, bit for bit.
 
-pub mod calibration;
 pub mod control;
 pub mod cycle;
 pub mod grasp_selection;

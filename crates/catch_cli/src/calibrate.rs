@@ -7,7 +7,7 @@ use std::{
 };
 
 use catch_body::InputError;
-use catch_bot::calibration::{
+use catch_calibration::{
     Calibration, CalibrationStatus, CameraCalibration, Config, Residuals, calibrate, overlay::overlays,
 };
 use catch_cell::{CameraModel, RigCalibration, rig_to_toml};

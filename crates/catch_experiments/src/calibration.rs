@@ -4,7 +4,7 @@ mod correlated_noise;
 
 use anyhow::Result;
 use catch_body::{Pose, Robot};
-use catch_bot::calibration::{CalibrationStatus, CameraCalibration, Config, calibrate};
+use catch_calibration::{CalibrationStatus, CameraCalibration, Config, calibrate};
 use catch_cell::CameraModel;
 use catch_lab::scenario::setup::{
     Choice, Setup,

@@ -1,6 +1,6 @@
 //! A calibration as one page: what the cameras show beside the arm as predicted.
 
-use catch_bot::calibration::overlay::Overlay;
+use catch_calibration::overlay::Overlay;
 use serde::Serialize;
 
 use super::{

@@ -1,7 +1,7 @@
 //! Cameras are calibrated on the arm, and what cannot be calibrated is said.
 
 use catch_body::Pose;
-use catch_bot::calibration::{CalibrationStatus, Config, calibrate};
+use catch_calibration::{CalibrationStatus, Config, calibrate};
 use catch_cell::CameraModel;
 use catch_lab::scenario::setup::{
     Choice, Setup,

@@ -6,13 +6,9 @@ use std::{
 };
 
 use catch_body::{JointVector, Pose};
-use catch_bot::{
-    Preparation,
-    calibration::{
-        CalibrationRun, CalibrationStatus, CameraCalibration, Config, Session, calibrate, pose_choice::choose_poses,
-    },
-    trajectory_optimization::MotionPlanner,
-    trajectory_prediction::CorrelatedError,
+use catch_bot::{Preparation, trajectory_optimization::MotionPlanner, trajectory_prediction::CorrelatedError};
+use catch_calibration::{
+    CalibrationRun, CalibrationStatus, CameraCalibration, Config, Session, calibrate, pose_choice::choose_poses,
 };
 use catch_cell::{Brain, CameraModel, Cell};
 use catch_sim::{

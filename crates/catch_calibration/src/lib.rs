@@ -7,6 +7,32 @@
 //! ([`calibrate`]).
 //!
 //! Inputs are values; nothing here knows where the cameras truly are.
+//!
+//! Begin with [`choose_poses`](pose_choice::choose_poses), [`CalibrationRun`] (it moves the arm of any cell through the poses and collects what
+//! the cameras see) and [`calibrate`]:
+//!
+//! ```
+//! use catch_bot::trajectory_optimization::MotionPlanner;
+//! use catch_calibration::{Calibration, CalibrationRun, Config, calibrate, pose_choice::choose_poses};
+//! use catch_cell::{Brain, CameraModel, Cell};
+//!
+//! /// Where the cameras of a cell stand, which are believed to be near `guesses`.
+//! fn calibrated<C: Cell>(
+//!     cell: &mut C,
+//!     planner: MotionPlanner,
+//!     gripper: &catch_body::Gripper,
+//!     guesses: &[CameraModel],
+//! ) -> Result<Calibration, C::Error> {
+//!     let (config, robot) = (Config::default(), planner.robot().clone());
+//!     let poses = choose_poses(&config, &planner, gripper, guesses);
+//!     let mut run = CalibrationRun::new(config.clone(), planner, guesses, poses);
+//!     while !run.is_done() {
+//!         let observation = cell.sense()?;
+//!         cell.act(&run.tick(&observation, &mut ()))?;
+//!     }
+//!     Ok(calibrate(&config, &robot, gripper, guesses, &run.into_session()))
+//! }
+//! ```
 
 mod arm_motion;
 mod averaged_image;

@@ -18,7 +18,7 @@ use super::{
     rendering::Rendering,
     silhouettes,
 };
-use crate::trajectory_optimization::MotionPlanner;
+use catch_bot::trajectory_optimization::MotionPlanner;
 
 /// Poses to choose among.
 const CANDIDATES: usize = 100;

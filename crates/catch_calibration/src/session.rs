@@ -6,7 +6,7 @@ use catch_cell::{
 };
 
 use super::{ArmSample, Config};
-use crate::trajectory_optimization::MotionPlanner;
+use catch_bot::trajectory_optimization::MotionPlanner;
 
 /// A motion that is not executed so long after it should be was lost, in seconds.
 const OVERDUE_S: f64 = 0.5;
