@@ -12,6 +12,7 @@ mod planning;
 mod play;
 mod prose;
 mod random_chains;
+mod referee;
 mod robot_controller;
 mod search_passes;
 mod source;
