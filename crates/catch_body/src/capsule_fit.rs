@@ -146,7 +146,7 @@ fn few(points: &[Point3<f64>], directions: usize) -> Vec<Point3<f64>> {
 
 /// Indices of the points that lie farthest in so many directions, evenly spread over the sphere (a Fibonacci lattice). A point may
 /// be the farthest in several.
-pub fn outermost(points: &[Point3<f64>], directions: usize) -> impl Iterator<Item = usize> {
+fn outermost(points: &[Point3<f64>], directions: usize) -> impl Iterator<Item = usize> {
     let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
     (0..directions).filter_map(move |i| {
         let z = 1.0 - 2.0 * (i as f64 + 0.5) / directions as f64;

@@ -135,6 +135,8 @@ pub struct Joint {
 pub struct Robot {
     /// Name in the URDF.
     pub name: String,
+    /// Name of the base link in the URDF.
+    pub base_link: String,
     /// Pose of the base link in the world.
     pub X_WB: Pose,
     /// Joints, base to tip.

@@ -189,6 +189,7 @@ impl Robot {
 
         let mut robot = Self {
             name: urdf.name.clone(),
+            base_link,
             X_WB: extra.base.pose(),
             X_LG: PoseFields { position_m, rpy_rad }.pose(),
             joints,
@@ -240,6 +241,12 @@ fn serial_chain(files: &RobotFiles, urdf: &Urdf, extra: &RobotFile) -> Result<(S
         return Err(fault("link".into(), format!("{} links without a parent", roots.len()), "one base link"));
     };
     let (mut joints, mut faults, mut count) = (Vec::new(), Vec::new(), 0);
+    // The base does not move, so it needs no mass. What is said of it has to be right all the same.
+    if let Some(link) = urdf.link(base)
+        && link.child("inertial")?.is_some()
+    {
+        faults.extend(link_inertia(link).err());
+    }
     let mut parent = base;
     loop {
         let joint = match urdf.joints_of(parent) {
@@ -443,6 +450,8 @@ pub(crate) mod tests {
             ("<axis xyz=\"0 0 1\"/>", "<mimic joint=\"elbow\"/>", "joint iiwa_joint_1: mimic joint: found elbow"),
             ("<axis xyz=\"0 0 1\"/>", "<xacro:axis/>", "robot: found `<xacro:`"),
             ("<link name=\"iiwa_link_2\">", "<link name=\"iiwa_link_1\">", "link iiwa_link_1: found the name twice"),
+            ("<mass value=\"5\"/>", "<mass value=\"nan\"/>", "link iiwa_link_0: inertial mass value: found `nan`"),
+            ("izz=\"0.03\"", "izz=\"0.3\"", "link iiwa_link_0: inertial inertia: found principal moments"),
             (
                 "<joint name=\"iiwa_joint_2\"",
                 "<joint name=\"iiwa_joint_1\"",

@@ -19,11 +19,11 @@ use super::{
 fn arm() -> (Robot, Gripper) {
     let files = RobotFiles {
         urdf_file: "robot.urdf",
-        urdf: include_str!("../../../../assets/robots/iiwa14/robot.urdf"),
+        urdf: include_str!("../../../assets/robots/iiwa14/robot.urdf"),
         toml_file: "robot.toml",
-        toml: include_str!("../../../../assets/robots/iiwa14/robot.toml"),
+        toml: include_str!("../../../assets/robots/iiwa14/robot.toml"),
     };
-    let gripper = Gripper::from_toml("wsg50.toml", include_str!("../../../../assets/grippers/wsg50.toml")).unwrap();
+    let gripper = Gripper::from_toml("wsg50.toml", include_str!("../../../assets/grippers/wsg50.toml")).unwrap();
     (Robot::from_files(&files).unwrap(), gripper)
 }
 

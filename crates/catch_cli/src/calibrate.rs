@@ -6,7 +6,7 @@ use std::{
     sync::Arc,
 };
 
-use catch_body::InputError;
+use catch_body::{InputError, Pose};
 use catch_calibration::{
     Calibration, CalibrationStatus, CameraCalibration, Config, Residuals, calibrate, overlay::overlays,
 };
@@ -19,7 +19,7 @@ use catch_lab::{
     pages::calibration_page::{self, CameraSection},
     scenario::setup::{
         Choice, Setup,
-        calibration::{self, ArenaSession, CalibratedCameras},
+        calibration::{self, ArenaSession, CalibratedCameras, calibrated_cameras},
     },
     whole_file,
 };
@@ -100,6 +100,7 @@ struct Document<'a> {
 #[derive(Serialize)]
 pub struct CameraDocument {
     status: &'static str,
+    /// In W, as it is believed to stand from then on.
     position_m: [f64; 3],
     rotation_xyzw: [f64; 4],
     /// Root of the sum of the variances along all axes.
@@ -133,11 +134,8 @@ pub fn run(arguments: &CalibrateArguments) -> anyhow::Result<()> {
     };
     let session = calibration::run_session(&setup, &config, &setup.cameras, arguments.seed, 0);
     let found = calibrate(&config, &setup.robot, &setup.gripper, &setup.cameras, &session.session);
-    let calibrated: Vec<CameraModel> = (setup.cameras.iter().zip(&found.cameras))
-        .map(|(camera, found)| CameraModel { X_WC: found.X_WC, ..camera.clone() })
-        .collect();
-    let truth = calibration::true_cameras(&setup, arguments.seed, 0);
-    let cameras: Vec<CameraDocument> = found.cameras.iter().zip(&truth).map(|it| camera_document(it.0, it.1)).collect();
+    let calibrated = calibrated_cameras(&setup.cameras, &found.cameras);
+    let cameras = camera_documents(&found.cameras, &calibrated, &calibration::true_cameras(&setup, arguments.seed, 0));
     write_files(out, &setup, &found, &calibrated)?;
     let page = out.join("calibration.html");
     whole_file::write(&page, page_text(&setup, &session, &calibrated, &cameras))?;
@@ -171,15 +169,11 @@ pub fn cameras(setup: &Setup, seed: u64) -> Option<Arc<CalibratedCameras>> {
 /// # Errors
 /// If standard output is closed.
 pub fn before_throws(setup: &Setup, seed: u64, aloud: bool) -> io::Result<Vec<CameraDocument>> {
-    let calibrated = cameras(setup, seed);
-    let found = calibrated.iter().flat_map(|it| it.found.iter().zip(&it.cameras));
-    let documents = found.zip(&setup.cameras).map(|((found, believed), truth)| {
-        camera_document(&CameraCalibration { X_WC: believed.X_WC, ..found.clone() }, truth)
-    });
-    let documents: Vec<CameraDocument> = documents.collect();
+    let Some(calibrated) = cameras(setup, seed) else { return Ok(Vec::new()) };
+    let documents = camera_documents(&calibrated.found, &calibrated.cameras, &setup.cameras);
     for (i, it) in documents.iter().enumerate().filter(|_| aloud) {
         let error_mm = it.position_error_m * 1e3;
-        let off = format!("{error_mm:.2} mm and {:.4}° off, claimed {}", it.rotation_error_deg, uncertainty(it));
+        let off = format!("{error_mm:.2} mm and {:.4}° off, {}", it.rotation_error_deg, uncertainty(it));
         screen::fact(&format!("camera {i}"), &format!("{}, {off}", it.status))?;
     }
     Ok(documents)
@@ -219,7 +213,8 @@ fn write_files(out: &Path, setup: &Setup, found: &Calibration, calibrated: &[Cam
     let with_covariance: Vec<_> = calibrated.iter().cloned().zip(found.cameras.iter().map(rig_calibration)).collect();
     let statuses: Vec<&str> = found.cameras.iter().map(|it| status(it.status)).collect();
     let about = format!(
-        "Cameras calibrated on the arm of the scenario {}, from the rig {}.\nStatus of each: {}.",
+        "Cameras calibrated on the arm of the scenario {}, from the rig {}.\nStatus of each: {}. One that has not converged stays where \
+         it was believed to stand.",
         setup.scenario.name,
         setup.scenario.flight_rig,
         statuses.join(", ")
@@ -230,7 +225,7 @@ fn write_files(out: &Path, setup: &Setup, found: &Calibration, calibrated: &[Cam
         let name = format!("camera_{i}");
         whole_file::write(&out.join(format!("{name}.yaml")), camera_info_yaml(&name, camera))?;
         let X_BC = X_BW * camera.X_WC;
-        whole_file::write(&out.join(format!("{name}.calib")), hand_eye_yaml(&name, &setup.robot.name, &X_BC))?;
+        whole_file::write(&out.join(format!("{name}.calib")), hand_eye_yaml(&name, &setup.robot.base_link, &X_BC))?;
     }
     Ok(())
 }
@@ -259,13 +254,24 @@ fn status(status: CalibrationStatus) -> &'static str {
     }
 }
 
-fn camera_document(found: &CameraCalibration, truth: &CameraModel) -> CameraDocument {
-    let off = found.X_WC.inv_mul(&truth.X_WC);
+/// What became of each camera: what was `found`, how it was `calibrated`, and the `truth`.
+fn camera_documents(
+    found: &[CameraCalibration],
+    calibrated: &[CameraModel],
+    truth: &[CameraModel],
+) -> Vec<CameraDocument> {
+    let all = found.iter().zip(calibrated).zip(truth);
+    all.map(|((found, calibrated), truth)| camera_document(found, &calibrated.X_WC, &truth.X_WC)).collect()
+}
+
+/// `X_WC` is where the camera is believed to stand from then on, `X_WT` where it truly stands.
+fn camera_document(found: &CameraCalibration, X_WC: &Pose, X_WT: &Pose) -> CameraDocument {
+    let X_CT = X_WC.inv_mul(X_WT);
     let sd = |first: usize| found.covariance.fixed_view::<3, 3>(first, first).trace().sqrt();
     CameraDocument {
         status: status(found.status),
-        position_m: found.X_WC.translation.vector.into(),
-        rotation_xyzw: found.X_WC.rotation.coords.into(),
+        position_m: X_WC.translation.vector.into(),
+        rotation_xyzw: X_WC.rotation.coords.into(),
         position_sd_m: sd(3),
         rotation_sd_deg: sd(0).to_degrees(),
         depth_scale: found.depth_scale,
@@ -275,8 +281,8 @@ fn camera_document(found: &CameraCalibration, truth: &CameraModel) -> CameraDocu
         inverse_depth_sd_per_m: found.residuals.inverse_depth_sd_per_m,
         silhouette_sd_px: found.residuals.silhouette_sd_px,
         outlier_fraction: found.residuals.outlier_fraction,
-        position_error_m: off.translation.vector.norm(),
-        rotation_error_deg: off.rotation.angle().to_degrees(),
+        position_error_m: X_CT.translation.vector.norm(),
+        rotation_error_deg: X_CT.rotation.angle().to_degrees(),
     }
 }
 
@@ -291,8 +297,8 @@ fn page_text(setup: &Setup, session: &ArenaSession, calibrated: &[CameraModel], 
 
 fn uncertainty(it: &CameraDocument) -> String {
     match it.status {
-        "converged" => format!("± {:.2} mm and {:.4}°", it.position_sd_m * 1e3, it.rotation_sd_deg),
-        _ => "not to be believed".to_owned(),
+        "converged" => format!("claimed ± {:.2} mm and {:.4}°", it.position_sd_m * 1e3, it.rotation_sd_deg),
+        _ => "it stays where it was believed to stand".to_owned(),
     }
 }
 

@@ -1,7 +1,11 @@
 //! `catchingbot check`: are these files right?
 
-use std::{fmt, path::PathBuf};
+use std::{
+    fmt,
+    path::{Path, PathBuf},
+};
 
+use catch_body::InputError;
 use catch_lab::{
     VERSION,
     own_data::check::{Checked, check},
@@ -9,7 +13,10 @@ use catch_lab::{
 use clap::Args;
 use serde::Serialize;
 
-use crate::screen::{self, BAD, GOOD};
+use crate::{
+    failure::{Failure, Fault},
+    screen::{self, BAD, GOOD},
+};
 
 /// Arguments of `check`.
 #[derive(Debug, Args)]
@@ -22,28 +29,33 @@ pub struct CheckArguments {
     json: bool,
 }
 
-/// Some file is not right; what is wrong has been said.
+/// Some file is not right; what is wrong has been printed.
 #[derive(Debug)]
-pub struct Faulty {
-    faults: usize,
-}
+pub struct Faulty(pub Failure);
 
 impl fmt::Display for Faulty {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { faults } = self;
-        write!(f, "{faults} {} found", if *faults == 1 { "fault" } else { "faults" })
+        f.write_str(&self.0.error)
     }
 }
 
 impl std::error::Error for Faulty {}
 
 #[derive(Serialize)]
-struct Document {
+struct Document<'a> {
     version: &'static str,
-    file: PathBuf,
+    #[serde(flatten)]
+    failure: Option<&'a Failure>,
+    files: Vec<FileDocument<'a>>,
+}
+
+/// What was found of a file.
+#[derive(Serialize)]
+struct FileDocument<'a> {
+    file: &'a Path,
     kind: Option<String>,
-    faults: Vec<String>,
-    notes: Vec<String>,
+    faults: Vec<Fault>,
+    notes: &'a [String],
 }
 
 /// Checks files and lists their faults.
@@ -52,19 +64,18 @@ struct Document {
 /// If there are any.
 pub fn run(arguments: &CheckArguments) -> anyhow::Result<()> {
     let checked: Vec<(&PathBuf, Checked)> = arguments.files.iter().map(|file| (file, check(file))).collect();
-    let faults = checked.iter().map(|(_, checked)| checked.faults.len()).sum();
+    let faults: Vec<InputError> = checked.iter().flat_map(|(_, it)| it.faults.clone()).collect();
+    let error = format!("{} {} found", faults.len(), if faults.len() == 1 { "fault" } else { "faults" });
+    let failure = (!faults.is_empty()).then(|| Failure::of_faults(error, faults));
     if arguments.json {
-        let documents: Vec<Document> = checked
-            .into_iter()
-            .map(|(file, Checked { kind, faults, notes })| Document {
-                version: VERSION,
-                file: file.clone(),
-                kind: kind.map(|it| it.to_string()),
-                faults: faults.iter().map(ToString::to_string).collect(),
-                notes,
-            })
-            .collect();
-        screen::json(&documents)?;
+        let files = checked.iter().map(|(file, Checked { kind, faults, notes })| FileDocument {
+            file,
+            kind: kind.map(|it| it.to_string()),
+            faults: faults.iter().cloned().map(Fault::from).collect(),
+            notes,
+        });
+        let files = files.collect();
+        screen::json(&Document { version: VERSION, failure: failure.as_ref(), files })?;
     } else {
         for (file, Checked { kind, faults, notes }) in &checked {
             let kind = kind.map_or("file".to_owned(), |it| it.to_string());
@@ -80,5 +91,5 @@ pub fn run(arguments: &CheckArguments) -> anyhow::Result<()> {
             }
         }
     }
-    if faults > 0 { Err(Faulty { faults }.into()) } else { Ok(()) }
+    failure.map_or(Ok(()), |failure| Err(Faulty(failure).into()))
 }

@@ -1,6 +1,13 @@
 //! `catchingbot eval`: many throws.
 
-use std::{collections::BTreeMap, io, num::NonZero, path::Path, thread, time::Instant};
+use std::{
+    collections::BTreeMap,
+    io,
+    num::NonZero,
+    path::{Path, PathBuf},
+    thread,
+    time::Instant,
+};
 
 use anyhow::Context;
 use catch_body::InputError;
@@ -33,6 +40,8 @@ use crate::{
 
 /// Name of the file with the wall times of the stages.
 const TIMES_FILE: &str = "times.json";
+/// Where results go if nothing is said.
+const FOLDER: &str = "out/eval";
 
 /// Arguments of `eval`.
 #[derive(Debug, Args)]
@@ -57,9 +66,9 @@ pub struct EvalArguments {
     /// Trials that run at the same time [default: the number of cores]
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole(1, 100_000))]
     pub(super) threads: Option<u64>,
-    /// Folder for the results
-    #[arg(long, value_name = "DIR", default_value = "out/eval")]
-    pub(super) out: std::path::PathBuf,
+    /// Folder for the results [default: out/eval, of a study out/study-NAME]
+    #[arg(long, value_name = "DIR")]
+    pub(super) out: Option<PathBuf>,
     /// Go on with the results that are in the folder
     #[arg(long)]
     pub(super) resume: bool,
@@ -155,9 +164,10 @@ pub fn tell_how_to_resume(out: &Path) {
 /// # Errors
 /// Faults in the arguments and files; results that cannot be written.
 pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
-    tell_how_to_resume(&arguments.out);
+    let folder = arguments.out.as_deref().unwrap_or(Path::new(FOLDER));
+    tell_how_to_resume(folder);
     let started = Instant::now();
-    let (evaluation, folder) = (evaluation(arguments)?, &arguments.out);
+    let evaluation = evaluation(arguments)?;
     let is_told = !(arguments.json || arguments.markdown);
     let calibration = calibrate::before_throws(&evaluation.cells[0].setup, arguments.seed, is_told)?;
     let Done { rows, timed, stopwatch } = complete(&evaluation, folder, arguments.into(), "trials")?;
@@ -185,9 +195,9 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<()> {
         return Ok(screen::text(&format!("\n{}", summary_table::times_markdown(stopwatch.summary())))?);
     }
     if !arguments.json {
-        return Ok(print(&cells, &times, &stopwatch, &arguments.out)?);
+        return Ok(print(&cells, &times, &stopwatch, folder)?);
     }
-    let outcome = Outcome::new(&identity, &cells, &rows, &arguments.out);
+    let outcome = Outcome::new(&identity, &cells, &rows, folder);
     screen::json(&Document { outcome, calibration, wall_s, stages: times.stages })
 }
 
@@ -318,6 +328,9 @@ fn print(cells: &[CellSummary], times: &Times, stopwatch: &Stopwatch, folder: &P
     let Times { wall_s, trials: timed, .. } = times;
     let which = if *timed == trials { String::new() } else { format!(", {timed} of them run now") };
     screen::line(&format!("  {STRONG}{caught} of {trials} caught{STRONG:#}{FAINT}{which} in {wall_s:.1} s{FAINT:#}"))?;
+    if let Some(repeated) = summary_table::repeated_throws(cells) {
+        screen::line(&format!("  {repeated}"))?;
+    }
     for (stage, StageTimes { p50_ms, p99_ms, max_ms, .. }) in stopwatch.summary() {
         screen::fact(stage, &format!("p50 {p50_ms:.2} ms, p99 {p99_ms:.2} ms, max {max_ms:.1} ms"))?;
     }

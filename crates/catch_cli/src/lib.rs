@@ -18,6 +18,7 @@ mod check;
 mod completions;
 mod eval;
 mod export;
+mod failure;
 mod gripper_latency;
 mod learn;
 mod list;
@@ -39,9 +40,7 @@ mod view;
 
 use std::{io, path::PathBuf, process::ExitCode, sync::LazyLock};
 
-use catch_body::InputError;
 use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
-use serde::Serialize;
 
 use catch_lab::{
     VERSION,
@@ -50,6 +49,8 @@ use catch_lab::{
         setup::{Choice, DEFAULT_SCENARIO},
     },
 };
+
+use failure::Failure;
 
 /// Throws things at a robot arm that catches them from depth images alone.
 ///
@@ -117,7 +118,7 @@ enum Command {
     View(view::ViewArguments),
     /// How long a gripper takes to begin a move, from recordings: the setting gripper_latency_s
     GripperLatency(gripper_latency::GripperLatencyArguments),
-    /// A commented file to start from: your own robot, object, scenario or study, or sample data
+    /// A commented file to start from: your own robot, gripper, workcell, cameras, object, throw, scenario or study, or sample data
     New(new::NewArguments),
     /// Checks the files of robots, grippers, workcells, objects, throws, rigs, scenarios and studies
     Check(check::CheckArguments),
@@ -223,10 +224,7 @@ pub fn main() -> ExitCode {
     let wants_json = std::env::args_os().any(|argument| argument == "--json");
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
-        Err(fault) if wants_json && fault.use_stderr() => {
-            screen::error(fault.to_string().trim_start_matches("error: ").trim_end());
-            return fault_as_json(&anyhow::anyhow!("{}", fault.render()), 2);
-        }
+        Err(fault) if wants_json && fault.use_stderr() => return Failure::of_arguments(&fault).tell(true),
         Err(fault) => fault.exit(),
     };
     let Err(fault) = run(arguments) else { return ExitCode::SUCCESS };
@@ -235,44 +233,11 @@ pub fn main() -> ExitCode {
         // Whoever read the output has seen enough.
         return ExitCode::SUCCESS;
     }
-    screen::error(&format!("{fault:#}"));
-    let is_of_input = fault.downcast_ref::<InputError>().is_some_and(|it| !it.of_output);
-    let code = if is_of_input || fault.is::<check::Faulty>() { 2 } else { 1 };
-    // What a check found is its result.
-    if wants_json && !fault.is::<check::Faulty>() { fault_as_json(&fault, code) } else { ExitCode::from(code) }
-}
-
-/// What went wrong, as a JSON document on standard output.
-#[derive(Serialize)]
-struct FaultDocument {
-    version: &'static str,
-    error: String,
-    exit_code: u8,
-    /// Where in the input, if that is known.
-    faults: Vec<FaultPlace>,
-}
-
-/// A fault in a file or an argument.
-#[derive(Serialize)]
-struct FaultPlace {
-    file: String,
-    field: String,
-    found: String,
-    expected: String,
-}
-
-fn fault_as_json(fault: &anyhow::Error, code: u8) -> ExitCode {
-    let faults = fault.downcast_ref::<InputError>().map(|it| it.clone().all()).unwrap_or_default();
-    let place = |InputError { file, field, found, expected, .. }| FaultPlace { file, field, found, expected };
-    let document = FaultDocument {
-        version: VERSION,
-        error: format!("{fault:#}").trim_end().to_owned(),
-        exit_code: code,
-        faults: faults.into_iter().map(place).collect(),
-    };
-    // Nobody is left to be told if this fails, too.
-    let _ = screen::json(&document);
-    ExitCode::from(code)
+    match fault.downcast_ref::<check::Faulty>() {
+        // What a check found is its result, which has been printed.
+        Some(check::Faulty(failure)) => failure.tell(false),
+        None => Failure::of_command(&fault).tell(wants_json),
+    }
 }
 
 fn run(arguments: Arguments) -> anyhow::Result<()> {

@@ -31,8 +31,16 @@ pub struct NewArguments {
 enum NewKind {
     /// An arm: a URDF and what URDF cannot say
     Robot,
+    /// A gripper with two parallel fingers
+    Gripper,
+    /// What stands around the arm
+    Workcell,
+    /// Cameras
+    Rig,
     /// Something to throw
     Object,
+    /// A way of throwing
+    Throw,
     /// Everything that a set of trials shares
     Scenario,
     /// Variants of a scenario
@@ -50,13 +58,21 @@ enum NewKind {
 pub fn run(arguments: &NewArguments) -> anyhow::Result<()> {
     let name = &arguments.name;
     let object = Kind::Object.names()[0];
+    let of_kind = |kind, trial: &str| Ok::<_, InputError>((templates::files(kind, name)?, trial.to_owned()));
+    // How to try it: {} is the first of the files.
     let (new_files, trial) = match arguments.kind {
-        NewKind::Robot => (templates::files(Kind::Robot, name)?, vec!["--robot"]),
-        NewKind::Object => (templates::files(Kind::Object, name)?, vec!["--object"]),
-        NewKind::Scenario => (templates::files(Kind::Scenario, name)?, vec!["--scenario"]),
-        NewKind::Study => (templates::files(Kind::Study, name)?, vec!["eval", "--study"]),
-        NewKind::Track => (vec![templates::track(name)?], vec!["predict", "--until", "0.3", "--track"]),
-        NewKind::Cloud => (vec![templates::cloud(name, object)?], vec!["register", "--reference", object, "--cloud"]),
+        NewKind::Robot => of_kind(Kind::Robot, "--robot {}")?,
+        NewKind::Gripper => of_kind(Kind::Gripper, "--gripper {}")?,
+        NewKind::Workcell => of_kind(Kind::Workcell, "--workcell {}")?,
+        NewKind::Rig => of_kind(Kind::Rig, "--set flight_rig={}")?,
+        NewKind::Object => of_kind(Kind::Object, "--object {}")?,
+        NewKind::Throw => of_kind(Kind::Throw, "--throw {}")?,
+        NewKind::Scenario => of_kind(Kind::Scenario, "--scenario {}")?,
+        NewKind::Study => of_kind(Kind::Study, "eval --study {}")?,
+        NewKind::Track => (vec![templates::track(name)?], "predict --until 0.3 --track {}".to_owned()),
+        NewKind::Cloud => {
+            (vec![templates::cloud(name, object)?], format!("register --reference {object} --cloud {{}}"))
+        }
     };
     let files: Vec<(PathBuf, String)> =
         new_files.into_iter().map(|(name, content)| (arguments.out.join(name), content)).collect();
@@ -74,5 +90,7 @@ pub fn run(arguments: &NewArguments) -> anyhow::Result<()> {
     if !matches!(arguments.kind, NewKind::Track | NewKind::Cloud) {
         screen::fact("is it right?", &screen::command(&["check", &first]))?;
     }
-    Ok(screen::fact("try it", &screen::command(&[&trial[..], &[&first]].concat()))?)
+    let trial: Vec<String> = trial.split(' ').map(|it| it.replace("{}", &first)).collect();
+    let trial: Vec<&str> = trial.iter().map(String::as_str).collect();
+    Ok(screen::fact("try it", &screen::command(&trial))?)
 }

@@ -6,6 +6,7 @@ use catch_body::InputError;
 use catch_lab::{
     VERSION,
     assets::{COMMAND_LINE, Kind},
+    pages::{self, packed::text_in_html},
     play::{Life, Play, PlayRow},
     referee::Row,
     scenario::{Scenario, setup::Setup},
@@ -211,11 +212,6 @@ fn table(play: &Play, life: &Life) -> Table {
     table
 }
 
-/// Names come from files.
-fn escaped(name: &str) -> String {
-    name.replace('&', "&amp;").replace('<', "&lt;")
-}
-
 /// One file without network: a row for each throw.
 fn page(life: &Life) -> String {
     let mut rows = String::new();
@@ -227,19 +223,20 @@ fn page(life: &Life) -> String {
             rows,
             "<tr class={class}><td>{}<td>{thrown_s:.1}<td>{}<td>{}<td>{outcome}<td>{placed}",
             i + 1,
-            escaped(&row.scene.object),
-            identified.as_deref().map_or_else(|| "–".to_owned(), escaped),
+            text_in_html(&row.scene.object),
+            identified.as_deref().map_or_else(|| "–".to_owned(), text_in_html),
         );
     }
     let caught = life.rows.iter().filter(|it| it.row.verdict.caught).count();
-    format!(
-        "<!doctype html><meta charset=utf-8><title>Many throws in one life</title><style>\
-         body{{font:15px system-ui,sans-serif;margin:2em}}table{{border-collapse:collapse}}\
-         td,th{{padding:.2em .8em;text-align:left}}.caught td:nth-child(5){{color:#0a7d33}}\
-         .missed td:nth-child(5){{color:#b3261e}}tr:nth-child(even){{background:#f4f4f4}}</style>\
-         <h1>{caught} of {} caught in {:.1} minutes</h1>\
-         <table><tr><th>throw<th>at, s<th>object<th>taken for<th>outcome<th>put down\n{rows}</table>\n",
+    let body = format!(
+        "<h1>{caught} of {} caught in {:.1} minutes</h1>\n\
+         <table><tr><th>throw<th>at, s<th>object<th>taken for<th>outcome<th>put down\n{rows}</table>",
         life.rows.len(),
         life.duration_s / 60.0,
-    )
+    );
+    pages::document("Many throws in one life", "play", STYLE, &body)
 }
+
+/// The looks of the page's table.
+const STYLE: &str = "body{margin:2em}table{border-collapse:collapse}td,th{padding:.2em .8em;text-align:left}\
+     .caught td:nth-child(5){color:var(--good)}.missed td:nth-child(5){color:var(--bad)}tr:nth-child(even){background:var(--card)}";

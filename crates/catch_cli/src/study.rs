@@ -1,6 +1,9 @@
 //! `catchingbot eval --study`: many variants of a scenario.
 
-use std::{io, path::Path};
+use std::{
+    io,
+    path::{Path, PathBuf},
+};
 
 use anyhow::Context;
 use catch_body::InputError;
@@ -45,19 +48,20 @@ pub fn run(arguments: &EvalArguments, name: &str) -> anyhow::Result<()> {
         let expected = "no throw: a study names its own";
         return Err(InputError::new(COMMAND_LINE, "--throw", arguments.throw.join(", "), expected).into());
     }
-    eval::tell_how_to_resume(&arguments.out);
     let study = Study::load(name, (COMMAND_LINE, "--study"))?;
+    let out = &arguments.out.clone().unwrap_or_else(|| PathBuf::from(format!("out/study-{}", study.name)));
+    eval::tell_how_to_resume(out);
     let objects = if arguments.object.is_empty() { study.objects() } else { arguments.object.clone() };
-    results::check_holds_none(&arguments.out)?;
-    results::make_writable(&arguments.out, "--out")?;
+    results::check_holds_none(out)?;
+    results::make_writable(out, "--out")?;
     let outline = study.outline(arguments.seed);
-    outline.write(&arguments.out)?;
-    let steps = study.steps.iter().map(|step| summary_of(arguments, &study, step, &objects));
+    outline.write(out)?;
+    let steps = study.steps.iter().map(|step| summary_of(arguments, &study, step, &objects, out));
     let steps = steps.collect::<anyhow::Result<Vec<StepSummary>>>()?;
     if let Some(grid) = outline.throw_grid.as_ref().filter(|_| arguments.plots) {
-        steps.iter().try_for_each(|step| plot(grid, step, &arguments.out))?;
+        steps.iter().try_for_each(|step| plot(grid, step, out))?;
     }
-    tell(&outline, &steps, arguments.first, arguments.json, &arguments.out)
+    tell(&outline, &steps, arguments.first, arguments.json, out)
 }
 
 /// The trials of a step, summed up, those that are missing in its folder being run. They are shared among its throws.
@@ -66,11 +70,12 @@ fn summary_of(
     study: &Study,
     step: &Step,
     objects: &[String],
+    out: &Path,
 ) -> anyhow::Result<StepSummary> {
     let cells = study.cells(step, &arguments.choice.equipment(), objects)?;
     let trials = arguments.trials.div_ceil(step.throws.len() as u64);
     let evaluation = Evaluation { cells, seed: arguments.seed, first: arguments.first, trials };
-    let folder = arguments.out.join(&step.head.name);
+    let folder = out.join(&step.head.name);
     let done = eval::complete(&evaluation, &folder, arguments.into(), &step.head.name)
         .with_context(|| folder.display().to_string())?;
     eval::write_report(&evaluation, &done.rows, &done.stopwatch, MOST_MISSES_OF_A_STEP, arguments.plots, &folder)?;

@@ -13,6 +13,15 @@ const STYLE: &str = include_str!("pages/page.css");
 /// The three dimensions that pages share: algebra, WebGL, a camera.
 const VIEWER: &str = include_str!("pages/viewer.js");
 
+/// What stands around the body of every page.
+const FRAME: &str = include_str!("pages/frame.html");
+
+/// A whole page: plain text as its title, a class and styles beside those that all pages share, and what is in it as HTML.
+pub fn document(title: &str, class: &str, style: &str, body: &str) -> String {
+    let style = [STYLE, style].concat();
+    fill(FRAME, &[("title", &packed::text_in_html(title)), ("style", &style), ("class", class), ("body", body)])
+}
+
 /// Puts each value in the place of its `{{name}}`. Values are not looked into, whatever they contain.
 fn fill(template: &str, values: &[(&str, &str)]) -> String {
     let mut page = String::with_capacity(template.len() + values.iter().map(|(_, value)| value.len()).sum::<usize>());

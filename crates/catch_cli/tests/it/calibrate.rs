@@ -27,6 +27,9 @@ fn a_rig_is_calibrated_and_read_again() {
     assert!(fs::read_to_string(&rig).unwrap().contains("[cameras.calibration]"));
     assert!(catchingbot(&["check", &rig]).status.success());
 
+    let hand_eye = fs::read_to_string(at("first/camera_0.calib")).unwrap();
+    assert!(hand_eye.contains("robot_base_frame: iiwa_link_0\n"), "{hand_eye}");
+
     // What was written for ROS is a first guess.
     let (info, result) = (at("first/camera_0.yaml"), at("first/camera_0.calib"));
     let again = run(&["--camera-info", &info, "--hand-eye", &result, "--out", &at("second")]);

@@ -260,6 +260,25 @@ fn parts_of_a_study_merge() {
     assert!(stderr(&output).contains("study.toml"), "{}", stderr(&output));
 }
 
+/// Without `--out` a study does not meet the results of another evaluation, and trials that repeat one throw are told as such.
+#[test]
+fn evaluations_and_studies_go_into_folders_of_their_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |arguments: &[&str]| {
+        let program = env!("CARGO_BIN_EXE_catchingbot");
+        let output = Command::new(program).args(arguments).current_dir(folder.path()).output().unwrap();
+        assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
+        stdout(&output)
+    };
+    run(&["new", "study", "bounce"]);
+    let shown = run(&["eval", "--throw", "near", "--throw", "near_sampled", "--trials", "2"]);
+    assert!(shown.contains("  near is always the same: the trials repeat one throw"), "{shown}");
+    run(&["eval", "--study", "bounce.toml", "--trials", "1"]);
+    for file in ["out/eval/trials.jsonl", "out/study-bounce/report.html"] {
+        assert!(folder.path().join(file).exists(), "{file}");
+    }
+}
+
 #[test]
 fn what_an_arm_could_have_reached_is_told_of_every_arm() {
     let folder = tempfile::tempdir().unwrap();

@@ -202,12 +202,15 @@ fn data_that_is_none_is_named() {
         path.to_str().unwrap().to_owned()
     };
     let (short, words) = (file("short.csv", "0,1,2,3\n"), file("words.csv", "0,1,2,3\n1,a,b,c\n"));
-    let (cloud, empty) = (file("one.xyz", "1 2 3\n"), file("broken.ply", "solid\n"));
+    let (cloud, broken) = (file("one.xyz", "1 2 3\n"), file("broken.ply", "solid\n"));
+    let (empty, unseen) = (file("empty.xyz", ""), file("unseen.xyz", "nan nan nan\n"));
     for (arguments, hint) in [
         (vec!["predict", "--track", &short], "6 rows or more"),
         (vec!["predict", "--track", &words], "line 2"),
         (vec!["predict", "--track", "missing.csv"], "missing.csv"),
-        (vec!["register", "--cloud", &empty, "--reference", &cloud], "header"),
+        (vec!["register", "--cloud", &broken, "--reference", &cloud], "header"),
+        (vec!["register", "--cloud", &empty, "--reference", "banana"], "points: found none"),
+        (vec!["register", "--cloud", &unseen, "--reference", "banana"], "points: found none"),
         (vec!["register", "--cloud", &cloud, "--reference", &cloud], "a surface"),
         (vec!["register", "--cloud", &cloud, "--reference", &short, "--noise=-1"], "--noise"),
     ] {

@@ -170,20 +170,30 @@ fn an_evaluation_writes_a_report_with_a_page_for_each_miss() {
 fn new_files_are_right_as_they_are() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().to_str().unwrap();
-    for (kind, file) in [("object", "mine.toml"), ("robot", "mine/robot.toml"), ("scenario", "my_scenario.toml")] {
-        let name = if kind == "scenario" { "my_scenario" } else { "mine" };
-        let output = catchingbot(&["new", kind, name, "--out", out]);
+    for kind in ["object", "throw", "robot", "gripper", "workcell", "rig", "scenario", "study"] {
+        let name = format!("my_{kind}");
+        let output = catchingbot(&["new", kind, &name, "--out", out]);
         assert!(output.status.success(), "{}", stderr(&output));
+        let file = if kind == "robot" { name.clone() } else { format!("{name}.toml") };
         let path = folder.path().join(file);
-        let checked = catchingbot(&["check", path.to_str().unwrap()]);
-        assert!(checked.status.success(), "{}{}", stdout(&checked), stderr(&checked));
+        let checked = catchingbot(&["check", "--json", path.to_str().unwrap()]);
+        let document: Value = serde_json::from_slice(&checked.stdout).unwrap();
+        assert!(checked.status.success() && document["files"][0]["kind"] == kind, "{document}");
         // Nothing is overwritten.
-        let again = catchingbot(&["new", kind, name, "--out", out]);
+        let again = catchingbot(&["new", kind, &name, "--out", out]);
         assert_eq!(again.status.code(), Some(2));
         assert!(stderr(&again).contains("already there"));
+        // As it says it can be tried; a study takes longer than one throw.
+        let shown = stdout(&output);
+        let trial = shown.lines().find_map(|line| line.trim().strip_prefix("try it")).unwrap();
+        let arguments: Vec<&str> = trial.split(' ').collect();
+        if kind != "study" {
+            let document = record(folder.path(), &arguments[arguments.len() - 2..]);
+            assert_eq!(document["caught"], true, "{kind}: {document}");
+        }
     }
     assert_eq!(catchingbot(&["new", "object", "../evil", "--out", out]).status.code(), Some(2));
-    let object = folder.path().join("mine.toml");
+    let object = folder.path().join("my_object.toml");
     let document = record(folder.path(), &["--object", object.to_str().unwrap(), "--html"]);
-    assert_eq!(document["scene"]["object"], "mine");
+    assert_eq!(document["scene"]["object"], "my_object");
 }

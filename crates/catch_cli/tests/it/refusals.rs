@@ -1,6 +1,6 @@
 //! Files and arguments that once made the program panic, hang, swell or call nonsense right, and how refusals are told.
 
-use std::fs;
+use std::{fs, process::Command};
 
 use serde_json::Value;
 
@@ -62,24 +62,109 @@ fn endless_and_large_files_are_refused() {
     }
 }
 
+/// The document of a command that fails with `--json`, in whatever way: its fields are always the same.
+fn failure(arguments: &[&str]) -> Value {
+    let folder = tempfile::tempdir().unwrap();
+    let program = env!("CARGO_BIN_EXE_catchingbot");
+    let output = Command::new(program).args(arguments).arg("--json").current_dir(folder.path()).output().unwrap();
+    let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {document}");
+    assert_eq!(document["exit_code"], 2);
+    assert_eq!(document["version"], catch_lab::VERSION);
+    assert_eq!(stderr(&output).trim_end(), format!("error: {}", document["error"].as_str().unwrap()));
+    let faults = document["faults"].as_array().unwrap();
+    let is_whole = |it: &Value| {
+        ["file", "field", "found", "expected"].iter().all(|part| it[part].as_str().is_some_and(|it| !it.is_empty()))
+    };
+    assert!(!faults.is_empty() && faults.iter().all(is_whole), "{arguments:?}: {document}");
+    document
+}
+
+/// The names of all commands below this one that have `--json`.
+fn commands_with_json(command: &clap::Command, name: &str) -> Vec<String> {
+    let below = command.get_subcommands();
+    let mut names: Vec<String> =
+        below.flat_map(|it| commands_with_json(it, format!("{name} {}", it.get_name()).trim())).collect();
+    if !name.is_empty() && command.get_arguments().any(|it| it.get_id() == "json") {
+        names.push(name.to_owned());
+    }
+    names
+}
+
 #[test]
-fn faults_are_json_where_json_is_asked_for() {
-    for (arguments, field, code) in [
-        (&["catch", "--json", "--object", "nope"][..], Some("--object"), 2),
-        (&["catch", "--json", "--set", "object=nope"], Some("--set object"), 2),
-        (&["catch", "--json", "--set", "arena.step_s=7"], Some("arena.step_s"), 2),
-        (&["catch", "--json", "--sede", "3"], None, 2),
-        (&["predict", "--json", "--track", "no.csv"], Some("the file"), 2),
+fn every_command_fails_in_the_same_shape() {
+    let wrong_input = [
+        ("catch", &["--object", "nope"][..], "--object"),
+        ("eval", &["--study", "nope"], "--study"),
+        ("play", &["--scenario", "nope"], "--scenario"),
+        ("suite run", &["nope"], "NAME"),
+        ("merge", &["no", "nor"], "the file"),
+        ("list", &["--show", "nope"], "--show"),
+        ("plan", &["--cases", "no.json"], "the file"),
+        ("predict", &["--track", "no.csv"], "the file"),
+        ("learn", &["--tracks", "no", "--out", "learned.toml"], "the folder"),
+        ("calibrate", &["--rig", "nope"], "--set flight_rig"),
+        ("place-cameras", &["--scenario", "nope"], "--scenario"),
+        ("ready", &["--scenario", "nope"], "--scenario"),
+        ("object import", &["no.obj", "--out", "thing.toml"], "the file"),
+        ("robot import", &["no.urdf", "--out", "arm"], "the file"),
+        ("register", &["--cloud", "no.xyz", "--reference", "banana"], "the file"),
+        ("replay", &["no.catch"], "the file"),
+        ("export", &["--lerobot", "set", "--object", "nope"], "--object"),
+        ("gripper-latency", &["no.catch"], "the file"),
+        ("check", &["no.toml"], "the file"),
+    ];
+    let mut names = commands_with_json(&catch_cli::command(), "");
+    names.sort_unstable();
+    let mut tried: Vec<&str> = wrong_input.iter().map(|it| it.0).collect();
+    tried.sort_unstable();
+    assert_eq!(names, tried);
+    for (name, wrong, field) in wrong_input {
+        let command: Vec<&str> = name.split(' ').collect();
+        assert_eq!(failure(&[&command[..], wrong].concat())["faults"][0]["field"], field, "{name}");
+        let options = failure(&[&command[..], &["--no-such-option"]].concat());
+        assert_eq!(options["faults"][0]["field"], "--no-such-option", "{name}");
+    }
+}
+
+#[test]
+fn wrong_arguments_are_told_by_field() {
+    for (arguments, field, found, expected) in [
+        (&["catch", "--sede", "3"][..], "--sede", "unexpected argument", "--seed"),
+        (&["--seed", "three"], "--seed <N>", "three", "a whole number from 0"),
+        (&["--method", "mine"], "--method <METHOD>", "mine", "ours, paper"),
+        (&["catch", "--set", "object=nope"], "--set object", "`nope`", "one of"),
+        (&["catch", "--set", "arena.step_s=7"], "arena.step_s", "7", "0.00001 to 0.002"),
+        (&["eval", "--study", "x", "--scenario", "y"], "--study <NAME|FILE>", "cannot be used", "--scenario"),
+        (&["check"], "<FILE>...", "not provided", "--help"),
     ] {
-        let output = catchingbot(arguments);
-        assert_eq!(output.status.code(), Some(code), "{arguments:?}");
-        let document: Value = serde_json::from_slice(&output.stdout).unwrap();
-        assert_eq!(document["exit_code"], code);
-        assert!(!document["error"].as_str().unwrap().is_empty());
-        assert_eq!(document["faults"][0]["field"].as_str(), field, "{document}");
+        let fault = &failure(arguments)["faults"][0];
+        let texts = [("field", field), ("found", found), ("expected", expected)];
+        assert!(texts.iter().all(|(key, hint)| fault[key].as_str().unwrap().contains(hint)), "{arguments:?}: {fault}");
     }
     let output = catchingbot(&["catch", "--set", "object=nope"]);
     assert!(stderr(&output).contains("command line: --set object: found `nope`"), "{}", stderr(&output));
+}
+
+/// A check tells of each file besides, and of a file that is right, too.
+#[test]
+fn a_check_tells_of_each_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let (right, wrong) = (folder.path().join("right.toml"), folder.path().join("wrong.toml"));
+    let text = stdout(&catchingbot(&["list", "--show", "near"]));
+    fs::write(&right, &text).unwrap();
+    fs::write(&wrong, text.replace("spin_radps = [0.0", "spin_radps = [1e300")).unwrap();
+    let (right, wrong) = (right.to_str().unwrap(), wrong.to_str().unwrap());
+    let document = failure(&["check", right, wrong]);
+    assert_eq!(document["error"], "1 fault found");
+    assert_eq!(document["files"][0]["kind"], "throw");
+    assert_eq!(document["files"][0]["faults"], Value::Array(Vec::new()));
+    assert_eq!(document["files"][1]["faults"], document["faults"]);
+    assert_eq!(document["faults"][0]["field"], "motion.spin_radps[0]");
+    let output = catchingbot(&["check", right, "--json"]);
+    let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(output.status.success() && document["files"][0]["file"] == right);
+    assert!(document.get("error").is_none() && document.get("exit_code").is_none());
 }
 
 #[test]

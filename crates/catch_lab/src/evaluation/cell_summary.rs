@@ -18,6 +18,8 @@ pub struct CellSummary {
     pub throw: String,
     /// How often.
     pub trials: usize,
+    /// Whether every trial repeats the same throw, so that the trials are no sample.
+    pub throw_is_fixed: bool,
     /// How often it was caught.
     pub caught: usize,
     /// How often the paper would have called it caught.
@@ -71,6 +73,7 @@ impl CellSummary {
             object: object.to_owned(),
             throw: throw.to_owned(),
             trials: rows.len(),
+            throw_is_fixed,
             caught,
             caught_paper: count(&|row| row.verdict.caught_paper),
             caught_paper_code: count(&|row| row.verdict.caught_paper_code),

@@ -55,6 +55,18 @@ pub fn lines(cells: &[CellSummary]) -> Vec<[String; HEADINGS.len()]> {
     cells.iter().map(line).collect()
 }
 
+/// What is to be said of throws that all trials repeat, a sentence; none where every trial throws anew.
+pub fn repeated_throws(cells: &[CellSummary]) -> Option<String> {
+    let mut repeated: Vec<&str> =
+        cells.iter().filter(|it| it.throw_is_fixed && it.trials > 1).map(|it| it.throw.as_str()).collect();
+    repeated.sort_unstable();
+    repeated.dedup();
+    let (names, verb) = (repeated.join(", "), if repeated.len() == 1 { "is" } else { "are" });
+    (!repeated.is_empty()).then(|| {
+        format!("{names} {verb} always the same: the trials repeat one throw, which is no sample and has no interval.")
+    })
+}
+
 /// The table in Markdown, with what it is a table of. No time enters it: the same evaluation gives the same bytes.
 pub fn markdown(identity: &Identity, cells: &[CellSummary]) -> String {
     let (caught, trials): (usize, usize) = cells.iter().fold((0, 0), |(a, b), cell| (a + cell.caught, b + cell.trials));
@@ -70,6 +82,9 @@ pub fn markdown(identity: &Identity, cells: &[CellSummary]) -> String {
     text += &row(&rules);
     for line in lines(cells) {
         text += &row(&line);
+    }
+    if let Some(repeated) = repeated_throws(cells) {
+        let _ = writeln!(text, "\n{repeated}");
     }
     text + "\n\"caught\": held to the end, without a limit broken; \"as the paper\": its own measure, which looks at one axis at \
             0.875 s; \"paper's Table I\": what it published by that measure, its fixed throws, without limits on the arm.\n"

@@ -24,7 +24,7 @@ const MESH_SPACING_M: f64 = 0.001;
 /// surface points are laid.
 ///
 /// # Errors
-/// A file that cannot be read or that is not what its extension says.
+/// A file that cannot be read, that is not what its extension says or that has no point.
 pub fn read(path: &Path, meshes: bool) -> Result<CloudFile, InputError> {
     let file = path.display().to_string();
     let formats = formats(meshes);
@@ -38,19 +38,23 @@ pub fn read(path: &Path, meshes: bool) -> Result<CloudFile, InputError> {
 pub fn parse(file: &str, bytes: &[u8], meshes: bool) -> Result<CloudFile, InputError> {
     let formats = formats(meshes);
     let extension = Path::new(file).extension().and_then(|it| it.to_str()).unwrap_or_default().to_ascii_lowercase();
-    match extension.as_str() {
-        "ply" => parse_ply(file, bytes),
-        "pcd" => parse_pcd(file, bytes),
-        "xyz" | "txt" | "csv" => parse_xyz(file, bytes),
+    let cloud = match extension.as_str() {
+        "ply" => parse_ply(file, bytes)?,
+        "pcd" => parse_pcd(file, bytes)?,
+        "xyz" | "txt" | "csv" => parse_xyz(file, bytes)?,
         "obj" | "stl" if meshes => {
             let mesh = mesh_from_bytes(file, bytes, 1.0)?;
             let advice =
                 "a mesh in millimetres needs an object file with `scale = 0.001`, or `catchingbot object import`";
             check_length(file, "the mesh", mesh.aabb().size.max(), advice)?;
-            Ok(on_surface(&mesh))
+            on_surface(&mesh)
         }
-        _ => Err(InputError::new(file, "extension", format!("`{extension}`"), formats)),
+        _ => return Err(InputError::new(file, "extension", format!("`{extension}`"), formats)),
+    };
+    if cloud.points.is_empty() {
+        return Err(InputError::new(file, "points", "none with finite coordinates", "one or more"));
     }
+    Ok(cloud)
 }
 
 fn formats(meshes: bool) -> &'static str {

@@ -13,41 +13,50 @@ use crate::{
     scenario::{Scenario, setup::DEFAULT_SCENARIO},
 };
 
+const OBJECT: &str = include_str!("templates/object.toml");
+const THROW: &str = include_str!("templates/throw.toml");
+const GRIPPER: &str = include_str!("templates/gripper.toml");
+const WORKCELL: &str = include_str!("templates/workcell.toml");
+const RIG: &str = include_str!("templates/rig.toml");
 /// Variants of the scenario that is meant when none is named.
 const STUDY: &str = include_str!("templates/study.toml");
-const OBJECT: &str = include_str!("templates/object.toml");
 
 /// A file: its name, and its content.
 pub type NewFile = (String, String);
 
-/// The files of a new thing of a kind, all of them right as they are: an object and a study from templates, a scenario from the one that
-/// is meant when none is named, a robot from that scenario, too.
+/// The files of a new thing of a kind, all of them right as they are: from a template, a scenario from the one that is meant when none is
+/// named, a robot from that scenario, too.
 ///
 /// # Errors
 /// A name that cannot be a file's.
 pub fn files(kind: Kind, name: &str) -> Result<Vec<NewFile>, InputError> {
     check_name(name)?;
+    let file = |text: String| Ok(vec![(format!("{name}.toml"), text)]);
+    let filled_in = |template: &str| file(template.replace("{{name}}", name));
+    let asked_by = (COMMAND_LINE, "NAME");
+    let nowhere = Origin::BuiltIn(PathBuf::new());
+    let scenario = || Asset::find(Kind::Scenario, DEFAULT_SCENARIO, &nowhere, asked_by);
     match kind {
-        Kind::Object => Ok(vec![(format!("{name}.toml"), OBJECT.replace("{{name}}", name))]),
-        Kind::Study => Ok(vec![(format!("{name}.toml"), STUDY.to_owned())]),
+        Kind::Object => filled_in(OBJECT),
+        Kind::Throw => filled_in(THROW),
+        Kind::Gripper => filled_in(GRIPPER),
+        Kind::Workcell => filled_in(WORKCELL),
+        Kind::Rig => filled_in(RIG),
+        Kind::Study => filled_in(STUDY),
         Kind::Robot => {
-            let nowhere = Origin::BuiltIn(PathBuf::new());
-            let asked_by = (COMMAND_LINE, "NAME");
-            let scenario = Asset::find(Kind::Scenario, DEFAULT_SCENARIO, &nowhere, asked_by)?;
+            let scenario = scenario()?;
             let named = Scenario::from_toml(&scenario.file, &scenario.text)?.robot;
             let robot = Asset::find(Kind::Robot, &named, &nowhere, asked_by)?;
             let (_, urdf) = robot.read_text_beside("robot.urdf")?;
             Ok(vec![(format!("{name}/robot.toml"), robot.text), (format!("{name}/robot.urdf"), urdf)])
         }
-        _ => {
-            let nowhere = Origin::BuiltIn(PathBuf::new());
-            let scenario = Asset::find(kind, DEFAULT_SCENARIO, &nowhere, (COMMAND_LINE, "NAME"))?;
+        Kind::Scenario => {
             let named = |line: &str| {
                 let is_name = line.starts_with("name = ");
                 if is_name { format!("name = \"{name}\"") } else { line.to_owned() }
             };
-            let lines: Vec<String> = scenario.text.lines().map(named).collect();
-            Ok(vec![(format!("{name}.toml"), lines.join("\n") + "\n")])
+            let lines: Vec<String> = scenario()?.text.lines().map(named).collect();
+            file(lines.join("\n") + "\n")
         }
     }
 }

@@ -4,7 +4,7 @@ use catch_calibration::overlay::Overlay;
 use serde::Serialize;
 
 use super::{
-    STYLE, fill,
+    document, fill,
     packed::{self, Packed},
 };
 
@@ -44,8 +44,8 @@ pub fn page(title: &str, cameras: &[CameraSection]) -> String {
     let camera = |it: &CameraSection| it.overlays.iter().map(image).collect::<Vec<_>>();
     let data: Vec<CameraData> =
         cameras.iter().map(|it| CameraData { summary: &it.summary, images: camera(it) }).collect();
-    let title = packed::text_in_html(title);
-    fill(PAGE, &[("title", &title), ("style", STYLE), ("data", &packed::json_in_html(&data)), ("script", SCRIPT)])
+    let (heading, data) = (packed::text_in_html(title), packed::json_in_html(&data));
+    document(title, "calibration", "", &fill(PAGE, &[("title", &heading), ("data", &data), ("script", SCRIPT)]))
 }
 
 /// What the pixels of an image show, and how many in a row do.

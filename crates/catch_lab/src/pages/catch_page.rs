@@ -1,6 +1,6 @@
 //! A throw as one page: three dimensions, a time slider, and plots tied to it.
 //!
-//! The page is one file without any reference to another, so it opens from a disk without a network. `page.html` is its frame,
+//! The page is one file without any reference to another, so it opens from a disk without a network. `page.html` is its body,
 //! `page.css` and `viewer.js` in the folder above what pages share, `scene.js` the three dimensions in WebGL 2, `plots.js` the plots and `controls.js` the slider; what was
 //! recorded goes in as JSON with packed numbers.
 
@@ -8,7 +8,7 @@ mod data;
 mod points;
 mod surfaces;
 
-use super::{STYLE, VIEWER, fill, packed};
+use super::{VIEWER, document, fill, packed};
 use crate::recording::playback::Playback;
 
 pub use data::PageData;
@@ -24,16 +24,10 @@ const SCRIPTS: [&str; 4] = [
 
 /// The page of a throw.
 pub fn page(playback: &Playback) -> String {
-    let data = PageData::of(playback);
-    fill(
-        PAGE,
-        &[
-            ("title", &packed::text_in_html(&playback.header.title)),
-            ("style", STYLE),
-            ("data", &packed::json_in_html(&data)),
-            ("script", &SCRIPTS.concat()),
-        ],
-    )
+    let (title, data) = (&playback.header.title, packed::json_in_html(&PageData::of(playback)));
+    let heading = packed::text_in_html(title);
+    let body = fill(PAGE, &[("title", &heading), ("data", &data), ("script", &SCRIPTS.concat())]);
+    document(title, "catch", "", &body)
 }
 
 #[cfg(test)]
@@ -43,6 +37,6 @@ mod tests {
     #[test]
     fn the_template_names_only_what_is_filled_in() {
         let names: Vec<&str> = PAGE.split("{{").skip(1).filter_map(|part| part.split("}}").next()).collect();
-        assert_eq!(names, ["title", "style", "title", "data", "script"]);
+        assert_eq!(names, ["title", "data", "script"]);
     }
 }

@@ -6,7 +6,7 @@ use catch_body::Pose;
 use catch_cell::{CameraModel, DepthFrame};
 use nalgebra::Point3;
 
-use super::{STYLE, packed};
+use super::{document, packed};
 use crate::camera_placement::SampledFlight;
 
 /// Flights that are drawn, at most.
@@ -31,18 +31,17 @@ pub struct CameraView<'a> {
 
 /// The page.
 pub fn page(title: &str, flights: &[SampledFlight], views: &[CameraView]) -> String {
-    let title = packed::text_in_html(title);
-    let mut page = format!(
-        "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>{title}</title><style>{STYLE}</style></head>\
-         <body><main><h1>{title}</h1><h2>From above</h2><p>Green: shown by two cameras or more; orange: by one; grey: by none. x points \
-         to the right and y up, the base of the arm is the cross.</p>"
+    let mut body = format!(
+        "<main><h1>{}</h1><h2>From above</h2><p>Green: shown by two cameras or more; orange: by one; grey: by none. x points \
+         to the right and y up, the base of the arm is the cross.</p>",
+        packed::text_in_html(title)
     );
-    page += &from_above(flights, views);
+    body += &from_above(flights, views);
     for (i, view) in views.iter().enumerate() {
         let summary = packed::text_in_html(&view.summary);
-        let _ = write!(page, "<h2>Camera {i}</h2><p>{summary}</p>{}", image(flights, view));
+        let _ = write!(body, "<h2>Camera {i}</h2><p>{summary}</p>{}", image(flights, view));
     }
-    page + "</main></body></html>\n"
+    document(title, "placement", "", &(body + "</main>"))
 }
 
 fn from_above(flights: &[SampledFlight], views: &[CameraView]) -> String {

@@ -12,8 +12,9 @@ use crate::{
         Row,
         cell_summary::CellSummary,
         published::{published_rate, published_rates},
+        summary_table::repeated_throws,
     },
-    pages::{STYLE, fill, packed::text_in_html},
+    pages::{document, packed::text_in_html},
     referee::{LEADS_S, Measures},
     statistics::{quantile, sorted},
     trial::stopwatch::{StageTimes, Stopwatch},
@@ -23,7 +24,8 @@ use rows::{Mark, Scale, row};
 pub use misses::{MOST_MISSES, MOST_MISSES_OF_A_STEP, record_misses};
 pub use study::study_page;
 
-const PAGE: &str = include_str!("report_page/report.html");
+/// Chooses light or dark before anything is drawn.
+const THEME: &str = include_str!("report_page/theme.html");
 const REPORT_STYLE: &str = include_str!("report_page/report.css");
 
 /// What a report is about.
@@ -47,8 +49,12 @@ pub struct Report<'a> {
 pub fn page(report: &Report) -> String {
     let title = format!("{} · {} throws", report.scenario, report.rows.len());
     let sections = [head(report), caught(report), misses(report), prediction(report), computing(report), table(report)];
-    let style = format!("{STYLE}{REPORT_STYLE}");
-    fill(PAGE, &[("title", &text_in_html(&title)), ("style", &style), ("body", &sections.concat())])
+    report_document(&title, &sections.concat())
+}
+
+/// A page that looks like a report.
+fn report_document(title: &str, sections: &str) -> String {
+    document(title, "report", REPORT_STYLE, &[THEME, sections].concat())
 }
 
 fn name_of(cell: &CellSummary) -> String {
@@ -91,6 +97,9 @@ fn caught(report: &Report) -> String {
     if report.cells.iter().any(|cell| published_rate(&rates, cell).is_some()) {
         html +=
             " The orange mark is the paper's Table I: its fixed throws, its measure, and no limit on the arm's torque.";
+    }
+    if let Some(repeated) = repeated_throws(report.cells) {
+        let _ = write!(html, " {}", text_in_html(&repeated));
     }
     html += "</p>\n";
     for cell in report.cells {

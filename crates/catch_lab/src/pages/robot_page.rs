@@ -4,9 +4,9 @@ use catch_body::{Robot, TriangleMesh, shape::Capsule};
 use serde::Serialize;
 
 use super::{
-    STYLE, VIEWER,
+    VIEWER,
     catch_page::{PackedSurface, seven},
-    fill, packed,
+    document, fill, packed,
 };
 use crate::{VERSION, recording::surfaces::thinned};
 
@@ -74,8 +74,8 @@ pub fn page<'a>(
         coverage,
     };
     let script = [VIEWER, SCRIPT].concat();
-    let title = packed::text_in_html(&robot.name);
-    fill(PAGE, &[("title", &title), ("style", STYLE), ("data", &packed::json_in_html(&data)), ("script", &script)])
+    let (heading, data) = (packed::text_in_html(&robot.name), packed::json_in_html(&data));
+    document(&robot.name, "catch", "", &fill(PAGE, &[("title", &heading), ("data", &data), ("script", &script)]))
 }
 
 fn joints(robot: &Robot) -> Vec<JointData> {

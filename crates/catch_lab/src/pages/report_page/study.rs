@@ -3,13 +3,13 @@
 use std::fmt::Write;
 
 use super::{
-    PAGE, REPORT_STYLE, percent,
+    percent, report_document,
     rows::{Mark, track},
 };
 use crate::{
     VERSION,
     evaluation::cell_summary::CellSummary,
-    pages::{STYLE, fill, packed::text_in_html},
+    pages::packed::text_in_html,
     study::{ObjectSummary, Outline, StepSummary},
 };
 
@@ -38,8 +38,7 @@ pub fn study_page(outline: &Outline, steps: &[StepSummary], report: &str) -> Str
         }
     }
     body += &table(steps);
-    let style = format!("{STYLE}{REPORT_STYLE}");
-    fill(PAGE, &[("title", &format!("{name} · {trials} throws")), ("style", &style), ("body", &body)])
+    report_document(&format!("{} · {trials} throws", outline.study), &body)
 }
 
 /// The ends of what is cumulative, in large figures.

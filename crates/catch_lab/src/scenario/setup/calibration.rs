@@ -119,11 +119,7 @@ impl CalibratedCameras {
         let session = run_session(setup, &config, &believed, seed, 0).session;
         let found = calibrate(&config, &setup.robot, &setup.gripper, &believed, &session).cameras;
         let found: Vec<CameraCalibration> = found.into_iter().map(|it| claimed(it, settings)).collect();
-        let calibrated = |(camera, found): (&CameraModel, &CameraCalibration)| {
-            let X_WC = if found.status == CalibrationStatus::Converged { found.X_WC } else { camera.X_WC };
-            CameraModel { X_WC, ..camera.clone() }
-        };
-        Self { cameras: believed.iter().zip(&found).map(calibrated).collect(), found }
+        Self { cameras: calibrated_cameras(&believed, &found), found }
     }
 
     /// Standard deviation that is claimed of a camera's rotation about each axis, that of the worst.
@@ -145,6 +141,15 @@ impl CalibratedCameras {
         let variances: Vec<f64> = self.cameras.iter().zip(&self.found).map(variance).collect();
         variances.iter().sum::<f64>().sqrt() / variances.len().max(1) as f64
     }
+}
+
+/// Cameras as a calibration leaves them: one whose calibration did not converge stays where it was believed to stand.
+pub fn calibrated_cameras(believed: &[CameraModel], found: &[CameraCalibration]) -> Vec<CameraModel> {
+    let calibrated = |(camera, found): (&CameraModel, &CameraCalibration)| {
+        let X_WC = if found.status == CalibrationStatus::Converged { found.X_WC } else { camera.X_WC };
+        CameraModel { X_WC, ..camera.clone() }
+    };
+    believed.iter().zip(found).map(calibrated).collect()
 }
 
 /// What is found of a camera, with the covariance of what was believed before where the calibration did not converge.
@@ -286,6 +291,11 @@ mod tests {
         let failed = of(CalibrationStatus::PoorFit);
         assert!((failed.rotation_sd_rad() - 0.3_f64.to_radians()).abs() < 1e-12);
         assert!(failed.position_sd_m(&p_W) > 2.5e-3);
+        // Nor is it moved.
+        let found = [CalibrationStatus::Converged, CalibrationStatus::PoorFit].map(found);
+        let calibrated = calibrated_cameras(&setup.cameras, &found);
+        assert_eq!(calibrated[0].X_WC, Pose::identity());
+        assert_eq!(calibrated[1], setup.cameras[1]);
         assert!(setup.calibrated(1).is_none() && setup.believed_cameras(1) == setup.cameras);
     }
 }

@@ -1,0 +1,91 @@
+//! Failures as a script reads them: with `--json` each is one document of one shape, whatever command it was and whatever went wrong.
+
+use std::{error::Error, process::ExitCode};
+
+use catch_body::InputError;
+use catch_lab::{VERSION, assets::COMMAND_LINE};
+use clap::error::ContextKind;
+use serde::Serialize;
+
+use crate::screen;
+
+/// What went wrong. A command that has more to tell has these fields in its own document.
+#[derive(Debug, Serialize)]
+pub struct Failure {
+    /// The message that is on standard error, too.
+    pub error: String,
+    /// The program's exit code: 2 for wrong input, 1 for anything else.
+    exit_code: u8,
+    /// What is wrong with the input; empty where nothing is.
+    faults: Vec<Fault>,
+}
+
+/// A fault in a file or an argument.
+#[derive(Debug, Serialize)]
+pub struct Fault {
+    file: String,
+    field: String,
+    found: String,
+    expected: String,
+}
+
+impl From<InputError> for Fault {
+    fn from(InputError { file, field, found, expected, .. }: InputError) -> Self {
+        Self { file, field, found, expected }
+    }
+}
+
+/// What `--json` prints where nothing else is to be told.
+#[derive(Serialize)]
+struct Document<'a> {
+    version: &'static str,
+    #[serde(flatten)]
+    failure: &'a Failure,
+}
+
+impl Failure {
+    /// Wrong input with these faults.
+    pub fn of_faults(error: String, faults: impl IntoIterator<Item = InputError>) -> Self {
+        Self { error, exit_code: 2, faults: faults.into_iter().map(Fault::from).collect() }
+    }
+
+    /// A command that failed.
+    pub fn of_command(fault: &anyhow::Error) -> Self {
+        let error = format!("{fault:#}").trim_end().to_owned();
+        match fault.downcast_ref::<InputError>() {
+            Some(of_input) => {
+                let exit_code = if of_input.of_output { 1 } else { 2 };
+                Self { exit_code, ..Self::of_faults(error, of_input.clone().all()) }
+            }
+            None => Self { exit_code: 1, ..Self::of_faults(error, []) },
+        }
+    }
+
+    /// Arguments that are wrong.
+    pub fn of_arguments(fault: &clap::Error) -> Self {
+        use ContextKind::{
+            InvalidArg, InvalidSubcommand, InvalidValue, PriorArg, SuggestedArg, SuggestedSubcommand, SuggestedValue,
+            ValidSubcommand, ValidValue,
+        };
+        let first = |kinds: &[ContextKind]| kinds.iter().find_map(|kind| fault.get(*kind)).map(ToString::to_string);
+        let field = first(&[InvalidArg, InvalidSubcommand]).unwrap_or_else(|| "arguments".to_owned());
+        let expected = (fault.source().map(ToString::to_string))
+            .or_else(|| first(&[ValidValue, ValidSubcommand, SuggestedValue, SuggestedArg, SuggestedSubcommand]))
+            .or_else(|| first(&[PriorArg]).map(|other| format!("not both it and {other}")))
+            .unwrap_or_else(|| "what --help says".to_owned());
+        let text = fault.render().to_string();
+        let error = text.trim_start_matches("error: ").trim_end().to_owned();
+        let found = first(&[InvalidValue]).or_else(|| error.lines().next().map(str::to_owned)).unwrap_or_default();
+        Self::of_faults(error, [InputError::new(COMMAND_LINE, field, found, expected)])
+    }
+
+    /// Says it on standard error and, where JSON is asked for, as a document on standard output.
+    pub fn tell(&self, as_json: bool) -> ExitCode {
+        screen::error(&self.error);
+        if as_json {
+            // Nobody is left to be told if this fails, too.
+            let _ = screen::json(&Document { version: VERSION, failure: self });
+        }
+        ExitCode::from(self.exit_code)
+    }
+}
