@@ -32,8 +32,8 @@ const MOST_COMPARED: usize = 20;
 #[command(after_help = "\
 Cameras hang on the walls and the ceiling of a box, and are aimed at where objects fly. Those are chosen whose
 images tell most about where the object will be caught, at two times: when the catch is decided, and when the
-fingers begin to close. What the waiting arm and the border of an image hide does not count. They are cameras
-like the first one of the scenario's rig:
+fingers begin to close. What the waiting arm and the border of an image hide does not count. Cameras that show
+little of the arm, on which they are calibrated, are left out. They are cameras like the first one of the scenario's rig:
 
   catchingbot place-cameras --scenario lab --cameras 2 --out placed
   catchingbot place-cameras --scenario lab --cameras 3 --from=-1,-1.5,0.5 --to=2,2,1.9 --out placed
@@ -73,7 +73,10 @@ pub struct PlaceCamerasArguments {
     /// No camera is nearer than this to any flight, in metres
     #[arg(long, value_name = "METRES", default_value_t = Config::default().clear_m, value_parser = between(0.0, 10.0))]
     clear: f64,
-    /// Seed of the throws
+    /// No camera shows less of the arm, on which it is calibrated: fraction of the joints within its image
+    #[arg(long, value_name = "FRACTION", default_value_t = Config::default().arm_fraction, value_parser = between(0.0, 1.0))]
+    arm: f64,
+    /// Seed of the throws and of the arm's postures
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole(0, MOST))]
     seed: u64,
     #[command(flatten)]
@@ -127,6 +130,8 @@ struct RigDocument {
     shown_by_two: f64,
     /// Fraction of each camera's images.
     shown: Vec<f64>,
+    /// Fraction of the arm's joints that each camera shows, over random postures.
+    arm_shown: Vec<f64>,
     /// Standard deviation along each axis of the position at the catch, predicted at the decision: median and 90 %.
     decision_sd_median_m: f64,
     decision_sd_90_m: f64,
@@ -143,6 +148,7 @@ impl RigDocument {
             shown_by_one: score.shown_by_one,
             shown_by_two: score.shown_by_two,
             shown: score.shown.clone(),
+            arm_shown: score.arm_shown.clone(),
             decision_sd_median_m: quantile_m(&score.decision_sd_m, 0.5),
             decision_sd_90_m: quantile_m(&score.decision_sd_m, 0.9),
             closing_sd_median_m: quantile_m(&score.closing_sd_m, 0.5),
@@ -168,6 +174,7 @@ pub fn run(arguments: &PlaceCamerasArguments) -> anyhow::Result<()> {
         decision_s: arguments.decision,
         closing_s: arguments.closing,
         clear_m: arguments.clear,
+        arm_fraction: arguments.arm,
     };
     let Some(kind) = setup.cameras.first() else {
         return Err(InputError::new(COMMAND_LINE, "flight_rig", "no camera", "a rig with cameras").into());
@@ -246,13 +253,15 @@ fn tell(document: &Document<'_>, cameras: &[CameraModel]) -> io::Result<()> {
     }
     screen::line(&table.trim_fmt())?;
     screen::line("")?;
-    for (i, (camera, shown)) in cameras.iter().zip(&document.rigs[0].shown).enumerate() {
+    let RigDocument { shown, arm_shown, .. } = &document.rigs[0];
+    for (i, (camera, (shown, of_arm))) in cameras.iter().zip(shown.iter().zip(arm_shown)).enumerate() {
         let p = camera.X_WC.translation.vector;
         let ahead = camera.X_WC.rotation * nalgebra::Vector3::z();
         let (turned_deg, down_deg) = (ahead.y.atan2(ahead.x).to_degrees(), (-ahead.z).asin().to_degrees());
         let place =
             format!("({:.2}, {:.2}, {:.2}) m, looks to {turned_deg:.0}° and {down_deg:.0}° down", p.x, p.y, p.z);
-        screen::fact(&format!("camera {i}"), &format!("{place}, shows {:.0} % of the images", shown * 100.0))?;
+        let shows = format!("shows {:.0} % of the images and {:.0} % of the arm", shown * 100.0, of_arm * 100.0);
+        screen::fact(&format!("camera {i}"), &format!("{place}, {shows}"))?;
     }
     screen::fact("rig", &document.rig.display().to_string())?;
     screen::fact("what is seen", &document.page.display().to_string())

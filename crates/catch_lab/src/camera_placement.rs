@@ -7,7 +7,9 @@
 //! covariance of the position at the catch is a block of the inverse of the sum. The catch is where the flight is nearest to the base's axis.
 //! What counts is the deviation at two times: when the catch is decided, and when the fingers begin to close.
 //!
-//! The search is greedy and then exchanges cameras as long as that helps (Fedorov, Theory of optimal experiments, 1972).
+//! Cameras are calibrated on the arm, so that only those are chosen which show enough of it. The search is greedy and then exchanges cameras as long as that helps (Fedorov, Theory of optimal experiments, 1972).
+
+mod arm_view;
 
 use catch_body::{InputError, Pose, dynamics, pose::look_at, quantity, ray_cast::ArmSurface};
 use catch_cell::CameraModel;
@@ -40,7 +42,7 @@ pub struct Config {
     pub cameras: usize,
     /// Throws that are looked at.
     pub throws: u64,
-    /// Their seed.
+    /// Their seed, and that of the arm's postures.
     pub seed: u64,
     /// Opposite corners of the volume on whose walls and ceiling cameras may hang, in W.
     pub volume_m: [[f64; 3]; 2],
@@ -52,6 +54,8 @@ pub struct Config {
     pub closing_s: f64,
     /// No camera is nearer than this to any flight.
     pub clear_m: f64,
+    /// No camera shows less of the arm than this: the fraction of the joints within its image, over random postures.
+    pub arm_fraction: f64,
 }
 
 impl Default for Config {
@@ -65,6 +69,7 @@ impl Default for Config {
             decision_s: 0.3,
             closing_s: 0.12,
             clear_m: 0.4,
+            arm_fraction: 0.8,
         }
     }
 }
@@ -78,6 +83,8 @@ pub struct Score {
     pub shown_by_two: f64,
     /// Fraction of each camera's images until the catch that show it.
     pub shown: Vec<f64>,
+    /// Fraction of the arm's joints that each camera shows, over random postures.
+    pub arm_shown: Vec<f64>,
     /// Expected standard deviation along each axis of the position at the catch that is predicted when it is decided, in metres, of each
     /// throw in rising order.
     pub decision_sd_m: Vec<f64>,
@@ -117,6 +124,8 @@ pub struct PlacementStudy<'a> {
     /// The throws.
     pub flights: Vec<SampledFlight>,
     arm: ArmSurface,
+    /// Where joints may be.
+    joints: Vec<Point3<f64>>,
 }
 
 impl<'a> PlacementStudy<'a> {
@@ -164,7 +173,8 @@ impl<'a> PlacementStudy<'a> {
             let expected = format!("less than the {:.2} s that a throw takes", it.catch_s);
             return Err(InputError::new(COMMAND_LINE, "--decision", config.decision_s, expected));
         }
-        Ok(Self { setup, config, flights, arm: ArmSurface::new(&setup.robot, &setup.gripper) })
+        let arm = ArmSurface::new(&setup.robot, &setup.gripper);
+        Ok(Self { setup, config, flights, arm, joints: arm_view::joint_places(&setup.robot, config.seed) })
     }
 
     /// What a rig sees and tells.
@@ -193,6 +203,7 @@ impl<'a> PlacementStudy<'a> {
             shown_by_one: fraction(by_one),
             shown_by_two: fraction(by_two),
             shown: sights.iter().map(shown).collect(),
+            arm_shown: cameras.iter().map(|camera| arm_view::shown(camera, &self.joints)).collect(),
             decision_sd_m: deviations(self.config.decision_s),
             closing_sd_m: deviations(self.config.closing_s),
         }
@@ -201,7 +212,7 @@ impl<'a> PlacementStudy<'a> {
     /// The best cameras of a kind among those that may hang on walls and ceiling.
     ///
     /// # Errors
-    /// If there is no place that is clear of all flights.
+    /// If there is no place that is clear of all flights and shows enough of the arm.
     pub fn place(&self, kind: &CameraModel) -> Result<Placement, InputError> {
         let candidates = self.candidates(kind);
         // Throw by throw at the decision, then at the closing.
@@ -212,8 +223,8 @@ impl<'a> PlacementStudy<'a> {
         };
         let told: Vec<Vec<Matrix6<f64>>> = candidates.iter().map(told).collect();
         if candidates.is_empty() {
-            let expected = "a volume with a wall that flights stay clear of";
-            return Err(InputError::new(COMMAND_LINE, "--from and --to", "none that is clear", expected));
+            let expected = "a volume with a wall that flights stay clear of and that shows enough of the arm";
+            return Err(InputError::new(COMMAND_LINE, "--from, --to and --arm", "no such place", expected));
         }
         // Mean logarithm of the deviations, of which what one camera improves counts as a ratio.
         let cost = |others: &[Matrix6<f64>], candidate: usize| -> f64 {
@@ -256,7 +267,7 @@ impl<'a> PlacementStudy<'a> {
         Ok(Placement { cameras, candidates: candidates.len() })
     }
 
-    /// Every place on the walls and the ceiling that all flights stay clear of, with every aim.
+    /// Every place on the walls and the ceiling that all flights stay clear of, with every aim that shows enough of the arm.
     fn candidates(&self, kind: &CameraModel) -> Vec<CameraModel> {
         let [from, to] = self.config.volume_m;
         let steps = |axis: usize| {
@@ -276,7 +287,8 @@ impl<'a> PlacementStudy<'a> {
             let cameras = aims.iter().filter(move |aim| (*aim - p).norm() > quantity::DISTANCE_M.least);
             cameras.map(move |aim| CameraModel { X_WC: look_at(&p, aim), ..kind.clone() }).collect::<Vec<_>>()
         };
-        places.flat_map(aimed).collect()
+        let shows_arm = |it: &CameraModel| arm_view::shown(it, &self.joints) >= self.config.arm_fraction;
+        places.flat_map(aimed).filter(shows_arm).collect()
     }
 
     /// The mean place of the object after a fraction of its flight.
@@ -374,6 +386,9 @@ mod tests {
     use super::*;
     use crate::scenario::setup::Choice;
 
+    /// The box on whose walls the near rigs hang.
+    const WALLS_M: [[f64; 3]; 2] = [[-1.0, -1.2, 0.4], [1.6, 1.6, 2.0]];
+
     fn setup() -> Setup {
         let settings = ["flight_rig=d435_1", "arena.depth.model=near_stereo"].map(str::to_owned);
         Setup::load(&Choice { throw: Some("random"), settings: &settings, ..Choice::default() }).unwrap()
@@ -434,12 +449,43 @@ mod tests {
         assert_eq!(study.place(kind).unwrap(), best, "always the same");
     }
 
+    #[test]
+    fn cameras_that_show_little_of_the_arm_are_left_out() {
+        let (setup, any) = (setup(), Config { arm_fraction: 0.0, ..config(1) });
+        let some = Config { arm_fraction: 0.8, ..any.clone() };
+        let [all, kept] = [&any, &some].map(|config| {
+            let study = PlacementStudy::new(&setup, config).unwrap();
+            let cameras = study.candidates(&setup.cameras[0]);
+            study.score(&cameras).arm_shown
+        });
+        assert!(kept.len() > 50 && kept.iter().all(|it| *it >= 0.8), "{kept:?}");
+        assert_eq!(kept, all.into_iter().filter(|it| *it >= 0.8).collect::<Vec<_>>());
+    }
+
+    /// As the command in their files has it.
+    #[test]
+    fn the_near_rigs_are_placed() {
+        for cameras in 1..=4 {
+            let settings = [format!("flight_rig=d435_{cameras}"), "arena.depth.model=near_stereo".to_owned()];
+            let choice =
+                Choice { scenario: Some("honest"), throw: Some("random"), settings: &settings, ..Choice::default() };
+            let (setup, config) =
+                (Setup::load(&choice).unwrap(), Config { cameras, volume_m: WALLS_M, ..Config::default() });
+            let placed = PlacementStudy::new(&setup, &config).unwrap().place(&setup.cameras[0]).unwrap().cameras;
+            assert_eq!(placed.len(), setup.cameras.len());
+            for (found, stored) in placed.iter().zip(&setup.cameras) {
+                let apart = found.X_WC.inverse() * stored.X_WC;
+                assert!(apart.translation.vector.norm() < 1e-6 && apart.rotation.angle() < 1e-6, "d435_{cameras}");
+            }
+        }
+    }
+
     /// On every wall and on the ceiling, whatever rounding makes of the corners.
     #[test]
     fn every_wall_has_places() {
         let setup = setup();
         for volume_m in [[[-1.2, -1.6, 0.4], [2.2, 2.2, 2.2]], [[-1.0, -1.5, 0.5], [2.0, 2.0, 1.9]]] {
-            let config = Config { volume_m, spacing_m: 0.4, clear_m: 0.1, ..config(1) };
+            let config = Config { volume_m, spacing_m: 0.4, clear_m: 0.1, arm_fraction: 0.0, ..config(1) };
             let candidates = PlacementStudy::new(&setup, &config).unwrap().candidates(&setup.cameras[0]);
             let on = |axis: usize, at: f64| {
                 candidates.iter().filter(|it| (it.X_WC.translation.vector[axis] - at).abs() < 1e-9).count()
