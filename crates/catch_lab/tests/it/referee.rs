@@ -154,7 +154,8 @@ fn a_throw_that_was_never_held_is_missed_for_its_cause() {
             });
         })
     };
-    let (finger, palm): (fn(&mut Contact), fn(&mut Contact)) = (|it| it.left_finger = true, |it| it.palm = true);
+    let finger = |it: &mut Contact| it.left_finger = true;
+    let palm = |it: &mut Contact| it.palm = true;
     let object_m = plan.grasp.object_width_m;
     assert_eq!(meets(finger, plan.aperture_m - 0.001), Reason::HitFinger);
     assert_eq!(meets(palm, plan.aperture_m - 0.001), Reason::ClosedLate);
