@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use catch_bot::{Report, Status};
+use catch_bot::{Report, Status, perception::CameraStatus};
 use catch_cell::{LimitKind, LimitViolation};
 use catch_lab::{
     referee::{self, LEADS_S, Verdict, reason::Reason},
@@ -99,6 +99,14 @@ fn a_throw_that_was_held_is_lost_for_one_reason() {
     assert_eq!(touched(|it| (it.left_finger, it.palm) = (false, true)), None);
     assert_eq!(touched(|it| (it.left_finger, it.palm) = (false, false)), Some(Reason::Dropped));
     assert_eq!((let_go(0.3), let_go(0.7)), (Some(Reason::SlippedOut), Some(Reason::Dropped)));
+    // Nor do fingers that still move, with the palm.
+    let closing = |it: &mut TruthSample| {
+        (it.contact.left_finger, it.contact.palm) = (false, true);
+        it.width_m += 0.2 * (it.time_s - contact_s());
+    };
+    assert_eq!(outcome(&|it| samples(it, while_held, closing)), Some(Reason::Dropped));
+    // Held long enough, but not when the test begins.
+    assert_eq!(outcome(&|it| samples(it, [0.5, 0.51], |it| it.contact = Contact::default())), Some(Reason::Dropped));
     // It may move twice as fast while the world shakes.
     assert_eq!((slid(0.6, 0.015), slid(0.6, 0.025)), (None, Some(Reason::Dropped)));
     assert_eq!((slid(disturbed_s, 0.035), slid(disturbed_s, 0.06)), (None, Some(Reason::Dropped)));
@@ -134,6 +142,7 @@ fn a_throw_that_was_never_held_is_missed_for_its_cause() {
         (servo.accepted_trajectories, servo.late_trajectories) = (0, 1);
     };
     assert_eq!(missed(&late), Reason::Late);
+    assert_eq!(missed(&|it| it.truth.servo.accepted_trajectories = 0), Reason::ClosedLate);
     let by_status = [
         (Status::NoObject, Reason::Perception),
         (Status::NoTrajectory, Reason::Prediction),
@@ -146,14 +155,15 @@ fn a_throw_that_was_never_held_is_missed_for_its_cause() {
     assert!(by_status.iter().all(|(status, reason)| stuck_at(*status) == *reason));
     // The object meets one part of the hand, with the fingers this far open.
     let plan = CAUGHT.1.snapshots.iter().rev().find_map(|it| it.report.as_ref()?.plan.clone()).unwrap();
-    let meets = |part: fn(&mut Contact), width_m: f64| {
+    let meets_from = |from_s: f64, part: fn(&mut Contact), width_m: f64| {
         missed(&move |it: &mut Trial| {
-            samples(it, [0.0, 0.01], |it| {
+            samples(it, [from_s, 0.01], |it| {
                 part(&mut it.contact);
                 it.width_m = width_m;
             });
         })
     };
+    let meets = |part: fn(&mut Contact), width_m: f64| meets_from(0.0, part, width_m);
     let finger = |it: &mut Contact| it.left_finger = true;
     let palm = |it: &mut Contact| it.palm = true;
     let object_m = plan.grasp.object_width_m;
@@ -161,6 +171,24 @@ fn a_throw_that_was_never_held_is_missed_for_its_cause() {
     assert_eq!(meets(palm, plan.aperture_m - 0.001), Reason::ClosedLate);
     assert_eq!(meets(finger, object_m - 0.003), Reason::ClosedEarly);
     assert_eq!(meets(finger, object_m - 0.001), Reason::SlippedOut);
+    // Where the fingers meet it, it was more than 2 cm short of its place.
+    assert_eq!(meets_from(catch_s() - contact_s() - 0.015, finger, object_m), Reason::ClosedEarly);
+    // What it meets after the gripper is no cause.
+    let then_arm = |it: &mut Trial| {
+        samples(it, [0.0, 0.01], |it| (it.contact.left_finger, it.width_m) = (true, object_m));
+        samples(it, [0.02, 0.03], |it| it.contact.arm = true);
+    };
+    assert_eq!(missed(&then_arm), Reason::SlippedOut);
+    // Poses that are off since it was touched tell nothing of perception.
+    let pushed = |it: &mut Trial| {
+        samples(it, [-0.1, -0.09], |it| it.contact.left_finger = true);
+        flight_aside(it);
+        reports(it, |it| {
+            let since_touch = it.pose.iter_mut().filter(|it| it.capture_s >= contact_s() - 0.1);
+            since_touch.for_each(|it| it.X_WO.translation.vector += aside);
+        });
+    };
+    assert_eq!(missed(&pushed), Reason::Prediction);
     let arm_first = |it: &mut Trial| samples(it, [-0.1, -0.09], |it| it.contact.arm = true);
     assert_eq!(missed(&arm_first), Reason::HitArm);
     let obstacle_first = |it: &mut Trial| samples(it, [-0.1, -0.09], |it| it.contact.obstacle = true);
@@ -187,6 +215,11 @@ fn errors_are_those_against_the_parabola_of_the_release() {
     for (error_m, lead_s) in measures.prediction_errors_m.into_iter().zip(LEADS_S) {
         assert!(near(error_m, error_by(catch_s() - lead_s + 1e-9)), "{lead_s}: {measures:?}");
     }
+    // It does not spin.
+    assert!(release.V_WO.angular.norm() < 1e-9, "{:?}", release.V_WO);
+    let known = trial.snapshots.iter().rfind(|it| it.time_s <= catch_s()).and_then(|it| it.report.as_ref()).unwrap();
+    let turned_rad = known.flight.as_ref().unwrap().pose_at(catch_s()).rotation.angle_to(&release.X_WO.rotation);
+    assert!(near(measures.prediction_rotation_error_rad, turned_rad), "{turned_rad} {measures:?}");
     let at = |time_s: f64| trial.truth.samples.iter().find(|it| it.time_s > time_s - 0.5e-3).unwrap();
     let plan =
         trial.snapshots.iter().rfind(|it| it.time_s <= catch_s()).and_then(|it| it.report.as_ref()?.plan.clone());
@@ -240,6 +273,32 @@ fn impulses_and_instants_of_contact_are_those_of_the_samples() {
     assert!((measures.contact_delay_s.unwrap() - delay_s).abs() < 1.5e-3, "{delay_s} {measures:?}");
     let peak_ns = judged(|it| it.truth.samples[first].contact.peak_impulse_ns = 7.0).measures.peak_contact_impulse_ns;
     assert!((peak_ns - 7.0).abs() < 1e-12 && measures.peak_contact_impulse_ns < 7.0);
+}
+
+/// What the servo and the brain say is passed on.
+#[test]
+fn what_servo_and_brain_count_is_in_the_measures() {
+    let by_servo = judged(|it| {
+        let servo = &mut it.truth.servo;
+        (servo.torque_clamped_s, servo.peak_velocity_ratio) = (0.25, 0.5);
+        (servo.peak_acceleration_ratio, servo.peak_torque_ratio) = (0.75, 1.25);
+        (servo.late_trajectories, servo.rejected_trajectories, servo.discontinuous_trajectories) = (3, 4, 5);
+        (servo.min_self_clearance_m, servo.min_floor_clearance_m) = (Some(0.1), Some(0.2));
+    });
+    let it = by_servo.measures;
+    assert_eq!((it.torque_clamped_s, it.peak_velocity_ratio), (0.25, 0.5));
+    assert_eq!((it.peak_acceleration_ratio, it.peak_torque_ratio), (0.75, 1.25));
+    assert_eq!((it.late_trajectories, it.rejected_trajectories, it.discontinuous_trajectories), (3, 4, 5));
+    assert_eq!((it.min_self_clearance_m, it.min_floor_clearance_m), (Some(0.1), Some(0.2)));
+    let statuses = {
+        use CameraStatus::{Blinded, Displaced, Frozen, Good, Silent, Swapped};
+        let faulty = [vec![Blinded], vec![Frozen; 2], vec![Silent; 3], vec![Displaced; 4], vec![Swapped; 5]];
+        [vec![Good], faulty.concat()].concat()
+    };
+    let it = judged(|it| reports(it, |it| it.cameras.clone_from(&statuses))).measures;
+    let by_status =
+        [it.blinded_cameras, it.frozen_cameras, it.silent_cameras, it.displaced_cameras, it.swapped_cameras];
+    assert_eq!(by_status, [1, 2, 3, 4, 5]);
 }
 
 /// The paper's measures look at one instant along one axis.
