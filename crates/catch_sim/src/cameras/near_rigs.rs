@@ -41,7 +41,6 @@ fn seen(rig: &str, throw: &str, throws: u64) -> Vec<Flight> {
             let frames = renderer.render(&cameras, &scene, Readout::Object, true);
             let pixels = |frame: &catch_cell::DepthFrame| frame.mask.iter().flatten().filter(|shown| **shown).count();
             let seeing = frames.iter().filter(|frame| pixels(frame) >= MIN_PIXELS).count();
-            flight.pixels.push(frames.iter().map(pixels).max().unwrap_or(0));
             flight.cameras.push(seeing);
         }
         flight
@@ -49,11 +48,10 @@ fn seen(rig: &str, throw: &str, throws: u64) -> Vec<Flight> {
     (0..throws).map(flight).collect()
 }
 
-/// One entry per image: in how many cameras the ball shows pixels enough, and its most pixels in one.
+/// In how many cameras the ball shows pixels enough, image by image.
 #[derive(Debug, Default)]
 struct Flight {
     cameras: Vec<usize>,
-    pixels: Vec<usize>,
 }
 
 impl Flight {
@@ -65,13 +63,13 @@ impl Flight {
     /// The images until it is where it is caught at the latest.
     fn until_caught(&self) -> Self {
         let until = self.cameras.len().saturating_sub(AFTER_CATCH);
-        Self { cameras: self.cameras[..until].to_vec(), pixels: self.pixels[..until].to_vec() }
+        Self { cameras: self.cameras[..until].to_vec() }
     }
 
     /// The last images of it.
     fn last(&self, images: usize) -> Self {
         let from = self.cameras.len().saturating_sub(images);
-        Self { cameras: self.cameras[from..].to_vec(), pixels: self.pixels[from..].to_vec() }
+        Self { cameras: self.cameras[from..].to_vec() }
     }
 }
 
@@ -84,7 +82,6 @@ fn near_cameras_see_the_papers_throws_until_they_are_caught() {
                     flight.fraction(1) == 1.0 && flight.last(20).fraction(cameras) == 1.0,
                     "{rig} {throw}: {flight:?}"
                 );
-                assert!(flight.pixels.iter().all(|pixels| *pixels >= 100), "{rig} {throw}: {flight:?}");
             }
         }
     }
