@@ -201,7 +201,11 @@ fn setup(arguments: &CalibrateArguments) -> anyhow::Result<Setup> {
     }
     let mut settings = choice.settings.to_vec();
     settings.extend(rig.map(|rig| format!("flight_rig={}", toml_text(&rig))));
-    Ok(Setup::load(&Choice { settings: &settings, ..choice })?)
+    let as_asked = |fault: InputError| match &*fault.field {
+        "--set flight_rig" if arguments.rig.is_some() => InputError { field: "--rig".to_owned(), ..fault },
+        _ => fault,
+    };
+    Ok(Setup::load(&Choice { settings: &settings, ..choice }).map_err(as_asked)?)
 }
 
 /// A text as TOML writes it between quotes.

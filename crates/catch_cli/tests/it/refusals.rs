@@ -103,7 +103,7 @@ fn every_command_fails_in_the_same_shape() {
         ("plan", &["--cases", "no.json"], "the file"),
         ("predict", &["--track", "no.csv"], "the file"),
         ("learn", &["--tracks", "no", "--out", "learned.toml"], "the folder"),
-        ("calibrate", &["--rig", "nope"], "--set flight_rig"),
+        ("calibrate", &["--rig", "nope"], "--rig"),
         ("place-cameras", &["--scenario", "nope"], "--scenario"),
         ("ready", &["--scenario", "nope"], "--scenario"),
         ("object import", &["no.obj", "--out", "thing.toml"], "the file"),
