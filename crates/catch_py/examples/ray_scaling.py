@@ -143,9 +143,9 @@ the run and that of the last.
 
 ## A thousand cores
 
-A simulated schedule: shards take the measured times, drawn at random, each goes to the core that is free first, and the driver begins one in
-the time of an empty task. *Even* has equal cores. *Stragglers*: {100 * SLOW_FRACTION:g} % of the cores take {SLOW_BY:g} times as long, and {100 * LOST_FRACTION:g} % of the
-shards are lost halfway and thrown again. Efficiency is that of the last against the work divided by the cores.
+A simulated schedule. Shards take the measured times, drawn at random. Each goes to the core that is free first, and the driver begins one in
+the time of an empty task. *Even* has equal cores. With *stragglers* {100 * SLOW_FRACTION:g} % of the cores take {SLOW_BY:g} times as long, and
+{100 * LOST_FRACTION:g} % of the shards are lost halfway and thrown again. Efficiency is that of the last against the work divided by the cores.
 
 | throws | shards | work / cores, s | even, s | stragglers, s | efficiency, % |
 | --- | --- | --- | --- | --- | --- |
