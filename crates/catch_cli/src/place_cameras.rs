@@ -217,13 +217,18 @@ fn views<'a>(setup: &Setup, study: &PlacementStudy, cameras: &'a [CameraModel], 
     let X_WO = Pose::translation(0.0, 0.0, -1e3);
     let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: setup.gripper.max_width_m, X_WO: &X_WO };
     let images = renderer.render(cameras, &scene, Readout::Full, false);
-    let view = |((camera, image), shown): ((&'a CameraModel, _), &f64)| CameraView {
+    let of_images = score.shown.iter().zip(&score.arm_shown);
+    let view = |((camera, image), (shown, of_arm)): ((&'a CameraModel, _), (&f64, &f64))| CameraView {
         camera,
-        summary: format!("{:.0} % of the images show the object", shown * 100.0),
+        summary: format!(
+            "{:.0} % of the images show the object. They hold {:.0} % of the arm's joints, over random postures.",
+            shown * 100.0,
+            of_arm * 100.0
+        ),
         sight: study.sight(camera),
         image,
     };
-    cameras.iter().zip(images).zip(&score.shown).map(view).collect()
+    cameras.iter().zip(images).zip(of_images).map(view).collect()
 }
 
 fn tell(document: &Document<'_>, cameras: &[CameraModel]) -> io::Result<()> {
