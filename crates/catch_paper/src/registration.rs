@@ -1,7 +1,7 @@
 //! Pose estimation as in the paper (III-B): iterative closest points (Besl and McKay, A method for registration of 3-D shapes,
 //! 1992).
 //!
-//! Alternates between pairing each point of the scene with the nearest point of the reference, found by a k-d tree, and the
+//! Alternates between pairing each point of the scene with the nearest point of the reference, found by an hierarchy of boxes, and the
 //! rigid motion that brings the pairs together best in the least squares (Kabsch; Arun, Huang and Blostein, 1987).
 
 use std::sync::Arc;
@@ -12,8 +12,10 @@ use catch_bot::perception::{
     SceneCloud, Symmetry, View, Workspace,
 };
 use catch_bot::settings::{FRACTION, Faults, NOT_NEGATIVE, SettingError, Settings};
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use nalgebra::{Matrix3, Matrix6, Point3, Rotation3, Translation3, UnitQuaternion, Vector3, Vector6};
+use parry3d_f64::bounding_volume::Aabb;
+use parry3d_f64::math::Vector;
+use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode};
 use serde::{Deserialize, Serialize};
 
 /// Settings of the registration.
@@ -59,7 +61,7 @@ impl Settings for Config {
 #[derive(Debug, Clone)]
 pub struct IcpEstimator {
     config: Config,
-    nearest: NearestPoints,
+    hierarchy: Arc<Bvh>,
     finder: ObjectFinder,
     last_X_WO: Option<Pose>,
 }
@@ -77,17 +79,17 @@ impl IcpEstimator {
     ) -> Result<Self, SettingError> {
         config.check()?;
         perception.check()?;
-        let nearest = NearestPoints::new(&reference.points);
-        Ok(Self { config, nearest, finder: ObjectFinder::new(perception, reference, workspace), last_X_WO: None })
+        let hierarchy = Arc::new(hierarchy(&reference.points));
+        Ok(Self { config, hierarchy, finder: ObjectFinder::new(perception, reference, workspace), last_X_WO: None })
     }
 }
 
 impl PoseEstimator for IcpEstimator {
     fn estimate(&mut self, view: &View<'_>, prior: Prior) -> Result<ObjectPose, PerceptionStatus> {
-        let Self { config, nearest, finder, last_X_WO } = self;
+        let Self { config, hierarchy, finder, last_X_WO } = self;
         let prior = if config.starts_from_last_pose { Prior::from(*last_X_WO) } else { prior };
         let mut found = finder.find(view, prior, |Registration { reference, config: perception }, scene, X_WO| {
-            Icp { config, perception, reference, nearest }.register(scene, X_WO)
+            Icp { config, perception, reference, hierarchy }.register(scene, X_WO)
         })?;
         if config.drops_rotation && finder.reference().symmetry == Symmetry::Sphere {
             // What is dropped takes no part in where the object is: it turns about its own centre.
@@ -102,28 +104,23 @@ impl PoseEstimator for IcpEstimator {
     }
 }
 
-/// The reference's points, to be searched for the nearest.
-#[derive(Clone)]
-struct NearestPoints(Option<Arc<ImmutableKdTree<f64, 3>>>);
-
-impl std::fmt::Debug for NearestPoints {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        formatter.write_str("NearestPoints")
-    }
+/// The reference's points in a hierarchy of boxes, to be searched for the nearest.
+fn hierarchy(points: &[Point3<f64>]) -> Bvh {
+    let boxes = points.iter().map(|point| Aabb::new(vector(point), vector(point)));
+    Bvh::from_iter(BvhBuildStrategy::Binned, boxes.enumerate())
 }
 
-impl NearestPoints {
-    /// Sorts points for searching.
-    fn new(points: &[Point3<f64>]) -> Self {
-        let points: Vec<[f64; 3]> = points.iter().map(|point| [point.x, point.y, point.z]).collect();
-        Self(ImmutableKdTree::new_from_slice(&points).ok().map(Arc::new))
-    }
+/// The one of `points` that is nearest to `point`.
+fn nearest(hierarchy: &Bvh, points: &[Point3<f64>], point: &Point3<f64>) -> Option<Point3<f64>> {
+    let at = vector(point);
+    let to_box = |node: &BvhNode, _| (node.mins() - at).max(at - node.maxs()).max(Vector::ZERO).length_squared();
+    let to_point = |leaf: u32, _| Some((points[leaf as usize] - point).norm_squared());
+    let (leaf, _) = hierarchy.find_best(f64::INFINITY, to_box, to_point)?;
+    Some(points[leaf as usize])
+}
 
-    fn nearest(&self, point: &Point3<f64>) -> Option<usize> {
-        let query = [point.x, point.y, point.z];
-        let found = self.0.as_ref()?.query(&query).nearest_one::<SquaredEuclidean<f64>>().execute();
-        Some(found.item as usize)
-    }
+fn vector(point: &Point3<f64>) -> Vector {
+    Vector::new(point.x, point.y, point.z)
 }
 
 /// What a registration works with.
@@ -131,13 +128,13 @@ struct Icp<'a> {
     config: &'a Config,
     perception: &'a perception::Config,
     reference: &'a ReferenceModel,
-    nearest: &'a NearestPoints,
+    hierarchy: &'a Bvh,
 }
 
 impl Icp<'_> {
     /// Brings the reference from `X_WO` onto the scene's points, point to point.
     fn register(&self, scene: &SceneCloud, X_WO: &Pose) -> Result<Fit, PerceptionStatus> {
-        let Self { config, perception, reference, nearest: tree } = *self;
+        let Self { config, perception, reference, hierarchy } = *self;
         let mut X_WO = *X_WO;
         let count = scene.points.len() as f64;
         let mut iterations = 0;
@@ -151,8 +148,9 @@ impl Icp<'_> {
             let origin = X_WO.translation.vector;
             for point in &scene.points {
                 let p_O = X_WO.inverse_transform_point(&point.p_W);
-                let Some(nearest) = tree.nearest(&p_O) else { return Err(PerceptionStatus::NoReference) };
-                let paired = reference.points[nearest];
+                let Some(paired) = nearest(hierarchy, &reference.points, &p_O) else {
+                    return Err(PerceptionStatus::NoReference);
+                };
                 let from_origin = point.p_W.coords - origin;
                 mean_O += paired.coords;
                 mean_W += from_origin;
