@@ -188,6 +188,7 @@ impl Task<'_> {
             jacobian: self.jacobian(q),
             scaling: self.scaling,
             weights: Weights::FASTEST,
+            following: None,
             brakes: false,
         }
     }

@@ -48,6 +48,14 @@ impl Default for Weights {
     }
 }
 
+impl Weights {
+    /// The cost of how an object comes in, by the parts of the direction of its velocity relative to the gripper that point at a
+    /// finger and away from the palm.
+    pub fn of_direction(&self, sideways: f64, along: f64) -> f64 {
+        self.catchability * sideways + self.pass_through * (1.0 + along)
+    }
+}
+
 impl Settings for Weights {
     fn faults(&self) -> Vec<SettingError> {
         Faults::default()
@@ -86,8 +94,10 @@ pub struct RankedGrasp {
     pub X_WG: Pose,
     /// How the object comes in.
     pub approach: Approach,
-    /// Weighted sum of the heuristics; less is better.
+    /// Weighted sum of the heuristics for a gripper that stands still; less is better.
     pub cost: f64,
+    /// What of it does not depend on the velocity.
+    pub still_cost: f64,
 }
 
 /// Whether a grasp with these closing and approaching directions in O can catch an object that flies along `v_O`: it must
@@ -118,13 +128,11 @@ pub fn rank(
     let comfort = Vector3::new(outward.x, outward.y, 0.0)
         .try_normalize(1e-6)
         .map_or(0.0, |outward| (X_WO.rotation * approach_O).dot(&outward));
-    let cost = weights.catchability * sideways
-        + weights.strength * grasp.strength_m / 0.03
+    let still_cost = weights.strength * grasp.strength_m / 0.03
         + weights.overhang * grasp.overhang_m / 0.03
         + weights.width * grasp.object_width_m / 0.1
-        + weights.comfort * (1.0 - comfort)
-        + weights.pass_through * (1.0 + along);
-    RankedGrasp { index, X_WG, approach, cost }
+        + weights.comfort * (1.0 - comfort);
+    RankedGrasp { index, X_WG, approach, cost: still_cost + weights.of_direction(sideways, along), still_cost }
 }
 
 /// Places a single grasp on an object in pose `X_WO` that flies at `v_WO`.

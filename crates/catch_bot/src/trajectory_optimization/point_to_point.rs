@@ -6,7 +6,7 @@
 //! exactly what splines can do, and usually no cut or one is enough.
 
 use catch_body::{JointVector, MAX_JOINTS, Pose, robot::Jacobian};
-use nalgebra::Vector3;
+use nalgebra::{Rotation3, Vector3};
 
 use super::{
     CatchSplines, MotionPlanner, Start,
@@ -14,7 +14,7 @@ use super::{
     motion::LimitScaling,
     quadratic_program::ProgramFailure,
     reachability::{Interval, ReachableSet},
-    terminal_velocity::{TerminalVelocity, Weights, terminal_velocity},
+    terminal_velocity::{Following, TerminalVelocity, Weights, terminal_velocity},
 };
 use crate::grasp_selection::TYPICAL_RESTITUTION;
 
@@ -42,6 +42,8 @@ pub struct PointToPoint<'a> {
     pub scaling: LimitScaling,
     /// What counts in the choice of the end velocities.
     pub weights: Weights,
+    /// How the hand follows the object, and the gripper's orientation in W then; `None` if it keeps to the object's direction.
+    pub following: Option<(Rotation3<f64>, Following)>,
     /// Whether a braking spline is to follow.
     pub brakes: bool,
 }
@@ -53,7 +55,7 @@ impl PointToPoint<'_> {
     /// The best velocities within `bounds`.
     pub fn terminal_velocity(&self, bounds: &[Interval; MAX_JOINTS]) -> Option<TerminalVelocity> {
         let most = self.planner.config.max_speed_fraction;
-        terminal_velocity(&self.jacobian, &self.v_WO, bounds, most, &self.weights)
+        terminal_velocity(&self.jacobian, &self.v_WO, bounds, most, &self.weights, self.following.as_ref())
     }
 
     /// The best velocities within `bounds` that splines can have, `None` if there are none or their speed fraction is not
@@ -207,6 +209,7 @@ impl MotionPlanner {
             jacobian: self.robot.jacobian(&X_WL, &(X_WG * self.gripper.grasp_centre())),
             scaling,
             weights: Weights::BALANCED,
+            following: self.config.following.map(|it| (X_WG.rotation.to_rotation_matrix(), it)),
             brakes: true,
         }
     }

@@ -119,7 +119,8 @@ impl CatchSearch {
         let LocalFlight { time_s: catch_s, X_WO, V_WO, .. } = *local_flight;
         let v_WO = V_WO.linear;
         let base = Point3::from(self.motion.robot.X_WB.translation.vector);
-        let grasp_cost = heuristics::rank_alone(0, &plan.grasp, &X_WO, &v_WO, &base, &incoming.config.weights).cost;
+        let still_cost =
+            heuristics::rank_alone(0, &plan.grasp, &X_WO, &v_WO, &base, &incoming.config.weights).still_cost;
         let known = Posture { q: plan.q, elbow: plan.elbow };
         elbows_rad.iter().find_map(|offset| {
             let posture = self.motion.finder.adjusted(&self.motion.robot, X_WG, &known, *offset)?;
@@ -129,8 +130,8 @@ impl CatchSearch {
             let joints = self.motion.reaches(start, catch_s - start.time_s, scaling);
             let bounds = self.motion.terminal_velocity_bounds(&joints, &start.state.q, &q)?;
             let CatchPlan { approach, cost, .. } = *plan;
-            let reachable = ReachableCatch { catch_s, approach, X_WG: *X_WG, posture, cost, grasp_cost };
-            self.finish(&reachable, &plan.grasp, point_to_point.best(bounds, -1.0)?, &point_to_point)
+            let reachable = ReachableCatch { catch_s, approach, X_WG: *X_WG, posture, cost, still_cost };
+            self.finish(incoming, &reachable, &plan.grasp, point_to_point.best(bounds, -1.0)?, &point_to_point)
         })
     }
 

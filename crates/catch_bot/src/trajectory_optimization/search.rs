@@ -24,13 +24,13 @@ use catch_body::Pose;
 use nalgebra::Vector3;
 
 use super::{
-    CatchPlan, CatchSearch, Incoming, PlanningFailure, Start,
+    CatchPlan, CatchSearch, Config as MotionConfig, Incoming, PlanningFailure, Start,
     point_to_point::{PointToPoint, Reached},
     posture::Posture,
     swept_volume::Obstacle,
     terminal_velocity::TerminalVelocity,
 };
-use crate::grasp_selection::{Approach, Grasp};
+use crate::grasp_selection::{Approach, Grasp, RankedGrasp};
 use pass::Pass;
 use reach::Reach;
 pub use settings::{Config, Weights};
@@ -47,6 +47,9 @@ const WORK_OF_A_TERMINAL_VELOCITY: usize = 10;
 const WORK_OF_A_MOTION: usize = 80;
 const WORK_OF_APERTURES: usize = 30;
 
+/// How fast a hand may be expected to follow across its approach, in m/s, before its posture is known; chosen.
+const EXPECTED_ACROSS_MPS: f64 = 0.5;
+
 /// A catch that every joint can reach.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ReachableCatch {
@@ -55,8 +58,8 @@ pub(super) struct ReachableCatch {
     pub X_WG: Pose,
     pub posture: Posture,
     pub cost: f64,
-    /// What of it the heuristics are.
-    pub grasp_cost: f64,
+    /// What of it the grasp's heuristics are for a gripper that stands still, without the velocity.
+    pub still_cost: f64,
 }
 
 /// What a search is about, and what it has met.
@@ -125,22 +128,51 @@ impl CatchSearch {
         Search { start, incoming, reach, obstacles, work: 0 }
     }
 
-    /// What tells how well an object will be held: its grasp's heuristics, how fast it passes the fingers and how fast they turn.
-    fn holding_cost(&self, grasp_cost: f64, v_WO: &Vector3<f64>, speed_fraction: f64, spin_radps: f64) -> f64 {
+    /// What tells how well an object will be held: its grasp's heuristics, how it comes in, at `v_G` relative to the gripper and in G, and
+    /// how fast the gripper turns.
+    fn holding_cost(&self, incoming: &Incoming, still_cost: f64, v_G: &Vector3<f64>, spin_radps: f64) -> f64 {
         let weights = &self.motion.config.weights;
-        grasp_cost + weights.speed * v_WO.norm() * (1.0 - speed_fraction) + weights.spin * spin_radps
+        let (speed_mps, direction) = (v_G.norm(), v_G.try_normalize(1e-6).unwrap_or_default());
+        still_cost
+            + incoming.config.weights.of_direction(direction.x.abs(), direction.y)
+            + weights.speed * speed_mps
+            + weights.spin * spin_radps
+    }
+
+    /// The same for a gripper at `X_WG` that moves.
+    fn holding_cost_moving(
+        &self,
+        incoming: &Incoming,
+        (X_WG, still_cost): (&Pose, f64),
+        v_WO: &Vector3<f64>,
+        moves: &TerminalVelocity,
+    ) -> f64 {
+        let v_G = X_WG.rotation.inverse_transform_vector(&(v_WO - moves.v_WG));
+        self.holding_cost(incoming, still_cost, &v_G, moves.w_WG.norm())
+    }
+
+    /// The least that it may be expected to cost, before a posture is known.
+    fn least_holding_cost(&self, incoming: &Incoming, ranked: &RankedGrasp, v_WO: &Vector3<f64>) -> f64 {
+        let MotionConfig { max_speed_fraction, following, .. } = self.motion.config;
+        let v_G = ranked.X_WG.rotation.inverse_transform_vector(v_WO);
+        let left = 1.0 - max_speed_fraction;
+        let across_mps = v_G.x.hypot(v_G.z).max(1e-6);
+        let across = if following.is_some() { (1.0 - EXPECTED_ACROSS_MPS / across_mps).max(0.0) } else { left };
+        let v_G = v_G.component_mul(&Vector3::new(across, left, across));
+        self.holding_cost(incoming, ranked.still_cost, &v_G, 0.0)
     }
 
     /// Turns a candidate into a plan over these splines, `None` if that does not keep torque limits and clearances.
     pub(super) fn finish(
         &self,
+        incoming: &Incoming,
         reachable: &ReachableCatch,
         grasp: &Grasp,
         (terminal_velocity, control_points): Reached,
         point_to_point: &PointToPoint,
     ) -> Option<CatchPlan> {
         let trajectory = self.motion.through(point_to_point.start.time_s, reachable.catch_s, control_points, grasp)?;
-        let ReachableCatch { catch_s, approach, X_WG, posture: Posture { q, elbow }, cost, grasp_cost } = *reachable;
+        let ReachableCatch { catch_s, approach, X_WG, posture: Posture { q, elbow }, cost, still_cost } = *reachable;
         let spin_radps = terminal_velocity.w_WG.norm();
         Some(CatchPlan {
             catch_s,
@@ -155,11 +187,11 @@ impl CatchSearch {
             spin_radps,
             weights: point_to_point.weights,
             cost,
-            holding_cost: self.holding_cost(
-                grasp_cost,
+            holding_cost: self.holding_cost_moving(
+                incoming,
+                (&X_WG, still_cost),
                 &point_to_point.v_WO,
-                terminal_velocity.speed_fraction,
-                spin_radps,
+                &terminal_velocity,
             ),
             trajectory,
         })

@@ -109,7 +109,7 @@ impl CatchSearch {
         last: &mut Obstacle,
     ) -> bool {
         let centre = X_WG * self.motion.gripper.grasp_centre();
-        let v_WG = entering.local_flight.V_WO.linear * terminal_velocity.speed_fraction;
+        let v_WG = terminal_velocity.v_WG;
         let passing = |time_s: f64| {
             let after_s = time_s - entering.local_flight.time_s;
             let turn = UnitQuaternion::from_scaled_axis(terminal_velocity.w_WG * after_s);

@@ -1,21 +1,29 @@
 //! The joint velocities at the catch.
 //!
-//! The grasp centre should move along with the object at a fraction s of its velocity, up to the paper's 30 % (III-D). Direction is
-//! hard, speed and the gripper's own turning are soft:
+//! In the paper (III-D) the grasp centre moves along with the object at a fraction s of its velocity, up to 30 %. Direction is hard, speed and
+//! the gripper's own turning are soft:
 //!
 //! ```text
 //!     min   a·(s − s_max)² + b·|J_ω q̇|² + ε·|q̇|²
 //!     s.t.  J_v q̇ = s·v_O,   low ≤ q̇ ≤ high,   0 ≤ s ≤ s_max
 //! ```
-//! The bounds on q̇ are what each joint can have on arrival ([`super::reachability`]). s = 0 is always consistent with J_v q̇ = 0.
+//! s = 0 is always consistent with J_v q̇ = 0. What is held badly is what moves across the gripper. So with [`Following`] the hand follows the
+//! object across its approach (x and z of G) as fast as it can, and along it (y) at s_max. All of it is soft, with a weight W_i each:
+//!
+//! ```text
+//!     min   Σ W_i·(R_GW J_v q̇ − (v_x, s_max·v_y, v_z))_i² + b·|J_ω q̇|² + ε·|q̇|²,   low ≤ q̇ ≤ high
+//! ```
+//! The bounds on q̇ are what each joint can have on arrival ([`super::reachability`]).
 
 use catch_body::{JointVector, MAX_JOINTS, robot::Jacobian};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use serde::{Deserialize, Serialize};
 
 use super::{
     quadratic_program::{Hessian, Row, Square, Variables},
     reachability::Interval,
 };
+use crate::settings::{Faults, NOT_NEGATIVE, SettingError, Settings};
 
 /// What counts among the joint velocities that keep the direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,27 +46,49 @@ impl Weights {
     pub const FASTEST: Self = Self { speed: 1e6, spin: 0.01, damping: 1e-3 };
 }
 
+/// How the hand follows the object: weights on the square of what is left along each axis of G, per (m/s)².
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Following {
+    /// Along the direction of closing, x.
+    pub closing: f64,
+    /// Along the approach, y.
+    pub approach: f64,
+    /// Across the gap, z.
+    pub gap: f64,
+}
+
+impl Settings for Following {
+    fn faults(&self) -> Vec<SettingError> {
+        let Self { closing, approach, gap } = *self;
+        Faults::default().values(&NOT_NEGATIVE, [("closing", closing), ("approach", approach), ("gap", gap)]).all()
+    }
+}
+
 /// Joint velocities at the catch and what they do to the gripper.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TerminalVelocity {
     /// Joint velocities in rad/s.
     pub dq: JointVector,
-    /// Fraction of the object's velocity.
+    /// Velocity of the grasp centre in W, in m/s.
+    pub v_WG: Vector3<f64>,
+    /// Its part along the object's velocity, as a fraction of that.
     pub speed_fraction: f64,
     /// Angular velocity of the gripper in rad/s.
     pub w_WG: Vector3<f64>,
 }
 
-/// The best joint velocities within `bounds`, `None` if not even the direction can be kept.
+/// The best joint velocities within `bounds`, `None` if there are none, or not even the direction can be kept where it is hard.
 ///
 /// `jacobian` is that of the grasp centre in W, `v_WO` the object's velocity in W in m/s, and `bounds` are those of each joint's velocity
-/// in rad/s.
+/// in rad/s. The hand follows with the gripper's orientation in W.
 pub fn terminal_velocity(
     jacobian: &Jacobian,
     v_WO: &Vector3<f64>,
     bounds: &[Interval; MAX_JOINTS],
     max_speed_fraction: f64,
     weights: &Weights,
+    following: Option<&(Rotation3<f64>, Following)>,
 ) -> Option<TerminalVelocity> {
     const S: usize = MAX_JOINTS;
     let angular = jacobian.fixed_rows::<3>(0);
@@ -71,7 +101,17 @@ pub fn terminal_velocity(
     H[(S, S)] = weights.speed;
     let mut gradient = Variables::zeros();
     gradient[S] = -weights.speed * max_speed_fraction;
+    if let Some((R_WG, Following { closing, approach, gap })) = following {
+        let wanted = R_WG.inverse() * v_WO;
+        let wanted = Vector3::new(wanted.x, wanted.y * max_speed_fraction, wanted.z);
+        let axes = R_WG.matrix().transpose() * linear;
+        let weighted = axes.transpose() * Matrix3::from_diagonal(&Vector3::new(*closing, *approach, *gap));
+        let mut joints = H.fixed_view_mut::<MAX_JOINTS, MAX_JOINTS>(0, 0);
+        joints += weighted * axes;
+        gradient.fixed_rows_mut::<MAX_JOINTS>(0).copy_from(&(weighted * -wanted));
+    }
 
+    let hard = if following.is_some() { 0 } else { 3 };
     let mut rows = [Row::new(Variables::zeros()); 3 + MAX_JOINTS + 1];
     let mut limits = [[0.0; 2]; 3 + MAX_JOINTS + 1];
     for (axis, row) in rows[..3].iter_mut().enumerate() {
@@ -89,7 +129,9 @@ pub fn terminal_velocity(
     }
     rows[3 + S] = Row::new(Variables::ith(S, 1.0));
     limits[3 + S] = [0.0, max_speed_fraction];
-    let x = Hessian::new(&H)?.minimize(&gradient, &rows, &limits, 3).ok()?;
+    let x = Hessian::new(&H)?.minimize(&gradient, &rows[3 - hard..], &limits[3 - hard..], hard).ok()?;
     let dq: JointVector = x.fixed_rows::<MAX_JOINTS>(0).into_owned();
-    Some(TerminalVelocity { dq, speed_fraction: x[S].max(0.0), w_WG: angular * dq })
+    let v_WG = linear * dq;
+    let speed_fraction = v_WG.dot(v_WO) / v_WO.norm_squared().max(f64::MIN_POSITIVE);
+    Some(TerminalVelocity { dq, v_WG, speed_fraction, w_WG: angular * dq })
 }

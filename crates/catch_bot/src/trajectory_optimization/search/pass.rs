@@ -140,9 +140,10 @@ impl<'a, 's> Pass<'a, 's> {
             self.failures[ranked.index] += usize::from(*velocity_trials == config.max_velocity_trials);
             return;
         };
-        let holding = |fraction, spin_radps| self.planner.holding_cost(ranked.cost, v_WO, fraction, spin_radps);
-        let least = holding(motion.config.max_speed_fraction, 0.0);
-        let cost = node.cost + holding(terminal_velocity.speed_fraction, terminal_velocity.w_WG.norm()) - least;
+        let (planner, incoming) = (self.planner, self.search.incoming);
+        let found = (&ranked.X_WG, ranked.still_cost);
+        let cost = node.cost + planner.holding_cost_moving(incoming, found, v_WO, &terminal_velocity)
+            - planner.least_holding_cost(incoming, ranked, v_WO);
         self.frontier.push(Node { stage: Stage::TerminalVelocity(posture, terminal_velocity), cost, ..*node });
     }
 
@@ -154,29 +155,29 @@ impl<'a, 's> Pass<'a, 's> {
         if *failed == motion.config.search.max_motion_trials {
             return None;
         }
-        let RankedGrasp { index, X_WG, approach, cost: grasp_cost, .. } = *ranked;
+        let RankedGrasp { index, X_WG, approach, still_cost, .. } = *ranked;
         let at = &self.samples[*sample];
         let (catch_s, v_WO) = (at.local_flight.time_s, &at.local_flight.V_WO.linear);
         let grasp = &incoming.grasps.grasps[index];
         let (entering, obstacle) =
             (Entering { incoming, local_flight: &at.local_flight, grasp }, &mut obstacles[index]);
-        let v_GO = X_WG.rotation.inverse_transform_vector(v_WO);
-        let reachable = ReachableCatch { catch_s, approach, X_WG, posture, cost: node.cost, grasp_cost };
+        let reachable = ReachableCatch { catch_s, approach, X_WG, posture, cost: node.cost, still_cost };
         let bounds = motion.terminal_velocity_bounds(&at.joints, &start.state.q, &posture.q)?;
         for weights in [TerminalVelocityWeights::BALANCED, TerminalVelocityWeights::STEADY] {
             let to_catch = motion.point_to_point(start, catch_s, &X_WG, &posture.q, v_WO, motion.moving_scaling());
             let to_catch = PointToPoint { weights, ..to_catch };
             let known = (weights == TerminalVelocityWeights::BALANCED).then_some(balanced);
             let Some(terminal_velocity) = known.or_else(|| to_catch.terminal_velocity(&bounds)) else { continue };
+            let v_G = X_WG.rotation.inverse_transform_vector(&(v_WO - terminal_velocity.v_WG));
             if !planner.approach_is_free(&X_WG, &terminal_velocity, &entering, obstacle)
-                || !*enters.get_or_insert_with(|| planner.straight_approach_is_free(&v_GO, &entering, obstacle))
+                || !*enters.get_or_insert_with(|| planner.straight_approach_is_free(&v_G, &entering, obstacle))
             {
                 continue;
             }
             *work += WORK_OF_A_MOTION;
             // Where no velocities along the flight are left, none are with other weights.
             let Some(reached) = to_catch.best(bounds, -1.0) else { break };
-            let Some(plan) = planner.finish(&reachable, grasp, reached, &to_catch) else { continue };
+            let Some(plan) = planner.finish(incoming, &reachable, grasp, reached, &to_catch) else { continue };
             *work += WORK_OF_APERTURES;
             if let Some(aperture_m) = planner.aperture(&plan, incoming, &at.local_flight) {
                 return Some(CatchPlan { aperture_m, approach_is_free: true, ..plan });
@@ -250,11 +251,11 @@ impl<'a, 's> Pass<'a, 's> {
 
     /// Adds a grasp at the newest catch time, with the least that it can cost.
     fn add(&mut self, ranked: RankedGrasp) {
-        let (config, &mut Search { start, reach, .. }) = (&self.planner.motion.config, &mut *self.search);
+        let (config, &mut Search { start, incoming, reach, .. }) = (&self.planner.motion.config, &mut *self.search);
         let sample = self.samples.len() - 1;
         let LocalFlight { time_s, V_WO, .. } = &self.samples[sample].local_flight;
         let margin_cost = reach.map_or(0.0, |it| it.margin_cost(&ranked.X_WG, *time_s, &config.weights));
-        let holding = self.planner.holding_cost(ranked.cost, &V_WO.linear, config.max_speed_fraction, 0.0);
+        let holding = self.planner.least_holding_cost(incoming, &ranked, &V_WO.linear);
         let cost = holding + config.weights.delay * (time_s - start.time_s) + margin_cost;
         let candidate = self.candidates.len();
         self.frontier.push(Node { candidate, stage: Stage::Pose, cost, failures: 0 });

@@ -98,6 +98,11 @@ pub const SCENARIO: &[Section] = &[
     at("brain.grasp_selection", "catch_bot/src/grasp_selection/mod.rs", "Config"),
     at("brain.grasp_selection.weights", "catch_bot/src/grasp_selection/heuristics.rs", "Weights"),
     at("brain.trajectory_optimization", "catch_bot/src/trajectory_optimization/mod.rs", "Config"),
+    at(
+        "brain.trajectory_optimization.following",
+        "catch_bot/src/trajectory_optimization/terminal_velocity.rs",
+        "Following",
+    ),
     at("brain.trajectory_optimization.weights", "catch_bot/src/trajectory_optimization/search/settings.rs", "Weights"),
     at("brain.trajectory_optimization.search", "catch_bot/src/trajectory_optimization/search/settings.rs", "Config"),
     at("brain.trajectory_optimization.replan", "catch_bot/src/trajectory_optimization/retarget.rs", "Config"),
