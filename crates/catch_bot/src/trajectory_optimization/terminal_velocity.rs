@@ -132,6 +132,7 @@ pub fn terminal_velocity(
     let x = Hessian::new(&H)?.minimize(&gradient, &rows[3 - hard..], &limits[3 - hard..], hard).ok()?;
     let dq: JointVector = x.fixed_rows::<MAX_JOINTS>(0).into_owned();
     let v_WG = linear * dq;
-    let speed_fraction = v_WG.dot(v_WO) / v_WO.norm_squared().max(f64::MIN_POSITIVE);
+    let along = || v_WG.dot(v_WO) / v_WO.norm_squared().max(f64::MIN_POSITIVE);
+    let speed_fraction = if following.is_some() { along() } else { x[S].max(0.0) };
     Some(TerminalVelocity { dq, v_WG, speed_fraction, w_WG: angular * dq })
 }
