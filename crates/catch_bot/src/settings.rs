@@ -60,12 +60,6 @@ pub trait Settings {
     }
 }
 
-impl<T: Settings> Settings for Option<T> {
-    fn faults(&self) -> Vec<SettingError> {
-        self.as_ref().map_or_else(Vec::new, T::faults)
-    }
-}
-
 /// Gathers what is out of its range.
 #[derive(Debug, Default)]
 pub struct Faults(Vec<SettingError>);

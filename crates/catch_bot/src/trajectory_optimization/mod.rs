@@ -46,8 +46,8 @@ use reach_map::ReachMap;
 pub struct Config {
     /// Highest fraction of the object's velocity at which the gripper moves along (paper, III-D: 30 %).
     pub max_speed_fraction: f64,
-    /// How the hand follows the object at the catch; the paper's moves along its direction only.
-    pub following: Option<terminal_velocity::Following>,
+    /// How the hand follows the object at the catch; that of the paper's method moves along its direction only.
+    pub following: terminal_velocity::Following,
     /// Weight of keeping close to the comfortable pose, λ in [`joint_spline`]; the paper minimizes this distance alone.
     pub comfort_weight: f64,
     /// Weight of a steady velocity just before the catch, μ in [`joint_spline`], for the paper's pre-grasp constraints.
@@ -93,7 +93,7 @@ impl Default for Config {
     fn default() -> Self {
         Self {
             max_speed_fraction: 0.3,
-            following: None,
+            following: terminal_velocity::Following::default(),
             comfort_weight: 0.02,
             steady_end_weight: 0.002,
             position_margin_rad: 0.02,

@@ -209,7 +209,7 @@ impl MotionPlanner {
             jacobian: self.robot.jacobian(&X_WL, &(X_WG * self.gripper.grasp_centre())),
             scaling,
             weights: Weights::BALANCED,
-            following: self.config.following.map(|it| (X_WG.rotation.to_rotation_matrix(), it)),
+            following: Some((X_WG.rotation.to_rotation_matrix(), self.config.following)),
             brakes: true,
         }
     }

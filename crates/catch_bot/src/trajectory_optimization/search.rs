@@ -24,7 +24,7 @@ use catch_body::Pose;
 use nalgebra::Vector3;
 
 use super::{
-    CatchPlan, CatchSearch, Config as MotionConfig, Incoming, PlanningFailure, Start,
+    CatchPlan, CatchSearch, Incoming, PlanningFailure, Start,
     point_to_point::{PointToPoint, Reached},
     posture::Posture,
     swept_volume::Obstacle,
@@ -153,12 +153,9 @@ impl CatchSearch {
 
     /// The least that it may be expected to cost, before a posture is known.
     fn least_holding_cost(&self, incoming: &Incoming, ranked: &RankedGrasp, v_WO: &Vector3<f64>) -> f64 {
-        let MotionConfig { max_speed_fraction, following, .. } = self.motion.config;
         let v_G = ranked.X_WG.rotation.inverse_transform_vector(v_WO);
-        let left = 1.0 - max_speed_fraction;
-        let across_mps = v_G.x.hypot(v_G.z).max(1e-6);
-        let across = if following.is_some() { (1.0 - EXPECTED_ACROSS_MPS / across_mps).max(0.0) } else { left };
-        let v_G = v_G.component_mul(&Vector3::new(across, left, across));
+        let across = (1.0 - EXPECTED_ACROSS_MPS / v_G.x.hypot(v_G.z).max(1e-6)).max(0.0);
+        let v_G = v_G.component_mul(&Vector3::new(across, 1.0 - self.motion.config.max_speed_fraction, across));
         self.holding_cost(incoming, ranked.still_cost, &v_G, 0.0)
     }
 
