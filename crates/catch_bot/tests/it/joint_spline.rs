@@ -54,7 +54,8 @@ proptest! {
                 let [q, dq, ddq] = curve.evaluate(duration * f64::from(i) / 400.0).map(|it| it[0]);
                 prop_assert!(q.abs() <= LIMITS.upper * (1.0 + 1e-9));
                 let is_last = matches!(end, End::At { .. }) && f64::from(i) >= 400.0 * (1.0 - LAST_SPAN);
-                prop_assert!(dq.abs() <= if is_last { LAST_SPEED } else { LIMITS.velocity } * (1.0 + 1e-9));
+                let most = if is_last { LAST_SPEED } else { LIMITS.velocity };
+                prop_assert!(dq.abs() <= most * (1.0 + 1e-9));
                 prop_assert!(ddq.abs() <= LIMITS.acceleration * (1.0 + 1e-8));
             }
         }
