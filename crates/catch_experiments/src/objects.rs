@@ -20,6 +20,7 @@ use serde::Deserialize;
 
 use crate::{
     Findings, Options, parallel,
+    rates::{self, FIGURES},
     results::{Entry, Table},
     spread::percent,
 };
@@ -48,12 +49,14 @@ struct Collection {
 struct Set {
     name: String,
     objects: Vec<String>,
+    /// Objects of the set that are counted together as well, by their names.
+    groups: BTreeMap<String, Vec<String>>,
 }
 
 const LEGEND: &str = "The objects come from public collections, which are fetched by `git clone` to `target/objects` unless they are there \
 already. Each is imported as `catchingbot object import` does it, with no option. Volume and centre of mass tell how the brain's model, made \
 from a scan, differs from the mesh at uniform density. A spin is wrong if the predicted angular velocity is off by more than 3 rad/s when the \
-object has been seen for 150 ms; objects with an axis of symmetry are left out. Settings were chosen on the objects of the first set.";
+object has been seen for 150 ms; objects with an axis of symmetry are left out. Settings were chosen on the objects of the first set. Of the scenario `paper` are the throws `near_sampled` and `far_sampled`, half of the number each; the rate *caught* is of those within reach, with its interval (Wilson, 95 %).";
 
 /// Imports, and throws of the listed objects.
 pub fn run(options: &Options) -> Result<Findings> {
@@ -80,8 +83,10 @@ pub fn run(options: &Options) -> Result<Findings> {
         "misses",
     ];
     let mut thrown = Table::new("Throws", &columns);
+    let columns: Vec<&str> = ["set", "object"].into_iter().chain(FIGURES).collect();
+    let mut sampled = Table::new("Throws of the scenario paper", &columns);
     for set in &listed.set {
-        let mut all = Outcome::default();
+        let mut outcomes = BTreeMap::new();
         for object in &set.objects {
             let path = written(&folder.join(object), &folder.join("imported"))?;
             let setting = Choice { scenario: Some("honest"), object: path.to_str(), ..Choice::default() };
@@ -90,17 +95,28 @@ pub fn run(options: &Options) -> Result<Findings> {
             let each = parallel::map(options.trials as usize, |index| Outcome::of(&setup, options.seed, index as u64));
             let mut outcome = Outcome::default();
             each.into_iter().for_each(|it| outcome.merge(it));
-            let name = Entry::text(setup.object.name.clone());
-            let row = [vec![Entry::text(&set.name), name], model(&setup), outcome.entries()].concat();
-            thrown.rows.push(row);
-            all.merge(outcome);
+            let name = || vec![Entry::text(&set.name), Entry::text(setup.object.name.clone())];
+            thrown.rows.push([name(), model(&setup), outcome.entries()].concat());
+            let load = |throw| {
+                let (scenario, throw) = (Some("paper"), Some(throw));
+                Setup::load(&Choice { scenario, throw, object: path.to_str(), ..Choice::default() })
+            };
+            let setups = ["near_sampled", "far_sampled"].map(load).into_iter().collect::<Result<Vec<_>, _>>()?;
+            sampled.rows.push([name(), rates::figures(setups, options)?].concat());
+            outcomes.insert(setup.object.name, outcome);
         }
-        let none = || Entry::text("");
-        let row =
-            [vec![Entry::text(&set.name), Entry::text("all")], vec![none(), none(), none(), none()], all.entries()];
-        thrown.rows.push(row.concat());
+        let (all, every) = ("all".to_owned(), outcomes.keys().cloned().collect());
+        for (name, objects) in std::iter::once((&all, &every)).chain(&set.groups) {
+            let mut together = Outcome::default();
+            for object in objects {
+                let outcome = outcomes.get(object).with_context(|| format!("objects.toml: {object} is in no set"))?;
+                together.merge(outcome.clone());
+            }
+            let none = vec![Entry::text(""); 4];
+            thrown.rows.push([vec![Entry::text(&set.name), Entry::text(name)], none, together.entries()].concat());
+        }
     }
-    Ok(Findings { legend: LEGEND, tables: vec![imports, thrown] })
+    Ok(Findings { legend: LEGEND, tables: vec![imports, thrown, sampled] })
 }
 
 /// Brings a collection here.
@@ -159,7 +175,7 @@ fn model(setup: &Setup) -> Vec<Entry> {
 }
 
 /// Of throws.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 struct Outcome {
     throws: usize,
     caught: usize,

@@ -120,10 +120,10 @@ pub fn closing(
     let closing = grasping.closing(gripper);
     let close_s = contact_s - closing.duration_s(aperture_m - object_width_m);
     let stand_s = now_s + latency_s + closing.duration_s((aperture_m - fingers.width_m).abs());
-    let close_s = if stand_s <= close_s || !grasping.is_slow(gripper) {
+    let close_s = if stand_s <= close_s {
         close_s
     } else {
-        // Slow fingers may still be on their way to the aperture when they have to close.
+        // The fingers may still be on their way to the aperture when they have to close.
         now_s + closing.wait_s(fingers.width_m, fingers.speed_mps, aperture_m, object_width_m, contact_s - now_s)
     };
     GripperPlan { start_s: close_s - latency_s, contact_s, speed_mps: closing.speed_mps }

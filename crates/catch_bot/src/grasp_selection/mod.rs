@@ -36,7 +36,8 @@ pub struct Config {
     pub samples: usize,
     /// Points of the cloud that are tried at least.
     pub fewest_samples: usize,
-    /// Grasps with which sampling ends, once the fewest points are tried. An object as large as the gripper opens can be held at few places.
+    /// Grasps with which sampling ends, turned ones aside, once the fewest points are tried. An object as large as the gripper opens can be held
+    /// at few places.
     pub enough_grasps: usize,
     /// Seed of the draw.
     pub seed: u64,
@@ -97,7 +98,7 @@ impl Default for Config {
         Self {
             samples: 4000,
             fewest_samples: 250,
-            enough_grasps: 1000,
+            enough_grasps: 250,
             seed: 1,
             turns_rad: Vec::new(),
             darboux_radius_m: 0.008,
@@ -254,8 +255,9 @@ impl GraspSet {
         // A ball looks the same from everywhere.
         let turns_rad: &[f64] = if reference.symmetry == Symmetry::Sphere { &[] } else { &config.turns_rad };
         let samples = if reference.points.is_empty() { 0 } else { config.samples };
+        let mut not_turned = 0;
         for sample in 0..samples {
-            if sample >= config.fewest_samples && grasps.len() >= config.enough_grasps {
+            if sample >= config.fewest_samples && not_turned >= config.enough_grasps {
                 break;
             }
             let index = rng.random_range(0..reference.points.len());
@@ -275,6 +277,7 @@ impl GraspSet {
                 };
                 let held = grasp.X_OG * gripper.grasp_centre();
                 grasps.push(grasp);
+                not_turned += 1;
                 grasps.extend(turns_rad.iter().filter_map(|&turn| {
                     let R_OG = R_OG * UnitQuaternion::from_scaled_axis(Vector3::x() * turn);
                     fit::fit_gripper(reference, gripper, config, &held, R_OG).ok()

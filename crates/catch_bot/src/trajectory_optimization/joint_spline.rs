@@ -29,6 +29,9 @@ const MAX_POINTS: usize = 16;
 /// Control points of one joint; those beyond the spline's number are zero.
 pub type JointPoints = [f64; MAX_POINTS];
 
+/// Control points of the velocity that lie shortly before the end, and at it: two spans.
+const LAST_VELOCITIES: usize = 3;
+
 /// Weight on the velocity at the end where nothing but it matters: above it the limits alone decide.
 const EXTREME: f64 = 1e4;
 
@@ -131,7 +134,10 @@ impl JointSpline {
         let quantities = identity
             .iter()
             .map(|it| Bounded::new(*it, Quantity::Position))
-            .chain(velocity.iter().map(|it| Bounded::new(*it, Quantity::Velocity)))
+            .chain(velocity.iter().enumerate().map(|(i, it)| {
+                let is_last = ends.end != EndKind::Rest && i + LAST_VELOCITIES >= velocity.len();
+                Bounded::new(*it, if is_last { Quantity::LastVelocity } else { Quantity::Velocity })
+            }))
             .chain(acceleration.iter().map(|it| Bounded::new(*it, Quantity::Acceleration)))
             .chain((ends.end == EndKind::At).then(|| Bounded::new(last, Quantity::LastAcceleration)))
             .chain(jerk.iter().map(|it| Bounded::new(*it, Quantity::Jerk)));
@@ -183,13 +189,17 @@ impl JointSpline {
 
         let (velocity, acceleration) = (limits.velocity * duration_s, limits.acceleration * duration_s * duration_s);
         let jerk = limits.jerk.map_or(f64::INFINITY, |it| it * duration_s.powi(3));
-        let last = match end {
-            End::At { ddq, .. } => ddq.map(|it| it * duration_s * duration_s),
-            End::Extreme { .. } | End::Rest => [f64::NEG_INFINITY, f64::INFINITY],
+        let unbounded = [f64::NEG_INFINITY, f64::INFINITY];
+        let (last, last_speed) = match end {
+            End::At { ddq, last_speed, .. } => (ddq.map(|it| it * duration_s * duration_s), *last_speed),
+            End::Extreme { last_speed, .. } => (unbounded, *last_speed),
+            End::Rest => (unbounded, limits.velocity),
         };
+        let last_velocity = velocity.min(last_speed * duration_s);
         let range = |of: Quantity| match of {
             Quantity::Position => [limits.lower, limits.upper],
             Quantity::Velocity => [-velocity, velocity],
+            Quantity::LastVelocity => [-last_velocity, last_velocity],
             Quantity::Acceleration => [-acceleration, acceleration],
             Quantity::LastAcceleration => last,
             Quantity::Jerk => [-jerk, jerk],

@@ -63,17 +63,20 @@ impl PointToPoint<'_> {
     pub fn best(&self, mut bounds: [Interval; MAX_JOINTS], least: f64) -> Option<Reached> {
         let dof = self.planner.robot.dof();
         let mut points = vec![JointVector::zeros(); self.splines.at.control_points()];
-        self.withstand_impact(&mut bounds);
+        let last_speeds = self.speeds_that_withstand_impact();
+        for (bound, most) in bounds.iter_mut().zip(&last_speeds) {
+            *bound = bound.intersection(&Interval { low: -most, high: *most });
+        }
         for _ in 0..=2 * dof {
             let terminal_velocity = self.terminal_velocity(&bounds).filter(|it| it.speed_fraction > least)?;
             let onset_s = self.brakes.then(|| self.planner.braking_onset_s(&terminal_velocity.dq));
             let mut all = true;
             for (i, bound) in bounds.iter_mut().enumerate().take(dof) {
-                if let Ok(joint) = self.joint(i, terminal_velocity.dq[i], onset_s) {
+                if let Ok(joint) = self.joint(i, terminal_velocity.dq[i], last_speeds[i], onset_s) {
                     set(&mut points, i, &joint);
                 } else {
                     all = false;
-                    *bound = self.cut(i, terminal_velocity.dq[i], bound, onset_s)?;
+                    *bound = self.cut(i, terminal_velocity.dq[i], bound, last_speeds[i], onset_s)?;
                 }
             }
             if all {
@@ -83,35 +86,34 @@ impl PointToPoint<'_> {
         None
     }
 
-    /// Keeps free of the velocity limits what the object's impact may add: M⁻¹·Jᵀ·m·v·(1 + e) for an object that bounces off an arm whose motors
-    /// are too slow to answer.
-    fn withstand_impact(&self, bounds: &mut [Interval; MAX_JOINTS]) {
-        let Some(mass_kg) = self.planner.config.object_mass_kg else { return };
+    /// The velocity limits less what the object's impact may add: M⁻¹·Jᵀ·m·v·(1 + e) for an object that bounces off an arm whose motors
+    /// are too slow to answer. Joints keep to them shortly before the catch, too: what hits the gripper mostly does so early.
+    fn speeds_that_withstand_impact(&self) -> JointVector {
         let robot = &self.planner.robot;
-        let Some(inertia) = robot.mass_matrix(&self.q).cholesky() else { return };
+        let limits = robot.per_joint(|joint| joint.limits.velocity);
+        let inertia = || robot.mass_matrix(&self.q).cholesky();
+        let Some((mass_kg, inertia)) = self.planner.config.object_mass_kg.and_then(|it| Some((it, inertia()?))) else {
+            return limits;
+        };
         let impulse =
             self.jacobian.fixed_rows::<3>(3).transpose() * (self.v_WO * (mass_kg * (1.0 + TYPICAL_RESTITUTION)));
-        let added = inertia.solve(&impulse);
-        for ((bound, joint), added) in bounds.iter_mut().zip(&robot.joints).zip(&added) {
-            let free = joint.limits.velocity - added.abs();
-            *bound = bound.intersection(&Interval { low: -free, high: free });
-        }
+        limits - inertia.solve(&impulse).abs()
     }
 
     /// Splines for velocities that are known to be easy, `None` if they are not.
     pub fn splines_for(&self, terminal_velocity: &TerminalVelocity) -> Option<Vec<JointVector>> {
         let mut points = vec![JointVector::zeros(); self.splines.at.control_points()];
         for i in 0..self.planner.robot.dof() {
-            set(&mut points, i, &self.joint(i, terminal_velocity.dq[i], None).ok()?);
+            set(&mut points, i, &self.joint(i, terminal_velocity.dq[i], f64::INFINITY, None).ok()?);
         }
         Some(points)
     }
 
     /// The bounds of joint `i` cut to what a spline can do, on the side on which it cannot have the end velocity `dq`.
-    fn cut(&self, i: usize, dq: f64, bound: &Interval, onset_s: Option<f64>) -> Option<Interval> {
-        let (start, limits, onset) = (self.state(i), self.limits(i), self.onset(i, onset_s));
+    fn cut(&self, i: usize, dq: f64, bound: &Interval, last_speed: f64, onset_s: Option<f64>) -> Option<Interval> {
+        let (start, limits, onset) = (self.state(i), self.limits(i), self.onset(i, last_speed, onset_s));
         let extreme = |sign: f64| {
-            let end = End::Extreme { q: self.q[i], sign, onset };
+            let end = End::Extreme { q: self.q[i], sign, last_speed, onset };
             let found = self.splines.range.end_velocity(&start, &end, self.duration_s(), &limits).ok()?;
             // A hair inside, so that rounding cannot make the program for this end infeasible.
             Some(found - sign * INSIDE)
@@ -129,11 +131,11 @@ impl PointToPoint<'_> {
         None
     }
 
-    fn joint(&self, i: usize, dq: f64, onset_s: Option<f64>) -> Result<JointPoints, ProgramFailure> {
-        let ddq = self.onset(i, onset_s).map_or([f64::NEG_INFINITY, f64::INFINITY], |it| {
+    fn joint(&self, i: usize, dq: f64, last_speed: f64, onset_s: Option<f64>) -> Result<JointPoints, ProgramFailure> {
+        let ddq = self.onset(i, last_speed, onset_s).map_or([f64::NEG_INFINITY, f64::INFINITY], |it| {
             [(-it.velocity - dq) / it.duration_s, (it.velocity - dq) / it.duration_s]
         });
-        let end = End::At { q: self.q[i], dq, ddq };
+        let end = End::At { q: self.q[i], dq, ddq, last_speed };
         let comfortable = self.planner.robot.comfortable_q[i];
         self.splines.at.solve(&self.state(i), &end, self.duration_s(), &self.limits(i), comfortable)
     }
@@ -151,8 +153,9 @@ impl PointToPoint<'_> {
         JointState { q: state.q[i], dq: state.dq[i], ddq: state.ddq[i] }
     }
 
-    fn onset(&self, i: usize, onset_s: Option<f64>) -> Option<Onset> {
+    fn onset(&self, i: usize, last_speed: f64, onset_s: Option<f64>) -> Option<Onset> {
         let velocity = self.planner.robot.joints[i].limits.velocity * self.planner.moving_scaling().velocity;
+        let velocity = velocity.min(last_speed);
         onset_s.map(|duration_s| Onset { duration_s, velocity })
     }
 }

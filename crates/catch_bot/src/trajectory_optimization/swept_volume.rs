@@ -176,6 +176,10 @@ impl Place {
         Self { R_GO: X_GO.rotation.to_rotation_matrix(), p_GO: X_GO.translation.vector }
     }
 
+    fn y_of(&self, point: &Point3<f64>) -> f64 {
+        self.R_GO.matrix().row(1).tr_dot(&point.coords) + self.p_GO.y
+    }
+
     fn of(&self, point: &Point3<f64>) -> Vector3<f64> {
         self.R_GO * point.coords + self.p_GO
     }
@@ -204,8 +208,14 @@ impl Hand {
         if near.iter().all(Option::is_none) {
             return None;
         }
+        // Nothing of the hand is beyond the fingertips.
+        let tips_m = near.iter().flatten().map(|it| it.centre.y + it.size.y / 2.0).fold(f64::NEG_INFINITY, f64::max);
         let touches = |i: &usize| {
-            let way = [start, end].map(|it| it.of(&grasps.surface_points[*i]));
+            let point = &grasps.surface_points[*i];
+            if [start, end].iter().all(|it| it.y_of(point) > tips_m + self.margin_m) {
+                return false;
+            }
+            let way = [start, end].map(|it| it.of(point));
             near.iter().flatten().any(|it| meets(it, 0.0, way))
         };
         if likely < grasps.surface_points.len() && touches(&likely) {

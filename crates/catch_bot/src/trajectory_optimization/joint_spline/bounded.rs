@@ -19,6 +19,7 @@ pub struct Bounded {
 pub enum Quantity {
     Position,
     Velocity,
+    LastVelocity,
     Acceleration,
     LastAcceleration,
     Jerk,

@@ -31,6 +31,8 @@ pub enum End {
         dq: f64,
         /// Lowest and highest acceleration in rad/s², for what comes after.
         ddq: [f64; 2],
+        /// Highest speed shortly before, in rad/s.
+        last_speed: f64,
     },
     /// At this position, as fast as the limits allow in one direction.
     Extreme {
@@ -38,6 +40,8 @@ pub enum End {
         q: f64,
         /// 1 for the highest velocity, −1 for the lowest.
         sign: f64,
+        /// Highest speed shortly before, in rad/s.
+        last_speed: f64,
         /// What comes after.
         onset: Option<Onset>,
     },
