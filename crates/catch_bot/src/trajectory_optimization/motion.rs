@@ -48,19 +48,13 @@ impl MotionPlanner {
         LimitScaling { velocity: self.config.velocity_scaling, acceleration: 1.0 - ROUNDING }
     }
 
-    /// The motion to the catch over these control points, and braking after it; `None` if it does not keep the torque limits and
-    /// the clearances, the hand holding the object from the catch on.
-    pub(super) fn through(
-        &self,
-        start_s: f64,
-        catch_s: f64,
-        control_points: Vec<JointVector>,
-        grasp: &Grasp,
-    ) -> Option<BSpline> {
+    /// The motion to the catch over these control points, and braking after it, which still have to be [safe](Self::is_safe); `None` if it
+    /// cannot brake.
+    pub(super) fn through(&self, start_s: f64, catch_s: f64, control_points: Vec<JointVector>) -> Option<BSpline> {
         let knots_s = self.catch_splines.at.knots.iter().map(|knot| start_s + knot * (catch_s - start_s)).collect();
         let to_catch = BSpline { knots_s, control_points };
         let braking = self.braking(&end_of(&to_catch), catch_s)?;
-        self.joined(to_catch, &braking, grasp)
+        Some(to_catch.followed_by(&braking))
     }
 
     /// A motion that ends at a catch, and braking after it; `None` if both do not keep the torque limits and the clearances.
@@ -71,12 +65,7 @@ impl MotionPlanner {
         // The acceleration just before the jump is that of no later instant.
         let stops_anew = || self.keeps_torque(&to_catch).then(|| self.braking(&anew, catch_s)).flatten();
         let braking = self.braking(&end, catch_s).or_else(stops_anew)?;
-        self.joined(to_catch, &braking, grasp)
-    }
-
-    fn joined(&self, to_catch: BSpline, braking: &BSpline, grasp: &Grasp) -> Option<BSpline> {
-        let catch_s = to_catch.end_s();
-        let trajectory = to_catch.followed_by(braking);
+        let trajectory = to_catch.followed_by(&braking);
         self.is_safe(&trajectory, catch_s, grasp).then_some(trajectory)
     }
 
@@ -204,8 +193,8 @@ impl MotionPlanner {
         })
     }
 
-    /// Whether torque limits and clearances hold along a trajectory.
-    fn is_safe(&self, trajectory: &BSpline, catch_s: f64, grasp: &Grasp) -> bool {
+    /// Whether torque limits and clearances hold along a trajectory, the hand holding the object from the catch on.
+    pub(super) fn is_safe(&self, trajectory: &BSpline, catch_s: f64, grasp: &Grasp) -> bool {
         let (start_s, end_s) = (trajectory.start_s(), trajectory.end_s());
         // How wide the gripper opens is chosen later.
         let widest_m = self.gripper.max_width_m;

@@ -131,7 +131,9 @@ impl CatchSearch {
             let bounds = self.motion.terminal_velocity_bounds(&joints, &start.state.q, &q)?;
             let CatchPlan { approach, cost, .. } = *plan;
             let reachable = ReachableCatch { catch_s, approach, X_WG: *X_WG, posture, cost, still_cost };
-            self.finish(incoming, &reachable, &plan.grasp, point_to_point.best(bounds, -1.0)?, &point_to_point)
+            let found =
+                self.finish(incoming, &reachable, &plan.grasp, point_to_point.best(bounds, -1.0)?, &point_to_point)?;
+            self.motion.is_safe(&found.trajectory, catch_s, &plan.grasp).then_some(found)
         })
     }
 

@@ -159,7 +159,7 @@ impl CatchSearch {
         self.holding_cost(incoming, ranked.still_cost, &v_G, 0.0)
     }
 
-    /// Turns a candidate into a plan over these splines, `None` if that does not keep torque limits and clearances.
+    /// Turns a candidate into a plan over these splines, whose motion still has to be safe; `None` if it cannot brake.
     pub(super) fn finish(
         &self,
         incoming: &Incoming,
@@ -168,7 +168,7 @@ impl CatchSearch {
         (terminal_velocity, control_points): Reached,
         point_to_point: &PointToPoint,
     ) -> Option<CatchPlan> {
-        let trajectory = self.motion.through(point_to_point.start.time_s, reachable.catch_s, control_points, grasp)?;
+        let trajectory = self.motion.through(point_to_point.start.time_s, reachable.catch_s, control_points)?;
         let ReachableCatch { catch_s, approach, X_WG, posture: Posture { q, elbow }, cost, still_cost } = *reachable;
         let spin_radps = terminal_velocity.w_WG.norm();
         Some(CatchPlan {

@@ -179,7 +179,9 @@ impl<'a, 's> Pass<'a, 's> {
             let Some(reached) = to_catch.best(bounds, -1.0) else { break };
             let Some(plan) = planner.finish(incoming, &reachable, grasp, reached, &to_catch) else { continue };
             *work += WORK_OF_APERTURES;
-            if let Some(aperture_m) = planner.aperture(&plan, incoming, &at.local_flight) {
+            // Less work than clearances, and fails more often.
+            let Some(aperture_m) = planner.aperture(&plan, incoming, &at.local_flight) else { continue };
+            if motion.is_safe(&plan.trajectory, catch_s, grasp) {
                 return Some(CatchPlan { aperture_m, approach_is_free: true, ..plan });
             }
         }
