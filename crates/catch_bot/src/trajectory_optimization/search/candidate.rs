@@ -20,8 +20,6 @@ pub struct Candidate {
     pub ranked: RankedGrasp,
     /// What the cost of its reachability margin is by the reach map.
     pub margin_cost: f64,
-    /// Whether the object can come into the open gripper on a straight line, once that was asked.
-    pub enters: Option<bool>,
     /// Postures whose velocities at the catch were looked for, and those that were tried in vain.
     pub velocity_trials: usize,
     pub failed: usize,
@@ -30,6 +28,6 @@ pub struct Candidate {
 impl Candidate {
     /// One that nothing was tried with yet.
     pub fn new(sample: usize, ranked: RankedGrasp, margin_cost: f64) -> Self {
-        Self { sample, ranked, margin_cost, enters: None, velocity_trials: 0, failed: 0 }
+        Self { sample, ranked, margin_cost, velocity_trials: 0, failed: 0 }
     }
 }

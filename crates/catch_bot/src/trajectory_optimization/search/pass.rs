@@ -151,7 +151,7 @@ impl<'a, 's> Pass<'a, 's> {
     fn try_motions(&mut self, node: &Node, posture: Posture, balanced: TerminalVelocity) -> Option<CatchPlan> {
         let (planner, motion) = (self.planner, &self.planner.motion);
         let Search { start, incoming, ref mut obstacles, ref mut work, .. } = *self.search;
-        let Candidate { sample, ranked, enters, failed, .. } = &mut self.candidates[node.candidate];
+        let Candidate { sample, ranked, failed, .. } = &mut self.candidates[node.candidate];
         if *failed == motion.config.search.max_motion_trials {
             return None;
         }
@@ -170,7 +170,7 @@ impl<'a, 's> Pass<'a, 's> {
             let Some(terminal_velocity) = known.or_else(|| to_catch.terminal_velocity(&bounds)) else { continue };
             let v_G = X_WG.rotation.inverse_transform_vector(&(v_WO - terminal_velocity.v_WG));
             if !planner.approach_is_free(&X_WG, &terminal_velocity, &entering, obstacle)
-                || !*enters.get_or_insert_with(|| planner.straight_approach_is_free(&v_G, &entering, obstacle))
+                || !planner.straight_approach_is_free(&v_G, &entering, obstacle)
             {
                 continue;
             }
