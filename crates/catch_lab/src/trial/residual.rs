@@ -16,6 +16,9 @@ const ACCELERATION_FRACTION: f64 = 0.3;
 const FRACTIONS: [f64; 4] = [1.0, 0.6, 0.3, 0.0];
 /// The arm comes no nearer than this to itself and its surroundings, in metres, unless the brain's motion does.
 const CLEARANCE_M: f64 = 0.04;
+/// Ratio of the velocity limits that an offset makes use of: an object that hits an arm that is not where the brain wanted it makes joints
+/// faster, and the brain keeps room for the hits that it expects.
+const VELOCITY_FRACTION: f64 = 0.95;
 /// Trajectories that are remembered: more than are sent until one is told to be rejected.
 const REMEMBERED: usize = 64;
 /// Knots closer than this are the same, in seconds.
@@ -108,20 +111,27 @@ impl ResidualMotion {
             let ddq = of_joints(&|i| (pull[i] * fraction).clamp(-most[i], most[i]));
             let motion = sum(start_s, &start, [planned, &self.steering.braked(start_s, &offset, &ddq)]);
             let is_kept = PeakRatios::of(&self.robot, &motion).violations().is_empty();
-            (is_kept && self.keeps_clear(&motion, planned)).then_some(motion)
+            (is_kept && self.keeps_room(&motion, planned)).then_some(motion)
         })
     }
 
-    /// Whether the arm keeps its distances until it is at rest, or those of the brain's motion where they are less.
-    fn keeps_clear(&self, motion: &BSpline, planned: &BSpline) -> bool {
+    /// Whether the arm keeps its distances and room for a hit until it is at rest, or as much as the brain's motion where that keeps less.
+    fn keeps_room(&self, motion: &BSpline, planned: &BSpline) -> bool {
         let least_m = |it: &BSpline, time_s: f64| {
             least_clearance_m(&self.robot, self.steering.clearance(), self.max_width_m, &it.setpoint(time_s).q)
         };
         let period_s = self.steering.period_s();
         let looks = ((motion.end_s() - motion.start_s()) / period_s).ceil() as u32;
         (1..=looks).rev().map(|look| motion.start_s() + f64::from(look) * period_s).all(|time_s| {
+            let speeds = [motion, planned].map(|it| it.setpoint(time_s).dq.abs());
+            let is_slow = self
+                .robot
+                .joints
+                .iter()
+                .enumerate()
+                .all(|(i, joint)| speeds[0][i] <= (joint.limits.velocity * VELOCITY_FRACTION).max(speeds[1][i]));
             let clear_m = least_m(motion, time_s);
-            clear_m >= CLEARANCE_M || clear_m >= least_m(planned, time_s)
+            is_slow && (clear_m >= CLEARANCE_M || clear_m >= least_m(planned, time_s))
         })
     }
 }
