@@ -332,6 +332,8 @@ quantities! {
     error_radps ERROR_RADPS = 0.0 to 10.0 "rad/s";
     /// Velocities of joints.
     joint_velocity_radps JOINT_VELOCITY_RADPS = 0.001 to 1000.0 "rad/s";
+    /// Velocities of joints with their direction.
+    signed_joint_velocity_radps SIGNED_JOINT_VELOCITY_RADPS = -1000.0 to 1000.0 "rad/s";
     /// Accelerations of joints.
     joint_acceleration_radps2 JOINT_ACCELERATION_RADPS2 = 0.001 to 1000000.0 "rad/s²";
     /// Jerks of joints.

@@ -36,6 +36,31 @@ pub struct JointLimits {
     pub jerk: Option<f64>,
 }
 
+/// The velocity limits of a joint that depend on its position, linear between rows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VelocityTable {
+    /// Positions in radians, increasing, with the lowest (negative) and the highest velocity there in rad/s; never empty.
+    rows: Vec<[f64; 3]>,
+}
+
+impl VelocityTable {
+    /// A table of `[position, lowest, highest]`; `None` if it has no row, if positions do not increase or if a row does not have a negative
+    /// and a positive velocity.
+    pub fn new(rows: Vec<[f64; 3]>) -> Option<Self> {
+        let increases = rows.windows(2).all(|pair| pair[0][0] < pair[1][0]);
+        let has_both_signs = |row: &[f64; 3]| row.iter().all(|it| it.is_finite()) && row[1] < 0.0 && row[2] > 0.0;
+        (!rows.is_empty() && increases && rows.iter().all(has_both_signs)).then_some(Self { rows })
+    }
+
+    /// The lowest and the highest velocity at the position `q` in radians; beyond the table those of its ends.
+    pub fn at(&self, q: f64) -> [f64; 2] {
+        let after = self.rows.partition_point(|row| row[0] <= q).min(self.rows.len() - 1);
+        let [[from, low, high], [to, next_low, next_high]] = [self.rows[after.saturating_sub(1)], self.rows[after]];
+        let by = if to > from { ((q - from) / (to - from)).clamp(0.0, 1.0) } else { 0.0 };
+        [low + by * (next_low - low), high + by * (next_high - high)]
+    }
+}
+
 /// What an arm's limits are multiplied by; 1 is the arm as it is.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -120,6 +145,8 @@ pub struct Joint {
     pub axis: Unit<Vector3<f64>>,
     /// Position, velocity, acceleration and torque limits, and that of the jerk where there is one.
     pub limits: JointLimits,
+    /// Velocity limits that depend on the position, below that of `limits`, where the robot has them.
+    pub velocity_table: Option<VelocityTable>,
     /// Rotor inertia reflected to the joint, in kg·m².
     pub rotor_inertia: f64,
     /// Viscous damping in N·m·s/rad.
@@ -128,6 +155,21 @@ pub struct Joint {
     pub inertia: Inertia,
     /// Name of the moved link.
     pub link_name: String,
+}
+
+impl Joint {
+    /// The lowest and the highest velocity in rad/s at the position `q` in radians.
+    pub fn velocity_range(&self, q: f64) -> [f64; 2] {
+        let most = self.limits.velocity;
+        let [low, high] = self.velocity_table.as_ref().map_or([-most, most], |it| it.at(q));
+        [low.max(-most), high.min(most)]
+    }
+
+    /// The highest speed in rad/s at `q`, in the direction of `dq`.
+    pub fn max_speed(&self, q: f64, dq: f64) -> f64 {
+        let [low, high] = self.velocity_range(q);
+        if dq < 0.0 { -low } else { high }
+    }
 }
 
 /// A serial arm of revolute joints, welded to the world.
@@ -182,6 +224,9 @@ impl Robot {
     pub fn with_limits_scaled(mut self, by: &LimitScale) -> Self {
         for joint in &mut self.joints {
             joint.limits.velocity *= by.velocity;
+            for row in joint.velocity_table.iter_mut().flat_map(|it| &mut it.rows) {
+                row[1..].iter_mut().for_each(|it| *it *= by.velocity);
+            }
             joint.limits.acceleration *= by.acceleration;
             joint.limits.torque *= by.torque;
             joint.limits.jerk = joint.limits.jerk.map(|jerk| jerk * by.jerk);

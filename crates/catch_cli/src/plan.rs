@@ -222,7 +222,7 @@ fn limit_ratio(robot: &Robot, plan: &PosedCatch) -> LimitRatio {
             let limits = &joint.limits;
             let (middle, half) = ((limits.upper + limits.lower) / 2.0, (limits.upper - limits.lower) / 2.0);
             most.position = most.position.max((q[i] - middle).abs() / half);
-            most.velocity = most.velocity.max(dq[i].abs() / limits.velocity);
+            most.velocity = most.velocity.max(dq[i].abs() / joint.max_speed(q[i], dq[i]));
             most.acceleration = most.acceleration.max(ddq[i].abs() / limits.acceleration);
             most.torque = most.torque.max(torque[i].abs() / limits.torque);
         }

@@ -230,8 +230,9 @@ impl Setup {
                 let expected = format!("{} to {} for joint {i}", limits.lower, limits.upper);
                 return Err(fault("q", q[i], expected));
             }
-            if dq[i].abs() > limits.velocity {
-                return Err(fault("dq", dq[i], format!("at most {} for joint {i}", limits.velocity)));
+            let [low, high] = joint.velocity_range(q[i]);
+            if dq[i] < low || dq[i] > high {
+                return Err(fault("dq", dq[i], format!("{low} to {high} for joint {i}")));
             }
         }
         let expected = |_| PyTypeError::new_err("flight: expected a Flight");

@@ -142,10 +142,11 @@ impl Servo {
     /// Watches the limits in motion: the encoders at `time_s`, and the velocity one step before.
     pub fn watch(&mut self, time_s: f64, step_s: f64, q: &JointVector, dq: &JointVector, dq_before: &JointVector) {
         for i in 0..self.executor.robot().dof() {
-            let limits = self.executor.robot().joints[i].limits;
+            let joint = &self.executor.robot().joints[i];
+            let (limits, max_speed) = (joint.limits, joint.max_speed(q[i], dq[i]));
             let middle = (limits.lower + limits.upper) / 2.0;
             let position = (q[i] - middle).abs() / ((limits.upper - limits.lower) / 2.0);
-            let velocity = dq[i].abs() / limits.velocity;
+            let velocity = dq[i].abs() / max_speed;
             let acceleration = (dq[i] - dq_before[i]).abs() / step_s / limits.acceleration;
             let report = &mut self.report;
             report.peak_velocity_ratio = report.peak_velocity_ratio.max(velocity);

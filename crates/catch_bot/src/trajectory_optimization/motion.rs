@@ -14,6 +14,9 @@ pub const ROUNDING: f64 = 1e-7;
 /// The same for positions, in radians.
 const HULL_ROUNDING: f64 = 1e-9;
 
+/// Where between two knots velocities are looked at, as fractions; the last knot is at rest.
+const SPAN_SAMPLES: [f64; 4] = [0.0, 0.25, 0.5, 0.75];
+
 /// Fractions of the velocity and acceleration limits that a motion may use.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LimitScaling {
@@ -156,7 +159,11 @@ impl MotionPlanner {
         let accelerations = differences(&velocities, DEGREE - 1, 2);
         let within =
             |values: &[JointVector], most: &JointVector| values.iter().all(|it| (most - it.abs()).min() >= 0.0);
-        positions && within(&velocities, &speed) && within(&accelerations, &rate) && self.keeps_jerk(trajectory)
+        positions
+            && within(&velocities, &speed)
+            && within(&accelerations, &rate)
+            && self.keeps_jerk(trajectory)
+            && self.keeps_velocity_tables(trajectory)
     }
 
     /// Whether the jerk stays within its limit where there is one; a jump of the acceleration at a repeated knot does not.
@@ -193,13 +200,27 @@ impl MotionPlanner {
         })
     }
 
-    /// Whether torque limits and clearances hold along a trajectory, the hand holding the object from the catch on.
+    /// Whether velocities whose limits depend on the position keep them: at knots and thrice between them.
+    fn keeps_velocity_tables(&self, spline: &BSpline) -> bool {
+        let tables = || self.robot.joints.iter().enumerate().filter(|(_, joint)| joint.velocity_table.is_some());
+        tables().next().is_none()
+            || spline.spans().flat_map(|[from_s, to_s]| SPAN_SAMPLES.map(|by| from_s + by * (to_s - from_s))).all(
+                |time_s| {
+                    let [q, dq, _] = spline.evaluate(time_s);
+                    let most = self.config.velocity_scaling;
+                    tables().all(|(i, joint)| dq[i].abs() <= most * joint.max_speed(q[i], dq[i]))
+                },
+            )
+    }
+
+    /// Whether velocity tables, torque limits and clearances hold along a trajectory, the hand holding the object from the catch on.
     pub(super) fn is_safe(&self, trajectory: &BSpline, catch_s: f64, grasp: &Grasp) -> bool {
         let (start_s, end_s) = (trajectory.start_s(), trajectory.end_s());
         // How wide the gripper opens is chosen later.
         let widest_m = self.gripper.max_width_m;
         // What collides mostly does so while braking.
-        self.keeps_clear(trajectory, [catch_s, end_s], widest_m, Some(&grasp.held_G))
+        self.keeps_velocity_tables(trajectory)
+            && self.keeps_clear(trajectory, [catch_s, end_s], widest_m, Some(&grasp.held_G))
             && self.keeps_clear(trajectory, [start_s, catch_s], widest_m, None)
             && self.keeps_torque(trajectory)
     }

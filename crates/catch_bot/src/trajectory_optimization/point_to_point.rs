@@ -21,6 +21,9 @@ use crate::grasp_selection::TYPICAL_RESTITUTION;
 /// Distance from the extreme velocity of a spline at which another one surely has it, in rad/s.
 const INSIDE: f64 = 1e-7;
 
+/// Any velocity.
+const UNLIMITED: Interval = Interval { low: f64::NEG_INFINITY, high: f64::INFINITY };
+
 /// Where to be and how, from where.
 #[derive(Debug)]
 pub struct PointToPoint<'a> {
@@ -64,19 +67,19 @@ impl PointToPoint<'_> {
         let dof = self.planner.robot.dof();
         let mut points = vec![JointVector::zeros(); self.splines.at.control_points()];
         let last_speeds = self.speeds_that_withstand_impact();
-        for (bound, most) in bounds.iter_mut().zip(&last_speeds) {
-            *bound = bound.intersection(&Interval { low: -most, high: *most });
+        for (bound, last) in bounds.iter_mut().zip(&last_speeds) {
+            *bound = bound.intersection(last);
         }
         for _ in 0..=2 * dof {
             let terminal_velocity = self.terminal_velocity(&bounds).filter(|it| it.speed_fraction > least)?;
             let onset_s = self.brakes.then(|| self.planner.braking_onset_s(&terminal_velocity.dq));
             let mut all = true;
             for (i, bound) in bounds.iter_mut().enumerate().take(dof) {
-                if let Ok(joint) = self.joint(i, terminal_velocity.dq[i], last_speeds[i], onset_s) {
+                if let Ok(joint) = self.joint(i, terminal_velocity.dq[i], &last_speeds[i], onset_s) {
                     set(&mut points, i, &joint);
                 } else {
                     all = false;
-                    *bound = self.cut(i, terminal_velocity.dq[i], bound, last_speeds[i], onset_s)?;
+                    *bound = self.cut(i, terminal_velocity.dq[i], bound, &last_speeds[i], onset_s)?;
                 }
             }
             if all {
@@ -88,31 +91,37 @@ impl PointToPoint<'_> {
 
     /// The velocity limits less what the object's impact may add: M⁻¹·Jᵀ·m·v·(1 + e) for an object that bounces off an arm whose motors
     /// are too slow to answer. Joints keep to them shortly before the catch, too: what hits the gripper mostly does so early.
-    fn speeds_that_withstand_impact(&self) -> JointVector {
+    fn speeds_that_withstand_impact(&self) -> [Interval; MAX_JOINTS] {
         let robot = &self.planner.robot;
-        let limits = robot.per_joint(|joint| joint.limits.velocity);
         let inertia = || robot.mass_matrix(&self.q).cholesky();
-        let Some((mass_kg, inertia)) = self.planner.config.object_mass_kg.and_then(|it| Some((it, inertia()?))) else {
-            return limits;
-        };
-        let impulse =
-            self.jacobian.fixed_rows::<3>(3).transpose() * (self.v_WO * (mass_kg * (1.0 + TYPICAL_RESTITUTION)));
-        limits - inertia.solve(&impulse).abs()
+        let added =
+            self.planner.config.object_mass_kg.and_then(|it| Some((it, inertia()?))).map(|(mass_kg, inertia)| {
+                let impulse = self.jacobian.fixed_rows::<3>(3).transpose()
+                    * (self.v_WO * (mass_kg * (1.0 + TYPICAL_RESTITUTION)));
+                inertia.solve(&impulse).abs()
+            });
+        let added = added.unwrap_or_default();
+        std::array::from_fn(|i| {
+            let [low, high] = robot.joints.get(i).map_or([0.0; 2], |joint| joint.velocity_range(self.q[i]));
+            Interval { low: low + added[i], high: high - added[i] }
+        })
     }
 
     /// Splines for velocities that are known to be easy, `None` if they are not.
     pub fn splines_for(&self, terminal_velocity: &TerminalVelocity) -> Option<Vec<JointVector>> {
         let mut points = vec![JointVector::zeros(); self.splines.at.control_points()];
         for i in 0..self.planner.robot.dof() {
-            set(&mut points, i, &self.joint(i, terminal_velocity.dq[i], f64::INFINITY, None).ok()?);
+            set(&mut points, i, &self.joint(i, terminal_velocity.dq[i], &UNLIMITED, None).ok()?);
         }
         Some(points)
     }
 
     /// The bounds of joint `i` cut to what a spline can do, on the side on which it cannot have the end velocity `dq`.
-    fn cut(&self, i: usize, dq: f64, bound: &Interval, last_speed: f64, onset_s: Option<f64>) -> Option<Interval> {
-        let (start, limits, onset) = (self.state(i), self.limits(i), self.onset(i, last_speed, onset_s));
+    fn cut(&self, i: usize, dq: f64, bound: &Interval, last: &Interval, onset_s: Option<f64>) -> Option<Interval> {
+        let (start, limits) = (self.state(i), self.limits(i));
         let extreme = |sign: f64| {
+            let last_speed = speed_toward(last, sign);
+            let onset = self.onset(i, last_speed, onset_s);
             let end = End::Extreme { q: self.q[i], sign, last_speed, onset };
             let found = self.splines.range.end_velocity(&start, &end, self.duration_s(), &limits).ok()?;
             // A hair inside, so that rounding cannot make the program for this end infeasible.
@@ -131,7 +140,8 @@ impl PointToPoint<'_> {
         None
     }
 
-    fn joint(&self, i: usize, dq: f64, last_speed: f64, onset_s: Option<f64>) -> Result<JointPoints, ProgramFailure> {
+    fn joint(&self, i: usize, dq: f64, last: &Interval, onset_s: Option<f64>) -> Result<JointPoints, ProgramFailure> {
+        let last_speed = speed_toward(last, dq);
         let ddq = self.onset(i, last_speed, onset_s).map_or([f64::NEG_INFINITY, f64::INFINITY], |it| {
             [(-it.velocity - dq) / it.duration_s, (it.velocity - dq) / it.duration_s]
         });
@@ -145,7 +155,14 @@ impl PointToPoint<'_> {
     }
 
     fn limits(&self, i: usize) -> catch_body::robot::JointLimits {
-        self.planner.limits(i, &self.start.state, self.scaling)
+        let mut limits = self.planner.limits(i, &self.start.state, self.scaling);
+        let (joint, state) = (&self.planner.robot.joints[i], &self.start.state);
+        if joint.velocity_table.is_some() {
+            // The limit falls towards the end of the range: what holds where a joint arrives holds on the way.
+            let at_catch = joint.max_speed(self.q[i], self.q[i] - state.q[i]) * self.scaling.velocity;
+            limits.velocity = limits.velocity.min(at_catch.max(state.dq[i].abs()));
+        }
+        limits
     }
 
     fn state(&self, i: usize) -> JointState {
@@ -158,6 +175,11 @@ impl PointToPoint<'_> {
         let velocity = velocity.min(last_speed);
         onset_s.map(|duration_s| Onset { duration_s, velocity })
     }
+}
+
+/// The highest speed within `velocities` in the direction of `dq`.
+fn speed_toward(velocities: &Interval, dq: f64) -> f64 {
+    if dq < 0.0 { -velocities.low } else { velocities.high }
 }
 
 fn set(points: &mut [JointVector], i: usize, joint: &JointPoints) {
@@ -242,9 +264,9 @@ impl MotionPlanner {
                 return None;
             }
             let stoppable = Interval { low: -room(below), high: room(above) };
-            let most = self.config.terminal_velocity_scaling * joint.limits.velocity;
-            let most = most.min(self.max_speed_to_brake_from(&joint.limits));
-            let gentle = Interval { low: -most, high: most };
+            let most = self.max_speed_to_brake_from(&joint.limits);
+            let [low, high] = joint.velocity_range(q[i]).map(|it| self.config.terminal_velocity_scaling * it);
+            let gentle = Interval { low: low.max(-most), high: high.min(most) };
             bounds[i] = joints[i].terminal_velocities(displacement).intersection(&stoppable).intersection(&gentle);
         }
         Some(bounds)

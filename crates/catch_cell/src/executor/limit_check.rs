@@ -10,8 +10,8 @@ use crate::{
 
 /// What a ratio may exceed 1 by: rounding in whoever computed the trajectory.
 const ROUNDING: f64 = 1e-9;
-/// How finely torques are sampled between knots, where they are smooth.
-const TORQUE_INTERVAL_S: f64 = 4e-3;
+/// How finely torques, and velocities whose limits depend on the position, are sampled between knots, where they are smooth.
+const SAMPLE_INTERVAL_S: f64 = 4e-3;
 
 const KINDS: [LimitKind; 5] =
     [LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Torque, LimitKind::Jerk];
@@ -26,7 +26,8 @@ pub struct PeakRatios {
 
 impl PeakRatios {
     /// Of a valid spline. Positions, velocities, accelerations and jerks are exact: between knots they are polynomials. Torques are
-    /// those of inverse dynamics, sampled at the knots, on both sides of them, and densely between; `robot` should carry its gripper.
+    /// those of inverse dynamics, sampled at the knots, on both sides of them, and densely between, and so are velocities whose limits depend
+    /// on the position; `robot` should carry its gripper.
     /// Where the acceleration jumps the jerk is infinite.
     pub fn of(robot: &Robot, spline: &BSpline) -> Self {
         let nothing = [JointVector::zeros(); KINDS.len()];
@@ -43,12 +44,15 @@ impl PeakRatios {
                 let of_joint = ends.map(|state| state.map(|values| values[i]));
                 peaks.note_span(robot, i, start_s, end_s - start_s, of_joint);
             }
-            let count = ((end_s - start_s) / TORQUE_INTERVAL_S).ceil() as usize;
-            for time_s in (0..=count).map(|k| (start_s + k as f64 * TORQUE_INTERVAL_S).min(end_s)) {
+            let count = ((end_s - start_s) / SAMPLE_INTERVAL_S).ceil() as usize;
+            for time_s in (0..=count).map(|k| (start_s + k as f64 * SAMPLE_INTERVAL_S).min(end_s)) {
                 let [q, dq, ddq] = spline.evaluate(time_s);
                 let torque = robot.inverse_dynamics(&q, &dq, &ddq);
                 for (i, joint) in robot.joints.iter().enumerate() {
                     peaks.note(3, i, torque[i] / joint.limits.torque, time_s);
+                    if joint.velocity_table.is_some() {
+                        peaks.note(1, i, dq[i] / joint.max_speed(q[i], dq[i]), time_s);
+                    }
                 }
             }
         }
@@ -108,6 +112,7 @@ impl PeakRatios {
 mod tests {
     use super::*;
     use crate::executor::tests::robot;
+    use catch_body::robot::VelocityTable;
     use proptest::prelude::*;
 
     /// An arm whose limits differ from joint to joint, those of position on both sides too, and state the jerk.
@@ -199,6 +204,32 @@ mod tests {
             assert!((peaks.ratio[3][i] / highest[i] - 1.0).abs() < 5e-3, "{i}: {peaks:?} {highest:?}");
         }
         assert_eq!(peaks.highest(LimitKind::Torque), peaks.ratio[3].max());
+    }
+
+    /// A limit that depends on the position is broken where a joint is too fast for where it stands.
+    #[test]
+    fn velocities_are_compared_with_the_limit_where_the_joint_stands() {
+        let mut robot = robot();
+        let fast = robot.joints[0].limits.velocity;
+        robot.joints[0].velocity_table = VelocityTable::new(vec![[0.0, -fast, fast], [1.0, -fast, 0.1 * fast]]);
+        let points = |sign: f64| (0..5).map(|k| JointVector::ith(0, sign * 0.25 * fast * f64::from(k))).collect();
+        let knots_s = vec![0.0, 0.0, 0.0, 0.0, 0.5, 1.0, 1.0, 1.0, 1.0];
+        let [up, down] = [1.0, -1.0].map(|sign| {
+            let spline = BSpline { knots_s: knots_s.clone(), control_points: points(sign) };
+            PeakRatios::of(&robot, &spline).ratio[1][0]
+        });
+        let mut without = robot.clone();
+        without.joints[0].velocity_table = None;
+        let spline = BSpline { knots_s, control_points: points(1.0) };
+        let plain = PeakRatios::of(&without, &spline).ratio[1][0];
+        let sampled = (0..=1000).map(|k| {
+            let [q, dq, _] = spline.evaluate(f64::from(k) * 1e-3);
+            dq[0] / (fast * (1.0 - 0.9 * q[0].clamp(0.0, 1.0)))
+        });
+        assert!(
+            (up / sampled.fold(0.0, f64::max) - 1.0).abs() < 1e-3 && up > plain && down == plain,
+            "{up} {down} {plain}"
+        );
     }
 
     /// An acceleration that jumps has no finite jerk; who states no limit of it is not told.

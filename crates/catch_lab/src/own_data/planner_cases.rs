@@ -189,8 +189,9 @@ impl PlannerCase {
             InputError::new(file, field("dq_start"), format!("{values:?}"), expected)
         })?;
         for (i, joint) in robot.joints.iter().enumerate() {
-            if dq[i].abs() > joint.limits.velocity {
-                let expected = format!("at most ±{} rad/s for {}", joint.limits.velocity, joint.name);
+            let [low, high] = joint.velocity_range(q[i]);
+            if dq[i] < low || dq[i] > high {
+                let expected = format!("{low} to {high} rad/s for {}", joint.name);
                 return Err(InputError::new(file, format!("{}[{i}]", field("dq_start")), dq[i], expected));
             }
         }

@@ -272,7 +272,9 @@ impl Motion {
                 let limits = &joints[joint].limits;
                 (sample.q[joint] - f64::midpoint(limits.lower, limits.upper)) / ((limits.upper - limits.lower) / 2.0)
             }),
-            velocity_ratio: per_joint(&|_, sample, joint| sample.dq[joint] / joints[joint].limits.velocity),
+            velocity_ratio: per_joint(&|_, sample, joint| {
+                sample.dq[joint] / joints[joint].max_speed(sample.q[joint], sample.dq[joint])
+            }),
             acceleration_ratio: per_joint(&|i, _, joint| ddq[i][joint] / joints[joint].limits.acceleration),
             torque_ratio: has_torque
                 .then(|| per_joint(&|_, sample, joint| torque(sample, joint) / joints[joint].limits.torque)),
