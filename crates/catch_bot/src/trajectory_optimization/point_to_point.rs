@@ -89,18 +89,25 @@ impl PointToPoint<'_> {
         None
     }
 
-    /// The velocity limits less what the object's impact may add: M⁻¹·Jᵀ·m·v·(1 + e) for an object that bounces off an arm whose motors
-    /// are too slow to answer. Joints keep to them shortly before the catch, too: what hits the gripper mostly does so early.
+    /// The velocity limits less what the object's impact may add: M⁻¹·Jᵀ·m·v·(1 + e) for an object that bounces off the palm or a finger of
+    /// an arm whose motors are too slow to answer. Joints keep to them shortly before the catch, too: what hits the gripper mostly does so early.
     fn speeds_that_withstand_impact(&self) -> [Interval; MAX_JOINTS] {
         let robot = &self.planner.robot;
         let inertia = || robot.mass_matrix(&self.q).cholesky();
-        let added =
-            self.planner.config.object_mass_kg.and_then(|it| Some((it, inertia()?))).map(|(mass_kg, inertia)| {
-                let impulse = self.jacobian.fixed_rows::<3>(3).transpose()
-                    * (self.v_WO * (mass_kg * (1.0 + TYPICAL_RESTITUTION)));
-                inertia.solve(&impulse).abs()
-            });
-        let added = added.unwrap_or_default();
+        // Where the object hits: the palm or one of both fingers.
+        let finger_W = self.following.map_or(Vector3::zeros(), |(R_WG, _)| {
+            R_WG * Vector3::new(self.planner.gripper.max_width_m / 2.0, 0.0, 0.0)
+        });
+        let mass = self.planner.config.object_mass_kg.and_then(|it| Some((it, inertia()?)));
+        let added = mass.map_or(JointVector::zeros(), |(mass_kg, inertia)| {
+            let impulse_W = self.v_WO * (mass_kg * (1.0 + TYPICAL_RESTITUTION));
+            let of_joints = |from: usize, of_gripper: &Vector3<f64>| {
+                inertia.solve(&(self.jacobian.fixed_rows::<3>(from).transpose() * of_gripper))
+            };
+            let (straight, by_finger) = (of_joints(3, &impulse_W), of_joints(0, &finger_W.cross(&impulse_W)));
+            // The larger one of |a + b| and |a − b|.
+            straight.abs() + by_finger.abs()
+        });
         std::array::from_fn(|i| {
             let [low, high] = robot.joints.get(i).map_or([0.0; 2], |joint| joint.velocity_range(self.q[i]));
             Interval { low: low + added[i], high: high - added[i] }
