@@ -38,6 +38,7 @@ pub mod shape;
 pub mod stated;
 mod toml_input;
 mod urdf;
+pub mod velocity_table;
 pub mod workcell;
 
 pub use gripper::{DriveControl, Gripper};

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Point3, SMatrix, SVector, Unit, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::{Gripper, pose::Pose, quantity, shape::Capsule, workcell::Obstacle};
+use crate::{Gripper, pose::Pose, quantity, shape::Capsule, velocity_table::VelocityTable, workcell::Obstacle};
 
 /// The most joints an arm may have.
 pub const MAX_JOINTS: usize = 8;
@@ -34,31 +34,6 @@ pub struct JointLimits {
     pub torque: f64,
     /// Highest jerk in rad/s³, where the robot states one.
     pub jerk: Option<f64>,
-}
-
-/// The velocity limits of a joint that depend on its position, linear between rows.
-#[derive(Debug, Clone, PartialEq)]
-pub struct VelocityTable {
-    /// Positions in radians, increasing, with the lowest (negative) and the highest velocity there in rad/s; never empty.
-    rows: Vec<[f64; 3]>,
-}
-
-impl VelocityTable {
-    /// A table of `[position, lowest, highest]`; `None` if it has no row, if positions do not increase or if a row does not have a negative
-    /// and a positive velocity.
-    pub fn new(rows: Vec<[f64; 3]>) -> Option<Self> {
-        let increases = rows.windows(2).all(|pair| pair[0][0] < pair[1][0]);
-        let has_both_signs = |row: &[f64; 3]| row.iter().all(|it| it.is_finite()) && row[1] < 0.0 && row[2] > 0.0;
-        (!rows.is_empty() && increases && rows.iter().all(has_both_signs)).then_some(Self { rows })
-    }
-
-    /// The lowest and the highest velocity at the position `q` in radians; beyond the table those of its ends.
-    pub fn at(&self, q: f64) -> [f64; 2] {
-        let after = self.rows.partition_point(|row| row[0] <= q).min(self.rows.len() - 1);
-        let [[from, low, high], [to, next_low, next_high]] = [self.rows[after.saturating_sub(1)], self.rows[after]];
-        let by = if to > from { ((q - from) / (to - from)).clamp(0.0, 1.0) } else { 0.0 };
-        [low + by * (next_low - low), high + by * (next_high - high)]
-    }
 }
 
 /// What an arm's limits are multiplied by; 1 is the arm as it is.
@@ -224,9 +199,7 @@ impl Robot {
     pub fn with_limits_scaled(mut self, by: &LimitScale) -> Self {
         for joint in &mut self.joints {
             joint.limits.velocity *= by.velocity;
-            for row in joint.velocity_table.iter_mut().flat_map(|it| &mut it.rows) {
-                row[1..].iter_mut().for_each(|it| *it *= by.velocity);
-            }
+            joint.velocity_table = joint.velocity_table.take().map(|it| it.scaled(by.velocity));
             joint.limits.acceleration *= by.acceleration;
             joint.limits.torque *= by.torque;
             joint.limits.jerk = joint.limits.jerk.map(|jerk| jerk * by.jerk);

@@ -10,10 +10,11 @@ use crate::{
     InputError,
     pose::PoseFields,
     quantity,
-    robot::{Inertia, Joint, JointLimits, MAX_JOINTS, Robot, VelocityTable},
+    robot::{Inertia, Joint, JointLimits, MAX_JOINTS, Robot},
     shape::Capsule,
     stated::Stated,
     urdf::{self, Element, Urdf},
+    velocity_table::VelocityFields,
 };
 
 /// What the `robot.toml` beside a `robot.urdf` says.
@@ -88,21 +89,6 @@ struct JointFields {
     /// Limit of the torque, in place of the URDF's.
     #[serde(default, deserialize_with = "quantity::torque_nm")]
     max_torque_nm: Option<Stated<f64>>,
-}
-
-/// Limits of a joint's velocity by its position, linear between these; beyond them those of the first and the last count.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct VelocityFields {
-    /// Positions of the joint, increasing.
-    #[serde(deserialize_with = "quantity::joint_position_rad")]
-    position_rad: Vec<f64>,
-    /// Lowest velocity at each position, below 0.
-    #[serde(deserialize_with = "quantity::signed_joint_velocity_radps")]
-    lowest_radps: Vec<f64>,
-    /// Highest velocity at each position, above 0.
-    #[serde(deserialize_with = "quantity::signed_joint_velocity_radps")]
-    highest_radps: Vec<f64>,
 }
 
 /// Mass properties of a link that take the place of the URDF's.
@@ -369,7 +355,7 @@ fn revolute_joint(files: &RobotFiles, urdf: &Urdf, joint: &Element, extra: &Robo
         axis: joint.axis()?,
         limits,
         velocity_table: match &fields.velocity_by_position {
-            Some(fields) => Some(velocity_table(files, name, fields)?),
+            Some(table) => Some(table.checked(files.toml_file, &format!("joints.{name}.velocity_by_position"))?),
             None => None,
         },
         rotor_inertia: fields.rotor_inertia_kgm2.value,
@@ -379,18 +365,6 @@ fn revolute_joint(files: &RobotFiles, urdf: &Urdf, joint: &Element, extra: &Robo
             None => link_inertia(link)?,
         },
         link_name: child.to_owned(),
-    })
-}
-
-fn velocity_table(files: &RobotFiles, joint: &str, fields: &VelocityFields) -> Result<VelocityTable, InputError> {
-    let VelocityFields { position_rad, lowest_radps, highest_radps } = fields;
-    let lengths = [position_rad, lowest_radps, highest_radps].map(Vec::len);
-    let rows = position_rad.iter().zip(lowest_radps).zip(highest_radps).map(|((q, low), high)| [*q, *low, *high]);
-    let is_even = lengths.iter().all(|it| *it == lengths[0]);
-    is_even.then(|| VelocityTable::new(rows.collect())).flatten().ok_or_else(|| {
-        let found = format!("{lengths:?} numbers: {position_rad:?}, {lowest_radps:?}, {highest_radps:?}");
-        let expected = "three lists of one length: increasing positions, negative and positive velocities";
-        InputError::new(files.toml_file, format!("joints.{joint}.velocity_by_position"), found, expected)
     })
 }
 

@@ -65,13 +65,11 @@ pub fn calibrate(
 
 fn of_camera(i: usize, observed: &Observed<'_>, estimate: &Estimate, config: &Config) -> CameraCalibration {
     let (state, residuals) = (&estimate.cameras[i], estimate.residuals[i]);
-    let from = OF_CAMERA * i;
-    let whole = estimate.covariance.as_ref();
-    let inflated = |row: usize, column: usize| {
-        whole.map_or(f64::INFINITY, |it| it[(from + row, from + column)] * config.inflation * config.inflation)
-    };
-    let covariance = Matrix6::from_fn(inflated);
-    let time_sd_s = inflated(TIME_OFFSET, TIME_OFFSET).sqrt() * config.time_offset_sd_s;
+    let whole = estimate.covariances.as_ref().map(|it| &it[i]);
+    let inflation = config.inflation * config.inflation;
+    let entry = |row: usize, column: usize| whole.map_or(f64::INFINITY, |it| it[(row, column)] * inflation);
+    let covariance = Matrix6::from_fn(entry);
+    let time_sd_s = entry(TIME_OFFSET, TIME_OFFSET).sqrt() * config.time_offset_sd_s;
     let moves = observed.images.iter().any(|it| !it.is_still);
     let sd = |first: usize| covariance.fixed_view::<3, 3>(first, first).trace().sqrt();
     let shows_the_arm = observed.images.iter().filter(|it| it.is_still).count() >= LEAST_IMAGES && residuals.depths > 0;

@@ -9,6 +9,7 @@ use super::{
     averaged_image::StillImage,
     coarse::moved,
     correlation::Correlation,
+    covariance::{self, ImageInformation},
     depths,
     measurement::Measurement,
     normal_equations::ImageEquations,
@@ -59,8 +60,8 @@ pub struct Problem<'a> {
 pub struct Estimate {
     pub cameras: Vec<CameraState>,
     pub shared: Shared,
-    /// Covariance of all parameters: camera by camera, then those in common. None where the equations have no solution.
-    pub covariance: Option<DMatrix<f64>>,
+    /// Covariance of each camera's parameters. None where the equations have no solution.
+    pub covariances: Option<Vec<DMatrix<f64>>>,
     pub residuals: Vec<Residuals>,
     /// The last step of each camera, in metres or radians, the larger.
     pub last_step: Vec<f64>,
@@ -123,15 +124,15 @@ impl Problem<'_> {
         }
         // What neighbours have in common changes the weights, and so the optimum.
         state.step(Pass::Correlating);
-        let mut covariance = None;
+        let mut covariances = None;
         for _ in 0..REWEIGHTED_STEPS {
-            covariance = state.step(Pass::All);
+            covariances = state.step(Pass::All);
             if state.last_step.iter().all(|it| *it < SMALL) {
                 break;
             }
         }
         let State { cameras, shared, residuals, last_step, .. } = state;
-        Estimate { cameras, shared, covariance, residuals, last_step }
+        Estimate { cameras, shared, covariances, residuals, last_step }
     }
 }
 
@@ -141,17 +142,21 @@ fn offset_sd(config: &Config, image: &AveragedImage) -> f64 {
 }
 
 impl State<'_> {
-    /// One step of Gauss–Newton; the covariance before it, if the equations have a solution.
-    fn step(&mut self, pass: Pass) -> Option<DMatrix<f64>> {
+    /// One step of Gauss–Newton; the covariances of the cameras' parameters, if the equations have a solution.
+    fn step(&mut self, pass: Pass) -> Option<Vec<DMatrix<f64>>> {
         let shared_from = OF_CAMERA * self.cameras.len();
         let size = shared_from + self.shared.values.len();
         let (mut information, mut pull) = (DMatrix::zeros(size, size), DVector::zeros(size));
-        let mut of_images = Vec::new();
+        let (mut of_images, mut images) = (Vec::new(), Vec::new());
         for camera in 0..self.cameras.len() {
             let place =
                 move |i: usize| if i < OF_CAMERA { OF_CAMERA * camera + i } else { shared_from + i - OF_CAMERA };
             for (image, equations) in self.linearized(camera, pass) {
-                equations.eliminate_into(&mut information, &mut pull, place);
+                let mut own = ImageInformation { information: DMatrix::zeros(size, size), pull: DVector::zeros(size) };
+                equations.eliminate_into(&mut own.information, &mut own.pull, place);
+                information += &own.information;
+                pull += &own.pull;
+                images.push(own);
                 of_images.push((camera, image, equations));
             }
         }
@@ -168,7 +173,7 @@ impl State<'_> {
             information[(shared_from + i, shared_from + i)] += 1.0;
             pull[shared_from + i] -= value;
         }
-        let factor = information.cholesky()?;
+        let factor = information.clone().cholesky()?;
         let change = factor.solve(&pull);
         for (camera, state) in self.cameras.iter_mut().enumerate() {
             let by = change.rows(OF_CAMERA * camera, OF_CAMERA);
@@ -182,7 +187,7 @@ impl State<'_> {
             let of = |i: usize| if i < OF_CAMERA { OF_CAMERA * camera + i } else { shared_from + i - OF_CAMERA };
             self.offsets[camera][image] += equations.last(|i| change[of(i)]);
         }
-        Some(factor.inverse())
+        covariance::of_cameras(&information, &factor.inverse(), &images, &change, self.cameras.len())
     }
 
     /// The equations of each image of a camera; its spread and residuals become those of these images.

@@ -38,6 +38,8 @@ pub enum Quantity {
         slope: f64,
         /// How many of the pixels before it are so steep that they may be missing.
         grazing_px: f64,
+        /// The same of the last of them, whose depth shows beyond the silhouette.
+        grazing_edge: f64,
         /// Whether the line is a row.
         along_row: bool,
     },

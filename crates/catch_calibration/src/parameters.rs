@@ -16,14 +16,15 @@ use super::{
     measurement::{Measurement, Quantity},
 };
 
-/// Parameters of each camera: rotation and translation, scale, time offset, growth at edges, its rise with the slope, loss.
-pub const OF_CAMERA: usize = 11;
+/// Parameters of each camera: rotation and translation, scale, time offset, growth at edges, its rise with the slope, loss, loss of growth.
+pub const OF_CAMERA: usize = 12;
 /// The first of them that is no part of the pose.
 pub const FIRST_NUISANCE: usize = 6;
 /// Which of them is the time offset.
 pub const TIME_OFFSET: usize = 7;
-/// Standard deviations of growth, its rise with the slope, and loss over the predicted one, in pixels.
-const GROWTH_SD: [f64; 3] = [3.0, 3.0, 1.0];
+/// Standard deviations of growth, its rise with the slope, loss over the predicted one, and growth that is lost with the last pixel, in
+/// pixels.
+const GROWTH_SD: [f64; 4] = [3.0, 3.0, 1.0, 1.0];
 
 /// No link is thinner, in metres.
 const LEAST_RADIUS_M: f64 = 0.001;
@@ -32,7 +33,7 @@ const LEAST_RADIUS_M: f64 = 0.001;
 #[derive(Debug, Clone, Copy)]
 pub struct CameraState {
     pub X_WC: Pose,
-    /// Scale, time offset, growth, its rise with the slope, and loss, in standard deviations.
+    /// Scale, time offset, growth, its rise with the slope, loss, and loss of growth, in standard deviations.
     pub nuisance: [f64; OF_CAMERA - FIRST_NUISANCE],
 }
 
@@ -169,14 +170,14 @@ impl<'a> PosedArm<'a> {
     }
 }
 
-/// Columns of scale, time offset (left out), growth, its rise with the slope, and loss.
+/// Columns of scale, time offset (left out), growth, its rise with the slope, loss, and loss of growth.
 fn nuisance_columns(it: &Measurement, config: &Config) -> [f64; OF_CAMERA - FIRST_NUISANCE] {
     match it.quantity {
         // 1/z of a depth that is measured 1 + s times as large.
-        Quantity::InverseDepth => [-it.predicted * config.scale_sd, 0.0, 0.0, 0.0, 0.0],
-        Quantity::ShownPixels { slope, grazing_px, .. } => {
-            let [growth, rise, loss] = GROWTH_SD;
-            [0.0, 0.0, growth, rise * slope, -loss * grazing_px]
+        Quantity::InverseDepth => [-it.predicted * config.scale_sd, 0.0, 0.0, 0.0, 0.0, 0.0],
+        Quantity::ShownPixels { slope, grazing_px, grazing_edge, .. } => {
+            let [growth, rise, loss, growth_loss] = GROWTH_SD;
+            [0.0, 0.0, growth, rise * slope, -loss * grazing_px, -growth_loss * grazing_edge]
         }
     }
 }

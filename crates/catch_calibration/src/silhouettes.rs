@@ -1,9 +1,9 @@
 //! Silhouettes of the arm: how many pixels show something on a line across each.
 //!
 //! A stereo camera shows more than there is: surfaces grow at their edges by a pixel or so, by more where the silhouette is slanted to
-//! the line, and lose what is seen too steeply. So the number of pixels is compared with the prediction, and that growth and that loss
-//! are estimated with everything else. A surface point p on the silhouette that moves by u shifts it by f·(n·u)/(z·n_line), with the
-//! normal n, which is perpendicular to the ray there.
+//! the line, and lose what is seen too steeply, also of the growth. So the number of pixels is compared with the prediction, and growth
+//! and losses are estimated with everything else. A surface point p on the silhouette that moves by u shifts it by f·(n·u)/(z·n_line),
+//! with the normal n, which is perpendicular to the ray there.
 
 use catch_body::ray_cast::SurfacePart;
 use catch_cell::CameraModel;
@@ -33,6 +33,7 @@ struct Crossing {
     at_px: f64,
     slope: f64,
     grazing_px: f64,
+    grazing_edge: f64,
     hit: Hit,
 }
 
@@ -60,24 +61,32 @@ pub fn measure(
             let outward = if it.begins { -1.0 } else { 1.0 };
             let (nx, ny) = if along_row { (outward, -outward * it.slope) } else { (-outward * it.slope, outward) };
             let across_C = Vector3::new(nx, ny, -nx * ray_C.x - ny * ray_C.y);
-            // The end of the line's window and the silhouette; the pixels between are predicted to show the arm.
-            let end = if it.begins { it.last + 1 + reach } else { it.last + 1 - reach };
-            let predicted = (end as f64 - it.at_px).abs();
-            let (shows, weight) = match image {
-                None => (predicted, 1.0),
+            let (shows, predicted, weight) = match image {
+                None => {
+                    // To the end of the line's window.
+                    let end = if it.begins { it.last + 1 + reach } else { it.last + 1 - reach };
+                    let between = (end as f64 - it.at_px).abs();
+                    (between, between, 1.0)
+                }
+                // A pixel shows what its centre's ray meets: half of the line's pixels are predicted to show the arm.
                 Some((image, still)) => {
                     let shown = (it.last + 1 - reach..it.last + 1 + reach).map(|along| {
                         let (column, row) = if along_row { (along, it.line) } else { (it.line, along) };
                         let in_image = |at: i64, first: u32| (at + i64::from(first)) as usize;
                         let pixel = in_image(row, rendering.window.top) * image.width_px
                             + in_image(column, rendering.window.left);
-                        image.shown_fraction(pixel, still, rendering.at(column, row).map(|it| it.inverse_m))
+                        image.shown_fraction(pixel, still, rendering.at(column, row).unwrap_or(&it.hit).inverse_m)
                     });
-                    (shown.sum(), image.count as f64)
+                    (shown.sum(), reach as f64, image.count as f64)
                 }
             };
             found.push(Measurement {
-                quantity: Quantity::ShownPixels { slope: it.slope.abs(), grazing_px: it.grazing_px, along_row },
+                quantity: Quantity::ShownPixels {
+                    slope: it.slope.abs(),
+                    grazing_px: it.grazing_px,
+                    grazing_edge: it.grazing_edge,
+                    along_row,
+                },
                 found: shows,
                 predicted,
                 gradient_C: across_C * (camera.focal_px * it.hit.inverse_m),
@@ -127,10 +136,19 @@ fn crossings(rendering: &Rendering<'_>, along_row: bool, config: &Config) -> Vec
                     None => outside = middle,
                 }
             }
-            let grazing = (0..reach).filter_map(|i| hit(inner(i))).map(|it| config.missing_fraction(it.cosine));
-            let grazing_px = grazing.sum();
+            let grazing = |i: i64| hit(inner(i)).map_or(0.0, |it| config.missing_fraction(it.cosine));
+            let (grazing_px, grazing_edge) = ((0..reach).map(grazing).sum(), grazing(0));
             let at_px = f64::midpoint(outside, inside);
-            crossings.push(Crossing { line, last, begins, at_px, slope: f64::NAN, grazing_px, hit: edge });
+            crossings.push(Crossing {
+                line,
+                last,
+                begins,
+                at_px,
+                slope: f64::NAN,
+                grazing_px,
+                grazing_edge,
+                hit: edge,
+            });
         }
     }
     crossings

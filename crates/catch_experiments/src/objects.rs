@@ -53,10 +53,12 @@ struct Set {
     groups: BTreeMap<String, Vec<String>>,
 }
 
-const LEGEND: &str = "The objects come from public collections, which are fetched by `git clone` to `target/objects` unless they are there \
-already. Each is imported as `catchingbot object import` does it, with no option. Volume and centre of mass tell how the brain's model, made \
-from a scan, differs from the mesh at uniform density. A spin is wrong if the predicted angular velocity is off by more than 3 rad/s when the \
-object has been seen for 150 ms; objects with an axis of symmetry are left out. Settings were chosen on the objects of the first set. Of the scenario `paper` are the throws `near_sampled` and `far_sampled`, half of the number each; the rate *caught* is of those within reach, with its interval (Wilson, 95 %).";
+const LEGEND: &str = "The objects come from public collections. `git clone` fetches these to `target/objects` unless they are there. Each is imported as \
+`catchingbot object import` does it, with no option. Volume and centre of mass tell how the brain's model, made from a scan, differs from \
+the mesh at uniform density. A spin is wrong if the predicted angular velocity is off by more than 3 rad/s after 150 ms in view. Objects \
+with an axis of symmetry are left out of it. Settings were chosen on the objects of the first set. The scenario `paper` has the throws \
+`near_sampled` and `far_sampled`, half of the number each. There the rate *caught* is of those within reach. Its interval is Wilson's, of \
+95 %.";
 
 /// Imports, and throws of the listed objects.
 pub fn run(options: &Options) -> Result<Findings> {

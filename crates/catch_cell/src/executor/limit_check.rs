@@ -112,7 +112,7 @@ impl PeakRatios {
 mod tests {
     use super::*;
     use crate::executor::tests::robot;
-    use catch_body::robot::VelocityTable;
+    use catch_body::velocity_table::VelocityTable;
     use proptest::prelude::*;
 
     /// An arm whose limits differ from joint to joint, those of position on both sides too, and state the jerk.

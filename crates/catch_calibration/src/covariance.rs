@@ -1,0 +1,88 @@
+//! Covariance of what is estimated, from how much it depends on single images.
+//!
+//! Residuals of one image have in common what the weights do not know of: silhouettes that are modelled badly, the encoders' error of
+//! the moment. Images have little in common. Without image i the estimate would be δᵢ = (H − Hᵢ)⁻¹·gᵢ away, with the information H of all
+//! images and the priors, the image's information Hᵢ, and its pull gᵢ at the optimum; Σ δᵢ·δᵢᵀ is the jackknife's covariance. A few
+//! dozen images do not tell it along every direction. So they tell one number for each camera: how many times larger it is than
+//! that of independent residuals, C = H⁻¹·(Σ Hᵢ)·H⁻¹, in the mean over the six directions of the pose, one at least. What the priors leave
+//! uncertain, H⁻¹ − C, stays as it is.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::parameters::{FIRST_NUISANCE, OF_CAMERA};
+
+/// What one image tells of all parameters.
+pub struct ImageInformation {
+    pub information: DMatrix<f64>,
+    pub pull: DVector<f64>,
+}
+
+/// Covariance of each camera's parameters, given the information of all images and the priors, and its inverse. `change` leads from where
+/// the images were linearized to the optimum.
+pub fn of_cameras(
+    information: &DMatrix<f64>,
+    inverse: &DMatrix<f64>,
+    images: &[ImageInformation],
+    change: &DVector<f64>,
+    cameras: usize,
+) -> Option<Vec<DMatrix<f64>>> {
+    let size = information.nrows();
+    let (mut of_images, mut jackknife) = (DMatrix::zeros(size, size), DMatrix::zeros(size, size));
+    for image in images {
+        of_images += &image.information;
+        let pull = &image.pull - &image.information * change;
+        let away = (information - &image.information).cholesky()?.solve(&pull);
+        jackknife.ger(1.0, &away, &away, 1.0);
+    }
+    let of_residuals = inverse * of_images * inverse;
+    let of_camera = |camera: usize| {
+        let first = OF_CAMERA * camera;
+        let part = |matrix: &DMatrix<f64>, of: usize| matrix.view((first, first), (of, of)).into_owned();
+        let (found, expected) = (part(&jackknife, FIRST_NUISANCE), part(&of_residuals, FIRST_NUISANCE));
+        let ratio = (expected.cholesky()?.solve(&found).trace() / FIRST_NUISANCE as f64).max(1.0);
+        Some(part(inverse, OF_CAMERA) + part(&of_residuals, OF_CAMERA) * (ratio - 1.0))
+    };
+    (0..cameras).map(of_camera).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64;
+
+    use super::*;
+
+    /// Images whose pulls are drawn with `factor` times the deviation that their information says, in the whole covariance over that of
+    /// independent residuals.
+    fn ratio(factor: f64, prior: f64) -> f64 {
+        const IMAGES: usize = 300;
+        let mut random = Pcg64::seed_from_u64(1);
+        let mut draw = || (0..12).map(|_| random.random_range(-0.5..0.5)).sum::<f64>();
+        let images: Vec<ImageInformation> = (0..IMAGES)
+            .map(|_| {
+                let rows = DMatrix::from_fn(20, OF_CAMERA, |_, _| draw());
+                let residuals = DVector::from_fn(20, |_, _| factor * draw());
+                ImageInformation { information: rows.tr_mul(&rows), pull: rows.tr_mul(&residuals) }
+            })
+            .collect();
+        let priors = DMatrix::identity(OF_CAMERA, OF_CAMERA) * prior;
+        let information = images.iter().fold(priors, |sum, it| sum + &it.information);
+        let inverse = information.clone().cholesky().unwrap().inverse();
+        let change = &inverse * images.iter().fold(DVector::zeros(OF_CAMERA), |sum, it| sum + &it.pull);
+        let found = of_cameras(&information, &inverse, &images, &change, 1).unwrap();
+        found[0].trace() / inverse.trace()
+    }
+
+    #[test]
+    fn what_an_image_has_in_common_makes_the_claim_larger() {
+        assert!((ratio(1.0, 1e-6) - 1.0).abs() < 0.1, "{}", ratio(1.0, 1e-6));
+        assert!((ratio(3.0, 1e-6) / 9.0 - 1.0).abs() < 0.1, "{}", ratio(3.0, 1e-6));
+    }
+
+    /// A prior that tells as much as all images keeps its part of the covariance, a half; the other half becomes nine times as large.
+    #[test]
+    fn what_priors_leave_uncertain_stays() {
+        let found = ratio(3.0, 6000.0);
+        assert!((found - 5.0).abs() < 0.5, "{found}");
+    }
+}
