@@ -6,11 +6,51 @@ use nalgebra::{Point3, Unit, Vector3};
 
 use super::TOLERANCE;
 
-/// The angles x with a·cos x + b·sin x = c: two, or none.
-pub fn angles_with([a, b]: [f64; 2], c: f64) -> impl Iterator<Item = f64> {
-    let (middle, cos) = (b.atan2(a), c / a.hypot(b));
-    let aside = (cos.abs() <= 1.0).then(|| cos.acos());
-    aside.into_iter().flat_map(move |aside| [middle + aside, middle - aside])
+/// a·cos x + b·sin x as a function of x.
+#[derive(Debug, Clone, Copy)]
+pub struct Sinusoid {
+    phase: f64,
+    amplitude: f64,
+}
+
+impl Sinusoid {
+    /// By a and b.
+    pub fn new([a, b]: [f64; 2]) -> Self {
+        Self { phase: b.atan2(a), amplitude: a.hypot(b) }
+    }
+
+    /// The angles at which it is `value`: two, or none.
+    pub fn angles_at(self, value: f64) -> impl Iterator<Item = f64> {
+        let cos = value / self.amplitude;
+        let aside = (cos.abs() <= 1.0).then(|| cos.acos());
+        aside.into_iter().flat_map(move |aside| [self.phase + aside, self.phase - aside])
+    }
+}
+
+/// A vector turned about an axis, by the formula of Rodrigues.
+#[derive(Debug, Clone, Copy)]
+pub struct Turn {
+    axis: Vector3<f64>,
+    sin: f64,
+    cos: f64,
+}
+
+impl Turn {
+    /// By an angle about an axis.
+    pub fn new(axis: &Vector3<f64>, angle: f64) -> Self {
+        let (sin, cos) = angle.sin_cos();
+        Self { axis: *axis, sin, cos }
+    }
+
+    /// A vector after it.
+    pub fn of(&self, v: &Vector3<f64>) -> Vector3<f64> {
+        v * self.cos + self.axis.cross(v) * self.sin + self.axis * (self.axis.dot(v) * (1.0 - self.cos))
+    }
+
+    /// The turn back.
+    pub fn back(self) -> Self {
+        Self { sin: -self.sin, ..self }
+    }
 }
 
 /// The angle about `axis` from one direction to another, both seen along it.
@@ -21,7 +61,8 @@ pub fn angle(axis: &Vector3<f64>, from: &Vector3<f64>, to: &Vector3<f64>) -> f64
 
 /// An angle by as many whole turns off that it is within its range, near `from`.
 pub fn turned_into(angle: f64, from: f64, [low, high]: [f64; 2]) -> Option<f64> {
-    let nearest = angle + ((from - angle) / TAU).round() * TAU;
+    let turns = (from - angle) / TAU;
+    let nearest = if turns.abs() < 0.5 { angle } else { angle + turns.round() * TAU };
     [nearest, nearest - TAU, nearest + TAU].into_iter().find(|it| (low..=high).contains(it))
 }
 

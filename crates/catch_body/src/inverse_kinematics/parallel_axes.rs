@@ -10,7 +10,7 @@ use nalgebra::{Point3, Rotation3, Unit, Vector3};
 
 use super::{
     Ranges, Solutions, TOLERANCE,
-    angles::{angle, angles_with, meeting_point, turned_into},
+    angles::{Sinusoid, angle, meeting_point, turned_into},
 };
 use crate::{
     pose::Pose,
@@ -81,12 +81,12 @@ impl ParallelAxesArm {
         let [a1, a2] = [self.axes[0].into_inner(), self.axes[1].into_inner()];
         // q1: seen from a link that has turned by it, the wrist point is as far along axis 2 as at zero.
         let offset = (self.wrist - self.base).dot(&a2);
-        for q1 in angles_with([to_wrist.dot(&a2), to_wrist.dot(&a1.cross(&a2))], offset) {
+        for q1 in Sinusoid::new([to_wrist.dot(&a2), to_wrist.dot(&a1.cross(&a2))]).angles_at(offset) {
             let back = Rotation3::from_axis_angle(&self.axes[0], -q1);
             let (M, to_wrist) = (back * R_turn, back * to_wrist);
             // q5: turning about axis 2 leaves the last axis' part along it, R(a5, q5)·a6 · a2.
             let [a5, a6] = [self.axes[4].into_inner(), self.axes[5].into_inner()];
-            for q5 in angles_with([a6.dot(&a2), a5.cross(&a6).dot(&a2)], (M * a6).dot(&a2)) {
+            for q5 in Sinusoid::new([a6.dot(&a2), a5.cross(&a6).dot(&a2)]).angles_at((M * a6).dot(&a2)) {
                 // q6: R(a6, −q6) takes R(a5, −q5)·a2 to Mᵀ·a2.
                 let v = Rotation3::from_axis_angle(&self.axes[4], -q5) * a2;
                 let q6 = if v.cross(&a6).norm() < SINGULAR { from[5] } else { -angle(&a6, &v, &(M.inverse() * a2)) };

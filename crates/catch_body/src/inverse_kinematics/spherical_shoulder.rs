@@ -7,11 +7,11 @@
 //! and Liu, Analytical Inverse Kinematics for Franka Emika Panda, 2021, but written for arbitrary directions and offsets of the
 //! axes: everything is expressed by the axes in W while all joints are at zero.
 
-use nalgebra::{Matrix3, Point3, Rotation3, Unit, Vector3};
+use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::{
     Ranges, TOLERANCE,
-    angles::{angle, angles_with, meeting_point, turned_into},
+    angles::{Sinusoid, Turn, angle, meeting_point, turned_into},
 };
 use crate::{
     pose::Pose,
@@ -30,12 +30,17 @@ const SINGULAR: f64 = 1e-9;
 /// The geometry of such an arm at zero joint angles, in W.
 #[derive(Debug, Clone)]
 pub struct SphericalShoulderArm {
-    axes: [Unit<Vector3<f64>>; 7],
+    axes: [Vector3<f64>; 7],
     shoulder: Point3<f64>,
-    elbow: Point3<f64>,
-    wrist: Point3<f64>,
-    /// A point on the last axis.
+    /// From the elbow, a point on axis 4, to the wrist and to the shoulder.
+    forearm: Vector3<f64>,
+    upper_arm: Vector3<f64>,
+    /// A point on the last axis, and the wrist from there.
     last: Point3<f64>,
+    last_to_wrist: Vector3<f64>,
+    /// What the distance from shoulder to wrist depends on, of q4; the height of axis 3 along axis 1, of q2.
+    bend: Sinusoid,
+    height: Sinusoid,
     /// The inverse of the gripper's pose.
     X_GW: Pose,
 }
@@ -53,12 +58,20 @@ impl SphericalShoulderArm {
         let (axis, point) = lines[2];
         let meet = (shoulder - point).cross(&axis).norm() < TOLERANCE && axis.cross(&lines[1].0).norm() > TOLERANCE;
         let wrist = meeting_point([lines[4], lines[5]])?;
+        let axes = lines.map(|(axis, _)| axis.into_inner());
+        let [a1, a2, a3, a4, ..] = axes;
+        let (elbow, last) = (lines[3].1, lines[6].1);
+        let (forearm, upper_arm) = (wrist - elbow, shoulder - elbow);
+        let (fore, upper, level) = (across(&forearm, &a4), across(&upper_arm, &a4), across(&a3, &a2));
         meet.then(|| Self {
-            axes: lines.map(|(axis, _)| axis),
+            axes,
             shoulder,
-            elbow: lines[3].1,
-            wrist,
-            last: lines[6].1,
+            forearm,
+            upper_arm,
+            last,
+            last_to_wrist: wrist - last,
+            bend: Sinusoid::new([fore.dot(&upper), a4.cross(&fore).dot(&upper)]),
+            height: Sinusoid::new([a1.dot(&level), a1.dot(&a2.cross(&a3))]),
             X_GW: robot.gripper_in(&X_WL).inverse(),
         })
     }
@@ -75,34 +88,31 @@ impl SphericalShoulderArm {
         wanted: u8,
         mut found: impl FnMut(usize, JointVector),
     ) {
-        let turn = |i: usize, q: f64| Rotation3::from_axis_angle(&self.axes[i], q);
-        let [a1, a2, a3, a4, a5, a6, _] = self.axes.map(Unit::into_inner);
-        // The motion of the first six joints, from where all are at zero: X takes W to w and axis 6 to u.
-        let X = X_WG * self.X_GW;
-        let back = turn(6, -q7);
-        let R = X.rotation.to_rotation_matrix() * back;
-        let w = X * (self.last + back * (self.wrist - self.last));
-        let (d, u) = (w - self.shoulder, R * a6);
-        let across = d.cross(&u);
-        if across.norm_squared() < (SINGULAR * d.norm()).powi(2) {
+        let [a1, a2, a3, a4, a5, a6, a7] = self.axes;
+        let Self { forearm, upper_arm, .. } = self;
+        // The motion of the first six joints, from where all are at zero: X takes W to w and axes 5 and 6 to r and u.
+        let (X, back) = (X_WG * self.X_GW, Turn::new(&a7, -q7));
+        let R = X.rotation.to_rotation_matrix();
+        let w = X * (self.last + back.of(&self.last_to_wrist));
+        let (d, r, u) = (w - self.shoulder, R * back.of(&a5), R * back.of(&a6));
+        let normal = d.cross(&u);
+        let det = normal.norm_squared();
+        if det < (SINGULAR * d.norm()).powi(2) {
             return;
         }
         // q4: the wrist is as far from the shoulder as it is.
-        let (forearm, upper_arm) = (self.wrist - self.elbow, self.shoulder - self.elbow);
-        let (fore, upper) = (forearm - a4 * a4.dot(&forearm), upper_arm - a4 * a4.dot(&upper_arm));
         let inner = (forearm.norm_squared() + upper_arm.norm_squared() - d.norm_squared()) / 2.0
-            - a4.dot(&forearm) * a4.dot(&upper_arm);
-        for (bend, q4) in angles_with([fore.dot(&upper), a4.cross(&fore).dot(&upper)], inner).enumerate() {
+            - a4.dot(forearm) * a4.dot(upper_arm);
+        for (bend, q4) in self.bend.angles_at(inner).enumerate() {
             if (wanted >> (4 * bend)) & 0b1111 == 0 {
                 continue;
             }
             let Some(q4) = turned_into(q4, from[3], ranges[3]) else { continue };
-            let R4 = turn(3, q4);
-            let (v, along_5) = (R4 * forearm - upper_arm, R4 * a5);
+            let turn_4 = Turn::new(&a4, q4);
+            let (v, along_5) = (turn_4.of(forearm) - upper_arm, turn_4.of(&a5));
             let Some(before) = axes_of(&v, &along_5) else { continue };
             // Axis 5: its parts along d and u, which are known, and what is left across both.
             let (along_d, along_u) = (along_5.dot(&v), a5.dot(&a6));
-            let det = across.norm_squared();
             let in_plane = d * ((along_d - along_u * d.dot(&u)) / det)
                 + u * ((along_u * d.norm_squared() - along_d * d.dot(&u)) / det);
             let rest = (1.0 - in_plane.norm_squared()) / det;
@@ -113,23 +123,23 @@ impl SphericalShoulderArm {
                 if (wanted >> (4 * bend + 2 * side)) & 0b11 == 0 {
                     continue;
                 }
-                let Some(after) = axes_of(&d, &(in_plane + across * rest)) else { continue };
-                let R3 = Rotation3::from_matrix_unchecked(after * before.transpose());
-                // What follows joint 4: R5·R6.
-                let M = R4.inverse() * R3.inverse() * R;
-                let Some(q5) = turned_into(angle(&a5, &a6, &(M * a6)), from[4], ranges[4]) else { continue };
-                let q6 = angle(&a6, &a5, &(turn(4, -q5) * M * a5));
+                let Some(after) = axes_of(&d, &(in_plane + normal * rest)) else { continue };
+                // The motion of the first three joints, and what follows joint 4.
+                let first_three = |v: &Vector3<f64>| after * before.tr_mul(v);
+                let last_two = |v: &Vector3<f64>| turn_4.back().of(&(before * after.tr_mul(v)));
+                let Some(q5) = turned_into(angle(&a5, &a6, &last_two(&u)), from[4], ranges[4]) else { continue };
+                let q6 = angle(&a6, &a5, &Turn::new(&a5, -q5).of(&last_two(&r)));
                 let Some(q6) = turned_into(q6, from[5], ranges[5]) else { continue };
                 // q2: the first joint leaves axis 3 at its angle to axis 1.
-                let (to, level) = (R3 * a3, a3 - a2 * a2.dot(&a3));
+                let (to, second) = (first_three(&a3), first_three(&a2));
                 let height = a1.dot(&to) - a1.dot(&a2) * a2.dot(&a3);
-                for (flip, q2) in angles_with([a1.dot(&level), a1.dot(&a2.cross(&a3))], height).enumerate() {
+                for (flip, q2) in self.height.angles_at(height).enumerate() {
                     let Some(q2) = turned_into(q2, from[1], ranges[1]) else { continue };
-                    let R2 = turn(1, q2);
-                    let third = R2 * a3;
+                    let turn_2 = Turn::new(&a2, q2);
+                    let third = turn_2.of(&a3);
                     let q1 = if third.cross(&a1).norm() < SINGULAR { from[0] } else { angle(&a1, &third, &to) };
                     let Some(q1) = turned_into(q1, from[0], ranges[0]) else { continue };
-                    let q3 = angle(&a3, &a2, &(R2.inverse() * turn(0, -q1) * R3 * a2));
+                    let q3 = angle(&a3, &a2, &turn_2.back().of(&Turn::new(&a1, -q1).of(&second)));
                     let Some(q3) = turned_into(q3, from[2], ranges[2]) else { continue };
                     let mut q = JointVector::zeros();
                     q.as_mut_slice()[..7].copy_from_slice(&[q1, q2, q3, q4, q5, q6, q7]);
@@ -138,6 +148,11 @@ impl SphericalShoulderArm {
             }
         }
     }
+}
+
+/// What of a vector is across an axis.
+fn across(v: &Vector3<f64>, axis: &Vector3<f64>) -> Vector3<f64> {
+    v - axis * axis.dot(v)
 }
 
 /// Axes of a frame by one direction and another beside it, as columns; `None` if both are along one line.

@@ -78,12 +78,17 @@ impl MotionPlanner {
         self.brake_spline.knots[DEGREE + 1] * self.braking_s(dq) / 2.0
     }
 
-    /// From `state` to rest within the joint limits, as quickly as is comfortable.
+    /// From `state` to rest within the joint limits and torques, as quickly as is comfortable.
     pub fn braking(&self, state: &Setpoint, start_s: f64) -> Option<BSpline> {
+        // Braking begins with the state's own acceleration.
+        if !self.keeps_torque_at([state.q, state.dq, state.ddq]) {
+            return None;
+        }
         let shortest_s = self.braking_s(&state.dq);
         let most_s = self.config.max_braking_s.max(shortest_s);
         let durations_s = std::iter::successors(Some(shortest_s), |duration_s| Some(duration_s * 1.3)).take(4);
-        durations_s.map(|it| it.min(most_s)).find_map(|it| self.braking_over(state, start_s, it))
+        let over = |duration_s: f64| self.braking_over(state, start_s, duration_s.min(most_s));
+        durations_s.filter_map(over).find(|braking| self.keeps_torque(braking))
     }
 
     /// How long braking from `dq` should take.
@@ -192,12 +197,14 @@ impl MotionPlanner {
     /// are linear, so that torques peak at knots but for what velocities add.
     pub fn keeps_torque(&self, spline: &BSpline) -> bool {
         let inside_s = spline.spans().flat_map(|[start_s, end_s]| [start_s, 0.5 * (start_s + end_s)]);
-        inside_s.chain([spline.end_s()]).all(|time_s| {
-            let [q, dq, ddq] = spline.evaluate(time_s);
-            let torque = self.robot.inverse_dynamics(&q, &dq, &ddq);
-            (0..self.robot.dof())
-                .all(|i| torque[i].abs() <= self.robot.joints[i].limits.torque * self.config.torque_scaling)
-        })
+        inside_s.chain([spline.end_s()]).all(|time_s| self.keeps_torque_at(spline.evaluate(time_s)))
+    }
+
+    /// The same for one state: position, velocity and acceleration.
+    fn keeps_torque_at(&self, [q, dq, ddq]: [JointVector; 3]) -> bool {
+        let torque = self.robot.inverse_dynamics(&q, &dq, &ddq);
+        (0..self.robot.dof())
+            .all(|i| torque[i].abs() <= self.robot.joints[i].limits.torque * self.config.torque_scaling)
     }
 
     /// Whether velocities whose limits depend on the position keep them: at knots and thrice between them.
