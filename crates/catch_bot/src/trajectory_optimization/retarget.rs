@@ -1,12 +1,17 @@
 //! Replans: a running catch adjusted to a flight that is known better.
 
-use catch_body::Pose;
-use nalgebra::Point3;
+use catch_body::{JointVector, MAX_JOINTS, Pose};
+use nalgebra::{Point3, SMatrix, Vector6};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    CatchPlan, CatchSearch, Incoming, Start, motion::LimitScaling, point_to_point::PointToPoint, posture::Posture,
-    search::ReachableCatch, swept_volume::Entering,
+    CatchPlan, CatchSearch, Incoming, Start,
+    motion::LimitScaling,
+    point_to_point::PointToPoint,
+    posture::Posture,
+    quadratic_program::{Hessian, Row, Square, Variables},
+    search::ReachableCatch,
+    swept_volume::Entering,
 };
 use crate::{
     grasp_selection::heuristics,
@@ -25,9 +30,17 @@ pub struct Config {
     /// How much later a catch may be made where it cannot be made when it was meant to be, in seconds; negative for sooner. The
     /// object moves by some 50 mm in 10 ms.
     pub shifts_s: Vec<f64>,
+    /// Fractions of its reachability interval that each joint may use where the arm cannot make a correction as a whole: what a joint at
+    /// the end of its interval cannot do, the others do.
+    pub reach_fractions: Vec<f64>,
     /// Fractions of a correction where the whole is too much.
     pub correction_fractions: Vec<f64>,
 }
+
+/// A turn of the hand counts as much as a shift by so many metres per radian where not both can be corrected.
+const LEVER_M: f64 = 0.05;
+/// Keeps the joints near the plan where the correction leaves them free, in m².
+const DAMPING: f64 = 1e-5;
 
 impl Default for Config {
     fn default() -> Self {
@@ -35,6 +48,7 @@ impl Default for Config {
             arm_angles_rad: vec![0.0, 0.2, -0.2, 0.4, -0.4],
             shifted_arm_angles_rad: vec![0.0, 0.2, -0.2],
             shifts_s: vec![0.01, -0.01, 0.02, -0.02, 0.04, 0.06],
+            reach_fractions: vec![0.99, 0.95, 0.9],
             correction_fractions: vec![0.75, 0.5, 0.25],
         }
     }
@@ -51,7 +65,13 @@ impl Settings for Config {
                 ],
             )
             .lists(&(-1.0..=1.0), [("shifts_s", &self.shifts_s[..])])
-            .lists(&FRACTION, [("correction_fractions", &self.correction_fractions[..])])
+            .lists(
+                &FRACTION,
+                [
+                    ("reach_fractions", &self.reach_fractions[..]),
+                    ("correction_fractions", &self.correction_fractions[..]),
+                ],
+            )
             .all()
     }
 }
@@ -97,11 +117,55 @@ impl CatchSearch {
     pub fn nearest(&self, start: &Start, incoming: &Incoming, plan: &CatchPlan) -> Option<CatchPlan> {
         let local_flight = incoming.flight.local_flight_at(plan.catch_s);
         let wanted = local_flight.X_WO * plan.grasp.X_OG;
-        let found = self.motion.config.replan.correction_fractions.iter().find_map(|part| {
-            let X_WG = plan.X_WG.try_lerp_slerp(&wanted, *part, 1e-9)?;
-            self.adjusted(start, incoming, plan, &local_flight, &X_WG, self.motion.moving_scaling(), &[0.0])
-        })?;
+        let (replan, scaling) = (&self.motion.config.replan, self.motion.moving_scaling());
+        let joint_by_joint = || {
+            replan.reach_fractions.iter().find_map(|fraction| {
+                let posture = self.nearest_posture(start, plan, &wanted, *fraction)?;
+                let X_WG = self.motion.robot.gripper_pose(&posture.q);
+                self.at_posture(start, incoming, plan, &local_flight, &X_WG, scaling, posture)
+            })
+        };
+        let in_part = || {
+            replan.correction_fractions.iter().find_map(|part| {
+                let X_WG = plan.X_WG.try_lerp_slerp(&wanted, *part, 1e-9)?;
+                self.adjusted(start, incoming, plan, &local_flight, &X_WG, scaling, &[0.0])
+            })
+        };
+        let found = joint_by_joint().or_else(in_part)?;
         Some(self.opened(found, plan.aperture_m, start.time_s, incoming, &local_flight))
+    }
+
+    /// The posture near the plan's whose gripper is nearest to `X_WG`, every joint within this fraction of its reachability interval:
+    ///
+    /// min |W·(J·Δq − (Δθ, Δp))|² + ε·|Δq|², low ≤ Δq ≤ high
+    ///
+    /// `None` if it would not be nearer than the plan's.
+    fn nearest_posture(&self, start: &Start, plan: &CatchPlan, X_WG: &Pose, fraction: f64) -> Option<Posture> {
+        let (motion, robot) = (&self.motion, &self.motion.robot);
+        let centre = motion.gripper.grasp_centre();
+        let planned = robot.gripper_pose(&plan.q);
+        let turn = (X_WG.rotation * planned.rotation.inverse()).scaled_axis() * LEVER_M;
+        let shift = X_WG * centre - planned * centre;
+        let error = Vector6::new(turn.x, turn.y, turn.z, shift.x, shift.y, shift.z);
+        let mut jacobian = robot.jacobian(&robot.link_poses(&plan.q), &(planned * centre));
+        let mut turns = jacobian.fixed_rows_mut::<3>(0);
+        turns *= LEVER_M;
+        let (mut H, mut gradient) = (Square::identity(), Variables::zeros());
+        let squares = jacobian.transpose() * jacobian + SMatrix::<f64, MAX_JOINTS, MAX_JOINTS>::identity() * DAMPING;
+        H.fixed_view_mut::<MAX_JOINTS, MAX_JOINTS>(0, 0).copy_from(&squares);
+        gradient.fixed_rows_mut::<MAX_JOINTS>(0).copy_from(&(jacobian.transpose() * -error));
+        let joints = motion.reaches(start, plan.catch_s - start.time_s, motion.moving_scaling());
+        let ranges = motion.ranges(&joints, &start.state.q);
+        let rows: [Row; MAX_JOINTS] = std::array::from_fn(|i| Row::new(Variables::ith(i, 1.0)));
+        let bounds = std::array::from_fn::<_, MAX_JOINTS, _>(|i| {
+            let [low, high] = ranges[i].map(|it| it - plan.q[i]);
+            let unused = (1.0 - fraction) * joints[i].displacements().half_width();
+            [low + unused, high - unused]
+        });
+        let dof = robot.dof();
+        let step = Hessian::new(&H)?.minimize(&gradient, &rows[..dof], &bounds[..dof], 0).ok()?;
+        let step: JointVector = step.fixed_rows::<MAX_JOINTS>(0).into_owned();
+        ((jacobian * step - error).norm() < error.norm()).then(|| Posture { q: plan.q + step, elbow: plan.elbow })
     }
 
     /// The plan's grasp where the object passes, with the gripper at `X_WG`, the elbow moved by the first of these angles that will do.
@@ -116,25 +180,39 @@ impl CatchSearch {
         scaling: LimitScaling,
         elbows_rad: &[f64],
     ) -> Option<CatchPlan> {
-        let LocalFlight { time_s: catch_s, X_WO, V_WO, .. } = *local_flight;
-        let v_WO = V_WO.linear;
-        let base = Point3::from(self.motion.robot.X_WB.translation.vector);
-        let still_cost =
-            heuristics::rank_alone(0, &plan.grasp, &X_WO, &v_WO, &base, &incoming.config.weights).still_cost;
         let known = Posture { q: plan.q, elbow: plan.elbow };
         elbows_rad.iter().find_map(|offset| {
             let posture = self.motion.finder.adjusted(&self.motion.robot, X_WG, &known, *offset)?;
-            let q = posture.q;
-            let point_to_point = self.motion.point_to_point(start, catch_s, X_WG, &q, &v_WO, scaling);
-            let point_to_point = PointToPoint { weights: plan.weights, ..point_to_point };
-            let joints = self.motion.reaches(start, catch_s - start.time_s, scaling);
-            let bounds = self.motion.terminal_velocity_bounds(&joints, &start.state.q, &q)?;
-            let CatchPlan { approach, cost, .. } = *plan;
-            let reachable = ReachableCatch { catch_s, approach, X_WG: *X_WG, posture, cost, still_cost };
-            let found =
-                self.finish(incoming, &reachable, &plan.grasp, point_to_point.best(bounds, -1.0)?, &point_to_point)?;
-            self.motion.is_safe(&found.trajectory, catch_s, &plan.grasp).then_some(found)
+            self.at_posture(start, incoming, plan, local_flight, X_WG, scaling, posture)
         })
+    }
+
+    /// The same in this posture.
+    #[expect(clippy::too_many_arguments, reason = "a catch is a time, a pose and what it is made from")]
+    fn at_posture(
+        &self,
+        start: &Start,
+        incoming: &Incoming,
+        plan: &CatchPlan,
+        local_flight: &LocalFlight,
+        X_WG: &Pose,
+        scaling: LimitScaling,
+        posture: Posture,
+    ) -> Option<CatchPlan> {
+        let LocalFlight { time_s: catch_s, X_WO, V_WO, .. } = *local_flight;
+        let (q, v_WO) = (posture.q, V_WO.linear);
+        let base = Point3::from(self.motion.robot.X_WB.translation.vector);
+        let still_cost =
+            heuristics::rank_alone(0, &plan.grasp, &X_WO, &v_WO, &base, &incoming.config.weights).still_cost;
+        let point_to_point = self.motion.point_to_point(start, catch_s, X_WG, &q, &v_WO, scaling);
+        let point_to_point = PointToPoint { weights: plan.weights, ..point_to_point };
+        let joints = self.motion.reaches(start, catch_s - start.time_s, scaling);
+        let bounds = self.motion.terminal_velocity_bounds(&joints, &start.state.q, &q)?;
+        let CatchPlan { approach, cost, .. } = *plan;
+        let reachable = ReachableCatch { catch_s, approach, X_WG: *X_WG, posture, cost, still_cost };
+        let best = point_to_point.best(bounds, -1.0)?;
+        let found = self.finish(incoming, &reachable, &plan.grasp, best, &point_to_point)?;
+        self.motion.is_safe(&found.trajectory, catch_s, &plan.grasp).then_some(found)
     }
 
     /// The same plan with the opening that it had, or a narrower one for slow fingers, if that lets the object in; else with the narrowest that does, or, where none
