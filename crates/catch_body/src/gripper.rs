@@ -3,7 +3,7 @@
 //! Frame G: the fingers close along x, y is the approach, z runs across the gap. The finger called left is the one at
 //! negative x. `width` is the distance between the inner faces.
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Matrix3, Point3, Vector3};
 use serde::Deserialize;
 
 use crate::{InputError, quantity, robot::Inertia, shape::Cuboid};
@@ -47,6 +47,33 @@ pub struct Gripper {
     /// How it takes commands and tells its state. If nothing is said: width, speed and force, 30 ms, 140 Hz.
     #[serde(default)]
     pub drive: Drive,
+    /// What it is in the paper's simulator.
+    #[serde(default)]
+    pub published: Option<PublishedParts>,
+    /// Whether it is that.
+    #[serde(skip)]
+    pub is_published: bool,
+}
+
+/// A gripper's parts in the paper's simulator.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PublishedParts {
+    /// Moments of inertia of the housing about its centre, along the axes of G.
+    #[serde(deserialize_with = "quantity::inertia_kgm2")]
+    pub body_inertia_kgm2: [f64; 3],
+    /// Those of one finger.
+    #[serde(deserialize_with = "quantity::inertia_kgm2")]
+    pub finger_inertia_kgm2: [f64; 3],
+    /// How far the fingers' boxes are behind x = ±width/2.
+    #[serde(deserialize_with = "quantity::offset_m")]
+    pub finger_recess_m: f64,
+    /// Centres of the balls with which a finger touches, from where its inner face would be at x = ±width/2 (x outward), and from the
+    /// fingers' centre along y and z.
+    pub tips_m: Vec<[f64; 3]>,
+    /// Radius of these balls.
+    #[serde(deserialize_with = "quantity::size_m")]
+    pub tip_radius_m: f64,
 }
 
 /// The drive of a gripper behind its command interface.
@@ -130,10 +157,49 @@ impl Gripper {
         })
     }
 
+    /// With the parts that it has in the paper's simulator, if its file says so.
+    pub fn as_published(self) -> Self {
+        Self { is_published: true, ..self }
+    }
+
+    fn as_simulated(&self) -> Option<&PublishedParts> {
+        self.published.as_ref().filter(|_| self.is_published)
+    }
+
+    /// What the left and the right finger touch with in G at an opening of `width_m`: a box, and balls with their radius.
+    pub fn finger_contacts(&self, width_m: f64) -> [(Cuboid, Vec<(Point3<f64>, f64)>); 2] {
+        let Some(parts) = self.as_simulated() else { return self.fingers(width_m).map(|finger| (finger, Vec::new())) };
+        let [left, right] = self.fingers(width_m + 2.0 * parts.finger_recess_m);
+        [(-1.0, left), (1.0, right)].map(|(side, finger)| {
+            let ball = |[x, y, z]: &[f64; 3]| {
+                (Point3::new(side * (width_m / 2.0 + x), self.finger_centre_y_m + y, *z), parts.tip_radius_m)
+            };
+            (finger, parts.tips_m.iter().map(ball).collect())
+        })
+    }
+
+    /// Mass properties of the housing in G.
+    pub fn body_inertia(&self) -> Inertia {
+        part_inertia(self.body_mass_kg, &self.body(), self.as_simulated().map(|it| it.body_inertia_kgm2))
+    }
+
+    /// Mass properties in G of the left and the right finger at an opening of `width_m`.
+    pub fn finger_inertias(&self, width_m: f64) -> [Inertia; 2] {
+        let moments = self.as_simulated().map(|it| it.finger_inertia_kgm2);
+        self.finger_contacts(width_m).map(|(finger, _)| part_inertia(self.finger_mass_kg, &finger, moments))
+    }
+
     /// Mass properties of housing and fingers in G at an opening of `width_m`.
     pub fn inertia(&self, width_m: f64) -> Inertia {
-        let of_box = |mass, cuboid: &Cuboid| Inertia::of_box(mass, &cuboid.size, cuboid.centre);
-        let body = of_box(self.body_mass_kg, &self.body());
-        self.fingers(width_m).iter().fold(body, |all, finger| all.joined(&of_box(self.finger_mass_kg, finger)))
+        self.finger_inertias(width_m).iter().fold(self.body_inertia(), |all, finger| all.joined(finger))
     }
+}
+
+/// Mass properties of a part: a box, but for the moments of inertia that it has otherwise.
+fn part_inertia(mass_kg: f64, part: &Cuboid, moments_kgm2: Option<[f64; 3]>) -> Inertia {
+    let of_box = Inertia::of_box(mass_kg, &part.size, part.centre);
+    moments_kgm2.map_or(of_box, |moments| {
+        let about_com = Matrix3::from_diagonal(&Vector3::from(moments));
+        Inertia { about_com, ..of_box }
+    })
 }

@@ -42,6 +42,7 @@ pub fn catch_at(planner: &MotionPlanner, start: &Start, target: &Target) -> Opti
         start: start.state,
         keeps_start: StartState::Velocity,
         stretch: [1.0; 2],
+        stretch_guess: 1.0,
         limits: (0..dof).map(|i| planner.limits(i, &start.state, scaling)).collect(),
         waypoints: vec![Waypoint {
             time_s: catch_s,

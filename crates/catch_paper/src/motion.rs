@@ -20,6 +20,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::sqp::{MET, Problem, StartState, Tolerance, Waypoint, clamped_knots};
 
+/// Duration of the first guess in the authors' code, whatever the catch time.
+const FIRST_GUESS_S: f64 = 1.0;
+
 /// Settings of the paper's trajectory optimization.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -48,9 +51,9 @@ pub struct Config {
     /// Whether there is a cost at all (text); else each program stays near the last one's motion, which no cost tells it to
     /// (code).
     pub has_cost: bool,
-    /// How far the last link may be from where it is when a motion starts, the joints being free (code). At zero the joints
-    /// start where they are as well (text).
-    pub start: Tolerances,
+    /// Whether motions start in the state of the joints (text). Else the last link starts within the tolerances of the catch, and
+    /// the joints are free (code).
+    pub starts_in_joints: bool,
     /// Whether the last link is then meant where it is sensed, and not where the running plan has it.
     pub starts_where_sensed: bool,
     /// Whether the gripper's velocity counts before the grasp (text).
@@ -68,6 +71,10 @@ pub struct Config {
     pub freezes_orientation: bool,
     /// Whether inverse kinematics for the guess takes the last link's axes for those of the gripper (code).
     pub confuses_wrist: bool,
+    /// How far beyond the gripper's origin, along its approach, the point is that is meant to be there, in metres (code: 0.01).
+    pub weld_error_m: f64,
+    /// Whether the guess has the duration of the last motion, one second at first (code); else the one that is wanted.
+    pub guesses_duration: bool,
 }
 
 impl Default for Config {
@@ -84,7 +91,7 @@ impl Default for Config {
             comfort_weight: 1e-4,
             stops_when_met: true,
             has_cost: true,
-            start: Tolerances::default(),
+            starts_in_joints: true,
             starts_where_sensed: false,
             pre_grasp_velocity: true,
             tail_s: 0.0,
@@ -93,14 +100,9 @@ impl Default for Config {
             keeps_unsolved: false,
             freezes_orientation: false,
             confuses_wrist: false,
+            weld_error_m: 0.0,
+            guesses_duration: false,
         }
-    }
-}
-
-impl Config {
-    /// Whether motions start in the state of the joints.
-    pub fn starts_in_joints(&self) -> bool {
-        self.start == Tolerances::default()
     }
 }
 
@@ -113,11 +115,14 @@ impl Settings for Config {
             .values(&DURATION_S, [("pre_grasp_s", self.pre_grasp_s), ("tail_s", self.tail_s)])
             .values(
                 &NOT_NEGATIVE,
-                [("pre_grasp_loosening", self.pre_grasp_loosening), ("comfort_weight", self.comfort_weight)],
+                [
+                    ("pre_grasp_loosening", self.pre_grasp_loosening),
+                    ("comfort_weight", self.comfort_weight),
+                    ("weld_error_m", self.weld_error_m),
+                ],
             )
             .table("loosest", &self.loosest)
             .table("replan", &self.replan)
-            .table("start", &self.start)
             .all()
     }
 }
@@ -135,10 +140,13 @@ pub fn plan(
     let goal = Goal { flight, catch_s, grasp, R_WG: config.freezes_orientation.then_some(X_WG.rotation) };
     let q = inverse_kinematics(planner, &X_WG, config)?;
     let mut guess = between(&start.state.q, &q, config.control_points);
+    let mut duration_s = FIRST_GUESS_S;
     let mut tolerances = config.loosest;
     let mut best: Option<(BSpline, BSpline)> = None;
     for round in 0..config.rounds {
-        let Ok(found) = problem(planner, start, &goal, &tolerances, config).solve(&guess) else { break };
+        let problem = problem(planner, start, &goal, &tolerances, duration_s, config);
+        let Ok(found) = problem.solve(&guess) else { break };
+        duration_s = found.spline.end_s() - start.time_s;
         let is_met = found.excess < MET;
         if is_met || (round == 0 && config.keeps_unsolved) {
             guess.clone_from(&found.spline.control_points);
@@ -163,7 +171,8 @@ pub fn follow(
 ) -> Option<CatchPlan> {
     let R_WG = config.freezes_orientation.then_some(plan.X_WG.rotation);
     let goal = Goal { flight, catch_s: plan.catch_s, grasp: &plan.grasp, R_WG };
-    let problem = problem(planner, start, &goal, &config.replan, config);
+    let duration_s = plan.trajectory.end_s() - plan.trajectory.start_s();
+    let problem = problem(planner, start, &goal, &config.replan, duration_s, config);
     if config.keeps_unsolved && config.tail_s > 0.0 {
         let found = problem.solve(&plan.trajectory.control_points).ok()?;
         let trajectory = completed(planner, &found.spline, &plan.grasp, config)?;
@@ -250,30 +259,31 @@ fn problem<'a>(
     start: &Start,
     goal: &Goal<'_>,
     tolerances: &Tolerances,
+    duration_s: f64,
     config: &Config,
 ) -> Problem<'a> {
     let robot = planner.robot();
     let tolerance = Tolerance::from(*tolerances);
+    // The point that is meant to be in the gripper's origin.
+    let p_GP = Point3::new(0.0, config.weld_error_m, 0.0);
+    let X_PG = Pose::from_parts((-p_GP.coords).into(), UnitQuaternion::identity());
     let at = |time_s: f64, tolerance: Tolerance| Waypoint {
         time_s,
-        X_WG: goal.X_WG(time_s),
-        // The paper constrains the origin of the gripper's frame.
-        p_GP: Point3::origin(),
+        X_WG: goal.X_WG(time_s) * X_PG,
+        p_GP,
         v_WO: goal.flight.twist_at(time_s).linear,
         fraction: None,
         tolerance,
     };
     let velocity_mps = if config.pre_grasp_velocity { tolerance.velocity_mps } else { f64::INFINITY };
     let looser = Tolerance { velocity_mps, ..tolerance.scaled(config.pre_grasp_loosening) };
-    let from = (!config.starts_in_joints()).then(|| {
+    let from = (!config.starts_in_joints).then(|| {
         let Setpoint { q, dq, .. } = start.state;
         let X_WG = robot.gripper_pose(&q);
-        let p_GL = Point3::from(robot.X_LG.inverse().translation.vector);
-        let v_WO = robot.gripper_twist(&q, &dq).velocity_at(&(X_WG.rotation * p_GL.coords));
-        let tolerance = Tolerance::from(config.start);
-        Waypoint { time_s: start.time_s, X_WG, p_GP: p_GL, v_WO, fraction: Some(1.0), tolerance }
+        let v_WO = robot.gripper_twist(&q, &dq).velocity_at(&(X_WG.rotation * p_GP.coords));
+        Waypoint { time_s: start.time_s, X_WG: X_WG * X_PG, p_GP, v_WO, fraction: Some(1.0), tolerance }
     });
-    let mut limits = if config.starts_in_joints() {
+    let mut limits = if config.starts_in_joints {
         planner.limits_from(start)
     } else {
         robot.joints.iter().map(|joint| joint.limits).collect()
@@ -283,13 +293,15 @@ fn problem<'a>(
     }
     let (catch_s, end_s) = (goal.catch_s, goal.catch_s + config.tail_s);
     let by = tolerances.time_s / (end_s - start.time_s);
+    let stretch_guess = if config.guesses_duration { duration_s / (end_s - start.time_s) } else { 1.0 };
     let catch = [at(catch_s - config.pre_grasp_s, looser), at(catch_s, tolerance)];
     Problem {
         robot,
         knots_s: clamped_knots(start.time_s, end_s, config.control_points),
         start: start.state,
-        keeps_start: if config.starts_in_joints() { StartState::Acceleration } else { StartState::Nothing },
+        keeps_start: if config.starts_in_joints { StartState::Acceleration } else { StartState::Nothing },
         stretch: [1.0 - by, 1.0 + by],
+        stretch_guess,
         limits,
         waypoints: from.into_iter().chain(catch).collect(),
         speed_fraction: [config.speed_fraction; 2],

@@ -54,7 +54,7 @@ impl Problem<'_> {
     pub fn solve(&self, guess: &[JointVector]) -> Result<Solution, ProgramFailure> {
         let layout = Layout::new(self);
         let limits = layout.limit_rows(self).ok_or(ProgramFailure::Infeasible)?;
-        let mut x = layout.feasible(&limits, guess, self.speed_fraction[1])?;
+        let mut x = layout.feasible(&limits, guess, self.speed_fraction[1], self.stretch_guess)?;
         let mut now = layout.linearize(self, &x);
         let mut radius = RADIUS;
         let mut iterations = 0;
@@ -186,6 +186,7 @@ pub(crate) mod tests {
             start,
             keeps_start: StartState::Acceleration,
             stretch: [1.0; 2],
+            stretch_guess: 1.0,
             limits,
             waypoints: vec![waypoint],
             speed_fraction: [0.0, 0.3],

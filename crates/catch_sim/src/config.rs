@@ -23,7 +23,9 @@ pub struct ArenaConfig {
     /// Whether objects have the mass properties and the collision geometry of the paper's simulator, which stand in the table
     /// `published` of their files. Off by default: they are wrong by factors of 10 to 10,000.
     pub published_bodies: bool,
-    /// Whether the arm's rotors have inertia. The paper's arm has none.
+    /// Whether the gripper has the moments of inertia and the fingertips that it has in the paper's simulator, if its file says so.
+    pub published_gripper: bool,
+    /// Whether the arm's rotors have inertia.
     pub rotors: bool,
     /// Coulomb friction coefficient of all contacts: a number, or `{ min, max }` from which every throw draws one. Default
     /// 0.667, to which the paper's simulator combines its materials; there is no sourced value for rubber on felt. An object whose
@@ -144,8 +146,8 @@ pub struct RobotController {
     pub unlimited_torque: bool,
     /// Gains of its computed torque.
     pub gains: ControllerGains,
-    /// The links, base to tip, of whose mass matrix it computes torques, without gripper and rotors. None: it knows the arm that
-    /// it moves.
+    /// The links, base to tip, of the arm whose dynamics it computes torques by, without gripper and damping. None: it knows the arm
+    /// that it moves.
     pub links: Vec<ModelLink>,
 }
 
@@ -184,6 +186,9 @@ pub struct ModelLink {
     /// Principal moments of inertia about it along the link's axes, in kg·m².
     #[serde(deserialize_with = "quantity::inertia_kgm2")]
     pub inertia_kgm2: [f64; 3],
+    /// Inertia of the rotor that drives it, reflected to the joint, in kg·m².
+    #[serde(deserialize_with = "quantity::rotor_inertia_kgm2")]
+    pub rotor_inertia_kgm2: f64,
 }
 
 impl Default for ArenaConfig {
@@ -192,6 +197,7 @@ impl Default for ArenaConfig {
             gripper: GripperDriveKind::default(),
             gripper_trigger: GripperTrigger::default(),
             published_bodies: false,
+            published_gripper: false,
             rotors: true,
             friction: Drawn::Always(0.667),
             restitution_scale: 1.0,

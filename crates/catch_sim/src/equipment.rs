@@ -36,10 +36,13 @@ impl Equipment {
     pub fn new(
         config: ArenaConfig,
         mut robot: Robot,
-        gripper: Gripper,
+        mut gripper: Gripper,
         object: ThrownObject,
         cameras: Vec<CameraModel>,
     ) -> Self {
+        if config.published_gripper {
+            gripper = gripper.as_published();
+        }
         if !config.rotors {
             robot.joints.iter_mut().for_each(|joint| joint.rotor_inertia = 0.0);
         }

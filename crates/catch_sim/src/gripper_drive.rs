@@ -66,7 +66,7 @@ enum Law {
     /// At once, at any speed.
     Ideal,
     /// At once, with all the force there is; beyond the stops when open.
-    Position { open_width_m: f64 },
+    Position { open_width_m: f64, cycle_s: f64 },
     /// Through an interface, within the limits of the fingers.
     Real(Interface, Ramp),
 }
@@ -104,9 +104,9 @@ impl GripperDrive {
 
     /// A controller for each finger that knows no limit of speed.
     pub fn position(gripper: &Gripper, width_m: f64, config: &PositionDrive) -> Self {
-        let PositionDrive { stiffness_npm, damping_nspm, max_force_n, open_width_m } = *config;
+        let PositionDrive { stiffness_npm, damping_nspm, max_force_n, open_width_m, cycle_s } = *config;
         let mut drive = Self::with_gains(gripper, width_m, Gains { stiffness_npm, damping_nspm });
-        drive.law = Law::Position { open_width_m };
+        drive.law = Law::Position { open_width_m, cycle_s };
         drive.max_force_n = max_force_n;
         drive.active.order = drive.as_driven(drive.active.order);
         drive
@@ -145,7 +145,8 @@ impl GripperDrive {
         let ActiveMove { order, .. } = self.active;
         let limit = order.force_n.min(self.max_force_n);
         let setpoint = match &mut self.law {
-            Law::Ideal | Law::Position { .. } => self.active.jump(time_s),
+            Law::Ideal => self.active.jump(time_s),
+            Law::Position { cycle_s, .. } => self.active.jump_by_cycle(time_s, *cycle_s),
             // The controller's output is at its limit where the setpoint is this far ahead; it need not go further.
             Law::Real(_, ramp) => ramp.advance(time_s, &order, width_m, 2.0 * limit / stiffness_npm),
         };
@@ -180,7 +181,7 @@ impl GripperDrive {
     fn as_driven(&self, order: GripperMove) -> GripperMove {
         let width_m = self.gripper.driven_width_m(order.width_m);
         let width_m = match self.law {
-            Law::Position { open_width_m } if width_m >= self.gripper.max_width_m => open_width_m,
+            Law::Position { open_width_m, .. } if width_m >= self.gripper.max_width_m => open_width_m,
             Law::Position { .. } => width_m,
             _ if self.gripper.drive.control == DriveControl::SpeedAndForce => return GripperMove { width_m, ..order },
             _ => width_m,
@@ -210,6 +211,13 @@ impl GripperDrive {
 }
 
 impl ActiveMove {
+    /// The width that a position drive wants at `time_s`, and its rate: the jump's difference quotient, one cycle after it.
+    fn jump_by_cycle(&self, time_s: f64, cycle_s: f64) -> [f64; 2] {
+        let cycles = (time_s - self.since_s) / cycle_s;
+        let rate_mps = if (cycles - 1.0).abs() < 0.5 { (self.order.width_m - self.from_m) / cycle_s } else { 0.0 };
+        [self.order.width_m, rate_mps]
+    }
+
     /// The width that an ideal drive wants at `time_s`, and its rate: at the speed of the move from its first instant on.
     fn jump(&self, time_s: f64) -> [f64; 2] {
         let Self { order, from_m, since_s } = *self;

@@ -24,8 +24,8 @@ pub struct Servo {
     config: RobotController,
     draws: Draws,
     executor: Executor,
-    /// The arm whose mass matrix it computes with, if that is another.
-    mass_model: Option<Robot>,
+    /// The arm that it takes the arm for, if that is another.
+    other_model: Option<Robot>,
     /// What the integral of the errors of the joints' positions asks for, in rad/s².
     error_integral: JointVector,
     /// Excursions that last: entries of the report by joint, for position and velocity.
@@ -47,7 +47,7 @@ impl Servo {
             limit_check: LimitCheck::Report,
         };
         Self {
-            mass_model: (!config.links.is_empty()).then(|| with_links(&model, &config.links)),
+            other_model: (!config.links.is_empty()).then(|| with_links(&model, &config.links)),
             config,
             draws,
             executor: Executor::new(model, q, checks),
@@ -114,16 +114,8 @@ impl Servo {
             + error * gains.proportional_per_s2
             + (wanted.dq - dq) * gains.derivative_per_s
             + self.error_integral;
-        let model = self.executor.robot();
-        let mut torque = match &self.mass_model {
-            None => model.inverse_dynamics(q, dq, &acceleration),
-            // Inverse dynamics without motion is gravity, so what is left of the other model's is its mass matrix times q̈.
-            Some(other) => {
-                let at_rest = JointVector::zeros();
-                let gravity = other.inverse_dynamics(q, &at_rest, &at_rest);
-                model.inverse_dynamics(q, dq, &at_rest) + other.inverse_dynamics(q, &at_rest, &acceleration) - gravity
-            }
-        };
+        let model = self.other_model.as_ref().unwrap_or(self.executor.robot());
+        let mut torque = model.inverse_dynamics(q, dq, &acceleration);
         let mut is_clamped = false;
         for (i, joint) in self.executor.robot().joints.iter().enumerate() {
             let limit = joint.limits.torque;
@@ -178,13 +170,14 @@ impl Servo {
     }
 }
 
-/// An arm of these links, without rotors.
+/// An arm of these links, without damping.
 fn with_links(model: &Robot, links: &[ModelLink]) -> Robot {
     let mut other = model.clone();
     for (joint, link) in other.joints.iter_mut().zip(links) {
         let about_com = Matrix3::from_diagonal(&Vector3::from(link.inertia_kgm2));
         joint.inertia = Inertia { mass: link.mass_kg, com: link.com_m.into(), about_com };
-        joint.rotor_inertia = 0.0;
+        joint.rotor_inertia = link.rotor_inertia_kgm2;
+        joint.damping = 0.0;
     }
     other
 }

@@ -157,6 +157,7 @@ impl Layout {
         limits: &[Row],
         guess: &[JointVector],
         fraction: f64,
+        stretch_guess: f64,
     ) -> Result<DVector<f64>, ProgramFailure> {
         let mut x = DVector::zeros(self.variables());
         for joint in 0..self.dof {
@@ -165,8 +166,8 @@ impl Layout {
             }
         }
         x[self.fraction()] = fraction;
-        if self.stretch.is_some() {
-            x[self.stretch_variable()] = 1.0;
+        if let Some([least, most]) = self.stretch {
+            x[self.stretch_variable()] = stretch_guess.clamp(least, most);
         }
         let hessian = DMatrix::identity(self.variables(), self.variables());
         Program { hessian, gradient: -&x, rows: limits.to_vec() }.minimize(x)

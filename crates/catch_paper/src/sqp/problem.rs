@@ -18,6 +18,8 @@ pub struct Problem<'a> {
     pub keeps_start: StartState,
     /// By what factors its duration may differ from that of the knots. Waypoints are met at their knots' times stretched as much.
     pub stretch: [f64; 2],
+    /// That factor of the guess.
+    pub stretch_guess: f64,
     /// What each joint may do; an acceleration may be without limit.
     pub limits: Vec<JointLimits>,
     /// Where the gripper is to be, and when.

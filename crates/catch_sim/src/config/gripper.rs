@@ -45,17 +45,21 @@ pub struct PositionDrive {
     /// Force per speed, in N·s/m.
     #[serde(deserialize_with = "quantity::damping_nspm")]
     pub damping_nspm: f64,
-    /// The most that a finger presses with, in N.
+    /// The most that a finger presses with, in N: half of what the controller gives both.
     #[serde(deserialize_with = "quantity::force_n")]
     pub max_force_n: f64,
     /// The width that open fingers are commanded: beyond their stops.
     #[serde(deserialize_with = "quantity::size_m")]
     pub open_width_m: f64,
+    /// The controller's cycle in seconds, by which it takes the rate of the commanded width: a jump is pushed after with all the force
+    /// there is, one cycle later. Zero: it damps the fingers' own speed only.
+    #[serde(deserialize_with = "quantity::controller_time_s")]
+    pub cycle_s: f64,
 }
 
 impl Default for PositionDrive {
     fn default() -> Self {
-        Self { stiffness_npm: 2500.0, damping_nspm: 20.0, max_force_n: 1000.0, open_width_m: 1.0 }
+        Self { stiffness_npm: 2500.0, damping_nspm: 20.0, max_force_n: 500.0, open_width_m: 1.0, cycle_s: 1e-3 }
     }
 }
 

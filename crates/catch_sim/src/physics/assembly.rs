@@ -157,9 +157,7 @@ impl Builder {
         for (i, joint) in robot.joints.iter().enumerate() {
             let mut inertia = joint.inertia;
             if i + 1 == robot.dof() {
-                let body = gripper.body();
-                let housing = Inertia::of_box(gripper.body_mass_kg, &body.size, body.centre);
-                inertia = inertia.joined(&housing.transformed(&robot.X_LG));
+                inertia = inertia.joined(&gripper.body_inertia().transformed(&robot.X_LG));
             }
             let (parent, child) = (links[i], self.add_body(&X_WL[i + 1], &inertia));
             // The engine's joints turn about their own x axis.
@@ -183,10 +181,9 @@ impl Builder {
     /// meet in the middle.
     fn add_fingers(&mut self, gripper: &Gripper, hand: engine::RigidBodyHandle, X_HG: &Pose) -> [Axis; 2] {
         let X_WH = super::convert::from_pose(self.bodies[hand].position());
-        let mut closed = gripper.fingers(0.0).into_iter();
+        let mut closed = gripper.finger_contacts(0.0).into_iter().zip(gripper.finger_inertias(0.0));
         [(Part::LeftFinger, -Vector3::x_axis()), (Part::RightFinger, Vector3::x_axis())].map(|(part, opening)| {
-            let finger = closed.next().expect("a gripper has two fingers");
-            let inertia = Inertia::of_box(gripper.finger_mass_kg, &finger.size, finger.centre);
+            let ((finger, balls), inertia) = closed.next().expect("a gripper has two fingers");
             let child = self.add_body(&(X_WH * X_HG), &inertia);
             let R_GJ = rotation_from_x_to(&opening);
             let prismatic = engine::GenericJointBuilder::new(JointAxesMask::LOCKED_PRISMATIC_AXES)
@@ -195,6 +192,10 @@ impl Builder {
                 .limits(JointAxis::LinX, [0.0, gripper.max_width_m / 2.0]);
             self.multibodies.insert(hand, child, prismatic.build(), true);
             self.attach_box(child, &Pose::identity(), &finger, part);
+            for (centre, radius_m) in balls {
+                let ball = engine::ColliderBuilder::ball(radius_m).translation(to_vector(&centre.coords));
+                self.attach(child, ball, part);
+            }
             Axis { child, parent: hand, direction: to_vector(&opening) }
         })
     }
