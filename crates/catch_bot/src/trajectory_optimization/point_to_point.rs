@@ -21,6 +21,23 @@ use crate::grasp_selection::TYPICAL_RESTITUTION;
 /// Distance from the extreme velocity of a spline at which another one surely has it, in rad/s.
 const INSIDE: f64 = 1e-7;
 
+/// Normals of contacts that are looked at, both ways, before they are scaled to length one.
+const NORMALS: [[f64; 3]; 13] = [
+    [1.0, 0.0, 0.0],
+    [0.0, 1.0, 0.0],
+    [0.0, 0.0, 1.0],
+    [1.0, 1.0, 0.0],
+    [1.0, -1.0, 0.0],
+    [1.0, 0.0, 1.0],
+    [1.0, 0.0, -1.0],
+    [0.0, 1.0, 1.0],
+    [0.0, 1.0, -1.0],
+    [1.0, 1.0, 1.0],
+    [1.0, 1.0, -1.0],
+    [1.0, -1.0, 1.0],
+    [1.0, -1.0, -1.0],
+];
+
 /// Any velocity.
 const UNLIMITED: Interval = Interval { low: f64::NEG_INFINITY, high: f64::INFINITY };
 
@@ -89,28 +106,36 @@ impl PointToPoint<'_> {
         None
     }
 
-    /// The velocity limits less what the object's impact may add: M⁻¹·Jᵀ·m·v·(1 + e) for an object that bounces off the palm or a finger of
-    /// an arm whose motors are too slow to answer. Joints keep to them shortly before the catch, too: what hits the gripper mostly does so early.
+    /// The velocity limits less what the object's impact may add on either side: a smooth object that bounces off a finger pushes it along the
+    /// normal n of the contact, by (1 + e)·v·n/(1/m + n·J·M⁻¹·Jᵀ·n), whichever direction that is; motors are too slow to answer. Joints keep to
+    /// them shortly before the catch, too: what hits the gripper mostly does so early.
     fn speeds_that_withstand_impact(&self) -> [Interval; MAX_JOINTS] {
         let robot = &self.planner.robot;
-        let inertia = || robot.mass_matrix(&self.q).cholesky();
-        // Where the object hits: the palm or one of both fingers.
-        let finger_W = self.following.map_or(Vector3::zeros(), |(R_WG, _)| {
-            R_WG * Vector3::new(self.planner.gripper.max_width_m / 2.0, 0.0, 0.0)
-        });
-        let mass = self.planner.config.object_mass_kg.and_then(|it| Some((it, inertia()?)));
-        let added = mass.map_or(JointVector::zeros(), |(mass_kg, inertia)| {
-            let impulse_W = self.v_WO * (mass_kg * (1.0 + TYPICAL_RESTITUTION));
-            let of_joints = |from: usize, of_gripper: &Vector3<f64>| {
-                inertia.solve(&(self.jacobian.fixed_rows::<3>(from).transpose() * of_gripper))
-            };
-            let (straight, by_finger) = (of_joints(3, &impulse_W), of_joints(0, &finger_W.cross(&impulse_W)));
-            // The larger one of |a + b| and |a − b|.
-            straight.abs() + by_finger.abs()
-        });
+        let mut added = [Interval { low: 0.0, high: 0.0 }; MAX_JOINTS];
+        let mass_kg = self.planner.config.object_mass_kg;
+        if let Some((mass_kg, inertia)) = mass_kg.and_then(|it| Some((it, robot.mass_matrix(&self.q).cholesky()?))) {
+            let (angular, linear) = (self.jacobian.fixed_rows::<3>(0), self.jacobian.fixed_rows::<3>(3));
+            let normals_W = NORMALS.map(|it| Vector3::from(it).normalize());
+            for side in [-0.5, 0.5] {
+                let finger_W = self.following.map_or(Vector3::zeros(), |(R_WG, _)| {
+                    R_WG * Vector3::new(side * self.planner.gripper.max_width_m, 0.0, 0.0)
+                });
+                let at_finger = linear - finger_W.cross_matrix() * angular;
+                let of_impulse = inertia.solve(&at_finger.transpose());
+                let mobility = at_finger * of_impulse;
+                for n_W in normals_W.iter().flat_map(|it| [*it, -it]) {
+                    let approach_mps = self.v_WO.dot(&n_W).max(0.0);
+                    let impulse_ns =
+                        (1.0 + TYPICAL_RESTITUTION) * approach_mps / (1.0 / mass_kg + n_W.dot(&(mobility * n_W)));
+                    for (added, dq) in added.iter_mut().zip(&(of_impulse * (n_W * impulse_ns))) {
+                        *added = Interval { low: added.low.min(*dq), high: added.high.max(*dq) };
+                    }
+                }
+            }
+        }
         std::array::from_fn(|i| {
             let [low, high] = robot.joints.get(i).map_or([0.0; 2], |joint| joint.velocity_range(self.q[i]));
-            Interval { low: low + added[i], high: high - added[i] }
+            Interval { low: low - added[i].low, high: high - added[i].high }
         })
     }
 
