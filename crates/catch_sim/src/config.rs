@@ -10,7 +10,9 @@ pub use crate::drawn::{Between, Drawn};
 
 pub use gripper::{GripperDriveKind, GripperTrigger, PositionDrive, ProximitySensor, RealDrive};
 
-use crate::{aerodynamics::AerodynamicsConfig, camera_faults::CameraFault, depth_noise::DepthConfig};
+use crate::{
+    aerodynamics::AerodynamicsConfig, camera_faults::CameraFault, depth_noise::DepthConfig, person::PersonConfig,
+};
 
 /// What the arena is like. The defaults are the paper's where the paper says something.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -64,6 +66,8 @@ pub struct ArenaConfig {
     pub depth: DepthConfig,
     /// Cameras that fail, each at its time. None by default.
     pub camera_faults: Vec<CameraFault>,
+    /// A person who walks through the images. Nobody by default.
+    pub person: Option<PersonConfig>,
     /// Observations per second, each with an image of every camera unless these run freely. Default 100 Hz (paper, IV).
     #[serde(deserialize_with = "quantity::rate_hz")]
     pub frame_rate_hz: f64,
@@ -213,6 +217,7 @@ impl Default for ArenaConfig {
             floor_visible: false,
             depth: DepthConfig::default(),
             camera_faults: Vec::new(),
+            person: None,
             frame_rate_hz: 100.0,
             free_running_cameras: false,
             latency_s: Drawn::Always(0.0),
@@ -243,6 +248,7 @@ impl ArenaConfig {
             let expected = "a rate whose interval is a whole number of steps (step_s)";
             faults.push(InputError::new(file, format!("{table}.frame_rate_hz"), self.frame_rate_hz, expected));
         }
+        faults.extend(self.person.and_then(|person| person.check(file, &format!("{table}.person")).err()));
         faults.extend(self.depth.check(file, &format!("{table}.depth")).err().into_iter().flat_map(InputError::all));
         faults
     }

@@ -42,6 +42,7 @@ pub mod free_flight;
 pub mod gripper_drive;
 pub mod object;
 pub mod object_shape;
+pub mod person;
 pub mod physics;
 pub mod random_streams;
 mod sensors;

@@ -46,6 +46,8 @@ pub enum Stream {
     Aerodynamics = 26,
     /// How far the cameras' poses are from what is believed before they are calibrated.
     Calibration = 27,
+    /// Where a person walks.
+    Person = 28,
 }
 
 /// Uniform numbers.

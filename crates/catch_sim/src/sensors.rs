@@ -9,6 +9,7 @@ use crate::{
     cameras::{DepthCameras, Readout, Renderer, Scene},
     config::ArenaConfig,
     drawn::Drawn,
+    person::Person,
 };
 
 /// Cameras that look, at every observation or in their own time, and whose images arrive after a while.
@@ -78,7 +79,8 @@ impl CameraClock {
 impl Sensors {
     /// The sensors of the scene (`seed`, `index`), whose cameras the brain believes to stand as `calibrated`.
     pub fn new(config: &ArenaConfig, calibrated: &[CameraModel], seed: u64, index: u64) -> Self {
-        let cameras = DepthCameras::new(calibrated, &config.depth, seed, index);
+        let person = config.person.map(|person| Person::new(&person, seed, index));
+        let cameras = DepthCameras::new(calibrated, &config.depth, seed, index).with_person(person);
         let clock = |(i, camera): (usize, &CameraModel)| {
             let period_s = 1.0 / camera.rate_hz.unwrap_or(config.frame_rate_hz);
             let free = FreeRun { phase_s: cameras.phase(i) * period_s, period_s };

@@ -327,6 +327,7 @@ impl Setup {
         let [earliest_s, latest_s] = arena.latency_s.bounds();
         let has_own_stream = arena.depth != DepthConfig::default()
             || arena.free_running_cameras
+            || arena.person.is_some()
             || earliest_s < latest_s
             || arena.gripper != GripperDriveKind::default()
             || arena.robot_errors != RobotErrors::default()

@@ -4,7 +4,10 @@ use catch_body::Pose;
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 
-use crate::depth_noise::{DepthConfig, DepthModel, EDGE_JUMP_PX, StereoNoise};
+use crate::{
+    depth_noise::{DepthConfig, DepthModel, EDGE_JUMP_PX, StereoNoise},
+    person::Person,
+};
 
 use super::{
     Readout, Renderer, Scene,
@@ -21,6 +24,7 @@ pub struct DepthCameras {
     cameras: Vec<CameraModel>,
     config: DepthConfig,
     holes: Option<Holes>,
+    person: Option<Person>,
     key: Key,
 }
 
@@ -65,8 +69,14 @@ impl DepthCameras {
             cameras: (0..).zip(calibrated).map(true_camera).collect(),
             config: config.clone(),
             holes: Holes::new(config, key.part(OBJECT)),
+            person: None,
             key,
         }
+    }
+
+    /// The same, with somebody who walks through the images.
+    pub(crate) fn with_person(self, person: Option<Person>) -> Self {
+        Self { person, ..self }
     }
 
     /// The cameras where they truly stand.
@@ -124,7 +134,8 @@ impl DepthCameras {
         readout: Readout,
         labelled: bool,
     ) -> Vec<DepthFrame> {
-        let view = renderer.view(scene);
+        let person = self.person.iter().flat_map(|person| person.parts(scene.capture_s));
+        let view = renderer.view(scene).with(person);
         let stereo = self.config.model.stereo();
         let edge_px = stereo.as_ref().map_or(0, StereoNoise::edge_reach_px);
         let channels = Channels {

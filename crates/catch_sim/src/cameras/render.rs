@@ -66,7 +66,7 @@ impl Renderer {
     /// The surfaces where they are in `scene`.
     pub(super) fn view(&self, scene: &Scene) -> View<'_> {
         View {
-            arm: self.arm.parts(scene.X_WL, scene.width_m).collect(),
+            others: self.arm.parts(scene.X_WL, scene.width_m).collect(),
             object: (*scene.X_WO, &self.object),
             floor_visible: self.floor_visible,
         }
@@ -75,12 +75,19 @@ impl Renderer {
 
 /// Surfaces with their poses X_WB.
 pub(super) struct View<'a> {
-    arm: Vec<(Pose, &'a RayCaster)>,
+    /// All but the object.
+    others: Vec<(Pose, &'a RayCaster)>,
     object: (Pose, &'a RayCaster),
     floor_visible: bool,
 }
 
-impl View<'_> {
+impl<'a> View<'a> {
+    /// With more bodies.
+    pub fn with(mut self, bodies: impl IntoIterator<Item = (Pose, &'a RayCaster)>) -> Self {
+        self.others.extend(bodies);
+        self
+    }
+
     /// The pixels of camera number `index` that are read out; a window around the object is widened by `margin_px`.
     pub fn window(&self, index: usize, camera: &CameraModel, readout: Readout, margin_px: u32) -> PixelWindow {
         match readout {
@@ -94,14 +101,14 @@ impl View<'_> {
     }
 
     /// What a camera sees in a window.
-    pub fn image<'a>(&self, camera: &'a CameraModel, window: PixelWindow, channels: Channels) -> Image<'a> {
+    pub fn image<'c>(&self, camera: &'c CameraModel, window: PixelWindow, channels: Channels) -> Image<'c> {
         let mut image = Image::empty(camera, window, channels);
         image.add_body(&Sight::new(camera, &self.object), true);
         // From near to far, because what is known to be hidden costs little. The order is the same for all windows.
-        let mut arm: Vec<_> = self.arm.iter().map(|body| Sight::new(camera, body)).collect();
-        arm.retain(|body| body.window.intersection(&window).area() > 0);
-        arm.sort_by(|one, two| one.nearest_m.total_cmp(&two.nearest_m));
-        for body in &arm {
+        let mut others: Vec<_> = self.others.iter().map(|body| Sight::new(camera, body)).collect();
+        others.retain(|body| body.window.intersection(&window).area() > 0);
+        others.sort_by(|one, two| one.nearest_m.total_cmp(&two.nearest_m));
+        for body in &others {
             image.add_body(body, false);
         }
         if self.floor_visible {

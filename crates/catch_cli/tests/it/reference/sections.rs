@@ -62,6 +62,12 @@ pub const SCENARIO: &[Section] = &[
     of("arena.camera_faults, kind", FAULTS, "CameraFaultKind"),
     of("arena.camera_faults, kind swapped", FAULTS, "SwappedCamera"),
     of("arena.camera_faults, kind pushed", FAULTS, "Push"),
+    with(
+        "arena.person",
+        "arena.person",
+        "arena.person={ nearest_m = 2, speed_mps = 1 }",
+        ("catch_sim/src/person.rs", "PersonConfig"),
+    ),
     at("arena.aerodynamics", "catch_sim/src/aerodynamics.rs", "AerodynamicsConfig"),
     at("arena.robot_errors", ARENA, "RobotErrors"),
     at("arena.robot_controller", ARENA, "RobotController"),

@@ -1,0 +1,170 @@
+//! A person who walks through the images: a body of capsules that no object touches and no brain is told of.
+
+use std::f64::consts::TAU;
+
+use catch_body::{InputError, Pose, TriangleMesh, quantity, ray_cast::RayCaster, shape::Capsule};
+use nalgebra::{Point3, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    drawn::Drawn,
+    random_streams::{Draws, Stream},
+};
+
+/// So far to each side of the place that is nearest to the arm the person walks before turning around, in metres.
+const SPAN_M: f64 = 4.0;
+/// Length of two steps, in metres.
+const STRIDE_M: f64 = 1.4;
+/// By how much legs and arms swing to each side, in radians.
+const SWING_RAD: f64 = 0.45;
+/// Flat strips around a capsule.
+const SEGMENTS: u32 = 32;
+
+/// How a person walks. Every throw draws a straight line in a direction of its own, and where on it the person is first.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PersonConfig {
+    /// How near the line comes to the base's axis, in metres: a number, or `{ min, max }`.
+    #[serde(deserialize_with = "quantity::distance_m")]
+    pub nearest_m: Drawn,
+    /// How fast the person walks, in m/s: a number, or `{ min, max }`.
+    #[serde(deserialize_with = "quantity::drive_speed_mps")]
+    pub speed_mps: Drawn,
+}
+
+impl PersonConfig {
+    /// Whether ranges begin before they end.
+    ///
+    /// # Errors
+    /// If one does not.
+    pub fn check(&self, file: &str, field: &str) -> Result<(), InputError> {
+        self.nearest_m.check(&quantity::DISTANCE_M, file, &format!("{field}.nearest_m"))?;
+        self.speed_mps.check(&quantity::DRIVE_SPEED_MPS, file, &format!("{field}.speed_mps"))
+    }
+}
+
+/// The person of a scene.
+#[derive(Debug, Clone)]
+pub(crate) struct Person {
+    /// Frame P on the floor where the line is nearest to the arm; x along the line.
+    X_WP: Pose,
+    /// Way that was walked at t = 0, in metres.
+    walked_m: f64,
+    speed_mps: f64,
+    parts: Vec<Part>,
+}
+
+/// A part of the body.
+#[derive(Debug, Clone)]
+struct Part {
+    surface: RayCaster,
+    /// About what it swings, in the body's frame.
+    pivot: Vector3<f64>,
+    /// How far, forward where the left leg swings forward.
+    swing_rad: f64,
+}
+
+impl Person {
+    /// That of the scene (`seed`, `index`).
+    pub fn new(config: &PersonConfig, seed: u64, index: u64) -> Self {
+        let mut draws = Draws::new(Stream::Person, seed, index);
+        let azimuth = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), TAU * draws.unit());
+        let nearest = azimuth * (Vector3::y() * config.nearest_m.at(draws.unit()));
+        Self {
+            X_WP: Pose::from_parts(nearest.into(), azimuth),
+            walked_m: 4.0 * SPAN_M * draws.unit(),
+            speed_mps: config.speed_mps.at(draws.unit()),
+            parts: body(),
+        }
+    }
+
+    /// Its surfaces with their poses X_WB at a time.
+    pub fn parts(&self, time_s: f64) -> impl Iterator<Item = (Pose, &RayCaster)> {
+        let walked_m = self.walked_m + self.speed_mps * time_s;
+        // There and back.
+        let around_m = walked_m.rem_euclid(4.0 * SPAN_M);
+        let is_returning = around_m >= 2.0 * SPAN_M;
+        let along_m = if is_returning { 3.0 * SPAN_M - around_m } else { around_m - SPAN_M };
+        let facing = if is_returning {
+            UnitQuaternion::from_axis_angle(&Vector3::z_axis(), TAU / 2.0)
+        } else {
+            UnitQuaternion::identity()
+        };
+        let X_WB = self.X_WP * Pose::from_parts(Vector3::new(along_m, 0.0, 0.0).into(), facing);
+        let swing = (TAU * walked_m / STRIDE_M).sin();
+        self.parts.iter().map(move |Part { surface, pivot, swing_rad }| {
+            let turn = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), -swing * swing_rad);
+            (X_WB * Pose::from_parts((*pivot).into(), turn), surface)
+        })
+    }
+}
+
+/// A body 1.74 m tall that walks along x; its parts' frames are at their pivots.
+fn body() -> Vec<Part> {
+    let part = |[x, y, z]: [f64; 3], length_m: f64, radius: f64, swing_rad: f64| {
+        let capsule = Capsule { from: Point3::origin(), to: Point3::new(0.0, 0.0, -length_m), radius };
+        let surface = RayCaster::new(&TriangleMesh::capsule(&capsule, SEGMENTS));
+        Part { surface, pivot: Vector3::new(x, y, z), swing_rad }
+    };
+    let mut parts = vec![
+        part([0.0, 0.0, 1.63], 0.0, 0.11, 0.0),
+        part([0.0, 0.0, 1.55], 0.15, 0.06, 0.0),
+        part([0.0, 0.0, 1.28], 0.3, 0.17, 0.0),
+    ];
+    for side in [-1.0, 1.0] {
+        parts.push(part([0.0, 0.1 * side, 0.9], 0.82, 0.08, side * SWING_RAD));
+        parts.push(part([0.0, 0.22 * side, 1.38], 0.6, 0.045, -side * SWING_RAD));
+    }
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn person(index: u64) -> Person {
+        let config = PersonConfig {
+            nearest_m: Drawn::Between(crate::drawn::Between { min: 1.0, max: 2.0 }),
+            speed_mps: 1.2.into(),
+        };
+        Person::new(&config, 3, index)
+    }
+
+    /// The head is where the body is; the line keeps its distance, and the person its speed.
+    #[test]
+    fn a_person_walks_along_a_line_that_keeps_its_distance() {
+        for index in 0..20 {
+            let person = person(index);
+            let head = |time_s: f64| {
+                let p = person.parts(time_s).next().unwrap().0.translation.vector;
+                assert!((p.z - 1.63).abs() < 1e-12);
+                p.xy()
+            };
+            let places: Vec<_> = (0..4000).map(|step| head(0.01 * f64::from(step))).collect();
+            let nearest = places.iter().map(|p| p.norm()).fold(f64::INFINITY, f64::min);
+            let farthest = places.iter().map(|p| p.norm()).fold(0.0, f64::max);
+            assert!((1.0 - 1e-9..2.0 + 1e-3).contains(&nearest), "{nearest}");
+            assert!((4.0..4.6).contains(&farthest), "there and back: {farthest}");
+            let steps = places.windows(2).map(|pair| (pair[1] - pair[0]).norm());
+            assert!(steps.filter(|step| (step - 0.012).abs() > 1e-9).count() <= 6, "it turns around at once");
+        }
+        assert_ne!(person(0).X_WP, person(1).X_WP);
+    }
+
+    #[test]
+    fn feet_reach_the_floor_and_swing_against_each_other() {
+        let person = person(0);
+        let lowest = |part: usize, time_s: f64| {
+            let (X_WB, surface) = person.parts(time_s).nth(part).unwrap();
+            let foot = X_WB * Point3::new(0.0, 0.0, surface.centre().z - surface.half_size().z + 0.08);
+            (person.X_WP.inverse() * foot).coords
+        };
+        let mut apart = Vec::new();
+        for step in 0..120 {
+            let [one, other] = [3, 5].map(|leg| lowest(leg, 0.01 * f64::from(step)));
+            assert!(one.z - 0.08 > -1e-6 && one.z < 0.2, "{one}");
+            apart.push((one - other).x);
+        }
+        assert!(apart.iter().any(|it| *it > 0.5) && apart.iter().any(|it| *it < -0.5));
+    }
+}
