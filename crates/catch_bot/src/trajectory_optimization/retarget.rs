@@ -41,6 +41,8 @@ pub struct Config {
 const LEVER_M: f64 = 0.05;
 /// Keeps the joints near the plan where the correction leaves them free, in m².
 const DAMPING: f64 = 1e-5;
+/// A posture is much nearer if it leaves less than this fraction of what the hand is off by.
+const MUCH_NEARER: f64 = 0.75;
 
 impl Default for Config {
     fn default() -> Self {
@@ -139,14 +141,18 @@ impl CatchSearch {
     ///
     /// min |W·(J·Δq − (Δθ, Δp))|² + ε·|Δq|², low ≤ Δq ≤ high
     ///
-    /// `None` if it would not be nearer than the plan's.
+    /// `None` if it would not be much nearer than the plan's.
     fn nearest_posture(&self, start: &Start, plan: &CatchPlan, X_WG: &Pose, fraction: f64) -> Option<Posture> {
         let (motion, robot) = (&self.motion, &self.motion.robot);
         let centre = motion.gripper.grasp_centre();
+        // What a gripper is off by, turns and shifts in metres.
+        let error_of = |it: &Pose| {
+            let turn = (X_WG.rotation * it.rotation.inverse()).scaled_axis() * LEVER_M;
+            let shift = X_WG * centre - it * centre;
+            Vector6::new(turn.x, turn.y, turn.z, shift.x, shift.y, shift.z)
+        };
         let planned = robot.gripper_pose(&plan.q);
-        let turn = (X_WG.rotation * planned.rotation.inverse()).scaled_axis() * LEVER_M;
-        let shift = X_WG * centre - planned * centre;
-        let error = Vector6::new(turn.x, turn.y, turn.z, shift.x, shift.y, shift.z);
+        let error = error_of(&planned);
         let mut jacobian = robot.jacobian(&robot.link_poses(&plan.q), &(planned * centre));
         let mut turns = jacobian.fixed_rows_mut::<3>(0);
         turns *= LEVER_M;
@@ -165,7 +171,9 @@ impl CatchSearch {
         let dof = robot.dof();
         let step = Hessian::new(&H)?.minimize(&gradient, &rows[..dof], &bounds[..dof], 0).ok()?;
         let step: JointVector = step.fixed_rows::<MAX_JOINTS>(0).into_owned();
-        ((jacobian * step - error).norm() < error.norm()).then(|| Posture { q: plan.q + step, elbow: plan.elbow })
+        let posture = Posture { q: plan.q + step, elbow: plan.elbow };
+        let is_nearer = error_of(&robot.gripper_pose(&posture.q)).norm() < MUCH_NEARER * error.norm();
+        is_nearer.then_some(posture)
     }
 
     /// The plan's grasp where the object passes, with the gripper at `X_WG`, the elbow moved by the first of these angles that will do.
