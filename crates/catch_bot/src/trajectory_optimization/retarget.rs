@@ -31,7 +31,7 @@ pub struct Config {
     /// object moves by some 50 mm in 10 ms.
     pub shifts_s: Vec<f64>,
     /// Fractions of its reachability interval that each joint may use where the arm cannot make a correction as a whole: what a joint at
-    /// the end of its interval cannot do, the others do.
+    /// the end of its interval cannot do, the others do. None by default: where corrections are late and large it pays.
     pub reach_fractions: Vec<f64>,
     /// Fractions of a correction where the whole is too much.
     pub correction_fractions: Vec<f64>,
@@ -50,7 +50,7 @@ impl Default for Config {
             arm_angles_rad: vec![0.0, 0.2, -0.2, 0.4, -0.4],
             shifted_arm_angles_rad: vec![0.0, 0.2, -0.2],
             shifts_s: vec![0.01, -0.01, 0.02, -0.02, 0.04, 0.06],
-            reach_fractions: vec![0.99, 0.95, 0.9],
+            reach_fractions: Vec::new(),
             correction_fractions: vec![0.75, 0.5, 0.25],
         }
     }

@@ -278,6 +278,7 @@ fn many(desks: &[Desk], catches: usize, seed: u64) -> Outcomes {
 #[test]
 fn catches_that_cannot_be_adjusted_are_shifted_or_approached() {
     shifts_or_approaches(&Desk::new("banana", |_| {}));
+    shifts_or_approaches(&Desk::new("banana", |config| config.replan.reach_fractions = vec![0.99, 0.95, 0.9]));
     shifts_or_approaches(&Desk::with_jerk("banana", 2000.0));
 }
 
