@@ -23,7 +23,7 @@ pub struct ObjectArguments {
 
 #[derive(Debug, Subcommand)]
 enum ObjectCommand {
-    /// Makes an object from a mesh, a point cloud, or a link that somebody else described
+    /// Makes an object from a mesh, a point cloud, depth images, or a link that somebody else described
     Import(ImportArguments),
 }
 
@@ -32,7 +32,8 @@ enum ObjectCommand {
 #[command(after_help = "\
 A mesh (OBJ, STL, PLY, COLLADA, glTF, GLB) becomes the object's shape, and so does the surface
 of a point cloud all around it (PLY without faces, PCD, XYZ; in metres or millimetres, best with
-outward normals); of a description (SDF, URDF, MJCF) its link with a shape does, with mass,
+outward normals) and of depth images (a folder with 16-bit PNG files in millimetres, and in its
+rig.toml a camera for each); of a description (SDF, URDF, MJCF) its link with a shape does, with mass,
 centre of mass, inertia, friction and collision shapes. Vertices are welded, holes filled and
 triangles turned where that is safe; each repair is told, and a defect that is left is located.
 What no file says is assumed, and says so in the object's file.
@@ -42,7 +43,7 @@ Examples:
   catchingbot object import models/drill/model.sdf --out drill.toml
   catchingbot --object mug.toml")]
 pub struct ImportArguments {
-    /// A mesh, a cloud, a description, or a folder that holds one
+    /// A mesh, a cloud, a description, or a folder that holds one, or depth images and their rig.toml
     #[arg(value_name = "FILE|FOLDER")]
     source: PathBuf,
     /// The object's file, NAME.toml; its mesh is written beside it as NAME.obj
@@ -51,7 +52,7 @@ pub struct ImportArguments {
     /// The link of a description with several
     #[arg(long, value_name = "NAME")]
     link: Option<String>,
-    /// Metres per unit of the mesh [default: guessed from its size]
+    /// Metres per unit of the mesh, or of a depth [default: guessed from its size; a millimetre]
     #[arg(long, value_name = "N")]
     scale: Option<f64>,
     /// Mass in kg [default: the description's, or that of the volume at 500 kg/m³]

@@ -77,6 +77,7 @@ pub mod flights;
 pub mod own_data;
 pub mod pages;
 pub mod play;
+pub mod png;
 pub mod reachability;
 pub mod recording;
 pub mod referee;

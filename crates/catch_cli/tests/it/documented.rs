@@ -8,7 +8,10 @@ use std::{
     process::{Command, Output},
 };
 
-use crate::skipped_without;
+use catch_body::{TriangleMesh, shape::Cuboid};
+use nalgebra::Vector3;
+
+use crate::{depth_scan, skipped_without};
 
 /// Stands for cargo: what it would build is there already. CI itself runs the two commands of the README and all examples.
 const CARGO: &str = r#"#!/bin/sh
@@ -65,6 +68,8 @@ fn run_page(page: &Path) {
         symlink(root().join(name), folder.path().join(name)).unwrap();
     }
     fs::write(folder.path().join("scan.stl"), box_stl([60, 50, 90])).unwrap();
+    let solid = TriangleMesh::cuboid(&Cuboid { centre: Vector3::zeros().into(), size: Vector3::new(0.06, 0.05, 0.09) });
+    depth_scan::write(&folder.path().join("scan"), &solid);
     let models = folder.path().join("models");
     fs::create_dir_all(models.join("YcbBanana")).unwrap();
     fs::write(models.join("soup_can.sdf"), CAN).unwrap();

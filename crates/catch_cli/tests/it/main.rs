@@ -2,6 +2,7 @@
 
 mod browser;
 mod calibrate;
+mod depth_scan;
 mod determinism;
 #[cfg(unix)]
 mod documented;

@@ -3,12 +3,16 @@
 use std::{fmt::Write, fs, path::Path};
 
 use catch_body::{TriangleMesh, mesh::TubeRing};
-use catch_lab::assets::{Asset, Kind};
+use catch_lab::{
+    assets::{Asset, Kind},
+    own_data::cloud_file,
+    png,
+};
 use catch_sim::ThrownObject;
 use nalgebra::{Point3, Vector3};
 use serde_json::Value;
 
-use crate::{catchingbot, stderr, stdout};
+use crate::{catchingbot, depth_scan, stderr, stdout};
 
 /// A bottle in millimetres: a body and a neck.
 fn bottle() -> TriangleMesh {
@@ -213,6 +217,53 @@ fn a_scan_without_faces_becomes_an_object() {
 fn cup() -> TriangleMesh {
     let profile = [[0.0, 0.0], [0.0, 0.035], [0.04, 0.035], [0.04, 0.031], [0.004, 0.031], [0.004, 0.0]];
     TriangleMesh::revolution(&profile, 64)
+}
+
+/// How far the vertices of one mesh are from points that lie upon another, at most.
+fn farthest_m(from: &TriangleMesh, to: &TriangleMesh) -> f64 {
+    let on_surface = cloud_file::on_surface(to).points;
+    let nearest = |p: &Point3<f64>| on_surface.iter().map(|it| (it - p).norm_squared()).fold(f64::INFINITY, f64::min);
+    from.vertices.iter().map(nearest).fold(0.0, f64::max).sqrt()
+}
+
+#[test]
+fn depth_images_become_an_object() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut bottle = bottle();
+    bottle.vertices.iter_mut().for_each(|it| it.coords *= 1e-3);
+    for (name, mesh) in [("bottle", bottle), ("ring", ring()), ("cup", cup())] {
+        let source = folder.path().join(name);
+        // It stands where no camera knows.
+        let com = mesh.mass_properties(1.0).com.coords;
+        depth_scan::write(&source, &mesh.clone().translated(&Vector3::new(0.02, -0.01, -0.03)));
+        let (said, object) = imported(&source, &folder.path().join(format!("{name}.toml")), &["--mass", "0.1"]);
+        let findings = findings(&said);
+        assert!(findings.contains("12 depth images"), "{findings}");
+        let volume = object.mesh.volume() / mesh.volume();
+        assert!((volume - 1.0).abs() < 0.05, "{name}: {volume}: {findings}");
+        // Both about their centres of mass. Not all of a cup's inside can be seen.
+        let far_m = if name == "cup" { 0.0 } else { farthest_m(&object.mesh, &mesh.translated(&-com)) };
+        assert!(far_m < 0.0015, "{name}: {far_m}: {findings}");
+    }
+    let source = folder.path().join("cup");
+    let refused = |expected: &str| {
+        let out = folder.path().join("out.toml");
+        let output = catchingbot(&["object", "import", source.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+        assert_eq!(output.status.code(), Some(2), "{}", stdout(&output));
+        assert!(stderr(&output).contains(expected), "{}", stderr(&output));
+    };
+    let image = fs::read(source.join("depth_3.png")).unwrap();
+    fs::write(source.join("depth_3.png"), &image[..100]).unwrap();
+    refused("depth_3.png: IDAT: found the file ends within it");
+    fs::write(source.join("depth_3.png"), png::gray16(2, 2, &[1; 4])).unwrap();
+    refused("depth_3.png: size: found 2 × 2 pixels, expected the camera's 320 × 240");
+    fs::remove_file(source.join("depth_3.png")).unwrap();
+    refused("images: found 11 PNG files, expected 12");
+    fs::write(source.join("depth_3.png"), image).unwrap();
+    fs::write(source.join("rig.toml"), depth_scan::RIG.replace("[0.0, 0.0, 0.0]", "[9.0, 0.0, 0.0]")).unwrap();
+    refused("no inside between them");
+    fs::write(source.join("rig.toml"), depth_scan::RIG.replace("radius_m", "radius")).unwrap();
+    refused("rig.toml: uv_sphere");
 }
 
 /// A flat ring in metres.

@@ -5,7 +5,6 @@
 //! nothing was measured; `info.is_depth_map` marks them.
 
 mod columns;
-mod png;
 mod statistics;
 
 use std::{
@@ -24,7 +23,7 @@ use self::{
 use crate::{
     VERSION,
     assets::COMMAND_LINE,
-    referee,
+    png, referee,
     scenario::setup::Setup,
     trial::{Episode, StateSnapshot, stopwatch::Stopwatch},
     whole_file::replace,

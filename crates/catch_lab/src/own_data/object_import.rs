@@ -1,8 +1,9 @@
-//! Makes an object of this project from what people have: a mesh, a point cloud of a scan, or the link of a description in SDF, URDF or MJCF.
+//! Makes an object of this project from what people have: a mesh, a point cloud or the depth images of a scan, or the link of a description in SDF, URDF or MJCF.
 //!
 //! The surface is repaired where that is safe, its unit is guessed where no file says it, and mass properties that no body of
 //! that shape can have are left out. Each of these is told.
 
+mod depth_images;
 mod draft;
 mod gltf;
 mod mass;

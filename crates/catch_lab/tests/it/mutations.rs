@@ -27,6 +27,7 @@ use catch_lab::{
     flights::track_file,
     own_data::{cloud_file, planner_cases, templates},
     pages::catch_page,
+    png,
     recording::{playback::Playback, replay::replay},
     scenario::{
         Scenario,
@@ -266,6 +267,8 @@ fn loads() -> BTreeMap<String, Load<'static>> {
             }),
         );
     }
+    let image = png::gray16(5, 4, &(0..20).map(|it| it * 77).collect::<Vec<u16>>());
+    add("PNG", Box::new(move |it| png::gray16_values("a.png", &it.bytes(&image), [5, 4]).map(drop)));
     let track: String =
         (0..40).map(|i| format!("{},{},0.1,{}\n", 0.01 * f64::from(i), 0.02 * f64::from(i), 1.0)).collect();
     add(

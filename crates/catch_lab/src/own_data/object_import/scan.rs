@@ -3,12 +3,15 @@
 use std::collections::HashSet;
 
 use catch_body::{InputError, TriangleMesh, shape::Cuboid};
+use catch_bot::perception::ReferenceModel;
 use nalgebra::{Point3, Vector3};
 
 use crate::own_data::{cloud_file::CloudFile, cloud_registration::reference_model};
 
 /// Edge of the cubes in which the surface is looked for, in metres.
 const SPACING_M: f64 = 0.0015;
+/// How far beyond the thinned points of a model, on both sides together, the surface may be.
+const ROOM_M: f64 = 0.01;
 
 /// The surface where the signed distance of the cloud is zero, in the cloud's own unit of `scale` metres, and what was found on the way.
 ///
@@ -21,18 +24,33 @@ pub(super) fn surface(file: &str, mut cloud: CloudFile, scale: f64) -> Result<(T
     }
     cloud.points.iter_mut().for_each(|it| it.coords *= scale);
     let cloud = thinned(cloud);
-    let (low, high) = bounds(&cloud.points);
     let reference = reference_model(cloud, file)?;
+    between(file, &reference, scale, findings)
+}
+
+/// The surface of a scanned object, in its own unit of `scale` metres, with what was found so far.
+///
+/// # Errors
+/// No inside.
+pub(super) fn between(
+    file: &str,
+    reference: &ReferenceModel,
+    scale: f64,
+    mut findings: Vec<String>,
+) -> Result<(TriangleMesh, Vec<String>), InputError> {
     let to_O = reference.X_RO.translation.vector;
-    let room = Vector3::repeat(2.0 * SPACING_M);
-    let around = Cuboid { centre: ((low + high) / 2.0).into(), size: high - low + room };
-    let mut mesh = TriangleMesh::isosurface(&around, SPACING_M, |p_R| reference.distance.at(&(p_R - to_O)).0);
+    let (low, high) = bounds(&reference.points);
+    let around = Cuboid { centre: ((low + high) / 2.0).into(), size: high - low + Vector3::repeat(ROOM_M) };
+    let mut mesh = TriangleMesh::default();
+    if !reference.points.is_empty() {
+        mesh = TriangleMesh::isosurface(&around, SPACING_M, |p_O| reference.distance.at(p_O).0);
+    }
     if mesh.triangles.is_empty() || mesh.volume() <= 0.0 {
         let expected = "points all around a solid, best with normals nx, ny and nz that point outwards";
         return Err(InputError::new(file, "points", "no inside between them", expected));
     }
     findings.push(format!("the surface between them has {} triangles", mesh.triangles.len()));
-    mesh.vertices.iter_mut().for_each(|it| it.coords /= scale);
+    mesh.vertices.iter_mut().for_each(|it| it.coords = (it.coords + to_O) / scale);
     Ok((mesh, findings))
 }
 

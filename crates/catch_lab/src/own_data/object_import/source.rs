@@ -13,7 +13,7 @@ use catch_body::{
 };
 use nalgebra::{Point3, Vector3};
 
-use super::{gltf, hulls_m3, scan, unit_of};
+use super::{depth_images, gltf, hulls_m3, scan, unit_of};
 use crate::{
     assets::COMMAND_LINE,
     bounded_file::FileKind,
@@ -31,6 +31,8 @@ const MOST_SHAPES: usize = 500;
 const MOST_PARTS: usize = 64;
 /// Collision shapes fill the object if their volume is that many times its own.
 const PARTS_FILL: [f64; 2] = [0.8, 1.35];
+/// A part is convex if its hull has no more than this many times its own volume.
+const CONVEX: f64 = 1.1;
 /// They stick out of the box around it by no more than this fraction of its longest side.
 const STICKS_OUT: f64 = 0.05;
 /// In no direction do they end farther from where the object ends, in metres: fingers touch what collides.
@@ -73,6 +75,11 @@ impl Source {
     /// # Errors
     /// What is wrong with it.
     pub fn read(path: &Path, link: Option<&str>, scale: Option<f64>) -> Result<Self, InputError> {
+        if path.join(depth_images::RIG).is_file() {
+            let (surface, findings) = depth_images::surface(path, scale)?;
+            let (file, named) = (path.display().to_string(), format!("depth images of {}", path.display()));
+            return Ok(Self { file, named, surface, in_metres: true, findings, ..Self::default() });
+        }
         let path = if path.is_dir() { within(path)? } else { path.to_path_buf() };
         let named = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         if !["sdf", "urdf", "xml", "mjcf"].contains(&ending(&path).as_str()) {
@@ -160,6 +167,10 @@ impl Source {
         if solids.len() > MOST_PARTS || !solids.iter().flat_map(|it| &it.vertices).all(is_within) {
             return Err("the collision shapes are not where the surface is, so it is cut into convex parts anew".into());
         }
+        // Other programs collide with a mesh as it is, not with its hull.
+        if solids.iter().any(|it| hulls_m3(std::slice::from_ref(it)) > CONVEX * it.volume().abs()) {
+            return Err("the collision shapes are not convex, so the surface is cut into convex parts anew".into());
+        }
         let ratio = hulls_m3(&solids) / solid.volume();
         if !(PARTS_FILL[0]..=PARTS_FILL[1]).contains(&ratio) {
             return Err(format!(
@@ -216,7 +227,7 @@ fn within(folder: &Path) -> Result<PathBuf, InputError> {
             }
         }
     }
-    let expected = "a folder with an SDF, URDF or MJCF file, or with a mesh";
+    let expected = "a folder with an SDF, URDF or MJCF file, with a mesh, or with depth images and their rig.toml";
     Err(InputError::new(folder.display(), "the folder", "no such file", expected))
 }
 
