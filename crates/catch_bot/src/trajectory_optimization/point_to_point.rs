@@ -21,7 +21,7 @@ use crate::grasp_selection::TYPICAL_RESTITUTION;
 /// Distance from the extreme velocity of a spline at which another one surely has it, in rad/s.
 const INSIDE: f64 = 1e-7;
 
-/// Normals of contacts that are looked at, both ways, before they are scaled to length one.
+/// Normals of contacts that are looked at, before they are scaled to length one; the opposite ones have the same impulse.
 const NORMALS: [[f64; 3]; 13] = [
     [1.0, 0.0, 0.0],
     [0.0, 1.0, 0.0],
@@ -123,8 +123,8 @@ impl PointToPoint<'_> {
                 let at_finger = linear - finger_W.cross_matrix() * angular;
                 let of_impulse = inertia.solve(&at_finger.transpose());
                 let mobility = at_finger * of_impulse;
-                for n_W in normals_W.iter().flat_map(|it| [*it, -it]) {
-                    let approach_mps = self.v_WO.dot(&n_W).max(0.0);
+                for n_W in &normals_W {
+                    let approach_mps = self.v_WO.dot(n_W);
                     let impulse_ns =
                         (1.0 + TYPICAL_RESTITUTION) * approach_mps / (1.0 / mass_kg + n_W.dot(&(mobility * n_W)));
                     for (added, dq) in added.iter_mut().zip(&(of_impulse * (n_W * impulse_ns))) {
