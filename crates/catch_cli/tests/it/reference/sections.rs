@@ -136,6 +136,7 @@ pub const FILES: &[Section] = &[
     of("Gripper", "catch_body/src/gripper.rs", "Gripper"),
     of("Gripper: drive", "catch_body/src/gripper.rs", "Drive"),
     of("Gripper: control of the drive", "catch_body/src/gripper.rs", "DriveControl"),
+    of("Gripper: published", "catch_body/src/gripper.rs", "PublishedParts"),
     of("Object", "catch_sim/src/object.rs", "ObjectFile"),
     of("Object: truth", "catch_sim/src/object.rs", "TruthFields"),
     of("Object: truth.shape", "catch_sim/src/object_shape.rs", "ShapeFields"),
