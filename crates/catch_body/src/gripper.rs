@@ -76,6 +76,9 @@ pub struct PublishedParts {
     pub tip_radius_m: f64,
 }
 
+/// What a finger touches with: a box, and balls with their radius.
+pub type FingerContact = (Cuboid, Vec<(Point3<f64>, f64)>);
+
 /// The drive of a gripper behind its command interface.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -167,7 +170,7 @@ impl Gripper {
     }
 
     /// What the left and the right finger touch with in G at an opening of `width_m`: a box, and balls with their radius.
-    pub fn finger_contacts(&self, width_m: f64) -> [(Cuboid, Vec<(Point3<f64>, f64)>); 2] {
+    pub fn finger_contacts(&self, width_m: f64) -> [FingerContact; 2] {
         let Some(parts) = self.as_simulated() else { return self.fingers(width_m).map(|finger| (finger, Vec::new())) };
         let [left, right] = self.fingers(width_m + 2.0 * parts.finger_recess_m);
         [(-1.0, left), (1.0, right)].map(|(side, finger)| {
