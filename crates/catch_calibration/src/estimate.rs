@@ -9,7 +9,7 @@ use super::{
     averaged_image::{AveragedImage, StillImage, averaged},
     coarse::{self, PosedPoints},
     fine::{Estimate, Observed, Problem},
-    parameters::{CameraState, FIRST_NUISANCE, OF_CAMERA, TIME_OFFSET},
+    parameters::{CameraState, FIRST_LINK_SD_M, FIRST_NUISANCE, OF_CAMERA, TIME_OFFSET},
 };
 
 /// Images of one camera, at least.
@@ -22,6 +22,8 @@ const MOST_DEPTH_SD: f64 = 2.0;
 const MOST_SHOWN_SD_PX: f64 = 3.0;
 /// And of the fraction of outliers.
 const MOST_OUTLIERS: f64 = 0.3;
+/// A link whose surface is farther from its model than so many times what is expected is another one.
+const MOST_LINK_SD: f64 = 5.0;
 /// Standard deviations above these, in metres and radians, say that a camera may be anywhere.
 const MOST_SD_M: f64 = 0.02;
 const MOST_SD_RAD: f64 = 0.02;
@@ -55,15 +57,24 @@ pub fn calibrate(
     let coarse = cameras.iter().enumerate().map(coarse).collect();
     let problem = Problem { robot, gripper, arm: &session.arm, cameras, config };
     let estimate = problem.solve(coarse);
-    let of_camera = |i: usize| of_camera(i, &problem.cameras[i], &estimate, config);
+    let link_offset_m: Vec<f64> = (0..=robot.dof()).map(|link| estimate.shared.link_offset_m(link)).collect();
+    let most_m = MOST_LINK_SD * config.link_sd_m.unwrap_or(FIRST_LINK_SD_M);
+    let is_modelled = link_offset_m.iter().all(|offset_m| offset_m.abs() <= most_m);
+    let of_camera = |i: usize| of_camera(i, &problem.cameras[i], &estimate, is_modelled, config);
     Calibration {
         cameras: (0..guesses.len()).map(of_camera).collect(),
         joint_zero_rad: estimate.shared.joint_zero_rad().iter().take(robot.dof()).copied().collect(),
-        link_offset_m: (0..=robot.dof()).map(|link| estimate.shared.link_offset_m(link)).collect(),
+        link_offset_m,
     }
 }
 
-fn of_camera(i: usize, observed: &Observed<'_>, estimate: &Estimate, config: &Config) -> CameraCalibration {
+fn of_camera(
+    i: usize,
+    observed: &Observed<'_>,
+    estimate: &Estimate,
+    is_modelled: bool,
+    config: &Config,
+) -> CameraCalibration {
     let (state, residuals) = (&estimate.cameras[i], estimate.residuals[i]);
     let whole = estimate.covariances.as_ref().map(|it| &it[i]);
     let inflation = config.inflation * config.inflation;
@@ -73,7 +84,8 @@ fn of_camera(i: usize, observed: &Observed<'_>, estimate: &Estimate, config: &Co
     let moves = observed.images.iter().any(|it| !it.is_still);
     let sd = |first: usize| covariance.fixed_view::<3, 3>(first, first).trace().sqrt();
     let shows_the_arm = observed.images.iter().filter(|it| it.is_still).count() >= LEAST_IMAGES && residuals.depths > 0;
-    let fits = residuals.inverse_depth_sd_per_m < MOST_DEPTH_SD * config.inverse_depth_sd_per_m
+    let fits = is_modelled
+        && residuals.inverse_depth_sd_per_m < MOST_DEPTH_SD * config.inverse_depth_sd_per_m
         && residuals.silhouette_sd_px < MOST_SHOWN_SD_PX
         && residuals.outlier_fraction < MOST_OUTLIERS;
     let status = if !shows_the_arm {

@@ -170,8 +170,9 @@ impl State<'_> {
             }
         }
         for (i, value) in self.shared.values.iter().enumerate() {
-            information[(shared_from + i, shared_from + i)] += 1.0;
-            pull[shared_from + i] -= value;
+            let prior = self.shared.prior_information(i);
+            information[(shared_from + i, shared_from + i)] += prior;
+            pull[shared_from + i] -= value * prior;
         }
         let factor = information.clone().cholesky()?;
         let change = factor.solve(&pull);
@@ -187,7 +188,11 @@ impl State<'_> {
             let of = |i: usize| if i < OF_CAMERA { OF_CAMERA * camera + i } else { shared_from + i - OF_CAMERA };
             self.offsets[camera][image] += equations.last(|i| change[of(i)]);
         }
-        covariance::of_cameras(&information, &factor.inverse(), &images, &change, self.cameras.len())
+        let inverse = factor.inverse();
+        if pass != Pass::First {
+            self.shared.tell(|i| inverse[(shared_from + i, shared_from + i)]);
+        }
+        covariance::of_cameras(&information, &inverse, &images, &change, self.cameras.len())
     }
 
     /// The equations of each image of a camera; its spread and residuals become those of these images.

@@ -42,8 +42,8 @@ impl World {
     fn new() -> Self {
         let (robot, gripper) = arm();
         let config = Config {
-            joint_zero_sd_rad: 0.01,
-            link_sd_m: 0.001,
+            joint_zero_sd_rad: Some(0.01),
+            link_sd_m: Some(0.001),
             mount_sd_m: 0.001,
             mount_sd_rad: 0.01,
             time_offset_sd_s: 0.01,

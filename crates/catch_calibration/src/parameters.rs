@@ -1,7 +1,7 @@
 //! What is estimated, and how measurements depend on it.
 //!
 //! Parameters other than the cameras' poses count in their standard deviations, so that each has the prior N(0, 1), and one that is
-//! exact has a column of zeros.
+//! exact has a column of zeros. Where nobody says how far joint zeros and links' surfaces are off, the images tell ([`Shared::tell`]).
 
 use catch_body::{
     Gripper, JointVector, MAX_JOINTS, Pose, Robot,
@@ -25,6 +25,15 @@ pub const TIME_OFFSET: usize = 7;
 /// Standard deviations of growth, its rise with the slope, loss over the predicted one, and growth that is lost with the last pixel, in
 /// pixels.
 const GROWTH_SD: [f64; 4] = [3.0, 3.0, 1.0, 1.0];
+
+/// First standard deviation of joint zeros, in radians, where the images tell it.
+const FIRST_ZERO_SD_RAD: f64 = 5e-4;
+/// The same of links' surfaces, in metres.
+pub const FIRST_LINK_SD_M: f64 = 1e-3;
+/// How many times these the standard deviations are, at least and at most.
+const TOLD: [f64; 2] = [0.02, 10.0];
+/// Images that determine fewer than so many of the zeros, or surfaces, do not tell their standard deviation.
+const DETERMINED: f64 = 0.5;
 
 /// No link is thinner, in metres.
 const LEAST_RADIUS_M: f64 = 0.001;
@@ -55,6 +64,16 @@ pub struct Shared {
     pub values: Vec<f64>,
     /// Which parameter each of them is.
     kinds: Vec<(Kind, f64)>,
+    /// By [`Kind::told`].
+    told: [Told; 2],
+}
+
+/// Standard deviations of joint zeros and links' surfaces, over the first ones.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Told {
+    sd: f64,
+    /// Whether the images tell it.
+    by_images: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -65,15 +84,50 @@ enum Kind {
     MountTranslation(usize),
 }
 
+impl Kind {
+    /// Which of the standard deviations that the images may tell is its own.
+    fn told(self) -> Option<usize> {
+        match self {
+            Self::JointZero(_) => Some(0),
+            Self::LinkSurface(_) => Some(1),
+            Self::MountRotation(_) | Self::MountTranslation(_) => None,
+        }
+    }
+}
+
 impl Shared {
     pub fn new(robot: &Robot, config: &Config) -> Self {
-        let zeros = (0..robot.dof()).map(|i| (Kind::JointZero(i), config.joint_zero_sd_rad));
-        let links = (0..=robot.dof()).map(|i| (Kind::LinkSurface(i), config.link_sd_m));
+        let zero_sd_rad = config.joint_zero_sd_rad.unwrap_or(FIRST_ZERO_SD_RAD);
+        let link_sd_m = config.link_sd_m.unwrap_or(FIRST_LINK_SD_M);
+        let zeros = (0..robot.dof()).map(|i| (Kind::JointZero(i), zero_sd_rad));
+        let links = (0..=robot.dof()).map(|i| (Kind::LinkSurface(i), link_sd_m));
         let rotation = (0..3).map(|i| (Kind::MountRotation(i), config.mount_sd_rad));
         let translation = (0..3).map(|i| (Kind::MountTranslation(i), config.mount_sd_m));
         let all = zeros.chain(links).chain(rotation).chain(translation);
         let kinds: Vec<(Kind, f64)> = all.filter(|(_, sd)| *sd > 0.0).collect();
-        Self { values: vec![0.0; kinds.len()], kinds }
+        let told = [config.joint_zero_sd_rad, config.link_sd_m].map(|set| Told { sd: 1.0, by_images: set.is_none() });
+        Self { values: vec![0.0; kinds.len()], kinds, told }
+    }
+
+    /// Inverse variance of what is known beforehand of the parameter at a place.
+    pub fn prior_information(&self, at: usize) -> f64 {
+        self.kinds[at].0.told().map_or(1.0, |group| self.told[group].sd.powi(-2))
+    }
+
+    /// Standard deviations that the images tell become what makes the images most likely, given the values and their variances with the
+    /// present ones (MacKay, Bayesian interpolation, 1992): τ² = Σ m²/γ, where γ of the parameters are determined by the images.
+    pub fn tell(&mut self, variance: impl Fn(usize) -> f64) {
+        let (mut determined, mut squares) = ([0.0; 2], [0.0; 2]);
+        for (at, (kind, _)) in self.kinds.iter().enumerate() {
+            let Some(group) = kind.told() else { continue };
+            determined[group] += 1.0 - variance(at) / self.told[group].sd.powi(2);
+            squares[group] += self.values[at].powi(2);
+        }
+        for ((told, determined), squares) in self.told.iter_mut().zip(determined).zip(squares) {
+            if told.by_images && determined > DETERMINED {
+                told.sd = (squares / determined).sqrt().clamp(TOLD[0], TOLD[1]);
+            }
+        }
     }
 
     fn value(&self, kind: Kind) -> f64 {
@@ -179,5 +233,34 @@ fn nuisance_columns(it: &Measurement, config: &Config) -> [f64; OF_CAMERA - FIRS
             let [growth, rise, loss, growth_loss] = GROWTH_SD;
             [0.0, 0.0, growth, rise * slope, -loss * grazing_px, -growth_loss * grazing_edge]
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The standard deviation that measurements of seven joint zeros tell, each of which has this variance by itself.
+    fn told(measured: [f64; 7], variance: f64, by_images: bool) -> f64 {
+        let kinds = (0..7).map(|i| (Kind::JointZero(i), FIRST_ZERO_SD_RAD)).collect();
+        let mut shared = Shared { values: Vec::new(), kinds, told: [Told { sd: 1.0, by_images }; 2] };
+        for _ in 0..100 {
+            let prior = shared.prior_information(0).recip();
+            let gain = prior / (prior + variance);
+            shared.values = measured.iter().map(|it| gain * it).collect();
+            shared.tell(|_| gain * variance);
+        }
+        shared.prior_information(0).recip().sqrt()
+    }
+
+    /// The mean square of the measurements is the sum of both variances where the images are most likely.
+    #[test]
+    fn images_tell_how_far_zeros_are_off() {
+        let off = [1.5, -1.5, 1.5, -1.5, 1.5, -1.5, 1.5];
+        assert!((told(off, 0.25, true) - 2.0_f64.sqrt()).abs() < 1e-6);
+        assert!((told(off, 0.25, false) - 1.0).abs() < 1e-12, "what is set stays");
+        // Less than the measurements are off by themselves: nothing says that the zeros are off by more than a fraction of that.
+        let exact = off.map(|it| it / 6.0);
+        assert!(told(exact, 0.25, true) < 0.2);
     }
 }

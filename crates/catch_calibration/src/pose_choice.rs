@@ -122,7 +122,13 @@ fn information(
     let small = Config { edge_px: 1, silhouette_px: 2, ..config.clone() };
     let shared = Shared::new(
         robot,
-        &Config { mount_sd_m: 0.0, mount_sd_rad: 0.0, joint_zero_sd_rad: 0.0, link_sd_m: 0.0, ..config.clone() },
+        &Config {
+            mount_sd_m: 0.0,
+            mount_sd_rad: 0.0,
+            joint_zero_sd_rad: Some(0.0),
+            link_sd_m: Some(0.0),
+            ..config.clone()
+        },
     );
     let posed = PosedArm::new(robot, sample, &shared);
     let rendering = Rendering::new(camera, surface, &posed.X_WL, posed.width_m);

@@ -60,12 +60,12 @@ pub struct CalibrateArguments {
     /// Poses of the arm
     #[arg(long, value_name = "N", default_value_t = Config::default().poses as u64, value_parser = whole(3, 100))]
     poses: u64,
-    /// Standard deviation of the joints' zeros, in degrees
-    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, value_parser = at_most(5.0))]
-    joint_zero_sd_deg: f64,
-    /// Standard deviation of how far the links' surfaces are from their model, in millimetres
-    #[arg(long, value_name = "MM", default_value_t = 0.0, value_parser = at_most(20.0))]
-    link_sd_mm: f64,
+    /// Standard deviation of the joints' zeros, in degrees, instead of what the images tell; zero: they are exact
+    #[arg(long, value_name = "DEGREES", value_parser = at_most(5.0))]
+    joint_zero_sd_deg: Option<f64>,
+    /// Standard deviation of how far the links' surfaces are from their model, in millimetres, instead of what the images tell
+    #[arg(long, value_name = "MM", value_parser = at_most(20.0))]
+    link_sd_mm: Option<f64>,
     /// Seed of everything random
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole(0, MOST))]
     seed: u64,
@@ -128,8 +128,8 @@ pub fn run(arguments: &CalibrateArguments) -> anyhow::Result<()> {
     let setup = setup(arguments)?;
     let config = Config {
         poses: arguments.poses as usize,
-        joint_zero_sd_rad: arguments.joint_zero_sd_deg.to_radians(),
-        link_sd_m: arguments.link_sd_mm / 1e3,
+        joint_zero_sd_rad: arguments.joint_zero_sd_deg.map(f64::to_radians),
+        link_sd_m: arguments.link_sd_mm.map(|it| it / 1e3),
         ..calibration::config(&setup, arguments.seed)
     };
     let session = calibration::run_session(&setup, &config, &setup.cameras, arguments.seed, 0);
