@@ -77,8 +77,7 @@ fn of_camera(
 ) -> CameraCalibration {
     let (state, residuals) = (&estimate.cameras[i], estimate.residuals[i]);
     let whole = estimate.covariances.as_ref().map(|it| &it[i]);
-    let inflation = config.inflation * config.inflation;
-    let entry = |row: usize, column: usize| whole.map_or(f64::INFINITY, |it| it[(row, column)] * inflation);
+    let entry = |row: usize, column: usize| whole.map_or(f64::INFINITY, |it| it[(row, column)]);
     let covariance = Matrix6::from_fn(entry);
     let time_sd_s = entry(TIME_OFFSET, TIME_OFFSET).sqrt() * config.time_offset_sd_s;
     let moves = observed.images.iter().any(|it| !it.is_still);
