@@ -10,12 +10,15 @@ mod calibration;
 mod catch_rates;
 mod centre_of_mass;
 mod figures;
+mod finding;
 mod flights;
 mod grippers;
 mod holding;
+mod near_rates;
 mod near_rigs;
 mod objects;
 mod parallel;
+mod pushed_cameras;
 mod rates;
 mod reachability;
 mod recorded_throws;
@@ -103,6 +106,24 @@ const EXPERIMENTS: &[Experiment] = &[
         about: "in how many images rigs of a few near cameras see the object",
         trials: 100,
         run: near_rigs::run,
+    },
+    Experiment {
+        name: "near-rates",
+        about: "how often rigs of a few near cameras let the built-in arm catch",
+        trials: 400,
+        run: near_rates::run,
+    },
+    Experiment {
+        name: "finding",
+        about: "how soon near cameras find what flies, and whether they take a person who walks for it",
+        trials: 100,
+        run: finding::run,
+    },
+    Experiment {
+        name: "pushed-cameras",
+        about: "how soon a near camera that was pushed is noticed in a life of many throws",
+        trials: 10,
+        run: pushed_cameras::run,
     },
     Experiment {
         name: "calibration",

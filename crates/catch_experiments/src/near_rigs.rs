@@ -12,6 +12,25 @@ use crate::{
     results::{Entry, Table},
 };
 
+/// The built-in ones of near stereo cameras around the arm.
+pub const RIGS: [&str; 4] = ["d435_1", "d435_2", "d435_3", "d435_4"];
+
+/// The scenario honest with one of them: cameras that run freely, without labels, calibrated to what calibration on the arm leaves.
+pub fn setup(rig: &str, object: &str, settings: &[&str]) -> Result<Setup> {
+    let near = [
+        &format!("flight_rig=\"{rig}\""),
+        "arena.free_running_cameras=true",
+        "arena.depth.model=\"near_stereo\"",
+        "arena.depth.calibration_sd_m=0.0002",
+        "arena.depth.calibration_sd_rad=0.0002",
+        "brain.perception.camera_sd_rad=0.0",
+        "brain.trajectory_prediction.systematic_sd_m=0.0003",
+    ];
+    let settings: Vec<String> = near.iter().chain(settings).map(|&it| it.to_owned()).collect();
+    let choice = Choice { scenario: Some("honest"), object: Some(object), settings: &settings, ..Choice::default() };
+    Ok(Setup::load(&choice)?)
+}
+
 /// Rigs of more cameras surround the throw, and see it anyway.
 const MOST_CAMERAS: usize = 4;
 /// Pixels of an object that say something about where it is.

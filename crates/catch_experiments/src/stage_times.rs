@@ -8,13 +8,17 @@ use catch_lab::assets::Kind;
 
 use crate::{
     Findings, Options,
-    flights::{look, noises_and_labels},
+    flights::{Condition, look, noises_and_labels},
     results::{Entry, Table},
     spread::quantiles,
 };
 
 const LEGEND: &str = "CPU time of one thread in ms, over the ticks of the first 200 ms of each throw, in which the stage ran. *First pose*: \
-perception in ticks that find the object without a prediction.";
+perception in ticks that find the object without a prediction. *Update*: perception and prediction together in ticks that find it where it was \
+predicted.";
+
+/// What an update of a tracked object consists of.
+const UPDATE: [&str; 2] = ["perception", "trajectory_prediction"];
 
 /// CPU time of this thread in milliseconds, which other programs hardly disturb; not a number where it cannot be told.
 pub fn cpu_ms() -> f64 {
@@ -39,11 +43,24 @@ impl Probe for CpuWatch {
     }
 }
 
+/// Two near cameras that run freely, without labels.
+fn near() -> Condition {
+    let settings = vec![
+        "flight_rig=\"d435_2\"",
+        "arena.free_running_cameras=true",
+        "arena.depth.model=\"near_stereo\"",
+        "arena.depth.calibration_sd_m=0.0002",
+        "arena.depth.calibration_sd_rad=0.0002",
+        "brain.perception.camera_sd_rad=0.0",
+    ];
+    Condition { labels: vec!["two near cameras of 848×480", "no"], scenario: "honest", throws: &["random"], settings }
+}
+
 /// Each stage by depth noise, with labels and without; one throw after the other, so that none shares a core with another.
 pub fn run(options: &Options) -> Result<Findings> {
     let columns = ["noise", "labels", "object", "stage", "ticks", "p50, ms", "p99, ms", "max, ms"];
     let mut table = Table::new("By noise", &columns);
-    for condition in noises_and_labels() {
+    for condition in noises_and_labels().into_iter().chain([near()]) {
         for object in Kind::Object.names() {
             let setups = condition.setups(object)?;
             let mut times: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
@@ -52,7 +69,13 @@ pub fn run(options: &Options) -> Result<Findings> {
                 look(setup, options.seed, index, &mut |brain, observation| {
                     let mut watch = CpuWatch { last_ms: cpu_ms(), laps: Vec::new() };
                     let command = brain.tick(observation, &mut watch);
-                    let is_first = brain.report().pose.is_some_and(|pose| pose.registered_globally);
+                    let pose = brain.report().pose;
+                    let is_first = pose.is_some_and(|pose| pose.registered_globally);
+                    // Perception and prediction of what is tracked.
+                    if pose.is_some() && !is_first {
+                        let lap_ms = watch.laps.iter().filter(|lap| UPDATE.contains(&lap.0)).map(|lap| lap.1).sum();
+                        times.entry("update").or_default().push(lap_ms);
+                    }
                     for (stage, lap_ms) in watch.laps {
                         let stage = if is_first && stage == "perception" { "first pose" } else { stage };
                         times.entry(stage).or_default().push(lap_ms);

@@ -141,8 +141,8 @@ mod tests {
                 p.xy()
             };
             let places: Vec<_> = (0..4000).map(|step| head(0.01 * f64::from(step))).collect();
-            let nearest = places.iter().map(|p| p.norm()).fold(f64::INFINITY, f64::min);
-            let farthest = places.iter().map(|p| p.norm()).fold(0.0, f64::max);
+            let nearest = places.iter().map(nalgebra::Matrix::norm).fold(f64::INFINITY, f64::min);
+            let farthest = places.iter().map(nalgebra::Matrix::norm).fold(0.0, f64::max);
             assert!((1.0 - 1e-9..2.0 + 1e-3).contains(&nearest), "{nearest}");
             assert!((4.0..4.6).contains(&farthest), "there and back: {farthest}");
             let steps = places.windows(2).map(|pair| (pair[1] - pair[0]).norm());

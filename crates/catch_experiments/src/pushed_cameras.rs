@@ -1,0 +1,79 @@
+//! How soon a camera that was pushed is noticed in a life of many throws.
+
+use anyhow::Result;
+use catch_bot::perception::CameraStatus;
+use catch_lab::{assets::Kind, play::Play, referee::faulty_cameras::FaultyCamera, scenario::setup::Setup};
+use catch_sim::random_streams::{Draws, Stream};
+
+use crate::{
+    Findings, Options,
+    near_rigs::{RIGS, setup},
+    parallel,
+    results::{Entry, Table},
+    spread::{median, percent},
+};
+
+/// How far a camera is pushed, in a random direction.
+const PUSHED_M: f64 = 0.02;
+/// When, on the cell's clock: after some throws, and far from where a throw begins.
+const PUSHED_S: f64 = 15.0;
+/// Throws of a life, at least ten of them after the push.
+const THROWS: u64 = 15;
+
+const LEGEND: &str = "Lives of 15 throws of the three objects in random order, in the scenario honest with near stereo cameras that run freely, \
+without labels. After 15 s one camera, drawn at random, is pushed by 20 mm in a random direction. *Noticed*: in one of the ten throws that begin after \
+that the brain says that this camera is displaced. *Named wrongly*: lives in which it named another camera, or this one before the push.";
+
+/// What became of a life.
+struct Pushed {
+    /// After the push, from 1 on; none if it was not noticed.
+    throw: Option<usize>,
+    named_wrongly: bool,
+}
+
+fn life(rig: &str, seed: u64) -> Result<Pushed> {
+    let mut draws = Draws::new(Stream::Calibration, seed, 1);
+    let by = draws.direction().into_inner() * PUSHED_M;
+    let chosen = draws.unit();
+    let load = |object: &str| -> Result<(Setup, usize)> {
+        let cameras = setup(rig, object, &[])?.cameras.len();
+        let camera = ((chosen * cameras as f64) as usize).min(cameras - 1);
+        let fault = format!(
+            "arena.camera_faults=[{{ camera = {camera}, kind = {{ pushed = {{ by_m = [{}, {}, {}] }} }}, from_s = {PUSHED_S:.1} }}]",
+            by.x, by.y, by.z
+        );
+        Ok((setup(rig, object, &[&fault])?, camera))
+    };
+    let setups = Kind::Object.names().into_iter().map(load).collect::<Result<Vec<_>>>()?;
+    let camera = setups[0].1;
+    let setups = setups.into_iter().map(|it| it.0).collect();
+    let life = Play { setups, throws: THROWS, every_s: 4.0, seed }.run(&mut |_| ())?;
+    let (before, after): (Vec<_>, Vec<_>) = life.rows.iter().partition(|row| row.thrown_s < PUSHED_S);
+    let is_it = |it: &FaultyCamera| it.camera == camera && it.status == CameraStatus::Displaced;
+    // The throw during which it is pushed belongs to neither.
+    let quiet = &before[..before.len().saturating_sub(1)];
+    let throw = after.iter().take(10).position(|row| row.faulty_cameras.iter().any(is_it));
+    let wrongly = quiet.iter().any(|row| !row.faulty_cameras.is_empty())
+        || before.last().into_iter().chain(&after).any(|row| row.faulty_cameras.iter().any(|it| it.camera != camera));
+    Ok(Pushed { throw: throw.map(|it| it + 1), named_wrongly: wrongly })
+}
+
+/// Rigs of two cameras and more.
+pub fn run(options: &Options) -> Result<Findings> {
+    let columns = ["rig", "lives", "noticed within ten throws, %", "throws until then, p50", "most", "named wrongly"];
+    let mut table = Table::new("Cameras pushed by 20 mm", &columns);
+    for rig in &RIGS[1..] {
+        let lives = parallel::map(options.trials as usize, |index| life(rig, options.seed + index as u64));
+        let lives = lives.into_iter().collect::<Result<Vec<_>>>()?;
+        let throws: Vec<f64> = lives.iter().filter_map(|it| it.throw.map(|throw| throw as f64)).collect();
+        table.rows.push(vec![
+            Entry::text(*rig),
+            Entry::Count(lives.len()),
+            percent(throws.len(), lives.len()),
+            median(&throws, 1.0),
+            Entry::Number(throws.iter().copied().reduce(f64::max)),
+            Entry::Count(lives.iter().filter(|it| it.named_wrongly).count()),
+        ]);
+    }
+    Ok(Findings { legend: LEGEND, tables: vec![table] })
+}
