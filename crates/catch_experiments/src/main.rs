@@ -122,7 +122,7 @@ const EXPERIMENTS: &[Experiment] = &[
     Experiment {
         name: "pushed-cameras",
         about: "how soon a near camera that was pushed is noticed in a life of many throws",
-        trials: 10,
+        trials: 4,
         run: pushed_cameras::run,
     },
     Experiment {
