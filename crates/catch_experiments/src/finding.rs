@@ -31,11 +31,11 @@ const OUT_OF_SIGHT_M: [f64; 3] = [45.0, 45.0, 0.3];
 const PERSON: &str = "arena.person={ nearest_m = { min = 1.0, max = 3.0 }, speed_mps = { min = 0.6, max = 1.8 } }";
 
 const LEGEND: &str = "The scenario honest with near stereo cameras that run freely, without labels, calibrated as on the page of the \
-[near rates](near-rates.md). *Entering*: for the first time two cameras (one, where there is but one) have the whole object in their images, not \
-farther than 3 m away, whatever is between. Frames are intervals of a camera, 11 ms; what was found before has none. *Nothing flies* in scenes of one \
-second; the brain knows one of the three objects. A person walks along a line that passes the base at 1 to 3 m, at 0.6 to 1.8 m/s, each scene another; \
-legs and arms swing, and nobody heeds cameras. An observation has the images of 10 ms. A scene with a false start, a motion that the arm was sent, \
-ends with it.";
+[near rates](near-rates.md). *Entering*: for the first time two cameras have the whole object in their images, not farther than 3 m away. Where there \
+is but one camera, it is that one; what is between does not count. Frames are intervals of a camera, 11 ms; what was found before has none. *Nothing \
+flies* in scenes of one second. The brain knows one of the three objects. In each scene somebody else walks along a line that passes the base at 1 to \
+3 m. The speed is 0.6 to 1.8 m/s. Legs and arms swing. An observation has the images of 10 ms. A false start is a motion that the arm was sent; it \
+ends the scene.";
 
 /// When an object enters the view of so many cameras.
 fn entered_s(cameras: &[CameraModel], needed: usize, radius_m: f64, samples: &[TruthSample]) -> Option<f64> {
