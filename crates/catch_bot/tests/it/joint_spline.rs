@@ -128,3 +128,19 @@ fn a_gentle_motion_has_a_solution_and_an_impossible_one_has_none() {
     let impossible = End::At { q: 1.5, dq: 0.2, ddq: [-9.0, 9.0], last_speed: f64::INFINITY };
     assert_eq!(spline.solve(&start, &impossible, 0.6, &LIMITS, 0.0), Err(ProgramFailure::Infeasible));
 }
+
+/// Bounds on what the start alone dictates enter no program, and hold all the same.
+#[test]
+fn a_start_beyond_a_limit_has_no_motion() {
+    let spline = JointSpline::new(&[1.0; 6], Ends { end: EndKind::Rest, ..MOVING }, 0.0, 0.0);
+    let within = JointState { q: 0.0, dq: 0.5, ddq: 1.0 };
+    assert!(spline.solve(&within, &End::Rest, 0.5, &LIMITS, 0.0).is_ok());
+    let beyond = [
+        JointState { q: 1.01 * LIMITS.upper, ..within },
+        JointState { dq: 1.01 * LIMITS.velocity, ..within },
+        JointState { ddq: -1.01 * LIMITS.acceleration, ..within },
+    ];
+    for start in beyond {
+        assert_eq!(spline.solve(&start, &End::Rest, 0.5, &LIMITS, 0.0), Err(ProgramFailure::Infeasible), "{start:?}");
+    }
+}

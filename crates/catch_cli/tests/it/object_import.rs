@@ -219,11 +219,13 @@ fn cup() -> TriangleMesh {
     TriangleMesh::revolution(&profile, 64)
 }
 
-/// How far the vertices of one mesh are from points that lie upon another, at most.
-fn farthest_m(from: &TriangleMesh, to: &TriangleMesh) -> f64 {
+/// How far the vertices of one mesh are from points that lie upon another, in ascending order.
+fn distances_m(from: &TriangleMesh, to: &TriangleMesh) -> Vec<f64> {
     let on_surface = cloud_file::on_surface(to).points;
     let nearest = |p: &Point3<f64>| on_surface.iter().map(|it| (it - p).norm_squared()).fold(f64::INFINITY, f64::min);
-    from.vertices.iter().map(nearest).fold(0.0, f64::max).sqrt()
+    let mut all: Vec<f64> = from.vertices.iter().map(|p| nearest(p).sqrt()).collect();
+    all.sort_by(f64::total_cmp);
+    all
 }
 
 #[test]
@@ -241,9 +243,12 @@ fn depth_images_become_an_object() {
         assert!(findings.contains("12 depth images"), "{findings}");
         let volume = object.mesh.volume() / mesh.volume();
         assert!((volume - 1.0).abs() < 0.05, "{name}: {volume}: {findings}");
-        // Both about their centres of mass. Not all of a cup's inside can be seen.
-        let far_m = if name == "cup" { 0.0 } else { farthest_m(&object.mesh, &mesh.translated(&-com)) };
-        assert!(far_m < 0.0015, "{name}: {far_m}: {findings}");
+        // Both about their centres of mass. What few images see of a cup's inside may be farther off.
+        let far_m = distances_m(&object.mesh, &mesh.translated(&-com));
+        let at = |quantile: f64| far_m[(quantile * (far_m.len() - 1) as f64) as usize];
+        println!("{name}: 50 % {} 90 % {} 95 % {} 99 % {} max {}", at(0.5), at(0.9), at(0.95), at(0.99), at(1.0));
+        assert!(at(0.95) < 0.0015, "{name}: {}: {findings}", at(0.95));
+        assert!(name == "cup" || at(1.0) < 0.0015, "{name}: {}: {findings}", at(1.0));
     }
     let source = folder.path().join("cup");
     let refused = |expected: &str| {
