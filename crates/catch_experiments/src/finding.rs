@@ -11,7 +11,7 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 use crate::{
     Findings, Options,
-    near_rigs::{RIGS, setup},
+    near_rigs::{rigs, setup},
     parallel,
     results::{Entry, Table},
     spread::{percent, quantiles},
@@ -119,9 +119,9 @@ pub fn run(options: &Options) -> Result<Findings> {
     let columns = ["rig", "scenes", "observations", "images", "observations with a pose", "false starts"];
     let mut none = Table::new("A person walks, and nothing flies", &columns);
     let trials = options.trials as usize;
-    for rig in RIGS {
+    for rig in rigs() {
         for object in Kind::Object.names() {
-            let setup = setup(rig, object, &[])?;
+            let setup = setup(&rig, object, &[])?;
             setup.prepare();
             let rate_hz = setup.cameras[0].rate_hz.unwrap_or(setup.scenario.arena.frame_rate_hz);
             let all = parallel::map(trials, |index| found(&setup, options.seed, index as u64));
@@ -133,7 +133,7 @@ pub fn run(options: &Options) -> Result<Findings> {
             let was_found: Vec<f64> = frames.iter().copied().filter(|it| it.is_finite()).collect();
             let [median, most] = quantiles(&was_found, [0.5, 0.95], 1.0);
             soon.rows.push(vec![
-                Entry::text(rig),
+                Entry::text(&rig),
                 Entry::text(object),
                 Entry::Count(trials),
                 Entry::Count(entered.len()),
@@ -143,14 +143,14 @@ pub fn run(options: &Options) -> Result<Findings> {
                 percent(frames.iter().filter(|it| **it <= 3.0).count(), frames.len()),
             ]);
         }
-        let setups = Kind::Object.names().into_iter().map(|object| setup(rig, object, &[PERSON]));
+        let setups = Kind::Object.names().into_iter().map(|object| setup(&rig, object, &[PERSON]));
         let setups: Vec<Setup> = setups.collect::<Result<_>>()?;
         setups.iter().for_each(Setup::prepare);
         let scene = |index: usize| empty(&setups[index % setups.len()], options.seed, index as u64);
         let all = parallel::map(trials, scene);
         let sum = |of: fn(&Empty) -> usize| Entry::Count(all.iter().map(of).sum());
         none.rows.push(vec![
-            Entry::text(rig),
+            Entry::text(&rig),
             Entry::Count(trials),
             sum(|it| it.observations),
             sum(|it| it.images),

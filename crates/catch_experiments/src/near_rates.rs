@@ -7,7 +7,7 @@ use catch_lab::{assets::Kind, statistics::wilson95};
 
 use crate::{
     Findings, Options,
-    near_rigs::{RIGS, setup},
+    near_rigs::{rigs, setup},
     rates,
     results::{Entry, Table},
     spread::percent,
@@ -22,9 +22,9 @@ pub fn run(options: &Options) -> Result<Findings> {
     let columns =
         ["rig", "object", "throws", "caught, %", "from, %", "to, %", "out of reach, %", "limits broken", "misses"];
     let mut table = Table::new("Caught with near cameras", &columns);
-    for rig in RIGS {
+    for rig in rigs() {
         for object in Kind::Object.names() {
-            let rows = rates::rows(vec![setup(rig, object, &[])?], options)?;
+            let rows = rates::rows(vec![setup(&rig, object, &[])?], options)?;
             let caught = rows.iter().filter(|row| row.verdict.caught).count();
             let mut reasons: BTreeMap<String, usize> = BTreeMap::new();
             for reason in rows.iter().filter_map(|row| row.verdict.reason) {
@@ -35,7 +35,7 @@ pub fn run(options: &Options) -> Result<Findings> {
             let reasons: Vec<String> = reasons.iter().map(|(reason, count)| format!("{count}× {reason}")).collect();
             let [low, high] = wilson95(caught, rows.len());
             table.rows.push(vec![
-                Entry::text(rig),
+                Entry::text(&rig),
                 Entry::text(object),
                 Entry::Count(rows.len()),
                 percent(caught, rows.len()),

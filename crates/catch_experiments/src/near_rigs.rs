@@ -13,7 +13,9 @@ use crate::{
 };
 
 /// The built-in ones of near stereo cameras around the arm.
-pub const RIGS: [&str; 4] = ["d435_1", "d435_2", "d435_3", "d435_4"];
+pub fn rigs() -> impl Iterator<Item = String> {
+    (1..=4).map(|cameras| format!("d435_{cameras}"))
+}
 
 /// The scenario honest with one of them: cameras that run freely, without labels, calibrated to what calibration on the arm leaves.
 pub fn setup(rig: &str, object: &str, settings: &[&str]) -> Result<Setup> {

@@ -7,7 +7,7 @@ use catch_sim::random_streams::{Draws, Stream};
 
 use crate::{
     Findings, Options,
-    near_rigs::{RIGS, setup},
+    near_rigs::{rigs, setup},
     parallel,
     results::{Entry, Table},
     spread::{median, percent},
@@ -36,13 +36,13 @@ fn life(rig: &str, seed: u64) -> Result<Pushed> {
     let by = draws.direction().into_inner() * PUSHED_M;
     let chosen = draws.unit();
     let load = |object: &str| -> Result<(Setup, usize)> {
-        let cameras = setup(rig, object, &[])?.cameras.len();
+        let cameras = setup(&rig, object, &[])?.cameras.len();
         let camera = ((chosen * cameras as f64) as usize).min(cameras - 1);
         let fault = format!(
             "arena.camera_faults=[{{ camera = {camera}, kind = {{ pushed = {{ by_m = [{}, {}, {}] }} }}, from_s = {PUSHED_S:.1} }}]",
             by.x, by.y, by.z
         );
-        Ok((setup(rig, object, &[&fault])?, camera))
+        Ok((setup(&rig, object, &[&fault])?, camera))
     };
     let setups = Kind::Object.names().into_iter().map(load).collect::<Result<Vec<_>>>()?;
     let camera = setups[0].1;
@@ -62,12 +62,12 @@ fn life(rig: &str, seed: u64) -> Result<Pushed> {
 pub fn run(options: &Options) -> Result<Findings> {
     let columns = ["rig", "lives", "noticed within ten throws, %", "throws until then, p50", "most", "named wrongly"];
     let mut table = Table::new("Cameras pushed by 20 mm", &columns);
-    for rig in &RIGS[1..] {
-        let lives = parallel::map(options.trials as usize, |index| life(rig, options.seed + index as u64));
+    for rig in rigs().skip(1) {
+        let lives = parallel::map(options.trials as usize, |index| life(&rig, options.seed + index as u64));
         let lives = lives.into_iter().collect::<Result<Vec<_>>>()?;
         let throws: Vec<f64> = lives.iter().filter_map(|it| it.throw.map(|throw| throw as f64)).collect();
         table.rows.push(vec![
-            Entry::text(*rig),
+            Entry::text(&rig),
             Entry::Count(lives.len()),
             percent(throws.len(), lives.len()),
             median(&throws, 1.0),

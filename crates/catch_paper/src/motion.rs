@@ -264,24 +264,20 @@ fn problem<'a>(
 ) -> Problem<'a> {
     let robot = planner.robot();
     let tolerance = Tolerance::from(*tolerances);
-    // The point that is meant to be in the gripper's origin.
+    // The frame P that is put where the gripper is meant to be.
     let p_GP = Point3::new(0.0, config.weld_error_m, 0.0);
     let X_PG = Pose::from_parts((-p_GP.coords).into(), UnitQuaternion::identity());
-    let at = |time_s: f64, tolerance: Tolerance| Waypoint {
-        time_s,
-        X_WG: goal.X_WG(time_s) * X_PG,
-        p_GP,
-        v_WO: goal.flight.twist_at(time_s).linear,
-        fraction: None,
-        tolerance,
+    let at = |time_s: f64, tolerance: Tolerance| {
+        let (X_WP, v_WO) = (goal.X_WG(time_s), goal.flight.twist_at(time_s).linear);
+        Waypoint { time_s, X_WG: X_WP * X_PG, p_GP, v_WO, fraction: None, tolerance }
     };
     let velocity_mps = if config.pre_grasp_velocity { tolerance.velocity_mps } else { f64::INFINITY };
     let looser = Tolerance { velocity_mps, ..tolerance.scaled(config.pre_grasp_loosening) };
     let from = (!config.starts_in_joints).then(|| {
         let Setpoint { q, dq, .. } = start.state;
-        let X_WG = robot.gripper_pose(&q);
-        let v_WO = robot.gripper_twist(&q, &dq).velocity_at(&(X_WG.rotation * p_GP.coords));
-        Waypoint { time_s: start.time_s, X_WG: X_WG * X_PG, p_GP, v_WO, fraction: Some(1.0), tolerance }
+        let X_WP = robot.gripper_pose(&q);
+        let v_WO = robot.gripper_twist(&q, &dq).velocity_at(&(X_WP.rotation * p_GP.coords));
+        Waypoint { time_s: start.time_s, X_WG: X_WP * X_PG, p_GP, v_WO, fraction: Some(1.0), tolerance }
     });
     let mut limits = if config.starts_in_joints {
         planner.limits_from(start)

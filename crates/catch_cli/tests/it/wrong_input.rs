@@ -298,7 +298,7 @@ fn every_asset_is_right_and_what_is_not_is_told() {
         ),
         (
             "scenarios/as-published.toml",
-            "\ngripper = { kind = \"position\", stiffness_npm = 2500.0, damping_nspm = 20.0, max_force_n = 1000.0, open_width_m = 1.0 }",
+            "\ngripper = { kind = \"position\", stiffness_npm = 2500.0, damping_nspm = 20.0, max_force_n = 500.0, open_width_m = 1.0, cycle_s = 0.001 }",
             "\ngripper = { kind = \"real\" }",
             "brain.grasp_selection.closing_speed_mps: found 6, expected at most 0.42, the max_speed_mps of grippers/wsg50.toml",
         ),
