@@ -196,8 +196,13 @@ impl MotionPlanner {
     /// Whether torque limits hold along a motion: at its knots, in the middle between them and at its end. Between knots accelerations
     /// are linear, so that torques peak at knots but for what velocities add.
     pub fn keeps_torque(&self, spline: &BSpline) -> bool {
-        let inside_s = spline.spans().flat_map(|[start_s, end_s]| [start_s, 0.5 * (start_s + end_s)]);
-        inside_s.chain([spline.end_s()]).all(|time_s| self.keeps_torque_at(spline.evaluate(time_s)))
+        self.keeps_torque_until(spline, spline.end_s())
+    }
+
+    fn keeps_torque_until(&self, spline: &BSpline, last_s: f64) -> bool {
+        let spans = spline.spans().take_while(|[start_s, _]| *start_s < last_s);
+        let inside_s = spans.flat_map(|[start_s, end_s]| [start_s, 0.5 * (start_s + end_s)]);
+        inside_s.chain([last_s]).all(|time_s| self.keeps_torque_at(spline.evaluate(time_s)))
     }
 
     /// The same for one state: position, velocity and acceleration.
@@ -221,6 +226,7 @@ impl MotionPlanner {
     }
 
     /// Whether velocity tables, torque limits and clearances hold along a trajectory, the hand holding the object from the catch on.
+    /// [Braking](Self::braking) keeps the torque limits anyway.
     pub(super) fn is_safe(&self, trajectory: &BSpline, catch_s: f64, grasp: &Grasp) -> bool {
         let (start_s, end_s) = (trajectory.start_s(), trajectory.end_s());
         // How wide the gripper opens is chosen later.
@@ -229,7 +235,7 @@ impl MotionPlanner {
         self.keeps_velocity_tables(trajectory)
             && self.keeps_clear(trajectory, [catch_s, end_s], widest_m, Some(&grasp.held_G))
             && self.keeps_clear(trajectory, [start_s, catch_s], widest_m, None)
-            && self.keeps_torque(trajectory)
+            && self.keeps_torque_until(trajectory, catch_s)
     }
 
     /// Whether the arm at `q` is clear of itself and of the floor, the gripper fully open.

@@ -21,22 +21,25 @@ use crate::grasp_selection::TYPICAL_RESTITUTION;
 /// Distance from the extreme velocity of a spline at which another one surely has it, in rad/s.
 const INSIDE: f64 = 1e-7;
 
-/// Normals of contacts that are looked at, before they are scaled to length one; the opposite ones have the same impulse.
-const NORMALS: [[f64; 3]; 13] = [
-    [1.0, 0.0, 0.0],
-    [0.0, 1.0, 0.0],
-    [0.0, 0.0, 1.0],
-    [1.0, 1.0, 0.0],
-    [1.0, -1.0, 0.0],
-    [1.0, 0.0, 1.0],
-    [1.0, 0.0, -1.0],
-    [0.0, 1.0, 1.0],
-    [0.0, 1.0, -1.0],
-    [1.0, 1.0, 1.0],
-    [1.0, 1.0, -1.0],
-    [1.0, -1.0, 1.0],
-    [1.0, -1.0, -1.0],
+/// Normals of contacts that are looked at; the opposite ones have the same impulse.
+const NORMALS: [Vector3<f64>; 13] = [
+    Vector3::new(1.0, 0.0, 0.0),
+    Vector3::new(0.0, 1.0, 0.0),
+    Vector3::new(0.0, 0.0, 1.0),
+    Vector3::new(EDGE, EDGE, 0.0),
+    Vector3::new(EDGE, -EDGE, 0.0),
+    Vector3::new(EDGE, 0.0, EDGE),
+    Vector3::new(EDGE, 0.0, -EDGE),
+    Vector3::new(0.0, EDGE, EDGE),
+    Vector3::new(0.0, EDGE, -EDGE),
+    Vector3::new(CORNER, CORNER, CORNER),
+    Vector3::new(CORNER, CORNER, -CORNER),
+    Vector3::new(CORNER, -CORNER, CORNER),
+    Vector3::new(CORNER, -CORNER, -CORNER),
 ];
+/// The parts of directions to the edges and to the corners of a cube: 1/√2 and 1/√3.
+const EDGE: f64 = std::f64::consts::FRAC_1_SQRT_2;
+const CORNER: f64 = 0.577_350_269_189_625_8;
 
 /// Any velocity.
 const UNLIMITED: Interval = Interval { low: f64::NEG_INFINITY, high: f64::INFINITY };
@@ -115,7 +118,6 @@ impl PointToPoint<'_> {
         let mass_kg = self.planner.config.object_mass_kg;
         if let Some((mass_kg, inertia)) = mass_kg.and_then(|it| Some((it, robot.mass_matrix(&self.q).cholesky()?))) {
             let (angular, linear) = (self.jacobian.fixed_rows::<3>(0), self.jacobian.fixed_rows::<3>(3));
-            let normals_W = NORMALS.map(|it| Vector3::from(it).normalize());
             for side in [-0.5, 0.5] {
                 let finger_W = self.following.map_or(Vector3::zeros(), |(R_WG, _)| {
                     R_WG * Vector3::new(side * self.planner.gripper.max_width_m, 0.0, 0.0)
@@ -123,7 +125,7 @@ impl PointToPoint<'_> {
                 let at_finger = linear - finger_W.cross_matrix() * angular;
                 let of_impulse = inertia.solve(&at_finger.transpose());
                 let mobility = at_finger * of_impulse;
-                for n_W in &normals_W {
+                for n_W in &NORMALS {
                     let approach_mps = self.v_WO.dot(n_W);
                     let impulse_ns =
                         (1.0 + TYPICAL_RESTITUTION) * approach_mps / (1.0 / mass_kg + n_W.dot(&(mobility * n_W)));
