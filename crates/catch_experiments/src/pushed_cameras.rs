@@ -36,13 +36,13 @@ fn life(rig: &str, seed: u64) -> Result<Pushed> {
     let by = draws.direction().into_inner() * PUSHED_M;
     let chosen = draws.unit();
     let load = |object: &str| -> Result<(Setup, usize)> {
-        let cameras = setup(&rig, object, &[])?.cameras.len();
+        let cameras = setup(rig, object, &[])?.cameras.len();
         let camera = ((chosen * cameras as f64) as usize).min(cameras - 1);
         let fault = format!(
             "arena.camera_faults=[{{ camera = {camera}, kind = {{ pushed = {{ by_m = [{}, {}, {}] }} }}, from_s = {PUSHED_S:.1} }}]",
             by.x, by.y, by.z
         );
-        Ok((setup(&rig, object, &[&fault])?, camera))
+        Ok((setup(rig, object, &[&fault])?, camera))
     };
     let setups = Kind::Object.names().into_iter().map(load).collect::<Result<Vec<_>>>()?;
     let camera = setups[0].1;

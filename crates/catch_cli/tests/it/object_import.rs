@@ -246,7 +246,6 @@ fn depth_images_become_an_object() {
         // Both about their centres of mass. What few images see of a cup's inside may be farther off.
         let far_m = distances_m(&object.mesh, &mesh.translated(&-com));
         let at = |quantile: f64| far_m[(quantile * (far_m.len() - 1) as f64) as usize];
-        println!("{name}: 50 % {} 90 % {} 95 % {} 99 % {} max {}", at(0.5), at(0.9), at(0.95), at(0.99), at(1.0));
         assert!(at(0.95) < 0.0015, "{name}: {}: {findings}", at(0.95));
         assert!(name == "cup" || at(1.0) < 0.0015, "{name}: {}: {findings}", at(1.0));
     }
