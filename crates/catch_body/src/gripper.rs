@@ -70,6 +70,7 @@ pub struct PublishedParts {
     pub finger_recess_m: f64,
     /// Centres of the balls with which a finger touches, from where its inner face would be at x = ±width/2 (x outward), and from the
     /// fingers' centre along y and z.
+    #[serde(deserialize_with = "quantity::offset_m")]
     pub tips_m: Vec<[f64; 3]>,
     /// Radius of these balls.
     #[serde(deserialize_with = "quantity::size_m")]
