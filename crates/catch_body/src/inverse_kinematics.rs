@@ -9,6 +9,7 @@
 
 mod angles;
 mod arcs;
+mod last_joint;
 mod numerical;
 mod parallel_axes;
 mod spherical_shoulder;
@@ -16,7 +17,7 @@ mod spherical_shoulder;
 pub use arcs::Branch;
 pub use numerical::Ranges;
 pub use parallel_axes::ParallelAxesArm;
-pub use spherical_shoulder::{ALL_BRANCHES, BRANCHES, SphericalShoulderArm};
+pub use spherical_shoulder::SphericalShoulderArm;
 
 use arcs::Harmonic;
 use nalgebra::{Matrix3, Point3, Rotation3, Unit, Vector3};

@@ -19,7 +19,9 @@ use catch_bot::{
     grasp_selection::{self, GraspSet},
     perception::{self, DepthNoise, PoseEstimator, ReferenceModel, SdfEstimator, Symmetry, View, Workspace},
     trajectory_optimization::{CatchSearch, Incoming, Start},
-    trajectory_prediction::{self, AerodynamicPrior, CorrelatedError, FlightTrajectory, ProcessNoise, predict},
+    trajectory_prediction::{
+        self, AerodynamicPrior, CorrelatedError, FlightPredictor, FlightTrajectory, InformationFit, ProcessNoise,
+    },
 };
 use inputs::{Images, arm};
 use nalgebra::Vector3;
@@ -91,9 +93,9 @@ fn predict_flight(shape: &Shape, symmetry: Option<Symmetry>, config: &trajectory
     let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(shape, 32), &perception::Config::default()));
     let poses = inputs::poses(shape, &reference);
     let symmetry = symmetry.unwrap_or(reference.symmetry);
-    let mut space = trajectory_prediction::Workspace::default();
-    let before = predict(&poses, None, symmetry, config, 1, &mut space).expect("a flight");
-    run(|| predict(&poses, Some(&before), symmetry, config, 1, &mut space).expect("a flight"));
+    let mut fit = InformationFit::new(config.clone(), symmetry, 1);
+    let before = fit.predict(&poses, None).expect("a flight");
+    run(|| fit.predict(&poses, Some(&before)).expect("a flight"));
 }
 
 /// Drag that is known about.

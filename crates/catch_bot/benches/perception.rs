@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use catch_bot::{
     perception::{Config, PoseEstimator, ReferenceModel, SdfEstimator, View, Workspace},
-    trajectory_prediction::{self, predict},
+    trajectory_prediction::{self, FlightPredictor, InformationFit},
 };
 use criterion::{Criterion, criterion_group, criterion_main};
 use inputs::Images;
@@ -42,13 +42,13 @@ fn prediction(criterion: &mut Criterion) {
     let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(&shape, 200), &Config::default()));
     let poses = inputs::poses(&shape, &reference);
     let config = trajectory_prediction::Config { drag_prior_sd_per_m: Some(0.02), ..Default::default() };
-    let mut space = trajectory_prediction::Workspace::default();
-    let flight = predict(&poses, None, reference.symmetry, &config, 1, &mut space).expect("thirty good poses");
+    let mut fit = InformationFit::new(config, reference.symmetry, 1);
+    let flight = fit.predict(&poses, None).expect("thirty good poses");
     criterion.bench_function("prediction/tracking", |bencher| {
-        bencher.iter(|| predict(&poses, Some(&flight), reference.symmetry, &config, 1, &mut space));
+        bencher.iter(|| fit.predict(&poses, Some(&flight)));
     });
     criterion.bench_function("prediction/start", |bencher| {
-        bencher.iter(|| predict(&poses, None, reference.symmetry, &config, 1, &mut space));
+        bencher.iter(|| fit.predict(&poses, None));
     });
 }
 

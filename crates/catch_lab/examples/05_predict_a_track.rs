@@ -5,7 +5,7 @@
 use catch_body::Pose;
 use catch_bot::{
     perception::{ObjectPose, Symmetry},
-    trajectory_prediction::{self, Config, Workspace},
+    trajectory_prediction::{Config, FlightPredictor, InformationFit},
 };
 use nalgebra::{Matrix6, Vector3};
 
@@ -34,7 +34,8 @@ fn main() -> anyhow::Result<()> {
         .collect();
 
     let config = Config { spin_prior_sd_radps: 0.1, ..Config::default() };
-    let flight = trajectory_prediction::predict(&poses, None, Symmetry::Sphere, &config, 1, &mut Workspace::default())
+    let flight = InformationFit::new(config, Symmetry::Sphere, 1)
+        .predict(&poses, None)
         .map_err(|status| anyhow::anyhow!("no flight: {status:?}"))?;
     for time_s in [0.2, 0.4, 0.6] {
         let p_WO = flight.pose_at(time_s).translation.vector;

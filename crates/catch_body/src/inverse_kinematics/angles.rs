@@ -29,13 +29,13 @@ impl Sinusoid {
 
 /// A vector turned about an axis, by the formula of Rodrigues.
 #[derive(Debug, Clone, Copy)]
-pub struct Turn {
+pub struct AxisRotation {
     axis: Vector3<f64>,
     sin: f64,
     cos: f64,
 }
 
-impl Turn {
+impl AxisRotation {
     /// By an angle about an axis.
     pub fn new(axis: &Vector3<f64>, angle: f64) -> Self {
         let (sin, cos) = angle.sin_cos();

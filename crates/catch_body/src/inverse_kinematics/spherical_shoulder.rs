@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::{
     Ranges, TOLERANCE,
-    angles::{Sinusoid, Turn, angle, meeting_point, turned_into},
+    angles::{AxisRotation, Sinusoid, angle, meeting_point, turned_into},
 };
 use crate::{
     pose::Pose,
@@ -20,9 +20,9 @@ use crate::{
 
 /// Solutions of one pose and angle of the last joint: how joint 4 is bent, on which side of the line from shoulder to wrist axis 5
 /// passes, and how joint 2 is.
-pub const BRANCHES: usize = 8;
+pub(super) const BRANCHES: usize = 8;
 /// All of them are wanted.
-pub const ALL_BRANCHES: u8 = u8::MAX;
+pub(super) const ALL_BRANCHES: u8 = u8::MAX;
 
 /// Directions that are closer to one line than this, as a sine, do not fix an orientation.
 const SINGULAR: f64 = 1e-9;
@@ -77,9 +77,9 @@ impl SphericalShoulderArm {
     }
 
     /// Shows `found` all joint positions within `ranges` that put the gripper at `X_WG` with the last joint at `q7`, of those that
-    /// differ by whole turns the nearest to `from`, each with its branch: [which of eight](BRANCHES). Only branches are looked at for which
+    /// differ by whole turns the nearest to `from`, each with its branch: which of the eight. Only branches are looked at for which
     /// `wanted`, one bit for each, says so.
-    pub fn for_each_solution(
+    pub(super) fn for_each_solution(
         &self,
         X_WG: &Pose,
         q7: f64,
@@ -91,7 +91,7 @@ impl SphericalShoulderArm {
         let [a1, a2, a3, a4, a5, a6, a7] = self.axes;
         let Self { forearm, upper_arm, .. } = self;
         // The motion of the first six joints, from where all are at zero: X takes W to w and axes 5 and 6 to r and u.
-        let (X, back) = (X_WG * self.X_GW, Turn::new(&a7, -q7));
+        let (X, back) = (X_WG * self.X_GW, AxisRotation::new(&a7, -q7));
         let R = X.rotation.to_rotation_matrix();
         let w = X * (self.last + back.of(&self.last_to_wrist));
         let (d, r, u) = (w - self.shoulder, R * back.of(&a5), R * back.of(&a6));
@@ -108,7 +108,7 @@ impl SphericalShoulderArm {
                 continue;
             }
             let Some(q4) = turned_into(q4, from[3], ranges[3]) else { continue };
-            let turn_4 = Turn::new(&a4, q4);
+            let turn_4 = AxisRotation::new(&a4, q4);
             let (v, along_5) = (turn_4.of(forearm) - upper_arm, turn_4.of(&a5));
             let Some(before) = axes_of(&v, &along_5) else { continue };
             // Axis 5: its parts along d and u, which are known, and what is left across both.
@@ -128,18 +128,18 @@ impl SphericalShoulderArm {
                 let first_three = |v: &Vector3<f64>| after * before.tr_mul(v);
                 let last_two = |v: &Vector3<f64>| turn_4.back().of(&(before * after.tr_mul(v)));
                 let Some(q5) = turned_into(angle(&a5, &a6, &last_two(&u)), from[4], ranges[4]) else { continue };
-                let q6 = angle(&a6, &a5, &Turn::new(&a5, -q5).of(&last_two(&r)));
+                let q6 = angle(&a6, &a5, &AxisRotation::new(&a5, -q5).of(&last_two(&r)));
                 let Some(q6) = turned_into(q6, from[5], ranges[5]) else { continue };
                 // q2: the first joint leaves axis 3 at its angle to axis 1.
                 let (to, second) = (first_three(&a3), first_three(&a2));
                 let height = a1.dot(&to) - a1.dot(&a2) * a2.dot(&a3);
                 for (flip, q2) in self.height.angles_at(height).enumerate() {
                     let Some(q2) = turned_into(q2, from[1], ranges[1]) else { continue };
-                    let turn_2 = Turn::new(&a2, q2);
+                    let turn_2 = AxisRotation::new(&a2, q2);
                     let third = turn_2.of(&a3);
                     let q1 = if third.cross(&a1).norm() < SINGULAR { from[0] } else { angle(&a1, &third, &to) };
                     let Some(q1) = turned_into(q1, from[0], ranges[0]) else { continue };
-                    let q3 = angle(&a3, &a2, &turn_2.back().of(&Turn::new(&a1, -q1).of(&second)));
+                    let q3 = angle(&a3, &a2, &turn_2.back().of(&AxisRotation::new(&a1, -q1).of(&second)));
                     let Some(q3) = turned_into(q3, from[2], ranges[2]) else { continue };
                     let mut q = JointVector::zeros();
                     q.as_mut_slice()[..7].copy_from_slice(&[q1, q2, q3, q4, q5, q6, q7]);

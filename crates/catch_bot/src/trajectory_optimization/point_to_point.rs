@@ -21,26 +21,6 @@ use crate::grasp_selection::TYPICAL_RESTITUTION;
 /// Distance from the extreme velocity of a spline at which another one surely has it, in rad/s.
 const INSIDE: f64 = 1e-7;
 
-/// Normals of contacts that are looked at; the opposite ones have the same impulse.
-const NORMALS: [Vector3<f64>; 13] = [
-    Vector3::new(1.0, 0.0, 0.0),
-    Vector3::new(0.0, 1.0, 0.0),
-    Vector3::new(0.0, 0.0, 1.0),
-    Vector3::new(EDGE, EDGE, 0.0),
-    Vector3::new(EDGE, -EDGE, 0.0),
-    Vector3::new(EDGE, 0.0, EDGE),
-    Vector3::new(EDGE, 0.0, -EDGE),
-    Vector3::new(0.0, EDGE, EDGE),
-    Vector3::new(0.0, EDGE, -EDGE),
-    Vector3::new(CORNER, CORNER, CORNER),
-    Vector3::new(CORNER, CORNER, -CORNER),
-    Vector3::new(CORNER, -CORNER, CORNER),
-    Vector3::new(CORNER, -CORNER, -CORNER),
-];
-/// The parts of directions to the edges and to the corners of a cube: 1/√2 and 1/√3.
-const EDGE: f64 = std::f64::consts::FRAC_1_SQRT_2;
-const CORNER: f64 = 0.577_350_269_189_625_8;
-
 /// Any velocity.
 const UNLIMITED: Interval = Interval { low: f64::NEG_INFINITY, high: f64::INFINITY };
 
@@ -125,8 +105,8 @@ impl PointToPoint<'_> {
                 let at_finger = linear - finger_W.cross_matrix() * angular;
                 let of_impulse = inertia.solve(&at_finger.transpose());
                 let mobility = at_finger * of_impulse;
-                for n_W in &NORMALS {
-                    let approach_mps = self.v_WO.dot(n_W);
+                for n_W in normals() {
+                    let approach_mps = self.v_WO.dot(&n_W);
                     let impulse_ns =
                         (1.0 + TYPICAL_RESTITUTION) * approach_mps / (1.0 / mass_kg + n_W.dot(&(mobility * n_W)));
                     for (added, dq) in added.iter_mut().zip(&(of_impulse * (n_W * impulse_ns))) {
@@ -214,6 +194,11 @@ impl PointToPoint<'_> {
 /// The highest speed within `velocities` in the direction of `dq`.
 fn speed_toward(velocities: &Interval, dq: f64) -> f64 {
     if dq < 0.0 { -velocities.low } else { velocities.high }
+}
+
+/// Normals of contacts that are looked at: to the faces, edges and corners of a cube, one of each two opposite ones, which have the same impulse.
+fn normals() -> impl Iterator<Item = Vector3<f64>> {
+    (14..27).map(|i| Vector3::new(i % 3, i / 3 % 3, i / 9).map(|part| f64::from(part - 1)).normalize())
 }
 
 fn set(points: &mut [JointVector], i: usize, joint: &JointPoints) {

@@ -78,63 +78,70 @@ impl Settings for Config {
     }
 }
 
+/// What a running catch is adjusted from, and to which flight.
+struct Correction<'a> {
+    start: &'a Start,
+    incoming: &'a Incoming<'a>,
+    plan: &'a CatchPlan,
+    local_flight: LocalFlight,
+}
+
+impl<'a> Correction<'a> {
+    fn new(start: &'a Start, incoming: &'a Incoming<'a>, plan: &'a CatchPlan, catch_s: f64) -> Self {
+        Self { start, incoming, plan, local_flight: incoming.flight.local_flight_at(catch_s) }
+    }
+
+    /// The gripper's pose in W with the plan's grasp.
+    fn X_WG(&self) -> Pose {
+        self.local_flight.X_WO * self.plan.grasp.X_OG
+    }
+}
+
 impl CatchSearch {
     /// The same catch for a flight that is known better: same time and grasp, the elbow where it was or close by.
     pub fn retarget(&self, start: &Start, incoming: &Incoming, plan: &CatchPlan) -> Option<CatchPlan> {
-        let local_flight = incoming.flight.local_flight_at(plan.catch_s);
-        let X_WG = local_flight.X_WO * plan.grasp.X_OG;
-        let replan = &self.motion.config.replan;
+        let correction = Correction::new(start, incoming, plan, plan.catch_s);
+        let elbows_rad = &self.motion.config.replan.arm_angles_rad;
         // What a motion leaves of the limits, the next replan can use: more is taken only where less does not do.
         let scaling =
             [0.0, 0.5, 1.0].map(|more| self.motion.replan_scaling().toward(self.motion.moving_scaling(), more));
-        let found = scaling.iter().find_map(|scaling| {
-            self.adjusted(start, incoming, plan, &local_flight, &X_WG, *scaling, &replan.arm_angles_rad)
-        })?;
-        Some(self.opened(found, plan.aperture_m, start.time_s, incoming, &local_flight))
+        let found =
+            scaling.iter().find_map(|scaling| self.adjusted(&correction, &correction.X_WG(), *scaling, elbows_rad))?;
+        Some(self.opened(found, plan.aperture_m, start.time_s, incoming, &correction.local_flight))
     }
 
     /// The same grasp a little sooner or later, where the arm is in time and the object can come in.
     pub fn shifted(&self, start: &Start, incoming: &Incoming, plan: &CatchPlan) -> Option<CatchPlan> {
         let in_time =
             |later_s: &&f64| **later_s > 0.0 || plan.catch_s + **later_s > start.time_s + self.motion.config.min_lead_s;
-        let replan = &self.motion.config.replan;
+        let (replan, scaling) = (&self.motion.config.replan, self.motion.moving_scaling());
         replan.shifts_s.iter().filter(in_time).find_map(|later_s| {
-            let local_flight = incoming.flight.local_flight_at(plan.catch_s + later_s);
-            let X_WG = local_flight.X_WO * plan.grasp.X_OG;
-            let found = self.adjusted(
-                start,
-                incoming,
-                plan,
-                &local_flight,
-                &X_WG,
-                self.motion.moving_scaling(),
-                &replan.shifted_arm_angles_rad,
-            )?;
-            let found = self.opened(found, plan.aperture_m, start.time_s, incoming, &local_flight);
+            let correction = Correction::new(start, incoming, plan, plan.catch_s + later_s);
+            let found = self.adjusted(&correction, &correction.X_WG(), scaling, &replan.shifted_arm_angles_rad)?;
+            let found = self.opened(found, plan.aperture_m, start.time_s, incoming, &correction.local_flight);
             found.approach_is_free.then_some(found)
         })
     }
 
     /// The same catch as near to the flight as the arm can still come.
     pub fn nearest(&self, start: &Start, incoming: &Incoming, plan: &CatchPlan) -> Option<CatchPlan> {
-        let local_flight = incoming.flight.local_flight_at(plan.catch_s);
-        let wanted = local_flight.X_WO * plan.grasp.X_OG;
+        let correction = Correction::new(start, incoming, plan, plan.catch_s);
+        let wanted = correction.X_WG();
         let (replan, scaling) = (&self.motion.config.replan, self.motion.moving_scaling());
         let joint_by_joint = || {
             replan.reach_fractions.iter().find_map(|fraction| {
                 let posture = self.nearest_posture(start, plan, &wanted, *fraction)?;
-                let X_WG = self.motion.robot.gripper_pose(&posture.q);
-                self.at_posture(start, incoming, plan, &local_flight, &X_WG, scaling, posture)
+                self.at_posture(&correction, &self.motion.robot.gripper_pose(&posture.q), scaling, posture)
             })
         };
         let in_part = || {
             replan.correction_fractions.iter().find_map(|part| {
                 let X_WG = plan.X_WG.try_lerp_slerp(&wanted, *part, 1e-9)?;
-                self.adjusted(start, incoming, plan, &local_flight, &X_WG, scaling, &[0.0])
+                self.adjusted(&correction, &X_WG, scaling, &[0.0])
             })
         };
         let found = joint_by_joint().or_else(in_part)?;
-        Some(self.opened(found, plan.aperture_m, start.time_s, incoming, &local_flight))
+        Some(self.opened(found, plan.aperture_m, start.time_s, incoming, &correction.local_flight))
     }
 
     /// The posture near the plan's whose gripper is nearest to `X_WG`, every joint within this fraction of its reachability interval:
@@ -177,36 +184,17 @@ impl CatchSearch {
     }
 
     /// The plan's grasp where the object passes, with the gripper at `X_WG`, the elbow moved by the first of these angles that will do.
-    #[expect(clippy::too_many_arguments, reason = "a catch is a time, a pose and what it is made from")]
-    fn adjusted(
-        &self,
-        start: &Start,
-        incoming: &Incoming,
-        plan: &CatchPlan,
-        local_flight: &LocalFlight,
-        X_WG: &Pose,
-        scaling: LimitScaling,
-        elbows_rad: &[f64],
-    ) -> Option<CatchPlan> {
-        let known = Posture { q: plan.q, elbow: plan.elbow };
+    fn adjusted(&self, to: &Correction, X_WG: &Pose, scaling: LimitScaling, elbows_rad: &[f64]) -> Option<CatchPlan> {
+        let known = Posture { q: to.plan.q, elbow: to.plan.elbow };
         elbows_rad.iter().find_map(|offset| {
             let posture = self.motion.finder.adjusted(&self.motion.robot, X_WG, &known, *offset)?;
-            self.at_posture(start, incoming, plan, local_flight, X_WG, scaling, posture)
+            self.at_posture(to, X_WG, scaling, posture)
         })
     }
 
     /// The same in this posture.
-    #[expect(clippy::too_many_arguments, reason = "a catch is a time, a pose and what it is made from")]
-    fn at_posture(
-        &self,
-        start: &Start,
-        incoming: &Incoming,
-        plan: &CatchPlan,
-        local_flight: &LocalFlight,
-        X_WG: &Pose,
-        scaling: LimitScaling,
-        posture: Posture,
-    ) -> Option<CatchPlan> {
+    fn at_posture(&self, to: &Correction, X_WG: &Pose, scaling: LimitScaling, posture: Posture) -> Option<CatchPlan> {
+        let Correction { start, incoming, plan, local_flight } = to;
         let LocalFlight { time_s: catch_s, X_WO, V_WO, .. } = *local_flight;
         let (q, v_WO) = (posture.q, V_WO.linear);
         let base = Point3::from(self.motion.robot.X_WB.translation.vector);
@@ -216,7 +204,7 @@ impl CatchSearch {
         let point_to_point = PointToPoint { weights: plan.weights, ..point_to_point };
         let joints = self.motion.reaches(start, catch_s - start.time_s, scaling);
         let bounds = self.motion.terminal_velocity_bounds(&joints, &start.state.q, &q)?;
-        let CatchPlan { approach, cost, .. } = *plan;
+        let CatchPlan { approach, cost, .. } = **plan;
         let reachable = ReachableCatch { catch_s, approach, X_WG: *X_WG, posture, cost, still_cost };
         let best = point_to_point.best(bounds, -1.0)?;
         let found = self.finish(incoming, &reachable, &plan.grasp, best, &point_to_point)?;

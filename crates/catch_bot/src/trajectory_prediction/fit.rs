@@ -58,10 +58,10 @@ pub(super) fn fit(
         drag_per_m: start.drag_per_m,
         R_WO: X_WO.rotation,
         w: V_WO.angular,
-        decay_per_s: if config.spin_decay_sd_per_s() > 0.0 {
+        decay_per_s: if config.aerodynamics.spin_decay_sd_per_s > 0.0 {
             start.spin_decay_per_s
         } else {
-            config.spin_decay_per_s()
+            config.aerodynamics.spin_decay_per_s
         },
     };
     let freedom = match symmetry {
@@ -122,13 +122,11 @@ pub(super) fn fit(
         rotation_covariance: covariance.fixed_view::<6, 6>(TURN, TURN).into_owned(),
         systematic_sd_m: config.systematic_sd_m,
         process_noise: config.process_noise,
-        com_O: Vector3::zeros(),
-        com_covariance: SMatrix::zeros(),
         forces: problem.forces,
-        force_covariance: SMatrix::zeros(),
         inliers,
         considered: poses.len(),
         error_scale,
+        ..FlightTrajectory::default()
     };
     Ok((flight, agreeing))
 }
@@ -166,7 +164,7 @@ impl Problem<'_> {
         scratch.squares.reserve(self.config.fit_window);
         let start = Tumbling::new(state.R_WO, &state.w, self.inertia.as_ref()).decaying(state.decay_per_s);
         // A decay that is known has no part in the fit.
-        let decays = self.config.spin_decay_sd_per_s() > 0.0;
+        let decays = self.config.aerodynamics.spin_decay_sd_per_s > 0.0;
         let (mut motion, mut tumbling) = (Motion::new(state.p, state.v), start);
         let mut time_s = self.newest_s;
         let turns = self.turns();

@@ -155,16 +155,6 @@ impl Config {
         self.com_sd_m.unwrap_or_default()
     }
 
-    /// Decay of the spin that is expected, in 1/s.
-    fn spin_decay_per_s(&self) -> f64 {
-        self.aerodynamics.spin_decay_per_s
-    }
-
-    /// Its standard deviation.
-    fn spin_decay_sd_per_s(&self) -> f64 {
-        self.aerodynamics.spin_decay_sd_per_s
-    }
-
     /// The newest poses, at which sampling looks, oldest first; `None` before there are enough for a first flight.
     pub fn sampled<'a>(&self, poses: &'a [ObjectPose]) -> Option<&'a [ObjectPose]> {
         let window = &poses[poses.len() - self.window.max(2).min(poses.len())..];
@@ -218,18 +208,87 @@ impl<T: FlightPredictor + ?Sized> FlightPredictor for Box<T> {
 }
 
 /// Sampling to start and to restart, then a robust fit to all poses that agree, weighted by their information.
+///
+/// The previous flight is where the fit starts as long as the newest poses agree with it. Its forces and its centre of mass correct what
+/// the fit expects; both are then found anew.
 #[derive(Debug, Clone)]
 pub struct InformationFit {
     config: Config,
     symmetry: Symmetry,
     seed: u64,
-    workspace: Workspace,
+    // Buffers. They carry nothing from one call to the next.
+    fit: fit::Scratch,
+    ransac: ransac::Scratch,
+    about_com: Vec<ObjectPose>,
+    rows: Vec<aerodynamics::Row>,
 }
 
 impl InformationFit {
     /// For an object of some symmetry; poses are sampled at random by `seed`.
     pub fn new(config: Config, symmetry: Symmetry, seed: u64) -> Self {
-        Self { config, symmetry, seed, workspace: Workspace::default() }
+        let (fit, ransac) = (fit::Scratch::default(), ransac::Scratch::default());
+        Self { config, symmetry, seed, fit, ransac, about_com: Vec::new(), rows: Vec::new() }
+    }
+
+    /// The flight that fits poses which are seen from the centre of mass as the previous flight has it.
+    fn fit_about_com(
+        &mut self,
+        poses: &[ObjectPose],
+        previous: &FlightTrajectory,
+    ) -> Result<FlightTrajectory, PredictionStatus> {
+        let com_O = previous.com_O;
+        let most = self.config.fit_window.max(self.config.window);
+        let mut about_com = std::mem::take(&mut self.about_com);
+        about_com.clear();
+        about_com.reserve(most);
+        about_com.extend(poses[poses.len() - most.min(poses.len())..].iter().map(|pose| {
+            let mut X_WO = pose.X_WO;
+            let to_com_W = X_WO.rotation * com_O;
+            X_WO.translation.vector += to_com_W;
+            // A turn about the centre of mass shifts O.
+            let mut by_com = Matrix6::identity();
+            by_com.fixed_view_mut::<3, 3>(3, 0).copy_from(&to_com_W.cross_matrix());
+            ObjectPose { X_WO, information: by_com.transpose() * pose.information * by_com, ..*pose }
+        }));
+        let mut com_covariance = SMatrix::<f64, 9, 3>::zeros();
+        com_covariance.fixed_rows_mut::<3>(6).fill_diagonal(self.config.com_sd_m().powi(2));
+        let previous = FlightTrajectory { com_O: Vector3::zeros(), ..previous.clone() };
+        let found = self.fit_flight(&about_com, Some(&previous));
+        self.about_com = about_com;
+        found.map(|flight| FlightTrajectory { com_O, com_covariance, ..flight })
+    }
+
+    /// The flight that fits without forces by which orientation and spin matter.
+    fn fit_flight(
+        &mut self,
+        poses: &[ObjectPose],
+        previous: Option<&FlightTrajectory>,
+    ) -> Result<FlightTrajectory, PredictionStatus> {
+        let Self { config, symmetry, seed, fit: fitting, ransac: sampling, .. } = self;
+        let window = config.sampled(poses).ok_or(PredictionStatus::TooFewPoses)?;
+        let fitted = &poses[poses.len() - config.fit_window.min(poses.len())..];
+        let enough =
+            |inliers: usize| inliers >= 3 && inliers as f64 >= config.min_inlier_fraction * window.len() as f64;
+        let known = previous.and_then(|it| fit::fit(fitted, it, symmetry, config, fitting).ok());
+        let known = known.filter(|(_, agreeing)| enough(*agreeing)).map(|(flight, _)| flight);
+        if let Some(known) = &known
+            && known.error_scale <= config.max_error_scale
+        {
+            return Ok(known.clone());
+        }
+        // A fit that has gone astray stays so, however good the poses are by now.
+        let sampling_from = (Rotation::Free, ransac::TieBreak::MeanSquare);
+        let anew = ransac::best_flight(window, symmetry, sampling_from, config, *seed, sampling).and_then(|start| {
+            if !enough(start.inliers) {
+                return Err(PredictionStatus::NoAgreement);
+            }
+            fit::fit(fitted, &start, symmetry, config, fitting).map(|(flight, _)| flight)
+        });
+        match (known, anew) {
+            (Some(known), Ok(anew)) if anew.error_scale > MUCH_BETTER * known.error_scale => Ok(known),
+            (Some(known), Err(_)) => Ok(known),
+            (_, anew) => anew,
+        }
     }
 }
 
@@ -239,106 +298,15 @@ impl FlightPredictor for InformationFit {
         poses: &[ObjectPose],
         previous: Option<&FlightTrajectory>,
     ) -> Result<FlightTrajectory, PredictionStatus> {
-        predict(poses, previous, self.symmetry, &self.config, self.seed, &mut self.workspace)
-    }
-}
-
-/// Buffers of [`predict`], kept so that predicting need not allocate. They carry nothing from one call to the next.
-#[derive(Debug, Clone, Default)]
-pub struct Workspace {
-    fit: fit::Scratch,
-    about_com: Vec<ObjectPose>,
-    rows: Vec<aerodynamics::Row>,
-    ransac: ransac::Scratch,
-}
-
-/// Predicts the flight from the poses seen so far, oldest first.
-///
-/// `previous` is where the fit starts as long as the newest poses agree with it. Its forces and its centre of mass correct what the fit
-/// expects; both are then found anew.
-pub fn predict(
-    poses: &[ObjectPose],
-    previous: Option<&FlightTrajectory>,
-    symmetry: Symmetry,
-    config: &Config,
-    seed: u64,
-    workspace: &mut Workspace,
-) -> Result<FlightTrajectory, PredictionStatus> {
-    let fitted = &poses[poses.len() - config.fit_window.min(poses.len())..];
-    let off_centre = previous.filter(|it| it.com_O != Vector3::zeros());
-    let mut flight = match off_centre {
-        None => fit_flight(poses, previous, &symmetry, config, seed, workspace)?,
-        Some(previous) => fit_about_com(poses, previous, &symmetry, config, seed, workspace)?,
-    };
-    if config.aerodynamics.any() || config.com_sd_m() > 0.0 {
-        aerodynamics::refine(fitted, &mut flight, &symmetry, config, &mut workspace.rows);
-    }
-    Ok(flight)
-}
-
-/// The same for poses that are seen from the centre of mass as the previous flight has it.
-fn fit_about_com(
-    poses: &[ObjectPose],
-    previous: &FlightTrajectory,
-    symmetry: &Symmetry,
-    config: &Config,
-    seed: u64,
-    workspace: &mut Workspace,
-) -> Result<FlightTrajectory, PredictionStatus> {
-    let com_O = previous.com_O;
-    let most = config.fit_window.max(config.window);
-    let mut about_com = std::mem::take(&mut workspace.about_com);
-    about_com.clear();
-    about_com.reserve(most);
-    about_com.extend(poses[poses.len() - most.min(poses.len())..].iter().map(|pose| {
-        let mut X_WO = pose.X_WO;
-        let to_com_W = X_WO.rotation * com_O;
-        X_WO.translation.vector += to_com_W;
-        // A turn about the centre of mass shifts O.
-        let mut by_com = Matrix6::identity();
-        by_com.fixed_view_mut::<3, 3>(3, 0).copy_from(&to_com_W.cross_matrix());
-        ObjectPose { X_WO, information: by_com.transpose() * pose.information * by_com, ..*pose }
-    }));
-    let mut com_covariance = SMatrix::<f64, 9, 3>::zeros();
-    com_covariance.fixed_rows_mut::<3>(6).fill_diagonal(config.com_sd_m().powi(2));
-    let previous = FlightTrajectory { com_O: Vector3::zeros(), ..previous.clone() };
-    let found = fit_flight(&about_com, Some(&previous), symmetry, config, seed, workspace);
-    workspace.about_com = about_com;
-    found.map(|flight| FlightTrajectory { com_O, com_covariance, ..flight })
-}
-
-/// The flight that fits without forces by which orientation and spin matter.
-fn fit_flight(
-    poses: &[ObjectPose],
-    previous: Option<&FlightTrajectory>,
-    symmetry: &Symmetry,
-    config: &Config,
-    seed: u64,
-    workspace: &mut Workspace,
-) -> Result<FlightTrajectory, PredictionStatus> {
-    let window = config.sampled(poses).ok_or(PredictionStatus::TooFewPoses)?;
-    let fitted = &poses[poses.len() - config.fit_window.min(poses.len())..];
-    let Workspace { fit: fitting, ransac: sampling, .. } = workspace;
-    let enough = |inliers: usize| inliers >= 3 && inliers as f64 >= config.min_inlier_fraction * window.len() as f64;
-    let known = previous.and_then(|it| fit::fit(fitted, it, symmetry, config, fitting).ok());
-    let known = known.filter(|(_, agreeing)| enough(*agreeing)).map(|(flight, _)| flight);
-    if let Some(known) = &known
-        && known.error_scale <= config.max_error_scale
-    {
-        return Ok(known.clone());
-    }
-    // A fit that has gone astray stays so, however good the poses are by now.
-    let sampling_from = (Rotation::Free, ransac::TieBreak::MeanSquare);
-    let anew = ransac::best_flight(window, symmetry, sampling_from, config, seed, sampling).and_then(|start| {
-        if !enough(start.inliers) {
-            return Err(PredictionStatus::NoAgreement);
+        let mut flight = match previous.filter(|it| it.com_O != Vector3::zeros()) {
+            None => self.fit_flight(poses, previous)?,
+            Some(previous) => self.fit_about_com(poses, previous)?,
+        };
+        if self.config.aerodynamics.any() || self.config.com_sd_m() > 0.0 {
+            let fitted = &poses[poses.len() - self.config.fit_window.min(poses.len())..];
+            aerodynamics::refine(fitted, &mut flight, &self.symmetry, &self.config, &mut self.rows);
         }
-        fit::fit(fitted, &start, symmetry, config, fitting).map(|(flight, _)| flight)
-    });
-    match (known, anew) {
-        (Some(known), Ok(anew)) if anew.error_scale > MUCH_BETTER * known.error_scale => Ok(known),
-        (Some(known), Err(_)) => Ok(known),
-        (_, anew) => anew,
+        Ok(flight)
     }
 }
 

@@ -1,11 +1,11 @@
 //! Random sample consensus over flights through two poses (paper, III-B; Fischler and Bolles, 1981).
 
 use catch_body::dynamics::gravity;
-use nalgebra::{Matrix6, Point3, SMatrix, Vector3};
+use nalgebra::{Point3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::{AerodynamicForces, Config, FlightTrajectory, PredictionStatus, flight::Motion, tumbling};
+use super::{Config, FlightTrajectory, PredictionStatus, flight::Motion, tumbling};
 use crate::perception::{ObjectPose, Symmetry};
 
 /// Buffers of the search.
@@ -121,19 +121,14 @@ fn through(
         R_WO: later.X_WO.rotation,
         w_WO,
         drag_per_m: config.drag_per_m(),
-        spin_decay_per_s: config.spin_decay_per_s(),
+        spin_decay_per_s: config.aerodynamics.spin_decay_per_s,
         inertia_per_kg: tumbling::inertia_per_kg(symmetry).filter(|_| rotation == Rotation::Free),
-        covariance: SMatrix::zeros(),
-        rotation_covariance: Matrix6::zeros(),
         systematic_sd_m: config.systematic_sd_m,
         process_noise: config.process_noise,
-        com_O: Vector3::zeros(),
-        com_covariance: SMatrix::zeros(),
-        forces: AerodynamicForces::default(),
-        force_covariance: SMatrix::zeros(),
         inliers: 2,
         considered: 2,
         error_scale: 1.0,
+        ..FlightTrajectory::default()
     };
     (v_WOcm.iter().chain(w_WO.iter()).all(|value| value.is_finite())).then_some(flight)
 }

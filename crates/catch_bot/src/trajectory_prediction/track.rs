@@ -4,7 +4,7 @@ use catch_body::Pose;
 use nalgebra::{Matrix3, Matrix6, Point3, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::{Config, FlightTrajectory, PredictionStatus, Workspace, predict};
+use super::{Config, FlightPredictor, FlightTrajectory, InformationFit, PredictionStatus};
 use crate::perception::{ObjectPose, Symmetry};
 
 /// One sample of a track, in the track's own axes.
@@ -67,7 +67,7 @@ impl Track {
         let has_orientation = samples.iter().any(|sample| sample.orientation.is_some());
         // Nothing is known of how the object's mass lies: it is taken to turn at a constant rate, like a ball's.
         let symmetry = if has_orientation { Symmetry::default() } else { Symmetry::Sphere };
-        let flight = predict(&poses, None, symmetry, config, seed, &mut Workspace::default())?;
+        let flight = InformationFit::new(config.clone(), symmetry, seed).predict(&poses, None)?;
         Ok(Self { flight, R_WT })
     }
 

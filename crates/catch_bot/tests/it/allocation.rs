@@ -2,7 +2,7 @@
 
 use catch_bot::{
     perception::{Config, DepthNoise, PoseEstimator, ReferenceModel, SdfEstimator, View, Workspace},
-    trajectory_prediction::{self, AerodynamicPrior, predict},
+    trajectory_prediction::{self, AerodynamicPrior, FlightPredictor, InformationFit},
 };
 use nalgebra::Vector3;
 use std::sync::Arc;
@@ -28,7 +28,7 @@ fn tracking_and_predicting_allocate_nothing() {
         let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(&shape, 100), &config));
         for labelled in [true, false] {
             let mut estimator = SdfEstimator::new(config.clone(), reference.clone(), Workspace::default());
-            let mut space = trajectory_prediction::Workspace::default();
+            let mut fit = InformationFit::new(prediction.clone(), reference.symmetry, 1);
             let (mut poses, mut flight) = (Vec::with_capacity(100), None);
             let mut normal = Normal::new(1);
             let orientation = normal.rotation();
@@ -49,8 +49,7 @@ fn tracking_and_predicting_allocate_nothing() {
                     let view = View { frames: &frames, cameras: &cameras, left_out: &[], surroundings: None };
                     let pose = estimator.estimate(&view, expected.into());
                     poses.push(pose.unwrap());
-                    let symmetry = reference.symmetry;
-                    found = predict(&poses, flight.as_ref(), symmetry, prediction, 1, &mut space).ok();
+                    found = fit.predict(&poses, flight.as_ref()).ok();
                 });
                 flight = found;
                 // The first images make the buffers as large as they need to be.

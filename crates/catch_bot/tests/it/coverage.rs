@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use catch_bot::{
     perception::{self, DepthNoise, PoseEstimator, ReferenceModel, SdfEstimator, View, Workspace},
-    trajectory_prediction::{Config, FlightTrajectory, inertia_per_kg, predict},
+    trajectory_prediction::{Config, FlightPredictor, FlightTrajectory, InformationFit, inertia_per_kg},
 };
 use nalgebra::Vector3;
 
@@ -41,7 +41,7 @@ fn squared_errors(shape: &Shape, reference: &Arc<ReferenceModel>, noise: Noise, 
     let mut normal = Normal::new(seed);
     let throw = throw(seed % 2 == 1, reference, &mut normal);
     let mut estimator = SdfEstimator::new(perception, reference.clone(), Workspace::default());
-    let mut space = Default::default();
+    let mut fit = InformationFit::new(prediction, reference.symmetry, seed);
     let (mut poses, mut flight) = (Vec::new(), None::<FlightTrajectory>);
     let mut squares = [f64::NAN; 2];
     for i in 0..FRAMES[1] {
@@ -57,7 +57,7 @@ fn squared_errors(shape: &Shape, reference: &Arc<ReferenceModel>, noise: Noise, 
         let expected = flight.as_ref().map(|flight| flight.pose_at(capture_s));
         let view = View { frames: &frames, cameras: &cameras, left_out: &[], surroundings: None };
         poses.extend(estimator.estimate(&view, expected.into()).ok());
-        flight = predict(&poses, flight.as_ref(), reference.symmetry, &prediction, seed, &mut space).ok().or(flight);
+        flight = fit.predict(&poses, flight.as_ref()).ok().or(flight);
         if let Some(at) = FRAMES.iter().position(|count| *count == i + 1) {
             let flight = flight.as_ref().unwrap_or_else(|| panic!("{seed}: no flight after {} image sets", i + 1));
             let error = flight.pose_at(CATCH_S).translation.vector - throw.pose_at(CATCH_S).translation.vector;

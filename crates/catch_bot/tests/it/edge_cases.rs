@@ -5,7 +5,7 @@ use std::sync::Arc;
 use catch_body::Pose;
 use catch_bot::{
     perception::{Config, ObjectPose, PerceptionStatus, PoseEstimator, ReferenceModel, SdfEstimator, View, Workspace},
-    trajectory_prediction::{self, PredictionStatus, predict},
+    trajectory_prediction::{self, FlightPredictor, InformationFit, PredictionStatus},
 };
 use catch_cell::{CameraModel, DepthFrame};
 use nalgebra::{Point3, Vector3};
@@ -188,8 +188,8 @@ fn poses_that_make_no_flight_give_a_status() {
     let bench = Bench::new();
     let mut pose = bench.find(&bench.frames_at(&bench.X_WO), None).unwrap();
     let config = trajectory_prediction::Config::default();
-    let mut space = trajectory_prediction::Workspace::default();
-    let mut flight_of = |poses: &[ObjectPose]| predict(poses, None, bench.reference.symmetry, &config, 0, &mut space);
+    let mut fit = InformationFit::new(config, bench.reference.symmetry, 0);
+    let mut flight_of = |poses: &[ObjectPose]| fit.predict(poses, None);
     assert_eq!(flight_of(&[]), Err(PredictionStatus::TooFewPoses));
     assert!(flight_of(&vec![pose; 20]).is_err());
     pose.capture_s = f64::NAN;

@@ -73,7 +73,7 @@ fn clean_poses_give_the_flight() {
         let mut normal = Normal::new(seed);
         let throw = throw(&mut normal, 6.0, 0.05, &banana());
         let poses = seen(&throw, 20, 1e-6, 1e-6, 0.0, &mut normal);
-        let flight = predict(&poses, None, banana(), &config, seed, &mut Default::default()).unwrap();
+        let flight = InformationFit::new(config.clone(), banana(), seed).predict(&poses, None).unwrap();
         let (found, truth) = (flight.pose_at(0.7), throw.pose_at(0.7));
         let off_m = (found.translation.vector - truth.translation.vector).norm();
         assert!(off_m < 1e-4 && found.rotation.angle_to(&truth.rotation) < 1e-2, "{seed}: {off_m} m, {flight:?}");
@@ -92,7 +92,7 @@ fn prediction_survives_outliers_of_four_frames_in_ten() {
         let poses = seen(&throw, FRAMES, 0.001, 0.02, 0.4, &mut normal);
         let off_m =
             |X_WO: &Pose, time_s: f64| (X_WO.translation.vector - throw.pose_at(time_s).translation.vector).norm();
-        match predict(&poses, None, Symmetry::Sphere, &config, seed, &mut Default::default()) {
+        match InformationFit::new(config.clone(), Symmetry::Sphere, seed).predict(&poses, None) {
             Ok(flight) => {
                 let off_m = off_m(&flight.pose_at(0.7), 0.7);
                 assert!(off_m < 0.03, "{seed}: {off_m} m");
@@ -121,7 +121,7 @@ fn claimed_uncertainty_holds() {
             let drag = 0.05 + drag_sd * normal.draw();
             let throw = throw(&mut normal, 6.0, drag, &symmetry);
             let poses = seen(&throw, 20, sd_m, 0.02, 0.1, &mut normal);
-            let flight = predict(&poses, None, symmetry, &config, seed, &mut Default::default()).unwrap();
+            let flight = InformationFit::new(config.clone(), symmetry, seed).predict(&poses, None).unwrap();
             let error = throw.pose_at(0.7).translation.vector - flight.pose_at(0.7).translation.vector;
             let covariance = flight.covariance_at(0.7).fixed_view::<3, 3>(0, 0).into_owned();
             let square = error.dot(&covariance.cholesky().unwrap().solve(&error));
@@ -139,23 +139,23 @@ fn too_little_or_nonsense_gives_a_status() {
     let mut normal = Normal::new(0);
     let throw = throw(&mut normal, 0.0, 0.0, &banana());
     let mut poses = seen(&throw, 20, 0.001, 0.02, 0.0, &mut normal);
-    assert_eq!(predict(&[], None, banana(), &config, 0, &mut Default::default()), Err(PredictionStatus::TooFewPoses));
+    assert_eq!(InformationFit::new(config.clone(), banana(), 0).predict(&[], None), Err(PredictionStatus::TooFewPoses));
     assert_eq!(
-        predict(&poses[..5], None, banana(), &config, 0, &mut Default::default()),
+        InformationFit::new(config.clone(), banana(), 0).predict(&poses[..5], None),
         Err(PredictionStatus::TooFewPoses)
     );
     let same = vec![poses[0]; 10];
-    assert!(predict(&same, None, banana(), &config, 0, &mut Default::default()).is_err());
+    assert!(InformationFit::new(config.clone(), banana(), 0).predict(&same, None).is_err());
     for pose in &mut poses[3..10] {
         pose.X_WO.translation.vector.x = f64::NAN;
     }
-    let flight = predict(&poses, None, banana(), &config, 0, &mut Default::default()).unwrap();
+    let flight = InformationFit::new(config.clone(), banana(), 0).predict(&poses, None).unwrap();
     assert!(flight.pose_at(0.7).translation.vector.iter().all(|value| value.is_finite()));
     assert!((flight.pose_at(0.7).translation.vector - throw.pose_at(0.7).translation.vector).norm() < 0.03);
     for pose in &mut poses {
         pose.information.fill(f64::NAN);
     }
-    assert!(predict(&poses, None, banana(), &config, 0, &mut Default::default()).is_err());
+    assert!(InformationFit::new(config.clone(), banana(), 0).predict(&poses, None).is_err());
 }
 
 /// Root mean square error at the catch after half the flight, over the Fisher bound with the drag constant unknown.
@@ -171,7 +171,7 @@ fn drag_against_the_bound(throws: u64) -> f64 {
         let drag = normal.uniform(0.0, 0.2);
         let throw = throw(&mut normal, 0.0, drag, &Symmetry::Sphere);
         let poses = seen(&throw, 35, sd_m, 0.02, 0.0, &mut normal);
-        let flight = predict(&poses, None, Symmetry::Sphere, &config, seed, &mut Default::default()).unwrap();
+        let flight = InformationFit::new(config.clone(), Symmetry::Sphere, seed).predict(&poses, None).unwrap();
         let error = throw.pose_at(0.7).translation.vector - flight.pose_at(0.7).translation.vector;
         squares += error.norm_squared();
 
@@ -225,7 +225,7 @@ fn aerodynamic_forces_are_found() {
         throw.forces = AerodynamicForces { drag_deviation_O, lift_W: normal.vector() * 0.03, ..throw.forces };
         let poses = seen(&throw, 40, 0.0006, 0.02, 0.1, &mut normal);
         for (config, errors) in [&calm, &aware].into_iter().zip(&mut errors) {
-            let flight = predict(&poses, None, banana(), config, seed, &mut Default::default()).unwrap();
+            let flight = InformationFit::new(config.clone(), banana(), seed).predict(&poses, None).unwrap();
             let error = throw.pose_at(0.55).translation.vector - flight.pose_at(0.55).translation.vector;
             errors.push(error.norm());
             if config.aerodynamics.any() {
@@ -322,8 +322,9 @@ fn a_seen_spin_tells_its_lift_and_its_decay() {
             let mut previous = None;
             for count in [38, 39, 40] {
                 let known = &poses[..count];
-                previous =
-                    Some(predict(known, previous.as_ref(), banana(), config, seed, &mut Default::default()).unwrap());
+                previous = Some(
+                    InformationFit::new(config.clone(), banana(), seed).predict(known, previous.as_ref()).unwrap(),
+                );
             }
             let (flight, X_WO) = (previous.unwrap(), throw.pose_at(0.65));
             let error = X_WO.translation.vector - flight.pose_at(0.65).translation.vector;

@@ -35,7 +35,7 @@ impl State {
         let least = -0.5 * config.drag_sd_per_m();
         let drag_step = if config.drag_sd_per_m() > 0.0 { step[DRAG] } else { 0.0 };
         // Nor does air speed up a spin.
-        let (expected, decay_sd) = (config.spin_decay_per_s(), config.spin_decay_sd_per_s());
+        let (expected, decay_sd) = (config.aerodynamics.spin_decay_per_s, config.aerodynamics.spin_decay_sd_per_s);
         let (least_decay, decay_step) = (-0.5 * decay_sd, if decay_sd > 0.0 { step[DECAY] } else { 0.0 });
         Self {
             p: self.p + step.fixed_rows::<3>(0),
@@ -69,7 +69,7 @@ pub fn solved<const C: usize>(
     turns: bool,
     config: &Config,
 ) -> Option<SMatrix<f64, N, C>> {
-    let free = if config.spin_decay_sd_per_s() > 0.0 { N } else { DECAY };
+    let free = if config.aerodynamics.spin_decay_sd_per_s > 0.0 { N } else { DECAY };
     match (turns, free) {
         (true, N) => Some(H.cholesky()?.solve(B)),
         (true, _) => solved_first::<DECAY, C>(H, B),

@@ -135,9 +135,9 @@ impl Problem<'_> {
         let drag = self.config.drag_sd_per_m().max(1e-7).powi(-2);
         information[(DRAG, DRAG)] += drag;
         gradient[DRAG] += drag * (state.drag_per_m - self.config.drag_per_m());
-        let decay = self.config.spin_decay_sd_per_s().max(1e-7).powi(-2);
+        let decay = self.config.aerodynamics.spin_decay_sd_per_s.max(1e-7).powi(-2);
         information[(DECAY, DECAY)] += decay;
-        gradient[DECAY] += decay * (state.decay_per_s - self.config.spin_decay_per_s());
+        gradient[DECAY] += decay * (state.decay_per_s - self.config.aerodynamics.spin_decay_per_s);
         let spin = self.config.spin_prior_sd_radps.max(1e-6).powi(-2);
         for i in 0..3 {
             information[(SPIN + i, SPIN + i)] += spin;
