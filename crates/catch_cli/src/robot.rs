@@ -76,7 +76,7 @@ pub struct ImportArguments {
     /// Poses that are tried in the search
     #[arg(long, value_name = "N", default_value_t = 100, conflicts_with = "no_ready", value_parser = whole(1, 10_000_000))]
     tries: u64,
-    /// Throw to wait for; may be repeated [default: from near and from far]
+    /// Throw to wait for; may be repeated [default: past the arm, where it can reach]
     #[arg(long = "throw", value_name = "NAME|FILE", conflicts_with = "no_ready")]
     throws: Vec<String>,
     /// Seed of the throws and of the poses
@@ -88,11 +88,11 @@ pub struct ImportArguments {
 }
 
 /// What is thrown at an arm unless something else is asked for.
-const THROWS: [&str; 2] = ["near_sampled", "far_sampled"];
+const THROWS: [&str; 1] = ["random_by_reach"];
 /// Throws of each kind for which the waiting pose is chosen.
-const CHOSEN_FOR: u64 = 6;
+const CHOSEN_FOR: u64 = 12;
 /// Throws of each kind on which it is tried afterwards.
-const TRIED_ON: u64 = 25;
+const TRIED_ON: u64 = 50;
 /// Shapes that could not be read, of which each is told.
 const MOST_FAULTS: usize = 3;
 /// Poses from which the search may begin.

@@ -159,6 +159,34 @@ fn a_description_becomes_a_robot() {
 }
 
 /// A point of the base in the frame of the stand.
+/// An arm whose masses nobody states is not heavier than its motors can hold.
+#[test]
+fn masses_that_are_assumed_are_held() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = package(folder.path());
+    let mut rest = description().replace("effort=\"80\"", "effort=\"45\"");
+    let mut massless = String::new();
+    while let Some((before, after)) = rest.split_once("<inertial>") {
+        massless += before;
+        rest = after.split_once("</inertial>").unwrap().1.to_owned();
+    }
+    fs::write(&file, massless + &rest).unwrap();
+    let out = folder.path().join("arm");
+    let output =
+        catchingbot(&["robot", "import", file.to_str().unwrap(), "--out", out.to_str().unwrap(), "--no-ready"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(fs::read_to_string(out.join("robot.toml")).unwrap().contains("half of the torque limits holds the arm"));
+    let arm = robot(&out).carrying(&catch_lab::scenario::setup::Setup::load(&Default::default()).unwrap().gripper);
+    let (mut most, still) = ([0.0_f64; 6], JointVector::zeros());
+    for i in 0..4096 {
+        let angle = |joint: i32| f64::from(i / 4_i32.pow(joint as u32) % 4) - 1.5;
+        let q = JointVector::from_fn(|joint, _| if joint < 6 { angle(joint as i32) } else { 0.0 });
+        let torque = arm.inverse_dynamics(&q, &still, &still);
+        (0..6).for_each(|joint| most[joint] = most[joint].max(torque[joint].abs()));
+    }
+    assert!((15.0..23.0).contains(&most[1]), "half of 45 N·m: {most:?}");
+}
+
 fn turned_half(point: Point3<f64>) -> Point3<f64> {
     Point3::new(0.0, 0.0, 0.1) + UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 0.5) * point.coords
 }

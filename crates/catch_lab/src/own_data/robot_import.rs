@@ -23,7 +23,7 @@ use catch_body::{
 use nalgebra::{Point3, Translation3};
 
 use crate::{assets::COMMAND_LINE, bounded_file::FileKind, pages::robot_page};
-use draft::{Draft, GivenValues, JointValues, assumed_inertia, limits_of, rounded};
+use draft::{DENSITY_KGPM3, Draft, GivenValues, JointValues, assumed_inertia, limits_of, rounded};
 use geometry::BodyShape;
 use joint_limits::JointLimitFields;
 
@@ -106,7 +106,10 @@ impl ImportedRobot {
             ready_rad: middle,
         };
 
-        let robot = parsed(&draft)?;
+        let mut robot = parsed(&draft)?;
+        if lighten(&mut draft, &robot, gripper) {
+            robot = parsed(&draft)?;
+        }
         let torques = poses::sufficient_torques(&robot, gripper);
         for (i, values) in draft.joints.iter_mut().enumerate() {
             if values.torque.assumed.is_some() {
@@ -254,10 +257,32 @@ fn inertias(chain: &Chain, shapes: &[BodyShape]) -> Vec<Stated<Inertia>> {
         },
         None => Stated {
             value: assumed_inertia(shape, None),
-            assumed: Some("the description states no mass: the link's capsules filled with 1000 kg/m³".into()),
+            assumed: Some(format!(
+                "the description states no mass: the link's capsules filled with {DENSITY_KGPM3} kg/m³"
+            )),
         },
     };
     chain.joints.iter().zip(shapes.iter().skip(1)).map(of_body).collect()
+}
+
+/// Takes so much off the masses that are assumed that the motors can hold the arm. Returns whether it had to.
+fn lighten(draft: &mut Draft, robot: &Robot, gripper: &Gripper) -> bool {
+    let has_mass = |joint: &catch_body::description::ChainJoint| joint.body.inertia.is_some();
+    let is_assumed: Vec<bool> = draft.chain.joints.iter().map(|it| !has_mass(it)).collect();
+    let fraction = poses::fraction_that_is_held(robot, &is_assumed, gripper);
+    if fraction == 1.0 {
+        return false;
+    }
+    for (inertia, _) in draft.inertias.iter_mut().zip(&is_assumed).filter(|(_, is_assumed)| **is_assumed) {
+        let Inertia { mass, com, about_com } = inertia.value;
+        let reason = format!(
+            "the description states no mass: the link's capsules filled with {:.0} kg/m³, so that half of the torque limits holds the arm",
+            DENSITY_KGPM3 * fraction
+        );
+        let value = Inertia { mass: rounded(mass * fraction), com, about_com: about_com * fraction };
+        *inertia = Stated { value, assumed: Some(reason) };
+    }
+    true
 }
 
 /// Where the gripper is mounted: the back of its housing at the flange, or in front of the last link's shape where the description has

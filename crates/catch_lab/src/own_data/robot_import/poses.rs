@@ -1,7 +1,7 @@
 //! What follows from the whole arm: poses to begin with, which links are compared, torques that suffice.
 
-use catch_body::{Gripper, JointVector, Robot, clearance::ArmClearance};
-use nalgebra::{Point3, Vector3};
+use catch_body::{Gripper, JointVector, Robot, clearance::ArmClearance, robot::Inertia};
+use nalgebra::{Matrix3, Point3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -15,6 +15,10 @@ const CLEARANCE_M: f64 = 0.06;
 const TURNS: u32 = 32;
 /// Torque limits that are worked out exceed what motions need by this factor.
 const TORQUE_MARGIN: f64 = 1.2;
+/// Fraction of its torque limits by which an arm is held in any pose: what is left moves it, and its load.
+const HELD_BY: f64 = 0.5;
+/// Links keep this fraction of their masses, whatever the torque limits are.
+const LEAST_FRACTION: f64 = 0.05;
 
 /// The least number of neighbours along the chain that are not compared with each other, so that an arm can wait in many poses.
 pub fn ignored_neighbours(robot: &Robot, gripper: &Gripper) -> usize {
@@ -91,6 +95,26 @@ pub fn sufficient_torques(robot: &Robot, gripper: &Gripper) -> JointVector {
         most = most.sup(&robot.inverse_dynamics(&q, &JointVector::zeros(), &ddq).abs());
     }
     most * TORQUE_MARGIN
+}
+
+/// The fraction of their masses that the links `of` may have so that a part of the torque limits holds the arm and a gripper in any pose,
+/// as motors are made for more than that; 1 if they may have all.
+pub fn fraction_that_is_held(robot: &Robot, of: &[bool], gripper: &Gripper) -> f64 {
+    let (whole, mut rest) = (robot.clone().carrying(gripper), robot.clone());
+    for (joint, _) in rest.joints.iter_mut().zip(of).filter(|(_, is_of)| **is_of) {
+        joint.inertia = Inertia { mass: 0.0, about_com: Matrix3::zeros(), ..joint.inertia };
+    }
+    let (rest, still) = (rest.carrying(gripper), JointVector::zeros());
+    let mut fraction: f64 = 1.0;
+    for q in random_poses(&whole, POSES / 6) {
+        let of_rest = rest.inverse_dynamics(&q, &still, &still);
+        let of_links = whole.inverse_dynamics(&q, &still, &still) - of_rest;
+        for (i, joint) in whole.joints.iter().enumerate().filter(|(i, _)| of_links[*i] != 0.0) {
+            let room = HELD_BY * joint.limits.torque - of_rest[i].abs();
+            fraction = fraction.min(room / of_links[i].abs());
+        }
+    }
+    fraction.max(LEAST_FRACTION)
 }
 
 /// Poses uniform within the ranges, of endless joints within a turn.
