@@ -60,10 +60,10 @@ pub struct Gripper {
 #[serde(deny_unknown_fields)]
 pub struct PublishedParts {
     /// Moments of inertia of the housing about its centre, along the axes of G.
-    #[serde(deserialize_with = "quantity::inertia_kgm2")]
+    #[serde(deserialize_with = "quantity::moment_kgm2")]
     pub body_inertia_kgm2: [f64; 3],
     /// Those of one finger.
-    #[serde(deserialize_with = "quantity::inertia_kgm2")]
+    #[serde(deserialize_with = "quantity::moment_kgm2")]
     pub finger_inertia_kgm2: [f64; 3],
     /// How far the fingers' boxes are behind x = ±width/2.
     #[serde(deserialize_with = "quantity::offset_m")]

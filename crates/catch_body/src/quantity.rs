@@ -302,6 +302,8 @@ quantities! {
     pixel PIXEL = 0.0 to 8192.0 "pixels";
     /// Moments and products of inertia.
     inertia_kgm2 INERTIA_KGM2 = -1000.0 to 1000.0 "kg·m²";
+    /// Principal moments of inertia.
+    moment_kgm2 MOMENT_KGM2 = 0.000000001 to 1000.0 "kg·m²";
     /// Inertias of rotors, reflected to the joint.
     rotor_inertia_kgm2 ROTOR_INERTIA_KGM2 = 0.0 to 1000.0 "kg·m²";
     /// Forces of a gripper.

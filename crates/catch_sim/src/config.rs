@@ -188,7 +188,7 @@ pub struct ModelLink {
     #[serde(deserialize_with = "quantity::offset_m")]
     pub com_m: [f64; 3],
     /// Principal moments of inertia about it along the link's axes, in kg·m².
-    #[serde(deserialize_with = "quantity::inertia_kgm2")]
+    #[serde(deserialize_with = "quantity::moment_kgm2")]
     pub inertia_kgm2: [f64; 3],
     /// Inertia of the rotor that drives it, reflected to the joint, in kg·m².
     #[serde(deserialize_with = "quantity::rotor_inertia_kgm2")]

@@ -101,7 +101,7 @@ struct PublishedFields {
     #[serde(default, deserialize_with = "quantity::shape_m")]
     com_m: [f64; 3],
     /// Principal moments about the centre of mass along the axes of the shape.
-    #[serde(deserialize_with = "quantity::inertia_kgm2")]
+    #[serde(deserialize_with = "quantity::moment_kgm2")]
     inertia_kgm2: [f64; 3],
     /// The origin of its frame.
     #[serde(default, deserialize_with = "quantity::shape_m")]
