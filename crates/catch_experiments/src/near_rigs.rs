@@ -17,18 +17,21 @@ pub fn rigs() -> impl Iterator<Item = String> {
     (1..=4).map(|cameras| format!("d435_{cameras}"))
 }
 
-/// The scenario honest with one of them: cameras that run freely, without labels, calibrated to what calibration on the arm leaves.
+/// What near cameras change of the scenario honest: they run freely, without labels, calibrated to what calibration on the arm leaves.
+pub const SETTINGS: [&str; 6] = [
+    "arena.free_running_cameras=true",
+    "arena.depth.model=\"near_stereo\"",
+    "arena.depth.calibration_sd_m=0.0002",
+    "arena.depth.calibration_sd_rad=0.0002",
+    "brain.perception.camera_sd_rad=0.0",
+    "brain.trajectory_prediction.systematic_sd_m=0.0003",
+];
+
+/// The scenario honest with one of them.
 pub fn setup(rig: &str, object: &str, settings: &[&str]) -> Result<Setup> {
-    let near = [
-        &format!("flight_rig=\"{rig}\""),
-        "arena.free_running_cameras=true",
-        "arena.depth.model=\"near_stereo\"",
-        "arena.depth.calibration_sd_m=0.0002",
-        "arena.depth.calibration_sd_rad=0.0002",
-        "brain.perception.camera_sd_rad=0.0",
-        "brain.trajectory_prediction.systematic_sd_m=0.0003",
-    ];
-    let settings: Vec<String> = near.iter().chain(settings).map(|&it| it.to_owned()).collect();
+    let rig = format!("flight_rig=\"{rig}\"");
+    let settings: Vec<String> =
+        [rig.as_str()].iter().chain(&SETTINGS).chain(settings).map(|&it| it.to_owned()).collect();
     let choice = Choice { scenario: Some("honest"), object: Some(object), settings: &settings, ..Choice::default() };
     Ok(Setup::load(&choice)?)
 }

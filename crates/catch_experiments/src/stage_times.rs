@@ -9,6 +9,7 @@ use catch_lab::assets::Kind;
 use crate::{
     Findings, Options,
     flights::{Condition, look, noises_and_labels},
+    near_rigs,
     results::{Entry, Table},
     spread::quantiles,
 };
@@ -45,14 +46,7 @@ impl Probe for CpuWatch {
 
 /// Two near cameras that run freely, without labels.
 fn near() -> Condition {
-    let settings = vec![
-        "flight_rig=\"d435_2\"",
-        "arena.free_running_cameras=true",
-        "arena.depth.model=\"near_stereo\"",
-        "arena.depth.calibration_sd_m=0.0002",
-        "arena.depth.calibration_sd_rad=0.0002",
-        "brain.perception.camera_sd_rad=0.0",
-    ];
+    let settings = ["flight_rig=\"d435_2\""].into_iter().chain(near_rigs::SETTINGS).collect();
     Condition { labels: vec!["two near cameras of 848×480", "no"], scenario: "honest", throws: &["random"], settings }
 }
 
