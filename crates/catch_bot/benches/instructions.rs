@@ -79,7 +79,7 @@ fn perceive(noise: Noise, masks: bool, tracked: bool, before: usize) {
     let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(&shape, 64), &config));
     let Images { cameras, mut frames, prior } = Images::new(&shape, &reference, noise);
     frames.iter_mut().filter(|_| !masks).for_each(|frame| frame.mask = None);
-    let view = View { frames: &frames, cameras: &cameras, left_out: &[], surroundings: None };
+    let view = View { frames: &frames, cameras: &cameras, ..View::default() };
     let mut estimator = SdfEstimator::new(config, reference, Workspace::default());
     let mut estimate = || estimator.estimate(&view, tracked.then_some(prior).into()).expect("a pose");
     for _ in 0..before {

@@ -25,7 +25,7 @@ fn tracking(criterion: &mut Criterion) {
         let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(&shape, 200), &config));
         for noise in [Noise::Clean, Noise::Constant(0.002), Noise::Stereo7] {
             let Images { cameras, frames, prior } = Images::new(&shape, &reference, noise);
-            let view = View { frames: &frames, cameras: &cameras, left_out: &[], surroundings: None };
+            let view = View { frames: &frames, cameras: &cameras, ..View::default() };
             let mut estimator = SdfEstimator::new(config.clone(), reference.clone(), Workspace::default());
             for (label, prior) in [("tracking", Some(prior)), ("cold start", None)] {
                 criterion.bench_function(&format!("{label}/{name}/{noise:?}"), |bencher| {

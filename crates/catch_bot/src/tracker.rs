@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use catch_body::{JointVector, Pose};
+use catch_body::{JointVector, Pose, Twist};
 use catch_cell::{CameraModel, DepthFrame, Observation, PixelWindow};
 
 use crate::{
@@ -16,6 +16,8 @@ use crate::{
 
 /// Observations whose joint angles are remembered: longer than images can take to arrive.
 const SENSED: usize = 64;
+/// Images that were taken within this time are registered together, once it is known how the object moves.
+const TOGETHER_S: f64 = 0.01;
 /// Poses that are remembered, more than any prediction looks back at.
 const POSES: usize = 1024;
 
@@ -104,16 +106,22 @@ impl Tracker {
     ) -> Option<ObjectPose> {
         let unlabelled_s = frames.iter().filter(|frame| frame.mask.is_none()).map(|frame| frame.capture_s);
         self.unlabelled_s = self.unlabelled_s.into_iter().chain(unlabelled_s).reduce(f64::max);
-        let mut newest = None;
-        for frames in frames.chunk_by(|a, b| a.capture_s == b.capture_s) {
-            let expected = self.expected_pose(flight.as_ref(), frames[0].capture_s);
-            let surroundings = self.surroundings(known, frames[0].capture_s);
-            let surroundings = surroundings.as_ref();
-            let (cameras, config) = (known.cameras(), &known.config().perception);
-            self.health.observe(frames, cameras, surroundings, config);
-            self.alignment.observe(frames, cameras, surroundings, config);
+        let (mut newest, mut left, mut surroundings) = (None, frames, Vec::with_capacity(frames.len()));
+        while !left.is_empty() {
+            let (frames, later) = left.split_at(together(left, flight.is_some()));
+            left = later;
+            surroundings.clear();
+            for frames in frames.chunk_by(|a, b| a.capture_s == b.capture_s) {
+                let of_arm = self.surroundings(known, frames[0].capture_s);
+                let (cameras, config) = (known.cameras(), &known.config().perception);
+                self.health.observe(frames, cameras, of_arm.as_ref(), config);
+                self.alignment.observe(frames, cameras, of_arm.as_ref(), config);
+                surroundings.extend(frames.iter().filter_map(|_| of_arm));
+            }
             let (cameras, left_out) = (self.alignment.cameras(), self.health.left_out());
-            let view = View { frames, cameras, left_out, surroundings };
+            let mut view = View { frames, cameras, left_out, surroundings: &surroundings, V_WO: Twist::default() };
+            view.V_WO = flight.as_ref().map_or(view.V_WO, |flight| flight.twist_at(view.capture_s()));
+            let expected = self.expected_pose(flight.as_ref(), view.capture_s());
             let Ok(mut pose) = estimator.estimate(&view, expected.into()) else { continue };
             if let Some(T) = estimator.turned_over() {
                 self.poses.iter_mut().for_each(|it| it.X_WO *= T);
@@ -172,4 +180,11 @@ impl Tracker {
         let width_m = before.width_m + (after.width_m - before.width_m) * fraction;
         Some(Surroundings { arm: known.arm_surface(), X_WL: known.search().motion().robot().link_poses(&q), width_m })
     }
+}
+
+/// How many of these images, oldest first, are registered together: those of one capture time, or all within some milliseconds where it is
+/// known how the object moves.
+fn together(frames: &[DepthFrame], moves_as_known: bool) -> usize {
+    let span_s = if moves_as_known { TOGETHER_S } else { 0.0 };
+    frames.iter().take_while(|it| it.capture_s - frames[0].capture_s <= span_s).count().max(1)
 }

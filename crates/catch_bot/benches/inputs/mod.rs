@@ -52,7 +52,7 @@ pub fn poses(shape: &Shape, reference: &Arc<ReferenceModel>) -> Vec<ObjectPose> 
         let X_WR = X_WO * reference.X_RO.inverse();
         let mut frames = synthetic::depth_frames(&cameras, shape, &X_WR, Noise::Constant(0.002), &mut normal);
         frames.iter_mut().for_each(|frame| frame.capture_s = time_s);
-        let view = View { frames: &frames, cameras: &cameras, left_out: &[], surroundings: None };
+        let view = View { frames: &frames, cameras: &cameras, ..View::default() };
         poses.extend(estimator.estimate(&view, Prior::Pose(X_WO)));
     }
     poses

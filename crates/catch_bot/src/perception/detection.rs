@@ -100,10 +100,11 @@ impl Detector {
         let View { cameras, surroundings, .. } = *view;
         let waiting = self.waiting.clone();
         self.blobs.clear();
-        for (_, frame) in
+        for (index, frame) in
             view.seen().filter(|(_, frame)| frame.mask.is_none() && frame.depth_m.len() >= frame.window.area())
         {
             if let Some(camera) = cameras.get(frame.camera) {
+                let surroundings = surroundings.get(index);
                 let background = Background::new(camera, surroundings, &frame.window, config);
                 let nearer_than_m =
                     waiting.as_ref().and_then(|waiting| waiting.nearer_than_m(frame.camera, surroundings));
@@ -292,7 +293,7 @@ fn is_enough_alone(blobs: &[Blob], place: &Point3<f64>, reach_m: f64, view: &Vie
     let Some(blob) = blobs.iter().filter(|blob| blob.is_whole).find(|blob| blob.passes(place, reach_m)) else {
         return false;
     };
-    let sees_place = |frame: &DepthFrame| {
+    let sees_place = |(index, frame): (usize, &DepthFrame)| {
         let Some(camera) = view.cameras.get(frame.camera) else { return false };
         let p_C = camera.X_WC.inverse_transform_point(place);
         let Some(uv) = camera.project(&p_C) else { return false };
@@ -303,15 +304,11 @@ fn is_enough_alone(blobs: &[Blob], place: &Point3<f64>, reach_m: f64, view: &Vie
             && is_within(v, frame.window.height)
             && p_C.z
                 < nearer_than_m(
-                    Background::new(camera, view.surroundings, &frame.window, config).nearest_m(&uv),
+                    Background::new(camera, view.surroundings.get(index), &frame.window, config).nearest_m(&uv),
                     config,
                 )
     };
-    !view
-        .seen()
-        .map(|(_, frame)| frame)
-        .filter(|frame| frame.mask.is_none() && frame.camera != blob.camera)
-        .any(sees_place)
+    !view.seen().filter(|(_, frame)| frame.mask.is_none() && frame.camera != blob.camera).any(sees_place)
 }
 
 /// Where two rays come closest, if that is within reach and both see it there.

@@ -92,6 +92,8 @@ pub struct SceneCloud {
 #[derive(Debug, Clone, Copy)]
 struct Shown {
     frame: usize,
+    /// From where.
+    X_WC: Pose,
     /// The box around the object's pixels.
     pixels: PixelWindow,
     /// The part of the frame whose labels stand from a place on, where there is no mask.
@@ -119,11 +121,15 @@ impl SceneCloud {
             if frame.depth_m.len() < frame.window.area() || !frame.capture_s.is_finite() {
                 continue;
             }
-            let expected = prior.map(|X_WO| Expected::new(X_WO, camera, reference.radius_m + config.gate_m));
+            let in_image = prior.map(|X_WO| (X_WO, view.in_image(frame, X_WO)));
+            let expected = in_image.map(|(_, X_WO)| Expected::new(&X_WO, camera, reference.radius_m + config.gate_m));
+            // What was seen of the object then is as if seen from there at the view's capture time.
+            let moved = in_image.filter(|(X_WO, then)| **X_WO != *then);
+            let X_WC = moved.map_or(camera.X_WC, |(X_WO, then)| X_WO * then.inverse() * camera.X_WC);
             let part = expected.map_or(frame.window, |expected| frame.window.intersection(&expected.window));
             let mut labelled = None;
             let (columns, points) = (frame.window.width as usize, &mut self.points);
-            let image = Image { number: index, frame, camera };
+            let image = Image { number: index, frame, camera: &CameraModel { X_WC, ..camera.clone() } };
             let pixels = match (&frame.mask, expected) {
                 (Some(mask), _) if mask.len() >= frame.window.area() => {
                     let label = |column: usize, row: usize| {
@@ -133,7 +139,7 @@ impl SceneCloud {
                 }
                 (None, Some(expected)) if part.area() > 0 => {
                     let from = self.labels.len();
-                    let background = Background::new(camera, surroundings, &part, config);
+                    let background = Background::new(camera, surroundings.get(index), &part, config);
                     let pixels = label(&mut self.labels, frame, &part, &background, &expected, config);
                     labelled = Some((part, from));
                     image.collect(points, &pixels, config, label_in(frame, &part, &self.labels[from..]));
@@ -142,7 +148,7 @@ impl SceneCloud {
                 _ => continue,
             };
             if pixels.area() > 0 {
-                self.shown.push(Shown { frame: index, pixels, labelled });
+                self.shown.push(Shown { frame: index, X_WC, pixels, labelled });
             }
         }
     }
@@ -154,6 +160,7 @@ impl SceneCloud {
         for shown in &self.shown {
             let frame = &view.frames[shown.frame];
             let Some(camera) = view.cameras.get(frame.camera) else { continue };
+            let camera = &CameraModel { X_WC: shown.X_WC, ..camera.clone() };
             let depth_m = camera.X_WC.inverse_transform_point(&centroid_W).z;
             let nearest_m = depth_m - reference.radius_m - 3.0 * config.depth_sd_m(depth_m);
             let columns = frame.window.width as usize;

@@ -1,21 +1,24 @@
 //! What a pose is estimated from.
 
-use catch_body::Pose;
+use catch_body::{Pose, Twist};
 use catch_cell::{CameraModel, DepthFrame};
+use nalgebra::UnitQuaternion;
 
 use super::segmentation::Surroundings;
 
-/// All depth images of one capture time.
-#[derive(Debug, Clone, Copy)]
+/// Depth images of one capture time, or of times between which it is known how the object moves.
+#[derive(Debug, Clone, Copy, Default)]
 pub struct View<'a> {
-    /// The images. Those of unknown cameras are passed over.
+    /// The images, oldest first. Those of unknown cameras are passed over.
     pub frames: &'a [DepthFrame],
     /// The cameras, as well as their poses are known.
     pub cameras: &'a [CameraModel],
     /// For each camera whether its images are passed over; those beyond the end of the list are not.
     pub left_out: &'a [bool],
-    /// The arm at the capture time; it matters where images come without masks.
-    pub surroundings: Option<&'a Surroundings<'a>>,
+    /// The arm at the capture time of each image, if it is known; it matters where images come without masks.
+    pub surroundings: &'a [Surroundings<'a>],
+    /// The object's spatial velocity, by which it moves from one capture time to another.
+    pub V_WO: Twist,
 }
 
 impl<'a> View<'a> {
@@ -30,9 +33,21 @@ impl<'a> View<'a> {
         self.frames.iter().any(|frame| frame.mask.is_none())
     }
 
-    /// When the images were taken.
+    /// When the images were taken: the capture time of the middle one.
     pub fn capture_s(&self) -> f64 {
-        self.frames.iter().map(|frame| frame.capture_s).find(|time| time.is_finite()).unwrap_or(0.0)
+        let middle_first = self.frames[self.frames.len() / 2..].iter().chain(self.frames);
+        middle_first.map(|frame| frame.capture_s).find(|time| time.is_finite()).unwrap_or(0.0)
+    }
+
+    /// Where the object was in an image, if it is at `X_WO` at the capture time of the view.
+    pub(super) fn in_image(&self, frame: &DepthFrame, X_WO: &Pose) -> Pose {
+        let elapsed_s = frame.capture_s - self.capture_s();
+        if elapsed_s == 0.0 || !elapsed_s.is_finite() {
+            return *X_WO;
+        }
+        let turn = UnitQuaternion::from_scaled_axis(self.V_WO.angular * elapsed_s);
+        let p_WO = X_WO.translation.vector + self.V_WO.linear * elapsed_s;
+        Pose::from_parts(p_WO.into(), turn * X_WO.rotation)
     }
 }
 

@@ -46,7 +46,7 @@ fn tracking_and_predicting_allocate_nothing() {
                     flight.as_ref().map(|flight: &trajectory_prediction::FlightTrajectory| flight.pose_at(t));
                 let mut found = None;
                 let allocated = allocation_counter::measure(|| {
-                    let view = View { frames: &frames, cameras: &cameras, left_out: &[], surroundings: None };
+                    let view = View { frames: &frames, cameras: &cameras, ..View::default() };
                     let pose = estimator.estimate(&view, expected.into());
                     poses.push(pose.unwrap());
                     found = fit.predict(&poses, flight.as_ref()).ok();

@@ -55,7 +55,7 @@ fn squared_errors(shape: &Shape, reference: &Arc<ReferenceModel>, noise: Noise, 
         let mut frames = synthetic::depth_frames(&cameras, shape, &X_WR, noise, &mut normal);
         frames.iter_mut().for_each(|frame| frame.capture_s = capture_s);
         let expected = flight.as_ref().map(|flight| flight.pose_at(capture_s));
-        let view = View { frames: &frames, cameras: &cameras, left_out: &[], surroundings: None };
+        let view = View { frames: &frames, cameras: &cameras, ..View::default() };
         poses.extend(estimator.estimate(&view, expected.into()).ok());
         flight = fit.predict(&poses, flight.as_ref()).ok().or(flight);
         if let Some(at) = FRAMES.iter().position(|count| *count == i + 1) {

@@ -40,10 +40,7 @@ impl Bench {
         prior: Option<&Pose>,
     ) -> Result<ObjectPose, PerceptionStatus> {
         let mut estimator = SdfEstimator::new(self.config.clone(), reference.clone(), Workspace::default());
-        estimator.estimate(
-            &View { frames, cameras: &self.cameras, left_out: &[], surroundings: None },
-            prior.copied().into(),
-        )
+        estimator.estimate(&View { frames, cameras: &self.cameras, ..View::default() }, prior.copied().into())
     }
 
     fn find(&self, frames: &[DepthFrame], prior: Option<&Pose>) -> Result<ObjectPose, PerceptionStatus> {

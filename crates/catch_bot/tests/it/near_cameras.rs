@@ -2,7 +2,7 @@
 
 use std::{f64::consts::PI, sync::Arc};
 
-use catch_body::{Pose, pose::look_at, ray_cast::ArmSurface};
+use catch_body::{Pose, Twist, pose::look_at, ray_cast::ArmSurface};
 use catch_bot::perception::{
     Config, DepthNoise, PerceptionStatus, PoseEstimator, Prior, SdfEstimator, Surroundings, Symmetry, View, Workspace,
     segmentation::Background,
@@ -84,7 +84,12 @@ fn edges_of_the_arm_that_bleed_are_no_object() {
         let mut normal = Normal::new(1);
         let mut is_found = || {
             let frames: Vec<DepthFrame> = clean.iter().map(|frame| measured(frame, &mut normal)).collect();
-            let view = View { frames: &frames, cameras: &cameras, left_out: &[], surroundings: Some(&surroundings) };
+            let view = View {
+                frames: &frames,
+                cameras: &cameras,
+                surroundings: &vec![surroundings; cameras.len()],
+                ..View::default()
+            };
             estimator
                 .estimate(&view, Prior::Anywhere)
                 .map_or_else(|status| status != PerceptionStatus::NoPoints, |_| true)
@@ -106,7 +111,7 @@ fn one_camera_is_enough_where_no_other_sees() {
         let mut seen = synthetic::depth_frame(0, &cameras[0], &Shape::ball(), &(X_WO * reference.X_RO.inverse()), 0.03);
         seen.mask = None;
         let frames = [seen, empty(1, &cameras[1]), empty(2, &cameras[2])];
-        let view = View { frames: &frames, cameras, left_out: &[], surroundings: None };
+        let view = View { frames: &frames, cameras, ..View::default() };
         estimator.estimate(&view, Prior::Anywhere).map(|pose| (pose.X_WO.translation.vector - place.coords).norm())
     };
     let mut cameras = cameras();
@@ -135,7 +140,7 @@ fn a_far_object_is_as_far_away_as_its_mean_depth() {
     for _ in 0..10 {
         let clean = synthetic::depth_frame(0, &camera, &Shape::ball(), &(X_WO * reference.X_RO.inverse()), 0.05);
         let frames = [DepthFrame { mask: None, ..measured(&clean, &mut normal) }];
-        let view = View { frames: &frames, cameras: std::slice::from_ref(&camera), left_out: &[], surroundings: None };
+        let view = View { frames: &frames, cameras: std::slice::from_ref(&camera), ..View::default() };
         let pose = estimator.estimate(&view, Prior::Pose(Pose::translation(0.01, 0.01, 1.0))).unwrap();
         let error = pose.X_WO.translation.vector - X_WO.translation.vector;
         // 45 mm, half of whose variance is common.
@@ -168,7 +173,7 @@ fn which_end_is_which_is_decided_by_all_images() {
                 DepthFrame { mask: None, ..measured(&clean, &mut normal) }
             };
             let frames: Vec<DepthFrame> = cameras.iter().enumerate().map(image).collect();
-            let view = View { frames: &frames, cameras: &cameras, left_out: &[], surroundings: None };
+            let view = View { frames: &frames, cameras: &cameras, ..View::default() };
             believed = estimator.estimate(&view, Prior::Pose(believed)).unwrap().X_WO;
             if let Some(T) = estimator.turned_over() {
                 turns += 1;
@@ -179,4 +184,41 @@ fn which_end_is_which_is_decided_by_all_images() {
         assert_eq!(turns, usize::from(is_wrong), "{trial}");
         assert!((believed.rotation * axis).dot(&(X_WO.rotation * axis)) > 0.98, "{trial}");
     }
+}
+
+/// Images of a few milliseconds, each camera's at its own time, tell the pose in the middle as well as simultaneous ones.
+#[test]
+fn a_moving_object_is_seen_at_different_times() {
+    let shape = Shape::banana();
+    let reference = Arc::new(synthetic::reference(&shape, 200));
+    let cameras = cameras();
+    let mut normal = Normal::new(4);
+    let mut error_m = |moves: f64, known: f64| {
+        let mut errors_m: Vec<f64> = (0..10)
+            .map(|_| {
+                let X_WO = Pose::from_parts(Translation3::new(1.0, 0.4, 0.75), normal.rotation());
+                let V_WO = Twist { linear: normal.vector() * 3.0, angular: normal.vector() * 8.0 };
+                let image = |(i, camera): (usize, &CameraModel)| {
+                    let elapsed_s = 0.004 * (i as f64 - 1.0);
+                    let turn = UnitQuaternion::from_scaled_axis(V_WO.angular * (moves * elapsed_s));
+                    let p_WO = X_WO.translation.vector + V_WO.linear * (moves * elapsed_s);
+                    let X_WR = Pose::from_parts(p_WO.into(), turn * X_WO.rotation) * reference.X_RO.inverse();
+                    let clean = synthetic::depth_frame(i, camera, &shape, &X_WR, 0.05);
+                    DepthFrame { mask: None, capture_s: 0.5 + elapsed_s, ..measured(&clean, &mut normal) }
+                };
+                let frames: Vec<DepthFrame> = cameras.iter().enumerate().map(image).collect();
+                let V_WO = Twist { linear: V_WO.linear * known, angular: V_WO.angular * known };
+                let view = View { frames: &frames, cameras: &cameras, V_WO, ..View::default() };
+                let mut estimator = SdfEstimator::new(config(), reference.clone(), Workspace::default());
+                let pose = estimator.estimate(&view, Prior::Pose(X_WO)).unwrap();
+                assert_eq!(pose.capture_s, 0.5);
+                let turn = (pose.X_WO.rotation * X_WO.rotation.inverse()).angle();
+                (pose.X_WO.translation.vector - X_WO.translation.vector).norm() + turn * reference.radius_m
+            })
+            .collect();
+        errors_m.sort_by(f64::total_cmp);
+        errors_m[5]
+    };
+    let (still, moving, unknown) = (error_m(0.0, 0.0), error_m(1.0, 1.0), error_m(1.0, 0.0));
+    assert!(moving < 1.5 * still && unknown > 2.0 * still, "{still} {moving} {unknown}");
 }

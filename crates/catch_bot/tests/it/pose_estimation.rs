@@ -22,7 +22,7 @@ fn find(
     config: &Config,
 ) -> Result<ObjectPose, PerceptionStatus> {
     let mut estimator = SdfEstimator::new(config.clone(), reference.clone(), Workspace::default());
-    estimator.estimate(&View { frames, cameras, left_out: &[], surroundings: None }, prior.copied().into())
+    estimator.estimate(&View { frames, cameras, ..View::default() }, prior.copied().into())
 }
 
 /// Tracks from starts that are off by 2 cm and 10°: every pose is found, half of them within the given errors in mm and degrees, all

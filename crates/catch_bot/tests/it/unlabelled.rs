@@ -141,7 +141,12 @@ fn segment(case: Case, trials: u64) -> Segmented {
             })
             .collect();
         let (frames, truth) = scene.frames(&shape, &(X_WO * reference.X_RO.inverse()), &windows, &mut normal);
-        let view = View { frames: &frames, cameras: &cameras, left_out: &[], surroundings: Some(&surroundings) };
+        let view = View {
+            frames: &frames,
+            cameras: &cameras,
+            surroundings: &vec![surroundings; cameras.len()],
+            ..View::default()
+        };
         let pose = estimator.estimate(&view, Prior::from(tracked.then_some(prior)));
         for (i, (frame, truth)) in frames.iter().zip(&truth).enumerate() {
             wanted += truth.iter().filter(|shows| **shows).count();

@@ -20,7 +20,7 @@ fn errors(estimator: &mut dyn PoseEstimator, shape: &Shape, reference: &Referenc
         let frames = synthetic::depth_frames(&cameras, shape, &X_WR, Noise::Clean, &mut normal);
         let turn = UnitQuaternion::from_scaled_axis(normal.vector() * 0.1);
         let prior = Pose::from_parts((X_WO.translation.vector + normal.vector() * 0.012).into(), turn * X_WO.rotation);
-        let view = View { frames: &frames, cameras: &cameras, left_out: &[], surroundings: None };
+        let view = View { frames: &frames, cameras: &cameras, ..View::default() };
         let found =
             estimator.estimate(&view, Prior::from(Some(prior))).unwrap_or_else(|status| panic!("{seed}: {status:?}"));
         errors[0].push((found.X_WO.translation.vector - X_WO.translation.vector).norm());
