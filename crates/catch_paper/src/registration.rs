@@ -28,7 +28,8 @@ pub struct Config {
     pub tolerance_m: f64,
     /// Or when the mean distance of the pairs changes by less than this fraction, if that is set (code).
     pub relative_tolerance: Option<f64>,
-    /// Whether it starts from the last pose that it found (code), not from the predicted one (text).
+    /// Whether it starts from the last pose that it found (code), not from the predicted one (text). At first that is the scan's own
+    /// frame at the world's origin, far from the object and turned against it.
     pub starts_from_last_pose: bool,
     /// Whether an object that looks the same from all sides keeps the orientation of the scan (code, for the ball).
     pub drops_rotation: bool,
@@ -87,7 +88,8 @@ impl IcpEstimator {
 impl PoseEstimator for IcpEstimator {
     fn estimate(&mut self, view: &View<'_>, prior: Prior) -> Result<ObjectPose, PerceptionStatus> {
         let Self { config, hierarchy, finder, last_X_WO } = self;
-        let prior = if config.starts_from_last_pose { Prior::from(*last_X_WO) } else { prior };
+        let prior =
+            if config.starts_from_last_pose { Prior::Pose(last_X_WO.unwrap_or(Pose::identity())) } else { prior };
         let mut found = finder.find(view, prior, |Registration { reference, config: perception }, scene, X_WO| {
             Icp { config, perception, reference, hierarchy }.register(scene, X_WO)
         })?;
@@ -145,6 +147,7 @@ impl Icp<'_> {
             // Sums over all pairs: means, and the covariance Σ (o − ō)(w − w̄)ᵀ = Σ o·wᵀ − n·ō·w̄ᵀ.
             let (mut mean_O, mut mean_W, mut products) = (Vector3::zeros(), Vector3::zeros(), Matrix3::zeros());
             squares = 0.0;
+            let mut distances = 0.0;
             let origin = X_WO.translation.vector;
             for point in &scene.points {
                 let p_O = X_WO.inverse_transform_point(&point.p_W);
@@ -156,6 +159,7 @@ impl Icp<'_> {
                 mean_W += from_origin;
                 products += paired.coords * from_origin.transpose();
                 squares += (p_O - paired).norm_squared();
+                distances += (p_O - paired).norm();
             }
             mean_O /= count;
             mean_W /= count;
@@ -168,7 +172,7 @@ impl Icp<'_> {
             let moved = Pose::from_parts(Translation3::from(origin + mean_W - R_WO * mean_O), R_WO);
             let length =
                 (moved.translation.vector - origin).norm() + R_WO.angle_to(&X_WO.rotation) * reference.radius_m;
-            let before_m = std::mem::replace(&mut distance_m, (squares / count).sqrt());
+            let before_m = std::mem::replace(&mut distance_m, distances / count);
             converged = match config.relative_tolerance {
                 Some(fraction) => (before_m - distance_m).abs() < fraction * distance_m,
                 None => length < config.tolerance_m,

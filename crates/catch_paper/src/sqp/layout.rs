@@ -179,7 +179,8 @@ impl Layout {
             let sum = |weights: &[f64]| {
                 weights.iter().zip(&points[*first..]).map(|(weight, point)| point * *weight).sum::<JointVector>()
             };
-            waypoint.linearize(problem.robot, &sum(value), &(sum(rate) / self.stretch_of(x)), x[self.fraction()])
+            let (q, dq) = (sum(value), sum(rate) / self.stretch_of(x));
+            waypoint.linearize(problem.robot, &q, &dq, x[self.fraction()]).aligned()
         };
         problem.waypoints.iter().zip(&self.at).map(at).collect()
     }

@@ -3,12 +3,12 @@
 use std::f64::consts::PI;
 
 use catch_body::{JointVector, MAX_JOINTS, Pose, Robot};
-use nalgebra::{Matrix3, Point3, SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, Point3, Rotation3, SMatrix, SVector, Vector3};
 
 /// Position (m), orientation (rad) and velocity (m/s), three numbers each, in W.
 pub const ERRORS: usize = 9;
 
-/// How far off a motion may be, along each axis.
+/// How far off a motion may be: position and velocity along each axis, orientation by the angle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tolerance {
     /// In metres.
@@ -67,10 +67,25 @@ pub struct Linearized {
     pub by_fraction: SVector<f64, ERRORS>,
 }
 
+impl Linearized {
+    /// The same with the orientation in axes of which the first is that of the turn that is left. So a bound of the first is one of the
+    /// angle, as in Drake.
+    pub fn aligned(mut self) -> Self {
+        let turn: Vector3<f64> = self.error.fixed_rows::<3>(3).into();
+        let axes = Rotation3::rotation_between(&turn, &Vector3::x()).unwrap_or_default();
+        self.error.fixed_rows_mut::<3>(3).copy_from(&(axes * turn));
+        let by_q = axes * self.by_q.fixed_rows::<3>(3);
+        self.by_q.fixed_rows_mut::<3>(3).copy_from(&by_q);
+        self
+    }
+}
+
 impl Waypoint {
     /// By how much the worst error exceeds its tolerance, zero if none does.
     pub fn excess(&self, at: &Linearized) -> f64 {
-        (0..ERRORS).map(|error| at.error[error].abs() - self.tolerance.of(error)).fold(0.0, f64::max)
+        let part = |from: usize| at.error.fixed_rows::<3>(from);
+        let worst = [part(0).amax(), part(3).norm(), part(6).amax()];
+        (0..3).map(|i| worst[i] - self.tolerance.of(3 * i)).fold(0.0, f64::max)
     }
 
     /// The errors of an arm at `q`, `dq`, the gripper's point being to move at `fraction`·v_WO unless the waypoint gives the
@@ -133,7 +148,29 @@ fn rate_of_rotation_vector(turn: &Vector3<f64>) -> Matrix3<f64> {
 mod tests {
     use super::*;
     use crate::sqp::tests::iiwa;
+    use nalgebra::UnitQuaternion;
     use proptest::prelude::*;
+
+    /// Two turns of 0.08 rad are one of 0.11 rad, and only its own axis counts after alignment.
+    #[test]
+    fn a_tolerance_of_orientation_is_one_of_the_angle() {
+        let robot = iiwa();
+        let q = robot.joint_vector(&[0.3, 0.5, -0.2, -1.2, 0.4, 0.8, 0.1]).unwrap();
+        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.08, 0.08, 0.0));
+        let mut X_WG = robot.gripper_pose(&q);
+        X_WG.rotation = turn.inverse() * X_WG.rotation;
+        let tolerance = Tolerance { position_m: 0.1, rotation_error_rad: 0.1, velocity_mps: 1.0 };
+        let (p_GP, v_WO) = (Point3::origin(), Vector3::zeros());
+        let waypoint = Waypoint { time_s: 0.0, X_WG, p_GP, v_WO, fraction: None, tolerance };
+        let at = waypoint.linearize(&robot, &q, &JointVector::zeros(), 0.0);
+        let angle = 0.08 * 2f64.sqrt();
+        assert!((waypoint.excess(&at) - (angle - 0.1)).abs() < 1e-9, "{}", waypoint.excess(&at));
+        let aligned = at.clone().aligned();
+        assert!((aligned.error.fixed_rows::<3>(3) - Vector3::new(angle, 0.0, 0.0)).norm() < 1e-9, "{}", aligned.error);
+        // The rate of the angle is that of the turn about its axis.
+        let about = Vector3::new(1.0, 1.0, 0.0).normalize().transpose() * at.by_q.fixed_rows::<3>(3);
+        assert!((aligned.by_q.fixed_rows::<1>(3) - about).norm() < 1e-9);
+    }
 
     proptest! {
         /// Every derivative against central differences.

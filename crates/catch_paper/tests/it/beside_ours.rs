@@ -48,3 +48,32 @@ fn icp_gives_the_pose_less_well_than_the_distance_field() {
         assert!(mean(&icp[1]) >= mean(&ours[1]), "{name}: {} rad, ours {} rad", mean(&icp[1]), mean(&ours[1]));
     }
 }
+
+/// As the code does it: from the world's origin, metres away, to the object, and never by the search of all orientations.
+#[test]
+fn icp_starts_from_the_origin_if_it_starts_from_its_last_pose() {
+    let (_, shape) = Shape::all().into_iter().next().unwrap();
+    let reference = Arc::new(synthetic::reference(&shape, 200));
+    let settings = registration::Config {
+        starts_from_last_pose: true,
+        max_iterations: 1000,
+        relative_tolerance: Some(1e-5),
+        ..registration::Config::default()
+    };
+    let perception = perception::Config { gate_m: 3.0, max_residual_m: 1.0, ..perception::Config::default() };
+    let mut icp = IcpEstimator::new(settings, perception, reference.clone(), Workspace::default()).unwrap();
+    let cameras = synthetic::flight_rig();
+    let mut normal = Normal::new(1);
+    let X_WO = synthetic::pose_in_flight(&mut normal);
+    let X_WR = X_WO * reference.X_RO.inverse();
+    let frames = synthetic::depth_frames(&cameras, &shape, &X_WR, Noise::Clean, &mut normal);
+    let view = View { frames: &frames, cameras: &cameras, left_out: &[], surroundings: None };
+    assert!(X_WO.translation.vector.norm() > 0.3);
+    // The prior is that of a flight; the code knows none.
+    let found = icp.estimate(&view, Prior::Pose(X_WO)).unwrap();
+    assert!(!found.registered_globally && found.iterations > 3, "{found:?}");
+    let away_m = (found.X_WO.translation.vector - X_WO.translation.vector).norm();
+    assert!(away_m > 1e-9 && away_m < 0.05, "{away_m}");
+    let again = icp.estimate(&view, Prior::Anywhere).unwrap();
+    assert!(!again.registered_globally && again.iterations < found.iterations, "{again:?}");
+}
