@@ -1,7 +1,9 @@
 //! Thrown objects: what they truly are, and what the brain is told of them.
 
+mod published;
+
 use catch_body::{InputError, TriangleMesh, quantity, shape::Cuboid};
-use nalgebra::{Matrix3, Point3, Vector3};
+use nalgebra::{Matrix3, Point3};
 use serde::Deserialize;
 
 pub use crate::object_shape::{ColliderPart, check_length};
@@ -9,6 +11,8 @@ use crate::{
     config::Drawn,
     object_shape::{ShapeFields, Solid},
 };
+pub use published::PublishedBody;
+use published::PublishedFields;
 
 /// What an object is like. Its frame O has its origin at the centre of mass and the axes of its file.
 #[derive(Debug, Clone, PartialEq)]
@@ -66,15 +70,6 @@ pub struct ObjectPrior {
     pub com_sd_m: Option<f64>,
 }
 
-/// What an object is in the paper's simulator.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PublishedBody {
-    com_O: Point3<f64>,
-    inertia_kgm2: Matrix3<f64>,
-    origin_O: Point3<f64>,
-    convex_hull: bool,
-}
-
 /// Radius of gyration of the thinnest needle.
 const LEAST_GYRATION_M: f64 = 1e-4;
 
@@ -90,41 +85,6 @@ struct ObjectFile {
     prior: ObjectPrior,
     /// What it is in the paper's simulator.
     published: Option<PublishedFields>,
-}
-
-/// Mass properties as the paper's simulator has them, whatever a body of that shape can have. Points are in O: along the axes of
-/// the shape, from the centre of mass of uniform density.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct PublishedFields {
-    /// Centre of mass.
-    #[serde(default, deserialize_with = "quantity::shape_m")]
-    com_m: [f64; 3],
-    /// Principal moments about the centre of mass along the axes of the shape.
-    #[serde(deserialize_with = "quantity::moment_kgm2")]
-    inertia_kgm2: [f64; 3],
-    /// The origin of its frame.
-    #[serde(default, deserialize_with = "quantity::shape_m")]
-    origin_m: [f64; 3],
-    /// Whether it collides as the convex hull of its surface.
-    #[serde(default)]
-    convex_hull: bool,
-}
-
-impl PublishedFields {
-    fn body(&self, file: &str) -> Result<PublishedBody, InputError> {
-        let moments = self.inertia_kgm2;
-        if moments.iter().any(|moment| *moment <= 0.0) {
-            let field = "published.inertia_kgm2";
-            return Err(InputError::new(file, field, format!("{moments:?}"), "three moments above zero"));
-        }
-        Ok(PublishedBody {
-            com_O: self.com_m.into(),
-            inertia_kgm2: Matrix3::from_diagonal(&Vector3::from(moments)),
-            origin_O: self.origin_m.into(),
-            convex_hull: self.convex_hull,
-        })
-    }
 }
 
 /// Mass properties, contact and air.
@@ -178,7 +138,7 @@ impl ThrownObject {
         if let Some(moments) = truth.inertia_kgm2 {
             inertia.about_com = checked_inertia(file, moments, mass_kg, mesh.aabb().size.norm())?;
         }
-        let published = published.map(|it| it.body(file)).transpose()?;
+        let published = published.map(|it| it.body(file, mass_kg, load)).transpose()?;
         let to_com = -inertia.com.coords;
         let mesh = mesh.translated(&to_com);
         let parts = parts.into_iter().map(|part| part.translated(&to_com)).collect();
@@ -198,14 +158,6 @@ impl ThrownObject {
             parts,
             prior,
         })
-    }
-
-    /// The object as it is in the paper's simulator, `None` if its file does not say. Frame and surface are the same.
-    pub fn as_published(&self) -> Option<Self> {
-        let PublishedBody { com_O, inertia_kgm2, origin_O, convex_hull } = self.published?;
-        let hull = || vec![ColliderPart::Hull(self.mesh.vertices.clone())];
-        let parts = if convex_hull { hull() } else { self.parts.clone() };
-        Some(Self { com_O, inertia_kgm2, origin_O, parts, ..self.clone() })
     }
 
     /// The largest torque in N·m with which a finger that presses with `force_n` resists the object's rotation about the normal,
@@ -268,6 +220,7 @@ fn checked_inertia(file: &str, moments: [f64; 6], mass_kg: f64, length_m: f64) -
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
+    use nalgebra::Vector3;
 
     const FILES: [(&str, &str); 3] = [
         ("tennis_ball", include_str!("../../../assets/objects/tennis_ball.toml")),

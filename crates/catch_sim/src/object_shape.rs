@@ -89,6 +89,12 @@ pub(crate) enum ShapeFields {
         #[serde(deserialize_with = "quantity::shape_radius_m")]
         radii_m: Vec<f64>,
     },
+    /// A round tube along a curve in the y–z plane.
+    Tube {
+        /// Points (y, z, r): of the curve, and the radius there.
+        #[serde(deserialize_with = "quantity::shape_m")]
+        curve_m: Vec<[f64; 3]>,
+    },
     /// A mesh from a file beside this one. It collides as the groups of the `parts` files, the convex hull of each; without them it
     /// is cut into convex parts.
     Mesh {
@@ -136,6 +142,7 @@ impl ShapeFields {
             Self::BentTube { arc_radius_m, arc_angle_deg, radii_m } => {
                 bent_tube(file, mass_kg, *arc_radius_m, *arc_angle_deg, radii_m)
             }
+            Self::Tube { curve_m } => curved_tube(file, mass_kg, curve_m),
             Self::Mesh { file: mesh_file, parts, scale } => {
                 let mesh = of_thrown_size(file, mesh_from_bytes(mesh_file, &load(mesh_file)?, *scale)?)?;
                 let parts = if parts.is_empty() {
@@ -304,7 +311,30 @@ fn bent_tube(
             }
         })
         .collect();
-    let mesh = of_thrown_size(file, TriangleMesh::tube(&rings, SEGMENTS))?;
+    tube(file, mass_kg, &rings)
+}
+
+/// A tube whose rings are across its curve.
+fn curved_tube(file: &str, mass_kg: f64, curve_m: &[[f64; 3]]) -> Result<Solid, InputError> {
+    let expected =
+        format!("2 to {MOST_RINGS} points (y, z, r) with radii of at least {LEAST_STEP_M} m, apart from each other");
+    let fault = || InputError::new(file, "truth.shape.curve_m", format!("{curve_m:?}"), expected.clone());
+    let last = curve_m.len().saturating_sub(1);
+    if !(2..=MOST_RINGS).contains(&curve_m.len()) || curve_m.iter().any(|[_, _, radius]| *radius < LEAST_STEP_M) {
+        return Err(fault());
+    }
+    let at = |i: usize| Vector3::new(0.0, curve_m[i][0], curve_m[i][1]);
+    let ring = |i: usize| {
+        let along = (at((i + 1).min(last)) - at(i.saturating_sub(1))).try_normalize(LEAST_STEP_M)?;
+        let axes = [Vector3::x(), along.cross(&Vector3::x())];
+        Some(TubeRing { centre: at(i).into(), axes, semi_axes_m: [curve_m[i][2]; 2] })
+    };
+    let rings: Vec<TubeRing> = (0..=last).map(ring).collect::<Option<_>>().ok_or_else(fault)?;
+    tube(file, mass_kg, &rings)
+}
+
+fn tube(file: &str, mass_kg: f64, rings: &[TubeRing]) -> Result<Solid, InputError> {
+    let mesh = of_thrown_size(file, TriangleMesh::tube(rings, SEGMENTS))?;
     let inertia = mesh.mass_properties(mass_kg);
     let parts = rings.windows(2).map(|pair| ColliderPart::Hull(TriangleMesh::tube(pair, SEGMENTS).vertices)).collect();
     Ok(Solid { mesh, parts, inertia })
