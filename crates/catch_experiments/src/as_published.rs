@@ -106,9 +106,8 @@ pub fn run(options: &Options) -> Result<Findings> {
             };
             let setup = cell.thrown(Setup::load(&choice)?)?;
             let verdicts = verdicts(&setup, options.seed, count)?;
-            let published = published_rates().into_iter().find(|rate| {
-                rate.object == cell.object && cell.throw.strip_prefix("published_") == Some(rate.throw.as_str())
-            });
+            let published =
+                published_rates().into_iter().find(|rate| rate.object == cell.object && rate.throw == cell.throw);
             let published = Entry::Number(published.map(|rate| rate.caught * 100.0));
             let name = |text: &String| Entry::text(text.as_str());
             let head = vec![name(&cell.object), name(&cell.throw), published, percents(&cell.counts, cell.trials)];
@@ -216,8 +215,8 @@ mod tests {
     #[test]
     fn throws_around_are_near() {
         for (around, published) in [
-            (include_str!("around_near.toml"), include_str!("../../../assets/throws/published_near.toml")),
-            (include_str!("around_far.toml"), include_str!("../../../assets/throws/published_far.toml")),
+            (include_str!("around_near.toml"), include_str!("../../../assets/throws/near.toml")),
+            (include_str!("around_far.toml"), include_str!("../../../assets/throws/far.toml")),
         ] {
             let [around, published] = [around, published].map(|text| Throw::from_toml("", text).unwrap());
             let of = |throw: &Throw, index: u64| throw.release("banana", &Conditions::default(), 1, index);
