@@ -22,8 +22,8 @@ pub struct ArenaConfig {
     pub gripper: GripperDriveKind,
     /// What makes the fingers close. By default the brain's commands.
     pub gripper_trigger: GripperTrigger,
-    /// Whether objects have the mass properties and the collision geometry of the paper's simulator, which stand in the table
-    /// `published` of their files. Off by default: they are wrong by factors of 10 to 10,000.
+    /// Whether objects have the shapes, the frames and the mass properties of the paper's simulator, which stand in the table
+    /// `published` of their files. Off by default: inertias are wrong by factors of 10 to 10,000.
     pub published_bodies: bool,
     /// Whether the gripper has the moments of inertia and the fingertips that it has in the paper's simulator, if its file says so.
     pub published_gripper: bool,

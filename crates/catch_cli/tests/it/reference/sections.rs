@@ -141,7 +141,7 @@ pub const FILES: &[Section] = &[
     of("Object: truth", "catch_sim/src/object.rs", "TruthFields"),
     of("Object: truth.shape", "catch_sim/src/object_shape.rs", "ShapeFields"),
     of("Object: prior", "catch_sim/src/object.rs", "ObjectPrior"),
-    of("Object: published", "catch_sim/src/object.rs", "PublishedFields"),
+    of("Object: published", "catch_sim/src/object/published.rs", "PublishedFields"),
     of("Throw", "catch_sim/src/throw.rs", "ThrowFile"),
     of("Throw: motion", "catch_sim/src/throw.rs", "Motion"),
     of("Throw: motion, kind random", "catch_sim/src/throw/random.rs", "RandomMotion"),
