@@ -18,7 +18,7 @@ pub(super) struct PublishedFields {
     #[serde(default, deserialize_with = "quantity::shape_m")]
     com_m: [f64; 3],
     /// Principal moments about the centre of mass along the axes of the shape.
-    #[serde(deserialize_with = "quantity::inertia_kgm2")]
+    #[serde(deserialize_with = "quantity::moment_kgm2")]
     inertia_kgm2: [f64; 3],
     /// The origin of its frame.
     #[serde(default, deserialize_with = "quantity::shape_m")]
@@ -41,10 +41,6 @@ pub struct PublishedBody {
 impl PublishedFields {
     pub fn body(&self, file: &str, mass_kg: f64, load: Load) -> Result<PublishedBody, InputError> {
         let moments = self.inertia_kgm2;
-        if moments.iter().any(|moment| *moment <= 0.0) {
-            let field = "published.inertia_kgm2";
-            return Err(InputError::new(file, field, format!("{moments:?}"), "three moments above zero"));
-        }
         let solid = self.shape.as_ref().map(|shape| shape.solid(file, mass_kg, load)).transpose()?;
         let to_O = solid.as_ref().map_or(Vector3::zeros(), |solid| -solid.inertia.com.coords);
         Ok(PublishedBody {
