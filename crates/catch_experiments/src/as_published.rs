@@ -198,8 +198,6 @@ fn drive(scenario: &str, cell: &RerunCell, verdicts: &[Verdict]) -> Vec<Entry> {
 
 #[cfg(test)]
 mod tests {
-    use catch_sim::Conditions;
-
     use super::*;
 
     /// What the page compares with is what was published and what was measured of the authors' code: 65, 58 and 49 of 81, and around
@@ -217,12 +215,13 @@ mod tests {
     /// Throws around those of Table I are within 5 mm of them, at their velocity.
     #[test]
     fn throws_around_are_near() {
+        let conditions = Setup::load(&Choice::default()).unwrap().conditions(1, 0);
         for (around, published) in [
             (include_str!("around_near.toml"), include_str!("../../../assets/throws/near.toml")),
             (include_str!("around_far.toml"), include_str!("../../../assets/throws/far.toml")),
         ] {
             let [around, published] = [around, published].map(|text| Throw::from_toml("", text).unwrap());
-            let of = |throw: &Throw, index: u64| throw.release("banana", &Conditions::default(), 1, index);
+            let of = |throw: &Throw, index: u64| throw.release("banana", &conditions, 1, index);
             let want = of(&published, 0);
             for index in 0..20 {
                 let it = of(&around, index);

@@ -67,7 +67,7 @@ fn icp_starts_from_the_origin_if_it_starts_from_its_last_pose() {
     let X_WO = synthetic::pose_in_flight(&mut normal);
     let X_WR = X_WO * reference.X_RO.inverse();
     let frames = synthetic::depth_frames(&cameras, &shape, &X_WR, Noise::Clean, &mut normal);
-    let view = View { frames: &frames, cameras: &cameras, left_out: &[], surroundings: None };
+    let view = View { frames: &frames, cameras: &cameras, ..View::default() };
     assert!(X_WO.translation.vector.norm() > 0.3);
     // The prior is that of a flight; the code knows none.
     let found = icp.estimate(&view, Prior::Pose(X_WO)).unwrap();
