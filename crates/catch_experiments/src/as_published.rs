@@ -215,16 +215,17 @@ mod tests {
     /// Throws around those of Table I are within 5 mm of them, at their velocity.
     #[test]
     fn throws_around_are_near() {
-        let conditions = Setup::load(&Choice::default()).unwrap().conditions(1, 0);
-        for (around, published) in [
-            (include_str!("around_near.toml"), include_str!("../../../assets/throws/near.toml")),
-            (include_str!("around_far.toml"), include_str!("../../../assets/throws/far.toml")),
-        ] {
-            let [around, published] = [around, published].map(|text| Throw::from_toml("", text).unwrap());
-            let of = |throw: &Throw, index: u64| throw.release("banana", &conditions, 1, index);
+        let Rerun { around, .. } = toml::from_str(include_str!("rerun.toml")).unwrap();
+        for cell in around {
+            let throw = cell.throw.strip_prefix("around_");
+            let choice = Choice { scenario: Some(SCENARIO), object: Some(&cell.object), throw, ..Choice::default() };
+            let published = Setup::load(&choice).unwrap();
+            let setup = cell.thrown(published.clone()).unwrap();
+            let of =
+                |setup: &Setup, index: u64| setup.throw.release(&cell.object, &setup.conditions(1, index), 1, index);
             let want = of(&published, 0);
             for index in 0..20 {
-                let it = of(&around, index);
+                let it = of(&setup, index);
                 assert!((it.p_WO - want.p_WO).amax() < 5.01e-3 && (it.v_WO - want.v_WO).amax() < 0.02);
                 assert!(it.q_WO.angle_to(&want.q_WO) < 1e-9);
             }
