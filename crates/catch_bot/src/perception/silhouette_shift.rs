@@ -118,9 +118,8 @@ impl ShiftHistory {
         let common_m = config.depth_sd_m(depth_m) * config.depth_common_fraction.unwrap_or(0.0).sqrt();
         let noise = SIGNIFICANT * (now.images.recip() + before.images.recip()).sqrt();
         let change = now.value - before.value;
-        // Most pushes are partly across the line of sight and partly along it.
-        let across = change.xy().norm() / (apart_px + IMAGE_SD_PX * noise);
-        across.hypot(change.z / (config.displaced_m + common_m * noise)) > fraction
+        change.xy().norm() > fraction * (apart_px + IMAGE_SD_PX * noise)
+            || change.z.abs() > fraction * (config.displaced_m + common_m * noise)
     }
 }
 
