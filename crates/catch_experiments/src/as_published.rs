@@ -29,13 +29,15 @@ const TRIALS_PER_STEP_TRIAL: usize = 57;
 /// One trial around the throws for so many of a cell of Table I.
 const TRIALS_PER_TRIAL_AROUND: usize = 3;
 
-const LEGEND: &str = "At 0.875 s the object is less than *5 cm* or *2.5 cm* from the gripper along its z axis, as the authors' code and \
-the paper's text count. It is *held* if it is squeezed 0.4 s later. It is *caught* by this project's rule without its condition on \
-limits: held until 1.5 s after the first contact and shaken. Figures are percent of the trials, and in brackets the 95 % interval \
-(Wilson, as if each trial were a draw of its own). The *rerun* is that of the authors' code, by the three measures. All trials of a cell \
-of Table I are one throw without noise: they have the same images, and differ by the draws of RANSAC and of grasps alone. So a cell is \
-about one draw of a grasp, there and here. *Around* the throws, up to 5 mm from them, each trial has its own images. In the table of the assumptions *alone* takes one of them away from \
-`as-published`, and every other line takes one more away from the line above.";
+const LEGEND: &str = "At 0.875 s the object is less than *5 cm* or *2.5 cm* from the gripper along its z axis, as the authors' code \
+and the paper's text count. It is *held* if it is squeezed 0.4 s later. It is *caught* by this project's rule \
+without its condition on limits: held until 1.5 s after the first contact and shaken. Figures are percent of \
+the trials. In brackets stands the 95 % interval (Wilson, as if each trial were a draw of its own). The \
+*rerun* is that of the authors' code, by the three measures. All trials of a cell of Table I are one throw \
+without noise. They have the same images, and differ by the draws of RANSAC and of grasps alone. So a cell is \
+about one draw of a grasp, there and here. *Around* the throws, up to 5 mm from them, each trial has its own \
+images. In the table of the assumptions *alone* takes one of them away from `as-published`. Every other line \
+takes one more away from the line above.";
 
 /// The code run again.
 #[derive(Deserialize)]

@@ -20,9 +20,11 @@ const PUSHED_S: f64 = 9.0;
 /// Throws of a life, at least three of them after the push: they are 4 to 10 s apart.
 const THROWS: u64 = 6;
 
-const LEGEND: &str = "Lives of 6 throws of the three objects in random order, in the scenario honest with near stereo cameras that run freely, \
-without labels. After 9 s one camera, drawn at random, is pushed by 20 mm in a random direction. *Noticed*: in one of the three throws or more that begin after \
-that the brain says that this camera is displaced. *Named wrongly*: lives in which it named another camera, or this one before the push.";
+const LEGEND: &str = "Lives of 6 throws of the three objects in random order, in the scenario honest with near stereo cameras that \
+run freely, without labels. After 9 s one camera, drawn at random, is pushed by 20 mm in a random direction. A \
+life in which the push was *noticed* is one whose brain says that this camera is displaced, in one of the \
+throws that begin after that. Those are three or more. A camera was *named wrongly* in lives in which the \
+brain named another one, or this one before the push.";
 
 /// What became of a life.
 struct Pushed {
