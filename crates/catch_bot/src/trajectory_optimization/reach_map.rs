@@ -98,8 +98,17 @@ fn orientation(X_WG: &Pose) -> usize {
     let face = 2 * axis + usize::from(y[axis] > 0.0);
     // The roll is counted from the projection of the axis `next`.
     let [across, up] = [x[next], x.dot(&y.cross(&Vector3::ith(next, 1.0)))];
-    let roll = (up.atan2(across) / std::f64::consts::TAU + 0.5) * ROLLS as f64;
-    ((face * 3 + third(next)) * 3 + third(last)) * ROLLS + (roll as usize).min(ROLLS - 1)
+    ((face * 3 + third(next)) * 3 + third(last)) * ROLLS + sextant(across, up)
+}
+
+/// Which sixth of a turn a direction is in, counted from −180° on.
+fn sextant(x: f64, y: f64) -> usize {
+    let at_60 = x * 3.0_f64.sqrt();
+    if y >= 0.0 {
+        3 + usize::from(y >= at_60) + usize::from(y <= -at_60)
+    } else {
+        usize::from(y <= at_60) + usize::from(y >= -at_60)
+    }
 }
 
 impl ReachMap {
@@ -176,4 +185,23 @@ impl ReachMap {
 /// FNV-1a (Fowler, Noll, Vo) with 64 bits.
 pub fn checksum(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |sum, byte| (sum ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_sextant_is_that_of_the_angle(degrees in -179.99f64..179.99) {
+            let (y, x) = degrees.to_radians().sin_cos();
+            prop_assert_eq!(sextant(x, y), ((degrees + 180.0) / 60.0) as usize);
+        }
+    }
+
+    #[test]
+    fn half_a_turn_is_in_the_last_sextant() {
+        assert_eq!(sextant(-1.0, 0.0), ROLLS - 1);
+    }
 }

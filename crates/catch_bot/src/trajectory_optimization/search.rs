@@ -43,7 +43,8 @@ pub const PASSES: usize = 2 * OFFSETS.len();
 /// The work of a posture and of an arrival, in the units of [`Config::max_work`].
 const WORK_OF_A_POSTURE: usize = 3;
 const WORK_OF_A_TERMINAL_VELOCITY: usize = 10;
-/// That of an approach and a motion, and of its openings.
+/// That of an approach, of a motion, and of its openings.
+const WORK_OF_AN_APPROACH: usize = 5;
 const WORK_OF_A_MOTION: usize = 80;
 const WORK_OF_APERTURES: usize = 30;
 

@@ -5,7 +5,7 @@ use nalgebra::Point3;
 
 use super::{
     OFFSETS, PASSES, ReachableCatch, Search, WORK_OF_A_MOTION, WORK_OF_A_POSTURE, WORK_OF_A_TERMINAL_VELOCITY,
-    WORK_OF_APERTURES,
+    WORK_OF_AN_APPROACH, WORK_OF_APERTURES,
     candidate::{Candidate, CatchTimeSample},
     frontier::{Frontier, Node, Stage},
 };
@@ -106,6 +106,7 @@ impl<'a, 's> Pass<'a, 's> {
             let incoming = self.search.incoming;
             let grasp = &incoming.grasps.grasps[index];
             let entering = Entering { incoming, local_flight: &at.local_flight, grasp };
+            self.search.work += WORK_OF_AN_APPROACH;
             let v_GO = X_WG.rotation.inverse_transform_vector(&at.local_flight.V_WO.linear);
             let is_free = self.planner.straight_approach_is_free(&v_GO, &entering, &mut self.search.obstacles[index]);
             self.failure = if is_free { PlanningFailure::NoMotion } else { PlanningFailure::Blocked };
@@ -168,6 +169,7 @@ impl<'a, 's> Pass<'a, 's> {
             let to_catch = PointToPoint { weights, ..to_catch };
             let known = (weights == TerminalVelocityWeights::BALANCED).then_some(balanced);
             let Some(terminal_velocity) = known.or_else(|| to_catch.terminal_velocity(&bounds)) else { continue };
+            *work += 2 * WORK_OF_AN_APPROACH;
             let v_G = X_WG.rotation.inverse_transform_vector(&(v_WO - terminal_velocity.v_WG));
             if !planner.approach_is_free(&X_WG, &terminal_velocity, &entering, obstacle)
                 || !planner.straight_approach_is_free(&v_G, &entering, obstacle)
