@@ -301,7 +301,7 @@ fn inertial(inertia: &Inertia) -> String {
 }
 
 /// Mass per volume of a link's capsules, housings and hollows averaged: the median of 12 imported arms that state their masses, which have
-/// 280 to 990.
+/// 280 to 990; a Sawyer, whose base has wide capsules, does not count.
 pub const DENSITY_KGPM3: f64 = 600.0;
 
 /// Mass properties of a body of which only the shape is known, solid and `mass_kg` heavy; those of a small box without any shape.
