@@ -33,8 +33,10 @@ pub struct Config {
     pub speed_fraction: f64,
     /// The gripper follows the object from this long before the catch, in seconds (paper: 30 ms).
     pub pre_grasp_s: f64,
-    /// Factor on the tolerances of the gripper's pose then (paper).
+    /// Factor on the tolerance of the gripper's position then (paper).
     pub pre_grasp_loosening: f64,
+    /// Factor on the tolerance of its orientation then (paper: the same; code: 1).
+    pub pre_grasp_rotation_loosening: f64,
     /// Tolerances of the first round (code).
     pub loosest: Tolerances,
     /// Rounds of the first plan, which goes on until one fails (code).
@@ -84,6 +86,7 @@ impl Default for Config {
             speed_fraction: 0.3,
             pre_grasp_s: 0.03,
             pre_grasp_loosening: 10.0,
+            pre_grasp_rotation_loosening: 10.0,
             loosest: Tolerances { position_m: 0.1, rotation_error_rad: 0.8, velocity_mps: 2.0, time_s: 0.0 },
             rounds: 12,
             tightening: 0.875,
@@ -117,6 +120,7 @@ impl Settings for Config {
                 &NOT_NEGATIVE,
                 [
                     ("pre_grasp_loosening", self.pre_grasp_loosening),
+                    ("pre_grasp_rotation_loosening", self.pre_grasp_rotation_loosening),
                     ("comfort_weight", self.comfort_weight),
                     ("weld_error_m", self.weld_error_m),
                 ],
@@ -137,7 +141,7 @@ pub fn plan(
     config: &Config,
 ) -> Option<CatchPlan> {
     let X_WG = flight.pose_at(catch_s) * grasp.X_OG;
-    let goal = Goal { flight, catch_s, grasp, R_WG: config.freezes_orientation.then_some(X_WG.rotation) };
+    let goal = Goal::new(flight, catch_s, grasp, config.freezes_orientation.then_some(X_WG.rotation));
     let q = inverse_kinematics(planner, &X_WG, config)?;
     let mut guess = between(&start.state.q, &q, config.control_points);
     let mut duration_s = FIRST_GUESS_S;
@@ -170,7 +174,7 @@ pub fn follow(
     config: &Config,
 ) -> Option<CatchPlan> {
     let R_WG = config.freezes_orientation.then_some(plan.X_WG.rotation);
-    let goal = Goal { flight, catch_s: plan.catch_s, grasp: &plan.grasp, R_WG };
+    let goal = Goal::new(flight, plan.catch_s, &plan.grasp, R_WG);
     let duration_s = plan.trajectory.end_s() - plan.trajectory.start_s();
     let problem = problem(planner, start, &goal, &config.replan, duration_s, config);
     if config.keeps_unsolved && config.tail_s > 0.0 {
@@ -196,21 +200,25 @@ struct Goal<'a> {
     flight: &'a FlightTrajectory,
     catch_s: f64,
     grasp: &'a Grasp,
-    /// Its orientation, if that does not follow the flight.
-    R_WG: Option<UnitQuaternion<f64>>,
+    /// The gripper in the object at the catch.
+    X_OG: Pose,
 }
 
-impl Goal<'_> {
+impl<'a> Goal<'a> {
+    /// The grasp's pose; if `R_WG` is given, with that orientation of the gripper at the catch, whatever the flight's. Before the
+    /// catch it turns with the object all the same.
+    fn new(flight: &'a FlightTrajectory, catch_s: f64, grasp: &'a Grasp, R_WG: Option<UnitQuaternion<f64>>) -> Self {
+        let X_OG = R_WG.map_or(grasp.X_OG, |R_WG| {
+            let X_WO = flight.pose_at(catch_s);
+            let p_OG_W = R_WG * grasp.X_OG.rotation.inverse_transform_vector(&grasp.X_OG.translation.vector);
+            X_WO.inverse() * Pose::from_parts((X_WO.translation.vector + p_OG_W).into(), R_WG)
+        });
+        Self { flight, catch_s, grasp, X_OG }
+    }
+
     /// Pose of the gripper that holds the object at `time_s`.
     fn X_WG(&self, time_s: f64) -> Pose {
-        let (X_WO, X_OG) = (self.flight.pose_at(time_s), &self.grasp.X_OG);
-        self.R_WG.map_or_else(
-            || X_WO * X_OG,
-            |R_WG| {
-                let p_OG_W = R_WG * X_OG.rotation.inverse_transform_vector(&X_OG.translation.vector);
-                Pose::from_parts((X_WO.translation.vector + p_OG_W).into(), R_WG)
-            },
-        )
+        self.flight.pose_at(time_s) * self.X_OG
     }
 }
 
@@ -272,7 +280,11 @@ fn problem<'a>(
         Waypoint { time_s, X_WG: X_WP * X_PG, p_GP, v_WO, fraction: None, tolerance }
     };
     let velocity_mps = if config.pre_grasp_velocity { tolerance.velocity_mps } else { f64::INFINITY };
-    let looser = Tolerance { velocity_mps, ..tolerance.scaled(config.pre_grasp_loosening) };
+    let looser = Tolerance {
+        position_m: tolerance.position_m * config.pre_grasp_loosening,
+        rotation_error_rad: tolerance.rotation_error_rad * config.pre_grasp_rotation_loosening,
+        velocity_mps,
+    };
     let from = (!config.starts_in_joints).then(|| {
         let Setpoint { q, dq, .. } = start.state;
         let X_WP = robot.gripper_pose(&q);
@@ -384,6 +396,7 @@ fn between(from: &JointVector, to: &JointVector, count: usize) -> Vec<JointVecto
 #[cfg(test)]
 mod tests {
     use super::*;
+    use catch_body::shape::Cuboid;
 
     #[test]
     fn the_pose_before_the_grasp_is_looser_but_not_its_velocity() {
@@ -395,5 +408,27 @@ mod tests {
         let last = Tolerance::from(config.loosest).scaled(config.tightening.powi(11));
         assert!((last.position_m - 0.023).abs() < 5e-4 && (last.rotation_error_rad.to_degrees() - 10.5).abs() < 0.1);
         assert_eq!(between(&JointVector::zeros(), &JointVector::repeat(7.0), 8)[3][0], 3.0);
+    }
+
+    /// A gripper whose orientation at the catch is fixed turns with the object before.
+    #[test]
+    fn before_the_catch_the_gripper_turns_with_the_object() {
+        let flight = FlightTrajectory {
+            v_WOcm: nalgebra::Vector3::new(0.0, -4.0, -1.0),
+            w_WO: nalgebra::Vector3::new(0.0, 0.0, 2.0),
+            ..FlightTrajectory::default()
+        };
+        let X_OG = Pose::translation(0.0, -0.08, 0.01);
+        let (object_width_m, aperture_m, strength_m, overhang_m) = (0.05, 0.1, 0.0, 0.0);
+        let held_G = Cuboid { centre: Point3::origin(), size: nalgebra::Vector3::zeros() };
+        let grasp = Grasp { X_OG, object_width_m, aperture_m, strength_m, overhang_m, held_G };
+        let R_WG = UnitQuaternion::from_euler_angles(0.3, 0.2, 0.1);
+        let goal = Goal::new(&flight, 0.6, &grasp, Some(R_WG));
+        let at = |time_s: f64| goal.X_WG(time_s).rotation;
+        assert!(at(0.6).angle_to(&R_WG) < 1e-9);
+        assert!((at(0.48).angle_to(&R_WG) - 0.24).abs() < 1e-9, "{}", at(0.48).angle_to(&R_WG));
+        // The object's origin is where the grasp has it in the gripper.
+        let p_GO = goal.X_WG(0.6).inverse_transform_point(&Point3::from(flight.pose_at(0.6).translation.vector));
+        assert!((p_GO.coords - X_OG.inverse().translation.vector).norm() < 1e-9);
     }
 }
