@@ -25,7 +25,7 @@ use crate::{
 /// The scenario, and the study that takes its assumptions away.
 const SCENARIO: &str = "as-published";
 /// One trial of a study's step, with each object and throw, for so many of a cell of Table I.
-const TRIALS_PER_STEP_TRIAL: usize = 8;
+const TRIALS_PER_STEP_TRIAL: usize = 15;
 /// One trial around the throws for so many of a cell of Table I.
 const TRIALS_PER_TRIAL_AROUND: usize = 3;
 

@@ -10,12 +10,21 @@ use catch_bot::{
 use serde::{Deserialize, Serialize};
 
 /// Settings of the paper's prediction.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SamplingConfig {
     /// Whether of flights with as many inliers that is taken from which the sum of distances and angles is the least (code), not
     /// the mean squared distance (text).
     pub ties_by_sum: bool,
+    /// Whether turns about an axis of symmetry are left out, as nobody can see them. The code takes for spin what the registration
+    /// makes of them.
+    pub knows_symmetry: bool,
+}
+
+impl Default for SamplingConfig {
+    fn default() -> Self {
+        Self { ties_by_sum: false, knows_symmetry: true }
+    }
 }
 
 /// RANSAC alone.
@@ -32,6 +41,7 @@ impl RansacPredictor {
     /// For an object of some symmetry; poses are sampled at random by `seed`, always as many as [`Config::samples`] says.
     pub fn new(mut config: Config, sampling: &SamplingConfig, symmetry: Symmetry, seed: u64) -> Self {
         config.max_samples = config.samples;
+        let symmetry = if sampling.knows_symmetry { symmetry } else { Symmetry::default() };
         let ties = if sampling.ties_by_sum { TieBreak::Sum } else { TieBreak::MeanSquare };
         Self { config, symmetry, ties, seed, scratch: ransac::Scratch::default() }
     }
@@ -46,5 +56,42 @@ impl FlightPredictor for RansacPredictor {
         let window = self.config.sampled(poses).ok_or(PredictionStatus::TooFewPoses)?;
         let method = (Rotation::Constant, self.ties);
         ransac::best_flight(window, &self.symmetry, method, &self.config, self.seed, &mut self.scratch)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Matrix6, UnitQuaternion, Vector3};
+
+    /// A flight on which the registration turns the object by 2 rad/s about its axis.
+    #[test]
+    fn turns_about_an_axis_of_symmetry_are_spin_to_who_does_not_know_it() {
+        let axis = Vector3::y_axis();
+        let flight = FlightTrajectory { v_WOcm: Vector3::new(-3.0, -4.0, 3.6), ..FlightTrajectory::default() };
+        let poses: Vec<ObjectPose> = (0..12)
+            .map(|i| {
+                let time_s = 0.01 * f64::from(i);
+                let mut X_WO = flight.pose_at(time_s);
+                X_WO.rotation = UnitQuaternion::from_axis_angle(&axis, 2.0 * time_s);
+                ObjectPose {
+                    capture_s: time_s,
+                    X_WO,
+                    information: Matrix6::identity(),
+                    points: 100,
+                    residual_m: 0.001,
+                    mismatch: 0.0,
+                    iterations: 1,
+                    registered_globally: false,
+                }
+            })
+            .collect();
+        let spin = |knows_symmetry: bool| {
+            let symmetry = Symmetry::Axis { axis, reversible: false };
+            let sampling = SamplingConfig { knows_symmetry, ..SamplingConfig::default() };
+            let mut predictor = RansacPredictor::new(Config::default(), &sampling, symmetry, 1);
+            predictor.predict(&poses, None).unwrap().w_WO
+        };
+        assert!(spin(true).norm() < 1e-6 && (spin(false) - axis.scale(2.0)).norm() < 1e-6);
     }
 }
