@@ -163,12 +163,7 @@ impl Icp<'_> {
             }
             mean_O /= count;
             mean_W /= count;
-            // R = V·diag(1, 1, det)·Uᵀ for the covariance U·S·Vᵀ.
-            let svd = (products - mean_O * mean_W.transpose() * count).svd(true, true);
-            let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return Err(PerceptionStatus::NotConverged) };
-            let handed = (v_t.transpose() * u.transpose()).determinant().signum();
-            let R = v_t.transpose() * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, handed)) * u.transpose();
-            let R_WO = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(R));
+            let R_WO = turn(&(products - mean_O * mean_W.transpose() * count)).unwrap_or(X_WO.rotation);
             let moved = Pose::from_parts(Translation3::from(origin + mean_W - R_WO * mean_O), R_WO);
             let length =
                 (moved.translation.vector - origin).norm() + R_WO.angle_to(&X_WO.rotation) * reference.radius_m;
@@ -206,4 +201,35 @@ impl Icp<'_> {
 
 fn mean_noise(scene: &SceneCloud) -> f64 {
     scene.points.iter().map(|point| point.depth_sd_m).sum::<f64>() / scene.points.len().max(1) as f64
+}
+
+/// Covariances below this are rounding, in m².
+const LEAST_COVARIANCE_M2: f64 = 1e-9;
+
+/// The rotation R that brings the o of pairs (o, w) onto the w best, from their covariance Σ (o − ō)(w − w̄)ᵀ = U·S·Vᵀ:
+/// R = V·diag(1, 1, det)·Uᵀ. `None` where all pair with one point, as they do from far away: that tells of no orientation.
+fn turn(covariance: &Matrix3<f64>) -> Option<UnitQuaternion<f64>> {
+    let svd = covariance.svd(true, true);
+    let (u, v_t) = (svd.u?, svd.v_t?);
+    if svd.singular_values.max() < LEAST_COVARIANCE_M2 {
+        return None;
+    }
+    let handed = (v_t.transpose() * u.transpose()).determinant().signum();
+    let R = v_t.transpose() * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, handed)) * u.transpose();
+    Some(UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(R)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is left by rounding of pairs with one point is no turn; that of pairs with several is found.
+    #[test]
+    fn pairs_with_one_point_tell_of_no_turn() {
+        assert_eq!(turn(&(Matrix3::new(8.0, 1.0, 0.0, -2.0, 0.5, 3.0, 0.0, 1.0, 0.2) * 1e-14)), None);
+        let R = UnitQuaternion::from_euler_angles(0.4, -0.8, 2.0);
+        let points = [Vector3::new(0.1, 0.0, 0.02), Vector3::new(-0.05, 0.07, 0.0), Vector3::new(-0.05, -0.07, -0.02)];
+        let covariance: Matrix3<f64> = points.iter().map(|o| o * (R * o).transpose()).sum();
+        assert!(turn(&covariance).unwrap().angle_to(&R) < 1e-9);
+    }
 }
