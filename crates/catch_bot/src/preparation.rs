@@ -128,9 +128,11 @@ impl Preparation {
         SdfEstimator::new(self.config.perception.clone(), self.reference.clone(), self.workspace.clone())
     }
 
-    /// Our flight predictor, which draws at random from `seed`.
+    /// Our flight predictor, which draws at random from `seed`. A single image may not tell the ends of a round object apart; all images
+    /// together do, in the pose estimator.
     pub fn flight_predictor(&self, seed: u64) -> InformationFit {
-        InformationFit::new(self.config.trajectory_prediction.clone(), self.reference.symmetry, seed)
+        let symmetry = self.reference.symmetry.with_ends_alike();
+        InformationFit::new(self.config.trajectory_prediction.clone(), symmetry, seed)
     }
 
     /// Our catch planner.

@@ -164,6 +164,15 @@ impl Symmetry {
         [least, Unit::new_normalize(third.cross(&least)), third]
     }
 
+    /// The same of an object whose ends look alike.
+    #[must_use]
+    pub fn with_ends_alike(self) -> Self {
+        match self {
+            Self::Axis { axis, .. } => Self::Axis { axis, reversible: true },
+            other => other,
+        }
+    }
+
     /// Projects a small turn, given in O, on what can be seen of it.
     pub fn observable(&self) -> Matrix3<f64> {
         match self {

@@ -133,6 +133,33 @@ fn claimed_uncertainty_holds() {
     }
 }
 
+/// Of a bottle whose ends are confused in four of ten images, the axis is found nevertheless; not so if each image is believed.
+#[test]
+fn confused_ends_leave_the_axis() {
+    let (axis, config) = (Vector3::z_axis(), Config::default());
+    let bottle = Symmetry::Axis { axis, reversible: false };
+    let half_turn = UnitQuaternion::from_scaled_axis(Vector3::x() * std::f64::consts::PI);
+    let mut right = [0, 0];
+    for seed in 0..50 {
+        let mut normal = Normal::new(seed);
+        let throw = throw(&mut normal, 6.0, 0.0, &bottle);
+        let mut poses = seen(&throw, 20, 0.001, 0.05, 0.0, &mut normal);
+        for pose in &mut poses {
+            if normal.uniform(0.0, 1.0) < 0.4 {
+                pose.X_WO.rotation *= half_turn;
+            }
+        }
+        for (right, symmetry) in right.iter_mut().zip([bottle.with_ends_alike(), bottle]) {
+            let Ok(flight) = InformationFit::new(config.clone(), symmetry, seed).predict(&poses, None) else {
+                continue;
+            };
+            let [found, truth] = [&flight, &throw].map(|it| it.pose_at(0.1).rotation);
+            *right += usize::from(bottle.with_ends_alike().turn_between(&found, &truth).norm() < 0.3);
+        }
+    }
+    assert!(right[0] >= 48 && right[1] < 40, "{right:?}");
+}
+
 #[test]
 fn too_little_or_nonsense_gives_a_status() {
     let config = Config::default();
