@@ -195,8 +195,9 @@ impl Symmetry {
         match self {
             Self::Finite { group, .. } => {
                 let alike = |rotation: &UnitQuaternion<f64>| (R_WA * rotation).rotation_to(R_WB);
+                // The angle is the smaller the larger |w| is.
                 let smaller = |least: UnitQuaternion<f64>, other: UnitQuaternion<f64>| {
-                    if other.angle() < least.angle() { other } else { least }
+                    if other.w.abs() > least.w.abs() { other } else { least }
                 };
                 group.rotations().iter().map(alike).fold(R_WA.rotation_to(R_WB), smaller).scaled_axis()
             }
