@@ -37,8 +37,8 @@ the trials. In brackets stands the 95 % interval (Wilson, as if each trial were 
 without noise. They have the same images, and differ by the draws of RANSAC and of grasps alone. So a cell is \
 about one draw of a grasp, there and here. *Around* the throws, up to 5 mm from them, each trial has its own \
 images. The assumptions' worth is measured around the throws, with the same throws in each line. *Alone* takes one of \
-them away from `as-published`. Every other line takes one more away from the line above. *Change* is that of what \
-is within 5 cm, and of what is held, in points, against the line above or, alone, against `as-published`, with the 95 % \
+them away from `as-published`. Every other line takes one more away from the line above. *Change* is in points, of what \
+is within 5 cm and of what is held. It is against the line above, and *alone* against `as-published`. Behind it stands the 95 % \
 interval of a paired difference (Agresti and Min).";
 
 /// The code run again.
