@@ -164,7 +164,7 @@ impl Symmetry {
         [least, Unit::new_normalize(third.cross(&least)), third]
     }
 
-    /// The same of an object whose ends look alike.
+    /// The symmetry that the object would have if its two ends looked alike.
     #[must_use]
     pub fn with_ends_alike(self) -> Self {
         match self {
