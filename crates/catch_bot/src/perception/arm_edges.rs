@@ -28,7 +28,8 @@ struct Edge {
 /// The edges of the waiting arm in the image of one camera.
 #[derive(Debug, Clone)]
 pub(super) struct ArmEdges {
-    window: PixelWindow,
+    /// The size of the images that they are of.
+    pub window: PixelWindow,
     edges: Vec<Edge>,
     mean_depth_m: f64,
     tolerance_m: f32,
@@ -81,11 +82,6 @@ impl ArmEdges {
     /// Whether there are enough to tell anything.
     pub fn are_enough(&self) -> bool {
         self.edges.len() >= MIN_EDGES
-    }
-
-    /// Whether they are of images of this size.
-    pub fn is_for(&self, window: &PixelWindow) -> bool {
-        self.window == *window
     }
 
     /// Mean depth of the arm in metres.

@@ -236,7 +236,7 @@ impl CameraHealth {
         self.edges.iter().enumerate().any(|(i, edges)| {
             i != frame.camera
                 && edges.are_enough()
-                && edges.is_for(&frame.window)
+                && edges.window == frame.window
                 && edges.look(frame).explained.is_some_and(|explained| explained > least)
         })
     }
