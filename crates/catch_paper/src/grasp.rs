@@ -1,6 +1,8 @@
 //! Grasp selection as in the paper (III-C): gripper poses from Darboux frames at random points of the reference cloud, filtered
 //! by thresholds on the three heuristics, the cheapest taken.
 
+use std::collections::BTreeMap;
+
 use catch_body::{Gripper, Pose};
 use catch_bot::settings::{Faults, NOT_NEGATIVE, SettingError, Settings};
 use catch_bot::{
@@ -12,7 +14,7 @@ use catch_bot::{
     perception::ReferenceModel,
     trajectory_prediction::FlightTrajectory,
 };
-use nalgebra::{Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Point3, Rotation3, SymmetricEigen, Translation3, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
@@ -23,9 +25,13 @@ use serde::{Deserialize, Serialize};
 pub struct Config {
     /// Points that are drawn.
     pub samples: usize,
-    /// Neighbourhood of a Darboux frame, in metres. On a cloud of 2.5 mm spacing it seldom holds a second point, so that the
-    /// principal directions are arbitrary; that, too, is the paper's method.
+    /// Neighbourhood of a Darboux frame, in metres. On a cloud of 2.5 mm spacing it holds few points, so that the principal
+    /// directions are those of noise; that, too, is the paper's method.
     pub darboux_radius_m: f64,
+    /// Whether surface and normals are estimated from all points of the scan (code): their means in cubes of 2.5 mm, and the direction in
+    /// which 30 neighbours extend least. Half of these normals point inwards, and no grasp comes from there. Else those of our own
+    /// reference are taken.
+    pub estimates_normals: bool,
     /// The gripper's origin is this far from the surface, in metres.
     pub standoff_m: f64,
     /// The same for the banana. The code knows it by its name; here what is longer than `long_radius_m` counts as one.
@@ -48,6 +54,7 @@ impl Default for Config {
         Self {
             samples: 2000,
             darboux_radius_m: 0.002,
+            estimates_normals: false,
             standoff_m: 0.05,
             long_standoff_m: 0.04,
             long_radius_m: 0.06,
@@ -94,7 +101,8 @@ pub fn select(
     seed: u64,
     config: &Config,
 ) -> Option<Grasp> {
-    let points = &reference.points;
+    let estimated = config.estimates_normals.then(|| estimated_surface(reference));
+    let (points, normals) = estimated.as_ref().map_or((&reference.points, &reference.normals), |(p, n)| (p, n));
     if points.is_empty() {
         return None;
     }
@@ -108,7 +116,7 @@ pub fn select(
     let mut best: Option<(f64, Pose, f64)> = None;
     for _ in 0..config.samples {
         let index = rng.random_range(0..points.len());
-        let frame = darboux_frame(points, &reference.normals, index, config.darboux_radius_m);
+        let frame = darboux_frame(points, normals, index, config.darboux_radius_m);
         // The gripper looks along the inward normal (y) and closes in the direction of most curvature (x); the object passes
         // along that of least curvature (z).
         let (x, y) = (frame.principal[1], -frame.normal);
@@ -137,6 +145,39 @@ pub fn select(
     let X_GO = X_OG.inverse();
     let (overhang_m, held_G) = (overhang_m(&X_GO, gripper), held_box(points, &X_GO));
     Some(Grasp { X_OG, object_width_m, aperture_m: gripper.max_width_m, strength_m, overhang_m, held_G })
+}
+
+/// The means of what is in cubes of the scan's frame with this edge make the surface, in metres (code).
+const CUBE_M: f64 = 0.0025;
+/// Neighbours of which a normal is estimated, and how far away they may be, in metres (code).
+const NEIGHBOURS: (usize, f64) = (30, 0.05);
+
+/// Points and normals as the code estimates them; a normal's sign is what the eigenvector happens to have.
+fn estimated_surface(reference: &ReferenceModel) -> (Vec<Point3<f64>>, Vec<Vector3<f64>>) {
+    let mut cubes = BTreeMap::new();
+    for point in &reference.scanned {
+        let p_R = reference.X_RO * point;
+        let cube: [i64; 3] = (p_R.coords / CUBE_M).map(|it| it.floor() as i64).into();
+        let (sum, count) = cubes.entry(cube).or_insert((Vector3::zeros(), 0.0));
+        *sum += point.coords;
+        *count += 1.0;
+    }
+    let points: Vec<Point3<f64>> = cubes.into_values().map(|(sum, count)| Point3::from(sum / count)).collect();
+    let normal = |point: &Point3<f64>| {
+        let squared = |other: &&Point3<f64>| (*other - point).norm_squared();
+        let mut near: Vec<&Point3<f64>> =
+            points.iter().filter(|other| squared(other) <= NEIGHBOURS.1 * NEIGHBOURS.1).collect();
+        if near.len() > NEIGHBOURS.0 {
+            near.select_nth_unstable_by(NEIGHBOURS.0, |a, b| squared(a).total_cmp(&squared(b)));
+            near.truncate(NEIGHBOURS.0);
+        }
+        let mean = near.iter().map(|it| it.coords).sum::<Vector3<f64>>() / near.len() as f64;
+        let spread: Matrix3<f64> = near.iter().map(|it| (it.coords - mean) * (it.coords - mean).transpose()).sum();
+        let eigen = SymmetricEigen::new(spread);
+        eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned()
+    };
+    let normals = points.iter().map(normal).collect();
+    (points, normals)
 }
 
 /// "Comfort": whether the gripper points away from the axis of the base. The text does not normalize the vector to the gripper;
@@ -178,15 +219,39 @@ fn width_m(points: &[Point3<f64>], gripper: &Gripper, X_OG: &Pose) -> f64 {
 mod tests {
     use super::*;
 
+    /// Evenly spread directions.
+    fn directions(count: u32) -> impl Iterator<Item = Vector3<f64>> {
+        let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+        (0..count).map(move |i| {
+            let z = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(count);
+            let (sin, cos) = (golden * f64::from(i)).sin_cos();
+            Vector3::new(cos * (1.0 - z * z).sqrt(), sin * (1.0 - z * z).sqrt(), z)
+        })
+    }
+
+    /// A ball whose scan has points 0.5 mm apart.
+    #[test]
+    fn estimated_normals_are_those_of_the_surface_whatever_their_sign() {
+        let scanned = directions(60_000).map(|it| Point3::from(it * 0.034)).collect();
+        let (points, normals) = estimated_surface(&ReferenceModel { scanned, ..ReferenceModel::default() });
+        // A cube's mean is up to 0.1 mm below the surface; its edge tells how many there are.
+        assert!((3000..5000).contains(&points.len()), "{}", points.len());
+        let (mut outward, mut worst) = (0, 1.0_f64);
+        for (point, normal) in points.iter().zip(&normals) {
+            assert!((point.coords.norm() - 0.034).abs() < 2e-4);
+            let cosine = normal.dot(&point.coords.normalize());
+            outward += usize::from(cosine > 0.0);
+            worst = worst.min(cosine.abs());
+        }
+        assert!(worst > 0.98, "{worst}");
+        assert!((points.len() / 4..points.len() * 3 / 4).contains(&outward), "{outward}");
+    }
+
     /// A ball of 34 mm that flies past along −y.
     #[test]
     fn a_ball_is_held_across_its_way() {
-        let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
         let mut reference = ReferenceModel::default();
-        for i in 0..2000 {
-            let z = 1.0 - (2.0 * f64::from(i) + 1.0) / 2000.0;
-            let (sin, cos) = (golden * f64::from(i)).sin_cos();
-            let normal = Vector3::new(cos * (1.0 - z * z).sqrt(), sin * (1.0 - z * z).sqrt(), z);
+        for normal in directions(2000) {
             reference.points.push(Point3::from(normal * 0.034));
             reference.normals.push(normal);
         }

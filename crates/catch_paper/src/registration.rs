@@ -33,6 +33,14 @@ pub struct Config {
     pub starts_from_last_pose: bool,
     /// Whether an object that looks the same from all sides keeps the orientation of the scan (code, for the ball).
     pub drops_rotation: bool,
+    /// Whether pairs are sought among all points of the scan (code), not among those of our own, thinner reference.
+    pub uses_whole_scan: bool,
+}
+
+impl Config {
+    fn points<'a>(&self, reference: &'a ReferenceModel) -> &'a [Point3<f64>] {
+        if self.uses_whole_scan { &reference.scanned } else { &reference.points }
+    }
 }
 
 impl Default for Config {
@@ -43,6 +51,7 @@ impl Default for Config {
             relative_tolerance: None,
             starts_from_last_pose: false,
             drops_rotation: false,
+            uses_whole_scan: false,
         }
     }
 }
@@ -80,7 +89,7 @@ impl IcpEstimator {
     ) -> Result<Self, SettingError> {
         config.check()?;
         perception.check()?;
-        let hierarchy = Arc::new(hierarchy(&reference.points));
+        let hierarchy = Arc::new(hierarchy(config.points(&reference)));
         Ok(Self { config, hierarchy, finder: ObjectFinder::new(perception, reference, workspace), last_X_WO: None })
     }
 }
@@ -138,7 +147,7 @@ impl Icp<'_> {
     fn register(&self, scene: &SceneCloud, X_WO: &Pose) -> Result<Fit, PerceptionStatus> {
         let Self { config, perception, reference, hierarchy } = *self;
         let mut X_WO = *X_WO;
-        let count = scene.points.len() as f64;
+        let (points, count) = (config.points(reference), scene.points.len() as f64);
         let mut iterations = 0;
         let mut converged = false;
         let (mut squares, mut distance_m) = (0.0, f64::INFINITY);
@@ -151,7 +160,7 @@ impl Icp<'_> {
             let origin = X_WO.translation.vector;
             for point in &scene.points {
                 let p_O = X_WO.inverse_transform_point(&point.p_W);
-                let Some(paired) = nearest(hierarchy, &reference.points, &p_O) else {
+                let Some(paired) = nearest(hierarchy, points, &p_O) else {
                     return Err(PerceptionStatus::NoReference);
                 };
                 let from_origin = point.p_W.coords - origin;

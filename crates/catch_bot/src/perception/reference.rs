@@ -21,6 +21,8 @@ pub struct ReferenceModel {
     /// Outward unit normals, one per point. At an edge they point away from it, between those of both sides: a gripper may come
     /// from there too.
     pub normals: Vec<Vector3<f64>>,
+    /// All points of the scan as they were seen, in O.
+    pub scanned: Vec<Point3<f64>>,
     /// Pose of O in the frame R of the scan: moved to the centre of mass, not turned.
     pub X_RO: Pose,
     /// Radius of a sphere around the origin of O that holds the object.
@@ -38,9 +40,12 @@ pub struct ReferenceModel {
 impl ReferenceModel {
     /// Builds the model from a scan.
     pub fn from_scan(scan: &ReferenceScan, config: &Config) -> Self {
-        let (points, seen) = scanned_points(scan);
-        let (points, seen) = thinned(&points, &seen, config.reference_spacing_m);
-        Self::with_free_space(&points, &seen, config, &|p_R, clearance_m| is_free(scan, p_R, clearance_m))
+        let (all, seen) = scanned_points(scan);
+        let (points, seen) = thinned(&all, &seen, config.reference_spacing_m);
+        let mut model =
+            Self::with_free_space(&points, &seen, config, &|p_R, clearance_m| is_free(scan, p_R, clearance_m));
+        model.scanned = all.into_iter().map(|p_R| model.X_RO.inverse_transform_point(&p_R)).collect();
+        model
     }
 
     /// Builds the model from surface points in R and, for each, a direction in which it could be seen.
@@ -85,7 +90,8 @@ impl ReferenceModel {
         let confused_m = tolerance_m.max(config.confused_fraction * inner_radius_m);
         let symmetry = Symmetry::find(&points, &distance, &second_moment, tolerance_m, confused_m);
         let X_RO = Pose::from_parts(Translation3::from(centre.coords), UnitQuaternion::identity());
-        Self { points, normals, X_RO, radius_m, inner_radius_m, volume_m3, symmetry, distance }
+        let scanned = Vec::new();
+        Self { points, normals, scanned, X_RO, radius_m, inner_radius_m, volume_m3, symmetry, distance }
     }
 }
 
