@@ -17,13 +17,13 @@ use crate::{
 const PUSHED_M: f64 = 0.02;
 /// When, on the cell's clock: after some throws, and far from where a throw begins.
 const PUSHED_S: f64 = 9.0;
-/// Throws of a life, at least three of them after the push: they are 4 to 10 s apart.
-const THROWS: u64 = 6;
+/// Throws of a life, at least ten of them after the push: they are 4 to 10 s apart.
+const THROWS: u64 = 13;
 
-const LEGEND: &str = "Lives of 6 throws of the three objects in random order, in the scenario honest with near stereo cameras that \
+const LEGEND: &str = "Lives of 13 throws of the three objects in random order, in the scenario honest with near stereo cameras that \
 run freely, without labels. After 9 s one camera, drawn at random, is pushed by 20 mm in a random direction. A \
 life in which the push was *noticed* is one whose brain says that this camera is displaced, in one of the \
-throws that begin after that. Those are three or more. A camera was *named wrongly* in lives in which the \
+throws that begin after that. Those are ten or more. A camera was *named wrongly* in lives in which the \
 brain named another one, or this one before the push.";
 
 /// What became of a life.
