@@ -54,6 +54,11 @@ impl DistanceField {
         self.fine.at(point).or_else(|| self.coarse.at(point)).unwrap_or_else(|| self.coarse.beyond(point))
     }
 
+    /// The same distance by the coarse nodes alone, which are few enough to be at hand: to tell places apart that are far from each other.
+    pub(super) fn about_m(&self, point: &Point3<f64>) -> f64 {
+        self.coarse.at(point).unwrap_or_else(|| self.coarse.beyond(point)).0
+    }
+
     /// Turns inside out what is taken for the inside and is not: places that are free by `is_free`, which gets a place and its distance from
     /// the surface and may not know, and those that are nearer to them than to places which are not, within one surface.
     ///

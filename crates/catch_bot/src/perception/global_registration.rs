@@ -24,7 +24,8 @@ const SAME_ORIENTATION_RAD: f64 = 0.3;
 const BLURRED_FRACTION: f64 = 0.5;
 
 impl Registration<'_> {
-    /// Registers from each of the 24 rotations of the cube, of which one is within 63° of any orientation, and keeps the best.
+    /// Registers from `R_WO` after each of the 24 rotations of the cube, of which one is within 63° of any orientation, but once from those
+    /// that look alike, and keeps the best.
     ///
     /// Orientations are compared on points alone, which is a third of the work, unless these err too much to tell them apart: then
     /// by the silhouette too. What cannot be observed of the orientation is taken from `R_WO`.
@@ -64,11 +65,11 @@ impl Registration<'_> {
     ) -> [Option<Fit>; FINALISTS] {
         let p_WO = Translation3::from(thinned.centroid().coords);
         let symmetry = &self.reference.symmetry;
-        let starts = if matches!(symmetry, Symmetry::Sphere) { 1 } else { 24 };
+        let starts: [_; 24] = std::array::from_fn(|i| R_WO * rotation_of_cube(i));
+        let alike = |A, B| symmetry.turn_between(A, B).norm() < SAME_ORIENTATION_RAD;
         let mut finalists = [None; FINALISTS];
-        for i in 0..starts {
-            let X_WO = Pose::from_parts(p_WO, rotation_of_cube(i) * R_WO);
-            let fit = self.iterate(thinned, &X_WO, TRIAL_ITERATIONS, with_silhouette).0;
+        for (_, start) in starts.iter().enumerate().filter(|(i, it)| !starts[..*i].iter().any(|A| alike(A, it))) {
+            let fit = self.iterate(thinned, &Pose::from_parts(p_WO, *start), TRIAL_ITERATIONS, with_silhouette).0;
             keep(&mut finalists, fit, symmetry);
         }
         finalists
@@ -109,11 +110,7 @@ fn rotation_of_cube(i: usize) -> UnitQuaternion<f64> {
     let quarter = std::f64::consts::FRAC_PI_2;
     let about =
         |axis: Vector3<f64>, quarters: usize| UnitQuaternion::from_scaled_axis(axis * quarter * quarters as f64);
-    let face = match i / 4 {
-        up @ 0..=3 => about(Vector3::x(), up),
-        4 => about(Vector3::y(), 1),
-        _ => about(Vector3::y(), 3),
-    };
+    let face = if i < 16 { about(Vector3::x(), i / 4) } else { about(Vector3::y(), i / 4 * 2 - 7) };
     face * about(Vector3::z(), i % 4)
 }
 

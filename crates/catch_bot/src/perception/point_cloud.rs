@@ -200,11 +200,11 @@ impl SceneCloud {
         Point3::from(sum / self.points.len().max(1) as f64)
     }
 
-    /// Takes over at most about `most` of another cloud's points, evenly.
+    /// Takes over at most about `most` of another cloud's points and half as many of its silhouette's rays, evenly.
     pub(super) fn thin_from(&mut self, other: &Self, most: usize) {
         self.points.clear();
         self.points.extend(other.points.iter().step_by(stride(other.points.len(), most)));
-        self.silhouette.thin_from(&other.silhouette, most);
+        self.silhouette.thin_from(&other.silhouette, most / 2);
     }
 }
 

@@ -135,8 +135,10 @@ impl SilhouetteRay {
         let (mut least_m, mut gradient) = look(first_m);
         // A neighbour is hint enough, unless it leads to where the ray does not do what its pixel says.
         let is_sure = reference.symmetry == Symmetry::Sphere || hint_m.is_some() && (least_m < 0.0) == self.inside;
-        let elsewhere = [middle_m, middle_m - 0.5 * half_m, middle_m + 0.5 * half_m];
-        for along_m in elsewhere.into_iter().filter(|along_m| !is_sure && *along_m != first_m) {
+        // Elsewhere is far enough away for the coarse nodes to choose.
+        let coarsely = |along_m| (reference.distance.about_m(&(p_OC + direction_O * along_m)), along_m);
+        let elsewhere = [middle_m, middle_m - 0.5 * half_m, middle_m + 0.5 * half_m].into_iter().filter(|_| !is_sure);
+        if let Some((_, along_m)) = elsewhere.map(coarsely).min_by(|a, b| a.0.total_cmp(&b.0)) {
             let (distance_m, gradient_there) = look(along_m);
             if distance_m < least_m {
                 (least_m, gradient, self.along_m) = (distance_m, gradient_there, along_m);
