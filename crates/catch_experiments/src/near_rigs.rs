@@ -26,7 +26,7 @@ pub const SETTINGS: [&str; 7] = [
     "arena.depth.calibration_sd_rad=0.0002",
     "brain.perception.camera_sd_rad=0.0",
     "brain.trajectory_prediction.systematic_sd_m=0.0003",
-    "brain.trajectory_optimization.replan.reach_fractions=[0.99, 0.95, 0.9]",
+    "brain.trajectory_optimization.replan.reach_fractions=[0.97, 0.9, 0.8]",
 ];
 
 /// The scenario honest with one of them.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::{CatchPlanner, Config, Decision, Progress, Situation, Status, is_still_good};
 use crate::{
     grasp_selection::{self, GraspSet},
-    trajectory_optimization::{CatchPlan, CatchSearch, Incoming, PlanningFailure},
+    trajectory_optimization::{CatchPlan, CatchSearch, Incoming, PlanningFailure, retarget::Correction},
 };
 
 /// Best-first search over a grid of catch times, and replans with switching hysteresis.
@@ -105,9 +105,8 @@ impl TimeGridSearch {
         let (status, plan) = match search.nearest(start, incoming, running) {
             Some(plan) => (Status::Approached, plan),
             None => {
-                let local_flight = flight.local_flight_at(running.catch_s);
-                let plan = search.opened(running.clone(), running.aperture_m, start.time_s, incoming, &local_flight);
-                (Status::PlanKept, plan)
+                let unchanged = Correction::new(start, incoming, running, running.catch_s);
+                (Status::PlanKept, search.opened(running.clone(), &unchanged))
             }
         };
         Decision { status, plan: Some(plan), progress }

@@ -1,7 +1,7 @@
 //! Replans: a running catch adjusted to a flight that is known better.
 
 use catch_body::{JointVector, MAX_JOINTS, Pose};
-use nalgebra::{Point3, SMatrix, Vector6};
+use nalgebra::{Point3, SMatrix, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -31,18 +31,24 @@ pub struct Config {
     /// object moves by some 50 mm in 10 ms.
     pub shifts_s: Vec<f64>,
     /// Fractions of its reachability interval that each joint may use where the arm cannot make a correction as a whole: what a joint at
-    /// the end of its interval cannot do, the others do. None by default: where corrections are late and large it pays.
+    /// the end of its interval cannot do, the others do. Also where the whole correction leaves the object no free way into the gripper.
+    /// None by default: where corrections are late and large it pays.
     pub reach_fractions: Vec<f64>,
     /// Fractions of a correction where the whole is too much.
     pub correction_fractions: Vec<f64>,
 }
 
-/// A turn of the hand counts as much as a shift by so many metres per radian where not both can be corrected.
-const LEVER_M: f64 = 0.05;
+/// What the hand is off by where not all of it can be corrected counts by axis of G: closing, approach and gap. What comes beside the
+/// grasp centre meets a finger. What the hand is off by along its approach makes the fingers close sooner or later.
+const SHIFTS: Vector3<f64> = Vector3::new(1.0, 0.1, 0.4);
+/// A turn about each of these counts as much as a shift along the closing direction by so many metres per radian.
+const LEVERS_M: Vector3<f64> = Vector3::new(0.015, 0.025, 0.025);
 /// Keeps the joints near the plan where the correction leaves them free, in m².
 const DAMPING: f64 = 1e-5;
 /// A posture is much nearer if it leaves less than this fraction of what the hand is off by.
 const MUCH_NEARER: f64 = 0.75;
+/// What a posture may leave, in metres, if the object has a free way into the gripper with it.
+const NEAR_ENOUGH_M: f64 = 0.004;
 
 impl Default for Config {
     fn default() -> Self {
@@ -79,7 +85,7 @@ impl Settings for Config {
 }
 
 /// What a running catch is adjusted from, and to which flight.
-struct Correction<'a> {
+pub struct Correction<'a> {
     start: &'a Start,
     incoming: &'a Incoming<'a>,
     plan: &'a CatchPlan,
@@ -87,7 +93,8 @@ struct Correction<'a> {
 }
 
 impl<'a> Correction<'a> {
-    fn new(start: &'a Start, incoming: &'a Incoming<'a>, plan: &'a CatchPlan, catch_s: f64) -> Self {
+    /// Of this plan, its catch at `catch_s`.
+    pub fn new(start: &'a Start, incoming: &'a Incoming<'a>, plan: &'a CatchPlan, catch_s: f64) -> Self {
         Self { start, incoming, plan, local_flight: incoming.flight.local_flight_at(catch_s) }
     }
 
@@ -107,7 +114,11 @@ impl CatchSearch {
             [0.0, 0.5, 1.0].map(|more| self.motion.replan_scaling().toward(self.motion.moving_scaling(), more));
         let found =
             scaling.iter().find_map(|scaling| self.adjusted(&correction, &correction.X_WG(), *scaling, elbows_rad))?;
-        Some(self.opened(found, plan.aperture_m, start.time_s, incoming, &correction.local_flight))
+        let found = self.opened(found, &correction);
+        // A joint at the end of its reach has but one velocity there, so that the hand cannot follow the object as it should.
+        let mut near = self.within_reach(&correction, |[_, left_m]| left_m < NEAR_ENOUGH_M);
+        let free = if found.approach_is_free { None } else { near.find(|it| it.approach_is_free) };
+        Some(free.unwrap_or(found))
     }
 
     /// The same grasp a little sooner or later, where the arm is in time and the object can come in.
@@ -118,51 +129,54 @@ impl CatchSearch {
         replan.shifts_s.iter().filter(in_time).find_map(|later_s| {
             let correction = Correction::new(start, incoming, plan, plan.catch_s + later_s);
             let found = self.adjusted(&correction, &correction.X_WG(), scaling, &replan.shifted_arm_angles_rad)?;
-            let found = self.opened(found, plan.aperture_m, start.time_s, incoming, &correction.local_flight);
-            found.approach_is_free.then_some(found)
+            Some(self.opened(found, &correction)).filter(|it| it.approach_is_free)
         })
     }
 
     /// The same catch as near to the flight as the arm can still come.
     pub fn nearest(&self, start: &Start, incoming: &Incoming, plan: &CatchPlan) -> Option<CatchPlan> {
         let correction = Correction::new(start, incoming, plan, plan.catch_s);
-        let wanted = correction.X_WG();
         let (replan, scaling) = (&self.motion.config.replan, self.motion.moving_scaling());
-        let joint_by_joint = || {
-            replan.reach_fractions.iter().find_map(|fraction| {
-                let posture = self.nearest_posture(start, plan, &wanted, *fraction)?;
-                self.at_posture(&correction, &self.motion.robot.gripper_pose(&posture.q), scaling, posture)
-            })
-        };
         let in_part = || {
             replan.correction_fractions.iter().find_map(|part| {
-                let X_WG = plan.X_WG.try_lerp_slerp(&wanted, *part, 1e-9)?;
-                self.adjusted(&correction, &X_WG, scaling, &[0.0])
+                let X_WG = plan.X_WG.try_lerp_slerp(&correction.X_WG(), *part, 1e-9)?;
+                Some(self.opened(self.adjusted(&correction, &X_WG, scaling, &[0.0])?, &correction))
             })
         };
-        let found = joint_by_joint().or_else(in_part)?;
-        Some(self.opened(found, plan.aperture_m, start.time_s, incoming, &correction.local_flight))
+        let much_nearer = |[planned_m, left_m]: [f64; 2]| left_m < MUCH_NEARER * planned_m;
+        self.within_reach(&correction, much_nearer).next().or_else(in_part)
+    }
+
+    /// The same catch as near to the flight as each fraction of the joints' reach allows, where what the hand is off by is near enough.
+    fn within_reach(&self, to: &Correction, is_near: fn([f64; 2]) -> bool) -> impl Iterator<Item = CatchPlan> {
+        let (wanted, motion) = (to.X_WG(), &self.motion);
+        motion.config.replan.reach_fractions.iter().filter_map(move |fraction| {
+            let (posture, off_m) = self.nearest_posture(to, &wanted, *fraction)?;
+            let at = || self.at_posture(to, &motion.robot.gripper_pose(&posture.q), motion.moving_scaling(), posture);
+            Some(self.opened(is_near(off_m).then(at)??, to))
+        })
     }
 
     /// The posture near the plan's whose gripper is nearest to `X_WG`, every joint within this fraction of its reachability interval:
     ///
     /// min |W·(J·Δq − (Δθ, Δp))|² + ε·|Δq|², low ≤ Δq ≤ high
     ///
-    /// `None` if it would not be much nearer than the plan's.
-    fn nearest_posture(&self, start: &Start, plan: &CatchPlan, X_WG: &Pose, fraction: f64) -> Option<Posture> {
-        let (motion, robot) = (&self.motion, &self.motion.robot);
-        let centre = motion.gripper.grasp_centre();
-        // What a gripper is off by, turns and shifts in metres.
-        let error_of = |it: &Pose| {
-            let turn = (X_WG.rotation * it.rotation.inverse()).scaled_axis() * LEVER_M;
-            let shift = X_WG * centre - it * centre;
+    /// with what the hand is off by in the plan's posture and in this one, weighed, in metres.
+    fn nearest_posture(&self, to: &Correction, X_WG: &Pose, fraction: f64) -> Option<(Posture, [f64; 2])> {
+        let (motion, robot, Correction { start, plan, .. }) = (&self.motion, &self.motion.robot, to);
+        let (centre, R_GW) = (motion.gripper.grasp_centre(), X_WG.rotation.inverse());
+        let weighed = |turn: Vector3<f64>, shift: Vector3<f64>| {
+            let [turn, shift] = [(turn, LEVERS_M), (shift, SHIFTS)].map(|(it, by)| (R_GW * it).component_mul(&by));
             Vector6::new(turn.x, turn.y, turn.z, shift.x, shift.y, shift.z)
         };
+        let error_of =
+            |it: &Pose| weighed((X_WG.rotation * it.rotation.inverse()).scaled_axis(), X_WG * centre - it * centre);
         let planned = robot.gripper_pose(&plan.q);
         let error = error_of(&planned);
         let mut jacobian = robot.jacobian(&robot.link_poses(&plan.q), &(planned * centre));
-        let mut turns = jacobian.fixed_rows_mut::<3>(0);
-        turns *= LEVER_M;
+        for mut joint in jacobian.column_iter_mut() {
+            joint.copy_from(&weighed(joint.fixed_rows::<3>(0).into(), joint.fixed_rows::<3>(3).into()));
+        }
         let (mut H, mut gradient) = (Square::identity(), Variables::zeros());
         let squares = jacobian.transpose() * jacobian + SMatrix::<f64, MAX_JOINTS, MAX_JOINTS>::identity() * DAMPING;
         H.fixed_view_mut::<MAX_JOINTS, MAX_JOINTS>(0, 0).copy_from(&squares);
@@ -179,8 +193,8 @@ impl CatchSearch {
         let step = Hessian::new(&H)?.minimize(&gradient, &rows[..dof], &bounds[..dof], 0).ok()?;
         let step: JointVector = step.fixed_rows::<MAX_JOINTS>(0).into_owned();
         let posture = Posture { q: plan.q + step, elbow: plan.elbow };
-        let is_nearer = error_of(&robot.gripper_pose(&posture.q)).norm() < MUCH_NEARER * error.norm();
-        is_nearer.then_some(posture)
+        let left_m = error_of(&robot.gripper_pose(&posture.q)).norm();
+        Some((posture, [error.norm(), left_m]))
     }
 
     /// The plan's grasp where the object passes, with the gripper at `X_WG`, the elbow moved by the first of these angles that will do.
@@ -213,14 +227,8 @@ impl CatchSearch {
 
     /// The same plan with the opening that it had, or a narrower one for slow fingers, if that lets the object in; else with the narrowest that does, or, where none
     /// does any more, the widest: it hits least. Where it is too late to change the opening, it stays.
-    pub fn opened(
-        &self,
-        plan: CatchPlan,
-        had_m: f64,
-        now_s: f64,
-        incoming: &Incoming,
-        local_flight: &LocalFlight,
-    ) -> CatchPlan {
+    pub fn opened(&self, plan: CatchPlan, to: &Correction) -> CatchPlan {
+        let (incoming, local_flight, had_m) = (to.incoming, &to.local_flight, to.plan.aperture_m);
         // Slow fingers come nearer as the flight is known better.
         let entering = Entering { incoming, local_flight, grasp: &plan.grasp };
         let nearer_m = self.pre_closed_m(&plan.X_WG, &entering).filter(|nearer_m| *nearer_m < had_m);
@@ -234,7 +242,7 @@ impl CatchSearch {
         let takes_s = fingers.duration_s((aperture_m - had_m).abs())
             + fingers.duration_s(aperture_m - plan.grasp.object_width_m)
             + incoming.config.settling_s;
-        if now_s + takes_s > plan.catch_s {
+        if to.start.time_s + takes_s > plan.catch_s {
             return CatchPlan { aperture_m: had_m, approach_is_free: false, ..plan };
         }
         CatchPlan { aperture_m, approach_is_free: aperture.is_some(), ..plan }
