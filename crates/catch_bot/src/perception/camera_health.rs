@@ -2,7 +2,8 @@
 //!
 //! Along the silhouette of the arm pixels show the arm on one side and not on the other. Where a camera has no
 //! depths it is blinded; where its depths repeat bit for bit, although they are noisy, it is frozen; where its silhouette is
-//! elsewhere, it is displaced, or another camera's images come in its place. Cameras that do not see the arm are not judged.
+//! elsewhere, it is displaced, or another camera's images come in its place. Cameras that do not see the arm are not judged by it. What they
+//! see of flights tells of a displacement, too.
 
 use std::fmt::{self, Display};
 
@@ -11,7 +12,7 @@ use catch_cell::{CameraModel, DepthFrame};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Config,
+    CameraOffset, Config,
     arm_edges::{ArmEdges, Sight},
     detection::is_within,
     segmentation::Surroundings,
@@ -76,6 +77,9 @@ struct Record {
     /// Whether too little of the silhouette is where it should be.
     misplaced: Verdict,
     shift: ShiftHistory,
+    /// By how much it is off in flights, and whether that is too much.
+    offset: CameraOffset,
+    is_off: bool,
 }
 
 /// A verdict that changes when so many images in a row speak against it.
@@ -122,6 +126,8 @@ impl CameraHealth {
             swapped: Verdict::default(),
             misplaced: Verdict::default(),
             shift: ShiftHistory::default(),
+            offset: CameraOffset::default(),
+            is_off: false,
         };
         Self {
             waiting: Some((surroundings.X_WL, surroundings.width_m)),
@@ -142,9 +148,15 @@ impl CameraHealth {
         &self.left_out
     }
 
-    /// A throw is over; where the cameras were seen to look during it is how they looked before.
-    pub fn end_throw(&mut self) {
+    /// A throw is over; where the cameras were seen to look during it is how they looked before. If the flight tells that one is off, it is the
+    /// one that explains most.
+    pub fn end_throw(&mut self, offsets: &[CameraOffset], config: &Config) {
         self.records.iter_mut().for_each(|it| it.shift.close());
+        self.records.iter_mut().zip(offsets).for_each(|(it, offset)| it.offset.add(offset));
+        let most = |a: &&mut Record, b: &&mut Record| a.offset.estimate().0.total_cmp(&b.offset.estimate().0);
+        if let Some(record) = self.records.iter_mut().max_by(most).filter(|it| it.offset.exceeds(config.displaced_m)) {
+            (record.is_off, record.offset) = (true, CameraOffset::default());
+        }
     }
 
     /// Takes in the images of one capture time. Only full images without masks tell anything.
@@ -250,7 +262,7 @@ impl CameraHealth {
                 Record { frozen: Verdict { holds: true, .. }, .. } => CameraStatus::Frozen,
                 Record { blinded: Verdict { holds: true, .. }, .. } => CameraStatus::Blinded,
                 Record { swapped: Verdict { holds: true, .. }, .. } => CameraStatus::Swapped,
-                _ if record.misplaced.holds || record.shift.is_displaced() => CameraStatus::Displaced,
+                _ if record.is_off || record.misplaced.holds || record.shift.is_displaced() => CameraStatus::Displaced,
                 _ => CameraStatus::Good,
             };
             displaced += usize::from(*status == CameraStatus::Displaced);
