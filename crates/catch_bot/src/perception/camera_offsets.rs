@@ -112,7 +112,7 @@ mod tests {
         for i in 0..60 {
             let (camera, age_s) = (i % CAMERAS, 0.01 * (60 - i) as f64);
             let R_WC = UnitQuaternion::from_euler_angles(0.4, 2.0 * camera as f64, -0.3);
-            let error_m = R_WC * normal.vector().component_mul(&SD_M.into());
+            let error_m = R_WC * normal.vector().component_mul(&Vector3::from(SD_M));
             // As in an image of a ball, whose orientation it does not tell.
             let mut information = Matrix6::zeros();
             let R: Matrix3<f64> = R_WC.to_rotation_matrix().into_inner();
