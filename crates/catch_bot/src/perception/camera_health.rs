@@ -16,7 +16,7 @@ use super::{
     arm_edges::{ArmEdges, Sight},
     detection::is_within,
     segmentation::Surroundings,
-    silhouette_shift::{Shift, ShiftHistory},
+    silhouette_shift::{SIGNIFICANT, Shift, ShiftHistory},
 };
 
 /// How well a camera works.
@@ -153,9 +153,12 @@ impl CameraHealth {
     pub fn end_throw(&mut self, offsets: &[CameraOffset], config: &Config) {
         self.records.iter_mut().for_each(|it| it.shift.close());
         self.records.iter_mut().zip(offsets).for_each(|(it, offset)| it.offset.add(offset));
+        // Errors of the calibration of any camera make one seem to be off.
+        let far_m = self.edges.iter().map(ArmEdges::mean_depth_m).fold(0.0, f64::max);
+        let bound_m = config.displaced_m + SIGNIFICANT * config.camera_sd_rad * far_m;
         let most = |a: &&mut Record, b: &&mut Record| a.offset.estimate().0.total_cmp(&b.offset.estimate().0);
-        if let Some(record) = self.records.iter_mut().max_by(most).filter(|it| it.offset.exceeds(config.displaced_m)) {
-            (record.is_off, record.offset) = (true, CameraOffset::default());
+        if let Some(it) = self.records.iter_mut().max_by(most).filter(|it| it.offset.exceeds(bound_m)) {
+            (it.is_off, it.offset) = (true, CameraOffset::default());
         }
     }
 
