@@ -137,9 +137,8 @@ impl Tracker {
             if let Some(flight) = flight.as_ref().filter(|_| cameras.len() > 2 && self.image_poses.len() < POSES) {
                 // One image of these by itself, in turn.
                 let i = self.poses.len() % frames.len();
-                let image =
-                    View { frames: &frames[i..=i], surroundings: surroundings.get(i..=i).unwrap_or(&[]), ..view };
-                let pose = estimator.estimate_aside(&image, &flight.pose_at(image.capture_s()));
+                let one = View { frames: &frames[i..=i], surroundings: surroundings.get(i..=i).unwrap_or(&[]), ..view };
+                let pose = estimator.estimate_aside(&one, &flight.pose_at(one.capture_s()));
                 self.image_poses.extend(pose.map(|pose| (frames[i].camera, pose)));
             }
             let expected = self.expected_pose(flight.as_ref(), view.capture_s());
