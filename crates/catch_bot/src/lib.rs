@@ -50,7 +50,7 @@ use catch_body::{Gripper, Robot};
 use catch_cell::{Brain, CameraModel, Command, Observation, PixelWindow, Probe, ReferenceScan};
 
 use control::{CatchPlanner, Controller, GripperPlan, Situation, TimeGridSearch};
-use perception::{CameraOffset, CameraStatus, ObjectPose, PoseEstimator, SdfEstimator};
+use perception::{CameraStatus, ObjectPose, PoseEstimator, SdfEstimator, camera_offsets::CameraOffset};
 use settings::SettingError;
 use tracker::Tracker;
 use trajectory_optimization::{CatchPlan, reach_map::ReachMap};

@@ -7,8 +7,8 @@ use catch_cell::{CameraModel, DepthFrame, Observation, PixelWindow};
 
 use crate::{
     perception::{
-        CameraOffset, CameraStatus, ObjectPose, PoseEstimator, Surroundings, View, camera_alignment::CameraAlignment,
-        camera_health::CameraHealth,
+        CameraStatus, ObjectPose, PoseEstimator, Surroundings, View, camera_alignment::CameraAlignment,
+        camera_health::CameraHealth, camera_offsets::CameraOffset,
     },
     preparation::Preparation,
     trajectory_prediction::FlightTrajectory,

@@ -12,8 +12,9 @@ use catch_cell::{CameraModel, DepthFrame};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    CameraOffset, Config,
+    Config,
     arm_edges::{ArmEdges, Sight},
+    camera_offsets::{self, CameraOffset},
     detection::is_within,
     segmentation::Surroundings,
     silhouette_shift::{SIGNIFICANT, Shift, ShiftHistory},
@@ -58,6 +59,8 @@ pub struct CameraHealth {
     waiting: Option<(LinkPoses, f64)>,
     edges: Vec<ArmEdges>,
     records: Vec<Record>,
+    /// By how much each is off in flights.
+    offsets: Vec<CameraOffset>,
     statuses: Vec<CameraStatus>,
     left_out: Vec<bool>,
 }
@@ -77,8 +80,7 @@ struct Record {
     /// Whether too little of the silhouette is where it should be.
     misplaced: Verdict,
     shift: ShiftHistory,
-    /// By how much it is off in flights, and whether that is too much.
-    offset: CameraOffset,
+    /// Whether flights have shown that it is off.
     is_off: bool,
 }
 
@@ -126,13 +128,13 @@ impl CameraHealth {
             swapped: Verdict::default(),
             misplaced: Verdict::default(),
             shift: ShiftHistory::default(),
-            offset: CameraOffset::default(),
             is_off: false,
         };
         Self {
             waiting: Some((surroundings.X_WL, surroundings.width_m)),
             edges: cameras.iter().map(|camera| ArmEdges::new(camera, surroundings, config)).collect(),
             records: vec![record; cameras.len()],
+            offsets: vec![CameraOffset::default(); cameras.len()],
             statuses: vec![CameraStatus::Good; cameras.len()],
             left_out: vec![false; cameras.len()],
         }
@@ -148,17 +150,16 @@ impl CameraHealth {
         &self.left_out
     }
 
-    /// A throw is over; where the cameras were seen to look during it is how they looked before. If the flight tells that one is off, it is the
-    /// one that explains most.
+    /// A throw is over; where the cameras were seen to look during it is how they looked before. Flights may tell that
+    /// one is off.
     pub fn end_throw(&mut self, offsets: &[CameraOffset], config: &Config) {
         self.records.iter_mut().for_each(|it| it.shift.close());
-        self.records.iter_mut().zip(offsets).for_each(|(it, offset)| it.offset.add(offset));
+        self.offsets.iter_mut().zip(offsets).for_each(|(it, offset)| it.add(offset));
         // Errors of the calibration of any camera make one seem to be off.
-        let far_m = self.edges.iter().map(ArmEdges::mean_depth_m).fold(0.0, f64::max);
-        let bound_m = config.displaced_m + SIGNIFICANT * config.camera_sd_rad * far_m;
-        let most = |a: &&mut Record, b: &&mut Record| a.offset.estimate().0.total_cmp(&b.offset.estimate().0);
-        if let Some(it) = self.records.iter_mut().max_by(most).filter(|it| it.offset.exceeds(bound_m)) {
-            (it.is_off, it.offset) = (true, CameraOffset::default());
+        let bound_m = |it: &ArmEdges| config.displaced_m + SIGNIFICANT * config.camera_sd_rad * it.mean_depth_m();
+        let most_m = self.edges.iter().map(bound_m).fold(0.0, f64::max);
+        if let Some(camera) = camera_offsets::displaced(&mut self.offsets, most_m) {
+            self.records[camera].is_off = true;
         }
     }
 

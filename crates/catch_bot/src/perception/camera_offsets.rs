@@ -19,6 +19,9 @@ pub struct CameraOffset {
 /// normal equations for δp and δv, and beside them the squares. And the number of positions.
 type Sums = (SMatrix<f64, 7, 7>, f64);
 
+/// A camera, a pose that rests on one image of it, how much older that is than the predicted flight, and how far from it.
+type Sighting<'a> = (usize, &'a ObjectPose, f64, Vector3<f64>);
+
 /// What the registration of a single image is off by at least, in metres.
 const IMAGE_SD_M: f64 = 0.001;
 /// Images of a camera that tell something, and cameras of which one can be told from the others.
@@ -48,13 +51,19 @@ fn offset((own, _): &Sums, (others, count): &Sums) -> Option<(CameraOffset, f64)
     Some((CameraOffset { information, pull: information * offset }, scale.max(1.0)))
 }
 
+/// The camera that is off by more than a bound, if there is one: the one that explains most. Others may have seemed to be off by that one, so
+/// that all begin anew.
+pub fn displaced(offsets: &mut [CameraOffset], bound_m: f64) -> Option<usize> {
+    let estimates = offsets.iter().map(CameraOffset::estimate).enumerate();
+    let (camera, (squares, offset)) = estimates.max_by(|a, b| a.1.0.total_cmp(&b.1.0))?;
+    // Along the offset t its standard deviation is |t|/√(tᵀ·C⁻¹·t).
+    let least_m = offset.norm() * (1.0 - SIGNIFICANT / squares.max(f64::MIN_POSITIVE).sqrt());
+    (least_m > bound_m).then(|| offsets.fill(CameraOffset::default())).map(|()| camera)
+}
+
 impl CameraOffset {
-    /// What one throw tells of each camera: from poses that rest on one image of a camera each, how much older than the predicted flight they
-    /// are, and how far from it.
-    pub fn of_throw<'a>(
-        images: impl Iterator<Item = (usize, &'a ObjectPose, f64, Vector3<f64>)>,
-        cameras: usize,
-    ) -> Vec<Self> {
+    /// What one throw tells of each of the cameras.
+    pub fn of_throw<'a>(images: impl Iterator<Item = Sighting<'a>>, cameras: usize) -> Vec<Self> {
         let mut sums: Vec<Sums> = vec![Default::default(); cameras];
         for (camera, pose, age_s, shift_m) in images {
             let mut A = SMatrix::<f64, 3, 7>::identity();
@@ -81,16 +90,9 @@ impl CameraOffset {
     }
 
     /// How much less the squares of all residuals are if this camera is off, and how far it is.
-    pub fn estimate(&self) -> (f64, Vector3<f64>) {
+    fn estimate(&self) -> (f64, Vector3<f64>) {
         let offset = self.information.try_inverse().unwrap_or_default() * self.pull;
         (self.pull.dot(&offset), offset)
-    }
-
-    /// Whether the camera is off by significantly more than a distance.
-    pub fn exceeds(&self, distance_m: f64) -> bool {
-        let (squares, offset) = self.estimate();
-        // Along the offset t its standard deviation is |t|/√(tᵀ·C⁻¹·t).
-        offset.norm() * (1.0 - SIGNIFICANT / squares.max(f64::MIN_POSITIVE).sqrt()) > distance_m
     }
 }
 
@@ -106,7 +108,8 @@ mod tests {
     const SD_M: [f64; 3] = [0.002, 0.002, 0.012];
 
     /// A throw that is predicted wrongly, and whose images show it as far off as the cameras are.
-    fn throw(off_m: &[Vector3<f64>; CAMERAS], normal: &mut Normal) -> Vec<CameraOffset> {
+    /// One camera may be left out.
+    fn throw(off_m: &[Vector3<f64>; CAMERAS], left_out: Option<usize>, normal: &mut Normal) -> Vec<CameraOffset> {
         let (p, v) = (normal.vector() * 0.005, normal.vector() * 0.01);
         let mut images = Vec::new();
         for i in 0..60 {
@@ -130,17 +133,17 @@ mod tests {
             };
             images.push((camera, pose, age_s, p - v * age_s + off_m[camera] + error_m));
         }
+        images.retain(|it| Some(it.0) != left_out);
         CameraOffset::of_throw(images.iter().map(|it| (it.0, &it.1, it.2, it.3)), CAMERAS)
     }
 
-    /// The camera that explains most after some throws, and what is known of it.
-    fn farthest(off_m: &[Vector3<f64>; CAMERAS], throws: usize, normal: &mut Normal) -> (usize, CameraOffset) {
+    /// What is known after some throws.
+    fn after(off_m: &[Vector3<f64>; CAMERAS], throws: usize, normal: &mut Normal) -> [CameraOffset; CAMERAS] {
         let mut sums = [CameraOffset::default(); CAMERAS];
         for _ in 0..throws {
-            sums.iter_mut().zip(throw(off_m, normal)).for_each(|(sum, it)| sum.add(&it));
+            sums.iter_mut().zip(throw(off_m, None, normal)).for_each(|(sum, it)| sum.add(&it));
         }
-        let most = |a: &(usize, CameraOffset), b: &(usize, CameraOffset)| a.1.estimate().0.total_cmp(&b.1.estimate().0);
-        sums.into_iter().enumerate().max_by(most).unwrap()
+        sums
     }
 
     /// In any direction, however the prediction is off.
@@ -150,10 +153,30 @@ mod tests {
             let mut normal = Normal::new(seed);
             let (camera, mut off_m) = (seed as usize % CAMERAS, [Vector3::zeros(); CAMERAS]);
             off_m[camera] = normal.vector().normalize() * 0.02;
-            let (named, offset) = farthest(&off_m, 4, &mut normal);
-            let found_m = offset.estimate().1;
-            assert_eq!(named, camera, "{seed}");
-            assert!(offset.exceeds(0.008) && (found_m - off_m[camera]).norm() < 0.007, "{seed}: {found_m}");
+            let mut sums = after(&off_m, 4, &mut normal);
+            let found_m = sums[camera].estimate().1;
+            assert!((found_m - off_m[camera]).norm() < 0.007, "{seed}: {found_m}");
+            assert_eq!(displaced(&mut sums, 0.008), Some(camera), "{seed}");
+        }
+    }
+
+    /// Not by what was seen before it was left out either, because the arm or flights had named it.
+    #[test]
+    fn a_camera_that_is_off_names_no_other_one() {
+        for seed in 0..100 {
+            let mut normal = Normal::new(seed);
+            let (camera, mut off_m) = (seed as usize % CAMERAS, [Vector3::zeros(); CAMERAS]);
+            off_m[camera] = normal.vector().normalize() * 0.02;
+            let mut sums = [CameraOffset::default(); CAMERAS];
+            let mut is_named = false;
+            for count in 0..20 {
+                let left_out = (is_named || (count > 0 && seed % 2 == 0)).then_some(camera);
+                sums.iter_mut().zip(throw(&off_m, left_out, &mut normal)).for_each(|(sum, it)| sum.add(&it));
+                let named = displaced(&mut sums, 0.008);
+                assert!(named.is_none_or(|it| it == camera), "{seed} {count}: {named:?}");
+                is_named |= named.is_some();
+            }
+            assert!(is_named || seed % 2 == 0, "{seed}");
         }
     }
 
@@ -161,8 +184,8 @@ mod tests {
     fn cameras_that_stand_right_are_not_named() {
         let mut normal = Normal::new(1);
         for throws in 0..400 {
-            let (_, offset) = farthest(&[Vector3::zeros(); CAMERAS], 1 + throws % 5, &mut normal);
-            assert!(!offset.exceeds(0.0), "{:?}", offset.estimate());
+            let mut sums = after(&[Vector3::zeros(); CAMERAS], 1 + throws % 5, &mut normal);
+            assert_eq!(displaced(&mut sums, 0.0), None, "{throws}: {sums:?}");
         }
     }
 
