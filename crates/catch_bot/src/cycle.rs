@@ -218,8 +218,10 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
         let mut command = match self.go(observation, &ready_q, None) {
             Progress::Going(command) => command,
             Progress::Arrived => {
+                let CatchingBot { tracker, flight, .. } = &self.candidates[self.active].bot;
+                let offsets = flight.as_ref().map_or_else(Vec::new, |flight| tracker.camera_offsets(flight));
                 for candidate in &mut self.candidates {
-                    candidate.bot.end_throw();
+                    candidate.bot.end_throw(&offsets);
                     candidate.forget();
                 }
                 self.enter(Phase::Waiting, now_s);

@@ -50,7 +50,7 @@ use catch_body::{Gripper, Robot};
 use catch_cell::{Brain, CameraModel, Command, Observation, PixelWindow, Probe, ReferenceScan};
 
 use control::{CatchPlanner, Controller, GripperPlan, Situation, TimeGridSearch};
-use perception::{CameraStatus, ObjectPose, PoseEstimator, SdfEstimator};
+use perception::{CameraStatus, ObjectPose, PoseEstimator, SdfEstimator, camera_offsets::CameraOffset};
 use settings::SettingError;
 use tracker::Tracker;
 use trajectory_optimization::{CatchPlan, reach_map::ReachMap};
@@ -176,9 +176,9 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingBot<E, P, C>
         self.tracker.track(&observation.frames, &mut self.flight, &self.known, &mut self.estimator)
     }
 
-    /// The throw is over, the next one begins; what is known of the cameras stays.
-    fn end_throw(&mut self) {
-        self.tracker.end_throw(&self.known);
+    /// The throw is over, the next one begins; what is known of the cameras stays, also by how far they were off in it.
+    fn end_throw(&mut self, offsets: &[CameraOffset]) {
+        self.tracker.end_throw(offsets, &self.known);
         self.forget_flight();
     }
 

@@ -8,7 +8,7 @@ use catch_cell::{CameraModel, DepthFrame, Observation, PixelWindow};
 use crate::{
     perception::{
         CameraStatus, ObjectPose, PoseEstimator, Surroundings, View, camera_alignment::CameraAlignment,
-        camera_health::CameraHealth,
+        camera_health::CameraHealth, camera_offsets::CameraOffset,
     },
     preparation::Preparation,
     trajectory_prediction::FlightTrajectory,
@@ -41,6 +41,8 @@ pub(crate) struct Tracker {
     sensed: VecDeque<Sensed>,
     /// Oldest first.
     poses: Vec<ObjectPose>,
+    /// Poses from single images, each with its camera.
+    image_poses: Vec<(usize, ObjectPose)>,
     /// Capture time of the newest image without a mask.
     unlabelled_s: Option<f64>,
 }
@@ -52,16 +54,27 @@ impl Tracker {
             health: known.camera_health().clone(),
             sensed: VecDeque::with_capacity(SENSED),
             poses: Vec::with_capacity(POSES),
+            image_poses: Vec::with_capacity(POSES),
             unlabelled_s: None,
         }
     }
 
-    /// Forgets the throw, and remembers what is wrong with the cameras.
-    pub fn end_throw(&mut self, known: &Preparation) {
+    /// How far each camera is off from a flight, by its own images.
+    pub fn camera_offsets(&self, flight: &FlightTrajectory) -> Vec<CameraOffset> {
+        let images = self.image_poses.iter().map(|(camera, pose)| {
+            let shift_m = pose.X_WO.translation.vector - flight.pose_at(pose.capture_s).translation.vector;
+            (*camera, pose, flight.time_s - pose.capture_s, shift_m)
+        });
+        CameraOffset::of_throw(images, self.alignment.cameras().len())
+    }
+
+    /// Forgets the throw, and remembers what is wrong with the cameras, also by how far they were off in it.
+    pub fn end_throw(&mut self, offsets: &[CameraOffset], known: &Preparation) {
         self.alignment.clone_from(known.alignment());
-        self.health.end_throw();
+        self.health.end_throw(offsets, &known.config().perception);
         self.sensed.clear();
         self.poses.clear();
+        self.image_poses.clear();
         self.unlabelled_s = None;
     }
 
@@ -121,6 +134,13 @@ impl Tracker {
             let (cameras, left_out) = (self.alignment.cameras(), self.health.left_out());
             let mut view = View { frames, cameras, left_out, surroundings: &surroundings, V_WO: Twist::default() };
             view.V_WO = flight.as_ref().map_or(view.V_WO, |flight| flight.twist_at(view.capture_s()));
+            if let Some(flight) = flight.as_ref().filter(|_| cameras.len() > 2 && self.image_poses.len() < POSES) {
+                // One image of these by itself, in turn.
+                let i = self.poses.len() % frames.len();
+                let one = View { frames: &frames[i..=i], surroundings: surroundings.get(i..=i).unwrap_or(&[]), ..view };
+                let pose = estimator.estimate_aside(&one, &flight.pose_at(one.capture_s()));
+                self.image_poses.extend(pose.map(|pose| (frames[i].camera, pose)));
+            }
             let expected = self.expected_pose(flight.as_ref(), view.capture_s());
             let Ok(mut pose) = estimator.estimate(&view, expected.into()) else { continue };
             if let Some(T) = estimator.turned_over() {

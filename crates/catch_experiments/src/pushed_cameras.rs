@@ -2,7 +2,12 @@
 
 use anyhow::Result;
 use catch_bot::perception::CameraStatus;
-use catch_lab::{assets::Kind, play::Play, referee::faulty_cameras::FaultyCamera, scenario::setup::Setup};
+use catch_lab::{
+    assets::Kind,
+    play::{Play, PlayRow},
+    referee::faulty_cameras::FaultyCamera,
+    scenario::setup::Setup,
+};
 use catch_sim::random_streams::{Draws, Stream};
 
 use crate::{
@@ -24,7 +29,7 @@ const LEGEND: &str = "Lives of 13 throws of the three objects in random order, i
 run freely, without labels. After 9 s one camera, drawn at random, is pushed by 20 mm in a random direction. A \
 life in which the push was *noticed* is one whose brain says that this camera is displaced, in one of the \
 throws that begin after that. Those are ten or more. A camera was *named wrongly* in lives in which the \
-brain named another one, or this one before the push.";
+brain named another one, or this one before the push. In half as many lives with three and four cameras no camera is pushed.";
 
 /// What became of a life.
 struct Pushed {
@@ -33,7 +38,8 @@ struct Pushed {
     named_wrongly: bool,
 }
 
-fn life(rig: &str, seed: u64) -> Result<Pushed> {
+/// A life of one camera that is pushed, drawn from a seed.
+fn pushed(rig: &str, seed: u64) -> Result<Pushed> {
     let mut draws = Draws::new(Stream::Calibration, seed, 1);
     let by = draws.direction().into_inner() * PUSHED_M;
     let chosen = draws.unit();
@@ -49,8 +55,8 @@ fn life(rig: &str, seed: u64) -> Result<Pushed> {
     let setups = Kind::Object.names().into_iter().map(load).collect::<Result<Vec<_>>>()?;
     let camera = setups[0].1;
     let setups = setups.into_iter().map(|it| it.0).collect();
-    let life = Play { setups, throws: THROWS, every_s: 4.0, seed }.run(&mut |_| ())?;
-    let (before, after): (Vec<_>, Vec<_>) = life.rows.iter().partition(|row| row.thrown_s < PUSHED_S);
+    let rows = life(setups, seed)?;
+    let (before, after): (Vec<_>, Vec<_>) = rows.iter().partition(|row| row.thrown_s < PUSHED_S);
     let is_it = |it: &FaultyCamera| it.camera == camera && it.status == CameraStatus::Displaced;
     // The throw during which it is pushed belongs to neither.
     let quiet = &before[..before.len().saturating_sub(1)];
@@ -60,12 +66,26 @@ fn life(rig: &str, seed: u64) -> Result<Pushed> {
     Ok(Pushed { throw: throw.map(|it| it + 1), named_wrongly: wrongly })
 }
 
+fn life(setups: Vec<Setup>, seed: u64) -> Result<Vec<PlayRow>> {
+    Ok(Play { setups, throws: THROWS, every_s: 4.0, seed }.run(&mut |_| ())?.rows)
+}
+
+/// Lives in which no camera is pushed: how many throws, and in how many of these a camera is named.
+fn quiet(rig: &str, lives: usize, seed: u64) -> Result<[usize; 2]> {
+    let rows = parallel::map(lives, |index| {
+        let setups = Kind::Object.names().into_iter().map(|object| setup(rig, object, &[])).collect::<Result<_>>()?;
+        life(setups, seed + index as u64)
+    });
+    let rows = rows.into_iter().collect::<Result<Vec<_>>>()?.concat();
+    Ok([rows.len(), rows.iter().filter(|row| !row.faulty_cameras.is_empty()).count()])
+}
+
 /// Rigs of two cameras and more.
 pub fn run(options: &Options) -> Result<Findings> {
     let columns = ["rig", "lives", "noticed, %", "throws until then, p50", "most", "named wrongly"];
     let mut table = Table::new("Cameras pushed by 20 mm", &columns);
     for rig in rigs().skip(1) {
-        let lives = parallel::map(options.trials as usize, |index| life(&rig, options.seed + index as u64));
+        let lives = parallel::map(options.trials as usize, |index| pushed(&rig, options.seed + index as u64));
         let lives = lives.into_iter().collect::<Result<Vec<_>>>()?;
         let throws: Vec<f64> = lives.iter().filter_map(|it| it.throw.map(|throw| throw as f64)).collect();
         table.rows.push(vec![
@@ -77,5 +97,12 @@ pub fn run(options: &Options) -> Result<Findings> {
             Entry::Count(lives.iter().filter(|it| it.named_wrongly).count()),
         ]);
     }
-    Ok(Findings { legend: LEGEND, tables: vec![table] })
+    let columns = ["rig", "lives", "throws", "throws with a camera named"];
+    let mut none_pushed = Table::new("No camera pushed", &columns);
+    for rig in rigs().skip(2) {
+        let lives = (options.trials as usize).div_ceil(2);
+        let [throws, named] = quiet(&rig, lives, options.seed)?;
+        none_pushed.rows.push(vec![Entry::text(&rig), Entry::Count(lives), Entry::Count(throws), Entry::Count(named)]);
+    }
+    Ok(Findings { legend: LEGEND, tables: vec![table, none_pushed] })
 }

@@ -5,4 +5,5 @@ pub mod flight_learning;
 pub mod flight_misses;
 pub mod flight_prediction;
 pub mod recorded_throws;
+pub mod track;
 pub mod track_file;

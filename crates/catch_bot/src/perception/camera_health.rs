@@ -2,7 +2,8 @@
 //!
 //! Along the silhouette of the arm pixels show the arm on one side and not on the other. Where a camera has no
 //! depths it is blinded; where its depths repeat bit for bit, although they are noisy, it is frozen; where its silhouette is
-//! elsewhere, it is displaced, or another camera's images come in its place. Cameras that do not see the arm are not judged.
+//! elsewhere, it is displaced, or another camera's images come in its place. Cameras that do not see the arm are not judged by it. What they
+//! see of flights tells of a displacement, too.
 
 use std::fmt::{self, Display};
 
@@ -13,9 +14,10 @@ use serde::{Deserialize, Serialize};
 use super::{
     Config,
     arm_edges::{ArmEdges, Sight},
+    camera_offsets::{self, CameraOffset},
     detection::is_within,
     segmentation::Surroundings,
-    silhouette_shift::{Shift, ShiftHistory},
+    silhouette_shift::{SIGNIFICANT, Shift, ShiftHistory},
 };
 
 /// How well a camera works.
@@ -57,6 +59,8 @@ pub struct CameraHealth {
     waiting: Option<(LinkPoses, f64)>,
     edges: Vec<ArmEdges>,
     records: Vec<Record>,
+    /// By how much each is off in flights.
+    offsets: Vec<CameraOffset>,
     statuses: Vec<CameraStatus>,
     left_out: Vec<bool>,
 }
@@ -76,6 +80,8 @@ struct Record {
     /// Whether too little of the silhouette is where it should be.
     misplaced: Verdict,
     shift: ShiftHistory,
+    /// Whether flights have shown that it is off.
+    is_off: bool,
 }
 
 /// A verdict that changes when so many images in a row speak against it.
@@ -122,11 +128,13 @@ impl CameraHealth {
             swapped: Verdict::default(),
             misplaced: Verdict::default(),
             shift: ShiftHistory::default(),
+            is_off: false,
         };
         Self {
             waiting: Some((surroundings.X_WL, surroundings.width_m)),
             edges: cameras.iter().map(|camera| ArmEdges::new(camera, surroundings, config)).collect(),
             records: vec![record; cameras.len()],
+            offsets: vec![CameraOffset::default(); cameras.len()],
             statuses: vec![CameraStatus::Good; cameras.len()],
             left_out: vec![false; cameras.len()],
         }
@@ -142,9 +150,17 @@ impl CameraHealth {
         &self.left_out
     }
 
-    /// A throw is over; where the cameras were seen to look during it is how they looked before.
-    pub fn end_throw(&mut self) {
+    /// A throw is over; where the cameras were seen to look during it is how they looked before. Flights may tell that
+    /// one is off.
+    pub fn end_throw(&mut self, offsets: &[CameraOffset], config: &Config) {
         self.records.iter_mut().for_each(|it| it.shift.close());
+        self.offsets.iter_mut().zip(offsets).for_each(|(it, offset)| it.add(offset));
+        // Errors of the calibration of any camera make one seem to be off.
+        let bound_m = |it: &ArmEdges| config.displaced_m + SIGNIFICANT * config.camera_sd_rad * it.mean_depth_m();
+        let most_m = self.edges.iter().map(bound_m).fold(0.0, f64::max);
+        if let Some(camera) = camera_offsets::displaced(&mut self.offsets, most_m) {
+            self.records[camera].is_off = true;
+        }
     }
 
     /// Takes in the images of one capture time. Only full images without masks tell anything.
@@ -250,7 +266,7 @@ impl CameraHealth {
                 Record { frozen: Verdict { holds: true, .. }, .. } => CameraStatus::Frozen,
                 Record { blinded: Verdict { holds: true, .. }, .. } => CameraStatus::Blinded,
                 Record { swapped: Verdict { holds: true, .. }, .. } => CameraStatus::Swapped,
-                _ if record.misplaced.holds || record.shift.is_displaced() => CameraStatus::Displaced,
+                _ if record.is_off || record.misplaced.holds || record.shift.is_displaced() => CameraStatus::Displaced,
                 _ => CameraStatus::Good,
             };
             displaced += usize::from(*status == CameraStatus::Displaced);

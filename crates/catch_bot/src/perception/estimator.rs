@@ -28,6 +28,11 @@ pub trait PoseEstimator {
         None
     }
 
+    /// The pose near `X_WO` in few images, which does not change what is estimated later. `None` if there is none, or it is not known.
+    fn estimate_aside(&mut self, _view: &View<'_>, _X_WO: &Pose) -> Option<ObjectPose> {
+        None
+    }
+
     /// Forgets all that it knows of the throw; the next one is another.
     fn reset(&mut self) {}
 }
@@ -39,6 +44,10 @@ impl<T: PoseEstimator + ?Sized> PoseEstimator for Box<T> {
 
     fn turned_over(&self) -> Option<Pose> {
         (**self).turned_over()
+    }
+
+    fn estimate_aside(&mut self, view: &View<'_>, X_WO: &Pose) -> Option<ObjectPose> {
+        (**self).estimate_aside(view, X_WO)
     }
 
     fn reset(&mut self) {
@@ -94,6 +103,13 @@ impl PoseEstimator for SdfEstimator {
 
     fn turned_over(&self) -> Option<Pose> {
         self.turned_over
+    }
+
+    fn estimate_aside(&mut self, view: &View<'_>, X_WO: &Pose) -> Option<ObjectPose> {
+        self.finder.collect(view, Some(X_WO)).ok()?;
+        let ObjectFinder { config, reference, workspace } = &mut self.finder;
+        let fit = register_near(&Registration { reference, config }, view, &mut workspace.scene, X_WO).ok()?;
+        Some(fit.pose(view, config, false))
     }
 
     fn reset(&mut self) {
@@ -177,15 +193,9 @@ impl ObjectFinder {
         }
     }
 
-    /// Finds the object where it is expected, or anywhere in images with masks.
-    fn find_near(
-        &mut self,
-        view: &View<'_>,
-        prior: &Prior,
-        register: &mut Register<'_>,
-    ) -> Result<ObjectPose, PerceptionStatus> {
-        let Self { config, reference, workspace: Workspace { scene, thinned, .. } } = self;
-        let expected = prior.pose();
+    /// Collects what may be the object where it is expected, and its silhouette where depths are noisy.
+    fn collect(&mut self, view: &View<'_>, expected: Option<&Pose>) -> Result<(), PerceptionStatus> {
+        let Self { config, reference, workspace: Workspace { scene, .. } } = self;
         scene.collect(view, reference, expected, config);
         match scene.points.len() {
             0 => return Err(PerceptionStatus::NoPoints),
@@ -195,6 +205,19 @@ impl ObjectFinder {
         if scene.mean_noise_m() > config.silhouette_above_m {
             scene.collect_silhouette(view, reference, config);
         }
+        Ok(())
+    }
+
+    /// Finds the object where it is expected, or anywhere in images with masks.
+    fn find_near(
+        &mut self,
+        view: &View<'_>,
+        prior: &Prior,
+        register: &mut Register<'_>,
+    ) -> Result<ObjectPose, PerceptionStatus> {
+        let expected = prior.pose();
+        self.collect(view, expected)?;
+        let Self { config, reference, workspace: Workspace { scene, thinned, .. } } = self;
         let registration = Registration { reference, config };
         let tracked = match prior {
             Prior::Pose(X_WO) => register(&registration, scene, X_WO).ok(),

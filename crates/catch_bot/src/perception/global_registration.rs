@@ -29,7 +29,7 @@ impl Registration<'_> {
     ///
     /// Orientations are compared on points alone, which is a third of the work, unless these err too much to tell them apart: then
     /// by the silhouette too. What cannot be observed of the orientation is taken from `R_WO`.
-    pub(super) fn register_globally(
+    pub fn register_globally(
         &self,
         scene: &mut SceneCloud,
         thinned: &mut SceneCloud,

@@ -6,7 +6,7 @@
 mod arm_edges;
 pub mod camera_alignment;
 pub mod camera_health;
-mod cloud;
+pub mod camera_offsets;
 mod detection;
 mod distance_field;
 mod edge_growth;
@@ -38,7 +38,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::settings::{DURATION_S, FRACTION, Faults, NOT_NEGATIVE, SettingError, Settings};
 pub use camera_health::CameraStatus;
-pub use cloud::register_cloud;
 pub use distance_field::DistanceField;
 pub use estimator::{ObjectFinder, PoseEstimator, SdfEstimator};
 pub use point_cloud::{DepthNoise, SceneCloud};

@@ -39,7 +39,7 @@ const MOST_BEFORE: f64 = 256.0;
 /// Standard deviation of what the silhouette in one image says, in pixels.
 const IMAGE_SD_PX: f64 = 0.2;
 /// Standard deviations by which anything must be off.
-const SIGNIFICANT: f64 = 5.0;
+pub(super) const SIGNIFICANT: f64 = 5.0;
 /// A camera that was displaced is right again when it is off by less than this fraction of the bounds.
 const RIGHT_AGAIN: f64 = 0.7;
 /// One that has moved by more than this fraction of the bounds may have been pushed.

@@ -38,13 +38,6 @@ impl Settings for CorrelatedError {
 }
 
 impl CorrelatedError {
-    /// σ per metre that is left by cameras which are aligned on the arm, if each may still be rotated by `camera_sd_rad` about its line of
-    /// sight. At the distance d from the arm such a roll moves an object by up to d·σ, along one of the two axes that an image tells of;
-    /// n `cameras` that look from all around average it to d·σ/√(2n) along each.
-    pub fn of_cameras(camera_sd_rad: f64, cameras: usize) -> f64 {
-        camera_sd_rad / (2.0 * cameras.max(1) as f64).sqrt()
-    }
-
     /// Sums to which poses can be added; `None` if there is no such error.
     pub(super) fn sums<const N: usize>(&self) -> Option<CorrelatedSums<N>> {
         let sd_per_m = self.sd_per_m.filter(|it| *it > 0.0)?;

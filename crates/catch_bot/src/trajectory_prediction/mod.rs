@@ -11,7 +11,6 @@ mod flight;
 mod local_flight;
 mod process_noise;
 pub mod ransac;
-mod track;
 mod tumbling;
 
 use nalgebra::{Matrix6, SMatrix, Vector3};
@@ -24,7 +23,6 @@ pub use flight::{FlightPropagator, FlightTrajectory};
 pub use local_flight::LocalFlight;
 pub use process_noise::ProcessNoise;
 use ransac::Rotation;
-pub use track::{Track, TrackSample};
 pub use tumbling::inertia_per_kg;
 
 use crate::{

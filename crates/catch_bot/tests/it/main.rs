@@ -19,7 +19,6 @@ mod settings;
 mod symmetry;
 mod synthetic;
 mod terminal_velocity;
-mod track;
 mod trajectory_prediction;
 mod unlabelled;
 

@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use catch_body::InputError;
-use catch_bot::trajectory_prediction::TrackSample;
 use nalgebra::{Matrix3, Unit, Vector3};
 
 use super::{
     aerodynamics::{AerodynamicFit, FlightPrior},
+    track::TrackSample,
     track_file,
 };
 

@@ -1,12 +1,13 @@
 //! Flights through recorded tracks: where an object goes on to that was seen for a while.
 
-use catch_bot::trajectory_prediction::{Config, PredictionStatus, Track, TrackSample};
+use catch_bot::trajectory_prediction::{Config, PredictionStatus};
 use nalgebra::{Matrix6, Point3, Unit, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::{
     aerodynamics::{AerodynamicFit, AerodynamicFlight, FlightPrior, free_flight},
     flight_learning,
+    track::{Track, TrackSample},
     track_file::Sighting,
 };
 

@@ -6,7 +6,6 @@ use catch_body::{
     InputError,
     quantity::{self, Quantity},
 };
-use catch_bot::trajectory_prediction::TrackSample;
 use catch_sim::throw::{RecordedFlight, RecordedState};
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 
@@ -14,6 +13,7 @@ use super::{
     aerodynamics::{AerodynamicFit, SmoothedState},
     flight_learning,
     flight_prediction::{LEAST_SIGHTINGS, falls, typical_motion},
+    track::TrackSample,
     track_file::{self, Sighting},
 };
 

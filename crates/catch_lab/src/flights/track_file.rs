@@ -6,9 +6,9 @@ use std::{
 };
 
 use catch_body::InputError;
-use catch_bot::trajectory_prediction::TrackSample;
 use nalgebra::{Point3, Quaternion, UnitQuaternion};
 
+use super::track::TrackSample;
 use crate::bounded_file::FileKind;
 
 /// What was seen at one time.

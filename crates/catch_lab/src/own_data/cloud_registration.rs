@@ -3,9 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use catch_body::{InputError, Pose};
-use catch_bot::perception::{Config, Fit, PerceptionStatus, ReferenceModel, Symmetry, register_cloud};
+use catch_bot::perception::{
+    self, Config, Fit, PerceptionStatus, ReferenceModel, SceneCloud, Symmetry, point_cloud::ScenePoint,
+};
 use catch_sim::object::check_length;
-use nalgebra::{Matrix6, Point3, Vector3};
+use nalgebra::{Matrix6, Point3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::cloud_file::{self, CloudFile};
@@ -39,9 +41,56 @@ pub struct Registration {
     pub symmetry: &'static str,
 }
 
+/// Brings a reference onto a cloud of points, each with the same standard deviation in metres along every axis; all orientations are tried.
+fn register_cloud(points: &[Point3<f64>], sd_m: f64, reference: &ReferenceModel) -> Result<Fit, PerceptionStatus> {
+    if reference.points.is_empty() {
+        return Err(PerceptionStatus::NoReference);
+    }
+    let mut scene = SceneCloud::default();
+    let finite = points.iter().filter(|point| point.iter().all(|value| value.is_finite()));
+    // No direction is noisier than the others: all of the noise is the model's.
+    scene.points.extend(finite.map(|p_W| ScenePoint {
+        p_W: *p_W,
+        per_depth_W: Vector3::zeros(),
+        depth_sd_m: 0.0,
+        image: 0,
+    }));
+    let config = Config::default();
+    match scene.points.len() {
+        0 => return Err(PerceptionStatus::NoPoints),
+        few if few < config.min_points => return Err(PerceptionStatus::TooFewPoints),
+        _ => {}
+    }
+    let config = Config { model_sd_m: config.model_sd_m.hypot(sd_m), ..config };
+    let registration = perception::Registration { reference, config: &config };
+    registration.register_globally(&mut scene, &mut SceneCloud::default(), &UnitQuaternion::identity())
+}
+
 /// Looks for `reference` in a cloud whose points have the standard deviation `noise_m`.
+///
+/// ```
+/// use catch_body::Pose;
+/// use catch_bot::perception::{Config, ReferenceModel};
+/// use catch_lab::own_data::cloud_registration::register;
+/// use nalgebra::{Point3, Vector3};
+///
+/// // An ellipsoid of 4, 6 and 10 cm as a reference with its outward directions, and a part of it turned and moved.
+/// let surface = (0..4000).map(|i| {
+///     let (z, angle) = (1.0 - (f64::from(i) + 0.5) / 2000.0, 2.399963 * f64::from(i));
+///     Vector3::new(angle.cos() * (1.0 - z * z).sqrt(), angle.sin() * (1.0 - z * z).sqrt(), z)
+/// });
+/// let points: Vec<Point3<f64>> =
+///     surface.clone().map(|n| Point3::new(0.02 * n.x, 0.03 * n.y, 0.05 * n.z)).collect();
+/// let outward: Vec<Vector3<f64>> = surface.map(|n| Vector3::new(n.x / 0.02, n.y / 0.03, n.z / 0.05).normalize()).collect();
+/// let reference = ReferenceModel::from_points(&points, &outward, &Config::default());
+/// let X_CR = Pose::new(Vector3::new(0.4, -0.2, 1.0), Vector3::new(0.2, 0.1, -0.3));
+/// let cloud: Vec<Point3<f64>> = points.iter().step_by(7).map(|point| X_CR * point).collect();
+///
+/// let found = register(&cloud, 0.001, &reference).X_CR.unwrap();
+/// assert!((found.translation.vector - X_CR.translation.vector).norm() < 1e-3);
+/// ```
 pub fn register(points: &[Point3<f64>], noise_m: f64, reference: &ReferenceModel) -> Registration {
-    let found = register_cloud(points, noise_m, reference, None, &Config::default());
+    let found = register_cloud(points, noise_m, reference);
     let is_determined = |it: &Fit| worst_sd_m(&it.information, reference) <= MOST_SD * reference.radius_m;
     let status = match &found {
         Ok(fit) if is_determined(fit) => RegistrationStatus::Registered,

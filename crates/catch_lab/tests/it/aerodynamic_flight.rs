@@ -1,7 +1,10 @@
 //! Flights with aerodynamics: against a fit by SciPy, and on tracks with outliers, gaps and contacts.
 
-use catch_bot::trajectory_prediction::{PredictionStatus, TrackSample};
-use catch_lab::flights::aerodynamics::{AerodynamicFit, FlightPrior, Noise, PARAMETERS};
+use catch_bot::trajectory_prediction::PredictionStatus;
+use catch_lab::flights::{
+    aerodynamics::{AerodynamicFit, FlightPrior, Noise, PARAMETERS},
+    track::TrackSample,
+};
 use nalgebra::{Matrix3, Point3, Quaternion, UnitQuaternion, Vector3};
 use serde_json::Value;
 

@@ -20,4 +20,5 @@ mod standard_terms;
 mod supply_chain;
 mod throws_out_of_reach;
 mod tidy;
+mod track;
 mod workcells;

@@ -14,10 +14,11 @@ use std::sync::Arc;
 use nalgebra::{Matrix6, Point3, SMatrix, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
+use super::track::TrackSample;
 use catch_body::dynamics::gravity;
 use catch_bot::{
     settings::{Faults, NOT_NEGATIVE, SettingError, Settings},
-    trajectory_prediction::{PredictionStatus, TrackSample},
+    trajectory_prediction::PredictionStatus,
 };
 use dynamics::{Body, Covariance, POINT, State};
 pub use dynamics::{PARAMETERS, ParameterVector};

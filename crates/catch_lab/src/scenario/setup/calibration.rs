@@ -6,7 +6,7 @@ use std::{
 };
 
 use catch_body::{JointVector, Pose};
-use catch_bot::{Preparation, trajectory_optimization::MotionPlanner, trajectory_prediction::CorrelatedError};
+use catch_bot::{Preparation, trajectory_optimization::MotionPlanner};
 use catch_calibration::{
     CalibrationRun, CalibrationStatus, CameraCalibration, Config, Session, calibrate, pose_choice::choose_poses,
 };
@@ -222,10 +222,12 @@ impl Setup {
     }
 
     /// What the scenario says of the error that successive poses have in common, or else what follows from how the brain expects cameras
-    /// to be rotated.
+    /// to be rotated. Cameras that are aligned on the arm may still be rotated about their lines of sight: at the distance d from the arm such a
+    /// roll σ moves an object by up to d·σ, along one of the two axes that an image tells of; n cameras that look from all around average it
+    /// to d·σ/√(2n) along each.
     pub(super) fn correlated_sd_per_m(&self, config: &BrainSettings) -> f64 {
         let of_scenario = self.scenario.brain.trajectory_prediction.correlated_error.sd_per_m;
-        of_scenario.unwrap_or(CorrelatedError::of_cameras(config.perception.camera_sd_rad, self.cameras.len()))
+        of_scenario.unwrap_or(config.perception.camera_sd_rad / (2.0 * self.cameras.len().max(1) as f64).sqrt())
     }
 
     /// What the brain works out before anything flies, with the cameras as it believes them to stand in scenes of `seed`.

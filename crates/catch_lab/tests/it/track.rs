@@ -1,6 +1,7 @@
 //! Flights fitted to tracks of one's own.
 
-use catch_bot::trajectory_prediction::{Config, Track, TrackSample};
+use catch_bot::trajectory_prediction::Config;
+use catch_lab::flights::track::{Track, TrackSample};
 use nalgebra::{Point3, Unit, Vector3};
 
 #[test]

@@ -1,11 +1,12 @@
 //! Flights for other people's tracks: positions or poses with times, from whatever tracker, in whatever axes.
 
 use catch_body::Pose;
+use catch_bot::{
+    perception::{ObjectPose, Symmetry},
+    trajectory_prediction::{Config, FlightPredictor, FlightTrajectory, InformationFit, PredictionStatus},
+};
 use nalgebra::{Matrix3, Matrix6, Point3, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
-
-use super::{Config, FlightPredictor, FlightTrajectory, InformationFit, PredictionStatus};
-use crate::perception::{ObjectPose, Symmetry};
 
 /// One sample of a track, in the track's own axes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -25,7 +26,8 @@ pub struct TrackSample {
 /// The flight that fits a track, in the track's own axes.
 ///
 /// ```
-/// use catch_bot::trajectory_prediction::{Config, Track, TrackSample};
+/// use catch_bot::trajectory_prediction::Config;
+/// use catch_lab::flights::track::{Track, TrackSample};
 /// use nalgebra::{Point3, Vector3};
 ///
 /// // A ball thrown at 3 m/s along x and 4 m/s upwards, where up is y.
@@ -62,8 +64,7 @@ impl Track {
     ) -> Result<Self, PredictionStatus> {
         let across = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
         let R_WT = UnitQuaternion::rotation_between_axis(up, &Vector3::z_axis()).unwrap_or(across);
-        let poses: Vec<ObjectPose> =
-            samples.iter().map(|sample| sample.pose(&R_WT)).filter(super::ransac::is_finite).collect();
+        let poses: Vec<ObjectPose> = samples.iter().map(|sample| sample.pose(&R_WT)).filter(is_finite).collect();
         let has_orientation = samples.iter().any(|sample| sample.orientation.is_some());
         // Nothing is known of how the object's mass lies: it is taken to turn at a constant rate, like a ball's.
         let symmetry = if has_orientation { Symmetry::default() } else { Symmetry::Sphere };
@@ -112,4 +113,9 @@ impl TrackSample {
             registered_globally: false,
         }
     }
+}
+
+fn is_finite(pose: &ObjectPose) -> bool {
+    let values = pose.X_WO.to_homogeneous();
+    pose.capture_s.is_finite() && values.iter().chain(pose.information.iter()).all(|value| value.is_finite())
 }
