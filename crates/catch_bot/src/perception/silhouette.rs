@@ -1,9 +1,8 @@
 //! Silhouettes: what pixels at the object's silhouette say.
 //!
-//! The ray through a pixel that shows the object meets it, the ray through a neighbour that does not passes it by. That holds
-//! however bad the depths are: with stereo noise at seven metres the silhouette carries the information. Each such ray is a
-//! one-sided bound on the pose, and hundreds of them leave little room: far less than if each told the silhouette's place to
-//! within a pixel by itself.
+//! The ray through a pixel that shows the object meets it, the ray through a neighbour that does not passes it by. That holds however bad the
+//! depths are: with stereo noise at seven metres the silhouette carries the information. Each such ray is a one-sided bound on the pose, and
+//! hundreds of them leave little room: far less than if each told the silhouette's place to within a pixel by itself.
 
 use catch_body::Pose;
 use catch_cell::{CameraModel, PixelWindow};
@@ -133,9 +132,8 @@ impl SilhouetteRay {
         let first_m = hint_m.unwrap_or(middle_m);
         self.along_m = first_m;
         let (mut least_m, mut gradient) = look(first_m);
-        // A neighbour is hint enough, unless it leads to where the ray does not do what its pixel says.
+        // A neighbour is hint enough, unless the ray does not do there what its pixel says. Elsewhere the coarse nodes choose.
         let is_sure = reference.symmetry == Symmetry::Sphere || hint_m.is_some() && (least_m < 0.0) == self.inside;
-        // Elsewhere is far enough away for the coarse nodes to choose.
         let coarsely = |along_m| (reference.distance.about_m(&(p_OC + direction_O * along_m)), along_m);
         let elsewhere = [middle_m, middle_m - 0.5 * half_m, middle_m + 0.5 * half_m].into_iter().filter(|_| !is_sure);
         if let Some((_, along_m)) = elsewhere.map(coarsely).min_by(|a, b| a.0.total_cmp(&b.0)) {

@@ -31,7 +31,7 @@ pub struct Config {
     /// object moves by some 50 mm in 10 ms.
     pub shifts_s: Vec<f64>,
     /// Fractions of its reachability interval that each joint may use where the arm cannot make a correction as a whole: what a joint at
-    /// the end of its interval cannot do, the others do. Also where the whole correction leaves the object no free way into the gripper.
+    /// the end of its interval cannot do, the others do. Also where the approach is not free with the whole correction.
     /// None by default: where corrections are late and large it pays.
     pub reach_fractions: Vec<f64>,
     /// Fractions of a correction where the whole is too much.
@@ -47,7 +47,7 @@ const LEVERS_M: Vector3<f64> = Vector3::new(0.015, 0.025, 0.025);
 const DAMPING: f64 = 1e-5;
 /// A posture is much nearer if it leaves less than this fraction of what the hand is off by.
 const MUCH_NEARER: f64 = 0.75;
-/// What a posture may leave, in metres, if the object has a free way into the gripper with it.
+/// What a posture may leave, in metres, if the approach is free with it.
 const NEAR_ENOUGH_M: f64 = 0.004;
 
 impl Default for Config {

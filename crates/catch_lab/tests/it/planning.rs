@@ -289,10 +289,10 @@ fn reach_left_in_each_joint_lets_more_objects_in() {
         .map(|fractions| Desk::new("banana", |config| config.replan.reach_fractions.clone_from(&fractions)));
     let mut rng = Pcg64::seed_from_u64(7);
     let (mut replans, mut freed) = (0, 0);
-    for _ in 0..200 {
+    for _ in 0..1500 {
         let flight = random_flight(&mut rng);
         let Ok(plan) = exact.search(&exact.waiting(), &flight) else { continue };
-        let time_s = plan.catch_s - 0.12;
+        let time_s = plan.catch_s - rng.random_range(0.1..0.3);
         let start = Start { time_s, state: plan.trajectory.setpoint(time_s) };
         let mut between = |by: f64| rng.random_range(-by..by);
         let aside = Vector3::new(between(0.02), between(0.02), between(0.02));
@@ -304,7 +304,7 @@ fn reach_left_in_each_joint_lets_more_objects_in() {
         replans += usize::from(before.is_some());
         freed += usize::from(after > before);
     }
-    assert!(replans > 50 && freed > 2, "{freed} of {replans}");
+    assert!(replans > 200 && freed > 0, "{freed} of {replans}");
 }
 
 fn shifts_or_approaches(desk: &Desk) {
@@ -330,9 +330,14 @@ fn shifts_or_approaches(desk: &Desk) {
         if let Some(near) = search.nearest(&start, &incoming, &plan) {
             keeps_its_word(desk, &start, &near.X_WG, &seen, &near).unwrap();
             let wanted = seen.pose_at(plan.catch_s) * plan.grasp.X_OG;
-            // The hand may be turned a little where that brings the grasp centre nearer.
+            // What the hand is off by along the direction of closing counts most, and a turn of it little.
             let centre = desk.setup.gripper.grasp_centre();
-            let missed_m = |it: &CatchPlan| (wanted * centre - it.X_WG * centre).norm();
+            let missed_m = |it: &CatchPlan| {
+                let shift = wanted.rotation.inverse() * (wanted * centre - it.X_WG * centre);
+                let turn = wanted.rotation.inverse() * (wanted.rotation * it.X_WG.rotation.inverse()).scaled_axis();
+                let turn_m = turn.component_mul(&Vector3::new(0.015, 0.025, 0.025));
+                shift.component_mul(&Vector3::new(1.0, 0.1, 0.4)).norm().hypot(turn_m.norm())
+            };
             assert!(missed_m(&near) < 0.76 * missed_m(&plan));
             approached += 1;
         }
