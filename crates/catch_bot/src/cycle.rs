@@ -12,7 +12,7 @@ use crate::{
     CatchingBot, Report,
     control::CatchPlanner,
     grasp_selection::Grasp,
-    perception::{ObjectPose, PoseEstimator},
+    perception::{ObjectPose, PoseEstimator, camera_offsets::MIN_CAMERAS},
     settings::{SettingError, Settings},
     trajectory_optimization::CatchPlan,
     trajectory_prediction::FlightPredictor,
@@ -91,10 +91,11 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
     pub fn new(
         config: CycleConfig,
         place_q: JointVector,
-        bots: Vec<CatchingBot<E, P, C>>,
+        mut bots: Vec<CatchingBot<E, P, C>>,
     ) -> Result<Self, SettingError> {
         assert!(!bots.is_empty(), "a brain needs to know an object");
         config.check()?;
+        bots.iter_mut().for_each(|it| it.tracker.compares_cameras = it.known.cameras().len() >= MIN_CAMERAS);
         let candidate = |bot| Candidate { bot, mismatch: 0.0, images: 0, seen: None, rests: false };
         let candidates = bots.into_iter().map(candidate).collect();
         let (phase, active) = (Phase::Waiting, 0);

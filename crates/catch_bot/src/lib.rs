@@ -120,7 +120,7 @@ impl CatchingBot {
 impl<E, P, C> CatchingBot<E, P, C> {
     /// A brain of these stages. Those of [`Preparation`] are ours.
     pub fn with_stages(known: Arc<Preparation>, estimator: E, predictor: P, planner: C) -> Self {
-        let tracker = Tracker::new(&known);
+        let tracker = Tracker::new(&known, false);
         let Config { control, grasp_selection, .. } = known.config().clone();
         let motion = known.search().motion();
         let controller = Controller::new(control, grasp_selection, motion.robot().clone(), motion.gripper().clone());
@@ -164,7 +164,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Brain for CatchingBo
     }
 
     fn reset(&mut self) {
-        self.tracker = Tracker::new(&self.known);
+        self.tracker = Tracker::new(&self.known, self.tracker.compares_cameras);
         self.forget_flight();
     }
 }

@@ -41,6 +41,8 @@ pub(crate) struct Tracker {
     sensed: VecDeque<Sensed>,
     /// Oldest first.
     poses: Vec<ObjectPose>,
+    /// Whether single images are registered by themselves, too: work for lives of many throws, which tell of displaced cameras.
+    pub compares_cameras: bool,
     /// Poses from single images, each with its camera.
     image_poses: Vec<(usize, ObjectPose)>,
     /// Capture time of the newest image without a mask.
@@ -48,12 +50,13 @@ pub(crate) struct Tracker {
 }
 
 impl Tracker {
-    pub fn new(known: &Preparation) -> Self {
+    pub fn new(known: &Preparation, compares_cameras: bool) -> Self {
         Self {
             alignment: known.alignment().clone(),
             health: known.camera_health().clone(),
             sensed: VecDeque::with_capacity(SENSED),
             poses: Vec::with_capacity(POSES),
+            compares_cameras,
             image_poses: Vec::with_capacity(POSES),
             unlabelled_s: None,
         }
@@ -134,7 +137,7 @@ impl Tracker {
             let (cameras, left_out) = (self.alignment.cameras(), self.health.left_out());
             let mut view = View { frames, cameras, left_out, surroundings: &surroundings, V_WO: Twist::default() };
             view.V_WO = flight.as_ref().map_or(view.V_WO, |flight| flight.twist_at(view.capture_s()));
-            if let Some(flight) = flight.as_ref().filter(|_| cameras.len() > 2 && self.image_poses.len() < POSES) {
+            if let Some(flight) = flight.as_ref().filter(|_| self.compares_cameras && self.image_poses.len() < POSES) {
                 // One image of these by itself, in turn.
                 let i = self.poses.len() % frames.len();
                 let one = View { frames: &frames[i..=i], surroundings: surroundings.get(i..=i).unwrap_or(&[]), ..view };

@@ -102,13 +102,10 @@ impl TimeGridSearch {
         if let Some(plan) = another.or(adjusted) {
             return Decision { status: Status::Planned, plan: Some(plan), progress };
         }
-        let (status, plan) = match search.nearest(start, incoming, running) {
-            Some(plan) => (Status::Approached, plan),
-            None => {
-                let unchanged = Correction::new(start, incoming, running, running.catch_s);
-                (Status::PlanKept, search.opened(running.clone(), &unchanged))
-            }
-        };
+        let unchanged = Correction::new(start, incoming, running, running.catch_s);
+        let kept = || (Status::PlanKept, search.opened(running.clone(), &unchanged));
+        let (status, plan) =
+            search.nearest(start, incoming, running).map_or_else(kept, |plan| (Status::Approached, plan));
         Decision { status, plan: Some(plan), progress }
     }
 }

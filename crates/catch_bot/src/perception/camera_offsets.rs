@@ -24,9 +24,10 @@ type Sighting<'a> = (usize, &'a ObjectPose, f64, Vector3<f64>);
 
 /// What the registration of a single image is off by at least, in metres.
 const IMAGE_SD_M: f64 = 0.001;
-/// Images of a camera that tell something, and cameras of which one can be told from the others.
+/// Images of a camera that tell something.
 const MIN_IMAGES: f64 = 4.0;
-const MIN_CAMERAS: usize = 3;
+/// Cameras of which one can be told from the others.
+pub const MIN_CAMERAS: usize = 3;
 /// What is known from earlier throws counts for this fraction after each.
 const REMEMBERED: f64 = 0.8;
 
@@ -107,6 +108,19 @@ mod tests {
     /// Standard deviations across and along a line of sight.
     const SD_M: [f64; 3] = [0.002, 0.002, 0.012];
 
+    fn pose(information: Matrix6<f64>) -> ObjectPose {
+        ObjectPose {
+            capture_s: 0.0,
+            X_WO: Pose::identity(),
+            information,
+            points: 100,
+            residual_m: 0.0,
+            mismatch: 1.0,
+            iterations: 1,
+            registered_globally: false,
+        }
+    }
+
     /// A throw that is predicted wrongly, and whose images show it as far off as the cameras are.
     /// One camera may be left out.
     fn throw(off_m: &[Vector3<f64>; CAMERAS], left_out: Option<usize>, normal: &mut Normal) -> Vec<CameraOffset> {
@@ -121,17 +135,7 @@ mod tests {
             let R: Matrix3<f64> = R_WC.to_rotation_matrix().into_inner();
             let of_image = R * Matrix3::from_diagonal(&Vector3::from(SD_M).map(|sd| sd.powi(-2))) * R.transpose();
             information.fixed_view_mut::<3, 3>(3, 3).copy_from(&of_image);
-            let pose = ObjectPose {
-                capture_s: 0.0,
-                X_WO: Pose::identity(),
-                information,
-                points: 100,
-                residual_m: 0.0,
-                mismatch: 1.0,
-                iterations: 1,
-                registered_globally: false,
-            };
-            images.push((camera, pose, age_s, p - v * age_s + off_m[camera] + error_m));
+            images.push((camera, pose(information), age_s, p - v * age_s + off_m[camera] + error_m));
         }
         images.retain(|it| Some(it.0) != left_out);
         CameraOffset::of_throw(images.iter().map(|it| (it.0, &it.1, it.2, it.3)), CAMERAS)
@@ -193,16 +197,7 @@ mod tests {
     #[test]
     fn two_cameras_tell_nothing() {
         let mut normal = Normal::new(1);
-        let pose = ObjectPose {
-            capture_s: 0.0,
-            X_WO: Pose::identity(),
-            information: Matrix6::identity() * 1e6,
-            points: 100,
-            residual_m: 0.0,
-            mismatch: 1.0,
-            iterations: 1,
-            registered_globally: false,
-        };
+        let pose = pose(Matrix6::identity() * 1e6);
         let images = (0..40).map(|i| (i % 2, &pose, 0.01 * i as f64, normal.vector() * 0.02));
         let found = CameraOffset::of_throw(images, CAMERAS);
         assert!(found.iter().all(|it| it.estimate().0 == 0.0), "{found:?}");

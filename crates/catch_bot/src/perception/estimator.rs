@@ -28,7 +28,7 @@ pub trait PoseEstimator {
         None
     }
 
-    /// The pose near `X_WO` in few images, which does not change what is estimated later. `None` if there is none, or it is not known.
+    /// The pose near `X_WO` in few images, which does not change what is estimated later. `None` if there is none, or the method cannot tell.
     fn estimate_aside(&mut self, _view: &View<'_>, _X_WO: &Pose) -> Option<ObjectPose> {
         None
     }

@@ -147,7 +147,8 @@ impl CatchSearch {
         self.within_reach(&correction, much_nearer).next().or_else(in_part)
     }
 
-    /// The same catch as near to the flight as each fraction of the joints' reach allows, where what the hand is off by is near enough.
+    /// The same catch in the nearest posture by each fraction of the joints' reach. Whether one is near enough is asked with what the hand is off by in
+    /// the plan's posture and in that one.
     fn within_reach(&self, to: &Correction, is_near: fn([f64; 2]) -> bool) -> impl Iterator<Item = CatchPlan> {
         let (wanted, motion) = (to.X_WG(), &self.motion);
         motion.config.replan.reach_fractions.iter().filter_map(move |fraction| {
