@@ -144,13 +144,13 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
-        /// Against a dense sampling, which lies below the exact peaks by little.
+        /// Against a dense sampling, which lies below the exact peaks by little. Accelerations peak at knots, which are among the samples.
         #[test]
         fn peaks_are_those_of_a_dense_sampling(
             spans in prop::collection::vec(0.05f64..0.3, 1..6),
             values in prop::collection::vec(-1.0f64..1.0, 9 * 7),
         ) {
-            const SAMPLES: usize = 4000;
+            const SAMPLES: usize = 1000;
             let robot = arm();
             let mut knots_s = vec![0.5; 4];
             spans.iter().for_each(|span| knots_s.push(knots_s[knots_s.len() - 1] + span));
@@ -159,10 +159,11 @@ mod tests {
             let spline = BSpline { knots_s, control_points: (0..spans.len() + 3).map(point).collect() };
             let peaks = PeakRatios::of(&robot, &spline);
             let mut sampled = [JointVector::zeros(); 3];
-            for k in 0..=SAMPLES {
-                let time_s = spline.start_s() + (spline.end_s() - spline.start_s()) * k as f64 / SAMPLES as f64;
-                for (most, now) in sampled.iter_mut().zip(ratios(&robot, &spline, time_s)) {
-                    *most = most.sup(&now);
+            for [start_s, end_s] in spline.spans() {
+                for time_s in (0..=SAMPLES).map(|k| start_s + (end_s - start_s) * k as f64 / SAMPLES as f64) {
+                    for (most, now) in sampled.iter_mut().zip(ratios(&robot, &spline, time_s)) {
+                        *most = most.sup(&now);
+                    }
                 }
             }
             for (kind, sampled) in sampled.iter().enumerate() {
