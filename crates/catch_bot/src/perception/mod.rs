@@ -126,7 +126,7 @@ impl Default for Config {
         Self {
             reference_spacing_m: 0.0015,
             grasp_spacing_m: 0.0025,
-            distance_grid_m: 0.002,
+            distance_grid_m: 0.0025,
             symmetry_tolerance_m: 0.0008,
             confused_fraction: 0.08,
             depth_noise: None,

@@ -402,8 +402,9 @@ mod tests {
             let (_, gradient) = sums.equations.projected(&Matrix3::identity());
             let curvature = config.model_sd_m.powi(-2);
             for i in 0..6 {
-                // Wide enough to average over the cells of the grid, whose gradients disagree a little.
-                let h = if i < 3 { 0.02 } else { 0.001 };
+                // Wide enough to average over the cells of the grid, whose gradients disagree a little: one cell, a lever arm being 5 cm.
+                let half_m = config.distance_grid_m / 2.0;
+                let h = if i < 3 { half_m / 0.05 } else { half_m };
                 let at = |sign: f64| {
                     let mut step = Vector6::zeros();
                     step[i] = sign * h;
