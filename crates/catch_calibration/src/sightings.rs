@@ -18,12 +18,14 @@ use super::{
 
 /// Images that were taken within this time are registered together, once it is known how the object moves.
 const TOGETHER_S: f64 = 0.005;
-/// What is farther from the predicted flight, in metres, is not on it.
+/// What is farther from the predicted flight, in metres and in standard deviations beside that, is not on it.
 const GATE_M: f64 = 0.05;
+const GATE_SD: f64 = 3.0;
 /// Images by themselves are registered from so many poses on, when it is known where the object is.
 const LEAST_POSES: usize = 4;
-/// So many poses in a row beside the flight end it: the object has hit something.
+/// So many poses in a row beside the flight end it: the object has hit something. A flight of few poses was none, and another begins.
 const ENDING_POSES: usize = 3;
+const FEW_POSES: usize = 8;
 
 /// Collects the sightings of one throw of a known object while the arm rests: a brain like any other, for any cell.
 ///
@@ -93,18 +95,21 @@ impl FlightRun {
             View { frames, cameras: known.cameras(), left_out: &[], surroundings: &surroundings, V_WO: Twist::default() };
         let time_s = view.capture_s();
         view.V_WO = self.flight.as_ref().map_or(view.V_WO, |it| it.twist_at(time_s));
-        let expected = self.flight.as_ref().map(|it| it.pose_at(time_s));
-        let Ok(pose) = self.estimator.estimate(&view, expected.map_or(Prior::Anywhere, Prior::Pose)) else { return };
-        if expected.is_some_and(|X_WO| !is_near(&pose.X_WO, &X_WO)) {
+        let prior = self.flight.as_ref().map_or(Prior::Anywhere, |it| Prior::Pose(it.pose_at(time_s)));
+        let Ok(pose) = self.estimator.estimate(&view, prior) else { return };
+        if self.flight.as_ref().is_some_and(|it| !is_on(it, &pose)) {
             self.beside += 1;
+            if self.beside >= ENDING_POSES && self.poses.len() < FEW_POSES {
+                self.forget();
+            }
             return;
         }
         self.beside = 0;
         if let Some(flight) = self.flight.as_ref().filter(|_| self.poses.len() >= LEAST_POSES) {
             for (i, frame) in frames.iter().enumerate() {
                 let one = View { frames: &frames[i..=i], surroundings: &surroundings[i..=i], ..view };
-                let X_WO = flight.pose_at(frame.capture_s);
-                let pose = self.estimator.estimate_aside(&one, &X_WO).filter(|it| is_near(&it.X_WO, &X_WO));
+                let pose = self.estimator.estimate_aside(&one, &flight.pose_at(frame.capture_s));
+                let pose = pose.filter(|it| is_on(flight, it));
                 let camera = known.cameras().get(frame.camera);
                 let sighting = camera.zip(pose).and_then(|(camera, pose)| {
                     let p_WOcm = pose.X_WO * Point3::from(flight.com_O);
@@ -121,6 +126,15 @@ impl FlightRun {
         if let Ok(flight) = self.predictor.predict(&self.poses, self.flight.as_ref()) {
             self.flight = Some(flight);
         }
+    }
+
+    /// Begins anew.
+    fn forget(&mut self) {
+        self.estimator.reset();
+        self.predictor.reset();
+        (self.flight, self.beside) = (None, 0);
+        self.poses.clear();
+        self.sightings.clear();
     }
 
     fn sighting(
@@ -163,17 +177,17 @@ impl Brain for FlightRun {
     }
 
     fn reset(&mut self) {
-        self.estimator.reset();
-        self.predictor.reset();
-        (self.from_s, self.is_done, self.flight, self.beside) = (None, false, None, 0);
+        (self.from_s, self.is_done) = (None, false);
         self.arm.clear();
-        self.poses.clear();
-        self.sightings.clear();
+        self.forget();
     }
 }
 
-fn is_near(X_WO: &catch_body::Pose, expected: &catch_body::Pose) -> bool {
-    (X_WO.translation.vector - expected.translation.vector).norm() < GATE_M
+/// Whether a pose may be one of a flight.
+fn is_on(flight: &FlightTrajectory, pose: &ObjectPose) -> bool {
+    let off_m = (pose.X_WO.translation.vector - flight.pose_at(pose.capture_s).translation.vector).norm();
+    let pose_sd_m = position_covariance(pose).map_or(0.0, |it| it.trace().sqrt());
+    off_m < GATE_M + GATE_SD * pose_sd_m.hypot(flight.position_sd_at(pose.capture_s))
 }
 
 /// Covariance of the position in W, whatever the orientation is; along directions that the image does not tell it is 1 m.
