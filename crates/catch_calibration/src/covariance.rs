@@ -44,9 +44,8 @@ pub fn of_cameras(
     };
     let added: Vec<f64> = (0..cameras).map(|it| Some((ratio(it)? - 1.0).sqrt())).collect::<Option<_>>()?;
     let of_cameras = OF_CAMERA * cameras;
-    let entry = |i: usize, j: usize| {
-        inverse[(i, j)] + of_residuals[(i, j)] * added[i / OF_CAMERA] * added[j / OF_CAMERA]
-    };
+    let entry =
+        |i: usize, j: usize| inverse[(i, j)] + of_residuals[(i, j)] * added[i / OF_CAMERA] * added[j / OF_CAMERA];
     Some(DMatrix::from_fn(of_cameras, of_cameras, entry))
 }
 

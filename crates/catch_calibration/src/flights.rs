@@ -18,18 +18,19 @@ use catch_body::Pose;
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector3};
 
 use super::{CAMERA_PARAMETERS, Calibration, CalibrationStatus, coarse::moved};
-use equations::{CameraState, FlightEquations, FlightState, OF_CAMERA, OF_OFFSET, OF_TILT, Priors, Seen};
+use equations::{CameraState, FlightEquations, FlightState, OF_CAMERA, OF_FLIGHT, OF_OFFSET, OF_TILT, Priors, Seen};
 
 /// Steps, at most.
 const STEPS: usize = 40;
-/// A step is the last one if it is shorter than this, in standard deviations.
+/// A step is the last one if it is shorter than this, in standard deviations; after so many steps this will do.
 const SMALL_SD: f64 = 1e-3;
+const NOT_LARGE_SD: f64 = 0.1;
 /// Median of the squared length of three normal residuals.
 const MEDIAN_OF_SQUARES: f64 = 2.366;
 /// Flights that tell how much they vary beyond what their sightings say.
 const LEAST_FLIGHTS: usize = 5;
-/// Flights that move the cameras by more than this, in standard deviations of the calibration, contradict it.
-const MOST_CHANGE_SD: f64 = 3.0;
+/// Flights that move the cameras by more than this, root mean square in standard deviations of the calibration, contradict it.
+const MOST_CHANGE_SD: f64 = 2.0;
 
 /// Where one image shows the object.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -191,10 +192,7 @@ impl Problem {
                 Seen::new(Sighting { camera, ..*it })
             });
             let seen: Vec<Seen> = seen.collect();
-            if seen.len() < settings.least_sightings.max(1) {
-                return None;
-            }
-            FlightState::new(seen, &cameras)
+            if seen.len() < settings.least_sightings { None } else { FlightState::new(seen, &cameras) }
         };
         let flights: Vec<FlightState> = flights.iter().filter_map(flight).collect();
         if flights.is_empty() {
@@ -216,10 +214,8 @@ impl Problem {
             prior[(at, at)] = offset_sd(settings.offset_sd_m)[axis].powi(-2);
         }
         (0..OF_TILT).for_each(|i| prior[(common + i, common + i)] = settings.tilt_sd_rad.powi(-2));
-        let of_flights = Priors {
-            drag_sd_per_m: settings.drag_sd_per_m,
-            offset_sd_m: offset_sd(settings.flight_offset_sd_m),
-        };
+        let of_flights =
+            Priors { drag_sd_per_m: settings.drag_sd_per_m, offset_sd_m: offset_sd(settings.flight_offset_sd_m) };
         let (calibrated, tilt_rad) = (cameras.clone(), [0.0; 2]);
         Some(Self { refined, calibrated, cameras, tilt_rad, flights, prior, of_flights, factor: 1.0 })
     }
@@ -248,32 +244,45 @@ impl Problem {
 
     /// Gauss–Newton. Once it has converged the flights tell how much they vary, and it goes on with that.
     fn solve(&mut self) -> Option<Solution> {
+        self.factor = self.variance_factor();
         self.converge(true)?;
         let (equations, information) = self.linearized()?;
         self.factor *= variation(&information, &equations)?.max(1.0);
         self.converge(false)?;
         let (equations, information) = self.linearized()?;
-        let outliers = equations.iter().map(|it| it.outliers(self.factor)).sum();
+        let outliers = equations.iter().map(|it| it.outliers).sum();
         Some(Solution { covariance: information.cholesky()?.inverse(), outliers })
     }
 
     /// Steps until they are small; whether residuals tell the variance factor.
     fn converge(&mut self, with_factor: bool) -> Option<()> {
+        let mut length_sd = f64::INFINITY;
         for _ in 0..STEPS {
             let (equations, information) = self.linearized()?;
             let pull = equations.iter().fold(-(&self.prior * self.deviation()), |sum, it| sum + &it.pull);
             let change = information.clone().cholesky()?.solve(&pull);
             let before = self.factor;
-            if with_factor {
-                self.factor = variance_factor(&equations, self.flights.len());
-            }
             self.step(&equations, &change);
-            let length_sd = change.dot(&(information * &change)).sqrt();
+            if with_factor {
+                self.factor = self.variance_factor();
+            }
+            length_sd = change.dot(&(information * &change)).sqrt();
             if length_sd < SMALL_SD && (self.factor / before - 1.0).abs() < SMALL_SD {
-                return Some(());
+                break;
             }
         }
-        None
+        // Where sightings go on to count and not to count in turn, steps stay as large as these are.
+        (length_sd < NOT_LARGE_SD).then_some(())
+    }
+
+    /// How much larger the variance of single sightings is than they say, by the median of their residuals.
+    fn variance_factor(&self) -> f64 {
+        let rows = self.flights.iter().flat_map(|it| it.rows(&self.cameras, self.tilt_rad));
+        let mut squares: Vec<f64> = rows.map(|it| it.residual.norm_squared()).collect();
+        let (count, middle) = (3.0 * squares.len() as f64, squares.len() / 2);
+        let (_, median, _) = squares.select_nth_unstable_by(middle, f64::total_cmp);
+        let estimated = (OF_FLIGHT * self.flights.len()) as f64;
+        (*median / MEDIAN_OF_SQUARES * count / (count - estimated).max(1.0)).max(1.0)
     }
 
     fn linearized(&self) -> Option<(Vec<FlightEquations>, DMatrix<f64>)> {
@@ -303,13 +312,12 @@ impl Problem {
             let i = self.refined.iter().position(|it| *it == row / CAMERA_PARAMETERS)?;
             Some(OF_CAMERA * i + row % CAMERA_PARAMETERS)
         };
-        all.covariance = DMatrix::from_fn(all.covariance.nrows(), all.covariance.ncols(), |i, j| {
-            match (place(i), place(j)) {
+        all.covariance =
+            DMatrix::from_fn(all.covariance.nrows(), all.covariance.ncols(), |i, j| match (place(i), place(j)) {
                 (Some(i), Some(j)) => covariance[(i, j)],
                 (None, None) => calibration.covariance[(i, j)],
                 _ => 0.0,
-            }
-        });
+            });
         for (i, state) in self.refined.iter().zip(&self.cameras) {
             let first = CAMERA_PARAMETERS * i;
             let camera = &mut all.cameras[*i];
@@ -320,16 +328,6 @@ impl Problem {
         }
         all
     }
-}
-
-/// How much larger the variance of single sightings is than they say, by the median of their residuals.
-fn variance_factor(equations: &[FlightEquations], flights: usize) -> f64 {
-    let mut squares: Vec<f64> = equations.iter().flat_map(|it| &it.sizes).map(|it| it * it).collect();
-    let middle = squares.len() / 2;
-    let count = 3.0 * squares.len() as f64;
-    let (_, median, _) = squares.select_nth_unstable_by(middle, f64::total_cmp);
-    let estimated = 7.0 * flights as f64;
-    (*median / MEDIAN_OF_SQUARES * count / (count - estimated).max(1.0)).max(1.0)
 }
 
 /// How much more the flights vary than their sightings say: the jackknife's covariance over that of independent residuals, both over the

@@ -26,6 +26,8 @@ const LEAST_POSES: usize = 4;
 /// So many poses in a row beside the flight end it: the object has hit something. A flight of few poses was none, and another begins.
 const ENDING_POSES: usize = 3;
 const FEW_POSES: usize = 8;
+/// An object that has not been seen for so long, in seconds, is gone.
+const GONE_S: f64 = 0.3;
 
 /// Collects the sightings of one throw of a known object while the arm rests: a brain like any other, for any cell.
 ///
@@ -49,7 +51,7 @@ pub struct FlightRun {
 
 impl FlightRun {
     /// `known` has the object, and the cameras as they are calibrated; `calibration` what is to be added to their time stamps. It ends after
-    /// `duration_s`, or when the object has hit something.
+    /// `duration_s`, or when the object has hit something or is gone.
     pub fn new(known: Arc<Preparation>, calibration: &Calibration, duration_s: f64) -> Self {
         let motion = known.search().motion();
         Self {
@@ -91,8 +93,13 @@ impl FlightRun {
         let surface = &self.surface;
         let surroundings: Vec<_> =
             arm.into_iter().map(|(X_WL, width_m)| Surroundings { arm: surface, X_WL, width_m }).collect();
-        let mut view =
-            View { frames, cameras: known.cameras(), left_out: &[], surroundings: &surroundings, V_WO: Twist::default() };
+        let mut view = View {
+            frames,
+            cameras: known.cameras(),
+            left_out: &[],
+            surroundings: &surroundings,
+            V_WO: Twist::default(),
+        };
         let time_s = view.capture_s();
         view.V_WO = self.flight.as_ref().map_or(view.V_WO, |it| it.twist_at(time_s));
         let prior = self.flight.as_ref().map_or(Prior::Anywhere, |it| Prior::Pose(it.pose_at(time_s)));
@@ -158,7 +165,8 @@ impl Brain for FlightRun {
     fn tick(&mut self, observation: &Observation, _: &mut dyn Probe) -> Command {
         let (now_s, arm) = (observation.time_s, &observation.arm);
         self.arm.push(ArmSample { time_s: arm.time_s, q: arm.q, dq: arm.dq, width_m: observation.gripper.width_m });
-        let mut frames: Vec<DepthFrame> = observation.frames.iter().filter(|it| it.window.area() > 0).cloned().collect();
+        let mut frames: Vec<DepthFrame> =
+            observation.frames.iter().filter(|it| it.window.area() > 0).cloned().collect();
         frames.iter_mut().for_each(|it| it.capture_s += self.time_offsets_s.get(it.camera).unwrap_or(&0.0));
         frames.sort_by(|a, b| a.capture_s.total_cmp(&b.capture_s));
         let mut left = &frames[..];
@@ -171,7 +179,9 @@ impl Brain for FlightRun {
             left = &left[count..];
         }
         let is_over = now_s > *self.from_s.get_or_insert(now_s) + self.duration_s;
-        self.is_done = is_over || self.beside >= ENDING_POSES;
+        let is_gone =
+            self.poses.len() >= FEW_POSES && self.poses.last().is_some_and(|it| now_s > it.capture_s + GONE_S);
+        self.is_done = is_over || is_gone || self.beside >= ENDING_POSES;
         let windows = self.known.cameras().iter().map(CameraModel::full_window).collect::<Vec<PixelWindow>>();
         Command { windows: Some(windows), ..Command::default() }
     }

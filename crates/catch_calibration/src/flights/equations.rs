@@ -16,12 +16,14 @@ pub const OF_OFFSET: usize = 3;
 /// The two of the tilt come after the cameras.
 pub const OF_TILT: usize = 2;
 /// A flight's own parameters: position and velocity at its epoch, and drag; an offset of each camera follows.
-const OF_FLIGHT: usize = 7;
+pub const OF_FLIGHT: usize = 7;
 const DRAG: usize = 6;
 
 /// Residuals beyond so many standard deviations count less and less (Huber), and beyond so many more not at all.
 const HUBER_SD: f64 = 3.0;
 const OUTLIER_SD: f64 = 6.0;
+/// Sightings that are all within this time, in seconds, tell of no flight.
+const LEAST_SPAN_S: f64 = 0.05;
 /// Rounds of the first fit.
 const FIRST_ROUNDS: usize = 15;
 
@@ -83,8 +85,8 @@ pub struct Row {
 pub struct FlightEquations {
     pub information: DMatrix<f64>,
     pub pull: DVector<f64>,
-    /// Lengths of the residuals in standard deviations.
-    pub sizes: Vec<f64>,
+    /// Sightings that did not count.
+    pub outliers: usize,
     own: Cholesky<f64, Dyn>,
     own_pull: DVector<f64>,
     coupling: DMatrix<f64>,
@@ -102,6 +104,9 @@ impl FlightState {
         let time_s = |it: &Seen| it.sighting.capture_s + cameras[it.sighting.camera].time_offset_s;
         seen.sort_by(|a, b| time_s(a).total_cmp(&time_s(b)));
         let epoch_s = time_s(seen.get(seen.len() / 2)?);
+        if time_s(seen.last()?) - time_s(seen.first()?) < LEAST_SPAN_S {
+            return None;
+        }
         let samples: Vec<(f64, Vector3<f64>, f64)> = seen
             .iter()
             .map(|it| {
@@ -121,13 +126,13 @@ impl FlightState {
             };
             let (by_one, by_t) = (moment(&|_| 1.0), moment(&|t| t));
             let determinant = one * tt - t * t;
-            if !(determinant > f64::EPSILON * one * tt) {
-                return None;
-            }
             p_W = (by_one * tt - by_t * t) / determinant;
             v_W = (by_t * one - by_one * t) / determinant;
             // Least absolute deviations, over standard deviations.
-            weights = samples.iter().map(|(t, q, sd)| ((q - p_W - v_W * *t).norm() / sd).max(0.1).recip() / (sd * sd)).collect();
+            weights = samples
+                .iter()
+                .map(|(t, q, sd)| ((q - p_W - v_W * *t).norm() / sd).max(0.1).recip() / (sd * sd))
+                .collect();
         }
         Some(Self { seen, epoch_s, p_W, v_W, drag_per_m: 0.0, offsets: vec![Vector3::zeros(); cameras.len()] })
     }
@@ -189,12 +194,14 @@ impl FlightState {
         let (mut information, mut pull) = (DMatrix::zeros(common, common), DVector::zeros(common));
         let (mut own_information, mut own_pull) = (DMatrix::<f64>::zeros(own, own), DVector::zeros(own));
         let mut coupling = DMatrix::zeros(common, own);
-        let mut sizes = Vec::with_capacity(self.seen.len());
+        let mut outliers = 0;
         for row in self.rows(cameras, tilt_rad) {
-            let size = row.residual.norm();
-            sizes.push(size);
-            let size = size / factor.sqrt();
-            let weight = if size > OUTLIER_SD { 0.0 } else { (HUBER_SD / size).min(1.0) / factor };
+            let size = row.residual.norm() / factor.sqrt();
+            if size > OUTLIER_SD {
+                outliers += 1;
+                continue;
+            }
+            let weight = (HUBER_SD / size).min(1.0) / factor;
             let mut of_common = SMatrix::<f64, 3, { OF_CAMERA + OF_TILT }>::zeros();
             of_common.fixed_columns_mut::<OF_CAMERA>(0).copy_from(&row.by_camera);
             of_common.fixed_columns_mut::<OF_TILT>(OF_CAMERA).copy_from(&row.by_tilt);
@@ -225,7 +232,19 @@ impl FlightState {
         let own = own_information.cholesky()?;
         information -= &coupling * own.solve(&coupling.transpose());
         pull -= &coupling * own.solve(&own_pull);
-        Some(FlightEquations { information, pull, sizes, own, own_pull, coupling })
+        Some(FlightEquations { information, pull, outliers, own, own_pull, coupling })
+    }
+
+    /// With one of its parameters changed.
+    #[cfg(test)]
+    pub fn changed(&self, parameter: usize, by: f64) -> Self {
+        let mut changed = self.clone();
+        match parameter {
+            0..3 => changed.p_W[parameter] += by,
+            3..DRAG => changed.v_W[parameter - 3] += by,
+            _ => changed.drag_per_m += by,
+        }
+        changed
     }
 
     /// Takes the step that goes with one of what is estimated in common.
@@ -237,13 +256,6 @@ impl FlightState {
         for (i, offset) in self.offsets.iter_mut().enumerate() {
             *offset += own.fixed_rows::<OF_OFFSET>(OF_FLIGHT + OF_OFFSET * i);
         }
-    }
-}
-
-impl FlightEquations {
-    /// Sightings that did not count.
-    pub fn outliers(&self, factor: f64) -> usize {
-        self.sizes.iter().filter(|it| **it > OUTLIER_SD * factor.sqrt()).count()
     }
 }
 
