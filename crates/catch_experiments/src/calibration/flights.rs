@@ -5,10 +5,7 @@ use catch_calibration::{
     Calibration,
     flights::{Flight, FlightSettings, FlightStatus, refine},
 };
-use catch_lab::scenario::setup::{
-    Setup,
-    calibration::{calibrated_cameras, observe_flights},
-};
+use catch_lab::scenario::setup::{Setup, calibration::observe_flights};
 use nalgebra::Point3;
 
 use super::{Condition, Outcome, outcome};
@@ -52,19 +49,16 @@ impl Stage {
     }
 }
 
-/// What flights make of a calibration in the scene (`seed`, `index`), whose clocks are off; they are `observed` once for all conditions.
+/// What flights make of a calibration in a scene whose clocks are off; they are `observed` once for all conditions.
 pub fn refined(
     setup: &Setup,
     (mut calibration, clocks): (Calibration, &[f64]),
-    (seed, index): (u64, u64),
+    scene: (u64, u64),
     observed: &mut Option<Vec<Flight>>,
 ) -> Refined {
     // The arena's clocks are right: what remains of the offsets is the calibration's error.
     calibration.cameras.iter_mut().zip(clocks).for_each(|(camera, clock_s)| camera.time_offset_s -= clock_s);
-    let flights = observed.get_or_insert_with(|| {
-        let cameras = calibrated_cameras(&setup.cameras, &calibration.cameras);
-        observe_flights(setup, (&calibration, cameras), FLIGHTS, seed, index)
-    });
+    let flights = observed.get_or_insert_with(|| observe_flights(setup, &calibration, &setup.cameras, FLIGHTS, scene));
     let found = refine(&calibration, flights, &FlightSettings::default());
     Refined {
         before: Stage::new(setup, &calibration),

@@ -9,7 +9,8 @@ use catch_body::{JointVector, Pose};
 use catch_bot::{Preparation, trajectory_optimization::MotionPlanner};
 use catch_calibration::{
     Calibration, CalibrationRun, CalibrationStatus, CameraCalibration, Config, FlightRun, Session, calibrate,
-    flights::Flight, pose_choice::choose_poses,
+    flights::{Flight, FlightSettings, refine},
+    pose_choice::choose_poses,
 };
 use catch_cell::{Brain, CameraModel, Cell};
 use catch_sim::{
@@ -98,18 +99,19 @@ pub fn run_session(setup: &Setup, config: &Config, guesses: &[CameraModel], seed
     ArenaSession { session: run.into_session(), poses, robot_time_s: now_s, limit_violations }
 }
 
-/// The sightings of thrown objects, as the scenario has the throws, in the scene (`seed`, `index`): its cameras are calibrated to stand as
-/// `cameras`, the arm rests. No throw is one of the scenes of `seed`.
+/// The sightings of thrown objects, as the scenario has the throws, in the scene (`seed`, `index`) whose cameras were believed to stand as
+/// `believed` before they were calibrated. The arm rests. No throw is one of the scenes of `seed`.
 pub fn observe_flights(
     setup: &Setup,
-    (calibration, cameras): (&Calibration, Vec<CameraModel>),
+    calibration: &Calibration,
+    believed: &[CameraModel],
     flights: usize,
-    seed: u64,
-    index: u64,
+    (seed, index): (u64, u64),
 ) -> Vec<Flight> {
     if flights == 0 {
         return Vec::new();
     }
+    let cameras = calibrated_cameras(believed, &calibration.cameras);
     let known = Arc::new(setup.preparation(&setup.uncalibrated_config(seed, index), cameras));
     let thrown = seed_for(Stream::Calibration, seed, index);
     let mut arena = Arena::new(setup.equipment(), &setup.release(thrown, 0), &setup.robot.ready_q, seed, index);
@@ -150,8 +152,10 @@ impl CalibratedCameras {
         let believed: Vec<CameraModel> = setup.cameras.iter().map(believed).collect();
         let config = Config { poses: settings.poses, ..config(setup, seed) };
         let session = run_session(setup, &config, &believed, seed, 0).session;
-        let found = calibrate(&config, &setup.robot, &setup.gripper, &believed, &session).cameras;
-        let found: Vec<CameraCalibration> = found.into_iter().map(|it| claimed(it, settings)).collect();
+        let found = calibrate(&config, &setup.robot, &setup.gripper, &believed, &session);
+        let flights = observe_flights(setup, &found, &believed, settings.flights, (seed, 0));
+        let found = refine(&found, &flights, &FlightSettings::default()).calibration;
+        let found: Vec<CameraCalibration> = found.cameras.into_iter().map(|it| claimed(it, settings)).collect();
         Self { cameras: calibrated_cameras(&believed, &found), found }
     }
 
