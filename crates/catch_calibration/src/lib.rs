@@ -33,6 +33,36 @@
 //!     Ok(calibrate(&config, &robot, gripper, guesses, &run.into_session()))
 //! }
 //! ```
+//!
+//! Flights of a known object refine it: [`FlightRun`] collects where single images of one throw show the object, and
+//! [`flights::refine`] takes what it saw of several throws:
+//!
+//! ```
+//! use std::sync::Arc;
+//!
+//! use catch_bot::Preparation;
+//! use catch_calibration::{Calibration, FlightRun, flights::{FlightSettings, refine}};
+//! use catch_cell::{Brain, Cell};
+//!
+//! /// The calibration after so many throws, which somebody makes; `known` has the cameras as they are calibrated.
+//! fn refined<C: Cell>(
+//!     cell: &mut C,
+//!     known: &Arc<Preparation>,
+//!     calibration: &Calibration,
+//!     throws: usize,
+//! ) -> Result<Calibration, C::Error> {
+//!     let mut flights = Vec::new();
+//!     for _ in 0..throws {
+//!         let mut run = FlightRun::new(known.clone(), calibration, 2.0);
+//!         while !run.is_done() {
+//!             let observation = cell.sense()?;
+//!             cell.act(&run.tick(&observation, &mut ()))?;
+//!         }
+//!         flights.push(run.into_flight());
+//!     }
+//!     Ok(refine(calibration, &flights, &FlightSettings::default()).calibration)
+//! }
+//! ```
 
 mod arm_motion;
 mod averaged_image;
