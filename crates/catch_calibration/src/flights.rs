@@ -14,7 +14,6 @@ mod motion;
 #[cfg(test)]
 mod tests;
 
-use catch_body::Pose;
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector3};
 
 use super::{CAMERA_PARAMETERS, Calibration, CalibrationStatus, coarse::moved};
@@ -321,7 +320,7 @@ impl Problem {
         for (i, state) in self.refined.iter().zip(&self.cameras) {
             let first = CAMERA_PARAMETERS * i;
             let camera = &mut all.cameras[*i];
-            camera.X_WC = Pose::from_parts(state.X_WC.translation, state.X_WC.rotation);
+            camera.X_WC = state.X_WC;
             camera.covariance = Matrix6::from_fn(|row, column| all.covariance[(first + row, first + column)]);
             (camera.depth_scale, camera.time_offset_s) = (state.depth_scale, state.time_offset_s);
             camera.time_offset_sd_s = Some(all.covariance[(first + 7, first + 7)].sqrt());

@@ -12,7 +12,7 @@ use catch_cell::{Brain, CameraModel, Command, DepthFrame, Observation, PixelWind
 use nalgebra::{Matrix3, Point3};
 
 use super::{
-    ArmSample, Calibration, arm_at,
+    ArmSample, Calibration, CalibrationStatus, arm_at,
     flights::{Flight, Sighting},
 };
 
@@ -37,6 +37,8 @@ pub struct FlightRun {
     known: Arc<Preparation>,
     surface: ArmSurface,
     time_offsets_s: Vec<f64>,
+    /// Cameras whose calibration did not converge.
+    left_out: Vec<bool>,
     duration_s: f64,
     estimator: SdfEstimator,
     predictor: InformationFit,
@@ -57,6 +59,7 @@ impl FlightRun {
         Self {
             surface: ArmSurface::new(motion.robot(), motion.gripper()),
             time_offsets_s: calibration.cameras.iter().map(|it| it.time_offset_s).collect(),
+            left_out: calibration.cameras.iter().map(|it| it.status != CalibrationStatus::Converged).collect(),
             duration_s,
             estimator: known.pose_estimator(),
             predictor: known.flight_predictor(0),
@@ -96,7 +99,7 @@ impl FlightRun {
         let mut view = View {
             frames,
             cameras: known.cameras(),
-            left_out: &[],
+            left_out: &self.left_out,
             surroundings: &surroundings,
             V_WO: Twist::default(),
         };

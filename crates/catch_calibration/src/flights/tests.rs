@@ -1,7 +1,8 @@
+use catch_body::Pose;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use super::{
-    CameraState, Pose, Sighting,
+    CameraState, Sighting,
     equations::{FlightState, OF_CAMERA, OF_TILT, Row, Seen},
     motion::{Law, Motion},
 };
