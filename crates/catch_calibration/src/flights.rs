@@ -141,7 +141,7 @@ pub fn refine(calibration: &Calibration, flights: &[Flight], settings: &FlightSe
         change_sd,
         ..unchanged
     };
-    if !(change_sd <= MOST_CHANGE_SD) {
+    if change_sd > MOST_CHANGE_SD {
         return Refinement { status: FlightStatus::Contradicting, ..found };
     }
     let tilt_at = OF_CAMERA * problem.cameras.len();

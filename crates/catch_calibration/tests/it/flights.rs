@@ -216,9 +216,6 @@ fn flights_tell_how_cameras_stand_to_each_other_and_claim_no_more() {
         let coverage = covered as f64 / (DRAWS as usize * cameras) as f64;
         let [before, after] = apart.map(|it| root_mean_square(&it));
         let (tilt, common) = (root_mean_square(&tilts), common.iter().fold(f64::INFINITY, |a, b| a.min(*b)));
-        println!(
-            "{cameras} cameras: {coverage} covered, {distance} joint, apart {before} {after}, tilt {tilt}, common {common}"
-        );
         assert!((0.88..=0.99).contains(&coverage) && (0.85..1.1).contains(&distance), "{coverage} {distance}");
         assert!(after < 0.6 * before, "{before} {after}");
         assert!((0.8..1.2).contains(&tilt), "{tilt}");
@@ -309,9 +306,9 @@ fn flights_that_tell_nothing_change_nothing() {
     }
     let mut failed = world.calibration.clone();
     failed.cameras.iter_mut().for_each(|it| it.status = CalibrationStatus::PoorFit);
-    assert_eq!(refine(&failed, &[flight.clone()], &world.settings).status, FlightStatus::TooFewSightings);
+    assert_eq!(refine(&failed, std::slice::from_ref(&flight), &world.settings).status, FlightStatus::TooFewSightings);
     failed.cameras[1].status = CalibrationStatus::Converged;
-    let found = refine(&failed, &[flight.clone()], &world.settings);
+    let found = refine(&failed, std::slice::from_ref(&flight), &world.settings);
     assert_eq!((found.status, &found.calibration.cameras[0]), (FlightStatus::Refined, &failed.cameras[0]));
     // A single sighting that is none is left out.
     let mut one = flight.clone();
