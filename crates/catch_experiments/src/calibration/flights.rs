@@ -30,6 +30,9 @@ pub struct Refined {
     tilt_sd_deg: f64,
 }
 
+/// Picks one of the two.
+type StageOf = fn(&Refined) -> &Stage;
+
 struct Stage {
     cameras: Vec<Outcome>,
     /// How far apart two cameras see a point, for each pair.
@@ -102,8 +105,8 @@ pub fn rows(condition: Condition, draws: &[&Refined]) -> Vec<Vec<Entry>> {
     if draws.is_empty() {
         return Vec::new();
     }
-    let stages: [(&str, fn(&Refined) -> &Stage); 2] = [("arm", |it| &it.before), ("arm and flights", |it| &it.after)];
-    let row = |(name, stage): (&str, fn(&Refined) -> &Stage)| {
+    let stages: [(&str, StageOf); 2] = [("arm", |it| &it.before), ("arm and flights", |it| &it.after)];
+    let row = |(name, stage): (&str, StageOf)| {
         let cameras: Vec<&Outcome> = draws.iter().flat_map(|it| &stage(it).cameras).collect();
         let values = |of: fn(&Outcome) -> f64| cameras.iter().map(|it| of(it)).collect::<Vec<f64>>();
         let of_draw = |of: fn(&Refined) -> f64| draws.iter().map(|it| of(it)).collect::<Vec<f64>>();
