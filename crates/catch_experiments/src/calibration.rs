@@ -38,8 +38,9 @@ const LEGEND: &str = "Cameras of the rigs d435_2 to d435_4 with the noise of `ne
 Each camera is believed to stand 50 mm and 5° from where it does, and its clock is up to 10 ms off. Errors are of single cameras: \
 median and 95 % quantile. Coverage is the fraction of cameras that lie within the 95 % ellipsoid of the covariance that is claimed for them. \
 The claimed deviation is the median of the root of the variances' sum. Cameras that did not converge, and say so, are counted and left out. \
-Then 20 flights of the tennis ball refine the first few draws. Two cameras see the gripper's place in the ready pose apart by what the last \
-columns but three say.";
+Twenty flights of the tennis \
+ball then refine the first eight draws. Apart is how far from each other two cameras see the place of the gripper in its ready pose. The tilt of the \
+world against gravity is zero in truth, and believed to be within 0.05°.";
 
 /// A condition: which rig, and what is wrong with it.
 #[derive(Clone, Copy)]
