@@ -45,8 +45,8 @@ images show of the arm. The rig that is written takes the place of the one that 
       --set arena.depth.model=near_stereo --set arena.depth.calibration_sd_m=0.03
   catchingbot --set flight_rig=calibrated/rig.toml
 
-With --flights an object is thrown afterwards, the arm resting. Several cameras see one free flight, which tells
-how they stand to each other, and gravity where the vertical is.
+With --flights an object is thrown afterwards, the arm resting. Several cameras see one free flight,
+which tells how they stand to each other, and gravity where the vertical is.
 
 In the arena the cameras stand off by arena.depth.calibration_sd_m and calibration_sd_rad, and the story
 tells what is left of that. With --camera-info and --hand-eye the first guess comes from files of ROS.")]
