@@ -348,6 +348,8 @@ quantities! {
     decay_per_s DECAY_PER_S = 0.0 to 100.0 "1/s";
     /// Poses of the arm in a calibration.
     poses POSES = 3.0 to 100.0 "";
+    /// Flights that refine it.
+    flights FLIGHTS = 0.0 to 200.0 "";
     /// Fractions.
     fraction FRACTION = 0.0 to 1.0 "";
     /// Fractions by which something is drawn around its mean, below one.

@@ -17,7 +17,7 @@ pub struct ImageInformation {
     pub pull: DVector<f64>,
 }
 
-/// Covariance of each camera's parameters, given the information of all images and the priors, and its inverse. `change` leads from where
+/// Covariance of the parameters of all cameras, given the information of all images and the priors, and its inverse. `change` leads from where
 /// the images were linearized to the optimum.
 pub fn of_cameras(
     information: &DMatrix<f64>,
@@ -25,7 +25,7 @@ pub fn of_cameras(
     images: &[ImageInformation],
     change: &DVector<f64>,
     cameras: usize,
-) -> Option<Vec<DMatrix<f64>>> {
+) -> Option<DMatrix<f64>> {
     let size = information.nrows();
     let (mut of_images, mut jackknife) = (DMatrix::zeros(size, size), DMatrix::zeros(size, size));
     for image in images {
@@ -35,14 +35,18 @@ pub fn of_cameras(
         jackknife.ger(1.0, &away, &away, 1.0);
     }
     let of_residuals = inverse * of_images * inverse;
-    let of_camera = |camera: usize| {
-        let first = OF_CAMERA * camera;
-        let part = |matrix: &DMatrix<f64>, of: usize| matrix.view((first, first), (of, of)).into_owned();
-        let (found, expected) = (part(&jackknife, FIRST_NUISANCE), part(&of_residuals, FIRST_NUISANCE));
-        let ratio = (expected.cholesky()?.solve(&found).trace() / FIRST_NUISANCE as f64).max(1.0);
-        Some(part(inverse, OF_CAMERA) + part(&of_residuals, OF_CAMERA) * (ratio - 1.0))
+    let ratio = |camera: usize| {
+        let part = |matrix: &DMatrix<f64>| {
+            matrix.view((OF_CAMERA * camera, OF_CAMERA * camera), (FIRST_NUISANCE, FIRST_NUISANCE)).into_owned()
+        };
+        let (found, expected) = (part(&jackknife), part(&of_residuals));
+        Some((expected.cholesky()?.solve(&found).trace() / FIRST_NUISANCE as f64).max(1.0))
     };
-    (0..cameras).map(of_camera).collect()
+    let added: Vec<f64> = (0..cameras).map(|it| Some((ratio(it)? - 1.0).sqrt())).collect::<Option<_>>()?;
+    let of_cameras = OF_CAMERA * cameras;
+    let entry =
+        |i: usize, j: usize| inverse[(i, j)] + of_residuals[(i, j)] * added[i / OF_CAMERA] * added[j / OF_CAMERA];
+    Some(DMatrix::from_fn(of_cameras, of_cameras, entry))
 }
 
 #[cfg(test)]
@@ -70,7 +74,7 @@ mod tests {
         let inverse = information.clone().cholesky().unwrap().inverse();
         let change = &inverse * images.iter().fold(DVector::zeros(OF_CAMERA), |sum, it| sum + &it.pull);
         let found = of_cameras(&information, &inverse, &images, &change, 1).unwrap();
-        found[0].trace() / inverse.trace()
+        found.trace() / inverse.trace()
     }
 
     #[test]

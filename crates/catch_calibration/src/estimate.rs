@@ -2,10 +2,10 @@
 
 use catch_body::{Gripper, Robot};
 use catch_cell::CameraModel;
-use nalgebra::Matrix6;
+use nalgebra::{DMatrix, Matrix6};
 
 use super::{
-    Calibration, CalibrationStatus, CameraCalibration, Config, Session,
+    CAMERA_PARAMETERS, Calibration, CalibrationStatus, CameraCalibration, Config, Session,
     averaged_image::{AveragedImage, StillImage, averaged},
     coarse::{self, PosedPoints},
     fine::{Estimate, Observed, Problem},
@@ -63,9 +63,24 @@ pub fn calibrate(
     let of_camera = |i: usize| of_camera(i, &problem.cameras[i], &estimate, is_modelled, config);
     Calibration {
         cameras: (0..guesses.len()).map(of_camera).collect(),
+        covariance: joint_covariance(&estimate, config),
         joint_zero_rad: estimate.shared.joint_zero_rad().iter().take(robot.dof()).copied().collect(),
         link_offset_m,
     }
+}
+
+/// That of [`Calibration::covariance`].
+fn joint_covariance(estimate: &Estimate, config: &Config) -> DMatrix<f64> {
+    let size = CAMERA_PARAMETERS * estimate.cameras.len();
+    let Some(covariance) = &estimate.covariance else { return DMatrix::from_element(size, size, f64::INFINITY) };
+    // Scale and time offset are the first of the nuisances, in standard deviations.
+    let unit = |at: usize| match at % CAMERA_PARAMETERS {
+        FIRST_NUISANCE => config.scale_sd,
+        TIME_OFFSET => config.time_offset_sd_s,
+        _ => 1.0,
+    };
+    let place = |at: usize| OF_CAMERA * (at / CAMERA_PARAMETERS) + at % CAMERA_PARAMETERS;
+    DMatrix::from_fn(size, size, |i, j| covariance[(place(i), place(j))] * unit(i) * unit(j))
 }
 
 fn of_camera(
@@ -76,8 +91,9 @@ fn of_camera(
     config: &Config,
 ) -> CameraCalibration {
     let (state, residuals) = (&estimate.cameras[i], estimate.residuals[i]);
-    let whole = estimate.covariances.as_ref().map(|it| &it[i]);
-    let entry = |row: usize, column: usize| whole.map_or(f64::INFINITY, |it| it[(row, column)]);
+    let first = OF_CAMERA * i;
+    let whole = estimate.covariance.as_ref();
+    let entry = |row: usize, column: usize| whole.map_or(f64::INFINITY, |it| it[(first + row, first + column)]);
     let covariance = Matrix6::from_fn(entry);
     let time_sd_s = entry(TIME_OFFSET, TIME_OFFSET).sqrt() * config.time_offset_sd_s;
     let moves = observed.images.iter().any(|it| !it.is_still);

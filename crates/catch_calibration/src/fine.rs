@@ -60,8 +60,8 @@ pub struct Problem<'a> {
 pub struct Estimate {
     pub cameras: Vec<CameraState>,
     pub shared: Shared,
-    /// Covariance of each camera's parameters. None where the equations have no solution.
-    pub covariances: Option<Vec<DMatrix<f64>>>,
+    /// Covariance of the parameters of all cameras. None where the equations have no solution.
+    pub covariance: Option<DMatrix<f64>>,
     pub residuals: Vec<Residuals>,
     /// The last step of each camera, in metres or radians, the larger.
     pub last_step: Vec<f64>,
@@ -124,15 +124,15 @@ impl Problem<'_> {
         }
         // What neighbours have in common changes the weights, and so the optimum.
         state.step(Pass::Correlating);
-        let mut covariances = None;
+        let mut covariance = None;
         for _ in 0..REWEIGHTED_STEPS {
-            covariances = state.step(Pass::All);
+            covariance = state.step(Pass::All);
             if state.last_step.iter().all(|it| *it < SMALL) {
                 break;
             }
         }
         let State { cameras, shared, residuals, last_step, .. } = state;
-        Estimate { cameras, shared, covariances, residuals, last_step }
+        Estimate { cameras, shared, covariance, residuals, last_step }
     }
 }
 
@@ -142,8 +142,8 @@ fn offset_sd(config: &Config, image: &AveragedImage) -> f64 {
 }
 
 impl State<'_> {
-    /// One step of Gauss–Newton; the covariances of the cameras' parameters, if the equations have a solution.
-    fn step(&mut self, pass: Pass) -> Option<Vec<DMatrix<f64>>> {
+    /// One step of Gauss–Newton; the covariance of the cameras' parameters, if the equations have a solution.
+    fn step(&mut self, pass: Pass) -> Option<DMatrix<f64>> {
         let shared_from = OF_CAMERA * self.cameras.len();
         let size = shared_from + self.shared.values.len();
         let (mut information, mut pull) = (DMatrix::zeros(size, size), DVector::zeros(size));

@@ -33,6 +33,36 @@
 //!     Ok(calibrate(&config, &robot, gripper, guesses, &run.into_session()))
 //! }
 //! ```
+//!
+//! Flights of a known object refine it: [`FlightRun`] collects where single images of one throw show the object, and
+//! [`flights::refine`] takes what it saw of several throws:
+//!
+//! ```
+//! use std::sync::Arc;
+//!
+//! use catch_bot::Preparation;
+//! use catch_calibration::{Calibration, FlightRun, flights::{FlightSettings, refine}};
+//! use catch_cell::{Brain, Cell};
+//!
+//! /// The calibration after so many throws, which somebody makes; `known` has the cameras as they are calibrated.
+//! fn refined<C: Cell>(
+//!     cell: &mut C,
+//!     known: &Arc<Preparation>,
+//!     calibration: &Calibration,
+//!     throws: usize,
+//! ) -> Result<Calibration, C::Error> {
+//!     let mut flights = Vec::new();
+//!     for _ in 0..throws {
+//!         let mut run = FlightRun::new(known.clone(), calibration, 2.0);
+//!         while !run.is_done() {
+//!             let observation = cell.sense()?;
+//!             cell.act(&run.tick(&observation, &mut ()))?;
+//!         }
+//!         flights.push(run.into_flight());
+//!     }
+//!     Ok(refine(calibration, &flights, &FlightSettings::default()).calibration)
+//! }
+//! ```
 
 mod arm_motion;
 mod averaged_image;
@@ -42,6 +72,7 @@ mod covariance;
 mod depths;
 mod estimate;
 mod fine;
+pub mod flights;
 #[cfg(test)]
 mod jacobians;
 mod measurement;
@@ -51,17 +82,19 @@ mod parameters;
 pub mod pose_choice;
 mod rendering;
 mod session;
+mod sightings;
 mod silhouettes;
 
 use std::f64::consts::FRAC_PI_2;
 
 use catch_body::Pose;
-use nalgebra::Matrix6;
+use nalgebra::{DMatrix, Matrix6};
 
 pub use arm_motion::{ArmSample, arm_at, arm_at_rest};
 use averaged_image::AveragedImage;
 pub use estimate::calibrate;
 pub use session::{CalibrationRun, Session};
+pub use sightings::FlightRun;
 
 /// Joints slower than this, in rad/s, stand still.
 const SLOW_RADPS: f64 = 0.02;
@@ -203,11 +236,17 @@ pub struct Residuals {
     pub silhouette_correlation: f64,
 }
 
+/// Rows of each camera in [`Calibration::covariance`].
+pub const CAMERA_PARAMETERS: usize = 8;
+
 /// What a calibration found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Calibration {
     /// Camera by camera.
     pub cameras: Vec<CameraCalibration>,
+    /// Covariance of all cameras, [`CAMERA_PARAMETERS`] rows of each: those of [`CameraCalibration::covariance`], depth scale, and time offset in
+    /// seconds. Cameras that were calibrated on one arm have its errors in common.
+    pub covariance: DMatrix<f64>,
     /// What the joints' positions are off by, in radians, as far as they are uncertain.
     pub joint_zero_rad: Vec<f64>,
     /// How far the links' surfaces are outside of their models, in metres, as far as they are uncertain.

@@ -8,7 +8,9 @@ use std::{
 
 use catch_body::{InputError, Pose};
 use catch_calibration::{
-    Calibration, CalibrationStatus, CameraCalibration, Config, Residuals, calibrate, overlay::overlays,
+    Calibration, CalibrationStatus, CameraCalibration, Config, Residuals, calibrate,
+    flights::{FlightSettings, FlightStatus, Refinement, refine},
+    overlay::overlays,
 };
 use catch_cell::{CameraModel, RigCalibration, rig_to_toml};
 use catch_lab::{
@@ -43,6 +45,9 @@ images show of the arm. The rig that is written takes the place of the one that 
       --set arena.depth.model=near_stereo --set arena.depth.calibration_sd_m=0.03
   catchingbot --set flight_rig=calibrated/rig.toml
 
+With --flights an object is thrown afterwards, the arm resting. Several cameras see one free flight,
+which tells how they stand to each other, and gravity where the vertical is.
+
 In the arena the cameras stand off by arena.depth.calibration_sd_m and calibration_sd_rad, and the story
 tells what is left of that. With --camera-info and --hand-eye the first guess comes from files of ROS.")]
 pub struct CalibrateArguments {
@@ -66,6 +71,12 @@ pub struct CalibrateArguments {
     /// Standard deviation of how far the links' surfaces are from their model, in millimetres, instead of what the images tell
     #[arg(long, value_name = "MM", value_parser = at_most(20.0))]
     link_sd_mm: Option<f64>,
+    /// Throws that refine the calibration afterwards: the cameras see one flight, whose law is known
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole(0, 200))]
+    flights: u64,
+    /// What is thrown: a built-in object or a file [default: the scenario's]
+    #[arg(long, value_name = "NAME|FILE")]
+    object: Option<String>,
     /// Seed of everything random
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole(0, MOST))]
     seed: u64,
@@ -91,9 +102,26 @@ struct Document<'a> {
     poses: usize,
     robot_time_s: f64,
     limit_violations: usize,
+    flights: Option<FlightsDocument>,
     cameras: Vec<CameraDocument>,
     joint_zero_rad: Vec<f64>,
     link_offset_m: Vec<f64>,
+}
+
+/// What flights did.
+#[derive(Serialize)]
+struct FlightsDocument {
+    status: &'static str,
+    /// Those that counted, and their sightings.
+    flights: usize,
+    sightings: usize,
+    outlier_fraction: f64,
+    variance_factor: f64,
+    /// Rotation about x and y of W from its z to the vertical.
+    tilt_deg: [f64; 2],
+    tilt_sd_deg: [f64; 2],
+    /// How far the cameras moved, over what was claimed of them before.
+    change_sd: f64,
 }
 
 /// What became of a camera.
@@ -134,6 +162,11 @@ pub fn run(arguments: &CalibrateArguments) -> anyhow::Result<()> {
     };
     let session = calibration::run_session(&setup, &config, &setup.cameras, arguments.seed, 0);
     let found = calibrate(&config, &setup.robot, &setup.gripper, &setup.cameras, &session.session);
+    let scene = (arguments.seed, 0);
+    let flights = calibration::observe_flights(&setup, &found, &setup.cameras, arguments.flights as usize, scene);
+    let refinement = refine(&found, &flights, &FlightSettings::default());
+    let flights = (arguments.flights > 0).then(|| flights_document(&refinement));
+    let found = refinement.calibration;
     let calibrated = calibrated_cameras(&setup.cameras, &found.cameras);
     let cameras = camera_documents(&found.cameras, &calibrated, &calibration::true_cameras(&setup, arguments.seed, 0));
     write_files(out, &setup, &found, &calibrated)?;
@@ -148,6 +181,7 @@ pub fn run(arguments: &CalibrateArguments) -> anyhow::Result<()> {
         poses: session.poses.len(),
         robot_time_s: session.robot_time_s,
         limit_violations: session.limit_violations,
+        flights,
         cameras,
         joint_zero_rad: found.joint_zero_rad,
         link_offset_m: found.link_offset_m,
@@ -181,7 +215,7 @@ pub fn before_throws(setup: &Setup, seed: u64, aloud: bool) -> io::Result<Vec<Ca
 
 /// The scenario, with the cameras that are asked for.
 fn setup(arguments: &CalibrateArguments) -> anyhow::Result<Setup> {
-    let choice = arguments.choice.with(None, None);
+    let choice = arguments.choice.with(arguments.object.as_deref(), None);
     let mut rig = arguments.rig.clone();
     let (infos, results) = (&arguments.camera_info, &arguments.hand_eye);
     if infos.len() != results.len() {
@@ -258,6 +292,24 @@ fn status(status: CalibrationStatus) -> &'static str {
     }
 }
 
+fn flights_document(found: &Refinement) -> FlightsDocument {
+    FlightsDocument {
+        status: match found.status {
+            FlightStatus::Refined => "refined",
+            FlightStatus::TooFewSightings => "too_few_sightings",
+            FlightStatus::NotConverged => "not_converged",
+            FlightStatus::Contradicting => "contradicting",
+        },
+        flights: found.flights,
+        sightings: found.sightings,
+        outlier_fraction: found.outlier_fraction,
+        variance_factor: found.variance_factor,
+        tilt_deg: found.tilt_rad.map(f64::to_degrees),
+        tilt_sd_deg: found.tilt_sd_rad.map(f64::to_degrees),
+        change_sd: found.change_sd,
+    }
+}
+
 /// What became of each camera: what was `found`, how it was `calibrated`, and the `truth`.
 fn camera_documents(
     found: &[CameraCalibration],
@@ -309,6 +361,14 @@ fn uncertainty(it: &CameraDocument) -> String {
 fn tell(document: &Document<'_>) -> io::Result<()> {
     let Document { poses, robot_time_s, limit_violations, .. } = document;
     screen::line(&format!("{poses} poses in {robot_time_s:.1} s, {limit_violations} commands that broke a limit"))?;
+    if let Some(it) = &document.flights {
+        let FlightsDocument { status, flights, sightings, outlier_fraction, .. } = it;
+        let colour = if *status == "refined" { GOOD } else { BAD };
+        let outliers = format!("{:.1} % of them outliers", outlier_fraction * 1e2);
+        screen::line(&format!("{flights} flights, {sightings} sightings, {outliers}: {colour}{status}{colour:#}"))?;
+        let of_axis = |i: usize| format!("{:+.3} ± {:.3}°", it.tilt_deg[i], it.tilt_sd_deg[i]);
+        screen::fact("tilt", &format!("{} about x, {} about y", of_axis(0), of_axis(1)))?;
+    }
     for (i, it) in document.cameras.iter().enumerate() {
         let colour = if it.status == "converged" { GOOD } else { BAD };
         screen::line(&format!("  camera {i}: {colour}{}{colour:#}, {}", it.status, uncertainty(it)))?;

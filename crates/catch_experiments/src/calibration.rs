@@ -1,6 +1,7 @@
 //! How well near cameras are calibrated on the arm that they see.
 
 mod correlated_noise;
+mod flights;
 
 use anyhow::Result;
 use catch_body::{Pose, Robot};
@@ -36,7 +37,10 @@ const COVERS_95: f64 = 12.592;
 const LEGEND: &str = "Cameras of the rigs d435_2 to d435_4 with the noise of `near_stereo`, the arm and its encoders as in the scenario honest. \
 Each camera is believed to stand 50 mm and 5° from where it does, and its clock is up to 10 ms off. Errors are of single cameras: \
 median and 95 % quantile. Coverage is the fraction of cameras that lie within the 95 % ellipsoid of the covariance that is claimed for them. \
-The claimed deviation is the median of the root of the variances' sum. Cameras that did not converge, and say so, are counted and left out.";
+The claimed deviation is the median of the root of the variances' sum. Cameras that did not converge, and say so, are counted and left out. \
+Twenty flights of the tennis \
+ball then refine the first eight draws. Apart is how far from each other two cameras see the place of the gripper in its ready pose. The tilt of the \
+world against gravity is zero in truth, and believed to be within 0.05°.";
 
 /// A condition: which rig, and what is wrong with it.
 #[derive(Clone, Copy)]
@@ -52,6 +56,13 @@ enum Wrong {
     Links,
     Zeros,
     Noise,
+}
+
+impl Condition {
+    /// Whether flights refine it, too.
+    fn has_flights(self) -> bool {
+        self.cameras != 3 && matches!(self.wrong, Wrong::Nothing | Wrong::Zeros)
+    }
 }
 
 /// Those in one list share their sessions.
@@ -77,8 +88,8 @@ struct Outcome {
     rotation_sd_deg: f64,
 }
 
-/// What became of one session: its time, and the cameras by condition.
-type Drawn = (f64, Vec<Vec<Outcome>>);
+/// What became of one session: its time, and by condition the cameras, and what flights made of them.
+type Drawn = (f64, Vec<(Vec<Outcome>, Option<flights::Refined>)>);
 
 /// Cameras by what is wrong.
 pub fn run(options: &Options) -> Result<Findings> {
@@ -99,6 +110,7 @@ pub fn run(options: &Options) -> Result<Findings> {
         "robot time, s",
     ];
     let mut table = Table::new("Cameras calibrated on the arm", &columns);
+    let mut refined = flights::table();
     for conditions in CONDITIONS {
         let setup = setup(conditions[0])?;
         setup.prepare();
@@ -106,15 +118,17 @@ pub fn run(options: &Options) -> Result<Findings> {
             parallel::map(options.trials as usize, |index| draw(&setup, conditions, options.seed, index as u64));
         for (i, condition) in conditions.iter().enumerate() {
             let times: Vec<f64> = drawn.iter().map(|it| it.0).collect();
-            let cameras: Vec<&Outcome> = drawn.iter().flat_map(|it| &it.1[i]).collect();
+            let cameras: Vec<&Outcome> = drawn.iter().flat_map(|it| &it.1[i].0).collect();
             table.rows.push(row(*condition, &times, &cameras));
+            let by_flights: Vec<&flights::Refined> = drawn.iter().filter_map(|it| it.1[i].1.as_ref()).collect();
+            refined.rows.extend(flights::rows(*condition, &by_flights));
         }
     }
     table.rows.sort_by_key(|row| match row[0] {
         Entry::Count(cameras) => cameras,
         _ => 0,
     });
-    Ok(Findings { legend: LEGEND, tables: vec![table] })
+    Ok(Findings { legend: LEGEND, tables: vec![table, refined] })
 }
 
 fn row(condition: Condition, times: &[f64], cameras: &[&Outcome]) -> Vec<Entry> {
@@ -179,11 +193,16 @@ fn draw(setup: &Setup, conditions: &[Condition], seed: u64, index: u64) -> Drawn
     }
     let clocks: Vec<f64> = guesses.iter().map(|_| draws.between([-CLOCK_OFF_S, CLOCK_OFF_S])).collect();
     session.frames.iter_mut().for_each(|frame| frame.capture_s -= clocks[frame.camera]);
+    let mut observed = None;
     let found = conditions.iter().map(|condition| {
         let robot = believed(&setup.robot, condition.wrong, &mut Draws::new(Stream::LinkMasses, seed, index));
         let found = calibrate(&config, &robot, &setup.gripper, &guesses, &session);
         let truth = setup.cameras.iter().zip(&clocks);
-        found.cameras.iter().zip(truth).map(|(it, (camera, clock_s))| outcome(it, camera, *clock_s)).collect()
+        let outcomes = found.cameras.iter().zip(truth).map(|(it, (camera, clock_s))| outcome(it, camera, *clock_s));
+        let is_refined = index < flights::DRAWS && condition.has_flights();
+        let refined =
+            is_refined.then(|| flights::refined(setup, (found.clone(), &clocks), (seed, index), &mut observed));
+        (outcomes.collect(), refined)
     });
     (robot_time_s, found.collect())
 }

@@ -30,6 +30,13 @@ fn a_rig_is_calibrated_and_read_again() {
     let hand_eye = fs::read_to_string(at("first/camera_0.calib")).unwrap();
     assert!(hand_eye.contains("robot_base_frame: iiwa_link_0\n"), "{hand_eye}");
 
+    // One camera by itself: flights tell it the vertical and the time.
+    assert!(document["flights"].is_null());
+    let refined = run(&["--rig", "d435_1", "--flights", "2", "--scenario", "honest", "--out", &at("refined")]);
+    assert_eq!((&refined["flights"]["status"], &refined["flights"]["flights"]), (&"refined".into(), &2.into()));
+    assert!(refined["flights"]["tilt_sd_deg"][0].as_f64().unwrap() < 0.05, "{refined}");
+    assert!(refined["cameras"][0]["position_error_m"].as_f64().unwrap() < 0.004, "{refined}");
+
     // What was written for ROS is a first guess.
     let (info, result) = (at("first/camera_0.yaml"), at("first/camera_0.calib"));
     let again = run(&["--camera-info", &info, "--hand-eye", &result, "--out", &at("second")]);
@@ -41,6 +48,7 @@ fn a_rig_is_calibrated_and_read_again() {
         (&["--camera-info", &result, "--hand-eye", &info], "transform.translation.x: found nothing"),
         (&["--rig", "d435_9"], "expected one of d435_1"),
         (&["--poses", "2"], "expected a whole number from 3"),
+        (&["--flights", "201"], "expected a whole number from 0 to 200"),
         (&["--link-sd-mm", "nan"], "expected a number from 0 to 20"),
     ] {
         let output = catchingbot(&[&common[..1], more, &["--out", &at("third")]].concat());

@@ -8,13 +8,15 @@ use std::{
 use catch_body::{JointVector, Pose};
 use catch_bot::{Preparation, trajectory_optimization::MotionPlanner};
 use catch_calibration::{
-    CalibrationRun, CalibrationStatus, CameraCalibration, Config, Session, calibrate, pose_choice::choose_poses,
+    Calibration, CalibrationRun, CalibrationStatus, CameraCalibration, Config, FlightRun, Session, calibrate,
+    flights::{Flight, FlightSettings, refine},
+    pose_choice::choose_poses,
 };
 use catch_cell::{Brain, CameraModel, Cell};
 use catch_sim::{
     Arena, Release,
     cameras::DepthCameras,
-    random_streams::{Draws, Stream},
+    random_streams::{Draws, Stream, seed_for},
 };
 use nalgebra::{Matrix3, Matrix6, Point3, UnitQuaternion, Vector3};
 
@@ -26,6 +28,8 @@ use crate::scenario::{
 
 /// Where the thrown object lies, out of the cameras' range.
 const OUT_OF_SIGHT_M: [f64; 3] = [45.0, 45.0, 0.3];
+/// No flight takes longer than this, in seconds.
+const LONGEST_FLIGHT_S: f64 = 2.0;
 /// No session takes longer than this, in seconds.
 const LONGEST_S: f64 = 600.0;
 
@@ -95,6 +99,37 @@ pub fn run_session(setup: &Setup, config: &Config, guesses: &[CameraModel], seed
     ArenaSession { session: run.into_session(), poses, robot_time_s: now_s, limit_violations }
 }
 
+/// The sightings of thrown objects, as the scenario has the throws, in the scene (`seed`, `index`) whose cameras were believed to stand as
+/// `believed` before they were calibrated. The arm rests. No throw is one of the scenes of `seed`.
+pub fn observe_flights(
+    setup: &Setup,
+    calibration: &Calibration,
+    believed: &[CameraModel],
+    flights: usize,
+    (seed, index): (u64, u64),
+) -> Vec<Flight> {
+    if flights == 0 {
+        return Vec::new();
+    }
+    let cameras = calibrated_cameras(believed, &calibration.cameras);
+    let known = Arc::new(setup.preparation(&setup.uncalibrated_config(seed, index), cameras));
+    let thrown = seed_for(Stream::Calibration, seed, index);
+    let mut arena = Arena::new(setup.equipment(), &setup.release(thrown, 0), &setup.robot.ready_q, seed, index);
+    let observed = (0..flights as u64).map(|flight| {
+        if flight > 0 {
+            arena.throw_next(setup.equipment(), &setup.release(thrown, flight), thrown, flight);
+        }
+        let mut run = FlightRun::new(known.clone(), calibration, LONGEST_FLIGHT_S);
+        while !run.is_done() {
+            let Ok(observation) = arena.sense();
+            let command = run.tick(&observation, &mut ());
+            arena.act_after(setup.scenario.clock.delay_s(0.0), &command);
+        }
+        run.into_flight()
+    });
+    observed.collect()
+}
+
 /// Cameras as a calibration before all throws left them.
 #[derive(Debug, Clone)]
 pub struct CalibratedCameras {
@@ -117,8 +152,10 @@ impl CalibratedCameras {
         let believed: Vec<CameraModel> = setup.cameras.iter().map(believed).collect();
         let config = Config { poses: settings.poses, ..config(setup, seed) };
         let session = run_session(setup, &config, &believed, seed, 0).session;
-        let found = calibrate(&config, &setup.robot, &setup.gripper, &believed, &session).cameras;
-        let found: Vec<CameraCalibration> = found.into_iter().map(|it| claimed(it, settings)).collect();
+        let found = calibrate(&config, &setup.robot, &setup.gripper, &believed, &session);
+        let flights = observe_flights(setup, &found, &believed, settings.flights, (seed, 0));
+        let found = refine(&found, &flights, &FlightSettings::default()).calibration;
+        let found: Vec<CameraCalibration> = found.cameras.into_iter().map(|it| claimed(it, settings)).collect();
         Self { cameras: calibrated_cameras(&believed, &found), found }
     }
 

@@ -1,0 +1,346 @@
+//! Refinement of a calibration by thrown objects: several cameras see one free flight, whose law is known.
+//!
+//! Cameras that were calibrated on one arm have its errors in common. Flights tell how the cameras stand to each other, the time between their
+//! clocks, and where the vertical is; they tell nothing of a displacement or a rotation about the vertical that all cameras have in
+//! common. The prior is therefore the joint covariance of all cameras. The world, which is the arm's, may be tilted against gravity.
+//!
+//! Minimized are the sightings' residuals over their standard deviations and the priors, robustly: an object at p(t) under gravity and
+//! quadratic drag is seen at (1 + s)·X_CW·p(t + o) + b by a camera with the depth scale s and the time offset o. The registration of single
+//! images is off by b: by an offset in all flights of a camera, and by another one in each flight, which add up. Every flight's own
+//! parameters are eliminated.
+
+mod equations;
+mod motion;
+#[cfg(test)]
+mod tests;
+
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector3};
+
+use super::{CAMERA_PARAMETERS, Calibration, CalibrationStatus, coarse::moved};
+use equations::{CameraState, FlightEquations, FlightState, OF_CAMERA, OF_FLIGHT, OF_OFFSET, OF_TILT, Priors, Seen};
+
+/// Steps, at most.
+const STEPS: usize = 40;
+/// A step is the last one if it is shorter than this, in standard deviations; after so many steps this will do.
+const SMALL_SD: f64 = 1e-3;
+const NOT_LARGE_SD: f64 = 0.1;
+/// Median of the squared length of three normal residuals.
+const MEDIAN_OF_SQUARES: f64 = 2.366;
+/// Flights that tell how much they vary beyond what their sightings say.
+const LEAST_FLIGHTS: usize = 5;
+/// Flights that move the cameras by more than this, root mean square in standard deviations of the calibration, contradict it.
+const MOST_CHANGE_SD: f64 = 2.0;
+
+/// Where one image shows the object.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sighting {
+    /// Which camera took it.
+    pub camera: usize,
+    /// Its time stamp, in seconds on the camera's clock.
+    pub capture_s: f64,
+    /// The object's centre of mass in C.
+    pub p_C: Vector3<f64>,
+    /// Covariance of that, in m².
+    pub covariance_C: Matrix3<f64>,
+}
+
+/// What was seen of one throw.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Flight {
+    /// In any order.
+    pub sightings: Vec<Sighting>,
+}
+
+/// Settings of the refinement.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FlightSettings {
+    /// Standard deviation of the tilt of W against gravity about x and about y, in radians: 0.05°, what a good level tells of the base.
+    pub tilt_sd_rad: f64,
+    /// Standard deviation of the drag constant k in a = −k·|v|·v of each flight, in 1/m, about zero.
+    pub drag_sd_per_m: f64,
+    /// Standard deviations of what the registration of a camera's images is off by in all flights, in metres: across the line of sight, and
+    /// along it.
+    pub offset_sd_m: [f64; 2],
+    /// The same of what it is off by beside that in each flight.
+    pub flight_offset_sd_m: [f64; 2],
+    /// Flights of fewer sightings do not count.
+    pub least_sightings: usize,
+}
+
+impl Default for FlightSettings {
+    fn default() -> Self {
+        Self {
+            tilt_sd_rad: 0.05_f64.to_radians(),
+            drag_sd_per_m: 0.1,
+            offset_sd_m: [0.0002, 0.01],
+            flight_offset_sd_m: [0.0003, 0.005],
+            least_sightings: 8,
+        }
+    }
+}
+
+/// How far a refinement got.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FlightStatus {
+    /// All is well.
+    Refined,
+    /// No flight has enough sightings, or no camera was calibrated.
+    TooFewSightings,
+    /// The last step was still a large one.
+    NotConverged,
+    /// The flights say that the cameras stand elsewhere than the calibration claims.
+    Contradicting,
+}
+
+/// What flights made of a calibration.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Refinement {
+    /// How far it got. Unless it refined, the calibration is as it was before.
+    pub status: FlightStatus,
+    /// Cameras that did not converge before are as they were.
+    pub calibration: Calibration,
+    /// Flights that counted.
+    pub flights: usize,
+    /// Their sightings.
+    pub sightings: usize,
+    /// Fraction of these that did not count, being outliers.
+    pub outlier_fraction: f64,
+    /// How much larger the variance of the sightings is than they say, one at least; the claimed covariance contains it.
+    pub variance_factor: f64,
+    /// Rotation about x and y of W that leads from its z to the vertical, in radians.
+    pub tilt_rad: [f64; 2],
+    /// Its standard deviations.
+    pub tilt_sd_rad: [f64; 2],
+    /// Root mean square of how far the cameras moved, in standard deviations of the calibration.
+    pub change_sd: f64,
+}
+
+/// Refines the cameras of a calibration that converged by flights of which they have sightings.
+pub fn refine(calibration: &Calibration, flights: &[Flight], settings: &FlightSettings) -> Refinement {
+    let unchanged = Refinement {
+        status: FlightStatus::TooFewSightings,
+        calibration: calibration.clone(),
+        flights: 0,
+        sightings: 0,
+        outlier_fraction: 0.0,
+        variance_factor: 1.0,
+        tilt_rad: [0.0; 2],
+        tilt_sd_rad: [settings.tilt_sd_rad; 2],
+        change_sd: 0.0,
+    };
+    let Some(mut problem) = Problem::new(calibration, flights, settings) else { return unchanged };
+    let sightings = problem.flights.iter().map(|it| it.seen.len()).sum();
+    let unchanged = Refinement { flights: problem.flights.len(), sightings, ..unchanged };
+    let Some(solution) = problem.solve() else {
+        return Refinement { status: FlightStatus::NotConverged, ..unchanged };
+    };
+    let change_sd = problem.change_sd();
+    let found = Refinement {
+        outlier_fraction: solution.outliers as f64 / sightings as f64,
+        variance_factor: problem.factor,
+        change_sd,
+        ..unchanged
+    };
+    if change_sd > MOST_CHANGE_SD {
+        return Refinement { status: FlightStatus::Contradicting, ..found };
+    }
+    let tilt_at = OF_CAMERA * problem.cameras.len();
+    Refinement {
+        status: FlightStatus::Refined,
+        calibration: problem.refined(calibration, &solution.covariance),
+        tilt_rad: problem.tilt_rad,
+        tilt_sd_rad: [0, 1].map(|i| solution.covariance[(tilt_at + i, tilt_at + i)].sqrt()),
+        ..found
+    }
+}
+
+/// All that is estimated, and what is known of it beforehand.
+struct Problem {
+    /// Which cameras are refined.
+    refined: Vec<usize>,
+    calibrated: Vec<CameraState>,
+    cameras: Vec<CameraState>,
+    tilt_rad: [f64; 2],
+    flights: Vec<FlightState>,
+    prior: DMatrix<f64>,
+    of_flights: Priors,
+    factor: f64,
+}
+
+struct Solution {
+    covariance: DMatrix<f64>,
+    outliers: usize,
+}
+
+impl Problem {
+    /// `None` where no flight counts, or the calibration claims nothing.
+    fn new(calibration: &Calibration, flights: &[Flight], settings: &FlightSettings) -> Option<Self> {
+        let is_refined = |it: &usize| calibration.cameras[*it].status == CalibrationStatus::Converged;
+        let refined: Vec<usize> = (0..calibration.cameras.len()).filter(is_refined).collect();
+        let cameras: Vec<CameraState> = refined
+            .iter()
+            .map(|it| {
+                let camera = &calibration.cameras[*it];
+                let (depth_scale, time_offset_s) = (camera.depth_scale, camera.time_offset_s);
+                CameraState { X_WC: camera.X_WC, depth_scale, time_offset_s, offset: Vector3::zeros() }
+            })
+            .collect();
+        let flight = |it: &Flight| {
+            let seen = it.sightings.iter().filter_map(|it| {
+                let camera = refined.iter().position(|camera| *camera == it.camera)?;
+                Seen::new(Sighting { camera, ..*it })
+            });
+            let seen: Vec<Seen> = seen.collect();
+            if seen.len() < settings.least_sightings { None } else { FlightState::new(seen, &cameras) }
+        };
+        let flights: Vec<FlightState> = flights.iter().filter_map(flight).collect();
+        if flights.is_empty() {
+            return None;
+        }
+        let place = |i: usize| CAMERA_PARAMETERS * refined[i / CAMERA_PARAMETERS] + i % CAMERA_PARAMETERS;
+        let size = CAMERA_PARAMETERS * refined.len();
+        let joint = DMatrix::from_fn(size, size, |i, j| calibration.covariance[(place(i), place(j))]);
+        let joint = joint.iter().all(|it| it.is_finite()).then(|| joint.cholesky()).flatten()?.inverse();
+        let common = OF_CAMERA * refined.len();
+        let mut prior = DMatrix::zeros(common + OF_TILT, common + OF_TILT);
+        let place = |i: usize| OF_CAMERA * (i / CAMERA_PARAMETERS) + i % CAMERA_PARAMETERS;
+        for (i, j) in (0..size).flat_map(|j| (0..size).map(move |i| (i, j))) {
+            prior[(place(i), place(j))] = joint[(i, j)];
+        }
+        let offset_sd = |[across, along]: [f64; 2]| Vector3::new(across, across, along);
+        for (camera, axis) in (0..refined.len()).flat_map(|camera| (0..OF_OFFSET).map(move |axis| (camera, axis))) {
+            let at = OF_CAMERA * camera + CAMERA_PARAMETERS + axis;
+            prior[(at, at)] = offset_sd(settings.offset_sd_m)[axis].powi(-2);
+        }
+        (0..OF_TILT).for_each(|i| prior[(common + i, common + i)] = settings.tilt_sd_rad.powi(-2));
+        let of_flights =
+            Priors { drag_sd_per_m: settings.drag_sd_per_m, offset_sd_m: offset_sd(settings.flight_offset_sd_m) };
+        let (calibrated, tilt_rad) = (cameras.clone(), [0.0; 2]);
+        Some(Self { refined, calibrated, cameras, tilt_rad, flights, prior, of_flights, factor: 1.0 })
+    }
+
+    /// How far all that flights have in common is from where it was expected, parameter by parameter.
+    fn deviation(&self) -> DVector<f64> {
+        let mut all = Vec::with_capacity(self.prior.nrows());
+        for (camera, before) in self.cameras.iter().zip(&self.calibrated) {
+            let off = before.X_WC.inv_mul(&camera.X_WC);
+            all.extend(off.rotation.scaled_axis().iter());
+            all.extend(off.translation.vector.iter());
+            all.extend([camera.depth_scale - before.depth_scale, camera.time_offset_s - before.time_offset_s]);
+            all.extend(camera.offset.iter());
+        }
+        all.extend(self.tilt_rad);
+        DVector::from_vec(all)
+    }
+
+    /// Root mean square of how far the cameras moved, over what the calibration claims, offsets and tilt being as they are.
+    fn change_sd(&self) -> f64 {
+        let deviation = self.deviation();
+        let is_camera = |i: usize| i < OF_CAMERA * self.cameras.len() && i % OF_CAMERA < CAMERA_PARAMETERS;
+        let moved = DVector::from_fn(deviation.len(), |i, _| if is_camera(i) { deviation[i] } else { 0.0 });
+        (moved.dot(&(&self.prior * &moved)) / (CAMERA_PARAMETERS * self.cameras.len()) as f64).sqrt()
+    }
+
+    /// Gauss–Newton. Once it has converged the flights tell how much they vary, and it goes on with that.
+    fn solve(&mut self) -> Option<Solution> {
+        self.factor = self.variance_factor();
+        self.converge(true)?;
+        let (equations, information) = self.linearized()?;
+        self.factor *= variation(&information, &equations)?.max(1.0);
+        self.converge(false)?;
+        let (equations, information) = self.linearized()?;
+        let outliers = equations.iter().map(|it| it.outliers).sum();
+        Some(Solution { covariance: information.cholesky()?.inverse(), outliers })
+    }
+
+    /// Steps until they are small; whether residuals tell the variance factor.
+    fn converge(&mut self, with_factor: bool) -> Option<()> {
+        let mut length_sd = f64::INFINITY;
+        for _ in 0..STEPS {
+            let (equations, information) = self.linearized()?;
+            let pull = equations.iter().fold(-(&self.prior * self.deviation()), |sum, it| sum + &it.pull);
+            let change = information.clone().cholesky()?.solve(&pull);
+            let before = self.factor;
+            self.step(&equations, &change);
+            if with_factor {
+                self.factor = self.variance_factor();
+            }
+            length_sd = change.dot(&(information * &change)).sqrt();
+            if length_sd < SMALL_SD && (self.factor / before - 1.0).abs() < SMALL_SD {
+                break;
+            }
+        }
+        // Where sightings go on to count and not to count in turn, steps stay as large as these are.
+        (length_sd < NOT_LARGE_SD).then_some(())
+    }
+
+    /// How much larger the variance of single sightings is than they say, by the median of their residuals.
+    fn variance_factor(&self) -> f64 {
+        let rows = self.flights.iter().flat_map(|it| it.rows(&self.cameras, self.tilt_rad));
+        let mut squares: Vec<f64> = rows.map(|it| it.residual.norm_squared()).collect();
+        let (count, middle) = (3.0 * squares.len() as f64, squares.len() / 2);
+        let (_, median, _) = squares.select_nth_unstable_by(middle, f64::total_cmp);
+        let estimated = (OF_FLIGHT * self.flights.len()) as f64;
+        (*median / MEDIAN_OF_SQUARES * count / (count - estimated).max(1.0)).max(1.0)
+    }
+
+    fn linearized(&self) -> Option<(Vec<FlightEquations>, DMatrix<f64>)> {
+        let of = |it: &FlightState| it.equations(&self.cameras, self.tilt_rad, &self.of_flights, self.factor);
+        let equations = self.flights.iter().map(of).collect::<Option<Vec<FlightEquations>>>()?;
+        let information = equations.iter().fold(self.prior.clone(), |sum, it| sum + &it.information);
+        Some((equations, information))
+    }
+
+    fn step(&mut self, equations: &[FlightEquations], change: &DVector<f64>) {
+        for (i, camera) in self.cameras.iter_mut().enumerate() {
+            let three = |first: usize| change.fixed_rows::<3>(OF_CAMERA * i + first).into_owned();
+            camera.X_WC *= moved(&three(3), &three(0));
+            camera.depth_scale += change[OF_CAMERA * i + 6];
+            camera.time_offset_s += change[OF_CAMERA * i + 7];
+            camera.offset += three(CAMERA_PARAMETERS);
+        }
+        let tilt_at = OF_CAMERA * self.cameras.len();
+        self.tilt_rad.iter_mut().enumerate().for_each(|(i, it)| *it += change[tilt_at + i]);
+        self.flights.iter_mut().zip(equations).for_each(|(flight, it)| flight.step(it, change));
+    }
+
+    /// The calibration with cameras as they are refined, and their covariance.
+    fn refined(&self, calibration: &Calibration, covariance: &DMatrix<f64>) -> Calibration {
+        let mut all = calibration.clone();
+        let place = |row: usize| {
+            let i = self.refined.iter().position(|it| *it == row / CAMERA_PARAMETERS)?;
+            Some(OF_CAMERA * i + row % CAMERA_PARAMETERS)
+        };
+        all.covariance =
+            DMatrix::from_fn(all.covariance.nrows(), all.covariance.ncols(), |i, j| match (place(i), place(j)) {
+                (Some(i), Some(j)) => covariance[(i, j)],
+                (None, None) => calibration.covariance[(i, j)],
+                _ => 0.0,
+            });
+        for (i, state) in self.refined.iter().zip(&self.cameras) {
+            let first = CAMERA_PARAMETERS * i;
+            let camera = &mut all.cameras[*i];
+            camera.X_WC = state.X_WC;
+            camera.covariance = Matrix6::from_fn(|row, column| all.covariance[(first + row, first + column)]);
+            (camera.depth_scale, camera.time_offset_s) = (state.depth_scale, state.time_offset_s);
+            camera.time_offset_sd_s = Some(all.covariance[(first + 7, first + 7)].sqrt());
+        }
+        all
+    }
+}
+
+/// How much more the flights vary than their sightings say: the jackknife's covariance over that of independent residuals, both over the
+/// information of all (`covariance.rs`). One, where there are few flights.
+fn variation(information: &DMatrix<f64>, equations: &[FlightEquations]) -> Option<f64> {
+    if equations.len() < LEAST_FLIGHTS {
+        return Some(1.0);
+    }
+    let inverse = information.clone().cholesky()?.inverse();
+    let (mut found, mut expected) = (0.0, 0.0);
+    for flight in equations {
+        let away = (information - &flight.information).cholesky()?.solve(&flight.pull);
+        found += away.dot(&(information * &away));
+        expected += (&flight.information * &inverse).trace();
+    }
+    Some(found / expected)
+}
