@@ -14,9 +14,8 @@ use crate::{
     spread::quantiles,
 };
 
-const LEGEND: &str = "CPU time of one thread in ms, over the ticks of the first 200 ms of each throw, in which the stage ran. *First pose*: \
-perception in ticks that find the object without a prediction. *Update*: perception and prediction together in ticks that find it where it was \
-predicted.";
+const LEGEND: &str = "CPU time of one thread in ms, over the ticks of the first 200 ms of each throw, in which the stage ran. A *first pose* is perception in \
+ticks that find the object without a prediction. An *update* is perception and prediction together in ticks that find it where it was predicted.";
 
 /// What an update of a tracked object consists of.
 const UPDATE: [&str; 2] = ["perception", "trajectory_prediction"];
