@@ -6,7 +6,10 @@ use std::{
     sync::Arc,
 };
 
-use catch_body::{InputError, Pose};
+use catch_body::{
+    InputError, Pose,
+    quantity::{FLIGHTS, POSES},
+};
 use catch_calibration::{
     Calibration, CalibrationStatus, CameraCalibration, Config, Residuals, calibrate,
     flights::{FlightSettings, FlightStatus, Refinement, refine},
@@ -63,7 +66,7 @@ pub struct CalibrateArguments {
     #[arg(long, value_name = "FILE", requires = "camera_info", conflicts_with = "rig")]
     hand_eye: Vec<PathBuf>,
     /// Poses of the arm
-    #[arg(long, value_name = "N", default_value_t = Config::default().poses as u64, value_parser = whole(3, 100))]
+    #[arg(long, value_name = "N", default_value_t = Config::default().poses as u64, value_parser = whole(POSES.least as u64, POSES.most as u64))]
     poses: u64,
     /// Standard deviation of the joints' zeros, in degrees, instead of what the images tell; zero: they are exact
     #[arg(long, value_name = "DEGREES", value_parser = at_most(5.0))]
@@ -72,7 +75,7 @@ pub struct CalibrateArguments {
     #[arg(long, value_name = "MM", value_parser = at_most(20.0))]
     link_sd_mm: Option<f64>,
     /// Throws that refine the calibration afterwards: the cameras see one flight, whose law is known
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole(0, 200))]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole(FLIGHTS.least as u64, FLIGHTS.most as u64))]
     flights: u64,
     /// What is thrown: a built-in object or a file [default: the scenario's]
     #[arg(long, value_name = "NAME|FILE")]
