@@ -18,7 +18,7 @@ use crate::{
     trajectory_optimization::CatchPlan,
     trajectory_prediction::FlightTrajectory,
 };
-use catch_body::{Gripper, Robot};
+use catch_body::{Gripper, Pose, Robot};
 
 /// Settings of control.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -129,9 +129,8 @@ pub fn closing(
     GripperPlan { start_s: close_s - latency_s, contact_s, speed_mps: closing.speed_mps }
 }
 
-/// Whether a plan whose motion cannot be changed any more still meets the object, as the flight is known now.
-pub fn is_still_good(plan: &CatchPlan, flight: &FlightTrajectory, gripper: &Gripper, config: &Config) -> bool {
-    let X_WG = flight.pose_at(plan.catch_s) * plan.grasp.X_OG;
+/// Whether a plan whose motion cannot be changed any more still meets the object, for which the gripper would have to be at `X_WG`.
+pub fn is_still_good(plan: &CatchPlan, X_WG: &Pose, gripper: &Gripper, config: &Config) -> bool {
     let missed_by = (X_WG * gripper.grasp_centre() - plan.X_WG * gripper.grasp_centre()).norm();
     missed_by < config.tolerated_miss_m && X_WG.rotation.angle_to(&plan.X_WG.rotation) < config.tolerated_miss_rad
 }

@@ -68,7 +68,8 @@ impl TimeGridSearch {
     /// else as near to it as the arm can still come. Another catch also takes the place of one that promised more than it now
     /// does.
     fn replan(&self, situation: &Situation<'_>, incoming: &Incoming<'_>, running: &CatchPlan) -> Decision {
-        let (start, flight, search) = (&situation.start, incoming.flight, &self.search);
+        let (start, search) = (&situation.start, &self.search);
+        let unchanged = Correction::new(start, incoming, running, running.catch_s);
         let mut progress = situation.progress;
         // Fingers that have begun to close are timed for this catch.
         let is_closing = situation.is_closing();
@@ -78,7 +79,7 @@ impl TimeGridSearch {
         }
         let is_good = match &adjusted {
             Some(adjusted) => adjusted.approach_is_free,
-            None => is_still_good(running, flight, search.motion().gripper(), &self.config),
+            None => is_still_good(running, &unchanged.X_WG(), search.motion().gripper(), &self.config),
         };
         // A catch that the flight, known better, has made worse is compared with the best there is now.
         let gain = self.config.switching_hysteresis;
@@ -102,8 +103,8 @@ impl TimeGridSearch {
         if let Some(plan) = another.or(adjusted) {
             return Decision { status: Status::Planned, plan: Some(plan), progress };
         }
-        let unchanged = Correction::new(start, incoming, running, running.catch_s);
-        let kept = || (Status::PlanKept, search.opened(running.clone(), &unchanged));
+        let kept = || CatchPlan { grasp: unchanged.grasp.clone(), ..running.clone() };
+        let kept = || (Status::PlanKept, search.opened(kept(), &unchanged));
         let (status, plan) =
             search.nearest(start, incoming, running).map_or_else(kept, |plan| (Status::Approached, plan));
         Decision { status, plan: Some(plan), progress }

@@ -243,6 +243,8 @@ pub struct GraspSet {
     pub surface_points: Vec<Point3<f64>>,
     /// Distance of the farthest of them from the centre of mass, in metres.
     pub radius_m: f64,
+    /// Rotations about the centre of mass under which the object looks the same, and is held the same.
+    pub symmetry: Symmetry,
     /// Closing and approaching direction of every grasp, in O.
     axes: Vec<[Vector3<f64>; 2]>,
 }
@@ -287,7 +289,7 @@ impl GraspSet {
         let axes = grasps.iter().map(|it| [it.X_OG * Vector3::x(), it.X_OG * Vector3::y()]).collect();
         let surface_points = surface_points(&reference.points);
         let radius_m = surface_points.iter().map(|point| point.coords.norm()).fold(0.0, f64::max);
-        Self { grasps, failures, surface_points, radius_m, axes }
+        Self { grasps, failures, surface_points, radius_m, symmetry: reference.symmetry, axes }
     }
 
     /// Why sampled candidates are none, the most frequent reason first.

@@ -14,7 +14,7 @@ use super::{
     swept_volume::Entering,
 };
 use crate::{
-    grasp_selection::heuristics,
+    grasp_selection::{Grasp, heuristics},
     settings::{ANGLE_RAD, FRACTION, Faults, SettingError, Settings},
     trajectory_prediction::LocalFlight,
 };
@@ -90,17 +90,26 @@ pub struct Correction<'a> {
     incoming: &'a Incoming<'a>,
     plan: &'a CatchPlan,
     local_flight: LocalFlight,
+    /// The plan's: of all that hold the object alike the one that turns the gripper least. What cannot be seen of an orientation is not followed.
+    pub grasp: Grasp,
 }
 
 impl<'a> Correction<'a> {
     /// Of this plan, its catch at `catch_s`.
     pub fn new(start: &'a Start, incoming: &'a Incoming<'a>, plan: &'a CatchPlan, catch_s: f64) -> Self {
-        Self { start, incoming, plan, local_flight: incoming.flight.local_flight_at(catch_s) }
+        let local_flight = incoming.flight.local_flight_at(catch_s);
+        let R_WO = local_flight.X_WO.rotation;
+        let planned_WO = plan.X_WG.rotation * plan.grasp.X_OG.rotation.inverse();
+        let alike_WO = incoming.grasps.symmetry.nearest_alike(&planned_WO, &R_WO);
+        let mut X_OG = R_WO.inverse() * alike_WO * plan.grasp.X_OG;
+        // Each replan makes it from the last one's, and rounding must not add up.
+        X_OG.rotation.renormalize();
+        Self { start, incoming, plan, local_flight, grasp: Grasp { X_OG, ..plan.grasp.clone() } }
     }
 
-    /// The gripper's pose in W with the plan's grasp.
-    fn X_WG(&self) -> Pose {
-        self.local_flight.X_WO * self.plan.grasp.X_OG
+    /// The gripper's pose in W that the grasp asks for.
+    pub fn X_WG(&self) -> Pose {
+        self.local_flight.X_WO * self.grasp.X_OG
     }
 }
 
@@ -209,12 +218,11 @@ impl CatchSearch {
 
     /// The same in this posture.
     fn at_posture(&self, to: &Correction, X_WG: &Pose, scaling: LimitScaling, posture: Posture) -> Option<CatchPlan> {
-        let Correction { start, incoming, plan, local_flight } = to;
+        let Correction { start, incoming, plan, local_flight, grasp } = to;
         let LocalFlight { time_s: catch_s, X_WO, V_WO, .. } = *local_flight;
         let (q, v_WO) = (posture.q, V_WO.linear);
         let base = Point3::from(self.motion.robot.X_WB.translation.vector);
-        let still_cost =
-            heuristics::rank_alone(0, &plan.grasp, &X_WO, &v_WO, &base, &incoming.config.weights).still_cost;
+        let still_cost = heuristics::rank_alone(0, grasp, &X_WO, &v_WO, &base, &incoming.config.weights).still_cost;
         let point_to_point = self.motion.point_to_point(start, catch_s, X_WG, &q, &v_WO, scaling);
         let point_to_point = PointToPoint { weights: plan.weights, ..point_to_point };
         let joints = self.motion.reaches(start, catch_s - start.time_s, scaling);
@@ -222,8 +230,8 @@ impl CatchSearch {
         let CatchPlan { approach, cost, .. } = **plan;
         let reachable = ReachableCatch { catch_s, approach, X_WG: *X_WG, posture, cost, still_cost };
         let best = point_to_point.best(bounds, -1.0)?;
-        let found = self.finish(incoming, &reachable, &plan.grasp, best, &point_to_point)?;
-        self.motion.is_safe(&found.trajectory, catch_s, &plan.grasp).then_some(found)
+        let found = self.finish(incoming, &reachable, grasp, best, &point_to_point)?;
+        self.motion.is_safe(&found.trajectory, catch_s, grasp).then_some(found)
     }
 
     /// The same plan with the opening that it had, or a narrower one for slow fingers, if that lets the object in; else with the narrowest that does, or, where none
