@@ -87,7 +87,7 @@ mod tests {
             })
             .collect();
         let spin = |knows_symmetry: bool| {
-            let symmetry = Symmetry::Axis { axis, reversible: false };
+            let symmetry = Symmetry::Axis { axis, reversible: false, axial_inertia: 1.0 };
             let sampling = SamplingConfig { knows_symmetry, ..SamplingConfig::default() };
             let mut predictor = RansacPredictor::new(Config::default(), &sampling, symmetry, 1);
             predictor.predict(&poses, None).unwrap().w_WO

@@ -110,7 +110,7 @@ mod tests {
 
     #[test]
     fn what_looks_the_same_is_not_asked_for() {
-        let axis = |reversible| Symmetry::Axis { axis: Vector3::z_axis(), reversible };
+        let axis = |reversible| Symmetry::Axis { axis: Vector3::z_axis(), reversible, axial_inertia: 1.0 };
         let inertia_per_kg = Matrix3::from_diagonal(&Vector3::new(1.0, 2.0, 3.0));
         let finite = |group| Symmetry::Finite { group, inertia_per_kg };
         let box_like = [Vector3::x(), Vector3::y()].map(|it| UnitQuaternion::from_scaled_axis(it * PI));
@@ -123,7 +123,7 @@ mod tests {
 
     #[test]
     fn several_images_decide_and_settle() {
-        let new = || HalfTurns::new(&Symmetry::Axis { axis: Vector3::z_axis(), reversible: false });
+        let new = || HalfTurns::new(&Symmetry::Axis { axis: Vector3::z_axis(), reversible: false, axial_inertia: 1.0 });
         // A single one has no say, however clear it is, nor have many that contradict each other.
         let mut turns = new();
         for better in [1e6, 1.0, -1e6, 1e6, -5.0, -1e6] {

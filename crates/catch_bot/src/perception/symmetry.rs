@@ -72,12 +72,14 @@ pub enum Symmetry {
         inertia_per_kg: Matrix3<f64>,
     },
     /// Any turn about one axis: only where the axis points can be seen. It turns at a constant rate about a fixed direction
-    /// whatever the spin (the free symmetric top), so no inertia is needed.
+    /// whatever the spin (the free symmetric top).
     Axis {
         /// The axis in O.
         axis: Unit<Vector3<f64>>,
         /// Whether the object also looks the same with the axis reversed.
         reversible: bool,
+        /// Moment of inertia about the axis, divided by that across it. The axis turns about the angular momentum at ω_⊥ + this·ω_∥.
+        axial_inertia: f64,
     },
     /// Any turn at all.
     Sphere,
@@ -138,7 +140,10 @@ impl Symmetry {
                 let which = around.iter().position(|&same| same).unwrap_or(0);
                 let across = principal[(which + 1) % 3];
                 let reversed = UnitQuaternion::from_axis_angle(&across, PI);
-                Self::Axis { axis: principal[which], reversible: looks_the_same(reversed) }
+                // J_∥ = tr(S) − s and J_⊥ = (tr(S) + s)/2, s being the second moment along the axis.
+                let [trace, along] = [second_moment.trace(), eigen.eigenvalues[which]];
+                let axial_inertia = 2.0 * (trace - along) / (trace + along);
+                Self::Axis { axis: principal[which], reversible: looks_the_same(reversed), axial_inertia }
             }
         }
     }
@@ -168,7 +173,7 @@ impl Symmetry {
     #[must_use]
     pub fn with_ends_alike(self) -> Self {
         match self {
-            Self::Axis { axis, .. } => Self::Axis { axis, reversible: true },
+            Self::Axis { axis, axial_inertia, .. } => Self::Axis { axis, reversible: true, axial_inertia },
             other => other,
         }
     }
@@ -201,7 +206,7 @@ impl Symmetry {
                 };
                 group.rotations().iter().map(alike).fold(R_WA.rotation_to(R_WB), smaller).scaled_axis()
             }
-            Self::Axis { axis, reversible } => {
+            Self::Axis { axis, reversible, .. } => {
                 let (from, mut to) = (R_WA * axis.into_inner(), R_WB * axis.into_inner());
                 if *reversible && from.dot(&to) < 0.0 {
                     to = -to;

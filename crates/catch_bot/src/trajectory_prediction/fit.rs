@@ -1,7 +1,8 @@
 //! The flight that fits all poses best, by what each pose's information is worth.
 //!
 //! Minimizes Σ ρ(eᵢᵀ·Wᵢ·eᵢ / s²) + (k − k̄)²/σ_k² + |ω|²/σ_ω² + (c − c̄)²/σ_c² over (p, v, k, R, ω, c) at the time of the newest pose, eᵢ being the
-//! turn and shift from the flight to pose i and Wᵢ its information, by Gauss–Newton with reweighting. Outliers weigh nothing
+//! turn and shift from the flight to pose i and Wᵢ its information, by Gauss–Newton with reweighting. Of a round object ω is L/J_⊥, whose part along
+//! the axis is expected to be J_∥/J_⊥ times as large. Outliers weigh nothing
 //! (ρ of Geman and McClure); the scale s, by which the poses err more or less than they say, is estimated along.
 
 mod row;

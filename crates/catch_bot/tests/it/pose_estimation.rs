@@ -72,6 +72,23 @@ fn reference_knows_centre_and_symmetry() {
     }
 }
 
+/// Against the integrals over the bottle's two cylinders.
+#[test]
+fn a_round_object_knows_how_its_inertia_along_the_axis_is_to_that_across() {
+    let cylinders = [(0.0, 0.06, 0.0254_f64), (0.06, 0.0786, 0.022)];
+    let mass = |(low, high, radius): &(f64, f64, f64)| (high - low) * radius.powi(2);
+    let middle = |(low, high, _): &(f64, f64, f64)| f64::midpoint(*low, *high);
+    let whole: f64 = cylinders.iter().map(mass).sum();
+    let centre = cylinders.iter().map(|it| mass(it) * middle(it)).sum::<f64>() / whole;
+    let along: f64 = cylinders.iter().map(|it| mass(it) * it.2.powi(2) / 2.0).sum();
+    let across = |it: &(f64, f64, f64)| {
+        mass(it) * ((3.0 * it.2.powi(2) + (it.1 - it.0).powi(2)) / 12.0 + (middle(it) - centre).powi(2))
+    };
+    let expected = along / cylinders.iter().map(across).sum::<f64>();
+    let Symmetry::Axis { axial_inertia, .. } = synthetic::reference(&Shape::Bottle, 200).symmetry else { panic!() };
+    assert!((axial_inertia / expected - 1.0).abs() < 0.02, "{axial_inertia}, {expected}");
+}
+
 #[test]
 fn a_banana_with_ends_alike_looks_the_same_after_half_a_turn() {
     let reference = synthetic::reference(&Shape::bent(0.0), 200);

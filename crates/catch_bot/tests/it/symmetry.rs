@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 #[test]
 fn the_nearest_alike_orientation_looks_the_same_and_does_not_turn_about_the_axis() {
     let axis = Vector3::z_axis();
-    let symmetry = Symmetry::Axis { axis, reversible: false };
+    let symmetry = Symmetry::Axis { axis, reversible: false, axial_inertia: 1.0 };
     let R_WA = UnitQuaternion::from_euler_angles(0.4, -0.7, 1.9);
     let tilt = UnitQuaternion::from_euler_angles(0.02, 0.03, 0.0);
     // The same looks as a slightly tilted A, but spun by 2 rad about the axis.

@@ -137,7 +137,7 @@ fn claimed_uncertainty_holds() {
 #[test]
 fn confused_ends_leave_the_axis() {
     let (axis, config) = (Vector3::z_axis(), Config::default());
-    let bottle = Symmetry::Axis { axis, reversible: false };
+    let bottle = Symmetry::Axis { axis, reversible: false, axial_inertia: 1.0 };
     let half_turn = UnitQuaternion::from_scaled_axis(Vector3::x() * std::f64::consts::PI);
     let mut right = [0, 0];
     for seed in 0..50 {
@@ -158,6 +158,26 @@ fn confused_ends_leave_the_axis() {
         }
     }
     assert!(right[0] >= 48 && right[1] < 40, "{right:?}");
+}
+
+/// Spin about the axis of a long object turns it less than spin across it. As long as poses tell nothing of it, that is all that is known.
+#[test]
+fn what_turns_a_long_round_object_is_less_along_its_axis() {
+    let (axis, config) = (Vector3::z_axis(), Config { spin_prior_sd_radps: 8.0, ..Config::default() });
+    let symmetry = Symmetry::Axis { axis, reversible: false, axial_inertia: 0.4 };
+    let mut found = 0;
+    for seed in 0..20 {
+        let mut normal = Normal::new(seed);
+        let throw = throw(&mut normal, 3.0, 0.0, &symmetry);
+        let poses = seen(&throw, 6, 0.001, 0.5, 0.0, &mut normal);
+        let Ok(flight) = InformationFit::new(config.clone(), symmetry, seed).predict(&poses, None) else { continue };
+        let axis_W = flight.R_WO * axis.into_inner();
+        let covariance = flight.rotation_covariance.fixed_view::<3, 3>(3, 3).into_owned();
+        let along_radps = axis_W.dot(&(covariance * axis_W)).sqrt();
+        assert!((2.9..=3.2001).contains(&along_radps), "{along_radps} rad/s, seed {seed}");
+        found += 1;
+    }
+    assert!(found > 10, "{found}");
 }
 
 #[test]
@@ -295,7 +315,7 @@ fn off_centre(symmetry: &Symmetry, com_O: Vector3<f64>, com_sd_m: Option<f64>, t
 
 #[test]
 fn a_centre_of_mass_that_is_elsewhere_is_found_in_flight() {
-    let bottle = Symmetry::Axis { axis: Vector3::z_axis(), reversible: false };
+    let bottle = Symmetry::Axis { axis: Vector3::z_axis(), reversible: false, axial_inertia: 1.0 };
     for (symmetry, com_O) in [(bottle, Vector3::z() * 8e-3), (banana(), Vector3::new(5e-3, -4e-3, 4.8e-3))] {
         let (unaware_m, _) = off_centre(&symmetry, com_O, None, 40);
         let (aware_m, inside) = off_centre(&symmetry, com_O, Some(5e-3), 40);

@@ -8,6 +8,7 @@ use super::{
     row::Row,
     state::{DECAY, DRAG, N, ROTATION, SPIN, State, TURN},
 };
+use crate::perception::Symmetry;
 
 /// Error in scaled standard deviations per degree of freedom at which a pose's weight has fallen to a quarter.
 const OUTLIER_SD: f64 = 4.0;
@@ -138,11 +139,17 @@ impl Problem<'_> {
         let decay = self.config.aerodynamics.spin_decay_sd_per_s.max(1e-7).powi(-2);
         information[(DECAY, DECAY)] += decay;
         gradient[DECAY] += decay * (state.decay_per_s - self.config.aerodynamics.spin_decay_per_s);
-        let spin = self.config.spin_prior_sd_radps.max(1e-6).powi(-2);
-        for i in 0..3 {
-            information[(SPIN + i, SPIN + i)] += spin;
-            gradient[SPIN + i] += spin * state.w[i];
+        let mut spin = Matrix3::identity();
+        if let Symmetry::Axis { axis, axial_inertia, .. } = self.symmetry {
+            // What turns an axis is less than the spin about it.
+            let axis_W = state.R_WO * axis.into_inner();
+            spin += axis_W * axis_W.transpose() * (axial_inertia.powi(-2) - 1.0);
         }
+        spin *= self.config.spin_prior_sd_radps.max(1e-6).powi(-2);
+        let mut view = information.fixed_view_mut::<3, 3>(SPIN, SPIN);
+        view += spin;
+        let mut view = gradient.fixed_rows_mut::<3>(SPIN);
+        view += spin * state.w;
         (information, gradient)
     }
 }
