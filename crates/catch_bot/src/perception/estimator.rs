@@ -179,7 +179,7 @@ impl ObjectFinder {
         }
         let expected = prior.pose();
         let found = expected.map(|_| self.find_near(view, &prior, &mut register));
-        let unlabelled = view.is_unlabelled();
+        let unlabelled = view.frames.iter().any(|frame| frame.mask.is_none());
         match found {
             Some(Ok(pose)) => Ok(pose),
             Some(Err(status)) if !unlabelled && status != PerceptionStatus::NoPoints => Err(status),

@@ -45,7 +45,7 @@ pub struct ScenePoint {
 }
 
 /// How a pose of the object stands to a point of the scene.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct PointResidual {
     /// Number of the point in its cloud, and of its image.
     pub point: usize,
@@ -58,14 +58,6 @@ pub(super) struct PointResidual {
     /// Standard deviation of the distance, and by how much a standard deviation of the depth changes it.
     pub sd_m: f64,
     pub by_depth_m: f64,
-}
-
-impl PointResidual {
-    /// Before there is a pose.
-    pub fn unmeasured(point: usize, image: usize) -> Self {
-        let (p_O, n_O) = (Point3::origin(), Vector3::zeros());
-        Self { point, image, p_O, distance_m: 0.0, n_O, sd_m: 0.0, by_depth_m: 0.0 }
-    }
 }
 
 /// Points, silhouette rays and labels for which there is room from the start, so that larger images of the object than those

@@ -296,9 +296,9 @@ impl<'a> Depths<'a> {
         let mut first = 0;
         for image in depths.images() {
             if depths.has_shape(image) {
-                depths
-                    .residuals
-                    .extend((first..).zip(image).map(|(i, point)| PointResidual::unmeasured(i, point.image)));
+                let residual =
+                    |(point, &ScenePoint { image, .. })| PointResidual { point, image, ..Default::default() };
+                depths.residuals.extend((first..).zip(image).map(residual));
             }
             first += image.len();
         }

@@ -28,11 +28,6 @@ impl<'a> View<'a> {
         frames.iter().enumerate().filter(|(_, frame)| left_out.get(frame.camera) != Some(&true))
     }
 
-    /// Whether an image comes without a mask.
-    pub fn is_unlabelled(&self) -> bool {
-        self.frames.iter().any(|frame| frame.mask.is_none())
-    }
-
     /// When the images were taken: the capture time of the middle one.
     pub fn capture_s(&self) -> f64 {
         let middle_first = self.frames[self.frames.len() / 2..].iter().chain(self.frames);

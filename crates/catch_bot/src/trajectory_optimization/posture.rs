@@ -55,11 +55,6 @@ impl PostureFinder {
         closed.unwrap_or(Self::Numerical)
     }
 
-    /// Whether it tells of all redundancy at once.
-    pub fn covers_redundancy(&self) -> bool {
-        matches!(self, Self::Srs(_))
-    }
-
     /// What it takes to look for the postures of a pose, in the units of the search's work.
     pub fn work(&self, thorough: bool) -> usize {
         match (self, thorough) {

@@ -115,7 +115,7 @@ impl ReachMap {
     /// Whether a search for `robot` is served by a map: where inverse kinematics does not tell at once of a pose, over all
     /// redundancy, whether it can be reached.
     pub fn serves(robot: &Robot) -> bool {
-        !PostureFinder::new(robot).covers_redundancy()
+        !matches!(PostureFinder::new(robot), PostureFinder::Srs(_))
     }
 
     /// For an arm that waits at its ready pose, worked out on one thread, which takes some seconds.
@@ -131,11 +131,6 @@ impl ReachMap {
         let corner = self.grid.corner(&X_WG.translation.vector);
         let time = corner.map_or(NEVER, |corner| self.times[corner * ORIENTATIONS + orientation(X_WG)]);
         if time == NEVER { f64::INFINITY } else { f64::from(time) * UNIT_S }
-    }
-
-    /// The fraction of the time from the departure on that the gripper needs to come to `X_WG`, at most 1.
-    pub fn fraction_of_time(&self, X_WG: &Pose, time_s: f64) -> f64 {
-        (self.least_time_s(X_WG) / time_s).min(1.0)
     }
 
     /// Whether the gripper can be at `X_WG` so long after the departure, as far as samples tell.

@@ -20,6 +20,6 @@ impl Reach<'_> {
 
     /// What the reachability margin there costs about: where the arm needs most of the time, it needs most of what its joints can do.
     pub fn margin_cost(&self, X_WG: &Pose, catch_s: f64, weights: &Weights) -> f64 {
-        weights.reach_fraction * self.map.fraction_of_time(X_WG, catch_s - self.departure_s).powi(4)
+        weights.reach_fraction * (self.map.least_time_s(X_WG) / (catch_s - self.departure_s)).min(1.0).powi(4)
     }
 }
