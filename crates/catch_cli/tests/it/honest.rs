@@ -174,7 +174,7 @@ fn a_brain_whose_trajectory_was_refused_goes_on_from_what_the_arm_follows() {
     );
 }
 
-/// How often, in ten throws of tumbling bananas, another catch is chosen.
+/// How often, in ten throws of tumbling bananas, another catch is chosen: one that holds another part of the object, or holds it otherwise.
 fn changes_of_catch(switching_hysteresis: f64) -> usize {
     let settings = [format!("brain.control.switching_hysteresis={switching_hysteresis}")];
     let choice = Choice { scenario: Some("honest"), object: Some("banana"), settings: &settings, ..Choice::default() };
@@ -182,7 +182,7 @@ fn changes_of_catch(switching_hysteresis: f64) -> usize {
     let changes = (0..10).map(|index| {
         let trial = trial::run(&setup, 1, index, &mut |_, _| Ok(())).unwrap();
         let grasps: Vec<_> =
-            trial.snapshots.iter().filter_map(|it| Some(it.report.as_ref()?.plan.as_ref()?.grasp.X_OG)).collect();
+            trial.snapshots.iter().filter_map(|it| Some(it.report.as_ref()?.plan.as_ref()?.grasp.held_G)).collect();
         grasps.windows(2).filter(|pair| pair[0] != pair[1]).count()
     });
     changes.sum()
