@@ -18,7 +18,7 @@ use std::{collections::BTreeMap, fs, hint::black_box, process::Command, sync::Ar
 use catch_bot::{
     grasp_selection::{self, GraspSet},
     perception::{self, DepthNoise, PoseEstimator, ReferenceModel, SdfEstimator, Symmetry, View, Workspace},
-    trajectory_optimization::{CatchSearch, Incoming, Start},
+    trajectory_optimization::{CatchSearch, Incoming, Start, retarget::Correction},
     trajectory_prediction::{
         self, AerodynamicPrior, CorrelatedError, FlightPredictor, FlightTrajectory, InformationFit, ProcessNoise,
     },
@@ -138,7 +138,8 @@ fn plan(again: bool) {
     let plan = search.search(&start, &incoming).expect("a catch");
     let later = Start { time_s: 0.2, state: plan.trajectory.setpoint(0.2) };
     let aside = FlightTrajectory { p_WOcm: flight.p_WOcm + Vector3::x() * 5e-3, ..flight.clone() };
-    run(|| search.retarget(&later, &Incoming { flight: &aside, ..incoming }, &plan).expect("a replan"));
+    let aside = Incoming { flight: &aside, ..incoming };
+    run(|| search.retarget(&Correction::new(&later, &aside, &plan, plan.catch_s)).expect("a replan"));
 }
 
 /// The instructions of each stage, if they can be counted here.

@@ -11,7 +11,7 @@ mod synthetic;
 use catch_bot::{
     grasp_selection::{self, GraspSet},
     perception::{self, ReferenceModel},
-    trajectory_optimization::{CatchSearch, Incoming, Start},
+    trajectory_optimization::{CatchSearch, Incoming, Start, retarget::Correction},
     trajectory_prediction::FlightTrajectory,
 };
 use criterion::{Criterion, criterion_group, criterion_main};
@@ -37,7 +37,7 @@ fn everything(criterion: &mut Criterion) {
         let aside = FlightTrajectory { p_WOcm: flight.p_WOcm + Vector3::x() * 5e-3, ..flight.clone() };
         let aside = Incoming { flight: &aside, ..incoming };
         criterion.bench_function(&format!("replan/{name}"), |bencher| {
-            bencher.iter(|| search.retarget(&later, &aside, &plan));
+            bencher.iter(|| search.retarget(&Correction::new(&later, &aside, &plan, plan.catch_s)));
         });
     }
 }

@@ -69,17 +69,17 @@ impl TimeGridSearch {
     /// does.
     fn replan(&self, situation: &Situation<'_>, incoming: &Incoming<'_>, running: &CatchPlan) -> Decision {
         let (start, search) = (&situation.start, &self.search);
-        let unchanged = Correction::new(start, incoming, running, running.catch_s);
+        let to = Correction::new(start, incoming, running, running.catch_s);
         let mut progress = situation.progress;
         // Fingers that have begun to close are timed for this catch.
         let is_closing = situation.is_closing();
-        let mut adjusted = search.retarget(start, incoming, running);
+        let mut adjusted = search.retarget(&to);
         if !is_closing && !adjusted.as_ref().is_some_and(|it| it.approach_is_free) {
-            adjusted = search.shifted(start, incoming, running).or(adjusted);
+            adjusted = search.shifted(&to).or(adjusted);
         }
         let is_good = match &adjusted {
             Some(adjusted) => adjusted.approach_is_free,
-            None => is_still_good(running, &unchanged.X_WG(), search.motion().gripper(), &self.config),
+            None => is_still_good(running, &to.X_WG(), search.motion().gripper(), &self.config),
         };
         // A catch that the flight, known better, has made worse is compared with the best there is now.
         let gain = self.config.switching_hysteresis;
@@ -103,10 +103,9 @@ impl TimeGridSearch {
         if let Some(plan) = another.or(adjusted) {
             return Decision { status: Status::Planned, plan: Some(plan), progress };
         }
-        let kept = || CatchPlan { grasp: unchanged.grasp.clone(), ..running.clone() };
-        let kept = || (Status::PlanKept, search.opened(kept(), &unchanged));
-        let (status, plan) =
-            search.nearest(start, incoming, running).map_or_else(kept, |plan| (Status::Approached, plan));
+        let kept = || CatchPlan { grasp: to.grasp.clone(), ..running.clone() };
+        let kept = || (Status::PlanKept, search.opened(kept(), &to));
+        let (status, plan) = search.nearest(&to).map_or_else(kept, |plan| (Status::Approached, plan));
         Decision { status, plan: Some(plan), progress }
     }
 }

@@ -243,7 +243,7 @@ pub struct GraspSet {
     pub surface_points: Vec<Point3<f64>>,
     /// Distance of the farthest of them from the centre of mass, in metres.
     pub radius_m: f64,
-    /// Rotations about the centre of mass under which the object looks the same, and is held the same.
+    /// Rotations about the centre of mass under which the object looks the same: turned by one of them, a grasp holds it alike.
     pub symmetry: Symmetry,
     /// Closing and approaching direction of every grasp, in O.
     axes: Vec<[Vector3<f64>; 2]>,

@@ -95,7 +95,7 @@ pub struct Correction<'a> {
 }
 
 impl<'a> Correction<'a> {
-    /// Of this plan, its catch at `catch_s`.
+    /// Of this plan, with its catch at `catch_s`.
     pub fn new(start: &'a Start, incoming: &'a Incoming<'a>, plan: &'a CatchPlan, catch_s: f64) -> Self {
         let local_flight = incoming.flight.local_flight_at(catch_s);
         let R_WO = local_flight.X_WO.rotation;
@@ -115,23 +115,22 @@ impl<'a> Correction<'a> {
 
 impl CatchSearch {
     /// The same catch for a flight that is known better: same time and grasp, the elbow where it was or close by.
-    pub fn retarget(&self, start: &Start, incoming: &Incoming, plan: &CatchPlan) -> Option<CatchPlan> {
-        let correction = Correction::new(start, incoming, plan, plan.catch_s);
+    pub fn retarget(&self, to: &Correction) -> Option<CatchPlan> {
         let elbows_rad = &self.motion.config.replan.arm_angles_rad;
         // What a motion leaves of the limits, the next replan can use: more is taken only where less does not do.
         let scaling =
             [0.0, 0.5, 1.0].map(|more| self.motion.replan_scaling().toward(self.motion.moving_scaling(), more));
-        let found =
-            scaling.iter().find_map(|scaling| self.adjusted(&correction, &correction.X_WG(), *scaling, elbows_rad))?;
-        let found = self.opened(found, &correction);
+        let found = scaling.iter().find_map(|scaling| self.adjusted(to, &to.X_WG(), *scaling, elbows_rad))?;
+        let found = self.opened(found, to);
         // A joint at the end of its reach has but one velocity there, so that the hand cannot follow the object as it should.
-        let mut near = self.within_reach(&correction, |[_, left_m]| left_m < NEAR_ENOUGH_M);
+        let mut near = self.within_reach(to, |[_, left_m]| left_m < NEAR_ENOUGH_M);
         let free = if found.approach_is_free { None } else { near.find(|it| it.approach_is_free) };
         Some(free.unwrap_or(found))
     }
 
     /// The same grasp a little sooner or later, where the arm is in time and the object can come in.
-    pub fn shifted(&self, start: &Start, incoming: &Incoming, plan: &CatchPlan) -> Option<CatchPlan> {
+    pub fn shifted(&self, to: &Correction) -> Option<CatchPlan> {
+        let Correction { start, incoming, plan, .. } = *to;
         let in_time =
             |later_s: &&f64| **later_s > 0.0 || plan.catch_s + **later_s > start.time_s + self.motion.config.min_lead_s;
         let (replan, scaling) = (&self.motion.config.replan, self.motion.moving_scaling());
@@ -143,17 +142,16 @@ impl CatchSearch {
     }
 
     /// The same catch as near to the flight as the arm can still come.
-    pub fn nearest(&self, start: &Start, incoming: &Incoming, plan: &CatchPlan) -> Option<CatchPlan> {
-        let correction = Correction::new(start, incoming, plan, plan.catch_s);
+    pub fn nearest(&self, to: &Correction) -> Option<CatchPlan> {
         let (replan, scaling) = (&self.motion.config.replan, self.motion.moving_scaling());
         let in_part = || {
             replan.correction_fractions.iter().find_map(|part| {
-                let X_WG = plan.X_WG.try_lerp_slerp(&correction.X_WG(), *part, 1e-9)?;
-                Some(self.opened(self.adjusted(&correction, &X_WG, scaling, &[0.0])?, &correction))
+                let X_WG = to.plan.X_WG.try_lerp_slerp(&to.X_WG(), *part, 1e-9)?;
+                Some(self.opened(self.adjusted(to, &X_WG, scaling, &[0.0])?, to))
             })
         };
         let much_nearer = |[planned_m, left_m]: [f64; 2]| left_m < MUCH_NEARER * planned_m;
-        self.within_reach(&correction, much_nearer).next().or_else(in_part)
+        self.within_reach(to, much_nearer).next().or_else(in_part)
     }
 
     /// The same catch in the nearest posture by each fraction of the joints' reach. Whether one is near enough is asked with what the hand is off by in

@@ -10,6 +10,7 @@ use catch_bot::{
     perception::{ReferenceModel, Symmetry},
     trajectory_optimization::{
         CatchPlan, CatchSearch, Config, Incoming, MotionPlanner, PlanningFailure, Start, reachability::ReachableSet,
+        retarget::Correction,
     },
     trajectory_prediction::FlightTrajectory,
 };
@@ -69,6 +70,10 @@ impl Desk {
 
     pub fn search(&self, start: &Start, flight: &FlightTrajectory) -> Result<CatchPlan, PlanningFailure> {
         self.search.search(start, &self.incoming(flight))
+    }
+
+    fn retarget(&self, start: &Start, flight: &FlightTrajectory, plan: &CatchPlan) -> Option<CatchPlan> {
+        self.search.retarget(&Correction::new(start, &self.incoming(flight), plan, plan.catch_s))
     }
 
     pub fn search_in_passes(
@@ -243,7 +248,7 @@ fn many(desks: &[Desk], catches: usize, seed: u64) -> Outcomes {
         let mut seen = flight.clone();
         for _ in 0..4 {
             asked += 1;
-            let again = known.as_ref().and_then(|plan| desk.search.retarget(&start, &desk.incoming(&seen), plan));
+            let again = known.as_ref().and_then(|plan| desk.retarget(&start, &seen, plan));
             let is_replanned = again.is_some();
             let Some(plan) = again.or_else(|| desk.search(&start, &seen).ok()) else {
                 outcomes.unsolved += 1;
@@ -298,7 +303,7 @@ fn reach_left_in_each_joint_lets_more_objects_in() {
             let start = Start { time_s, state: plan.trajectory.setpoint(time_s) };
             let mut between = |by: f64| rng.random_range(-by..by);
             seen.p_WOcm += Vector3::new(between(0.02), between(0.02), between(0.02));
-            let of = |desk: &Desk| desk.search.retarget(&start, &desk.incoming(&seen), &plan);
+            let of = |desk: &Desk| desk.retarget(&start, &seen, &plan);
             let (before, after) = (of(&exact), of(&with_reach));
             assert_eq!(before.is_some(), after.is_some());
             let Some((before, after)) = before.zip(after) else { break };
@@ -330,7 +335,7 @@ fn grippers_do_not_turn_about_the_axis_of_a_bottle() {
             let start = Start { time_s, state: plan.trajectory.setpoint(time_s) };
             let turned = UnitQuaternion::from_axis_angle(&axis, rng.random_range(-PI..PI));
             let seen = FlightTrajectory { R_WO: flight.R_WO * turned, ..flight };
-            let Some(adjusted) = desk.search.retarget(&start, &desk.incoming(&seen), &plan) else { break };
+            let Some(adjusted) = desk.retarget(&start, &seen, &plan) else { break };
             let moved = first.X_WG.inverse() * adjusted.X_WG;
             assert!(moved.translation.vector.norm() < 1e-9 && moved.rotation.angle() < 1e-6, "{moved}");
             plan = adjusted;
@@ -353,14 +358,15 @@ fn shifts_or_approaches(desk: &Desk) {
         let aside = Vector3::new(between(0.06), between(0.06), between(0.06));
         let seen = FlightTrajectory { p_WOcm: flight.p_WOcm + aside, ..flight };
         let incoming = desk.incoming(&seen);
-        if search.retarget(&start, &incoming, &plan).is_some() {
+        let correction = Correction::new(&start, &incoming, &plan, plan.catch_s);
+        if search.retarget(&correction).is_some() {
             continue;
         }
-        if let Some(plan) = search.shifted(&start, &incoming, &plan) {
+        if let Some(plan) = search.shifted(&correction) {
             check(desk, &start, &seen, &plan).unwrap();
             shifted += 1;
         }
-        if let Some(near) = search.nearest(&start, &incoming, &plan) {
+        if let Some(near) = search.nearest(&correction) {
             keeps_its_word(desk, &start, &near.X_WG, &seen, &near).unwrap();
             let wanted = seen.pose_at(plan.catch_s) * plan.grasp.X_OG;
             // What the hand is off by along the direction of closing counts most, and a turn of it little.
