@@ -13,19 +13,17 @@
 //!
 //! ```
 //! use catch_bot::{CatchingBot, Config, Status, settings::SettingError};
-//! use catch_cell::{Brain, CameraModel, Command, Observation, ReferenceScan};
+//! use catch_cell::{Brain, CameraModel, Command, KnownObject, Observation};
 //!
 //! /// What the brain wants after one observation, and how far it got.
 //! fn first_tick(
 //!     robot: catch_body::Robot,
 //!     gripper: catch_body::Gripper,
 //!     cameras: Vec<CameraModel>,
-//!     object: &ReferenceScan,
+//!     object: &KnownObject,
 //!     observation: &Observation,
 //! ) -> Result<(Command, Status), SettingError> {
-//!     let mut config = Config::default();
-//!     config.control.expected_latency_s = 0.01;
-//!     let mut brain = CatchingBot::new(config, robot, gripper, cameras, object)?;
+//!     let mut brain = CatchingBot::new(Config::default(), robot, gripper, cameras, object)?;
 //!     let command = brain.tick(observation, &mut ());
 //!     Ok((command, brain.report().status))
 //! }
@@ -47,7 +45,7 @@ pub mod trajectory_prediction;
 use std::sync::Arc;
 
 use catch_body::{Gripper, Robot};
-use catch_cell::{Brain, CameraModel, Command, Observation, PixelWindow, Probe, ReferenceScan};
+use catch_cell::{Brain, CameraModel, Command, KnownObject, Observation, PixelWindow, Probe};
 
 use control::{CatchPlanner, Controller, GripperPlan, Situation, TimeGridSearch};
 use perception::{CameraStatus, ObjectPose, PoseEstimator, SdfEstimator, camera_offsets::CameraOffset};
@@ -92,8 +90,9 @@ pub struct CatchingBot<E = SdfEstimator, P = InformationFit, C = TimeGridSearch>
 }
 
 impl CatchingBot {
-    /// A brain for an arm with a gripper, cameras at known places, and an object known from a scan. Arms that are served by a
-    /// [`ReachMap`] get one, which takes some seconds; who has stored it [prepares](Self::prepared) the brain with it.
+    /// A brain for an arm with a gripper, cameras at known places, and an object known from a scan and some figures
+    /// ([`Config::given`]). Arms that are served by a [`ReachMap`] get one, which takes some seconds; who has stored it
+    /// [prepares](Self::prepared) the brain with it.
     ///
     /// # Errors
     /// A setting that is out of its range.
@@ -102,11 +101,12 @@ impl CatchingBot {
         robot: Robot,
         gripper: Gripper,
         cameras: Vec<CameraModel>,
-        reference_scan: &ReferenceScan,
+        object: &KnownObject,
     ) -> Result<Self, SettingError> {
         let seed = config.seed;
         let reach_map = ReachMap::serves(&robot).then(|| Arc::new(ReachMap::new(&robot)));
-        let known = Preparation::new(config, robot, gripper, cameras, reference_scan, reach_map)?;
+        let config = config.given(&object.figures, &cameras);
+        let known = Preparation::new(config, robot, gripper, cameras, &object.scan, reach_map)?;
         Ok(Self::prepared(Arc::new(known), seed))
     }
 

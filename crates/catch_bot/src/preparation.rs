@@ -3,14 +3,14 @@
 use std::sync::Arc;
 
 use catch_body::{Gripper, Robot, ray_cast::ArmSurface};
-use catch_cell::{CameraModel, ReferenceScan};
+use catch_cell::{CameraModel, DataSheet, ObjectFigures, ReferenceScan};
 use serde::{Deserialize, Serialize};
 
 use crate::{
     control::{self, TimeGridSearch},
     grasp_selection::{self, GraspSet},
     perception::{
-        self, ReferenceModel, SdfEstimator, Surroundings, camera_alignment::CameraAlignment,
+        self, DepthNoise, ReferenceModel, SdfEstimator, Surroundings, camera_alignment::CameraAlignment,
         camera_health::CameraHealth,
     },
     settings::{Faults, SettingError, Settings},
@@ -34,6 +34,42 @@ pub struct Config {
     pub trajectory_optimization: trajectory_optimization::Config,
     /// Commands and their timing.
     pub control: control::Config,
+}
+
+impl Config {
+    /// These settings with what is known beforehand wherever they say nothing themselves: of the object, how much the air brakes it, how it
+    /// bounces, what it weighs and where its centre of mass may be; of the cameras, what their data sheets say. Where these differ, the
+    /// worst counts.
+    #[must_use]
+    pub fn given(mut self, object: &ObjectFigures, cameras: &[CameraModel]) -> Self {
+        let prediction = &mut self.trajectory_prediction;
+        prediction.drag_prior_per_m.get_or_insert(object.drag_per_m);
+        prediction.drag_prior_sd_per_m.get_or_insert(object.drag_sd_per_m);
+        prediction.com_sd_m = prediction.com_sd_m.or(object.com_sd_m);
+        let grasping = &mut self.grasp_selection;
+        grasping.restitution = grasping.restitution.or(object.restitution);
+        let planning = &mut self.trajectory_optimization;
+        planning.object_mass_kg = planning.object_mass_kg.or(object.mass_kg);
+        let perception = &mut self.perception;
+        let sheets = || cameras.iter().filter_map(|it| Some((it.sheet.as_ref()?, it.focal_px)));
+        let worst =
+            |of: fn(&DataSheet, f64) -> f64| sheets().map(|(it, focal_px)| of(it, focal_px)).fold(0.0, f64::max);
+        if sheets().next().is_some() {
+            perception.depth_noise.get_or_insert(DepthNoise {
+                constant_m: worst(|it, _| it.constant_m),
+                quadratic_per_m: worst(DataSheet::quadratic_per_m),
+            });
+            perception.depth_common_fraction.get_or_insert(worst(|it, _| it.common_fraction));
+            perception.depth_dropout.get_or_insert(sheets().any(|(it, _)| it.dropout));
+            perception.depth_edge_px.get_or_insert(sheets().map(|(it, _)| it.edge_px).max().unwrap_or_default());
+        }
+        // Cameras that are aligned on the arm may still be rotated about their lines of sight: at the distance d from the arm such a roll σ
+        // moves an object by up to d·σ, along one of the two axes that an image tells of; n cameras that look from all around average it
+        // to d·σ/√(2n) along each.
+        let rolled = perception.camera_sd_rad / (2.0 * cameras.len().max(1) as f64).sqrt();
+        prediction.correlated_error.sd_per_m.get_or_insert(rolled);
+        self
+    }
 }
 
 impl Settings for Config {

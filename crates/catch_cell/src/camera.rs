@@ -4,6 +4,8 @@ use catch_body::{Pose, quantity};
 use nalgebra::{Point2, Point3};
 use serde::{Deserialize, Serialize};
 
+use crate::DataSheet;
+
 /// A pinhole depth camera at a known place.
 ///
 /// Frame C: z along the optical axis, x to the right, y down in the image. Pixel (0, 0) covers image coordinates 0 to 1, so
@@ -28,6 +30,9 @@ pub struct CameraModel {
     /// Images per second, where that is known.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "quantity::rate_hz")]
     pub rate_hz: Option<f64>,
+    /// What its data sheet says of its errors; none are expected without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sheet: Option<DataSheet>,
 }
 
 impl CameraModel {
@@ -35,7 +40,15 @@ impl CameraModel {
     pub fn with_field_of_view(X_WC: Pose, width_px: u32, height_px: u32, vertical_rad: f64) -> Self {
         let [width, height] = [f64::from(width_px), f64::from(height_px)];
         let focal_px = height / 2.0 / (vertical_rad / 2.0).tan();
-        Self { X_WC, width_px, height_px, focal_px, principal_px: [width / 2.0, height / 2.0], rate_hz: None }
+        Self {
+            X_WC,
+            width_px,
+            height_px,
+            focal_px,
+            principal_px: [width / 2.0, height / 2.0],
+            rate_hz: None,
+            sheet: None,
+        }
     }
 
     /// Point in C seen at image coordinates `uv` at depth `depth_m` along the optical axis.

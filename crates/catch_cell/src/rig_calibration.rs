@@ -65,7 +65,7 @@ pub fn rig_to_toml(about: &str, cameras: &[(CameraModel, Option<RigCalibration>)
     let mut text = String::new();
     about.lines().for_each(|line| text += &format!("# {line}\n"));
     for (camera, calibration) in cameras {
-        let CameraModel { X_WC, width_px, height_px, focal_px, principal_px, rate_hz } = camera;
+        let CameraModel { X_WC, width_px, height_px, focal_px, principal_px, rate_hz, sheet: _ } = camera;
         let p: [f64; 3] = X_WC.translation.vector.into();
         let xyzw: [f64; 4] = X_WC.rotation.coords.into();
         let _ = write!(

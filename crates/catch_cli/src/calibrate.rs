@@ -161,7 +161,7 @@ pub fn run(arguments: &CalibrateArguments) -> anyhow::Result<()> {
         poses: arguments.poses as usize,
         joint_zero_sd_rad: arguments.joint_zero_sd_deg.map(f64::to_radians),
         link_sd_m: arguments.link_sd_mm.map(|it| it / 1e3),
-        ..calibration::config(&setup, arguments.seed)
+        ..calibration::config(&setup.knowledge(), setup.scenario.arena.frame_rate_hz, arguments.seed)
     };
     let session = calibration::run_session(&setup, &config, &setup.cameras, arguments.seed, 0);
     let found = calibrate(&config, &setup.robot, &setup.gripper, &setup.cameras, &session.session);

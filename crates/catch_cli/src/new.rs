@@ -35,6 +35,8 @@ enum NewKind {
     Gripper,
     /// What stands around the arm
     Workcell,
+    /// The data sheet of a camera
+    Camera,
     /// Cameras
     Rig,
     /// Something to throw
@@ -64,6 +66,7 @@ pub fn run(arguments: &NewArguments) -> anyhow::Result<()> {
         NewKind::Robot => of_kind(Kind::Robot, "--robot {}")?,
         NewKind::Gripper => of_kind(Kind::Gripper, "--gripper {}")?,
         NewKind::Workcell => of_kind(Kind::Workcell, "--workcell {}")?,
+        NewKind::Camera => of_kind(Kind::Camera, "--set camera={}")?,
         NewKind::Rig => of_kind(Kind::Rig, "--set flight_rig={}")?,
         NewKind::Object => of_kind(Kind::Object, "--object {}")?,
         NewKind::Throw => of_kind(Kind::Throw, "--throw {}")?,

@@ -39,15 +39,15 @@ triangles turned where that is safe; each repair is told, and a defect that is l
 What no file says is assumed, and says so in the object's file.
 
 Examples:
-  catchingbot object import scan.ply --out mug.toml
-  catchingbot object import models/drill/model.sdf --out drill.toml
-  catchingbot --object mug.toml")]
+  catchingbot object import scan.ply --out mug
+  catchingbot object import models/drill/model.sdf --out drill
+  catchingbot --object mug")]
 pub struct ImportArguments {
     /// A mesh, a cloud, a description, or a folder that holds one, or depth images and their rig.toml
     #[arg(value_name = "FILE|FOLDER")]
     source: PathBuf,
-    /// The object's file, NAME.toml; its mesh is written beside it as NAME.obj
-    #[arg(long, value_name = "FILE")]
+    /// The object's folder, for truth.toml, known.toml and its mesh NAME.obj; or a file NAME.toml for both, its mesh beside it
+    #[arg(long, value_name = "DIR|FILE")]
     out: PathBuf,
     /// The link of a description with several
     #[arg(long, value_name = "NAME")]
@@ -87,8 +87,9 @@ pub fn run(arguments: &ObjectArguments) -> anyhow::Result<()> {
     let ObjectCommand::Import(arguments) = &arguments.command;
     let out = &arguments.out;
     let fault = |found: String, expected: &str| InputError::new(COMMAND_LINE, "--out", found, expected);
-    let stem = out.file_stem().and_then(|it| it.to_str()).filter(|_| out.extension().is_some_and(|it| it == "toml"));
-    let stem = stem.ok_or_else(|| fault(format!("`{}`", out.display()), "a file NAME.toml"))?;
+    let is_file = out.extension().is_some_and(|it| it == "toml");
+    let stem = if is_file { out.file_stem() } else { out.file_name() }.and_then(|it| it.to_str());
+    let stem = stem.ok_or_else(|| fault(format!("`{}`", out.display()), "a folder NAME or a file NAME.toml"))?;
     let options = ImportOptions {
         link: arguments.link.clone(),
         scale: arguments.scale,
@@ -97,11 +98,17 @@ pub fn run(arguments: &ObjectArguments) -> anyhow::Result<()> {
     };
     let imported = ImportedObject::read(&arguments.source, stem, &options)?;
 
-    let folder = out.parent().map(PathBuf::from).unwrap_or_default();
+    let folder = if is_file { out.parent().map(PathBuf::from).unwrap_or_default() } else { out.clone() };
     // The object's own file comes last: where it is, all that it names is there.
     let mut files: Vec<(PathBuf, &[u8])> =
         imported.beside.iter().map(|(name, bytes)| (folder.join(name), &bytes[..])).collect();
-    files.push((out.clone(), imported.toml.as_bytes()));
+    let both = format!("{}\n{}", imported.truth, imported.known);
+    if is_file {
+        files.push((out.clone(), both.as_bytes()));
+    } else {
+        files.push((folder.join("known.toml"), imported.known.as_bytes()));
+        files.push((folder.join("truth.toml"), imported.truth.as_bytes()));
+    }
     if let Some((path, _)) = files.iter().find(|(path, _)| path.exists()) {
         let found = format!("`{}`, which is already there", path.display());
         return Err(fault(found, "files that do not exist yet").into());

@@ -5,7 +5,7 @@ mod flights;
 
 use anyhow::Result;
 use catch_body::{Pose, Robot};
-use catch_calibration::{CalibrationStatus, CameraCalibration, Config, calibrate};
+use catch_calibration::{CalibrationStatus, CameraCalibration, calibrate};
 use catch_cell::CameraModel;
 use catch_lab::scenario::setup::{
     Choice, Setup,
@@ -168,6 +168,7 @@ fn setup(condition: Condition) -> Result<Setup> {
     };
     let settings = [
         format!("flight_rig=\"d435_{}\"", condition.cameras),
+        "camera=d435".to_owned(),
         format!("arena.depth.model={model}"),
         "arena.depth.calibration_sd_m=0".to_owned(),
         "arena.depth.calibration_sd_rad=0".to_owned(),
@@ -180,11 +181,7 @@ fn setup(condition: Condition) -> Result<Setup> {
 fn draw(setup: &Setup, conditions: &[Condition], seed: u64, index: u64) -> Drawn {
     let mut draws = Draws::new(Stream::Calibration, seed, index);
     let guesses: Vec<CameraModel> = setup.cameras.iter().map(|camera| guess(camera, &mut draws)).collect();
-    let config = Config {
-        inverse_depth_sd_per_m: near_stereo_sd_per_m(&setup.cameras[0]),
-        common_fraction: 0.5,
-        ..calibration::config(setup, index)
-    };
+    let config = calibration::config(&setup.knowledge(), setup.scenario.arena.frame_rate_hz, index);
     let ArenaSession { mut session, robot_time_s, .. } =
         calibration::run_session(setup, &config, &guesses, seed, index);
     if conditions[0].wrong == Wrong::Noise {
@@ -205,10 +202,6 @@ fn draw(setup: &Setup, conditions: &[Condition], seed: u64, index: u64) -> Drawn
         (outcomes.collect(), refined)
     });
     (robot_time_s, found.collect())
-}
-
-fn near_stereo_sd_per_m(camera: &CameraModel) -> f64 {
-    DepthModel::NearStereo.data_sheet(camera.focal_px).quadratic_per_m
 }
 
 fn guess(camera: &CameraModel, draws: &mut Draws) -> CameraModel {

@@ -19,7 +19,7 @@ use crate::{
 };
 
 const LEGEND: &str = "Random throws of the scenario `honest`. The true centre of mass is beside that of uniform density, of which the brain \
-knows by its scan of the shape. *Told*: `[prior] com_sd_m` of the object's file. The errors are medians of the predicted position of the true \
+knows by its scan of the shape. *Told*: `com_sd_m` of its `known.toml`. The errors are medians of the predicted position of the true \
 centre of mass at the planned catch, some time before it and by the last prediction. The interval is Wilson's, 95 %.";
 
 /// Where the files of the objects are written.
@@ -83,7 +83,7 @@ fn written(text: &str, conditions: &Conditions, moved_m: f64, com_sd_m: f64) -> 
         anyhow::Ok(())
     };
     table("truth", "com_m", Value::Array(com_m.to_vec()))?;
-    table("prior", "com_sd_m", Value::Float(com_sd_m))?;
+    table("known", "com_sd_m", Value::Float(com_sd_m))?;
     fs::create_dir_all(FOLDER)?;
     let path = Path::new(FOLDER).join(format!("{object}_{:.0}_{:.0}.toml", 1e3 * moved_m, 1e3 * com_sd_m));
     fs::write(&path, toml::to_string(&file)?)?;

@@ -66,8 +66,14 @@ impl Condition {
 /// Depth noises with the settings that make them.
 const NOISES: [(&str, &[&str]); 3] = [
     ("none", &[]),
-    ("2 mm", &["arena.depth.model={ gaussian = { sd_m = 0.002 } }"]),
-    ("stereo, 114 mm at 7 m", &["arena.depth.model=\"stereo7\""]),
+    (
+        "2 mm",
+        &[
+            "arena.depth.model={ gaussian = { sd_m = 0.002 } }",
+            "brain.perception.depth_noise={ constant_m = 0.002, quadratic_per_m = 0.0 }",
+        ],
+    ),
+    ("stereo, 114 mm at 7 m", &["camera=stereo7", "arena.depth.model=\"stereo7\""]),
 ];
 
 /// Each noise with labels and without.

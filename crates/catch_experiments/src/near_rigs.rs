@@ -19,7 +19,8 @@ pub fn rigs() -> impl Iterator<Item = String> {
 
 /// What near cameras change of the scenario honest: they run freely, without labels, calibrated to what calibration on the arm leaves. Where the
 /// object flies is known late, so corrections take what reach single joints have left.
-pub const SETTINGS: [&str; 7] = [
+pub const SETTINGS: [&str; 8] = [
+    "camera=d435",
     "arena.free_running_cameras=true",
     "arena.depth.model=\"near_stereo\"",
     "arena.depth.calibration_sd_m=0.0002",

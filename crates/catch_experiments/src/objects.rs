@@ -216,7 +216,7 @@ fn written(source: &Path, folder: &Path) -> Result<PathBuf> {
         fs::write(folder.join(name), bytes)?;
     }
     let path = folder.join(format!("{stem}.toml"));
-    fs::write(&path, object.toml)?;
+    fs::write(&path, object.truth + "\n" + &object.known)?;
     Ok(path)
 }
 

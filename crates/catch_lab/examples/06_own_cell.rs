@@ -16,8 +16,8 @@ use std::{
 use catch_body::{Pose, TriangleMesh, robot::LimitScale};
 use catch_bot::{CatchingBot, Config};
 use catch_cell::{
-    CameraModel, Cell, CellFault, Command, DepthFrame, Executor, ExecutorConfig, GraspState, GripperMove, GripperQueue,
-    GripperState, Observation, reference_scan, rig_from_toml, run,
+    CameraModel, Cell, CellFault, Command, DataSheet, DepthFrame, Executor, ExecutorConfig, GraspState, GripperMove,
+    GripperQueue, GripperState, KnownObject, Observation, reference_scan, rig_from_toml, run,
 };
 use catch_lab::{
     recording::{RecordedCell, cell_recorder::CellRecorder},
@@ -131,15 +131,18 @@ pub fn record(folder: &Path) -> anyhow::Result<PathBuf> {
         cameras: looking.to_vec(),
     };
     let centre = gripper.grasp_centre();
+    // What a data sheet says of cameras without errors, and nothing known of the ball but its shape.
+    let looking = looking.map(|camera| CameraModel { sheet: Some(DataSheet::default()), ..camera });
+    let object = KnownObject::from(scan);
     let mut config = Config::default();
     config.control.expected_latency_s = EXPECTED_LATENCY_S;
-    let mut brain = CatchingBot::new(config.clone(), robot.clone(), gripper, looking.to_vec(), &scan)?;
+    let mut brain = CatchingBot::new(config, robot.clone(), gripper, looking.to_vec(), &object)?;
     let known = RecordedCell {
-        brain: config.into(),
+        brain: brain.known().config().clone().into(),
         sources,
         ready_rad: robot.ready_q.as_slice()[..robot.dof()].to_vec(),
         cameras: looking.to_vec(),
-        reference_scan: scan,
+        reference_scan: object.scan,
     };
     let mut recorder = CellRecorder::create(folder, "own_cell", known)?;
     let mut told = None;

@@ -1,4 +1,4 @@
-//! Robots, grippers, workcells, objects, throws, camera rigs, scenarios and studies: those that are built in, and the user's files.
+//! Robots, grippers, workcells, objects, throws, cameras, rigs of them, scenarios and studies: those that are built in, and the user's files.
 //!
 //! Wherever something is named, a built-in name or the path of a file may stand. A file refers to others by built-in names or
 //! by paths relative to itself.
@@ -9,6 +9,7 @@ use std::{
 };
 
 use catch_body::InputError;
+use catch_cell::ObjectFigures;
 use catch_sim::{Throw, ThrownObject};
 use include_dir::{Dir, include_dir};
 
@@ -28,25 +29,38 @@ pub enum Kind {
     Robot,
     /// A gripper.
     Gripper,
-    /// An object to be thrown.
+    /// An object to be thrown: a folder with `truth.toml` and `known.toml`, or a file with both tables.
     Object,
     /// A way of throwing.
     Throw,
     /// What stands around an arm.
     Workcell,
+    /// The data sheet of a camera.
+    Camera,
     /// An arrangement of cameras.
     Rig,
     /// Variants of a scenario.
     Study,
 }
 
+/// The brain's knowledge of an object, in the folder of the object.
+pub(crate) const KNOWN_FILE: &str = "known.toml";
 /// Endings of files from which an object can be imported.
 const SHAPES: [&str; 8] = ["obj", "stl", "ply", "dae", "gltf", "glb", "sdf", "urdf"];
 
 impl Kind {
     /// All kinds, in the order in which a person would ask for them.
-    pub const ALL: [Self; 8] =
-        [Self::Scenario, Self::Object, Self::Throw, Self::Robot, Self::Gripper, Self::Workcell, Self::Rig, Self::Study];
+    pub const ALL: [Self; 9] = [
+        Self::Scenario,
+        Self::Object,
+        Self::Throw,
+        Self::Robot,
+        Self::Gripper,
+        Self::Workcell,
+        Self::Camera,
+        Self::Rig,
+        Self::Study,
+    ];
 
     /// Several of them, which is also the folder of the built-in ones.
     pub fn plural(self) -> &'static str {
@@ -57,6 +71,7 @@ impl Kind {
             Self::Object => "objects",
             Self::Throw => "throws",
             Self::Workcell => "workcells",
+            Self::Camera => "cameras",
             Self::Rig => "rigs",
             Self::Study => "studies",
         }
@@ -69,7 +84,7 @@ impl Kind {
 
     /// The file that describes one where it has a folder of its own.
     fn main_file(self) -> String {
-        format!("{self}.toml")
+        if self == Self::Object { "truth.toml".to_owned() } else { format!("{self}.toml") }
     }
 
     /// Names of the built-in ones, sorted.
@@ -95,6 +110,7 @@ impl Display for Kind {
             Self::Object => "object",
             Self::Throw => "throw",
             Self::Workcell => "workcell",
+            Self::Camera => "camera",
             Self::Rig => "rig",
             Self::Study => "study",
         })
@@ -145,11 +161,16 @@ impl Asset {
             return Ok(Self::of_recordings(path));
         }
         let path = if path.is_dir() { path.join(kind.main_file()) } else { path };
+        let path = if kind == Kind::Object && path.ends_with(KNOWN_FILE) {
+            path.with_file_name(kind.main_file())
+        } else {
+            path
+        };
         let is_shape = |it: &std::ffi::OsStr| SHAPES.iter().any(|known| it.eq_ignore_ascii_case(known));
         if kind == Kind::Object && path.extension().is_some_and(is_shape) {
             let stem = path.file_stem().unwrap_or_default().display();
             let expected = format!(
-                "an object file, which says what it weighs: `catchingbot object import {name} --out {stem}.toml` makes one"
+                "an object, of which files say what it weighs: `catchingbot object import {name} --out {stem}` makes one"
             );
             return Err(InputError::new(field.0, field.1, format!("the shape `{name}`"), expected));
         }
@@ -256,6 +277,23 @@ impl Asset {
         ThrownObject::from_toml(&self.file, &self.text, &|name| Ok(self.read_beside(name)?.1))
     }
 
+    /// The brain's knowledge of the object that this file describes: of `known.toml` beside a `truth.toml`, or of the file's own table.
+    ///
+    /// # Errors
+    /// A fault in that file, or a table of knowledge within `truth.toml`, which nobody would read.
+    pub fn known_figures(&self) -> Result<ObjectFigures, InputError> {
+        if !Path::new(&self.file).ends_with(Kind::Object.main_file()) {
+            return ObjectFigures::from_toml(&self.file, &self.text);
+        }
+        let table: toml::Table = InputError::parse_toml(&self.file, &self.text)?;
+        if let Some(name) = ["known", "prior"].into_iter().find(|it| table.contains_key(*it)) {
+            let expected = format!("this table in {KNOWN_FILE} beside it");
+            return Err(InputError::new(&self.file, name, "a table", expected));
+        }
+        let (file, text) = self.read_text_beside(KNOWN_FILE)?;
+        ObjectFigures::from_toml(&file, &text)
+    }
+
     /// The throw that this file describes, with the recordings that it names.
     ///
     /// # Errors
@@ -274,7 +312,7 @@ impl Asset {
     /// If there is no such file or it is not text.
     pub fn read_text_beside(&self, name: &str) -> Result<(String, String), InputError> {
         let (file, bytes) = self.read_beside(name)?;
-        let text = FileKind::text("a description of a robot").decode(&file, bytes)?;
+        let text = FileKind::text("text").decode(&file, bytes)?;
         Ok((file, text))
     }
 }

@@ -13,8 +13,7 @@
 mod arm_view;
 
 use catch_body::{InputError, Pose, dynamics, pose::look_at, quantity, ray_cast::ArmSurface};
-use catch_cell::CameraModel;
-use catch_sim::depth_noise::DataSheet;
+use catch_cell::{CameraModel, DataSheet};
 use nalgebra::{Matrix3, Matrix6, Point3, Vector3};
 
 use crate::{assets::COMMAND_LINE, scenario::setup::Setup};
@@ -309,7 +308,7 @@ impl<'a> PlacementStudy<'a> {
                 caster.cast_within(&(X_BW * eye), &(X_BW * (p_WO - eye)), 1.0).is_some()
             })
         };
-        let range_m = self.setup.scenario.arena.depth.model.stereo().and_then(|it| it.range_m);
+        let range_m = camera.sheet.as_ref().and_then(|it| it.range_m);
         let [nearest_m, farthest_m] = range_m.unwrap_or([0.0, f64::INFINITY]);
         let radius_m = self.setup.object.bounding_radius_m;
         let shows = |p_WO: &Point3<f64>| {
@@ -331,7 +330,7 @@ impl<'a> PlacementStudy<'a> {
         let arena = &self.setup.scenario.arena;
         let rate_hz = camera.rate_hz.filter(|_| arena.free_running_cameras).unwrap_or(arena.frame_rate_hz);
         let late_s = before_s + arena.latency_s.bounds().into_iter().sum::<f64>() / 2.0;
-        let sheet = arena.depth.model.data_sheet(camera.focal_px);
+        let sheet = camera.sheet.clone().unwrap_or_default();
         // Images of a camera are so much rarer than instants.
         let images = rate_hz * TICK_S;
         let of_flight = |(flight, shown): (&SampledFlight, &Vec<bool>)| {
@@ -358,7 +357,7 @@ impl<'a> PlacementStudy<'a> {
     fn weight(&self, camera: &CameraModel, sheet: &DataSheet, p_WO: &Point3<f64>) -> Matrix3<f64> {
         let p_C = camera.X_WC.inverse_transform_point(p_WO);
         let pixels = std::f64::consts::PI * (self.setup.object.bounding_radius_m * camera.focal_px / p_C.z).powi(2);
-        let depth_sd_m = sheet.constant_m + sheet.quadratic_per_m * p_C.z * p_C.z;
+        let depth_sd_m = sheet.constant_m + sheet.quadratic_per_m(camera.focal_px) * p_C.z * p_C.z;
         let own = (1.0 - sheet.common_fraction) / pixels.max(1.0);
         let along = depth_sd_m.powi(2) * (sheet.common_fraction + own) + LEAST_SD_M.powi(2);
         let across = (LATERAL_PX * p_C.z / camera.focal_px).powi(2) + LEAST_SD_M.powi(2);
@@ -391,7 +390,7 @@ mod tests {
     const WALLS_M: [[f64; 3]; 2] = [[-1.0, -1.2, 0.4], [1.6, 1.6, 2.0]];
 
     fn setup() -> Setup {
-        let settings = ["flight_rig=d435_1", "arena.depth.model=near_stereo"].map(str::to_owned);
+        let settings = ["flight_rig=d435_1", "camera=d435", "arena.depth.model=near_stereo"].map(str::to_owned);
         Setup::load(&Choice { throw: Some("random"), settings: &settings, ..Choice::default() }).unwrap()
     }
 
@@ -467,7 +466,8 @@ mod tests {
     #[test]
     fn the_near_rigs_are_placed() {
         let is_placed = |scenario: &str, throw: &str, rig: &str, volume_m: [[f64; 3]; 2]| {
-            let settings = [format!("flight_rig={rig}"), "arena.depth.model=near_stereo".to_owned()];
+            let settings =
+                [format!("flight_rig={rig}"), "camera=d435".to_owned(), "arena.depth.model=near_stereo".to_owned()];
             let choice =
                 Choice { scenario: Some(scenario), throw: Some(throw), settings: &settings, ..Choice::default() };
             let setup = Setup::load(&choice).unwrap();

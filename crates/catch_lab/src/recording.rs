@@ -223,7 +223,7 @@ impl Recorder {
             sources: setup.sources.clone(),
             ready_rad: setup.robot.ready_q.as_slice()[..setup.robot.dof()].to_vec(),
             cameras: setup.believed_cameras(scene.seed),
-            reference_scan: setup.reference_scan.clone(),
+            reference_scan: setup.known_object.scan.clone(),
         };
         let title = format!("{}, {} throw", scene.object, scene.throw).replace('_', " ");
         let simulation = Simulation { scene: scene.clone(), scenario: setup.scenario.clone() };

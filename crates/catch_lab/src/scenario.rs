@@ -2,6 +2,7 @@
 
 pub mod brain;
 pub mod catch_plan;
+mod inheritance;
 pub mod reach_map;
 pub mod setup;
 pub mod sources;
@@ -12,7 +13,7 @@ use catch_sim::ArenaConfig;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    assets::{COMMAND_LINE, Kind, nearest},
+    assets::{Asset, COMMAND_LINE, Kind, nearest},
     scenario::brain::BrainSettings,
 };
 
@@ -40,7 +41,8 @@ impl Clock {
     }
 }
 
-/// A scenario's file: a composition of each module's own settings. What it does not say is the module's default.
+/// A scenario's file: a composition of each module's own settings. What it does not say is that of the scenario which it names as `extends`,
+/// or else the module's default.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scenario {
@@ -69,6 +71,8 @@ pub struct Scenario {
     /// Multiplies the arm's limits. Anything but 1, the default, is not the real arm, and the scenario's name should say so.
     #[serde(default)]
     pub limit_scale: LimitScale,
+    /// The cameras' data sheet, by which the brain expects their errors. What their errors are stands in `arena.depth`.
+    pub camera: String,
     /// The cameras that watch the flight.
     pub flight_rig: String,
     /// The cameras that scan the object beforehand, around the object's frame.
@@ -114,13 +118,23 @@ impl Default for CalibrationSettings {
 }
 
 impl Scenario {
-    /// Reads a scenario's TOML file; `file` names it in errors.
+    /// Reads a scenario's TOML file, and those that it extends.
     ///
     /// # Errors
     /// A field that is missing, misspelt or of the wrong kind, or a value out of range.
-    pub fn from_toml(file: &str, text: &str) -> Result<Self, InputError> {
-        let scenario: Self = InputError::parse_toml(file, text)?;
-        scenario.faults(file).into_iter().next().map_or(Ok(scenario), Err)
+    pub fn of_asset(asset: &Asset) -> Result<Self, InputError> {
+        let (scenario, faults) = Self::with_faults(asset)?;
+        faults.into_iter().next().map_or(Ok(scenario), Err)
+    }
+
+    /// The same with every value that cannot be used, instead of the first.
+    ///
+    /// # Errors
+    /// What is no value out of its range.
+    pub(crate) fn with_faults(asset: &Asset) -> Result<(Self, Vec<InputError>), InputError> {
+        let (scenario, mut faults): (Self, _) = InputError::from_table(&asset.file, inheritance::extended(asset)?)?;
+        faults.extend(scenario.faults(&asset.file));
+        Ok((scenario, faults))
     }
 
     /// Every value that cannot be used although it is one of its kind: settings of the brain out of their ranges, values that do not
@@ -235,11 +249,12 @@ impl Scenario {
     /// The files that it names: what kind, in which field, by which name.
     pub fn parts(&self) -> Vec<(Kind, &'static str, &str)> {
         let workcell = self.workcell.iter().map(|it| (Kind::Workcell, "workcell", it.as_str()));
-        let parts: [(Kind, &'static str, &str); 6] = [
+        let parts: [(Kind, &'static str, &str); 7] = [
             (Kind::Robot, "robot", &self.robot),
             (Kind::Gripper, "gripper", &self.gripper),
             (Kind::Object, "object", &self.object),
             (Kind::Throw, "throw", &self.throw),
+            (Kind::Camera, "camera", &self.camera),
             (Kind::Rig, "flight_rig", &self.flight_rig),
             (Kind::Rig, "reference_rig", &self.reference_rig),
         ];

@@ -137,7 +137,7 @@ impl Study {
         let mut file: StudyFile = InputError::parse_toml(&asset.file, &asset.text)?;
         let scenario = |name: &str, field: &str| {
             let found = Asset::find(Kind::Scenario, name, &asset.origin, (&asset.file, field))?;
-            Ok((Scenario::from_toml(&found.file, &found.text)?, found.origin))
+            Ok((Scenario::of_asset(&found)?, found.origin))
         };
         let (base, origin) = scenario(&file.scenario, "scenario")?;
         let towards = file.towards.as_ref().map(|name| Ok(scenario(name, "towards")?.0)).transpose()?;
@@ -309,7 +309,7 @@ mod tests {
 
     fn built_in(name: &str) -> Scenario {
         let asset = Asset::find(Kind::Scenario, name, &Origin::BuiltIn(PathBuf::new()), ("test", "name")).unwrap();
-        Scenario::from_toml(&asset.file, &asset.text).unwrap()
+        Scenario::of_asset(&asset).unwrap()
     }
 
     /// If a setting of the honest scenario is no part of any overlay, the top is not honest.

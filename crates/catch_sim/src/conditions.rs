@@ -45,12 +45,8 @@ impl Conditions {
 
         let restitution = object.restitution * config.restitution_scale;
         let restitution = around(restitution, config.restitution_spread, &mut draws(Stream::Restitution));
-        let drawn_drag = around(object.prior.drag_per_m, config.drag_spread, &mut draws(Stream::Drag));
-        let drag_per_m = match config.drag {
-            true if config.drag_spread > 0.0 => drawn_drag,
-            true => object.drag_per_m,
-            false => 0.0,
-        };
+        let drag_per_m = around(object.drag_per_m, config.drag_spread, &mut draws(Stream::Drag));
+        let drag_per_m = if config.drag { drag_per_m } else { 0.0 };
         let mut winds = draws(Stream::Wind);
         let (speed, azimuth) = (winds.unit(), TAU * winds.unit());
         let wind_mps = match config.wind {

@@ -41,8 +41,7 @@ pub struct ArenaConfig {
     pub restitution_spread: f64,
     /// Whether the air brakes the object. Off by default, as in the paper.
     pub drag: bool,
-    /// Zero gives every throw the object's own drag; above zero, each draws it uniformly within this fraction around what the
-    /// brain is told of the object beforehand.
+    /// Every throw draws its drag uniformly within this fraction around the object's own. None by default.
     #[serde(deserialize_with = "quantity::spread")]
     pub drag_spread: f64,
     /// How the air acts besides that. Off by default.

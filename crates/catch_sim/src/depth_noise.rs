@@ -196,21 +196,6 @@ impl StereoNoise {
     }
 }
 
-/// What a data sheet would say of a camera's depths.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct DataSheet {
-    /// The standard deviation is at most c + q·z² in metres, and exactly that but for `kinect`: c.
-    pub constant_m: f64,
-    /// And q, in 1/m.
-    pub quadratic_per_m: f64,
-    /// Fraction of the variance that all pixels of one image have in common.
-    pub common_fraction: f64,
-    /// Whether pixels may be missing where there is something.
-    pub dropout: bool,
-    /// How many pixels beside a depth edge may show something else than what is there.
-    pub edge_px: u32,
-}
-
 impl DepthModel {
     /// The figures of a stereo model, by whatever name it goes.
     pub fn stereo(&self) -> Option<StereoNoise> {
@@ -235,25 +220,6 @@ impl DepthModel {
             Self::Stereo(_) | Self::Stereo7 | Self::Stereo7c | Self::NearStereo => {
                 self.stereo().map_or(0.0, |stereo| stereo.inverse_depth_sd_per_m(focal_px) * z_m * z_m)
             }
-        }
-    }
-
-    /// What somebody who uses a camera with this focal length is told about it.
-    pub fn data_sheet(&self, focal_px: f64) -> DataSheet {
-        match (self, self.stereo()) {
-            (_, Some(stereo)) => DataSheet {
-                constant_m: 0.0,
-                quadratic_per_m: stereo.inverse_depth_sd_per_m(focal_px),
-                common_fraction: stereo.common_fraction,
-                dropout: stereo.dropout_fraction > 0.0 || stereo.grazing_rad.is_some() || stereo.range_m.is_some(),
-                edge_px: stereo.edge_reach_px(),
-            },
-            (Self::Gaussian(noise), _) => DataSheet { constant_m: noise.sd_m, ..DataSheet::default() },
-            // 0.0012 + 0.0019·(z − 0.4)² = 0.001504 − 0.00152·z + 0.0019·z², of which the middle is left out.
-            (Self::Kinect, _) => {
-                DataSheet { constant_m: 0.0012 + 0.0019 * 0.16, quadratic_per_m: 0.0019, ..DataSheet::default() }
-            }
-            _ => DataSheet::default(),
         }
     }
 }
@@ -312,27 +278,6 @@ mod tests {
         assert!((DepthModel::Kinect.sd_m(1.4, 580.0) - 0.0031).abs() < 1e-12);
         let near = DepthModel::NearStereo.sd_m(2.0, 433.0);
         assert!((0.01..0.02).contains(&near), "{near}");
-    }
-
-    #[test]
-    fn data_sheets_say_what_the_models_do() {
-        let models = [
-            DepthModel::Perfect,
-            DepthModel::Gaussian(GaussianNoise { sd_m: 0.002 }),
-            DepthModel::Stereo7c,
-            DepthModel::NearStereo,
-        ];
-        for model in models {
-            let sheet = model.data_sheet(362.0);
-            for z in [0.5, 2.0, 7.0] {
-                assert!(
-                    (sheet.constant_m + sheet.quadratic_per_m * z * z - model.sd_m(z, 362.0)).abs() < 1e-12,
-                    "{model:?}"
-                );
-            }
-        }
-        let sheet = DepthModel::Kinect.data_sheet(362.0);
-        assert!(sheet.constant_m + sheet.quadratic_per_m * 49.0 >= DepthModel::Kinect.sd_m(7.0, 362.0));
     }
 
     #[derive(Deserialize)]

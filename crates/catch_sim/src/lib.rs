@@ -55,6 +55,6 @@ pub use conditions::Conditions;
 pub use config::{ArenaConfig, GripperDriveKind};
 pub use equipment::Equipment;
 pub use free_flight::FreeFlight;
-pub use object::{ObjectPrior, ThrownObject};
+pub use object::ThrownObject;
 pub use throw::{Release, Throw};
 pub use truth::{Contact, ServoReport, Truth, TruthSample};

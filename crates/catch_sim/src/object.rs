@@ -1,10 +1,10 @@
-//! Thrown objects: what they truly are, and what the brain is told of them.
+//! Thrown objects as they truly are. The brain's knowledge of them stands in other files, which nothing here reads.
 
 mod published;
 
 use catch_body::{InputError, TriangleMesh, quantity, shape::Cuboid};
 use nalgebra::{Matrix3, Point3};
-use serde::Deserialize;
+use serde::{Deserialize, de::IgnoredAny};
 
 pub use crate::object_shape::{ColliderPart, check_length};
 use crate::{
@@ -44,30 +44,6 @@ pub struct ThrownObject {
     pub parts: Vec<ColliderPart>,
     /// Radius of the ball around the centre of mass that holds the object.
     pub bounding_radius_m: f64,
-    /// What the brain is told beforehand, besides a scan.
-    pub prior: ObjectPrior,
-}
-
-/// What is known of an object before it is thrown.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ObjectPrior {
-    /// Expected drag constant k of a = −k·|v|·v, in 1/m.
-    #[serde(deserialize_with = "quantity::drag_per_m")]
-    pub drag_per_m: f64,
-    /// Its standard deviation.
-    #[serde(deserialize_with = "quantity::drag_per_m")]
-    pub drag_sd_per_m: f64,
-    /// What it weighs on a scale, if somebody has weighed it.
-    #[serde(default, deserialize_with = "quantity::thrown_mass_kg")]
-    pub mass_kg: Option<f64>,
-    /// Expected coefficient of restitution against the gripper, 0 to 1, if anything is known of it.
-    #[serde(default, deserialize_with = "quantity::fraction")]
-    pub restitution: Option<f64>,
-    /// Standard deviation in metres of each coordinate of its centre of mass about that of uniform density; zero, as left out, if its density is
-    /// uniform. Otherwise it is estimated in flight, as far as the spin shows it.
-    #[serde(default, deserialize_with = "quantity::error_m")]
-    pub com_sd_m: Option<f64>,
 }
 
 /// Radius of gyration of the thinnest needle.
@@ -81,10 +57,11 @@ struct ObjectFile {
     name: String,
     /// What it truly is; only the arena reads this.
     truth: TruthFields,
-    /// What the brain is told beforehand.
-    prior: ObjectPrior,
     /// What it is in the paper's simulator.
     published: Option<PublishedFields>,
+    /// The brain's knowledge, where it stands in the same file.
+    #[serde(rename = "known", alias = "prior")]
+    _known: Option<IgnoredAny>,
 }
 
 /// Mass properties, contact and air.
@@ -117,7 +94,7 @@ struct TruthFields {
 }
 
 impl ThrownObject {
-    /// Reads an object's TOML file; `file` names it in errors. `load` reads a mesh file that it names.
+    /// Reads the table `[truth]` of an object's TOML file; `file` names it in errors. `load` reads a mesh file that it names.
     ///
     /// # Errors
     /// A field that is missing, misspelt or out of range.
@@ -126,7 +103,7 @@ impl ThrownObject {
         text: &str,
         load: &dyn Fn(&str) -> Result<Vec<u8>, InputError>,
     ) -> Result<Self, InputError> {
-        let ObjectFile { name, truth, prior, published } = InputError::parse_toml(file, text)?;
+        let ObjectFile { name, truth, published, _known } = InputError::parse_toml(file, text)?;
         let mass_kg = truth.mass_kg;
         if let Some(friction) = truth.friction {
             friction.check_friction(file, "truth.friction")?;
@@ -156,7 +133,6 @@ impl ThrownObject {
             bounding_radius_m: mesh.bounding_radius(),
             mesh,
             parts,
-            prior,
         })
     }
 
@@ -223,9 +199,9 @@ mod tests {
     use nalgebra::Vector3;
 
     const FILES: [(&str, &str); 3] = [
-        ("tennis_ball", include_str!("../../../assets/objects/tennis_ball.toml")),
-        ("banana", include_str!("../../../assets/objects/banana.toml")),
-        ("pill_bottle", include_str!("../../../assets/objects/pill_bottle.toml")),
+        ("tennis_ball", include_str!("../../../assets/objects/tennis_ball/truth.toml")),
+        ("banana", include_str!("../../../assets/objects/banana/truth.toml")),
+        ("pill_bottle", include_str!("../../../assets/objects/pill_bottle/truth.toml")),
     ];
 
     fn read(file: &str, text: &str) -> Result<ThrownObject, InputError> {
@@ -289,10 +265,7 @@ mod tests {
         assert!(fault.contains("banana.toml: truth.mass_kg"), "{fault}");
         let text = FILES[0].1.replace("restitution = 0.75", "restitution = 1.75");
         let faults = read("ball.toml", &text).unwrap_err().all();
-        assert_eq!(
-            faults.iter().map(|it| it.field.as_str()).collect::<Vec<_>>(),
-            ["prior.restitution", "truth.restitution"]
-        );
+        assert_eq!(faults.iter().map(|it| it.field.as_str()).collect::<Vec<_>>(), ["truth.restitution"]);
         // A ball of 67.2 m is one of 67.2 mm.
         let text = FILES[0].1.replace("diameter_m = 0.0672", "diameter_m = 67.2");
         let fault = read("ball.toml", &text).unwrap_err().to_string();

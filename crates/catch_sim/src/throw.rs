@@ -261,7 +261,7 @@ mod tests {
     ];
 
     fn calm() -> Conditions {
-        let text = include_str!("../../../assets/objects/tennis_ball.toml");
+        let text = include_str!("../../../assets/objects/tennis_ball/truth.toml");
         let object = crate::ThrownObject::from_toml("ball", text, &|_| unreachable!("it names no file")).unwrap();
         Conditions::draw(&crate::ArenaConfig::default(), &object, 0, 0)
     }

@@ -48,7 +48,7 @@ pub struct Config {
 impl Default for Config {
     fn default() -> Self {
         Self {
-            expected_latency_s: 0.0,
+            expected_latency_s: 0.01,
             lost_after_s: 0.02,
             gripper_latency_s: None,
             closing_force_n: 80.0,

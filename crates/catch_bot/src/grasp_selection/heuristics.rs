@@ -36,14 +36,14 @@ pub struct Weights {
 impl Default for Weights {
     fn default() -> Self {
         Self {
-            catchability: 3.0,
-            strength: 0.5,
-            overhang: 0.0,
-            width: 1.0,
+            catchability: 13.0,
+            strength: 5.0,
+            overhang: 6.0,
+            width: 22.0,
             comfort: 0.2,
-            pass_through: 0.3,
-            max_sideways: 0.17,
-            max_from_behind: 0.1,
+            pass_through: 6.0,
+            max_sideways: 0.3,
+            max_from_behind: 0.3,
         }
     }
 }

@@ -143,7 +143,7 @@ impl Default for Config {
             rotation_floor_rad: 1e-3,
             gate_m: 0.05,
             lost_after_s: 0.05,
-            camera_sd_rad: 0.0,
+            camera_sd_rad: 0.001,
             displaced_m: 0.008,
             floor_visible: None,
             depth_dropout: None,

@@ -414,6 +414,7 @@ mod tests {
             focal_px: 1000.0,
             principal_px: [50.0, 50.0],
             rate_hz: None,
+            sheet: None,
         };
         let window = camera.full_window();
         // Seen from one metre the silhouette of a ball is a little larger than its radius.

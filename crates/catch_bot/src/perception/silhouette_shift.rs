@@ -140,6 +140,7 @@ mod tests {
             focal_px: 350.0,
             principal_px: [320.0, 240.0],
             rate_hz: None,
+            sheet: None,
         }
     }
 

@@ -98,7 +98,7 @@ impl Default for Config {
             steady_end_weight: 0.002,
             position_margin_rad: 0.02,
             velocity_scaling: 0.98,
-            terminal_velocity_scaling: 0.93,
+            terminal_velocity_scaling: 0.9,
             object_mass_kg: None,
             replan_velocity_scaling: 0.95,
             replan_acceleration_scaling: 0.9,

@@ -99,7 +99,7 @@ fn kinds() -> Vec<Kind> {
 
 fn add_meshes_and_data(add: &mut impl FnMut(Kind)) {
     let object = "name = \"thing\"\n[truth]\nmass_kg = 0.1\nrestitution = 0.3\ndrag_per_m = 0.0\n\
-                  shape = { kind = \"mesh\", file = \"a.obj\" }\n[prior]\ndrag_per_m = 0.0\ndrag_sd_per_m = 0.0\n";
+                  shape = { kind = \"mesh\", file = \"a.obj\" }\n[known]\ndrag_per_m = 0.0\ndrag_sd_per_m = 0.0\n";
     let command = "catch --json --object FOLDER/o.toml";
     add(Kind::new("mesh OBJ", "a.obj", octahedron(), command).beside("o.toml", object));
     let rows: Vec<String> = (0..200)

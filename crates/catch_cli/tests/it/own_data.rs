@@ -170,7 +170,7 @@ fn a_cloud_is_registered_against_a_mesh() {
     fs::write(
         &object_file,
         "name = \"horn\"\n[truth]\nmass_kg = 0.1\nrestitution = 0.3\ndrag_per_m = 0.0\n\
-         shape = { kind = \"mesh\", file = \"horn.obj\" }\n[prior]\ndrag_per_m = 0.0\ndrag_sd_per_m = 0.0\n",
+         shape = { kind = \"mesh\", file = \"horn.obj\" }\n[known]\ndrag_per_m = 0.0\ndrag_sd_per_m = 0.0\n",
     )
     .unwrap();
     let centre = mesh.mass_properties(0.1).com;

@@ -12,7 +12,10 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use catch_lab::scenario::Scenario;
+use catch_lab::{
+    assets::{Asset, Origin},
+    scenario::Scenario,
+};
 use clap::Command;
 use doc_comments::{Field, Item, items, snake};
 use parquet::{
@@ -24,7 +27,7 @@ use toml::{Table, Value};
 
 const GENERATED: &str = "This page is generated from the sources; changes by hand get lost.";
 /// A scenario that leaves everything out that has a default.
-const LEAST: &str = "name = ''\ndescription = ''\nrobot = ''\ngripper = ''\nobject = ''\nthrow = ''\nflight_rig = ''\nreference_rig = ''";
+const LEAST: &str = "name = ''\ndescription = ''\nrobot = ''\ngripper = ''\nobject = ''\nthrow = ''\ncamera = ''\nflight_rig = ''\nreference_rig = ''";
 
 #[test]
 fn commands_are_as_the_program_has_them() {
@@ -204,10 +207,16 @@ fn plain(doc: &str) -> String {
     text
 }
 
+/// A scenario of which nothing is said but what must be.
+fn least() -> Scenario {
+    let (name, file) = (String::new(), "least".to_owned());
+    Scenario::of_asset(&Asset { name, file, text: LEAST.to_owned(), origin: Origin::BuiltIn(PathBuf::new()) }).unwrap()
+}
+
 /// The default of a setting, which has none or is a table of its own otherwise.
 fn default(path: &str, with: &str) -> Option<String> {
     let settings = if with.is_empty() { vec![] } else { vec![with.to_owned()] };
-    let scenario = Scenario::from_toml("least", LEAST).unwrap().with_settings(&settings).unwrap();
+    let scenario = least().with_settings(&settings).unwrap();
     let scenario = Table::try_from(scenario).unwrap();
     let mut found = &Value::Table(scenario);
     for key in path.split('.') {
@@ -220,7 +229,7 @@ fn default(path: &str, with: &str) -> Option<String> {
 /// The values that a setting of the brain may have, as the brain says them when it is given another one.
 fn expected(path: &str) -> Option<String> {
     path.strip_prefix("brain.")?;
-    let scenario = Scenario::from_toml("least", LEAST).unwrap();
+    let scenario = least();
     ["1e300", "-1e300", "999999999999", "[1e300]"].into_iter().find_map(|value| {
         let faults = match scenario.clone().with_settings(&[format!("{path}={value}")]) {
             Ok(changed) => changed.faults(""),

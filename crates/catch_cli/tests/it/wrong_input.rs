@@ -114,8 +114,8 @@ fn misspelt_and_impossible_fields_are_named() {
     let scenario = assets.spoil("scenarios/paper.toml", "friction = \"high\"", "");
     assets.spoil("scenarios/paper.toml", "robot = \"iiwa14\"", "robot = \"iiwa15\"");
     one_line(&["catch", "--scenario", &scenario], &["paper.toml", "robot", "iiwa15", "did you mean `iiwa14`?"]);
-    let object = assets.spoil("objects/banana.toml", "mass_kg = 0.118", "mass_kg = 0.0");
-    one_line(&["catch", "--object", &object], &["banana.toml", "truth.mass_kg", "0.001 to 5"]);
+    let object = assets.spoil("objects/banana/truth.toml", "mass_kg = 0.118", "mass_kg = 0.0");
+    one_line(&["catch", "--object", &object], &["banana/truth.toml", "truth.mass_kg", "0.001 to 5"]);
 }
 
 #[test]
@@ -140,7 +140,7 @@ fn meshes_that_are_none_are_refused() {
     let text = |file: &str| {
         format!(
             "name = \"thing\"\n[truth]\nmass_kg = 0.1\nrestitution = 0.3\ndrag_per_m = 0.0\n\
-             shape = {{ kind = \"mesh\", file = \"{file}\" }}\n[prior]\ndrag_per_m = 0.0\ndrag_sd_per_m = 0.0\n"
+             shape = {{ kind = \"mesh\", file = \"{file}\" }}\n[known]\ndrag_per_m = 0.0\ndrag_sd_per_m = 0.0\n"
         )
     };
     fs::write(&path, text("no_such.stl")).unwrap();
@@ -193,11 +193,11 @@ fn a_recording_that_was_cut_off_says_so() {
 #[test]
 fn check_lists_the_faults_of_all_parts() {
     let assets = Spoilt::new();
-    assets.spoil("scenarios/paper.toml", "object = \"tennis_ball\"", "object = \"../objects/tennis_ball.toml\"");
+    assets.spoil("scenarios/paper.toml", "object = \"tennis_ball\"", "object = \"../objects/tennis_ball\"");
     let scenario = assets.spoil("scenarios/paper.toml", "throw = \"near\"", "throw = \"../throws/near.toml\"");
     let output = catchingbot(&["check", &scenario]);
     assert!(output.status.success(), "{}{}", stdout(&output), stderr(&output));
-    assets.spoil("objects/tennis_ball.toml", "restitution = 0.75", "restitution = 7.5");
+    assets.spoil("objects/tennis_ball/truth.toml", "restitution = 0.75", "restitution = 7.5");
     assets.spoil("throws/near.toml", "position_m = [", "position_m = [1.0, ");
     let output = catchingbot(&["check", &scenario]);
     assert_eq!(output.status.code(), Some(2));
@@ -215,12 +215,12 @@ fn check_lists_the_faults_of_all_parts() {
     assert!(stderr(&output).contains("5 faults"), "{}", stderr(&output));
 
     // And all of one part.
-    assets.spoil("objects/tennis_ball.toml", "mass_kg = 0.058", "mass_kg = 58");
+    assets.spoil("objects/tennis_ball/truth.toml", "mass_kg = 0.058", "mass_kg = 58");
     assets.spoil("grippers/wsg50.toml", "finger_mass_kg = ", "finger_mass_kg = -");
     assets.spoil("grippers/wsg50.toml", "max_force_n = ", "max_force_n = -");
     assets.spoil("robots/iiwa14/robot.toml", "max_acceleration_radps2 = 8.57", "max_acceleration_radps2 = -8.57");
     assets.spoil("robots/iiwa14/robot.toml", "max_acceleration_radps2 = 8.57", "max_acceleration_radps2 = -8.57");
-    for (file, faults) in [("objects/tennis_ball.toml", 2), ("grippers/wsg50.toml", 2), ("robots/iiwa14", 2)] {
+    for (file, faults) in [("objects/tennis_ball", 2), ("grippers/wsg50.toml", 2), ("robots/iiwa14", 2)] {
         let output = catchingbot(&["check", assets.path(file).to_str().unwrap()]);
         assert!(stderr(&output).contains(&format!("{faults} faults")), "{file}: {}", stdout(&output));
     }
@@ -245,7 +245,7 @@ fn arguments_that_cannot_be_right_say_what_would_be() {
         (&["register", "--cloud", "no.ply", "--reference", "banana"], &["no.ply"]),
         (
             &["catch", "--object", "cup.obj"],
-            &["--object", "the shape `cup.obj`", "`catchingbot object import cup.obj --out cup.toml`"],
+            &["--object", "the shape `cup.obj`", "`catchingbot object import cup.obj --out cup`"],
         ),
         (
             &["ready", "--set", "ready_rad=[2.8, 1.2, 1.1, -1.5, 1.6, 1.4, 0.2]", "--trials", "1", "--tries", "1"],
@@ -269,7 +269,7 @@ fn arguments_that_cannot_be_right_say_what_would_be() {
 fn every_asset_is_right_and_what_is_not_is_told() {
     let assets = Spoilt::new();
     let mut files = Vec::new();
-    for kind in ["scenarios", "objects", "throws", "grippers", "rigs", "robots", "studies"] {
+    for kind in ["scenarios", "objects", "throws", "grippers", "cameras", "rigs", "robots", "studies"] {
         let entries = fs::read_dir(assets.path(kind)).unwrap();
         files.extend(entries.map(|entry| entry.unwrap().path().to_str().unwrap().to_owned()));
     }
@@ -282,7 +282,7 @@ fn every_asset_is_right_and_what_is_not_is_told() {
     let verdicts = stdout(&output).lines().filter(|line| !line.starts_with(' ')).map(str::to_owned).collect::<Vec<_>>();
     assert!(verdicts.len() == files.len() && files.len() > 20, "{}", stdout(&output));
     assert!(verdicts.iter().all(|line| line.starts_with("right")), "{}", stdout(&output));
-    let banana = stdout(&catchingbot(&["check", assets.path("objects/banana.toml").to_str().unwrap()]));
+    let banana = stdout(&catchingbot(&["check", assets.path("objects/banana").to_str().unwrap()]));
     assert!(
         banana.contains("its convex hull has 1.67 times that; it collides as 9 convex parts of 1.00 times"),
         "{banana}"
@@ -302,15 +302,20 @@ fn every_asset_is_right_and_what_is_not_is_told() {
             "\ngripper = { kind = \"real\" }",
             "brain.grasp_selection.closing_speed_mps: found 6, expected at most 0.42, the max_speed_mps of grippers/wsg50.toml",
         ),
-        ("objects/banana.toml", "mass_kg = 0.118", "mass_kg = 118", "truth.mass_kg: found 118, expected 0.001 to 5"),
         (
-            "objects/tennis_ball.toml",
+            "objects/banana/truth.toml",
+            "mass_kg = 0.118",
+            "mass_kg = 118",
+            "truth.mass_kg: found 118, expected 0.001 to 5",
+        ),
+        (
+            "objects/tennis_ball/truth.toml",
             "diameter_m = 0.0672",
             "diameter_m = 0.12",
             "120 mm wide at its narrowest; the gripper opens 110 mm",
         ),
         (
-            "objects/tennis_ball.toml",
+            "objects/tennis_ball/truth.toml",
             "diameter_m = 0.12",
             "diameter_m = \"60 mm\"",
             "truth.shape.diameter_m: found \"60 mm\", expected a number",

@@ -9,13 +9,15 @@ use catch_body::{
     workcell::Workcell,
 };
 
+use catch_cell::DataSheet;
+
 use super::{
     gripper_check,
     object_check::{Examined, examine},
 };
 
 use crate::{
-    assets::{Asset, Kind},
+    assets::{Asset, KNOWN_FILE, Kind},
     scenario::{
         Scenario,
         setup::{Choice, Setup},
@@ -36,10 +38,11 @@ pub struct Checked {
 }
 
 /// Fields that only one kind of file has.
-const TELLTALES: [(&str, Kind); 13] = [
+const TELLTALES: [(&str, Kind); 17] = [
     ("overlay", Kind::Study),
     ("throw_grid", Kind::Study),
     ("objects", Kind::Study),
+    ("extends", Kind::Scenario),
     ("flight_rig", Kind::Scenario),
     ("arena", Kind::Scenario),
     ("gripper_mount", Kind::Robot),
@@ -50,19 +53,23 @@ const TELLTALES: [(&str, Kind); 13] = [
     ("capsules", Kind::Workcell),
     ("uv_sphere", Kind::Rig),
     ("cameras", Kind::Rig),
+    ("subpixel_px", Kind::Camera),
+    ("constant_m", Kind::Camera),
+    ("common_fraction", Kind::Camera),
 ];
 
 /// Checks one file.
 pub fn check(path: &Path) -> Checked {
-    let path = robot_file(path);
+    let path = described_file(path);
     // Every kind of file is read in the same way; which kind it is only shows afterwards.
     let asset = match Asset::on_disk(Kind::Scenario, &path) {
         Ok(asset) => asset,
         Err(InputError { file, field, found, expected, .. }) => {
             // "at most 1 MiB: …", "a regular file: …"
             let limit = expected.split_once(": ").map(|(limit, _)| format!("{limit}: ")).unwrap_or_default();
-            let expected =
-                format!("{limit}a readable file: a scenario, robot, gripper, workcell, object, throw, rig or study");
+            let expected = format!(
+                "{limit}a readable file: a scenario, robot, gripper, workcell, object, throw, camera, rig or study"
+            );
             return Checked::unreadable(InputError::new(file, field, found, expected));
         }
     };
@@ -71,6 +78,8 @@ pub fn check(path: &Path) -> Checked {
         Err(fault) => return Checked::unreadable(fault),
     };
     let kind = TELLTALES.iter().find(|(field, _)| table.contains_key(*field)).map(|&(_, kind)| kind);
+    // A thing in a folder of its own bears the folder's name.
+    let asset = kind.map_or(Ok(asset.clone()), |kind| Asset::on_disk(kind, &path)).unwrap_or(asset);
     let mut examined = Examined::default();
     let faults = match kind {
         Some(kind) => {
@@ -85,7 +94,7 @@ pub fn check(path: &Path) -> Checked {
         None => {
             let fields: Vec<&str> = table.keys().map(String::as_str).collect();
             let found = if fields.is_empty() { "nothing".to_owned() } else { format!("fields {}", fields.join(", ")) };
-            let expected = "the fields of a scenario, robot, gripper, workcell, object, throw, rig or study (`catchingbot list --show NAME` prints one)";
+            let expected = "the fields of a scenario, robot, gripper, workcell, object, throw, camera, rig or study (`catchingbot list --show NAME` prints one)";
             vec![InputError::new(&asset.file, "the file", found, expected)]
         }
     };
@@ -153,13 +162,18 @@ fn notes_of_object(asset: &Asset) -> Vec<String> {
     )]
 }
 
-/// A robot may be called by its folder or its URDF; what is checked is its `robot.toml` and what that stands beside.
-fn robot_file(path: &Path) -> PathBuf {
-    let is_urdf = path.extension().is_some_and(|it| it == "urdf");
-    if is_urdf {
-        path.with_file_name("robot.toml")
-    } else if path.is_dir() {
-        path.join("robot.toml")
+/// A robot may be called by its folder or its URDF, an object by its folder or its `known.toml`; what is checked is the file that says
+/// most, and what that stands beside.
+fn described_file(path: &Path) -> PathBuf {
+    let (robot, object) = ("robot.toml", "truth.toml");
+    if path.is_dir() {
+        let file = [object, robot].map(|it| path.join(it)).into_iter().find(|it| it.is_file());
+        return file.unwrap_or_else(|| path.join(robot));
+    }
+    if path.extension().is_some_and(|it| it == "urdf") {
+        path.with_file_name(robot)
+    } else if path.ends_with(KNOWN_FILE) {
+        path.with_file_name(object)
     } else {
         path.to_path_buf()
     }
@@ -188,7 +202,8 @@ fn faults_of(kind: Kind, asset: &Asset) -> Vec<InputError> {
                 .map(drop)
         }),
         Kind::Gripper => Gripper::from_toml(file, text).map(drop),
-        Kind::Object => asset.thrown_object().map(drop),
+        Kind::Object => InputError::first_of([asset.thrown_object().map(drop), asset.known_figures().map(drop)]),
+        Kind::Camera => DataSheet::from_toml(file, text).map(drop),
         Kind::Throw => asset.throw().map(drop),
         Kind::Workcell => Workcell::from_toml(file, text).map(drop),
         Kind::Rig => catch_cell::rig_from_toml(file, text).map(drop),
@@ -203,11 +218,10 @@ fn faults_of(kind: Kind, asset: &Asset) -> Vec<InputError> {
 
 /// A scenario's own faults and those of all the files that it names.
 fn faults_of_scenario(asset: &Asset) -> Vec<InputError> {
-    let (scenario, mut faults): (Scenario, _) = match InputError::parse_toml_all(&asset.file, &asset.text) {
+    let (scenario, mut faults) = match Scenario::with_faults(asset) {
         Ok(parsed) => parsed,
         Err(fault) => return fault.all(),
     };
-    faults.extend(scenario.faults(&asset.file));
     for (kind, field, name) in scenario.parts() {
         match Asset::find(kind, name, &asset.origin, (&asset.file, field)) {
             Ok(part) => faults.extend(faults_of(kind, &part)),

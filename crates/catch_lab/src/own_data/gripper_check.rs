@@ -13,7 +13,7 @@ const SCENARIO: &str = "honest";
 
 /// How wide objects may be, and how fast, with the margins of the scenario for real grippers; a line each.
 pub(super) fn notes(gripper: &Gripper) -> Vec<String> {
-    let margins = Asset::built_in(Kind::Scenario, SCENARIO).and_then(|it| Scenario::from_toml(&it.file, &it.text));
+    let margins = Asset::built_in(Kind::Scenario, SCENARIO).and_then(|it| Scenario::of_asset(&it));
     margins.map(|it| notes_of_margins(gripper, &it.brain.grasp_selection)).unwrap_or_default()
 }
 

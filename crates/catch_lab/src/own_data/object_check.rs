@@ -35,12 +35,12 @@ pub(super) fn examine(asset: &Asset) -> Examined {
         // A scenario that asks for more than the file has is none for it.
         let Ok(setup) = Setup::load(&choice) else { continue };
         let config = setup.uncalibrated_config(0, 0).config();
-        let known = models
-            .iter()
-            .position(|(scan, perception, _)| is_same(scan, &setup.reference_scan) && *perception == config.perception);
+        let known = models.iter().position(|(scan, perception, _)| {
+            is_same(scan, &setup.known_object.scan) && *perception == config.perception
+        });
         let index = known.unwrap_or_else(|| {
-            let model = ReferenceModel::from_scan(&setup.reference_scan, &config.perception);
-            models.push((setup.reference_scan.clone(), config.perception.clone(), model));
+            let model = ReferenceModel::from_scan(&setup.known_object.scan, &config.perception);
+            models.push((setup.known_object.scan.clone(), config.perception.clone(), model));
             models.len() - 1
         });
         let reference = &models[index].2;

@@ -44,8 +44,10 @@ pub struct ImportOptions {
 pub struct ImportedObject {
     /// The object as its files describe it.
     pub object: ThrownObject,
-    /// The content of its TOML file.
-    pub toml: String,
+    /// The content of its `truth.toml`.
+    pub truth: String,
+    /// The content of its `known.toml`.
+    pub known: String,
     /// Files beside it, by their names.
     pub beside: Vec<(String, Vec<u8>)>,
     /// Where the shape is from, its unit, each repair, and what of a description was not believed.
@@ -115,13 +117,13 @@ impl ImportedObject {
             stated: &stated,
             friction: source.friction,
         };
-        let (toml, beside) = (draft.toml(), draft.files());
+        let (truth, known, beside) = (draft.truth_toml(), draft.known_toml(), draft.files());
         let load = |name: &str| {
             let found = beside.iter().find(|(file, _)| file == name).map(|(_, bytes)| bytes.clone());
             found.ok_or_else(|| InputError::new(name, "the file", "nothing", "a file of the import"))
         };
-        let object = ThrownObject::from_toml(&format!("{stem}.toml"), &toml, &load)?;
-        Ok(Self { object, toml, beside, findings })
+        let object = ThrownObject::from_toml(&format!("{stem}.toml"), &truth, &load)?;
+        Ok(Self { object, truth, known, beside, findings })
     }
 }
 

@@ -207,7 +207,7 @@ impl PlannerCase {
 pub fn arm(name: Option<&str>, asked_by: (&str, &str)) -> Result<(Robot, Gripper), InputError> {
     let nowhere = Origin::BuiltIn(Default::default());
     let scenario = Asset::find(Kind::Scenario, DEFAULT_SCENARIO, &nowhere, (COMMAND_LINE, "--scenario"))?;
-    let parts = Scenario::from_toml(&scenario.file, &scenario.text)?;
+    let parts = Scenario::of_asset(&scenario)?;
     let robot = Asset::find(Kind::Robot, name.unwrap_or(&parts.robot), &nowhere, asked_by)?;
     let gripper = Asset::find(Kind::Gripper, &parts.gripper, &scenario.origin, (&scenario.file, "gripper"))?;
     let (urdf_file, robot_urdf) = robot.read_text_beside("robot.urdf")?;

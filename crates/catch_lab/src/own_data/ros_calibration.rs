@@ -133,6 +133,7 @@ pub fn camera_info(file: &str, text: &str) -> Result<CameraModel, InputError> {
         focal_px,
         principal_px: [place(cx)?, place(cy)?],
         rate_hz: None,
+        sheet: None,
     })
 }
 

@@ -13,10 +13,13 @@ use crate::{
     scenario::{Scenario, setup::DEFAULT_SCENARIO},
 };
 
-const OBJECT: &str = include_str!("templates/object.toml");
+const TRUTH: &str = include_str!("templates/truth.toml");
+const KNOWN: &str = include_str!("templates/known.toml");
+const SCENARIO: &str = include_str!("templates/scenario.toml");
 const THROW: &str = include_str!("templates/throw.toml");
 const GRIPPER: &str = include_str!("templates/gripper.toml");
 const WORKCELL: &str = include_str!("templates/workcell.toml");
+const CAMERA: &str = include_str!("templates/camera.toml");
 const RIG: &str = include_str!("templates/rig.toml");
 /// Variants of the scenario that is meant when none is named.
 const STUDY: &str = include_str!("templates/study.toml");
@@ -37,27 +40,24 @@ pub fn files(kind: Kind, name: &str) -> Result<Vec<NewFile>, InputError> {
     let nowhere = Origin::BuiltIn(PathBuf::new());
     let scenario = || Asset::find(Kind::Scenario, DEFAULT_SCENARIO, &nowhere, asked_by);
     match kind {
-        Kind::Object => filled_in(OBJECT),
+        Kind::Object => Ok(vec![
+            (format!("{name}/truth.toml"), TRUTH.replace("{{name}}", name)),
+            (format!("{name}/known.toml"), KNOWN.to_owned()),
+        ]),
         Kind::Throw => filled_in(THROW),
         Kind::Gripper => filled_in(GRIPPER),
         Kind::Workcell => filled_in(WORKCELL),
+        Kind::Camera => filled_in(CAMERA),
         Kind::Rig => filled_in(RIG),
         Kind::Study => filled_in(STUDY),
         Kind::Robot => {
             let scenario = scenario()?;
-            let named = Scenario::from_toml(&scenario.file, &scenario.text)?.robot;
+            let named = Scenario::of_asset(&scenario)?.robot;
             let robot = Asset::find(Kind::Robot, &named, &nowhere, asked_by)?;
             let (_, urdf) = robot.read_text_beside("robot.urdf")?;
             Ok(vec![(format!("{name}/robot.toml"), robot.text), (format!("{name}/robot.urdf"), urdf)])
         }
-        Kind::Scenario => {
-            let named = |line: &str| {
-                let is_name = line.starts_with("name = ");
-                if is_name { format!("name = \"{name}\"") } else { line.to_owned() }
-            };
-            let lines: Vec<String> = scenario()?.text.lines().map(named).collect();
-            file(lines.join("\n") + "\n")
-        }
+        Kind::Scenario => filled_in(SCENARIO),
     }
 }
 
@@ -109,23 +109,3 @@ pub fn cloud(name: &str, object: &str) -> Result<NewFile, InputError> {
 
 /// Points of a sample cloud at most, and about twice as many as it has.
 const MOST_SAMPLES: usize = 2000;
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_new_scenario_shows_every_switch_of_the_arena() {
-        let [(_, text)] = &files(Kind::Scenario, "mine").unwrap()[..] else { panic!("one file") };
-        let shown: toml::Table = toml::from_str(text).unwrap();
-        assert!(shown.contains_key("clock"));
-        let all = toml::Table::try_from(catch_sim::ArenaConfig::default()).unwrap();
-        let shown = shown["arena"].as_table().unwrap();
-        for (name, value) in &all {
-            assert!(shown.contains_key(name), "arena.{name} is not shown");
-            for field in value.as_table().into_iter().flat_map(toml::Table::keys) {
-                assert!(shown[name].as_table().unwrap().contains_key(field), "arena.{name}.{field} is not shown");
-            }
-        }
-    }
-}

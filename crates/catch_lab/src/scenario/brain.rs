@@ -15,7 +15,7 @@ use catch_bot::{
     trajectory_optimization, trajectory_prediction,
     trajectory_prediction::FlightPredictor,
 };
-use catch_cell::Brain;
+use catch_cell::{Brain, CameraModel, ObjectFigures};
 use catch_paper::{IcpEstimator, PaperPlanner, RansacPredictor};
 use serde::{Deserialize, Serialize};
 
@@ -75,6 +75,14 @@ impl BrainSettings {
         let Self { seed, perception, trajectory_prediction, grasp_selection, trajectory_optimization, control, .. } =
             self.clone();
         Config { seed, perception, trajectory_prediction, grasp_selection, trajectory_optimization, control }
+    }
+
+    /// These settings with what is known beforehand ([`Config::given`]).
+    #[must_use]
+    pub fn given(self, object: &ObjectFigures, cameras: &[CameraModel]) -> Self {
+        let Config { seed, perception, trajectory_prediction, grasp_selection, trajectory_optimization, control } =
+            self.config().given(object, cameras);
+        Self { seed, perception, trajectory_prediction, grasp_selection, trajectory_optimization, control, ..self }
     }
 
     /// A brain of the stages that the settings choose; it draws at random from `seed`.

@@ -1,6 +1,8 @@
 //! What a trial needs, read and checked: the scenario and every file that it names.
 
 pub mod calibration;
+mod knowledge;
+mod parts;
 
 use std::{
     path::PathBuf,
@@ -8,26 +10,22 @@ use std::{
 };
 
 use catch_body::{Gripper, InputError, JointVector, Robot};
-use catch_bot::{Preparation, grasp_selection::GraspSet, perception::DepthNoise};
-use catch_cell::{CameraModel, ReferenceScan, reference_scan, rig_from_toml};
+use catch_bot::{Preparation, grasp_selection::GraspSet};
+use catch_cell::{CameraModel, KnownObject};
 use catch_sim::{
     Arena, Conditions, Equipment, GripperDriveKind, Release, Throw, ThrownObject,
     config::{RobotController, RobotErrors},
-    depth_noise::{DataSheet, DepthConfig},
-    random_streams::{Stream, seed_for},
+    depth_noise::DepthConfig,
 };
 use serde::{Deserialize, Serialize};
 
 use calibration::{BySeed, CalibratedCameras};
+pub use knowledge::Knowledge;
+use parts::{Parts, Place};
 
 use crate::{
     assets::{Asset, COMMAND_LINE, Kind, Origin},
-    scenario::{
-        Clock, Scenario,
-        brain::{BrainSettings, Method},
-        reach_map,
-        sources::{self, SourceNames, Sources},
-    },
+    scenario::{Clock, Scenario, brain::Method, sources::Sources},
 };
 
 /// What somebody asks for: a scenario, and what is to be different from its file.
@@ -84,8 +82,8 @@ pub struct Setup {
     pub object: ThrownObject,
     /// How it is thrown.
     pub throw: Throw,
-    /// What is known of the object's shape.
-    pub reference_scan: ReferenceScan,
+    /// What is known of it.
+    pub known_object: KnownObject,
     /// Texts of the files that the brain depends on.
     pub sources: Sources,
     /// Made when it is first needed.
@@ -115,7 +113,7 @@ impl Setup {
     /// As [`load`](Self::load).
     pub fn of_asset(asset: &Asset, choice: &Choice) -> Result<Self, InputError> {
         // Results call it by its file, as they do with objects and throws, and by what is different from it.
-        let scenario = Scenario { name: asset.name.clone(), ..Scenario::from_toml(&asset.file, &asset.text)? };
+        let scenario = Scenario { name: asset.name.clone(), ..Scenario::of_asset(asset)? };
         Self::of_scenario(scenario, &asset.file, &asset.origin, choice)
     }
 
@@ -130,110 +128,29 @@ impl Setup {
         origin: &Origin,
         choice: &Choice,
     ) -> Result<Self, InputError> {
-        let is_other_robot = choice.robot.is_some_and(|robot| robot != scenario.robot);
-        let is_other_gripper = choice.gripper.is_some_and(|gripper| gripper != scenario.gripper);
-        if is_other_robot {
+        if choice.robot.is_some_and(|robot| robot != scenario.robot) {
             // The scenario's pose is one of its own arm.
             (scenario.ready_rad, scenario.place_rad) = (None, None);
         }
         let of_file = scenario.clone();
         let mut scenario = scenario.with_settings(choice.settings)?;
-        let find = |kind: Kind, asked: Option<&str>, named: &str, field: &str| {
-            let nowhere = Origin::BuiltIn(PathBuf::new());
-            let is_set = !of_file.parts().contains(&(kind, field, named));
-            match asked {
-                Some(name) => Asset::find(kind, name, &nowhere, (COMMAND_LINE, &format!("--{kind}"))),
-                None if is_set => Asset::find(kind, named, &nowhere, (COMMAND_LINE, &format!("--set {field}"))),
-                None => Asset::find(kind, named, origin, (file, field)),
-            }
-        };
-        let robot = find(Kind::Robot, choice.robot, &scenario.robot, "robot")?;
-        let gripper = find(Kind::Gripper, choice.gripper, &scenario.gripper, "gripper")?;
-        let workcell = match (choice.workcell, &scenario.workcell) {
-            (None, None) => None,
-            (asked, named) => Some(find(Kind::Workcell, asked, named.as_deref().unwrap_or_default(), "workcell")?),
-        };
-        let object = find(Kind::Object, choice.object, &scenario.object, "object")?;
-        let throw = find(Kind::Throw, choice.throw, &scenario.throw, "throw")?;
-        let flight_rig = find(Kind::Rig, None, &scenario.flight_rig, "flight_rig")?;
-        let reference_rig = find(Kind::Rig, None, &scenario.reference_rig, "reference_rig")?;
-
-        let (urdf_file, robot_urdf) = robot.read_text_beside("robot.urdf")?;
-        let sources = Sources {
-            robot_urdf,
-            robot_toml: robot.text,
-            gripper_toml: gripper.text,
-            workcell_toml: workcell.as_ref().map(|it| it.text.clone()),
-            limit_scale: scenario.limit_scale,
-        };
-        let names = SourceNames {
-            robot_urdf: &urdf_file,
-            robot_toml: &robot.file,
-            gripper_toml: &gripper.file,
-            workcell_toml: workcell.as_ref().map_or("", |it| &it.file),
-        };
-        let (mut arm, hand) = sources.parse(&names)?;
-        let said_by = |is_set: bool| if is_set { COMMAND_LINE } else { file };
-        if let Some(values) = &scenario.ready_rad {
-            let file = said_by(scenario.ready_rad != of_file.ready_rad);
-            arm.ready_q = arm.checked_pose(file, "ready_rad", values)?;
-        }
-        if let Some(values) = &scenario.place_rad {
-            arm.checked_pose(said_by(scenario.place_rad != of_file.place_rad), "place_rad", values)?;
-        }
-        if let Some(workcell) = &workcell {
-            sources::check_waits_clear(&arm, &hand, &workcell.file)?;
-        }
-        let mut thrown = object.thrown_object()?;
-        if scenario.arena.published_bodies {
-            let expected = "the table [published], or arena.published_bodies = false";
-            let missing = || InputError::new(&object.file, "published", "nothing", expected);
-            thrown = thrown.as_published().ok_or_else(missing)?;
-        }
-        scenario.check_closing(file, &hand, &gripper.file)?;
-        let cameras = rig_from_toml(&flight_rig.file, &flight_rig.text)?;
+        let parts = Parts::find(&scenario, &of_file, Place { file, origin }, choice)?;
+        let (sources, robot, gripper) = parts.arm(&scenario, &of_file, file)?;
+        let object = parts.truth(&scenario.arena)?;
+        let cameras = parts.cameras()?;
         scenario.arena.check_cameras(&cameras, file, "arena")?;
-        let scanners = rig_from_toml(&reference_rig.file, &reference_rig.text)?;
-        let depth = &scenario.arena.depth;
-        let shifted: Vec<CameraModel> = scanners.iter().map(|camera| depth.shifted(camera)).collect();
-        let reference_scan = ReferenceScan { cameras: scanners, ..reference_scan(&thrown.mesh, &shifted) };
-        if reference_scan.is_empty() {
-            let expected = "cameras that look at the origin, where the object is scanned";
-            return Err(InputError::new(&reference_rig.file, "cameras", "none that sees the object", expected));
-        }
-
-        // Names only: results of the same content are the same wherever the files lie.
-        if is_other_robot {
-            scenario.name += &format!("+robot={}", robot.name);
-        }
-        if is_other_gripper {
-            scenario.name += &format!("+gripper={}", gripper.name);
-        }
-        let workcell = workcell.map(|it| it.name);
-        if let Some(name) = workcell.as_ref().filter(|_| workcell != scenario.workcell && choice.workcell.is_some()) {
-            scenario.name += &format!("+workcell={name}");
-        }
-        scenario.workcell = workcell;
-        if let Some(method) = choice.method.filter(|method| *method != scenario.brain.method) {
-            scenario.name += &format!("+method={method}");
-            scenario.brain.method = method;
-        }
-        scenario.robot = robot.name;
-        scenario.gripper = gripper.name;
-        scenario.object = object.name;
-        let motion = throw.throw()?.for_arm(arm.length_m());
-        scenario.throw = throw.name;
-        scenario.flight_rig = flight_rig.name;
-        scenario.reference_rig = reference_rig.name;
-        scenario.ready_rad = Some(arm.ready_q.as_slice()[..arm.dof()].to_vec());
+        let known_object = parts.known_object(&object, &scenario.arena.depth)?;
+        let throw = parts.throw(robot.length_m())?;
+        parts.name(&mut scenario, choice);
+        scenario.ready_rad = Some(robot.ready_q.as_slice()[..robot.dof()].to_vec());
         Ok(Self {
             scenario,
-            robot: arm,
-            gripper: hand,
+            robot,
+            gripper,
             cameras,
-            throw: motion,
-            object: thrown,
-            reference_scan,
+            object,
+            throw,
+            known_object,
             sources,
             equipment: OnceLock::new(),
             known: OnceLock::new(),
@@ -339,57 +256,6 @@ impl Setup {
     /// How the object leaves the thrower's hand.
     pub fn release(&self, seed: u64, index: u64) -> Release {
         self.throw.release(&self.object.name, &self.conditions(seed, index), seed, index)
-    }
-
-    /// The brain's settings in one scene, but for what a calibration says.
-    pub(crate) fn uncalibrated_config(&self, seed: u64, index: u64) -> BrainSettings {
-        let mut config = self.scenario.brain.clone();
-        config.seed = seed_for(Stream::Brain, seed, index);
-        // What is known beforehand, unless the scenario tells the brain otherwise: whether there is air, and how much it brakes the
-        // object; how the object bounces and what it weighs; whether the cameras see the floor, and what their data sheet says.
-        let (prior, prediction) = (&self.object.prior, &mut config.trajectory_prediction);
-        let drag = [&mut prediction.drag_prior_per_m, &mut prediction.drag_prior_sd_per_m];
-        for (set, known) in drag.into_iter().zip([prior.drag_per_m, prior.drag_sd_per_m]) {
-            if self.scenario.arena.drag {
-                set.get_or_insert(known);
-            }
-        }
-        prediction.com_sd_m = prediction.com_sd_m.or(prior.com_sd_m);
-        // A gripper that is ideal obeys at once; a real one as its file says.
-        if self.scenario.arena.gripper.real().is_none() {
-            config.control.gripper_latency_s.get_or_insert(0.0);
-        }
-        let grasping = &mut config.grasp_selection;
-        grasping.restitution = grasping.restitution.or(prior.restitution);
-        let planning = &mut config.trajectory_optimization;
-        planning.object_mass_kg = planning.object_mass_kg.or(prior.mass_kg);
-        let perception = &mut config.perception;
-        perception.floor_visible.get_or_insert(self.scenario.arena.floor_visible);
-        let focal_px = self.cameras.first().map_or(1.0, |camera| camera.focal_px);
-        let sheet = self.scenario.arena.depth.model.data_sheet(focal_px);
-        let DataSheet { constant_m, quadratic_per_m, common_fraction, dropout, edge_px } = sheet;
-        perception.depth_noise.get_or_insert(DepthNoise { constant_m, quadratic_per_m });
-        let has_holes = self.scenario.arena.depth.hole_fraction.bounds()[1] > 0.0;
-        perception.depth_dropout.get_or_insert(dropout || has_holes);
-        perception.depth_common_fraction.get_or_insert(common_fraction);
-        perception.depth_edge_px.get_or_insert(edge_px);
-        config.trajectory_prediction.correlated_error.sd_per_m = Some(self.correlated_sd_per_m(&config));
-        config
-    }
-
-    /// What the brain works out before anything flies, with the cameras as they are.
-    ///
-    /// # Panics
-    /// If settings were changed in code to values out of their ranges.
-    pub fn known(&self) -> &Arc<Preparation> {
-        self.known.get_or_init(|| Arc::new(self.preparation(&self.uncalibrated_config(0, 0), self.cameras.clone())))
-    }
-
-    fn preparation(&self, config: &BrainSettings, cameras: Vec<CameraModel>) -> Preparation {
-        let (robot, reach_map) = (self.robot.clone(), reach_map::of(&self.robot));
-        let known =
-            Preparation::new(config.config(), robot, self.gripper.clone(), cameras, &self.reference_scan, reach_map);
-        known.expect(CHECKED)
     }
 }
 

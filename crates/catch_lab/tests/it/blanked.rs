@@ -97,7 +97,7 @@ fn in_the_dark_the_object_may_go_where_it_likes() {
 fn the_brain_is_told_nothing_of_what_an_object_truly_is() {
     let folder = tempfile::tempdir().unwrap();
     let told = |truth: &str| {
-        let prior = "[prior]\nmass_kg = 0.1\ndrag_per_m = 0.05\ndrag_sd_per_m = 0.01\nrestitution = 0.4\n";
+        let prior = "[known]\nmass_kg = 0.1\ndrag_per_m = 0.05\ndrag_sd_per_m = 0.01\nrestitution = 0.4\n";
         let shape = "[truth.shape]\nkind = \"ball\"\ndiameter_m = 0.06\nhollow = false\n";
         let path = folder.path().join("thing.toml");
         std::fs::write(&path, format!("name = \"thing\"\n{prior}[truth]\n{truth}\n{shape}")).unwrap();

@@ -12,6 +12,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 fn setup() -> Setup {
     let settings = [
         "flight_rig=\"d435_1\"",
+        "camera=d435",
         "arena.depth.model=\"near_stereo\"",
         "arena.depth.calibration_sd_m=0",
         "arena.depth.calibration_sd_rad=0",
@@ -29,7 +30,7 @@ fn guesses(setup: &Setup) -> Vec<CameraModel> {
 }
 
 fn few_poses(setup: &Setup) -> Config {
-    Config { poses: 6, ..calibration::config(setup, 3) }
+    Config { poses: 6, ..calibration::config(&setup.knowledge(), setup.scenario.arena.frame_rate_hz, 3) }
 }
 
 /// From 50 mm and 5°, the clock being off by 4 ms, with half the poses; and what the same session gives where the model of the arm is

@@ -11,7 +11,7 @@ use catch_lab::{
     trial,
 };
 
-const NEAR: [&str; 2] = ["flight_rig=d435_3", "arena.depth.model=near_stereo"];
+const NEAR: [&str; 3] = ["flight_rig=d435_3", "camera=d435", "arena.depth.model=near_stereo"];
 
 fn setup(settings: &[&str], fault: &str) -> Setup {
     let fault = format!("arena.camera_faults=[{fault}]");

@@ -7,6 +7,7 @@ mod calibration;
 mod camera_health;
 mod circles;
 mod frames;
+mod knowledge;
 mod mutations;
 mod planning;
 mod play;

@@ -17,13 +17,14 @@ use std::{
     fs,
     io::{Read, Write},
     panic::{AssertUnwindSafe, catch_unwind},
-    path::Path,
+    path::{Path, PathBuf},
     time::Duration,
 };
 
 use catch_body::{Gripper, InputError, Robot, TriangleMesh, mesh_file, robot_file::RobotFiles};
-use catch_cell::rig_from_toml;
+use catch_cell::{DataSheet, ObjectFigures, rig_from_toml};
 use catch_lab::{
+    assets::{Asset, Origin},
     flights::track_file,
     own_data::{cloud_file, planner_cases, templates},
     pages::catch_page,
@@ -180,7 +181,10 @@ fn loads() -> BTreeMap<String, Load<'static>> {
         let right = asset(&format!("scenarios/{name}.toml"));
         add(
             &format!("scenario {name}"),
-            Box::new(move |it| Scenario::from_toml("s.toml", &text(it.text(&right))?).map(drop)),
+            Box::new(move |it| {
+                let (name, file, origin) = ("s".to_owned(), "s.toml".to_owned(), Origin::BuiltIn(PathBuf::new()));
+                Scenario::of_asset(&Asset { name, file, text: text(it.text(&right))?, origin }).map(drop)
+            }),
         );
     }
     let (urdf, toml) = (asset("robots/iiwa14/robot.urdf"), asset("robots/iiwa14/robot.toml"));
@@ -232,18 +236,20 @@ fn loads() -> BTreeMap<String, Load<'static>> {
         finite(object.inertia_kgm2.iter().copied().chain([object.bounding_radius_m]));
         Ok(())
     };
-    for file in fs::read_dir(root().join("assets/objects")).unwrap().map(|it| it.unwrap().path()) {
-        let right = read(&file);
-        add(
-            &format!("object {}", file.file_stem().unwrap().display()),
-            Box::new(move |it| object(&text(it.text(&right))?, &[])),
-        );
+    for folder in fs::read_dir(root().join("assets/objects")).unwrap().map(|it| it.unwrap().path()) {
+        let name = folder.file_name().unwrap().display();
+        let (truth, known) = (read(&folder.join("truth.toml")), read(&folder.join("known.toml")));
+        add(&format!("object {name}"), Box::new(move |it| object(&text(it.text(&truth))?, &[])));
+        let figures = move |it: &mut Mutator| ObjectFigures::from_toml("known.toml", &text(it.text(&known))?).map(drop);
+        add(&format!("knowledge of {name}"), Box::new(figures));
     }
+    let sheet = asset("cameras/d435.toml");
+    add("camera", Box::new(move |it| DataSheet::from_toml("c.toml", &text(it.text(&sheet))?).map(drop)));
     let sphere = TriangleMesh::sphere(0.03, 1);
     let of_mesh = |file: &str| {
         format!(
             "name = \"thing\"\n[truth]\nmass_kg = 0.1\nrestitution = 0.3\ndrag_per_m = 0.0\nshape = {{ kind = \"mesh\", file = \"{file}\" }}\n\
-             [prior]\ndrag_per_m = 0.0\ndrag_sd_per_m = 0.0\n"
+             [known]\ndrag_per_m = 0.0\ndrag_sd_per_m = 0.0\n"
         )
     };
     let [stl_text, stl_binary] = stl(&sphere);

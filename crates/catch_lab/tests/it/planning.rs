@@ -57,7 +57,7 @@ impl Desk {
     fn of(setup: Setup, change: impl Fn(&mut Config)) -> Self {
         let mut config = setup.brain_config(1, 0);
         change(&mut config.trajectory_optimization);
-        let reference = ReferenceModel::from_scan(&setup.reference_scan, &config.perception);
+        let reference = ReferenceModel::from_scan(&setup.known_object.scan, &config.perception);
         let grasps = GraspSet::sample(&reference, &setup.gripper, &config.grasp_selection);
         let motion =
             MotionPlanner::new(setup.robot.clone(), setup.gripper.clone(), config.trajectory_optimization.clone());

@@ -19,7 +19,7 @@ fn seen(rig: &str, throw: &str, throws: u64) -> Vec<Flight> {
         |path: &str| std::fs::read_to_string(format!("{}/../../assets/{path}", env!("CARGO_MANIFEST_DIR"))).unwrap();
     let cameras = rig_from_toml(rig, &read(&format!("rigs/{rig}.toml"))).unwrap();
     let throw = Throw::from_toml(throw, &read(&format!("throws/{throw}.toml"))).unwrap();
-    let object = read("objects/tennis_ball.toml");
+    let object = read("objects/tennis_ball/truth.toml");
     let object = ThrownObject::from_toml("tennis_ball", &object, &|file| panic!("no file is needed: {file}")).unwrap();
     let robot = iiwa();
     // The waiting pose of the scenario `paper`.

@@ -23,9 +23,9 @@ pub fn gripper() -> Gripper {
 
 pub fn object(name: &str) -> ThrownObject {
     let text = match name {
-        "tennis_ball" => include_str!("../../../../assets/objects/tennis_ball.toml"),
-        "banana" => include_str!("../../../../assets/objects/banana.toml"),
-        "pill_bottle" => include_str!("../../../../assets/objects/pill_bottle.toml"),
+        "tennis_ball" => include_str!("../../../../assets/objects/tennis_ball/truth.toml"),
+        "banana" => include_str!("../../../../assets/objects/banana/truth.toml"),
+        "pill_bottle" => include_str!("../../../../assets/objects/pill_bottle/truth.toml"),
         _ => panic!("{name}"),
     };
     ThrownObject::from_toml(name, text, &|file| Err(InputError::new(file, "file", "nothing", "a file"))).unwrap()
@@ -33,7 +33,7 @@ pub fn object(name: &str) -> ThrownObject {
 
 /// A hollow ball like the tennis ball, of any radius.
 pub fn ball(radius_m: f64) -> ThrownObject {
-    let text = include_str!("../../../../assets/objects/tennis_ball.toml");
+    let text = include_str!("../../../../assets/objects/tennis_ball/truth.toml");
     let text = text.replace("diameter_m = 0.0672", &format!("diameter_m = {}", 2.0 * radius_m));
     ThrownObject::from_toml("ball", &text, &|file| Err(InputError::new(file, "file", "nothing", "a file"))).unwrap()
 }

@@ -22,7 +22,7 @@ pub struct Weights {
 
 impl Default for Weights {
     fn default() -> Self {
-        Self { reach_fraction: 1.0, comfort: 0.02, speed: 0.35, spin: 0.2, delay: 0.5 }
+        Self { reach_fraction: 1.0, comfort: 0.02, speed: 1.4, spin: 0.3, delay: 0.5 }
     }
 }
 

@@ -27,12 +27,12 @@ pub(super) struct Draft<'a> {
 }
 
 impl Draft<'_> {
-    /// The object's TOML file.
-    pub fn toml(&self) -> String {
+    /// Its `truth.toml`.
+    pub fn truth_toml(&self) -> String {
         let Stated { mass_kg, assumed, com, about_com, .. } = self.stated;
         let drag_per_m = self.drag_per_m();
         let mut text = format!("# Imported: {}.\nname = {:?}\n\n", self.source.replace(['\n', '\r'], " "), self.name);
-        text += "# What it truly is; only the arena reads this, never the brain.\n[truth]\n";
+        text += "# What it truly is. Only the arena reads this table.\n[truth]\n";
         let mut add = |line: String| text += &(line + "\n");
         if let Some(reason) = assumed {
             add(format!("# Assumed: {reason}."));
@@ -61,10 +61,16 @@ impl Draft<'_> {
         if !self.parts.is_empty() {
             add(format!("parts = [{:?}]", self.parts_file()));
         }
+        text
+    }
+
+    /// Its `known.toml`.
+    pub fn known_toml(&self) -> String {
+        let (mass_kg, drag_per_m) = (self.stated.mass_kg, self.drag_per_m());
         let drag_sd = (drag_per_m * 0.3 * 1e4).round() / 1e4;
-        text + &format!(
-            "\n# What the brain is told beforehand, beside a scan of the object from all sides.\n[prior]\nmass_kg = {mass_kg}\n\
-             drag_per_m = {drag_per_m}\ndrag_sd_per_m = {}\nrestitution = {RESTITUTION:?}\n\
+        format!(
+            "# What is known beforehand, beside a scan of the object from all sides. Only the brain reads this table.\n[known]\n\
+             mass_kg = {mass_kg}\ndrag_per_m = {drag_per_m}\ndrag_sd_per_m = {}\nrestitution = {RESTITUTION:?}\n\
              # Assumed: how far its centre of mass may be from that of uniform density.\ncom_sd_m = {COM_SD_M:?}\n",
             drag_sd.max(1e-4)
         )

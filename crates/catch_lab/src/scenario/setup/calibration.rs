@@ -6,7 +6,7 @@ use std::{
 };
 
 use catch_body::{JointVector, Pose};
-use catch_bot::{Preparation, trajectory_optimization::MotionPlanner};
+use catch_bot::trajectory_optimization::MotionPlanner;
 use catch_calibration::{
     Calibration, CalibrationRun, CalibrationStatus, CameraCalibration, Config, FlightRun, Session, calibrate,
     flights::{Flight, FlightSettings, refine},
@@ -20,11 +20,8 @@ use catch_sim::{
 };
 use nalgebra::{Matrix3, Matrix6, Point3, UnitQuaternion, Vector3};
 
-use super::{CHECKED, Setup};
-use crate::scenario::{
-    CalibrationSettings,
-    brain::{BrainSettings, ChosenBrain},
-};
+use super::{Knowledge, Setup};
+use crate::scenario::CalibrationSettings;
 
 /// Where the thrown object lies, out of the cameras' range.
 const OUT_OF_SIGHT_M: [f64; 3] = [45.0, 45.0, 0.3];
@@ -46,25 +43,22 @@ pub struct ArenaSession {
     pub limit_violations: usize,
 }
 
-/// The settings of a calibration for the cameras of a setup: what their data sheet says.
-pub fn config(setup: &Setup, seed: u64) -> Config {
-    let focal_px = setup.cameras.first().map_or(1.0, |camera| camera.focal_px);
-    let sheet = setup.scenario.arena.depth.model.data_sheet(focal_px);
-    let errors = &setup.scenario.arena.robot_errors;
-    let least = Config::default().inverse_depth_sd_per_m / 10.0;
-    // A camera that runs freely may give fewer images than there are observations.
-    let arena = &setup.scenario.arena;
-    let rates = setup.cameras.iter().filter_map(|camera| camera.rate_hz.filter(|_| arena.free_running_cameras));
-    let observations_per_image = arena.frame_rate_hz / rates.fold(arena.frame_rate_hz, f64::min);
+/// The settings of a calibration for the cameras of a cell that gives so many observations a second: what their data sheet says.
+pub fn config(knowledge: &Knowledge, observations_hz: f64, seed: u64) -> Config {
+    let by_default = Config::default();
+    let first = knowledge.cameras.first();
+    let sheet = first.and_then(|it| it.sheet.clone()).unwrap_or_default();
+    let quadratic_per_m = sheet.quadratic_per_m(first.map_or(1.0, |it| it.focal_px));
+    // A camera may give fewer images than there are observations.
+    let rates = knowledge.cameras.iter().filter_map(|it| it.rate_hz);
+    let observations_per_image = observations_hz / rates.fold(observations_hz, f64::min);
     Config {
-        images_per_pose: (Config::default().images_per_pose as f64 * observations_per_image).ceil() as usize,
-        inverse_depth_sd_per_m: (sheet.constant_m + sheet.quadratic_per_m).max(least),
+        images_per_pose: (by_default.images_per_pose as f64 * observations_per_image).ceil() as usize,
+        inverse_depth_sd_per_m: (sheet.constant_m + quadratic_per_m).max(by_default.inverse_depth_sd_per_m / 10.0),
         common_fraction: sheet.common_fraction,
-        expected_latency_s: setup.scenario.brain.control.expected_latency_s,
-        mount_sd_m: errors.tool_position_m,
-        mount_sd_rad: errors.tool_rotation_deg.to_radians(),
+        expected_latency_s: knowledge.settings.control.expected_latency_s,
         seed,
-        ..Config::default()
+        ..by_default
     }
 }
 
@@ -112,7 +106,7 @@ pub fn observe_flights(
         return Vec::new();
     }
     let cameras = calibrated_cameras(believed, &calibration.cameras);
-    let known = Arc::new(setup.preparation(&setup.uncalibrated_config(seed, index), cameras));
+    let known = Arc::new(setup.knowledge().preparation(&setup.uncalibrated_config(seed, index), cameras));
     let thrown = seed_for(Stream::Calibration, seed, index);
     let mut arena = Arena::new(setup.equipment(), &setup.release(thrown, 0), &setup.robot.ready_q, seed, index);
     let observed = (0..flights as u64).map(|flight| {
@@ -150,7 +144,8 @@ impl CalibratedCameras {
             CameraModel { X_WC, ..camera.clone() }
         };
         let believed: Vec<CameraModel> = setup.cameras.iter().map(believed).collect();
-        let config = Config { poses: settings.poses, ..config(setup, seed) };
+        let config =
+            Config { poses: settings.poses, ..config(&setup.knowledge(), setup.scenario.arena.frame_rate_hz, seed) };
         let session = run_session(setup, &config, &believed, seed, 0).session;
         let found = calibrate(&config, &setup.robot, &setup.gripper, &believed, &session);
         let flights = observe_flights(setup, &found, &believed, settings.flights, (seed, 0));
@@ -160,13 +155,13 @@ impl CalibratedCameras {
     }
 
     /// Standard deviation that is claimed of a camera's rotation about each axis, that of the worst.
-    fn rotation_sd_rad(&self) -> f64 {
+    pub(super) fn rotation_sd_rad(&self) -> f64 {
         let sd = |it: &CameraCalibration| (it.covariance.fixed_view::<3, 3>(0, 0).trace() / 3.0).sqrt();
         self.found.iter().map(sd).fold(0.0, f64::max)
     }
 
     /// Standard deviation along each axis of a place that all cameras see.
-    fn position_sd_m(&self, p_W: &Point3<f64>) -> f64 {
+    pub(super) fn position_sd_m(&self, p_W: &Point3<f64>) -> f64 {
         // p = X·exp(ω, v)·p_C: a displacement of v + ω × p_C in C.
         let variance = |(camera, found): (&CameraModel, &CameraCalibration)| {
             let p_C = camera.X_WC.inverse_transform_point(p_W).coords;
@@ -216,7 +211,7 @@ impl<T> Clone for BySeed<T> {
 }
 
 impl<T> BySeed<T> {
-    fn get(&self, seed: u64, make: impl FnOnce() -> T) -> Arc<T> {
+    pub(super) fn get(&self, seed: u64, make: impl FnOnce() -> T) -> Arc<T> {
         // Whoever comes second waits: it takes longer than a trial.
         let mut made = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         made.entry(seed).or_insert_with(|| Arc::new(make())).clone()
@@ -241,53 +236,6 @@ impl Setup {
     /// The cameras as the brain believes them to stand, in scenes of `seed`.
     pub fn believed_cameras(&self, seed: u64) -> Vec<CameraModel> {
         self.calibrated(seed).map_or_else(|| self.cameras.clone(), |it| it.cameras.clone())
-    }
-
-    /// The brain's settings in one scene: those of the scenario, what is known of the object beforehand, what a calibration claims, and a
-    /// seed.
-    pub fn brain_config(&self, seed: u64, index: u64) -> BrainSettings {
-        let mut config = self.uncalibrated_config(seed, index);
-        if let Some(calibrated) = self.calibrated(seed) {
-            let p_WG = self.robot.gripper_pose(&self.robot.ready_q).translation.vector.into();
-            let (turned_rad, systematic_m) = (&mut config.perception.camera_sd_rad, calibrated.position_sd_m(&p_WG));
-            *turned_rad = turned_rad.max(calibrated.rotation_sd_rad());
-            let prediction = &mut config.trajectory_prediction;
-            prediction.systematic_sd_m = prediction.systematic_sd_m.max(systematic_m);
-            config.trajectory_prediction.correlated_error.sd_per_m = Some(self.correlated_sd_per_m(&config));
-        }
-        config
-    }
-
-    /// What the scenario says of the error that successive poses have in common, or else what follows from how the brain expects cameras
-    /// to be rotated. Cameras that are aligned on the arm may still be rotated about their lines of sight: at the distance d from the arm such a
-    /// roll σ moves an object by up to d·σ, along one of the two axes that an image tells of; n cameras that look from all around average it
-    /// to d·σ/√(2n) along each.
-    pub(super) fn correlated_sd_per_m(&self, config: &BrainSettings) -> f64 {
-        let of_scenario = self.scenario.brain.trajectory_prediction.correlated_error.sd_per_m;
-        of_scenario.unwrap_or(config.perception.camera_sd_rad / (2.0 * self.cameras.len().max(1) as f64).sqrt())
-    }
-
-    /// What the brain works out before anything flies, with the cameras as it believes them to stand in scenes of `seed`.
-    ///
-    /// # Panics
-    /// As [`known`](Self::known).
-    pub fn known_for(&self, seed: u64) -> Arc<Preparation> {
-        match self.calibrated(seed) {
-            None => self.known().clone(),
-            Some(calibrated) => {
-                let make = || self.preparation(&self.brain_config(seed, 0), calibrated.cameras.clone());
-                self.known_calibrated.get(seed, make)
-            }
-        }
-    }
-
-    /// A brain that has seen nothing yet.
-    ///
-    /// # Panics
-    /// As [`known`](Self::known).
-    pub fn brain(&self, seed: u64, index: u64) -> ChosenBrain {
-        let settings = self.brain_config(seed, index);
-        settings.brain(self.known_for(seed), settings.seed).expect(CHECKED)
     }
 }
 

@@ -1,0 +1,138 @@
+//! `extends`: a scenario's file that says only what differs from another one.
+
+use std::path::{Path, PathBuf};
+
+use catch_body::InputError;
+use toml::{
+    Table, Value,
+    de::{DeTable, DeValue},
+};
+
+use crate::{
+    assets::{Asset, Kind, Origin},
+    scenario::Scenario,
+};
+
+/// The field that names the scenario that a file extends.
+const FIELD: &str = "extends";
+
+/// The table of a scenario's file, laid over that of the scenario which it extends, over that of the one which this extends, and so on.
+///
+/// A table under a header, or of dotted keys, is merged field by field. Any other value replaces the one below it, an inline table as well.
+///
+/// # Errors
+/// A file that is no TOML, one that extends nothing known or itself, or a fault in one of those that it extends.
+pub(super) fn extended(asset: &Asset) -> Result<Table, InputError> {
+    extended_after(asset, &mut Vec::new())
+}
+
+fn extended_after(asset: &Asset, before: &mut Vec<String>) -> Result<Table, InputError> {
+    let mut table: Table = InputError::parse_toml(&asset.file, &asset.text)?;
+    let Some(base) = table.remove(FIELD) else { return Ok(table) };
+    let fault = |found: String, expected: &str| InputError::new(&asset.file, FIELD, found, expected);
+    let Value::String(name) = base else {
+        return Err(fault(base.to_string(), "the name of a scenario, or the path of its file"));
+    };
+    before.push(asset.file.clone());
+    let base = Asset::find(Kind::Scenario, &name, &asset.origin, (&asset.file, FIELD))?;
+    if before.contains(&base.file) {
+        return Err(fault(format!("`{name}`"), "a scenario that does not extend this one in turn"));
+    }
+    let mut below = extended_after(&base, before)?;
+    // Its own faults bear its own name.
+    let (scenario, faults): (Scenario, _) = InputError::from_table(&base.file, below.clone())?;
+    InputError::first_of(faults.into_iter().map(Err::<(), _>))?;
+    name_from_here(&scenario, &base.origin, &mut below);
+    let spans = DeTable::parse(&asset.text).map_err(|it| fault(it.message().to_owned(), "valid TOML"))?;
+    merge(&mut below, table, spans.get_ref(), &asset.text);
+    Ok(below)
+}
+
+/// Files beside the scenario below are called by their paths, since they do not lie beside the one above.
+fn name_from_here(scenario: &Scenario, origin: &Origin, table: &mut Table) {
+    let Origin::Disk(folder) = origin else { return };
+    for (kind, field, name) in scenario.parts() {
+        if !kind.names().contains(&name) {
+            let path: PathBuf = std::path::absolute(folder.join(name)).unwrap_or_else(|_| Path::new(name).into());
+            table.insert(field.to_owned(), path.to_string_lossy().into_owned().into());
+        }
+    }
+}
+
+fn merge(below: &mut Table, above: Table, spans: &DeTable, text: &str) {
+    for (field, value) in above {
+        let of_file = spans.get(field.as_str());
+        let is_inline = |it: &toml::Spanned<DeValue>| text[it.span().start..].starts_with('{');
+        match (below.get_mut(&field), value, of_file) {
+            (Some(Value::Table(below)), Value::Table(above), Some(spanned)) if !is_inline(spanned) => {
+                if let DeValue::Table(spans) = spanned.get_ref() {
+                    merge(below, above, spans, text);
+                }
+            }
+            (_, value, _) => {
+                below.insert(field, value);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::setup::{Choice, Setup};
+
+    fn load(folder: &Path, name: &str) -> Result<Scenario, InputError> {
+        let path = folder.join(name);
+        Setup::load(&Choice { scenario: path.to_str(), ..Choice::default() }).map(|it| it.scenario)
+    }
+
+    #[test]
+    fn headers_are_merged_and_inline_tables_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+        let head = "name = \"mine\"\ndescription = \"mine\"\n";
+        write(
+            "bumpy.toml",
+            &format!("{head}extends = \"honest\"\n[arena]\nfriction = 0.2\ndepth = {{ model = \"stereo7\" }}\n"),
+        );
+        write(
+            "slippery.toml",
+            &format!(
+                "{head}extends = \"bumpy.toml\"\n[arena.robot_errors]\nlink_mass_spread = 0.1\n[brain.grasp_selection]\nweights.width = 1.0\n"
+            ),
+        );
+        let honest = Setup::load(&Choice { scenario: Some("honest"), ..Choice::default() }).unwrap().scenario;
+        let mut expected = honest.clone();
+        (expected.name, expected.description) = ("slippery".to_owned(), "mine".to_owned());
+        expected.arena.friction = 0.2.into();
+        expected.arena.depth = toml::from_str("model = \"stereo7\"").unwrap();
+        expected.arena.robot_errors.link_mass_spread = 0.1;
+        expected.brain.grasp_selection.weights.width = 1.0;
+        assert_eq!(load(folder.path(), "slippery.toml").unwrap(), expected);
+    }
+
+    #[test]
+    fn circles_and_faults_below_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let head = "name = \"mine\"\ndescription = \"mine\"\n";
+        for (name, rest) in [
+            ("a.toml", "extends = \"b.toml\""),
+            ("b.toml", "extends = \"a.toml\""),
+            ("number.toml", "extends = 1"),
+            ("unknown.toml", "extends = \"honset\""),
+            ("faulty.toml", "extends = \"honest\"\narena.friction = 100"),
+            ("upon.toml", "extends = \"faulty.toml\""),
+        ] {
+            std::fs::write(folder.path().join(name), format!("{head}{rest}\n")).unwrap();
+        }
+        for (name, file, said) in [
+            ("a.toml", "b.toml: extends", "in turn"),
+            ("number.toml", "number.toml: extends", "name of a scenario"),
+            ("unknown.toml", "unknown.toml: extends", "did you mean `honest`?"),
+            ("upon.toml", "faulty.toml: arena.friction", "100"),
+        ] {
+            let fault = load(folder.path(), name).unwrap_err().to_string();
+            assert!(fault.contains(file) && fault.contains(said), "{fault}");
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! All that a brain is made of: what the owner of a cell knows of it.
+
+use std::sync::Arc;
+
+use catch_body::{Gripper, Robot};
+use catch_bot::Preparation;
+use catch_cell::{CameraModel, KnownObject};
+use catch_sim::random_streams::{Stream, seed_for};
+
+use super::{CHECKED, Setup, calibration::CalibratedCameras};
+use crate::scenario::{
+    brain::{BrainSettings, ChosenBrain},
+    reach_map,
+};
+
+/// What somebody who owns a cell knows of it. Neither the truth nor any setting of the arena is within reach of what is made from this.
+#[derive(Debug, Clone, Copy)]
+pub struct Knowledge<'a> {
+    /// The brain's settings, of the scenario.
+    pub settings: &'a BrainSettings,
+    /// The arm, by its file.
+    pub robot: &'a Robot,
+    /// The gripper, by its file.
+    pub gripper: &'a Gripper,
+    /// The cameras, by their rig's file and their data sheet.
+    pub cameras: &'a [CameraModel],
+    /// The object, by a scan and its file.
+    pub object: &'a KnownObject,
+}
+
+impl Knowledge<'_> {
+    /// The brain's settings in one scene, complete, with what a calibration found where there was one.
+    pub(crate) fn config(&self, calibrated: Option<&CalibratedCameras>, seed: u64, index: u64) -> BrainSettings {
+        let mut config = BrainSettings { seed: seed_for(Stream::Brain, seed, index), ..self.settings.clone() };
+        if let Some(calibrated) = calibrated {
+            let p_WG = self.robot.gripper_pose(&self.robot.ready_q).translation.vector.into();
+            let (rotated_rad, systematic_m) = (&mut config.perception.camera_sd_rad, calibrated.position_sd_m(&p_WG));
+            *rotated_rad = rotated_rad.max(calibrated.rotation_sd_rad());
+            let prediction = &mut config.trajectory_prediction;
+            prediction.systematic_sd_m = prediction.systematic_sd_m.max(systematic_m);
+        }
+        config.given(&self.object.figures, self.cameras)
+    }
+
+    /// What the brain works out before anything flies, with the cameras where they are believed to stand.
+    ///
+    /// # Panics
+    /// If settings were changed in code to values out of their ranges.
+    pub(crate) fn preparation(&self, config: &BrainSettings, cameras: Vec<CameraModel>) -> Preparation {
+        let (robot, reach_map) = (self.robot.clone(), reach_map::of(self.robot));
+        let prepared =
+            Preparation::new(config.config(), robot, self.gripper.clone(), cameras, &self.object.scan, reach_map);
+        prepared.expect(CHECKED)
+    }
+}
+
+impl Setup {
+    /// What the owner of this cell knows of it.
+    pub fn knowledge(&self) -> Knowledge<'_> {
+        let Self { scenario, robot, gripper, cameras, known_object, .. } = self;
+        Knowledge { settings: &scenario.brain, robot, gripper, cameras, object: known_object }
+    }
+
+    /// The brain's settings in one scene, but for what a calibration says.
+    pub(crate) fn uncalibrated_config(&self, seed: u64, index: u64) -> BrainSettings {
+        self.knowledge().config(None, seed, index)
+    }
+
+    /// The brain's settings in one scene: those of the scenario, what is known of object and cameras beforehand, what a calibration claims,
+    /// and a seed.
+    pub fn brain_config(&self, seed: u64, index: u64) -> BrainSettings {
+        self.knowledge().config(self.calibrated(seed).as_deref(), seed, index)
+    }
+
+    /// What the brain works out before anything flies, with the cameras as they are.
+    ///
+    /// # Panics
+    /// If settings were changed in code to values out of their ranges.
+    pub fn known(&self) -> &Arc<Preparation> {
+        let make = || self.knowledge().preparation(&self.uncalibrated_config(0, 0), self.cameras.clone());
+        self.known.get_or_init(|| Arc::new(make()))
+    }
+
+    /// What the brain works out before anything flies, with the cameras as it believes them to stand in scenes of `seed`.
+    ///
+    /// # Panics
+    /// As [`known`](Self::known).
+    pub fn known_for(&self, seed: u64) -> Arc<Preparation> {
+        match self.calibrated(seed) {
+            None => self.known().clone(),
+            Some(calibrated) => {
+                let make = || self.knowledge().preparation(&self.brain_config(seed, 0), calibrated.cameras.clone());
+                self.known_calibrated.get(seed, make)
+            }
+        }
+    }
+
+    /// A brain that has seen nothing yet.
+    ///
+    /// # Panics
+    /// As [`known`](Self::known).
+    pub fn brain(&self, seed: u64, index: u64) -> ChosenBrain {
+        let settings = self.brain_config(seed, index);
+        settings.brain(self.known_for(seed), settings.seed).expect(CHECKED)
+    }
+}
