@@ -45,7 +45,7 @@ camera finds its pose, the scale of its depths and the time between its clock an
 images show of the arm. The rig that is written takes the place of the one that was believed:
 
   catchingbot calibrate --scenario honest --rig d435_2 --out calibrated \\
-      --set arena.depth.model=near_stereo --set arena.depth.calibration_sd_m=0.03
+      --set camera=d435 --set arena.depth.model=near_stereo --set arena.depth.calibration_sd_m=0.03
   catchingbot --set flight_rig=calibrated/rig.toml
 
 With --flights an object is thrown afterwards, the arm resting. Several cameras see one free flight,

@@ -258,11 +258,13 @@ pub fn perception(options: &Options) -> Result<Findings> {
 
 /// Objects that spin through air, about which the brain knows little, and the scenario `honest`.
 pub fn spin_and_drag(options: &Options) -> Result<Findings> {
-    const UNKNOWN: [&str; 4] = [
+    const UNKNOWN: [&str; 6] = [
         "arena.max_spin_radps=12",
         "arena.drag=true",
         "arena.drag_spread=0.3",
         "brain.trajectory_prediction.spin_prior_sd_radps=4",
+        "brain.trajectory_prediction.drag_prior_per_m=0.04",
+        "brain.trajectory_prediction.drag_prior_sd_per_m=0.02",
     ];
     let mut conditions: Vec<Condition> = NOISES
         .iter()

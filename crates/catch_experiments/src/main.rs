@@ -14,6 +14,7 @@ mod finding;
 mod flights;
 mod grippers;
 mod holding;
+mod mistold;
 mod near_rates;
 mod near_rigs;
 mod objects;
@@ -190,6 +191,12 @@ const EXPERIMENTS: &[Experiment] = &[
         about: "what is caught of recorded throws, which --tracks names, as the built-in objects",
         trials: 60,
         run: recorded_throws::run,
+    },
+    Experiment {
+        name: "mistold",
+        about: "what a wrong belief of the brain costs, one at a time, on the same throws",
+        trials: 150,
+        run: mistold::run,
     },
     Experiment {
         name: "holding",

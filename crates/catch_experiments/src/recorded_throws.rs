@@ -20,7 +20,8 @@ arena's physics. *Recorded*: it moves along the recording until something touche
 latency of the cameras; all else as in the scenario. The rate *caught* is of those within reach, with its interval (Wilson, 95 %).";
 
 /// Exact cameras, as settings.
-const PAPER: &[&str] = &["arena.labels=true", "arena.latency_s=0.0", "arena.depth={ model = \"perfect\" }"];
+const PAPER: &[&str] =
+    &["camera=perfect", "arena.labels=true", "arena.latency_s=0.0", "arena.depth={ model = \"perfect\" }"];
 
 /// Every folder of recordings, object, flight and sensors.
 pub fn run(options: &Options) -> Result<Findings> {

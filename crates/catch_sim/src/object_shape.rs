@@ -35,7 +35,7 @@ pub enum ColliderPart {
 
 impl ColliderPart {
     /// The same part, moved.
-    pub(crate) fn translated(self, offset: &Vector3<f64>) -> Self {
+    pub fn translated(self, offset: &Vector3<f64>) -> Self {
         match self {
             Self::Ball { centre, radius_m } => Self::Ball { centre: centre + offset, radius_m },
             Self::Hull(points) => Self::Hull(points.into_iter().map(|point| point + offset).collect()),

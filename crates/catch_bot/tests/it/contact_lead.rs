@@ -5,7 +5,12 @@ use nalgebra::Vector3;
 
 #[test]
 fn fingers_touch_when_the_centre_of_the_object_passes() {
-    let config = Config { finger_braking_distance_m: 0.0, palm_braking_distance_m: 0.0, ..Config::default() };
+    let config = Config {
+        finger_braking_distance_m: 0.0,
+        palm_braking_distance_m: 0.0,
+        palm_rebound_distance_m: 0.0,
+        ..Config::default()
+    };
     let (v_G, past_G) = (Vector3::new(0.3, 0.0, 3.0), Vector3::new(0.01, 0.0, 0.02));
     let lead_s = config.contact_lead_s(&v_G, &past_G);
     let distance = |before_s: f64| (past_G - v_G * before_s).xz().norm();

@@ -30,7 +30,7 @@ fn ellipsoid(semi_axes: Vector3<f64>) -> ReferenceModel {
 
 #[test]
 fn a_ball_can_be_held_from_everywhere() {
-    let config = Config { samples: 50, ..Config::default() };
+    let config = Config { samples: 50, turns_rad: vec![], ..Config::default() };
     let set = GraspSet::sample(&ellipsoid(Vector3::repeat(0.0335)), &gripper(), &config);
     assert_eq!(set.grasps.len(), 200);
     for grasp in &set.grasps {
@@ -55,7 +55,7 @@ fn a_long_body_is_held_across_and_a_wide_one_not_at_all() {
 /// Few places on a large body can be held: more are tried there.
 #[test]
 fn sampling_ends_when_there_are_enough_grasps() {
-    let config = Config { fewest_samples: 10, enough_grasps: 300, ..Config::default() };
+    let config = Config { fewest_samples: 10, enough_grasps: 300, turns_rad: vec![], ..Config::default() };
     for semi_axes in [Vector3::repeat(0.0335), Vector3::new(0.02, 0.045, 0.085)] {
         let found = GraspSet::sample(&ellipsoid(semi_axes), &gripper(), &config).grasps.len();
         assert!((300..304).contains(&found), "{found} grasps");

@@ -11,7 +11,8 @@ fn a_rig_is_calibrated_and_read_again() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let first = at("first");
-    let common = ["calibrate", "--json", "--poses", "4", "--set", "arena.depth.model=near_stereo"];
+    let common =
+        ["calibrate", "--json", "--poses", "4", "--set", "camera=d435", "--set", "arena.depth.model=near_stereo"];
     let run = |more: &[&str]| {
         let output = catchingbot(&[&common[..], more].concat());
         assert!(output.status.success(), "{}", stderr(&output));

@@ -52,7 +52,7 @@ fn a_camera_that_fails_is_named_and_the_others_go_on() {
 
 #[test]
 fn good_cameras_are_not_named() {
-    for settings in [&[][..], &NEAR[..], &["arena.depth.model=perfect"][..]] {
+    for settings in [&[][..], &NEAR[..], &["camera=perfect", "arena.depth.model=perfect"][..]] {
         assert_eq!(named(settings, "").0, [], "{settings:?}");
     }
 }

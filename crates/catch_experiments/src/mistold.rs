@@ -1,0 +1,225 @@
+//! What a wrong belief costs: one figure of the brain's knowledge wrong at a time, on the same throws as with the right one.
+
+use std::{fs, path::PathBuf};
+
+use anyhow::{Context, Result};
+use catch_body::TriangleMesh;
+use catch_cell::reference_scan;
+use catch_lab::{
+    assets::Kind,
+    referee,
+    scenario::setup::{Choice, Setup},
+    statistics::paired95,
+    trial,
+};
+use nalgebra::Vector3;
+
+use crate::{
+    Findings, Options, parallel,
+    results::{Entry, Table, commit},
+    spread::percent,
+};
+
+const LEGEND: &str = "One belief of the brain is wrong at a time; the world is the same, and so is each throw. *Right* and *wrong*: caught \
+with the right and the wrong belief. *Difference*: wrong less right, in points of all throws, with its interval of 95 % for pairs. `lab` has two \
+fifths of the throws. *Size*: every extent of the scan is off. *Centre of mass*: the object's is beside that of uniform density, which the brain \
+believes in; this row alone changes the world. *Controller*: the arm's own loop without errors of its encoders, which no brain knows of. What a run \
+has found is kept in `target/mistold`, so that one that was ended goes on.";
+
+/// Parts of the throws that are evaluated and kept together.
+const PART: u64 = 10;
+/// The throws of a scenario out of five.
+const SCENARIOS: [(&str, u64); 2] = [("honest", 5), ("lab", 2)];
+
+/// A change of a setup before anything is prepared.
+type Change = fn(&mut Setup, f64);
+
+/// Each belief with the values that it takes.
+const BELIEFS: &[(&str, &[(&str, f64)], Change)] = &[
+    ("drag", &[("× 0.5", 0.5), ("× 2", 2.0)], |it, by| it.known_object.figures.drag_per_m *= by),
+    ("depth noise", &[("× 0.5", 0.5), ("× 2", 2.0)], |it, by| each_sheet(it, |sheet| sheet.subpixel_px *= by)),
+    ("common fraction", &[("0", 0.0), ("1", 1.0)], |it, to| each_sheet(it, |sheet| sheet.common_fraction = to)),
+    ("centre of mass", &[("5 mm off", 0.005)], move_centre_of_mass),
+    ("mass", &[("× 0.7", 0.7), ("× 1.4", 1.4)], |it, by| {
+        it.known_object.figures.mass_kg = it.known_object.figures.mass_kg.map(|mass_kg| mass_kg * by);
+    }),
+    ("restitution", &[("− 0.3", -0.3), ("+ 0.3", 0.3)], |it, by| {
+        let restitution = &mut it.known_object.figures.restitution;
+        *restitution = restitution.map(|e| (e + by).clamp(0.0, 1.0));
+    }),
+    ("size", &[("− 1 mm", -0.001), ("+ 1 mm", 0.001)], grow_scan),
+    ("spin prior", &[("× 0.3", 0.3), ("× 3", 3.0)], |it, by| {
+        it.scenario.brain.trajectory_prediction.spin_prior_sd_radps *= by;
+    }),
+    ("camera rotations", &[("σ × 0.5", 0.5), ("σ × 2", 2.0)], |it, by| {
+        it.scenario.brain.perception.camera_sd_rad *= by
+    }),
+    ("gripper latency", &[("− 5 ms", -0.005), ("+ 5 ms", 0.005)], |it, by| {
+        it.scenario.brain.control.gripper_latency_s = Some(it.gripper.drive.latency_s + by);
+    }),
+];
+
+/// Every scenario, object and belief.
+pub fn run(options: &Options) -> Result<Findings> {
+    let columns =
+        ["scenario", "belief", "value", "object", "pairs", "right, %", "wrong, %", "difference, points", "from", "to"];
+    let mut table = Table::new("What a wrong belief costs", &columns);
+    for (scenario, fifths) in SCENARIOS {
+        let trials = (options.trials * fifths / 5).max(1);
+        let mut right = Vec::new();
+        for object in Kind::Object.names() {
+            right.push(Case { scenario, object, belief: "right", value: "" }.caught(options.seed, trials, &|_| {})?);
+        }
+        for (belief, values, change) in BELIEFS {
+            for (value, amount) in *values {
+                let mut together = [0; 4];
+                for (object, right) in Kind::Object.names().into_iter().zip(&right) {
+                    let case = Case { scenario, object, belief, value };
+                    let wrong = case.caught(options.seed, trials, &|setup| change(setup, *amount))?;
+                    let counts = counts(right, &wrong);
+                    together.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
+                    table.rows.push(case.row(object, counts));
+                }
+                table.rows.push(Case { scenario, object: "", belief, value }.row("all", together));
+            }
+        }
+    }
+    Ok(Findings { legend: LEGEND, tables: vec![table] })
+}
+
+/// Throws of one object with one belief.
+struct Case<'a> {
+    scenario: &'a str,
+    object: &'a str,
+    belief: &'a str,
+    value: &'a str,
+}
+
+impl Case<'_> {
+    /// Which throws are caught, of those kept by an earlier run or thrown now.
+    fn caught(&self, seed: u64, trials: u64, change: &dyn Fn(&mut Setup)) -> Result<Vec<bool>> {
+        let mut setup =
+            Setup::load(&Choice { scenario: Some(self.scenario), object: Some(self.object), ..Choice::default() })?;
+        change(&mut setup);
+        let mut caught = Vec::new();
+        for first in (0..trials).step_by(PART as usize) {
+            let count = PART.min(trials - first);
+            let kept = self.file(seed, first);
+            let known: Option<Vec<bool>> = fs::read(&kept).ok().and_then(|it| serde_json::from_slice(&it).ok());
+            if let Some(part) = known.filter(|it| it.len() as u64 == count) {
+                caught.extend(part);
+                continue;
+            }
+            setup.prepare();
+            let part = parallel::map(count as usize, |i| {
+                let index = first + i as u64;
+                let trial = trial::run_unobserved(&mut setup.brain(seed, index), &setup, seed, index);
+                referee::judge(&setup, &trial).caught
+            });
+            fs::create_dir_all(kept.parent().context("a folder")?)?;
+            fs::write(&kept, serde_json::to_vec(&part)?)?;
+            caught.extend(part);
+        }
+        Ok(caught)
+    }
+
+    /// Where a part of its throws is kept; each commit has a folder of its own.
+    fn file(&self, seed: u64, first: u64) -> PathBuf {
+        let Self { scenario, object, belief, value } = self;
+        let name = format!("{scenario}-{object}-{belief}-{value}-{seed}-{first}.json").replace([' ', '/'], "_");
+        PathBuf::from("target/mistold").join(commit().replace([' ', ','], "_")).join(name)
+    }
+
+    fn row(&self, object: &str, [pairs, right, gained, lost]: [usize; 4]) -> Vec<Entry> {
+        let [from, to] = paired95(gained, lost, pairs);
+        let points = |it: f64| Entry::Number(Some(100.0 * it));
+        let difference = (gained as f64 - lost as f64) / pairs.max(1) as f64;
+        let mut row: Vec<Entry> = [self.scenario, self.belief, self.value, object].map(Entry::text).into();
+        row.push(Entry::Count(pairs));
+        row.extend([percent(right, pairs), percent(right + gained - lost, pairs)]);
+        row.extend([points(difference), points(from), points(to)]);
+        row
+    }
+}
+
+/// Pairs, caught with the right belief, gained and lost by the wrong one.
+fn counts(right: &[bool], wrong: &[bool]) -> [usize; 4] {
+    let both = || right.iter().zip(wrong);
+    let caught = right.iter().filter(|it| **it).count();
+    [right.len(), caught, both().filter(|(r, w)| !**r && **w).count(), both().filter(|(r, w)| **r && !**w).count()]
+}
+
+fn each_sheet(setup: &mut Setup, change: impl Fn(&mut catch_cell::DataSheet)) {
+    setup.cameras.iter_mut().filter_map(|it| it.sheet.as_mut()).for_each(change);
+}
+
+/// Moves the centre of mass along the object's longest axis; the scan is taken anew, from the same places beside the object.
+fn move_centre_of_mass(setup: &mut Setup, by_m: f64) {
+    let size = setup.object.mesh.aabb().size;
+    let mut to_com = Vector3::zeros();
+    to_com[size.imax()] = -by_m;
+    let object = &mut setup.object;
+    object.mesh = object.mesh.clone().translated(&to_com);
+    object.parts = object.parts.drain(..).map(|part| part.translated(&to_com)).collect();
+    object.bounding_radius_m = object.mesh.bounding_radius();
+    scan(setup, &setup.object.mesh.clone());
+}
+
+/// Scans an object whose every extent is so much larger.
+fn grow_scan(setup: &mut Setup, by_m: f64) {
+    let mut mesh = setup.object.mesh.clone();
+    let mut normals = vec![Vector3::zeros(); mesh.vertices.len()];
+    for (triangle, [a, b, c]) in mesh.triangles.iter().zip(mesh.all_corners()) {
+        let normal = (b - a).cross(&(c - a));
+        triangle.iter().for_each(|&vertex| normals[vertex as usize] += normal);
+    }
+    for (vertex, normal) in mesh.vertices.iter_mut().zip(normals) {
+        *vertex += normal.try_normalize(0.0).unwrap_or_default() * (by_m / 2.0);
+    }
+    scan(setup, &mesh);
+}
+
+fn scan(setup: &mut Setup, mesh: &TriangleMesh) {
+    setup.known_object.scan = reference_scan(mesh, &setup.known_object.scan.cameras);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_wrong_belief_changes_what_is_known_or_the_object_alone() {
+        let load = || Setup::load(&Choice { scenario: Some("honest"), object: Some("banana"), ..Choice::default() });
+        let right = load().unwrap();
+        for (belief, values, change) in BELIEFS {
+            for (value, amount) in *values {
+                let mut wrong = load().unwrap();
+                change(&mut wrong, *amount);
+                let is_same_scan = right.known_object.scan.frames.len() == wrong.known_object.scan.frames.len()
+                    && format!("{:?}", right.known_object.scan) == format!("{:?}", wrong.known_object.scan);
+                let is_same = is_same_scan && right.brain_config(1, 0) == wrong.brain_config(1, 0);
+                assert!(!is_same, "{belief} {value}: nothing is wrong");
+                assert_eq!(right.scenario.arena, wrong.scenario.arena, "{belief} {value}");
+                assert_eq!(right.conditions(1, 0), wrong.conditions(1, 0), "{belief} {value}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_grown_scan_is_larger_by_the_stated_length() {
+        let mut setup = Setup::load(&Choice { object: Some("tennis_ball"), ..Choice::default() }).unwrap();
+        let before = setup.known().reference().volume_m3;
+        let mut grown = Setup::load(&Choice { object: Some("tennis_ball"), ..Choice::default() }).unwrap();
+        grow_scan(&mut grown, 0.001);
+        let ratio = (grown.known().reference().volume_m3 / before).cbrt();
+        assert!((ratio - 68.2 / 67.2).abs() < 1e-3, "{ratio}");
+        move_centre_of_mass(&mut setup, 0.005);
+        assert!((setup.object.mesh.mass_properties(1.0).com.coords.norm() - 0.005).abs() < 1e-4);
+    }
+
+    #[test]
+    fn pairs_are_counted() {
+        let (right, wrong) = ([true, true, false, false, true], [true, false, true, false, false]);
+        assert_eq!(counts(&right, &wrong), [5, 3, 1, 2]);
+    }
+}
