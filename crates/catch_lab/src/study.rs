@@ -285,7 +285,11 @@ impl Overlay {
     ) -> Result<Scenario, InputError> {
         for path in &self.take {
             let fault = |expected: String| InputError::new(file, "overlay.take", format!("`{path}`"), expected);
-            let value = towards.map(|it| it.field(path, &fault)).transpose()?.flatten();
+            let value = match towards.map(|it| it.field(path, &fault)) {
+                // It is left out there: an optional field, since it stands here.
+                Some(Err(_)) if scenario.field(path, &fault).is_ok_and(|it| it.is_some()) => None,
+                there => there.transpose()?.flatten(),
+            };
             scenario = scenario.with_field(path, value, &fault)?;
         }
         let alone = self.set_alone.iter().filter(|_| alone);

@@ -269,12 +269,12 @@ mod tests {
             let evaluations = suite.evaluations(&Catcher::idle(), Some(2)).unwrap();
             assert!(evaluations.iter().all(|it| it.seed == suite.file.seed && it.trials == 2));
         }
-        assert!(Suite::load("catch-2026.2").unwrap_err().to_string().contains("catch-2026.1"));
+        assert!(Suite::load("catch-2026.3").unwrap_err().to_string().contains("catch-2026.2"));
     }
 
     #[test]
     fn rows_are_hashed_condition_by_condition() {
-        let suite = Suite::load("catch-2026.1").unwrap();
+        let suite = Suite::load("catch-2026.2").unwrap();
         let setups = suite.setups(&suite.file.parts[0], None).unwrap();
         let evaluate = |setups: &[Setup]| {
             let cells = setups.iter().map(|it| Cell::with_brain(it.clone(), idle())).collect();

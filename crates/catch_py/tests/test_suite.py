@@ -20,10 +20,10 @@ class Idle:
 
 def test_python_and_the_program_give_one_hash(program, tmp_path):
     def run(brain: str) -> dict:
-        arguments = ["suite", "run", "catch-2026.1", "--brain", brain, "--trials", "1", "--out", tmp_path, "--resume", "--json"]
+        arguments = ["suite", "run", "catch-2026.2", "--brain", brain, "--trials", "1", "--out", tmp_path, "--resume", "--json"]
         return json.loads(subprocess.run([program, *arguments], check=True, capture_output=True).stdout)
 
-    suite, told = cb.suite("catch-2026.1"), []
+    suite, told = cb.suite("catch-2026.2"), []
     result = suite.run(trials=1, brain=Idle, progress=lambda done, total: told.append((done, total)))
     idle = run("idle")
     count = len(suite.conditions)
@@ -34,5 +34,5 @@ def test_python_and_the_program_give_one_hash(program, tmp_path):
     # What is there is not thrown again.
     assert suite.run(trials=1).rows_sha256 == ours["rows_sha256"] == run("ours")["rows_sha256"]
     assert ours["caught"] > idle["caught"]
-    with pytest.raises(ValueError, match="NAME.*catch-2026.1"):
+    with pytest.raises(ValueError, match="NAME.*catch-2026.2"):
         cb.suite("catch-2025")

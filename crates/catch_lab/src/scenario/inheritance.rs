@@ -120,7 +120,7 @@ mod tests {
             ("b.toml", "extends = \"a.toml\""),
             ("number.toml", "extends = 1"),
             ("unknown.toml", "extends = \"honset\""),
-            ("faulty.toml", "extends = \"honest\"\narena.friction = 100"),
+            ("faulty.toml", "extends = \"honest\"\narena.friction = 1000"),
             ("upon.toml", "extends = \"faulty.toml\""),
         ] {
             std::fs::write(folder.path().join(name), format!("{head}{rest}\n")).unwrap();
@@ -129,7 +129,7 @@ mod tests {
             ("a.toml", "b.toml: extends", "in turn"),
             ("number.toml", "number.toml: extends", "name of a scenario"),
             ("unknown.toml", "unknown.toml: extends", "did you mean `honest`?"),
-            ("upon.toml", "faulty.toml: arena.friction", "100"),
+            ("upon.toml", "faulty.toml: arena.friction", "1000"),
         ] {
             let fault = load(folder.path(), name).unwrap_err().to_string();
             assert!(fault.contains(file) && fault.contains(said), "{fault}");

@@ -1,7 +1,7 @@
 """Frozen benchmarks: the same throws for everybody.
 
 >>> import catchingbot as cb
->>> result = cb.suite("catch-2026.1").run(trials=1)
+>>> result = cb.suite("catch-2026.2").run(trials=1)
 >>> result.complete
 False
 """
