@@ -294,7 +294,7 @@ enum Progress {
 impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Candidate<E, P, C> {
     /// Takes in new images. What rests, and what was somewhere else a moment ago, begins anew.
     fn look(&mut self, observation: &Observation, config: &CycleConfig) -> Option<ObjectPose> {
-        self.bot.controller.acknowledge(&observation.arm);
+        self.bot.controller.acknowledge(observation, self.bot.flight.as_ref());
         let pose = self.bot.perceive(observation)?;
         // Images of cameras that run freely come in any order, and so close to each other that they tell no speed.
         if self.seen.is_some_and(|(before_s, _)| pose.capture_s < before_s + LEAST_SPAN_S) {

@@ -1,6 +1,6 @@
 //! The tracker: what was sensed lately, the cameras as far as they are aligned, and the object's poses so far.
 
-use std::collections::VecDeque;
+use std::{borrow::Cow, collections::VecDeque};
 
 use catch_body::{JointVector, Pose, Twist};
 use catch_cell::{CameraModel, DepthFrame, Observation, PixelWindow};
@@ -39,10 +39,14 @@ pub(crate) struct Tracker {
     health: CameraHealth,
     /// Oldest first.
     sensed: VecDeque<Sensed>,
+    /// Times of the newest observation with images and of the one before.
+    imaged_s: [Option<f64>; 2],
     /// Oldest first.
     poses: Vec<ObjectPose>,
     /// Whether single images are registered by themselves, too: work for lives of many throws, which tell of displaced cameras.
     pub compares_cameras: bool,
+    /// How often a single image was registered by itself.
+    compared: usize,
     /// Poses from single images, each with its camera.
     image_poses: Vec<(usize, ObjectPose)>,
     /// Capture time of the newest image without a mask.
@@ -55,8 +59,10 @@ impl Tracker {
             alignment: known.alignment().clone(),
             health: known.camera_health().clone(),
             sensed: VecDeque::with_capacity(SENSED),
+            imaged_s: [None; 2],
             poses: Vec::with_capacity(POSES),
             compares_cameras,
+            compared: 0,
             image_poses: Vec::with_capacity(POSES),
             unlabelled_s: None,
         }
@@ -76,6 +82,7 @@ impl Tracker {
         self.alignment.clone_from(known.alignment());
         self.health.end_throw(offsets, &known.config().perception);
         self.sensed.clear();
+        self.imaged_s = [None; 2];
         self.poses.clear();
         self.image_poses.clear();
         self.unlabelled_s = None;
@@ -96,10 +103,9 @@ impl Tracker {
         &self.poses
     }
 
-    /// Times of the newest observation and of the one before.
+    /// Times of the newest observation with images and of the one before.
     pub fn observed_s(&self) -> (f64, Option<f64>) {
-        let mut newest = self.sensed.iter().rev().map(|sensed| sensed.time_s);
-        (newest.next().unwrap_or(f64::NAN), newest.next())
+        (self.imaged_s[0].unwrap_or(f64::NAN), self.imaged_s[1])
     }
 
     /// Takes in the state of the arm.
@@ -107,12 +113,15 @@ impl Tracker {
         if self.sensed.len() == SENSED {
             self.sensed.pop_front();
         }
+        if !observation.frames.is_empty() {
+            self.imaged_s = [Some(observation.arm.time_s), self.imaged_s[0]];
+        }
         let (q, width_m) = (observation.arm.q, observation.gripper.width_m);
         self.sensed.push_back(Sensed { time_s: observation.arm.time_s, q, width_m });
     }
 
-    /// Takes in new images, capture time by capture time. Returns the newest pose, if they show any. Where they show that the object was taken
-    /// for turned over, earlier poses are turned, and there is no flight any more.
+    /// Takes in new images, capture time by capture time, in whatever order they come. Returns the newest pose that they show, if
+    /// any. Where they show that the object was taken for turned over, earlier poses are turned, and there is no flight any more.
     pub fn track(
         &mut self,
         frames: &[DepthFrame],
@@ -122,7 +131,8 @@ impl Tracker {
     ) -> Option<ObjectPose> {
         let unlabelled_s = frames.iter().filter(|frame| frame.mask.is_none()).map(|frame| frame.capture_s);
         self.unlabelled_s = self.unlabelled_s.into_iter().chain(unlabelled_s).reduce(f64::max);
-        let (mut newest, mut left, mut surroundings) = (None, frames, Vec::with_capacity(frames.len()));
+        let frames = oldest_first(frames);
+        let (mut newest, mut left, mut surroundings) = (None, &frames[..], Vec::with_capacity(frames.len()));
         while !left.is_empty() {
             let (frames, later) = left.split_at(together(left, flight.is_some()));
             left = later;
@@ -139,7 +149,8 @@ impl Tracker {
             view.V_WO = flight.as_ref().map_or(view.V_WO, |flight| flight.twist_at(view.capture_s()));
             if let Some(flight) = flight.as_ref().filter(|_| self.compares_cameras && self.image_poses.len() < POSES) {
                 // One image of these by itself, in turn.
-                let i = self.poses.len() % frames.len();
+                let i = self.compared % frames.len();
+                self.compared = self.compared.wrapping_add(1);
                 let one = View { frames: &frames[i..=i], surroundings: surroundings.get(i..=i).unwrap_or(&[]), ..view };
                 let pose = estimator.estimate_aside(&one, &flight.pose_at(one.capture_s()));
                 self.image_poses.extend(pose.map(|pose| (frames[i].camera, pose)));
@@ -152,12 +163,7 @@ impl Tracker {
             } else if let Some(X_WO) = &expected {
                 pose.X_WO.rotation = known.reference().symmetry.nearest_alike(&X_WO.rotation, &pose.X_WO.rotation);
             }
-            if self.poses.len() == POSES {
-                self.poses.drain(..POSES / 2);
-            }
-            // Images of several cameras may arrive in another order than they were taken.
-            let at = self.poses.partition_point(|it| it.capture_s <= pose.capture_s);
-            self.poses.insert(at, pose);
+            remember(&mut self.poses, pose);
             newest = Some(pose);
         }
         newest
@@ -173,8 +179,8 @@ impl Tracker {
     ) -> Option<Vec<PixelWindow>> {
         let lost_after_s = known.config().perception.lost_after_s;
         self.unlabelled_s.filter(|newest_s| *newest_s <= flight.time_s + lost_after_s)?;
-        let (now_s, before_s) = self.observed_s();
-        let period_s = before_s.map_or(0.0, |before_s| now_s - before_s);
+        let mut sensed_s = self.sensed.iter().rev().map(|sensed| sensed.time_s);
+        let period_s = sensed_s.next().zip(sensed_s.next()).map_or(0.0, |(now_s, before_s)| now_s - before_s);
         let next_s = observation.time_s + period_s;
         let (p_WO, v_WO) = (flight.pose_at(next_s).translation.vector, flight.twist_at(next_s).linear);
         let uncertainty_m = 3.0 * flight.position_sd_at(next_s) + v_WO.norm() * period_s;
@@ -203,6 +209,27 @@ impl Tracker {
         let width_m = before.width_m + (after.width_m - before.width_m) * fraction;
         Some(Surroundings { arm: known.arm_surface(), X_WL: known.search().motion().robot().link_poses(&q), width_m })
     }
+}
+
+/// Images by capture time, those of one time by camera. Copies them only where they come in another order.
+fn oldest_first(frames: &[DepthFrame]) -> Cow<'_, [DepthFrame]> {
+    let order = |a: &DepthFrame, b: &DepthFrame| a.capture_s.total_cmp(&b.capture_s).then(a.camera.cmp(&b.camera));
+    if frames.is_sorted_by(|a, b| order(a, b).is_le()) {
+        return Cow::Borrowed(frames);
+    }
+    let mut sorted = frames.to_vec();
+    sorted.sort_by(order);
+    Cow::Owned(sorted)
+}
+
+/// Adds a pose to those so far, oldest first: images may arrive later than others that were taken after them. Where there are
+/// as many as are remembered, the oldest one is forgotten.
+fn remember(poses: &mut Vec<ObjectPose>, pose: ObjectPose) {
+    if poses.len() == POSES {
+        poses.remove(0);
+    }
+    let at = poses.partition_point(|it| it.capture_s <= pose.capture_s);
+    poses.insert(at, pose);
 }
 
 /// How many of these images, oldest first, are registered together: those of one capture time, or all within some milliseconds where it is

@@ -13,7 +13,7 @@ pub use decision::{CatchPlanner, Decision, Progress, Situation, Status};
 pub use time_grid_search::TimeGridSearch;
 
 use crate::{
-    grasp_selection::{self, Grasp},
+    grasp_selection::{self, Fingers, Grasp},
     settings::{DURATION_S, Faults, NOT_NEGATIVE, SettingError, Settings},
     trajectory_optimization::CatchPlan,
     trajectory_prediction::FlightTrajectory,
@@ -124,7 +124,8 @@ pub fn closing(
         close_s
     } else {
         // The fingers may still be on their way to the aperture when they have to close.
-        now_s + closing.wait_s(fingers.width_m, fingers.speed_mps, aperture_m, object_width_m, contact_s - now_s)
+        let fingers = Fingers { width_m: fingers.width_m, rate_mps: fingers.speed_mps };
+        now_s + closing.wait_s(fingers, aperture_m, object_width_m, contact_s - now_s)
     };
     GripperPlan { start_s: close_s - latency_s, contact_s, speed_mps: closing.speed_mps }
 }

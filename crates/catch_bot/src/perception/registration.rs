@@ -26,14 +26,14 @@ pub struct Fit {
     pub points: usize,
     /// Root mean square distance of those points.
     pub residual_m: f64,
+    /// The residual of the points that the sensors' noise alone would make.
+    pub noise_m: f64,
     /// Root mean square by which the silhouette's bounds are broken, where it was used.
     pub silhouette_residual_m: Option<f64>,
     /// Mean square of the residuals in standard deviations, see [`ObjectPose::mismatch`](super::ObjectPose::mismatch).
     pub mismatch: f64,
     /// How badly all residuals fit, outliers included: what different starts are compared by.
     pub robust_cost: f64,
-    /// The same as the sensors' noise alone would make it.
-    pub noise_m: f64,
     /// Iterations.
     pub iterations: usize,
 }
