@@ -238,3 +238,98 @@ fn together(frames: &[DepthFrame], moves_as_known: bool) -> usize {
     let span_s = if moves_as_known { TOGETHER_S } else { 0.0 };
     frames.iter().take_while(|it| it.capture_s - frames[0].capture_s <= span_s).count().max(1)
 }
+
+#[cfg(test)]
+mod tests {
+    use catch_body::{Gripper, Robot, robot_file::RobotFiles};
+    use catch_cell::{ArmState, GraspState, GripperState, Setpoint};
+    use nalgebra::{Matrix6, Vector3};
+
+    use super::*;
+    use crate::{
+        Config,
+        perception::{PerceptionStatus, Prior, synthetic},
+    };
+
+    fn pose(capture_s: f64) -> ObjectPose {
+        ObjectPose {
+            capture_s,
+            X_WO: Pose::translation(0.0, 0.0, capture_s),
+            information: Matrix6::identity(),
+            points: 10,
+            residual_m: 0.0,
+            points_mismatch: None,
+            silhouette_mismatch: None,
+            iterations: 1,
+            registered_globally: false,
+        }
+    }
+
+    #[test]
+    fn poses_are_forgotten_one_by_one() {
+        let mut poses = Vec::new();
+        // Every other image arrives late.
+        (0..2 * POSES).for_each(|i| remember(&mut poses, pose((i ^ 1) as f64)));
+        assert_eq!(poses.len(), POSES);
+        assert!(poses.iter().zip(POSES..).all(|(it, at)| it.capture_s == at as f64), "half a throw is lost");
+    }
+
+    /// Shows nothing; remembers which camera's image it was asked for by itself.
+    struct Blind(Vec<usize>);
+
+    impl PoseEstimator for Blind {
+        fn estimate(&mut self, _: &View<'_>, _: Prior) -> Result<ObjectPose, PerceptionStatus> {
+            Err(PerceptionStatus::NoPoints)
+        }
+
+        fn estimate_aside(&mut self, view: &View<'_>, _: &Pose) -> Option<ObjectPose> {
+            self.0.extend(view.frames.iter().map(|it| it.camera));
+            None
+        }
+    }
+
+    fn preparation() -> Preparation {
+        let files = RobotFiles {
+            urdf_file: "robot.urdf",
+            urdf: include_str!("../../../assets/robots/iiwa14/robot.urdf"),
+            toml_file: "robot.toml",
+            toml: include_str!("../../../assets/robots/iiwa14/robot.toml"),
+        };
+        let gripper = Gripper::from_toml("gripper.toml", include_str!("../../../assets/grippers/wsg50.toml")).unwrap();
+        let mut config = Config::default();
+        config.grasp_selection.samples = 1;
+        let scan = synthetic::scan(&synthetic::Shape::ball(), 40);
+        let robot = Robot::from_files(&files).unwrap();
+        Preparation::new(config, robot, gripper, synthetic::flight_rig(), &scan, None).unwrap()
+    }
+
+    /// Also where no pose is found, which a turn by the number of poses would not outlast.
+    #[test]
+    fn each_camera_gets_its_turn_to_be_compared() {
+        let known = preparation();
+        let cameras = known.cameras().len();
+        let (mut tracker, mut blind) = (Tracker::new(&known, true), Blind(Vec::new()));
+        let q = known.search().motion().robot().ready_q;
+        let flight = FlightTrajectory { v_WOcm: Vector3::x(), ..FlightTrajectory::default() };
+        for i in 0..2 * cameras {
+            let time_s = 0.02 * i as f64;
+            let frame = |camera: usize| DepthFrame {
+                camera,
+                capture_s: time_s,
+                window: PixelWindow::default(),
+                depth_m: Vec::new(),
+                mask: Some(Vec::new()),
+            };
+            let frames = (0..cameras).map(frame).collect();
+            let (dq, commanded) = (JointVector::zeros(), Setpoint::at_rest(q));
+            let arm = ArmState { time_s, q, dq, commanded, executing: None, rejected: Vec::new() };
+            let gripper = GripperState { width_m: 0.1, speed_mps: 0.0, force_n: 0.0, grasp: GraspState::Idle };
+            let observation = Observation { time_s, arm, gripper, frames };
+            tracker.sense(&observation);
+            let found = tracker.track(&observation.frames, &mut Some(flight.clone()), &known, &mut blind);
+            assert_eq!(found, None);
+        }
+        let turns: Vec<usize> = (0..cameras).chain(0..cameras).collect();
+        assert_eq!(blind.0, turns);
+    }
+}

@@ -3,7 +3,7 @@
 use catch_body::{Gripper, Robot};
 use catch_cell::{Command, GripperMove, Observation, TrajectoryId};
 
-use super::{Config, Decision, GripperPlan, Progress, closing, gripper_moves, sent_plans::SentPlans};
+use super::{Config, Decision, GripperPlan, Progress, closing, gripper_moves, opening, sent_plans::SentPlans};
 use crate::{
     grasp_selection,
     trajectory_optimization::{CatchPlan, Start},
@@ -55,19 +55,22 @@ impl Controller {
     }
 
     /// Learns what became of the trajectories. If the running plan was rejected or lost, the one before it is running again, and
-    /// the gripper closes for that one on `flight`, or not at all if there is none.
+    /// the gripper closes for that one on `flight`. If there is none it does not close, and opens where it has begun to.
     pub fn acknowledge(&mut self, observation: &Observation, flight: Option<&FlightTrajectory>) {
         if !self.sent.acknowledge(&observation.arm, self.config.lost_after_s) {
             return;
         }
+        let now_s = observation.time_s;
+        let has_begun = self.closing.is_some_and(|closing| closing.start_s <= now_s);
         self.plan = self.sent.last().cloned();
         let running = self.plan.as_ref().zip(flight);
         let timed = running.map(|(plan, flight)| (plan.aperture_m, self.closing_for(observation, plan, flight)));
         self.closing = timed.map(|(_, closing)| closing);
-        let moves = |(aperture_m, closing)| {
-            gripper_moves(observation.time_s, aperture_m, &closing, &self.gripper, &self.config)
-        };
-        self.amended = Some(timed.map_or_else(Vec::new, moves));
+        self.amended = Some(match timed {
+            Some((aperture_m, closing)) => gripper_moves(now_s, aperture_m, &closing, &self.gripper, &self.config),
+            None if has_begun => vec![opening(now_s, &self.gripper)],
+            None => Vec::new(),
+        });
     }
 
     /// The command with what takes the place of a rejected plan's gripper moves, unless it has moves of its own.

@@ -317,3 +317,55 @@ fn end_of(spline: &BSpline) -> Setpoint {
     let [q, dq, ddq] = spline.evaluate(spline.end_s());
     Setpoint { q, dq, ddq }
 }
+
+#[cfg(test)]
+mod tests {
+    use catch_body::{Gripper, robot_file::RobotFiles};
+    use nalgebra::{Point3, Vector3};
+
+    use super::*;
+    use crate::trajectory_optimization::Config;
+
+    fn planner() -> MotionPlanner {
+        let files = RobotFiles {
+            urdf_file: "robot.urdf",
+            urdf: include_str!("../../../../assets/robots/iiwa14/robot.urdf"),
+            toml_file: "robot.toml",
+            toml: include_str!("../../../../assets/robots/iiwa14/robot.toml"),
+        };
+        let gripper = Gripper::from_toml("gripper.toml", include_str!("../../../../assets/grippers/wsg50.toml"));
+        MotionPlanner::new(catch_body::Robot::from_files(&files).unwrap(), gripper.unwrap(), Config::default())
+    }
+
+    /// Two corners of a bar that sticks out by 0.6 m from the hand, and the arm's own parts, against the bound on their speed.
+    #[test]
+    fn nothing_held_is_faster_than_the_bound() {
+        let planner = planner();
+        let robot = planner.robot();
+        let held_G = Cuboid { centre: Point3::new(0.0, 0.4, 0.0), size: Vector3::new(0.04, 0.8, 0.04) };
+        for joint in 0..robot.dof() {
+            // The arm stretched out, turned by one joint at a time.
+            let (from, mut to) = (JointVector::zeros(), JointVector::zeros());
+            to[joint] = 0.5;
+            let motion = planner.rest_to_rest(0.0, &from, None, &to, None);
+            let Some(motion) = motion else { continue };
+            for (held, corners) in [(None, [Point3::origin(); 2]), (Some(&held_G), [
+                Point3::new(0.02, 0.8, 0.02),
+                Point3::new(-0.02, 0.8, -0.02),
+            ])] {
+                let bound_mps = planner.fastest_mps(&motion, held);
+                for i in 0..200 {
+                    let time_s = motion.end_s() * f64::from(i) / 200.0;
+                    let at = |time_s: f64| {
+                        let X_WG = robot.gripper_pose(&motion.setpoint(time_s).q);
+                        corners.map(|corner| X_WG * corner)
+                    };
+                    let (before, after) = (at(time_s), at(time_s + 1e-5));
+                    let speeds = before.iter().zip(&after).map(|(a, b)| (b - a).norm() / 1e-5);
+                    let fastest_mps = speeds.fold(0.0, f64::max);
+                    assert!(fastest_mps <= bound_mps, "joint {joint}: {fastest_mps} m/s, bound {bound_mps} m/s");
+                }
+            }
+        }
+    }
+}

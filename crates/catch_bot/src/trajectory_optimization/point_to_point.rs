@@ -301,3 +301,57 @@ impl MotionPlanner {
         Some(bounds)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use catch_body::{Gripper, Robot, robot_file::RobotFiles};
+    use catch_cell::Setpoint;
+
+    use super::*;
+    use crate::{
+        grasp_selection::{self, GraspSet},
+        perception::{ReferenceModel, synthetic},
+        trajectory_optimization::Config,
+        trajectory_prediction::FlightTrajectory,
+    };
+
+    /// The impulse of an impact is proportional to 1 + e, and so is the room that is left for it.
+    #[test]
+    fn the_room_for_an_impact_is_that_of_the_configured_restitution() {
+        let files = RobotFiles {
+            urdf_file: "robot.urdf",
+            urdf: include_str!("../../../../assets/robots/iiwa14/robot.urdf"),
+            toml_file: "robot.toml",
+            toml: include_str!("../../../../assets/robots/iiwa14/robot.toml"),
+        };
+        let gripper = Gripper::from_toml("gripper.toml", include_str!("../../../../assets/grippers/wsg50.toml"));
+        let (robot, gripper) = (Robot::from_files(&files).unwrap(), gripper.unwrap());
+        let config = Config { object_mass_kg: Some(0.2), ..Config::default() };
+        let planner = MotionPlanner::new(robot, gripper, config);
+        let scan = synthetic::scan(&synthetic::Shape::ball(), 40);
+        let reference = ReferenceModel::from_scan(&scan, &Default::default());
+        let few = grasp_selection::Config { samples: 1, ..Default::default() };
+        let grasps = GraspSet::sample(&reference, planner.gripper(), &few);
+        let q = planner.robot().ready_q;
+        let X_WG = planner.robot().gripper_pose(&q);
+        let start = Start { time_s: 0.0, state: Setpoint::at_rest(q) };
+        let flight = FlightTrajectory { v_WOcm: Vector3::new(-3.0, -2.0, -1.0), ..FlightTrajectory::default() };
+        let failures = FailureCounter::default();
+        let room = |restitution: Option<f64>| {
+            let config = grasp_selection::Config { restitution, ..Default::default() };
+            let incoming = Incoming { flight: &flight, grasps: &grasps, config: &config, failures: &failures };
+            let local_flight = flight.local_flight_at(0.0);
+            let scaling = planner.moving_scaling();
+            let task = planner.point_to_point((&start, &incoming), &local_flight, &X_WG, &q, scaling);
+            let kept = task.speeds_that_withstand_impact();
+            let joints = planner.robot().joints.iter().enumerate();
+            joints.map(|(i, joint)| joint.velocity_range(q[i])[1] - kept[i].high).collect::<Vec<f64>>()
+        };
+        let [dead, ball, unknown] = [Some(0.0), Some(0.75), None].map(room);
+        for (i, dead) in dead.iter().enumerate() {
+            assert!((ball[i] - 1.75 * dead).abs() < 1e-12, "joint {i}");
+            assert!((unknown[i] - 1.5 * dead).abs() < 1e-12, "joint {i}");
+        }
+        assert!(dead.iter().any(|it| *it > 0.01), "an impact that moves nothing");
+    }
+}

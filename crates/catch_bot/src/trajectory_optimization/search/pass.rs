@@ -1,6 +1,6 @@
 //! One pass of a search: the catches of a time grid, best first.
 
-use catch_body::Pose;
+use catch_body::{Pose, workcell::FLOOR_Z_M};
 use nalgebra::Point3;
 
 use super::{
@@ -205,7 +205,7 @@ impl<'a, 's> Pass<'a, 's> {
             let lead_s = motion.config.min_lead_s + (step as f64 + offset) * motion.config.time_step_s;
             let catch_s = start.time_s + lead_s;
             let p_WOcm = propagator.position_at(catch_s);
-            if p_WOcm.z < 0.0 {
+            if p_WOcm.z < FLOOR_Z_M {
                 break;
             }
             if (p_WOcm - base).norm() > farthest_m {
