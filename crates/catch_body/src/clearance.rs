@@ -8,7 +8,7 @@ use crate::{
     pose::Pose,
     robot::{MAX_JOINTS, Robot},
     shape::{Capsule, Cuboid},
-    workcell::Obstacle,
+    workcell::{FLOOR_Z_M, Obstacle},
 };
 
 /// An arm's and its gripper's outline, prepared for distance queries that do not allocate.
@@ -97,11 +97,11 @@ impl ArmClearance {
     }
 
     /// The smallest distance in metres of any link but the base, and of the gripper at an opening of `width_m`, from its surroundings:
-    /// the floor, the plane z = 0, and the obstacles.
+    /// the floor and the obstacles.
     pub fn environment_clearance(&self, X_WL: &LinkPoses, width_m: f64) -> f64 {
         let X_WG = X_WL[MAX_JOINTS] * self.X_LG;
         let boxes = self.boxes(width_m);
-        let gripper = boxes.iter().map(|cuboid| cuboid.lowest_z(&X_WG)).fold(f64::INFINITY, f64::min);
+        let gripper = boxes.iter().map(|cuboid| cuboid.lowest_z(&X_WG) - FLOOR_Z_M).fold(f64::INFINITY, f64::min);
         let (middle, reach) = self.gripper_ball;
         let gripper = self.near((&(X_WG * middle), reach), gripper, |obstacle| {
             boxes.iter().map(|cuboid| obstacle.distance_to_cuboid(&X_WG, cuboid)).fold(f64::INFINITY, f64::min)
@@ -109,7 +109,7 @@ impl ArmClearance {
         let moving = self.parts.iter().filter(|part| part.link > 0);
         moving.fold(gripper, |smallest, part| {
             let capsule = part.capsule.transformed(&X_WL[part.link]);
-            let smallest = smallest.min(capsule.from.z.min(capsule.to.z) - capsule.radius);
+            let smallest = smallest.min(capsule.from.z.min(capsule.to.z) - capsule.radius - FLOOR_Z_M);
             let ball = (&(X_WL[part.link] * part.centre), part.radius);
             self.near(ball, smallest, |obstacle| obstacle.distance_to_capsule(&capsule))
         })
@@ -130,7 +130,7 @@ impl ArmClearance {
         let X_WG = X_WL[MAX_JOINTS] * self.X_LG;
         let (centre_W, reach) = (X_WG * held_G.centre, held_G.bounding_radius());
         let held = |obstacle: &Obstacle| obstacle.distance_to_cuboid(&X_WG, held_G);
-        let mut smallest = self.near((&centre_W, reach), held_G.lowest_z(&X_WG), held);
+        let mut smallest = self.near((&centre_W, reach), held_G.lowest_z(&X_WG) - FLOOR_Z_M, held);
         for &part in &self.near_held {
             let part = &self.parts[part];
             if (X_WL[part.link] * part.centre - centre_W).norm() - part.radius - reach < smallest {

@@ -104,6 +104,11 @@ impl Cuboid {
         self.size.norm() / 2.0
     }
 
+    /// Distance of the farthest corner from the origin of the frame that the box is given in.
+    pub fn farthest_corner(&self) -> f64 {
+        (self.centre.coords.abs() + self.size / 2.0).norm()
+    }
+
     /// A lower bound of the distance from another box, `X_AB` being the pose of the other's frame B in this one's A: the widest gap
     /// along the 15 axes of which one separates any two boxes that do not touch; zero or less exactly where they do.
     ///

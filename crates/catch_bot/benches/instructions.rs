@@ -18,7 +18,7 @@ use std::{collections::BTreeMap, fs, hint::black_box, process::Command, sync::Ar
 use catch_bot::{
     grasp_selection::{self, GraspSet},
     perception::{self, DepthNoise, PoseEstimator, ReferenceModel, SdfEstimator, Symmetry, View, Workspace},
-    trajectory_optimization::{CatchSearch, Incoming, Start, retarget::Correction},
+    trajectory_optimization::{CatchSearch, Incoming, Start, failure_counter::FailureCounter, retarget::Correction},
     trajectory_prediction::{
         self, AerodynamicPrior, CorrelatedError, FlightPredictor, FlightTrajectory, InformationFit, ProcessNoise,
     },
@@ -130,7 +130,8 @@ fn plan(again: bool) {
     let config = grasp_selection::Config::default();
     let grasps = GraspSet::sample(&reference, search.motion().gripper(), &config);
     let flight = inputs::near_throw();
-    let incoming = Incoming { flight: &flight, grasps: &grasps, config: &config };
+    let failures = FailureCounter::default();
+    let incoming = Incoming { flight: &flight, grasps: &grasps, config: &config, failures: &failures };
     let start = arm::at_rest(search.motion(), &inputs::READY, 0.07);
     if !again {
         return run(|| search.search(&start, &incoming).expect("a catch"));

@@ -11,7 +11,7 @@ mod synthetic;
 use catch_bot::{
     grasp_selection::{self, GraspSet},
     perception::{self, ReferenceModel},
-    trajectory_optimization::{CatchSearch, Incoming, Start, retarget::Correction},
+    trajectory_optimization::{CatchSearch, Incoming, Start, failure_counter::FailureCounter, retarget::Correction},
     trajectory_prediction::FlightTrajectory,
 };
 use criterion::{Criterion, criterion_group, criterion_main};
@@ -28,7 +28,8 @@ fn everything(criterion: &mut Criterion) {
         let reference = ReferenceModel::from_scan(&synthetic::scan(&shape, 200), &perception::Config::default());
         let grasps = GraspSet::sample(&reference, search.motion().gripper(), &config);
         let flight = inputs::near_throw();
-        let incoming = Incoming { flight: &flight, grasps: &grasps, config: &config };
+        let failures = FailureCounter::default();
+        let incoming = Incoming { flight: &flight, grasps: &grasps, config: &config, failures: &failures };
         criterion.bench_function(&format!("search/{name}"), |bencher| {
             bencher.iter(|| search.search(&start, &incoming));
         });

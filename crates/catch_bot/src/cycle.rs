@@ -1,6 +1,7 @@
 //! A brain that lives for many throws, of several known objects: it waits, catches, holds, puts down, returns and waits again.
 
 mod config;
+mod explained;
 
 use catch_body::JointVector;
 use catch_cell::{
@@ -10,7 +11,7 @@ use nalgebra::Point3;
 
 use crate::{
     CatchingBot, Report,
-    control::CatchPlanner,
+    control::{CatchPlanner, opening},
     grasp_selection::Grasp,
     perception::{ObjectPose, PoseEstimator, camera_offsets::MIN_CAMERAS},
     settings::{SettingError, Settings},
@@ -18,6 +19,7 @@ use crate::{
     trajectory_prediction::FlightPredictor,
 };
 pub use config::CycleConfig;
+use explained::Explained;
 
 /// Two images less than this apart tell no speed, in seconds.
 const LEAST_SPAN_S: f64 = 0.005;
@@ -43,8 +45,8 @@ pub enum Phase {
 #[derive(Debug)]
 struct Candidate<E, P, C> {
     bot: CatchingBot<E, P, C>,
-    /// Sum of [`ObjectPose::mismatch`] over the images of the present flight.
-    mismatch: f64,
+    /// How well it explains the images of the present flight.
+    explained: Explained,
     /// Images of the present flight.
     images: usize,
     /// Where and when the object was seen last.
@@ -96,7 +98,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
         assert!(!bots.is_empty(), "a brain needs to know an object");
         config.check()?;
         bots.iter_mut().for_each(|it| it.tracker.compares_cameras = it.known.cameras().len() >= MIN_CAMERAS);
-        let candidate = |bot| Candidate { bot, mismatch: 0.0, images: 0, seen: None, rests: false };
+        let candidate = |bot| Candidate { bot, explained: Explained::default(), images: 0, seen: None, rests: false };
         let candidates = bots.into_iter().map(candidate).collect();
         let (phase, active) = (Phase::Waiting, 0);
         Ok(Self {
@@ -151,8 +153,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
         }
         // An object whose model cannot be brought to lie on what is seen in some images is not the one.
         let seen = self.candidates.iter().enumerate().filter(|(_, it)| it.images > 0 && it.images + 1 >= most);
-        let mean = |it: &Candidate<E, P, C>| it.mismatch / it.images as f64;
-        let best = seen.min_by(|a, b| mean(a.1).total_cmp(&mean(b.1))).map_or(self.active, |(i, _)| i);
+        let best = explained::best(seen.map(|(i, it)| (i, it.explained))).unwrap_or(self.active);
         self.active = best;
         self.enter(Phase::Catching, observation.time_s);
         self.candidates[best].bot.act_on(observation, newest[best], probe)
@@ -240,9 +241,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
     }
 
     fn opening(&self, now_s: f64) -> Vec<GripperMove> {
-        let gripper = self.candidates[self.active].bot.known().search().motion().gripper();
-        let (speed_mps, force_n) = (gripper.max_speed_mps, gripper.max_force_n);
-        vec![GripperMove { start_s: now_s, width_m: gripper.max_width_m, speed_mps, force_n }]
+        vec![opening(now_s, self.candidates[self.active].bot.known().search().motion().gripper())]
     }
 
     /// Towards `to`, and whether the arm is there. A motion that was rejected or lost is sent anew.
@@ -294,7 +293,7 @@ enum Progress {
 impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Candidate<E, P, C> {
     /// Takes in new images. What rests, and what was somewhere else a moment ago, begins anew.
     fn look(&mut self, observation: &Observation, config: &CycleConfig) -> Option<ObjectPose> {
-        self.bot.controller.acknowledge(&observation.arm);
+        self.bot.controller.acknowledge(observation, self.bot.flight.as_ref());
         let pose = self.bot.perceive(observation)?;
         // Images of cameras that run freely come in any order, and so close to each other that they tell no speed.
         if self.seen.is_some_and(|(before_s, _)| pose.capture_s < before_s + LEAST_SPAN_S) {
@@ -308,7 +307,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Candidate<E, P, C> {
             span_s < config.max_gap_s && (config.min_flight_mps..config.max_flight_mps).contains(&speed_mps)
         });
         if !flies {
-            (self.images, self.mismatch) = (0, 0.0);
+            (self.images, self.explained) = (0, Explained::default());
             // What rests is no help in finding it again once it has been thrown.
             let is_new =
                 before.is_none_or(|(_, before_W)| (p_WO - before_W).norm() > config.min_flight_mps * config.max_gap_s);
@@ -318,12 +317,12 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Candidate<E, P, C> {
             self.rests = false;
         }
         self.images += 1;
-        self.mismatch += pose.mismatch;
+        self.explained.add(&pose);
         Some(pose)
     }
 
     fn forget(&mut self) {
-        (self.images, self.mismatch, self.seen, self.rests) = (0, 0.0, None, false);
+        (self.images, self.explained, self.seen, self.rests) = (0, Explained::default(), None, false);
         self.bot.tracker.keep_newest(0);
     }
 }

@@ -72,6 +72,17 @@ pub struct Report {
     pub closing: Option<GripperPlan>,
     /// How well each camera works.
     pub cameras: Vec<CameraStatus>,
+    /// How often arithmetic has failed in this throw.
+    pub numerical_failures: NumericalFailures,
+}
+
+/// How often arithmetic failed where nothing was infeasible: a program that a solver gave up, a matrix that could not be factorized.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct NumericalFailures {
+    /// In trajectory prediction.
+    pub prediction: u32,
+    /// In grasp selection and trajectory optimization.
+    pub planning: u32,
 }
 
 /// The catching robot's brain, made of a pose estimator, a flight predictor and a catch planner.
@@ -136,31 +147,23 @@ impl<E, P, C> CatchingBot<E, P, C> {
     pub fn known(&self) -> &Arc<Preparation> {
         &self.known
     }
-
-    fn close_report(&mut self, status: Status, pose: Option<ObjectPose>, command: Command) -> Command {
-        let Self { flight, controller, .. } = self;
-        self.report.flight.clone_from(flight);
-        (self.report.status, self.report.pose, self.report.closing) = (status, pose, controller.closing());
-        self.report.plan = controller.plan().cloned();
-        self.report.cameras.clear();
-        self.report.cameras.extend_from_slice(self.tracker.camera_statuses());
-        command
-    }
 }
 
 impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Brain for CatchingBot<E, P, C> {
     /// The paper's figure 2: images → pose → flight → grasp and plan → command.
     fn tick(&mut self, observation: &Observation, probe: &mut dyn Probe) -> Command {
         let now_s = observation.time_s;
-        self.controller.acknowledge(&observation.arm);
-        if self.controller.is_committed(now_s) {
+        self.controller.acknowledge(observation, self.flight.as_ref());
+        let command = if self.controller.is_committed(now_s) {
             // Nothing that may still be seen changes anything: no camera needs to read out a pixel.
             let windows = Some(vec![PixelWindow::default(); self.known.cameras().len()]);
-            return self.close_report(Status::Committed, None, Command { windows, ..Command::default() });
-        }
-        let pose = self.perceive(observation);
-        probe.stage_ended("perception");
-        self.act_on(observation, pose, probe)
+            self.close_report(Status::Committed, None, Command { windows, ..Command::default() })
+        } else {
+            let pose = self.perceive(observation);
+            probe.stage_ended("perception");
+            self.act_on(observation, pose, probe)
+        };
+        self.controller.amended(command)
     }
 
     fn reset(&mut self) {
@@ -174,6 +177,18 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingBot<E, P, C>
     fn perceive(&mut self, observation: &Observation) -> Option<ObjectPose> {
         self.tracker.sense(observation);
         self.tracker.track(&observation.frames, &mut self.flight, &self.known, &mut self.estimator)
+    }
+
+    fn close_report(&mut self, status: Status, pose: Option<ObjectPose>, command: Command) -> Command {
+        let Self { flight, controller, .. } = self;
+        self.report.flight.clone_from(flight);
+        (self.report.status, self.report.pose, self.report.closing) = (status, pose, controller.closing());
+        self.report.plan = controller.plan().cloned();
+        self.report.cameras.clear();
+        self.report.cameras.extend_from_slice(self.tracker.camera_statuses());
+        let (prediction, planning) = (self.predictor.numerical_failures(), self.planner.numerical_failures());
+        self.report.numerical_failures = NumericalFailures { prediction, planning };
+        command
     }
 
     /// The throw is over, the next one begins; what is known of the cameras stays, also by how far they were off in it.
@@ -191,11 +206,22 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingBot<E, P, C>
         self.report = Report::default();
     }
 
+    /// A tick without images: what the last ones showed has been acted on.
+    fn wait_for_images(&mut self, observation: &Observation) -> Command {
+        let status = self.report.status.without_images(self.controller.plan().is_some());
+        let windows = |flight| self.tracker.windows(observation, flight, &self.known);
+        let windows = self.flight.as_ref().and_then(windows);
+        self.close_report(status, None, Command { windows, ..Command::default() })
+    }
+
     /// What follows from the poses so far; `pose` is the newest, if this tick found one.
     fn act_on(&mut self, observation: &Observation, pose: Option<ObjectPose>, probe: &mut dyn Probe) -> Command {
         let Some(first) = self.tracker.poses().first() else {
             return self.close_report(Status::NoObject, pose, Command::default());
         };
+        if observation.frames.is_empty() {
+            return self.wait_for_images(observation);
+        }
 
         // III-B: the flight that the poses agree on.
         let flight = self.predictor.predict(self.tracker.poses(), self.flight.as_ref());

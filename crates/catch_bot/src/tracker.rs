@@ -1,6 +1,6 @@
 //! The tracker: what was sensed lately, the cameras as far as they are aligned, and the object's poses so far.
 
-use std::collections::VecDeque;
+use std::{borrow::Cow, collections::VecDeque};
 
 use catch_body::{JointVector, Pose, Twist};
 use catch_cell::{CameraModel, DepthFrame, Observation, PixelWindow};
@@ -39,10 +39,14 @@ pub(crate) struct Tracker {
     health: CameraHealth,
     /// Oldest first.
     sensed: VecDeque<Sensed>,
+    /// Times of the newest observation with images and of the one before.
+    imaged_s: [Option<f64>; 2],
     /// Oldest first.
     poses: Vec<ObjectPose>,
     /// Whether single images are registered by themselves, too: work for lives of many throws, which tell of displaced cameras.
     pub compares_cameras: bool,
+    /// How often a single image was registered by itself.
+    compared: usize,
     /// Poses from single images, each with its camera.
     image_poses: Vec<(usize, ObjectPose)>,
     /// Capture time of the newest image without a mask.
@@ -55,8 +59,10 @@ impl Tracker {
             alignment: known.alignment().clone(),
             health: known.camera_health().clone(),
             sensed: VecDeque::with_capacity(SENSED),
+            imaged_s: [None; 2],
             poses: Vec::with_capacity(POSES),
             compares_cameras,
+            compared: 0,
             image_poses: Vec::with_capacity(POSES),
             unlabelled_s: None,
         }
@@ -76,6 +82,7 @@ impl Tracker {
         self.alignment.clone_from(known.alignment());
         self.health.end_throw(offsets, &known.config().perception);
         self.sensed.clear();
+        self.imaged_s = [None; 2];
         self.poses.clear();
         self.image_poses.clear();
         self.unlabelled_s = None;
@@ -96,10 +103,9 @@ impl Tracker {
         &self.poses
     }
 
-    /// Times of the newest observation and of the one before.
+    /// Times of the newest observation with images and of the one before.
     pub fn observed_s(&self) -> (f64, Option<f64>) {
-        let mut newest = self.sensed.iter().rev().map(|sensed| sensed.time_s);
-        (newest.next().unwrap_or(f64::NAN), newest.next())
+        (self.imaged_s[0].unwrap_or(f64::NAN), self.imaged_s[1])
     }
 
     /// Takes in the state of the arm.
@@ -107,12 +113,15 @@ impl Tracker {
         if self.sensed.len() == SENSED {
             self.sensed.pop_front();
         }
+        if !observation.frames.is_empty() {
+            self.imaged_s = [Some(observation.arm.time_s), self.imaged_s[0]];
+        }
         let (q, width_m) = (observation.arm.q, observation.gripper.width_m);
         self.sensed.push_back(Sensed { time_s: observation.arm.time_s, q, width_m });
     }
 
-    /// Takes in new images, capture time by capture time. Returns the newest pose, if they show any. Where they show that the object was taken
-    /// for turned over, earlier poses are turned, and there is no flight any more.
+    /// Takes in new images, capture time by capture time, in whatever order they come. Returns the newest pose that they show, if
+    /// any. Where they show that the object was taken for turned over, earlier poses are turned, and there is no flight any more.
     pub fn track(
         &mut self,
         frames: &[DepthFrame],
@@ -122,7 +131,8 @@ impl Tracker {
     ) -> Option<ObjectPose> {
         let unlabelled_s = frames.iter().filter(|frame| frame.mask.is_none()).map(|frame| frame.capture_s);
         self.unlabelled_s = self.unlabelled_s.into_iter().chain(unlabelled_s).reduce(f64::max);
-        let (mut newest, mut left, mut surroundings) = (None, frames, Vec::with_capacity(frames.len()));
+        let frames = oldest_first(frames);
+        let (mut newest, mut left, mut surroundings) = (None, &frames[..], Vec::with_capacity(frames.len()));
         while !left.is_empty() {
             let (frames, later) = left.split_at(together(left, flight.is_some()));
             left = later;
@@ -139,7 +149,8 @@ impl Tracker {
             view.V_WO = flight.as_ref().map_or(view.V_WO, |flight| flight.twist_at(view.capture_s()));
             if let Some(flight) = flight.as_ref().filter(|_| self.compares_cameras && self.image_poses.len() < POSES) {
                 // One image of these by itself, in turn.
-                let i = self.poses.len() % frames.len();
+                let i = self.compared % frames.len();
+                self.compared = self.compared.wrapping_add(1);
                 let one = View { frames: &frames[i..=i], surroundings: surroundings.get(i..=i).unwrap_or(&[]), ..view };
                 let pose = estimator.estimate_aside(&one, &flight.pose_at(one.capture_s()));
                 self.image_poses.extend(pose.map(|pose| (frames[i].camera, pose)));
@@ -152,12 +163,7 @@ impl Tracker {
             } else if let Some(X_WO) = &expected {
                 pose.X_WO.rotation = known.reference().symmetry.nearest_alike(&X_WO.rotation, &pose.X_WO.rotation);
             }
-            if self.poses.len() == POSES {
-                self.poses.drain(..POSES / 2);
-            }
-            // Images of several cameras may arrive in another order than they were taken.
-            let at = self.poses.partition_point(|it| it.capture_s <= pose.capture_s);
-            self.poses.insert(at, pose);
+            remember(&mut self.poses, pose);
             newest = Some(pose);
         }
         newest
@@ -173,8 +179,8 @@ impl Tracker {
     ) -> Option<Vec<PixelWindow>> {
         let lost_after_s = known.config().perception.lost_after_s;
         self.unlabelled_s.filter(|newest_s| *newest_s <= flight.time_s + lost_after_s)?;
-        let (now_s, before_s) = self.observed_s();
-        let period_s = before_s.map_or(0.0, |before_s| now_s - before_s);
+        let mut sensed_s = self.sensed.iter().rev().map(|sensed| sensed.time_s);
+        let period_s = sensed_s.next().zip(sensed_s.next()).map_or(0.0, |(now_s, before_s)| now_s - before_s);
         let next_s = observation.time_s + period_s;
         let (p_WO, v_WO) = (flight.pose_at(next_s).translation.vector, flight.twist_at(next_s).linear);
         let uncertainty_m = 3.0 * flight.position_sd_at(next_s) + v_WO.norm() * period_s;
@@ -205,9 +211,125 @@ impl Tracker {
     }
 }
 
+/// Images by capture time, those of one time by camera. Copies them only where they come in another order.
+fn oldest_first(frames: &[DepthFrame]) -> Cow<'_, [DepthFrame]> {
+    let order = |a: &DepthFrame, b: &DepthFrame| a.capture_s.total_cmp(&b.capture_s).then(a.camera.cmp(&b.camera));
+    if frames.is_sorted_by(|a, b| order(a, b).is_le()) {
+        return Cow::Borrowed(frames);
+    }
+    let mut sorted = frames.to_vec();
+    sorted.sort_by(order);
+    Cow::Owned(sorted)
+}
+
+/// Adds a pose to those so far, oldest first: images may arrive later than others that were taken after them. Where there are
+/// as many as are remembered, the oldest one is forgotten.
+fn remember(poses: &mut Vec<ObjectPose>, pose: ObjectPose) {
+    if poses.len() == POSES {
+        poses.remove(0);
+    }
+    let at = poses.partition_point(|it| it.capture_s <= pose.capture_s);
+    poses.insert(at, pose);
+}
+
 /// How many of these images, oldest first, are registered together: those of one capture time, or all within some milliseconds where it is
 /// known how the object moves.
 fn together(frames: &[DepthFrame], moves_as_known: bool) -> usize {
     let span_s = if moves_as_known { TOGETHER_S } else { 0.0 };
     frames.iter().take_while(|it| it.capture_s - frames[0].capture_s <= span_s).count().max(1)
+}
+
+#[cfg(test)]
+mod tests {
+    use catch_body::{Gripper, Robot, robot_file::RobotFiles};
+    use catch_cell::{ArmState, GraspState, GripperState, Setpoint};
+    use nalgebra::{Matrix6, Vector3};
+
+    use super::*;
+    use crate::{
+        Config,
+        perception::{PerceptionStatus, Prior, synthetic},
+    };
+
+    fn pose(capture_s: f64) -> ObjectPose {
+        ObjectPose {
+            capture_s,
+            X_WO: Pose::translation(0.0, 0.0, capture_s),
+            information: Matrix6::identity(),
+            points: 10,
+            residual_m: 0.0,
+            points_mismatch: None,
+            silhouette_mismatch: None,
+            iterations: 1,
+            registered_globally: false,
+        }
+    }
+
+    #[test]
+    fn poses_are_forgotten_one_by_one() {
+        let mut poses = Vec::new();
+        // Every other image arrives late.
+        (0..2 * POSES).for_each(|i| remember(&mut poses, pose((i ^ 1) as f64)));
+        assert_eq!(poses.len(), POSES);
+        assert!(poses.iter().zip(POSES..).all(|(it, at)| it.capture_s == at as f64), "half a throw is lost");
+    }
+
+    /// Shows nothing; remembers which camera's image it was asked for by itself.
+    struct Blind(Vec<usize>);
+
+    impl PoseEstimator for Blind {
+        fn estimate(&mut self, _: &View<'_>, _: Prior) -> Result<ObjectPose, PerceptionStatus> {
+            Err(PerceptionStatus::NoPoints)
+        }
+
+        fn estimate_aside(&mut self, view: &View<'_>, _: &Pose) -> Option<ObjectPose> {
+            self.0.extend(view.frames.iter().map(|it| it.camera));
+            None
+        }
+    }
+
+    fn preparation() -> Preparation {
+        let files = RobotFiles {
+            urdf_file: "robot.urdf",
+            urdf: include_str!("../../../assets/robots/iiwa14/robot.urdf"),
+            toml_file: "robot.toml",
+            toml: include_str!("../../../assets/robots/iiwa14/robot.toml"),
+        };
+        let gripper = Gripper::from_toml("gripper.toml", include_str!("../../../assets/grippers/wsg50.toml")).unwrap();
+        let mut config = Config::default();
+        config.grasp_selection.samples = 1;
+        let scan = synthetic::scan(&synthetic::Shape::ball(), 40);
+        let robot = Robot::from_files(&files).unwrap();
+        Preparation::new(config, robot, gripper, synthetic::flight_rig(), &scan, None).unwrap()
+    }
+
+    /// Also where no pose is found, which a turn by the number of poses would not outlast.
+    #[test]
+    fn each_camera_gets_its_turn_to_be_compared() {
+        let known = preparation();
+        let cameras = known.cameras().len();
+        let (mut tracker, mut blind) = (Tracker::new(&known, true), Blind(Vec::new()));
+        let q = known.search().motion().robot().ready_q;
+        let flight = FlightTrajectory { v_WOcm: Vector3::x(), ..FlightTrajectory::default() };
+        for i in 0..2 * cameras {
+            let time_s = 0.02 * i as f64;
+            let frame = |camera: usize| DepthFrame {
+                camera,
+                capture_s: time_s,
+                window: PixelWindow::default(),
+                depth_m: Vec::new(),
+                mask: Some(Vec::new()),
+            };
+            let frames = (0..cameras).map(frame).collect();
+            let (dq, commanded) = (JointVector::zeros(), Setpoint::at_rest(q));
+            let arm = ArmState { time_s, q, dq, commanded, executing: None, rejected: Vec::new() };
+            let gripper = GripperState { width_m: 0.1, speed_mps: 0.0, force_n: 0.0, grasp: GraspState::Idle };
+            let observation = Observation { time_s, arm, gripper, frames };
+            tracker.sense(&observation);
+            let found = tracker.track(&observation.frames, &mut Some(flight.clone()), &known, &mut blind);
+            assert_eq!(found, None);
+        }
+        let turns: Vec<usize> = (0..cameras).chain(0..cameras).collect();
+        assert_eq!(blind.0, turns);
+    }
 }

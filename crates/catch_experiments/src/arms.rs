@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use catch_bot::{
-    trajectory_optimization::{Incoming, Start},
+    trajectory_optimization::{Incoming, Start, failure_counter::FailureCounter},
     trajectory_prediction::FlightTrajectory,
 };
 use catch_cell::Setpoint;
@@ -86,7 +86,8 @@ fn first_searches(setup: &Setup, options: &Options) -> Vec<(f64, bool)> {
             w_WO: release.omega_WO,
             ..FlightTrajectory::default()
         };
-        let incoming = Incoming { flight: &flight, grasps: known.grasps(), config: &config };
+        let failures = FailureCounter::default();
+        let incoming = Incoming { flight: &flight, grasps: known.grasps(), config: &config, failures: &failures };
         let before_ms = cpu_ms();
         let found = search.search_in_passes(&mut 0, &start, &incoming, search.departure_s(&start));
         (cpu_ms() - before_ms, found.is_ok())

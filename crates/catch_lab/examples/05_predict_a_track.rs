@@ -26,7 +26,8 @@ fn main() -> anyhow::Result<()> {
                 information,
                 points: 200,
                 residual_m: 0.0,
-                mismatch: 0.0,
+                points_mismatch: None,
+                silhouette_mismatch: None,
                 iterations: 0,
                 registered_globally: false,
             }

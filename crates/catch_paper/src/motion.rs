@@ -11,7 +11,7 @@ use catch_body::{JointVector, MAX_JOINTS, Pose};
 use catch_bot::settings::{DURATION_S, FRACTION, Faults, NOT_NEGATIVE, PERIOD_S, SettingError, Settings};
 use catch_bot::{
     grasp_selection::{Approach, Grasp},
-    trajectory_optimization::{CatchPlan, MotionPlanner, Start, terminal_velocity},
+    trajectory_optimization::{CatchPlan, MotionPlanner, Start, failure_counter::FailureCounter, terminal_velocity},
     trajectory_prediction::FlightTrajectory,
 };
 use catch_cell::{BSpline, Setpoint};
@@ -224,15 +224,17 @@ impl<'a> Goal<'a> {
 
 /// A motion with braking after it unless it has a tail, `None` if that breaks any limit or collides where that is checked.
 fn completed(planner: &MotionPlanner, found: &BSpline, grasp: &Grasp, config: &Config) -> Option<BSpline> {
+    // This method does not count what fails numerically.
+    let failures = FailureCounter::default();
     if config.tail_s > 0.0 {
         return (!config.checks_motions || planner.keeps_limits(found)).then(|| found.clone());
     }
     if !config.checks_motions {
         let (catch_s, [q, dq, ddq]) = (found.end_s(), found.evaluate(found.end_s()));
-        let braking = planner.braking(&Setpoint { q, dq, ddq }, catch_s);
+        let braking = planner.braking(&Setpoint { q, dq, ddq }, catch_s, &failures);
         return Some(braking.map_or_else(|| found.clone(), |braking| found.clone().followed_by(&braking)));
     }
-    planner.completed(found.clone(), grasp).filter(|trajectory| planner.keeps_limits(trajectory))
+    planner.completed(found.clone(), grasp, &failures).filter(|trajectory| planner.keeps_limits(trajectory))
 }
 
 /// Joint positions that put the gripper at `X_WG`, near the comfortable pose.

@@ -7,8 +7,10 @@
 //! spline's own range of end velocities. Within that range the spline's program is feasible, so nothing fails afterwards.
 
 use catch_body::{JointVector, MAX_JOINTS, Pose, robot::Jacobian};
+use catch_bot::grasp_selection;
 use catch_bot::trajectory_optimization::{
     CatchSplines, MotionPlanner, PlanningFailure, Start,
+    failure_counter::FailureCounter,
     motion::{LimitScaling, ROUNDING},
     point_to_point::PointToPoint,
     posture::Posture,
@@ -56,6 +58,7 @@ pub(super) struct Task<'a> {
     pub start: &'a Start,
     pub target: &'a Target,
     pub reaches: [ReachableSet; MAX_JOINTS],
+    failures: FailureCounter,
     scaling: LimitScaling,
 }
 
@@ -146,7 +149,8 @@ impl PosedPlanner {
         // Nothing is held back for replans.
         let scaling = LimitScaling { velocity: self.motion.config().velocity_scaling, acceleration: 1.0 - ROUNDING };
         let reaches = self.motion.reaches(start, target.catch_s - start.time_s, scaling);
-        Task { planner: &self.motion, splines: &self.splines, start, target, reaches, scaling }
+        let failures = FailureCounter::default();
+        Task { planner: &self.motion, splines: &self.splines, start, target, reaches, failures, scaling }
     }
 }
 
@@ -185,11 +189,13 @@ impl Task<'_> {
             catch_s: self.target.catch_s,
             q: *q,
             v_WO: self.target.v_WO,
+            restitution: grasp_selection::Config::default().expected_restitution(),
             jacobian: self.jacobian(q),
             scaling: self.scaling,
             weights: Weights::FASTEST,
             following: None,
             brakes: false,
+            failures: &self.failures,
         }
     }
 

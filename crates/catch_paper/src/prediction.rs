@@ -80,7 +80,8 @@ mod tests {
                     information: Matrix6::identity(),
                     points: 100,
                     residual_m: 0.001,
-                    mismatch: 0.0,
+                    points_mismatch: None,
+                    silhouette_mismatch: None,
                     iterations: 1,
                     registered_globally: false,
                 }

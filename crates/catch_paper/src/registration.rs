@@ -201,7 +201,8 @@ impl Icp<'_> {
             residual_m,
             noise_m: mean_noise(scene),
             silhouette_residual_m: None,
-            mismatch: (residual_m / perception.model_sd_m.max(1e-6)).powi(2),
+            points_mismatch: Some((residual_m / perception.model_sd_m.max(1e-6)).powi(2)),
+            silhouette_mismatch: None,
             robust_cost: count * residual_m.max(1e-9).ln(),
             iterations,
         })

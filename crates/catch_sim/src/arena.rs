@@ -2,7 +2,7 @@
 
 use std::{convert::Infallible, sync::Arc};
 
-use catch_body::{JointVector, MAX_JOINTS, Pose, Robot, dynamics, kinematics::LinkPoses};
+use catch_body::{JointVector, MAX_JOINTS, Pose, Robot, dynamics, kinematics::LinkPoses, workcell::FLOOR_Z_M};
 use catch_cell::{ArmState, Cell, Command, Observation};
 use nalgebra::Vector3;
 
@@ -299,7 +299,7 @@ impl Arena {
         let (X_WL, width_m) = (self.link_poses(&state.q), state.finger_m[0] + state.finger_m[1]);
         let p_WO = state.X_WO.translation.vector.into();
         let radius = object.bounding_radius_m;
-        let alone_m = clearance.least_distance_to_ball(&X_WL, &p_WO, radius).min(p_WO.z - radius);
+        let alone_m = clearance.least_distance_to_ball(&X_WL, &p_WO, radius).min(p_WO.z - FLOOR_Z_M - radius);
         self.is_alone = alone_m > ALONE_M;
         self.servo
             .note_clearances(clearance.self_clearance(&X_WL, width_m), clearance.environment_clearance(&X_WL, width_m));

@@ -1,9 +1,9 @@
 //! The controller: the plan that is being executed, and the commands that follow from decisions.
 
 use catch_body::{Gripper, Robot};
-use catch_cell::{ArmState, Command, Observation, TrajectoryId};
+use catch_cell::{Command, GripperMove, Observation, TrajectoryId};
 
-use super::{Config, Decision, GripperPlan, Progress, closing, gripper_moves, sent_plans::SentPlans};
+use super::{Config, Decision, GripperPlan, Progress, closing, gripper_moves, opening, sent_plans::SentPlans};
 use crate::{
     grasp_selection,
     trajectory_optimization::{CatchPlan, Start},
@@ -21,6 +21,8 @@ pub struct Controller {
     plan: Option<CatchPlan>,
     closing: Option<GripperPlan>,
     progress: Progress,
+    /// What takes the place of the gripper moves of a plan that was rejected or lost.
+    amended: Option<Vec<GripperMove>>,
     /// The plans that the arm was sent and has not rejected.
     sent: SentPlans,
 }
@@ -29,7 +31,7 @@ impl Controller {
     /// For an arm that waits, its gripper open.
     pub fn new(config: Config, grasping: grasp_selection::Config, robot: Robot, gripper: Gripper) -> Self {
         let (progress, sent) = (Progress::default(), SentPlans::default());
-        Self { config, grasping, robot, gripper, plan: None, closing: None, progress, sent }
+        Self { config, grasping, robot, gripper, plan: None, closing: None, progress, amended: None, sent }
     }
 
     /// The plan that is being executed.
@@ -52,11 +54,34 @@ impl Controller {
         self.plan.as_ref().is_some_and(|plan| now_s > plan.catch_s - self.config.commit_s)
     }
 
-    /// Learns what became of the trajectories. If the running plan was rejected or lost, the one before it is running again.
-    pub fn acknowledge(&mut self, arm: &ArmState) {
-        if self.sent.acknowledge(arm, self.config.lost_after_s) {
-            self.plan = self.sent.last().cloned();
+    /// Learns what became of the trajectories. If the running plan was rejected or lost, the one before it is running again, and
+    /// the gripper closes for that one on `flight`. If there is none it does not close, and opens where it has begun to.
+    pub fn acknowledge(&mut self, observation: &Observation, flight: Option<&FlightTrajectory>) {
+        if !self.sent.acknowledge(&observation.arm, self.config.lost_after_s) {
+            return;
         }
+        let now_s = observation.time_s;
+        let has_begun = self.closing.is_some_and(|closing| closing.start_s <= now_s);
+        self.plan = self.sent.last().cloned();
+        let running = self.plan.as_ref().zip(flight);
+        let timed = running.map(|(plan, flight)| (plan.aperture_m, self.closing_for(observation, plan, flight)));
+        self.closing = timed.map(|(_, closing)| closing);
+        self.amended = Some(match timed {
+            Some((aperture_m, closing)) => gripper_moves(now_s, aperture_m, &closing, &self.gripper, &self.config),
+            None if has_begun => vec![opening(now_s, &self.gripper)],
+            None => Vec::new(),
+        });
+    }
+
+    /// The command with what takes the place of a rejected plan's gripper moves, unless it has moves of its own.
+    pub fn amended(&mut self, command: Command) -> Command {
+        let amended = self.amended.take();
+        Command { gripper: command.gripper.or(amended), ..command }
+    }
+
+    fn closing_for(&self, observation: &Observation, plan: &CatchPlan, flight: &FlightTrajectory) -> GripperPlan {
+        let fingers = (observation.time_s, &observation.gripper);
+        closing(fingers, plan, flight, &self.robot, &self.gripper, &self.grasping, &self.config)
     }
 
     /// Where the arm will be when a motion that is planned now takes over. Encoders are noisy and a loaded arm sags; what it is
@@ -74,6 +99,7 @@ impl Controller {
     /// Forgets the catch. Identifiers of trajectories go on.
     pub fn reset(&mut self) {
         (self.plan, self.closing, self.progress) = (None, None, Progress::default());
+        self.amended = None;
         self.sent.clear();
     }
 
@@ -82,8 +108,7 @@ impl Controller {
         let now_s = observation.time_s;
         self.progress = decision.progress;
         let Some(plan) = decision.plan else { return Command::default() };
-        let fingers = (now_s, &observation.gripper);
-        let closing = closing(fingers, &plan, flight, &self.robot, &self.gripper, &self.grasping, &self.config);
+        let closing = self.closing_for(observation, &plan, flight);
         // Fingers that have started to close go on: a new list of moves would open them again.
         let is_closing = self.closing.is_some_and(|closing| closing.start_s <= now_s);
         let moves = gripper_moves(now_s, plan.aperture_m, &closing, &self.gripper, &self.config);

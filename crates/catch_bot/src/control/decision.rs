@@ -43,6 +43,15 @@ impl Status {
     pub fn is_new_motion(self) -> bool {
         matches!(self, Self::Planned | Self::Approached)
     }
+
+    /// The status of a tick after this one in which no image arrived, by whether there is a plan.
+    pub(crate) fn without_images(self, has_plan: bool) -> Self {
+        match self {
+            _ if has_plan => Self::PlanKept,
+            Self::Planned | Self::Approached | Self::PlanKept | Self::Committed => Self::NoPlan,
+            before => before,
+        }
+    }
 }
 
 /// What a planner wants to know again with the next image.
@@ -59,7 +68,7 @@ pub struct Progress {
 /// What a catch is planned from.
 #[derive(Debug, Clone, Copy)]
 pub struct Situation<'a> {
-    /// Times of this observation and, if there was one, of the one before, on the cell's clock.
+    /// Times of this observation and, if there was one, of the one before that had images, on the cell's clock.
     pub observed_s: (f64, Option<f64>),
     /// When the object was seen first, in seconds on the cell's clock.
     pub first_seen_s: f64,
@@ -101,6 +110,11 @@ pub trait CatchPlanner {
     /// What to do about the flight as it is known now.
     fn plan(&mut self, situation: &Situation<'_>) -> Decision;
 
+    /// How often its arithmetic failed in this throw; zero where the method does not count.
+    fn numerical_failures(&self) -> u32 {
+        0
+    }
+
     /// Forgets all that it knows of the throw; the next one is another.
     fn reset(&mut self) {}
 }
@@ -108,6 +122,10 @@ pub trait CatchPlanner {
 impl<T: CatchPlanner + ?Sized> CatchPlanner for Box<T> {
     fn plan(&mut self, situation: &Situation<'_>) -> Decision {
         (**self).plan(situation)
+    }
+
+    fn numerical_failures(&self) -> u32 {
+        (**self).numerical_failures()
     }
 
     fn reset(&mut self) {

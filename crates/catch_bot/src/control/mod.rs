@@ -13,7 +13,7 @@ pub use decision::{CatchPlanner, Decision, Progress, Situation, Status};
 pub use time_grid_search::TimeGridSearch;
 
 use crate::{
-    grasp_selection::{self, Grasp},
+    grasp_selection::{self, Fingers, Grasp},
     settings::{DURATION_S, Faults, NOT_NEGATIVE, SettingError, Settings},
     trajectory_optimization::CatchPlan,
     trajectory_prediction::FlightTrajectory,
@@ -124,7 +124,8 @@ pub fn closing(
         close_s
     } else {
         // The fingers may still be on their way to the aperture when they have to close.
-        now_s + closing.wait_s(fingers.width_m, fingers.speed_mps, aperture_m, object_width_m, contact_s - now_s)
+        let fingers = Fingers { width_m: fingers.width_m, rate_mps: fingers.speed_mps };
+        now_s + closing.wait_s(fingers, aperture_m, object_width_m, contact_s - now_s)
     };
     GripperPlan { start_s: close_s - latency_s, contact_s, speed_mps: closing.speed_mps }
 }
@@ -159,6 +160,12 @@ pub fn gripper_moves(
     let aperture = GripperMove { start_s: now_s, width_m: aperture_m, speed_mps: gripper.max_speed_mps, force_n };
     let squeezing = GripperMove { start_s: closing.start_s, width_m: 0.0, speed_mps: closing.speed_mps, force_n };
     if closing.start_s > now_s { vec![aperture, squeezing] } else { vec![squeezing] }
+}
+
+/// The move that opens the fingers as wide as they go.
+pub fn opening(now_s: f64, gripper: &Gripper) -> GripperMove {
+    let (speed_mps, force_n) = (gripper.max_speed_mps, gripper.max_force_n);
+    GripperMove { start_s: now_s, width_m: gripper.max_width_m, speed_mps, force_n }
 }
 
 #[cfg(test)]

@@ -5,7 +5,9 @@ use std::sync::Arc;
 use super::{CatchPlanner, Config, Decision, Progress, Situation, Status, is_still_good};
 use crate::{
     grasp_selection::{self, GraspSet},
-    trajectory_optimization::{CatchPlan, CatchSearch, Incoming, PlanningFailure, retarget::Correction},
+    trajectory_optimization::{
+        CatchPlan, CatchSearch, Incoming, PlanningFailure, failure_counter::FailureCounter, retarget::Correction,
+    },
 };
 
 /// Best-first search over a grid of catch times, and replans with switching hysteresis.
@@ -15,6 +17,8 @@ pub struct TimeGridSearch {
     grasping: grasp_selection::Config,
     grasps: Arc<GraspSet>,
     search: Arc<CatchSearch>,
+    /// Programs and factorizations that failed numerically in this throw.
+    failures: u32,
 }
 
 impl TimeGridSearch {
@@ -25,7 +29,7 @@ impl TimeGridSearch {
         grasps: Arc<GraspSet>,
         search: Arc<CatchSearch>,
     ) -> Self {
-        Self { config, grasping, grasps, search }
+        Self { config, grasping, grasps, search, failures: 0 }
     }
 
     /// As many search passes as an image allows.
@@ -112,14 +116,26 @@ impl TimeGridSearch {
 
 impl CatchPlanner for TimeGridSearch {
     fn plan(&mut self, situation: &Situation<'_>) -> Decision {
-        let incoming = Incoming { flight: situation.flight, grasps: &self.grasps, config: &self.grasping };
-        match situation.running {
+        let failures = FailureCounter::default();
+        let Self { grasps, grasping, .. } = &*self;
+        let incoming = Incoming { flight: situation.flight, grasps, config: grasping, failures: &failures };
+        let decision = match situation.running {
             None => {
                 let departure_s = self.search.departure_s(&situation.start);
                 let progress = Progress { departure_s, ..situation.progress };
                 self.first(&Situation { progress, ..*situation }, &incoming)
             }
             Some(running) => self.replan(situation, &incoming, running),
-        }
+        };
+        self.failures += failures.count();
+        decision
+    }
+
+    fn numerical_failures(&self) -> u32 {
+        self.failures
+    }
+
+    fn reset(&mut self) {
+        self.failures = 0;
     }
 }

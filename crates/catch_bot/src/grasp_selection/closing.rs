@@ -1,7 +1,16 @@
 //! How the fingers close: up to a speed, at an acceleration.
 
-/// Steps in which moving fingers are followed.
-const WAIT_STEP_S: f64 = 5e-4;
+/// Halvings after which a wait of seconds is known to a nanosecond.
+const HALVINGS: usize = 32;
+
+/// Where the fingers are, and how fast they move.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fingers {
+    /// Their distance in metres.
+    pub width_m: f64,
+    /// How fast they open in m/s, negative while they close.
+    pub rate_mps: f64,
+}
 
 /// A closing of the fingers from standing, relative to each other.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,31 +34,51 @@ impl Closing {
         }
     }
 
-    /// How long fingers `width_m` apart may go on toward an aperture before they begin to close, to be `object_width_m` apart
-    /// `contact_in_s` from now. `rate_mps` is how fast they open now, negative while they close; zero is the least.
-    pub fn wait_s(
-        &self,
-        mut width_m: f64,
-        mut rate_mps: f64,
-        aperture_m: f64,
-        object_width_m: f64,
-        contact_in_s: f64,
-    ) -> f64 {
-        let most_change_mps = self.acceleration_mps2 * WAIT_STEP_S;
-        let mut wait_s = 0.0;
-        while wait_s + self.duration_from_s(width_m - object_width_m, -rate_mps) < contact_in_s {
-            let travel_m = aperture_m - width_m;
-            // In steps of h a speed v is stopped within v²/2a + v·h/2.
-            let half_step_s = WAIT_STEP_S / 2.0;
-            let in_steps_s = half_step_s.hypot((2.0 * travel_m.abs() / self.acceleration_mps2).sqrt());
-            let stoppable_mps = 2.0 * travel_m.abs() / (half_step_s + in_steps_s);
-            let wanted_mps = self.speed_mps.min(stoppable_mps).min(travel_m.abs() / WAIT_STEP_S);
-            let change_mps = wanted_mps.copysign(travel_m) - rate_mps;
-            rate_mps += change_mps.clamp(-most_change_mps, most_change_mps);
-            width_m += rate_mps * WAIT_STEP_S;
-            wait_s += WAIT_STEP_S;
+    /// How long fingers may go on toward an aperture before they begin to close, to be `object_width_m` apart `contact_in_s` from
+    /// now; zero is the least.
+    ///
+    /// Whatever the fingers do first, they cannot be there sooner than by closing at once: the time of contact rises with the wait.
+    pub fn wait_s(&self, fingers: Fingers, aperture_m: f64, object_width_m: f64, contact_in_s: f64) -> f64 {
+        let contact_s = |wait_s: f64| {
+            let Fingers { width_m, rate_mps } = self.after(fingers, aperture_m, wait_s);
+            wait_s + self.duration_from_s(width_m - object_width_m, -rate_mps)
+        };
+        if contact_s(0.0) >= contact_in_s {
+            return 0.0;
         }
-        wait_s
+        let (mut low_s, mut high_s) = (0.0, contact_in_s);
+        for _ in 0..HALVINGS {
+            let middle_s = f64::midpoint(low_s, high_s);
+            if contact_s(middle_s) < contact_in_s { low_s = middle_s } else { high_s = middle_s }
+        }
+        high_s
+    }
+
+    /// Fingers that have gone toward an aperture for `time_s`, as quickly as they can, to stand there: up to a speed, on at it,
+    /// and down to rest, after braking where they go the other way or too fast to stop in time.
+    pub fn after(&self, fingers: Fingers, aperture_m: f64, time_s: f64) -> Fingers {
+        let a = self.acceleration_mps2;
+        let braking_m = fingers.rate_mps * fingers.rate_mps.abs() / (2.0 * a);
+        // Whatever way the fingers move, they would come to rest here; beyond the aperture they have to come back.
+        let side = (aperture_m - fingers.width_m - braking_m).signum();
+        let (far_m, start_mps) = (side * (aperture_m - fingers.width_m), side * fingers.rate_mps);
+        // From the speed v up to w and down to rest: s = (w² − v²)/2a + w²/2a.
+        let peak_mps = (a * far_m + 0.5 * start_mps * start_mps).max(0.0).sqrt().min(self.speed_mps).max(start_mps);
+        let ramps_m = (2.0 * peak_mps * peak_mps - start_mps * start_mps) / (2.0 * a);
+        let up_s = (peak_mps - start_mps) / a;
+        let even_s = (far_m - ramps_m).max(0.0) / peak_mps.max(f64::MIN_POSITIVE);
+        let down_s = peak_mps / a;
+        let left_s = up_s + even_s + down_s - time_s;
+        let (gone_m, speed_mps) = if left_s <= 0.0 {
+            (far_m, 0.0)
+        } else if left_s <= down_s {
+            (far_m - 0.5 * a * left_s * left_s, a * left_s)
+        } else if time_s >= up_s {
+            (far_m - 0.5 * peak_mps * down_s - peak_mps * (left_s - down_s), peak_mps)
+        } else {
+            (start_mps * time_s + 0.5 * a * time_s * time_s, start_mps + a * time_s)
+        };
+        Fingers { width_m: fingers.width_m + side * gone_m, rate_mps: side * speed_mps }
     }
 
     /// How long it takes for `travel_m` of fingers that close at `speed_mps` already.

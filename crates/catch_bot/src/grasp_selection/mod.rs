@@ -22,7 +22,7 @@ use crate::{
     perception::{ReferenceModel, Symmetry},
     settings::{ANGLE_RAD, DURATION_S, FRACTION, Faults, NOT_NEGATIVE, POSITIVE, SettingError, Settings},
 };
-pub use closing::Closing;
+pub use closing::{Closing, Fingers};
 use darboux::darboux_frame;
 pub use fit::GraspFailure;
 pub use heuristics::{Approach, RankedGrasp};
@@ -188,6 +188,11 @@ impl Config {
             .then(|| (self.pre_closing_sd * sd_m()).max(self.approach_margin_m).min(self.finger_margin_m))
     }
 
+    /// The coefficient of restitution that is expected.
+    pub fn expected_restitution(&self) -> f64 {
+        self.restitution.unwrap_or(TYPICAL_RESTITUTION)
+    }
+
     /// How long before its held place passes the grasp centre, at `v_G` in G, the fingers should touch an object: so much earlier as
     /// its centre, then `past_G` of the grasp centre, passes earlier, and what it takes for the way on which they brake it, across
     /// them (along z_G) or along them toward the palm (along −y_G). Negative where they should touch it afterwards.
@@ -196,7 +201,7 @@ impl Config {
     /// the centre does not count: the palm may be in its way.
     pub fn contact_lead_s(&self, v_G: &Vector3<f64>, past_G: &Vector3<f64>) -> f64 {
         let rebound_distance_m =
-            self.palm_rebound_distance_m * (1.0 / self.restitution.unwrap_or(TYPICAL_RESTITUTION).max(SOFTEST) - 1.0);
+            self.palm_rebound_distance_m * (1.0 / self.expected_restitution().max(SOFTEST) - 1.0);
         let palm_travel_m = self.palm_braking_distance_m - rebound_distance_m;
         let braking = self.finger_braking_distance_m * v_G.z.abs() + palm_travel_m * (-v_G.y).max(0.0);
         (past_G.xz().dot(&v_G.xz()) + braking) / v_G.norm_squared().max(1.0)
@@ -204,7 +209,7 @@ impl Config {
 }
 
 /// How objects bounce of which nothing is known.
-pub(crate) const TYPICAL_RESTITUTION: f64 = 0.5;
+const TYPICAL_RESTITUTION: f64 = 0.5;
 /// What bounces less than this does not stay any longer, but falls.
 const SOFTEST: f64 = 0.25;
 
@@ -290,6 +295,11 @@ impl GraspSet {
         let surface_points = surface_points(&reference.points);
         let radius_m = surface_points.iter().map(|point| point.coords.norm()).fold(0.0, f64::max);
         Self { grasps, failures, surface_points, radius_m, symmetry: reference.symmetry, axes }
+    }
+
+    /// The distance from the gripper's origin at which the farthest of the grasps holds the object's origin, in metres.
+    pub fn farthest_held_m(&self) -> f64 {
+        self.grasps.iter().map(|grasp| grasp.X_OG.translation.vector.norm()).fold(0.0, f64::max)
     }
 
     /// Why sampled candidates are none, the most frequent reason first.

@@ -115,7 +115,8 @@ mod tests {
             information,
             points: 100,
             residual_m: 0.0,
-            mismatch: 1.0,
+            points_mismatch: None,
+            silhouette_mismatch: None,
             iterations: 1,
             registered_globally: false,
         }

@@ -233,7 +233,7 @@ impl ObjectFinder {
                 let anywhere = registration.register_globally(scene, thinned, &R_WO);
                 // What was tracked stays unless another pose explains the images much better.
                 match (tracked, anywhere) {
-                    (Some(near), Ok(far)) if far.mismatch > MUCH_BETTER * near.mismatch => (near, false),
+                    (Some(near), Ok(far)) if !far.explains_much_better(&near) => (near, false),
                     (Some(near), Err(_)) => (near, false),
                     (_, anywhere) => (anywhere?, true),
                 }
@@ -245,19 +245,26 @@ impl ObjectFinder {
 
 impl Fit {
     fn is_unexplained(&self, config: &Config) -> bool {
-        self.silhouette_residual_m.is_some() && self.mismatch > config.max_mismatch
+        self.silhouette_mismatch.is_some_and(|mismatch| mismatch > config.max_mismatch)
+    }
+
+    /// By the silhouettes, without which nothing is found to be unexplained.
+    fn explains_much_better(&self, other: &Self) -> bool {
+        let [ours, others] = [self, other].map(|it| it.silhouette_mismatch.unwrap_or(f64::INFINITY));
+        ours <= MUCH_BETTER * others
     }
 
     /// The pose in the images. Where these are not explained, they tell that much less of it.
     fn pose(&self, view: &View<'_>, config: &Config, registered_globally: bool) -> ObjectPose {
-        let told = if self.is_unexplained(config) { self.mismatch.recip() } else { 1.0 };
+        let told = self.silhouette_mismatch.filter(|it| *it > config.max_mismatch).map_or(1.0, f64::recip);
         ObjectPose {
             capture_s: view.capture_s(),
             X_WO: self.X_WO,
             information: self.information * told,
             points: self.points,
             residual_m: self.residual_m,
-            mismatch: self.mismatch,
+            points_mismatch: self.points_mismatch,
+            silhouette_mismatch: self.silhouette_mismatch,
             iterations: self.iterations,
             registered_globally,
         }

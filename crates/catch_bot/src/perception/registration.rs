@@ -26,14 +26,16 @@ pub struct Fit {
     pub points: usize,
     /// Root mean square distance of those points.
     pub residual_m: f64,
+    /// The residual of the points that the sensors' noise alone would make.
+    pub noise_m: f64,
     /// Root mean square by which the silhouette's bounds are broken, where it was used.
     pub silhouette_residual_m: Option<f64>,
-    /// Mean square of the residuals in standard deviations, see [`ObjectPose::mismatch`](super::ObjectPose::mismatch).
-    pub mismatch: f64,
+    /// Mean square of the points' residuals in standard deviations; `None` where no depth tells the shape.
+    pub points_mismatch: Option<f64>,
+    /// The same of the silhouette's rays, where it was used.
+    pub silhouette_mismatch: Option<f64>,
     /// How badly all residuals fit, outliers included: what different starts are compared by.
     pub robust_cost: f64,
-    /// The same as the sensors' noise alone would make it.
-    pub noise_m: f64,
     /// Iterations.
     pub iterations: usize,
 }
@@ -176,7 +178,8 @@ impl Registration<'_> {
             noise_m: if has_shape { (on_points.variances_m2 / weight).sqrt() } else { noise_m },
             silhouette_residual_m: (!silhouette.is_empty())
                 .then(|| (on_rays.squares_m2 / on_rays.weight.max(1.0)).sqrt()),
-            mismatch: if silhouette.is_empty() { on_points.squares / weight } else { silhouette.mean_square() },
+            points_mismatch: has_shape.then(|| on_points.squares / weight),
+            silhouette_mismatch: (!silhouette.is_empty()).then(|| silhouette.mean_square()),
             robust_cost: robust_cost(&on_points, depths.residuals.len(), LEAST_MEAN_M)
                 + robust_cost(&on_rays, silhouette.len(), LEAST_MEAN_PX * silhouette.pixel_m()),
             iterations,

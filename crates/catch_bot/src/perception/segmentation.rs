@@ -9,6 +9,7 @@ use catch_body::{
     Pose,
     kinematics::LinkPoses,
     ray_cast::{ArmSurface, RayCaster},
+    workcell::FLOOR_Z_M,
 };
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};
 use nalgebra::{Point2, Point3, Vector3};
@@ -78,7 +79,7 @@ impl<'a> Background<'a> {
             }
         }
         let up_C = camera.X_WC.rotation.inverse() * Vector3::z();
-        let floor = config.sees_floor().then_some((camera.X_WC.translation.z, up_C));
+        let floor = config.sees_floor().then_some((camera.X_WC.translation.z - FLOOR_Z_M, up_C));
         Self { camera, bodies, floor, bleeding_px: bleeding_px(config) }
     }
 

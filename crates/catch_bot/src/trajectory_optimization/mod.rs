@@ -10,6 +10,7 @@
 //! * [`joint_spline`]: the motion, one small quadratic program per joint ([`quadratic_program`]), and the braking after it;
 //! * [`motion`]: both put together and checked against torque limits and collision.
 
+pub mod failure_counter;
 pub mod joint_spline;
 pub mod motion;
 pub mod point_to_point;
@@ -25,7 +26,7 @@ pub mod terminal_velocity;
 
 use std::sync::Arc;
 
-use catch_body::{Gripper, JointVector, Pose, Robot, clearance::ArmClearance};
+use catch_body::{Gripper, JointVector, Pose, Robot, clearance::ArmClearance, shape::Cuboid};
 use catch_cell::{BSpline, Setpoint};
 use serde::{Deserialize, Serialize};
 
@@ -36,6 +37,7 @@ use crate::{
     },
     trajectory_prediction::FlightTrajectory,
 };
+use failure_counter::FailureCounter;
 use joint_spline::{EndKind, Ends, JointSpline};
 use posture::{Elbow, PostureFinder};
 use reach_map::ReachMap;
@@ -226,10 +228,9 @@ pub struct Incoming<'a> {
     pub grasps: &'a GraspSet,
     /// Settings of grasp selection.
     pub config: &'a grasp_selection::Config,
+    /// Counts what fails numerically on the way to a catch.
+    pub failures: &'a FailureCounter,
 }
-
-/// No object is held farther from its centre of mass than this, in metres.
-const HELD_BEYOND_M: f64 = 0.1;
 
 /// Generates motions of one arm with one gripper.
 #[derive(Debug)]
@@ -239,8 +240,10 @@ pub struct MotionPlanner {
     robot: Robot,
     gripper: Gripper,
     finder: PostureFinder,
-    /// The base's distance from the farthest object that the gripper could hold, and a little more.
-    longest_reach_m: f64,
+    /// How far from each joint the gripper's origin can be, in metres.
+    to_gripper_m: JointVector,
+    /// The base's distance from the farthest place of the gripper's origin, in metres.
+    gripper_reach_m: f64,
     /// How far the arm with the gripper can extend beyond each joint, in metres.
     extents_m: JointVector,
     clearance: ArmClearance,
@@ -275,12 +278,21 @@ impl MotionPlanner {
         let catch_splines = CatchSplines::new(&[0.35, 0.65, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5], true, &config);
         let at_rest = Ends { start_acceleration: true, end: EndKind::Rest };
         let brake_spline = JointSpline::new(&[0.5, 0.5, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5], at_rest, 0.0, 0.0);
-        let hand_m = robot.X_LG.translation.vector.norm() + gripper.fingertip_y_m();
+        let flange_m = robot.X_LG.translation.vector.norm();
         let lengths_m = robot.per_joint(|joint| joint.X_PL.translation.vector.norm());
-        // The gripper's corners and the links' own width stick out a little farther.
-        let extents_m = JointVector::from_fn(|i, _| lengths_m.iter().skip(i + 1).sum::<f64>() + hand_m + HELD_BEYOND_M);
+        let to_gripper_m = JointVector::from_fn(|i, _| lengths_m.iter().skip(i + 1).sum::<f64>() + flange_m);
+        let mut extents_m = to_gripper_m.add_scalar(hand_m(&gripper));
+        for (link, capsule) in &robot.capsules {
+            let beyond_m = capsule.from.coords.norm().max(capsule.to.coords.norm()) + capsule.radius;
+            // Link j follows joint j − 1.
+            for i in 0..*link {
+                let link_m = lengths_m.iter().take(*link).skip(i + 1).sum::<f64>();
+                extents_m[i] = extents_m[i].max(link_m + beyond_m);
+            }
+        }
         Self {
-            longest_reach_m: lengths_m.sum() + hand_m + HELD_BEYOND_M,
+            to_gripper_m,
+            gripper_reach_m: lengths_m.sum() + flange_m,
             extents_m,
             finder: PostureFinder::new(&robot),
             clearance: ArmClearance::new(&robot, &gripper),
@@ -307,9 +319,9 @@ impl MotionPlanner {
         &self.extents_m
     }
 
-    /// The base's distance from the farthest object that the gripper could hold, and a little more, in metres.
+    /// The base's distance from the farthest point to which the gripper can extend, in metres.
     pub fn longest_reach_m(&self) -> f64 {
-        self.longest_reach_m
+        self.gripper_reach_m + hand_m(&self.gripper)
     }
 
     /// The gripper that it plans for.
@@ -321,6 +333,12 @@ impl MotionPlanner {
     pub fn robot(&self) -> &Robot {
         &self.robot
     }
+}
+
+/// The distance of the gripper's farthest corner from its origin, however wide it opens.
+fn hand_m(gripper: &Gripper) -> f64 {
+    let [left, right] = gripper.fingers(gripper.max_width_m);
+    [gripper.body(), left, right].iter().map(Cuboid::farthest_corner).fold(0.0, f64::max)
 }
 
 /// Searches catches for one arm with one gripper, and adapts them to flights that are known better.

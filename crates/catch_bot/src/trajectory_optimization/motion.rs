@@ -5,6 +5,7 @@ use catch_cell::{BSpline, Setpoint, executor::CONTINUITY, spline::DEGREE};
 
 use super::{
     MotionPlanner, Start,
+    failure_counter::FailureCounter,
     joint_spline::{End, JointState},
 };
 use crate::grasp_selection::Grasp;
@@ -53,21 +54,27 @@ impl MotionPlanner {
 
     /// The motion to the catch over these control points, and braking after it, which still have to be [safe](Self::is_safe); `None` if it
     /// cannot brake.
-    pub(super) fn through(&self, start_s: f64, catch_s: f64, control_points: Vec<JointVector>) -> Option<BSpline> {
+    pub(super) fn through(
+        &self,
+        start_s: f64,
+        catch_s: f64,
+        control_points: Vec<JointVector>,
+        failures: &FailureCounter,
+    ) -> Option<BSpline> {
         let knots_s = self.catch_splines.at.knots.iter().map(|knot| start_s + knot * (catch_s - start_s)).collect();
         let to_catch = BSpline { knots_s, control_points };
-        let braking = self.braking(&end_of(&to_catch), catch_s)?;
+        let braking = self.braking(&end_of(&to_catch), catch_s, failures)?;
         Some(to_catch.followed_by(&braking))
     }
 
     /// A motion that ends at a catch, and braking after it; `None` if both do not keep the torque limits and the clearances.
     /// Where braking cannot take over the acceleration at the catch it starts without any.
-    pub fn completed(&self, to_catch: BSpline, grasp: &Grasp) -> Option<BSpline> {
+    pub fn completed(&self, to_catch: BSpline, grasp: &Grasp, failures: &FailureCounter) -> Option<BSpline> {
         let (catch_s, end) = (to_catch.end_s(), end_of(&to_catch));
         let anew = Setpoint { q: end.q, dq: end.dq, ddq: JointVector::zeros() };
         // The acceleration just before the jump is that of no later instant.
-        let stops_anew = || self.keeps_torque(&to_catch).then(|| self.braking(&anew, catch_s)).flatten();
-        let braking = self.braking(&end, catch_s).or_else(stops_anew)?;
+        let stops_anew = || self.keeps_torque(&to_catch).then(|| self.braking(&anew, catch_s, failures)).flatten();
+        let braking = self.braking(&end, catch_s, failures).or_else(stops_anew)?;
         let trajectory = to_catch.followed_by(&braking);
         self.is_safe(&trajectory, catch_s, grasp).then_some(trajectory)
     }
@@ -79,7 +86,7 @@ impl MotionPlanner {
     }
 
     /// From `state` to rest within the joint limits and torques, as quickly as is comfortable.
-    pub fn braking(&self, state: &Setpoint, start_s: f64) -> Option<BSpline> {
+    pub fn braking(&self, state: &Setpoint, start_s: f64, failures: &FailureCounter) -> Option<BSpline> {
         // Braking begins with the state's own acceleration.
         if !self.keeps_torque_at([state.q, state.dq, state.ddq]) {
             return None;
@@ -87,7 +94,7 @@ impl MotionPlanner {
         let shortest_s = self.braking_s(&state.dq);
         let most_s = self.config.max_braking_s.max(shortest_s);
         let durations_s = std::iter::successors(Some(shortest_s), |duration_s| Some(duration_s * 1.3)).take(4);
-        let over = |duration_s: f64| self.braking_over(state, start_s, duration_s.min(most_s));
+        let over = |duration_s: f64| self.braking_over(state, start_s, duration_s.min(most_s), failures);
         durations_s.filter_map(over).find(|braking| self.keeps_torque(braking))
     }
 
@@ -114,13 +121,19 @@ impl MotionPlanner {
     }
 
     /// One spline per joint, put together.
-    fn braking_over(&self, state: &Setpoint, start_s: f64, duration_s: f64) -> Option<BSpline> {
+    fn braking_over(
+        &self,
+        state: &Setpoint,
+        start_s: f64,
+        duration_s: f64,
+        failures: &FailureCounter,
+    ) -> Option<BSpline> {
         let kind = &self.brake_spline;
         let mut control_points = vec![JointVector::zeros(); kind.control_points()];
         for i in 0..self.robot.dof() {
             let limits = self.limits(i, state, self.moving_scaling());
             let start = JointState { q: state.q[i], dq: state.dq[i], ddq: state.ddq[i] };
-            let points = kind.solve(&start, &End::Rest, duration_s, &limits, 0.0).ok()?;
+            let points = failures.solution(kind.solve(&start, &End::Rest, duration_s, &limits, 0.0))?;
             for (row, point) in control_points.iter_mut().zip(points) {
                 row[i] = point;
             }
@@ -256,8 +269,9 @@ impl MotionPlanner {
 
     /// The same from one time until another, the gripper `width_m` open.
     ///
-    /// At the times that are looked at, `clearance_m` is kept, and half of it between them: no two of its parts approach each other faster than Σ |q̇ᵢ|·rᵢ, rᵢ being how far the arm can extend beyond joint i: from
-    /// a clearance d there is none smaller than zero for a time of d over that speed.
+    /// At the times that are looked at, `clearance_m` is kept, and half of it between them: no two of its parts approach each other
+    /// faster than Σ |q̇ᵢ|·rᵢ, rᵢ being how far the arm and what it holds can extend beyond joint i. From a clearance d there is
+    /// none smaller than zero for a time of d over that speed.
     fn keeps_clear(
         &self,
         trajectory: &BSpline,
@@ -265,7 +279,7 @@ impl MotionPlanner {
         width_m: f64,
         held_G: Option<&Cuboid>,
     ) -> bool {
-        let fastest_mps = self.fastest_mps(trajectory);
+        let fastest_mps = self.fastest_mps(trajectory, held_G);
         let mut time_s = start_s;
         loop {
             let X_WL = self.robot.link_poses(&trajectory.setpoint(time_s).q);
@@ -283,8 +297,9 @@ impl MotionPlanner {
         }
     }
 
-    /// A bound on the speed at which parts of the arm approach each other or the floor, from the hulls of the velocities.
-    fn fastest_mps(&self, spline: &BSpline) -> f64 {
+    /// A bound on the speed at which parts of the arm and what it holds approach each other or the floor, from the hulls of the
+    /// velocities.
+    fn fastest_mps(&self, spline: &BSpline, held_G: Option<&Cuboid>) -> f64 {
         let mut fastest = JointVector::repeat(1e-6);
         for (i, pair) in spline.control_points.windows(2).enumerate() {
             let span = spline.knots_s[i + DEGREE + 1] - spline.knots_s[i + 1];
@@ -292,7 +307,8 @@ impl MotionPlanner {
                 fastest = fastest.sup(&((pair[1] - pair[0]).abs() * (DEGREE as f64 / span)));
             }
         }
-        fastest.dot(&self.extents_m)
+        let held_m = held_G.map_or(0.0, Cuboid::farthest_corner);
+        fastest.dot(&self.extents_m.sup(&self.to_gripper_m.add_scalar(held_m)))
     }
 }
 
@@ -300,4 +316,56 @@ impl MotionPlanner {
 fn end_of(spline: &BSpline) -> Setpoint {
     let [q, dq, ddq] = spline.evaluate(spline.end_s());
     Setpoint { q, dq, ddq }
+}
+
+#[cfg(test)]
+mod tests {
+    use catch_body::{Gripper, robot_file::RobotFiles};
+    use nalgebra::{Point3, Vector3};
+
+    use super::*;
+    use crate::trajectory_optimization::Config;
+
+    fn planner() -> MotionPlanner {
+        let files = RobotFiles {
+            urdf_file: "robot.urdf",
+            urdf: include_str!("../../../../assets/robots/iiwa14/robot.urdf"),
+            toml_file: "robot.toml",
+            toml: include_str!("../../../../assets/robots/iiwa14/robot.toml"),
+        };
+        let gripper = Gripper::from_toml("gripper.toml", include_str!("../../../../assets/grippers/wsg50.toml"));
+        MotionPlanner::new(catch_body::Robot::from_files(&files).unwrap(), gripper.unwrap(), Config::default())
+    }
+
+    /// Two corners of a bar that sticks out by 0.6 m from the hand, and the arm's own parts, against the bound on their speed.
+    #[test]
+    fn nothing_held_is_faster_than_the_bound() {
+        let planner = planner();
+        let robot = planner.robot();
+        let held_G = Cuboid { centre: Point3::new(0.0, 0.4, 0.0), size: Vector3::new(0.04, 0.8, 0.04) };
+        for joint in 0..robot.dof() {
+            // The arm stretched out, turned by one joint at a time.
+            let (from, mut to) = (JointVector::zeros(), JointVector::zeros());
+            to[joint] = 0.5;
+            let motion = planner.rest_to_rest(0.0, &from, None, &to, None);
+            let Some(motion) = motion else { continue };
+            for (held, corners) in [(None, [Point3::origin(); 2]), (Some(&held_G), [
+                Point3::new(0.02, 0.8, 0.02),
+                Point3::new(-0.02, 0.8, -0.02),
+            ])] {
+                let bound_mps = planner.fastest_mps(&motion, held);
+                for i in 0..200 {
+                    let time_s = motion.end_s() * f64::from(i) / 200.0;
+                    let at = |time_s: f64| {
+                        let X_WG = robot.gripper_pose(&motion.setpoint(time_s).q);
+                        corners.map(|corner| X_WG * corner)
+                    };
+                    let (before, after) = (at(time_s), at(time_s + 1e-5));
+                    let speeds = before.iter().zip(&after).map(|(a, b)| (b - a).norm() / 1e-5);
+                    let fastest_mps = speeds.fold(0.0, f64::max);
+                    assert!(fastest_mps <= bound_mps, "joint {joint}: {fastest_mps} m/s, bound {bound_mps} m/s");
+                }
+            }
+        }
+    }
 }

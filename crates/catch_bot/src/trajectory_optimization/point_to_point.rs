@@ -9,14 +9,15 @@ use catch_body::{JointVector, MAX_JOINTS, Pose, robot::Jacobian};
 use nalgebra::{Rotation3, Vector3};
 
 use super::{
-    CatchSplines, MotionPlanner, Start,
+    CatchSplines, Incoming, MotionPlanner, Start,
+    failure_counter::FailureCounter,
     joint_spline::{End, JointPoints, JointState, Onset},
     motion::LimitScaling,
     quadratic_program::ProgramFailure,
     reachability::{Interval, ReachableSet},
     terminal_velocity::{Following, TerminalVelocity, Weights, terminal_velocity},
 };
-use crate::grasp_selection::TYPICAL_RESTITUTION;
+use crate::trajectory_prediction::LocalFlight;
 
 /// Distance from the extreme velocity of a spline at which another one surely has it, in rad/s.
 const INSIDE: f64 = 1e-7;
@@ -39,6 +40,8 @@ pub struct PointToPoint<'a> {
     pub q: JointVector,
     /// Velocity of the object then.
     pub v_WO: Vector3<f64>,
+    /// Coefficient of restitution with which the object bounces off the gripper.
+    pub restitution: f64,
     /// Of the grasp centre at `q`.
     pub jacobian: Jacobian,
     /// How much of the limits it may use.
@@ -49,6 +52,8 @@ pub struct PointToPoint<'a> {
     pub following: Option<(Rotation3<f64>, Following)>,
     /// Whether a braking spline is to follow.
     pub brakes: bool,
+    /// Counts what fails numerically.
+    pub failures: &'a FailureCounter,
 }
 
 /// End velocities, and the control points of splines that have them.
@@ -58,7 +63,8 @@ impl PointToPoint<'_> {
     /// The best velocities within `bounds`.
     pub fn terminal_velocity(&self, bounds: &[Interval; MAX_JOINTS]) -> Option<TerminalVelocity> {
         let most = self.planner.config.max_speed_fraction;
-        terminal_velocity(&self.jacobian, &self.v_WO, bounds, most, &self.weights, self.following.as_ref())
+        let found = terminal_velocity(&self.jacobian, &self.v_WO, bounds, most, &self.weights, self.following.as_ref());
+        self.failures.solution(found)
     }
 
     /// The best velocities within `bounds` that splines can have, `None` if there are none or their speed fraction is not
@@ -75,7 +81,8 @@ impl PointToPoint<'_> {
             let onset_s = self.brakes.then(|| self.planner.braking_onset_s(&terminal_velocity.dq));
             let mut all = true;
             for (i, bound) in bounds.iter_mut().enumerate().take(dof) {
-                if let Ok(joint) = self.joint(i, terminal_velocity.dq[i], &last_speeds[i], onset_s) {
+                let joint = self.joint(i, terminal_velocity.dq[i], &last_speeds[i], onset_s);
+                if let Some(joint) = self.failures.solution(joint) {
                     set(&mut points, i, &joint);
                 } else {
                     all = false;
@@ -96,7 +103,7 @@ impl PointToPoint<'_> {
         let robot = &self.planner.robot;
         let mut added = [Interval { low: 0.0, high: 0.0 }; MAX_JOINTS];
         let mass_kg = self.planner.config.object_mass_kg;
-        if let Some((mass_kg, inertia)) = mass_kg.and_then(|it| Some((it, robot.mass_matrix(&self.q).cholesky()?))) {
+        if let Some((mass_kg, inertia)) = mass_kg.and_then(|it| Some((it, self.failures.factor(robot.mass_matrix(&self.q).cholesky())?))) {
             let (angular, linear) = (self.jacobian.fixed_rows::<3>(0), self.jacobian.fixed_rows::<3>(3));
             for side in [-0.5, 0.5] {
                 let finger_W = self.following.map_or(Vector3::zeros(), |(R_WG, _)| {
@@ -108,7 +115,7 @@ impl PointToPoint<'_> {
                 for n_W in normals() {
                     let approach_mps = self.v_WO.dot(&n_W);
                     let impulse_ns =
-                        (1.0 + TYPICAL_RESTITUTION) * approach_mps / (1.0 / mass_kg + n_W.dot(&(mobility * n_W)));
+                        (1.0 + self.restitution) * approach_mps / (1.0 / mass_kg + n_W.dot(&(mobility * n_W)));
                     for (added, dq) in added.iter_mut().zip(&(of_impulse * (n_W * impulse_ns))) {
                         *added = Interval { low: added.low.min(*dq), high: added.high.max(*dq) };
                     }
@@ -125,7 +132,8 @@ impl PointToPoint<'_> {
     pub fn splines_for(&self, terminal_velocity: &TerminalVelocity) -> Option<Vec<JointVector>> {
         let mut points = vec![JointVector::zeros(); self.splines.at.control_points()];
         for i in 0..self.planner.robot.dof() {
-            set(&mut points, i, &self.joint(i, terminal_velocity.dq[i], &UNLIMITED, None).ok()?);
+            let joint = self.joint(i, terminal_velocity.dq[i], &UNLIMITED, None);
+            set(&mut points, i, &self.failures.solution(joint)?);
         }
         Some(points)
     }
@@ -137,7 +145,8 @@ impl PointToPoint<'_> {
             let last_speed = speed_toward(last, sign);
             let onset = self.onset(i, last_speed, onset_s);
             let end = End::Extreme { q: self.q[i], sign, last_speed, onset };
-            let found = self.splines.range.end_velocity(&start, &end, self.duration_s(), &limits).ok()?;
+            let found = self.splines.range.end_velocity(&start, &end, self.duration_s(), &limits);
+            let found = self.failures.solution(found)?;
             // A hair inside, so that rounding cannot make the program for this end infeasible.
             Some(found - sign * INSIDE)
         };
@@ -235,11 +244,10 @@ impl MotionPlanner {
     /// The task of catching at `q`, on the move, with braking to follow.
     pub(super) fn point_to_point<'a>(
         &'a self,
-        start: &'a Start,
-        catch_s: f64,
+        (start, incoming): (&'a Start, &Incoming<'a>),
+        local_flight: &LocalFlight,
         X_WG: &Pose,
         q: &JointVector,
-        v_WO: &Vector3<f64>,
         scaling: LimitScaling,
     ) -> PointToPoint<'a> {
         let X_WL = self.robot.link_poses(q);
@@ -247,14 +255,16 @@ impl MotionPlanner {
             planner: self,
             splines: &self.catch_splines,
             start,
-            catch_s,
+            catch_s: local_flight.time_s,
             q: *q,
-            v_WO: *v_WO,
+            v_WO: local_flight.V_WO.linear,
+            restitution: incoming.config.expected_restitution(),
             jacobian: self.robot.jacobian(&X_WL, &(X_WG * self.gripper.grasp_centre())),
             scaling,
             weights: Weights::BALANCED,
             following: Some((X_WG.rotation.to_rotation_matrix(), self.config.following)),
             brakes: true,
+            failures: incoming.failures,
         }
     }
 
@@ -289,5 +299,59 @@ impl MotionPlanner {
             bounds[i] = joints[i].terminal_velocities(displacement).intersection(&stoppable).intersection(&gentle);
         }
         Some(bounds)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use catch_body::{Gripper, Robot, robot_file::RobotFiles};
+    use catch_cell::Setpoint;
+
+    use super::*;
+    use crate::{
+        grasp_selection::{self, GraspSet},
+        perception::{ReferenceModel, synthetic},
+        trajectory_optimization::Config,
+        trajectory_prediction::FlightTrajectory,
+    };
+
+    /// The impulse of an impact is proportional to 1 + e, and so is the room that is left for it.
+    #[test]
+    fn the_room_for_an_impact_is_that_of_the_configured_restitution() {
+        let files = RobotFiles {
+            urdf_file: "robot.urdf",
+            urdf: include_str!("../../../../assets/robots/iiwa14/robot.urdf"),
+            toml_file: "robot.toml",
+            toml: include_str!("../../../../assets/robots/iiwa14/robot.toml"),
+        };
+        let gripper = Gripper::from_toml("gripper.toml", include_str!("../../../../assets/grippers/wsg50.toml"));
+        let (robot, gripper) = (Robot::from_files(&files).unwrap(), gripper.unwrap());
+        let config = Config { object_mass_kg: Some(0.2), ..Config::default() };
+        let planner = MotionPlanner::new(robot, gripper, config);
+        let scan = synthetic::scan(&synthetic::Shape::ball(), 40);
+        let reference = ReferenceModel::from_scan(&scan, &Default::default());
+        let few = grasp_selection::Config { samples: 1, ..Default::default() };
+        let grasps = GraspSet::sample(&reference, planner.gripper(), &few);
+        let q = planner.robot().ready_q;
+        let X_WG = planner.robot().gripper_pose(&q);
+        let start = Start { time_s: 0.0, state: Setpoint::at_rest(q) };
+        let flight = FlightTrajectory { v_WOcm: Vector3::new(-3.0, -2.0, -1.0), ..FlightTrajectory::default() };
+        let failures = FailureCounter::default();
+        let room = |restitution: Option<f64>| {
+            let config = grasp_selection::Config { restitution, ..Default::default() };
+            let incoming = Incoming { flight: &flight, grasps: &grasps, config: &config, failures: &failures };
+            let local_flight = flight.local_flight_at(0.0);
+            let scaling = planner.moving_scaling();
+            let task = planner.point_to_point((&start, &incoming), &local_flight, &X_WG, &q, scaling);
+            let kept = task.speeds_that_withstand_impact();
+            let joints = planner.robot().joints.iter().enumerate();
+            joints.map(|(i, joint)| joint.velocity_range(q[i])[1] - kept[i].high).collect::<Vec<f64>>()
+        };
+        let [dead, ball, unknown] = [Some(0.0), Some(0.75), None].map(room);
+        for (i, dead) in dead.iter().enumerate() {
+            assert!((ball[i] - 1.75 * dead).abs() < 1e-12, "joint {i}");
+            assert!((unknown[i] - 1.5 * dead).abs() < 1e-12, "joint {i}");
+        }
+        assert!(dead.iter().any(|it| *it > 0.01), "an impact that moves nothing");
     }
 }

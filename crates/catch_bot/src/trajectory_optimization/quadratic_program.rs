@@ -98,10 +98,10 @@ impl Hessian {
         // Each constraint that enters and leaves again costs a pass; a cycle means numerical trouble.
         for _ in 0..20 * (rows.len() + 1) {
             let Some((index, sign)) = most_violated(&x, rows, bounds, equalities, &active) else {
-                return if x.iter().all(|value| value.is_finite()) { Ok(x) } else { Err(ProgramFailure::Numerical) };
+                return if keeps(&x, rows, bounds) { Ok(x) } else { Err(ProgramFailure::Numerical) };
             };
             let bound = if sign > 0.0 { bounds[index][0] } else { -bounds[index][1] };
-            active.enter(&mut x, &rows[index], bound, index, sign, equalities)?;
+            active.enter(&mut x, rows, index, bound, sign, equalities)?;
         }
         Err(ProgramFailure::IterationLimit)
     }
@@ -109,6 +109,21 @@ impl Hessian {
 
 /// Violations below this, relative to the size of the bound, count as rounding.
 const TOLERANCE: f64 = 1e-12;
+
+/// A solution may break a bound by this at most, relative to the size of the bound.
+const RESIDUAL: f64 = 1e-6;
+
+/// Whether a solution keeps all bounds, the active ones too, from which rounding may have led it away.
+fn keeps(x: &Variables, rows: &[Row], bounds: &[Bounds]) -> bool {
+    rows.iter().zip(bounds).all(|(row, [low, high])| {
+        let value = row.dot(x);
+        let within = |bound: f64| RESIDUAL * (1.0 + if bound.is_finite() { bound.abs() } else { 0.0 });
+        value >= low - within(*low) && value <= high + within(*high)
+    }) && x.iter().all(|value| value.is_finite())
+}
+
+/// Normals whose rest beside the active ones is less than this fraction of them depend on these.
+const DEPENDENT: f64 = 1e-7;
 
 /// The next constraint to enter: equalities first, then the most violated by distance; with the sign that makes it a lower
 /// bound.
@@ -149,6 +164,8 @@ struct ActiveSet {
     /// |J|², which the transforms leave as it is.
     size: f64,
     indices: [usize; MAX_VARIABLES],
+    /// Of the normals, so that all constraints are lower bounds.
+    signs: [f64; MAX_VARIABLES],
     count: usize,
 }
 
@@ -161,12 +178,13 @@ impl ActiveSet {
     fn enter(
         &mut self,
         x: &mut Variables,
-        row: &Row,
-        bound: f64,
+        rows: &[Row],
         index: usize,
+        bound: f64,
         sign: f64,
         equalities: usize,
     ) -> Result<(), ProgramFailure> {
+        let row = &rows[index];
         let mut multiplier = 0.0;
         loop {
             let mut d = Variables::zeros();
@@ -209,8 +227,8 @@ impl ActiveSet {
                 // No direction is left: redundant if it already holds, else infeasible.
                 return match index < equalities && slack.abs() < 1e-9 {
                     true => Ok(()),
-                    false if step.is_nan() => Err(ProgramFailure::Numerical),
-                    false => Err(ProgramFailure::Infeasible),
+                    false if self.spans(rows, row, sign, &r) => Err(ProgramFailure::Infeasible),
+                    false => Err(ProgramFailure::Numerical),
                 };
             }
             multiplier += step;
@@ -221,15 +239,25 @@ impl ActiveSet {
                 x.axpy(step, &z, 1.0);
             }
             if full <= partial {
-                return self.add(index, &d, multiplier);
+                return self.add(index, sign, &d, multiplier);
             }
             let Some(slot) = blocking else { return Err(ProgramFailure::Numerical) };
             self.drop(slot);
         }
     }
 
+    /// Whether the normal of a constraint is the combination `r` of the active ones, but for rounding. Where no multiplier can fall
+    /// then, the constraints contradict each other (Farkas' lemma).
+    fn spans(&self, rows: &[Row], row: &Row, sign: f64, r: &Variables) -> bool {
+        let mut rest = row.a * sign;
+        for slot in 0..self.count {
+            rest.axpy(-r[slot] * self.signs[slot], &rows[self.indices[slot]].a, 1.0);
+        }
+        rest.norm() * row.scale < DEPENDENT
+    }
+
     /// Appends a constraint: rotates J's free columns so that only the first of them meets its normal.
-    fn add(&mut self, index: usize, d: &Variables, multiplier: f64) -> Result<(), ProgramFailure> {
+    fn add(&mut self, index: usize, sign: f64, d: &Variables, multiplier: f64) -> Result<(), ProgramFailure> {
         if self.count == MAX_VARIABLES {
             return Err(ProgramFailure::Numerical);
         }
@@ -244,6 +272,7 @@ impl ActiveSet {
         }
         self.R.fixed_view_mut::<MAX_VARIABLES, 1>(0, self.count).copy_from(&d);
         self.indices[self.count] = index;
+        self.signs[self.count] = sign;
         self.multipliers[self.count] = multiplier;
         self.count += 1;
         Ok(())
@@ -255,6 +284,7 @@ impl ActiveSet {
             let next = self.R.column(column + 1).into_owned();
             self.R.set_column(column, &next);
             self.indices[column] = self.indices[column + 1];
+            self.signs[column] = self.signs[column + 1];
             self.multipliers[column] = self.multipliers[column + 1];
         }
         self.count -= 1;

@@ -10,7 +10,7 @@ mod sampling;
 
 pub use sampling::{CHUNKS, ReachSamples};
 
-use catch_body::{JointVector, Pose, Robot};
+use catch_body::{JointVector, Pose, Robot, workcell::FLOOR_Z_M};
 use nalgebra::{Point3, Vector3};
 
 use super::{Start, posture::PostureFinder};
@@ -62,7 +62,7 @@ impl Grid {
         let voxel_m = VOXEL_M.max(2.0 * reach_m / MOST_VOXELS);
         let base = robot.X_WB.translation.vector;
         let lowest = base.add_scalar(-reach_m);
-        let lowest = Vector3::new(lowest.x, lowest.y, lowest.z.max(-voxel_m));
+        let lowest = Vector3::new(lowest.x, lowest.y, lowest.z.max(FLOOR_Z_M - voxel_m));
         let size = base.add_scalar(reach_m) - lowest;
         let voxels = [size.x, size.y, size.z].map(|it| (it / voxel_m).ceil().max(1.0) as usize);
         Self { lowest: lowest.into(), voxel_m, voxels }

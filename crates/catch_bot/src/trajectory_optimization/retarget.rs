@@ -198,7 +198,9 @@ impl CatchSearch {
             [low + unused, high - unused]
         });
         let dof = robot.dof();
-        let step = Hessian::new(&H)?.minimize(&gradient, &rows[..dof], &bounds[..dof], 0).ok()?;
+        let failures = to.incoming.failures;
+        let hessian = failures.factor(Hessian::new(&H))?;
+        let step = failures.solution(hessian.minimize(&gradient, &rows[..dof], &bounds[..dof], 0))?;
         let step: JointVector = step.fixed_rows::<MAX_JOINTS>(0).into_owned();
         let posture = Posture { q: plan.q + step, elbow: plan.elbow };
         let left_m = error_of(&robot.gripper_pose(&posture.q)).norm();
@@ -218,10 +220,10 @@ impl CatchSearch {
     fn at_posture(&self, to: &Correction, X_WG: &Pose, scaling: LimitScaling, posture: Posture) -> Option<CatchPlan> {
         let Correction { start, incoming, plan, local_flight, grasp } = to;
         let LocalFlight { time_s: catch_s, X_WO, V_WO, .. } = *local_flight;
-        let (q, v_WO) = (posture.q, V_WO.linear);
+        let q = posture.q;
         let base = Point3::from(self.motion.robot.X_WB.translation.vector);
-        let still_cost = heuristics::rank_alone(0, grasp, &X_WO, &v_WO, &base, &incoming.config.weights).still_cost;
-        let point_to_point = self.motion.point_to_point(start, catch_s, X_WG, &q, &v_WO, scaling);
+        let still_cost = heuristics::rank_alone(0, grasp, &X_WO, &V_WO.linear, &base, &incoming.config.weights).still_cost;
+        let point_to_point = self.motion.point_to_point((start, incoming), local_flight, X_WG, &q, scaling);
         let point_to_point = PointToPoint { weights: plan.weights, ..point_to_point };
         let joints = self.motion.reaches(start, catch_s - start.time_s, scaling);
         let bounds = self.motion.terminal_velocity_bounds(&joints, &start.state.q, &q)?;

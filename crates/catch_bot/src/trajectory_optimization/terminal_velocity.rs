@@ -20,7 +20,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    quadratic_program::{Hessian, Row, Square, Variables},
+    quadratic_program::{Hessian, ProgramFailure, Row, Square, Variables},
     reachability::Interval,
 };
 use crate::settings::{Faults, NOT_NEGATIVE, SettingError, Settings};
@@ -85,10 +85,13 @@ pub struct TerminalVelocity {
     pub w_WG: Vector3<f64>,
 }
 
-/// The best joint velocities within `bounds`, `None` if there are none, or not even the direction can be kept where it is hard.
+/// The best joint velocities within `bounds`.
 ///
 /// `jacobian` is that of the grasp centre in W, `v_WO` the object's velocity in W in m/s, and `bounds` are those of each joint's velocity
 /// in rad/s. The hand follows with the gripper's orientation in W.
+///
+/// # Errors
+/// If there are none, or not even the direction can be kept where it is hard; or if the program fails numerically.
 pub fn terminal_velocity(
     jacobian: &Jacobian,
     v_WO: &Vector3<f64>,
@@ -96,7 +99,7 @@ pub fn terminal_velocity(
     max_speed_fraction: f64,
     weights: &Weights,
     following: Option<&(Rotation3<f64>, Following)>,
-) -> Option<TerminalVelocity> {
+) -> Result<TerminalVelocity, ProgramFailure> {
     const S: usize = MAX_JOINTS;
     let angular = jacobian.fixed_rows::<3>(0);
     let linear = jacobian.fixed_rows::<3>(3);
@@ -129,17 +132,18 @@ pub fn terminal_velocity(
     }
     for (joint, interval) in bounds.iter().enumerate() {
         if interval.is_empty() {
-            return None;
+            return Err(ProgramFailure::Infeasible);
         }
         rows[3 + joint] = Row::new(Variables::ith(joint, 1.0));
         limits[3 + joint] = [interval.low, interval.high];
     }
     rows[3 + S] = Row::new(Variables::ith(S, 1.0));
     limits[3 + S] = [0.0, max_speed_fraction];
-    let x = Hessian::new(&H)?.minimize(&gradient, &rows[3 - hard..], &limits[3 - hard..], hard).ok()?;
+    let hessian = Hessian::new(&H).ok_or(ProgramFailure::Numerical)?;
+    let x = hessian.minimize(&gradient, &rows[3 - hard..], &limits[3 - hard..], hard)?;
     let dq: JointVector = x.fixed_rows::<MAX_JOINTS>(0).into_owned();
     let v_WG = linear * dq;
     let along = || v_WG.dot(v_WO) / v_WO.norm_squared().max(f64::MIN_POSITIVE);
     let speed_fraction = if following.is_some() { along() } else { x[S].max(0.0) };
-    Some(TerminalVelocity { dq, v_WG, speed_fraction, w_WG: angular * dq })
+    Ok(TerminalVelocity { dq, v_WG, speed_fraction, w_WG: angular * dq })
 }

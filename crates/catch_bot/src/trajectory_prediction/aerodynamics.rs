@@ -154,14 +154,14 @@ pub(super) struct Row {
 }
 
 /// Refines a fitted flight: its position, velocity and drag constant together with the forces and the centre of mass. `poses` are oldest first,
-/// and those the flight was fitted to.
+/// and those the flight was fitted to. `None` if the arithmetic failed, which leaves the flight as it was.
 pub(super) fn refine(
     poses: &[ObjectPose],
     flight: &mut FlightTrajectory,
     symmetry: &Symmetry,
     config: &Config,
     rows: &mut Vec<Row>,
-) {
+) -> Option<()> {
     let (basis, centres) = (deviations(symmetry), centres(symmetry));
     let unseen = UnseenSpin::of(symmetry, &config.aerodynamics);
     // Accelerations by the parameters from the drag constant on.
@@ -250,7 +250,7 @@ pub(super) fn refine(
         }
         H += SMatrix::from_diagonal(&known);
         g -= known.component_mul(&expected);
-        let Some(factor) = H.cholesky() else { return };
+        let factor = H.cholesky()?;
         let x = -factor.solve(&g);
         if pass == PASSES {
             let inverse = factor.inverse();
@@ -270,7 +270,7 @@ pub(super) fn refine(
         }
         scale = f64::sqrt(squares / freedom);
     }
-    let Some((x, covariance)) = found.filter(|(x, _)| x.iter().all(|value| value.is_finite())) else { return };
+    let (x, covariance) = found.filter(|(x, _)| x.iter().all(|value| value.is_finite()))?;
     flight.p_WOcm = x.fixed_rows::<3>(0).into_owned().into();
     flight.v_WOcm = x.fixed_rows::<3>(3).into_owned();
     flight.drag_per_m = x[DRAG];
@@ -298,6 +298,7 @@ pub(super) fn refine(
         let own = by_forces.transpose() * of_forces.fixed_rows::<{ COM - DEVIATION }>(DEVIATION);
         flight.force_covariance.fixed_rows_mut::<3>(6).copy_from(&own);
     }
+    Some(())
 }
 
 /// Information on a pose's position alone, whatever its orientation.

@@ -187,6 +187,11 @@ pub trait FlightPredictor {
         previous: Option<&FlightTrajectory>,
     ) -> Result<FlightTrajectory, PredictionStatus>;
 
+    /// How often its arithmetic failed in this throw; zero where the method does not count.
+    fn numerical_failures(&self) -> u32 {
+        0
+    }
+
     /// Forgets all that it knows of the throw; the next one is another.
     fn reset(&mut self) {}
 }
@@ -198,6 +203,10 @@ impl<T: FlightPredictor + ?Sized> FlightPredictor for Box<T> {
         previous: Option<&FlightTrajectory>,
     ) -> Result<FlightTrajectory, PredictionStatus> {
         (**self).predict(poses, previous)
+    }
+
+    fn numerical_failures(&self) -> u32 {
+        (**self).numerical_failures()
     }
 
     fn reset(&mut self) {
@@ -214,6 +223,8 @@ pub struct InformationFit {
     config: Config,
     symmetry: Symmetry,
     seed: u64,
+    /// Refinements that failed numerically in this throw.
+    failures: u32,
     // Buffers. They carry nothing from one call to the next.
     fit: fit::Scratch,
     ransac: ransac::Scratch,
@@ -225,7 +236,7 @@ impl InformationFit {
     /// For an object of some symmetry; poses are sampled at random by `seed`.
     pub fn new(config: Config, symmetry: Symmetry, seed: u64) -> Self {
         let (fit, ransac) = (fit::Scratch::default(), ransac::Scratch::default());
-        Self { config, symmetry, seed, fit, ransac, about_com: Vec::new(), rows: Vec::new() }
+        Self { config, symmetry, seed, failures: 0, fit, ransac, about_com: Vec::new(), rows: Vec::new() }
     }
 
     /// The flight that fits poses which are seen from the centre of mass as the previous flight has it.
@@ -302,9 +313,18 @@ impl FlightPredictor for InformationFit {
         };
         if self.config.aerodynamics.any() || self.config.com_sd_m() > 0.0 {
             let fitted = &poses[poses.len() - self.config.fit_window.min(poses.len())..];
-            aerodynamics::refine(fitted, &mut flight, &self.symmetry, &self.config, &mut self.rows);
+            let refined = aerodynamics::refine(fitted, &mut flight, &self.symmetry, &self.config, &mut self.rows);
+            self.failures += u32::from(refined.is_none());
         }
         Ok(flight)
+    }
+
+    fn numerical_failures(&self) -> u32 {
+        self.failures
+    }
+
+    fn reset(&mut self) {
+        self.failures = 0;
     }
 }
 

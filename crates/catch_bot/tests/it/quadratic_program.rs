@@ -43,6 +43,50 @@ proptest! {
     }
 }
 
+proptest! {
+    /// However badly conditioned the cost is, a program that a point is known to fulfil is not called infeasible: it is solved, or the
+    /// arithmetic is said to have failed.
+    #[test]
+    fn bad_conditioning_is_not_taken_for_infeasibility(
+        root in prop::collection::vec(-1.0f64..1.0, MAX_VARIABLES * MAX_VARIABLES),
+        exponents in prop::collection::vec(-7.0f64..0.0, MAX_VARIABLES),
+        gradient in variables(),
+        inside in variables(),
+        normals in prop::collection::vec((variables(), 0.0f64..0.5), 1..25),
+    ) {
+        let root = Square::from_column_slice(&root).qr().q();
+        let scales = Variables::from_iterator(exponents.iter().map(|it| 10.0_f64.powf(2.0 * it)));
+        let H = root * Square::from_diagonal(&scales) * root.transpose();
+        let H = (H + H.transpose()) * 0.5;
+        let rows: Vec<Row> = normals.iter().map(|(a, _)| Row::new(*a)).collect();
+        let bounds: Vec<Bounds> = normals.iter().map(|(a, slack)| {
+            let value = a.dot(&inside);
+            [value - slack, value + 3.0 * slack]
+        }).collect();
+        let Some(hessian) = Hessian::new(&H) else { return Ok(()) };
+        match hessian.minimize(&gradient, &rows, &bounds, 0) {
+            Ok(x) => for ((a, _), [low, high]) in normals.iter().zip(&bounds) {
+                let off = (low - a.dot(&x)).max(a.dot(&x) - high);
+                // Where x is huge the sum over its elements is known no better than this.
+                let rounding = 1e-14 * x.norm();
+                prop_assert!(off <= 1e-6 * (1.0 + low.abs().max(high.abs())) + rounding, "off by {off}");
+            },
+            Err(failure) => prop_assert_ne!(failure, ProgramFailure::Infeasible),
+        }
+    }
+}
+
+/// A cost with no curvature left in double precision along one variable.
+#[test]
+fn a_program_without_curvature_fails_numerically() {
+    let mut H = Square::identity();
+    H[(0, 0)] = 1e-30;
+    let rows = [Row::new(Variables::ith(0, 1.0)), Row::new(Variables::ith(1, 1.0))];
+    let bounds = [[1.0, 2.0], [3.0, 4.0]];
+    let found = Hessian::new(&H).unwrap().minimize(&Variables::zeros(), &rows, &bounds, 0);
+    assert_ne!(found, Err(ProgramFailure::Infeasible), "(1, 3) keeps all bounds");
+}
+
 #[test]
 fn contradictions_are_reported() {
     let row = Row::new(Variables::ith(0, 1.0));

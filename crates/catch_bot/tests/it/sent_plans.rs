@@ -1,12 +1,16 @@
 //! Which plans are still the arm's: what was rejected, lost or replaced.
 
-use catch_body::{JointVector, Pose, shape::Cuboid};
+use catch_body::{Gripper, JointVector, Pose, Robot, robot_file::RobotFiles, shape::Cuboid};
 use catch_bot::{
-    control::sent_plans::SentPlans,
+    control::{Config, Controller, Decision, Progress, Status, sent_plans::SentPlans},
     grasp_selection::{Approach, Grasp},
     trajectory_optimization::{CatchPlan, terminal_velocity::Weights},
+    trajectory_prediction::FlightTrajectory,
 };
-use catch_cell::{ArmState, BSpline, RejectedTrajectory, Rejection, Setpoint, TrajectoryId};
+use catch_cell::{
+    ArmState, BSpline, Command, GraspState, GripperMove, GripperState, Observation, RejectedTrajectory, Rejection,
+    Setpoint, TrajectoryId,
+};
 use nalgebra::{Point3, Vector3};
 
 /// A plan whose trajectory stands at `q` from `start_s` on.
@@ -101,4 +105,65 @@ fn what_somebody_else_has_sent_is_extrapolated() {
     let ahead = plans.setpoint(0.51, &state);
     assert!((ahead.q[0] - 0.01).abs() < 1e-15 && ahead.dq[0] == 1.0);
     assert_eq!(plans.send(plan(0.51, 1.0)).id, TrajectoryId(42));
+}
+
+/// An arm that waits, its gripper open, and the controller for it.
+fn controller() -> (Controller, Observation) {
+    let files = RobotFiles {
+        urdf_file: "robot.urdf",
+        urdf: include_str!("../../../../assets/robots/iiwa14/robot.urdf"),
+        toml_file: "robot.toml",
+        toml: include_str!("../../../../assets/robots/iiwa14/robot.toml"),
+    };
+    let robot = Robot::from_files(&files).unwrap();
+    let toml = include_str!("../../../../assets/grippers/wsg50.toml");
+    let gripper = Gripper::from_toml("wsg50.toml", toml).unwrap();
+    let fingers = GripperState { width_m: 0.1, speed_mps: 0.0, force_n: 0.0, grasp: GraspState::Idle };
+    let observation = Observation { time_s: 0.0, arm: arm(0.0, None, &[]), gripper: fingers, frames: Vec::new() };
+    (Controller::new(Config::default(), Default::default(), robot, gripper), observation)
+}
+
+fn send(controller: &mut Controller, observation: &Observation, plan: CatchPlan) -> Vec<GripperMove> {
+    let decision = Decision { status: Status::Planned, plan: Some(plan), progress: Progress::default() };
+    controller.command(observation, decision, &FlightTrajectory::default()).gripper.unwrap()
+}
+
+#[test]
+fn the_gripper_moves_of_a_rejected_plan_are_withdrawn() {
+    let (mut controller, mut observation) = controller();
+    let flight = FlightTrajectory::default();
+    assert!(send(&mut controller, &observation, plan(0.0, 0.0)).iter().any(|it| it.width_m == 0.0));
+    (observation.time_s, observation.arm) = (0.01, arm(0.01, None, &[1]));
+    controller.acknowledge(&observation, Some(&flight));
+    assert_eq!((controller.plan(), controller.closing()), (None, None));
+    assert_eq!(controller.amended(Command::default()).gripper, Some(Vec::new()));
+    assert_eq!(controller.amended(Command::default()).gripper, None, "once is enough");
+}
+
+#[test]
+fn fingers_that_close_for_a_rejected_plan_are_opened() {
+    let (mut controller, mut observation) = controller();
+    send(&mut controller, &observation, plan(0.0, 0.0));
+    let started_s = controller.closing().unwrap().start_s + 0.005;
+    (observation.time_s, observation.arm) = (started_s, arm(started_s, None, &[1]));
+    controller.acknowledge(&observation, Some(&FlightTrajectory::default()));
+    let moves = controller.amended(Command::default()).gripper.unwrap();
+    assert!(moves.len() == 1 && moves[0].width_m > 0.1 && moves[0].start_s <= started_s, "{moves:?}");
+}
+
+/// The arm goes on as before, and so does the hand, also where it is too late for another plan.
+#[test]
+fn the_gripper_closes_for_the_plan_that_runs_again() {
+    let (mut controller, mut observation) = controller();
+    let before = send(&mut controller, &observation, plan(0.0, 0.0));
+    (observation.time_s, observation.arm) = (0.01, arm(0.01, Some(1), &[]));
+    let earlier = CatchPlan { catch_s: 0.3, ..plan(0.02, 0.0) };
+    let rejected = send(&mut controller, &observation, earlier);
+    assert_ne!(rejected.last().map(|it| it.start_s), before.last().map(|it| it.start_s));
+    (observation.time_s, observation.arm) = (0.02, arm(0.02, Some(1), &[2]));
+    controller.acknowledge(&observation, Some(&FlightTrajectory::default()));
+    assert_eq!(controller.plan().map(|it| it.catch_s), Some(0.5));
+    let moves = controller.amended(Command::default()).gripper.unwrap();
+    assert_eq!(moves.last().unwrap().width_m, 0.0);
+    assert!((moves.last().unwrap().start_s - before.last().unwrap().start_s).abs() < 1e-9, "{moves:?}");
 }

@@ -58,7 +58,8 @@ fn seen(
             information,
             points: 200,
             residual_m: sd_m,
-            mismatch: 1.0,
+            points_mismatch: None,
+            silhouette_mismatch: None,
             iterations: 5,
             registered_globally: false,
         }

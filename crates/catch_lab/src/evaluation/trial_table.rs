@@ -84,6 +84,7 @@ const COLUMNS: &[(&str, Kind)] = &[
     ("late_trajectories", Kind::Count),
     ("rejected_trajectories", Kind::Count),
     ("discontinuous_trajectories", Kind::Count),
+    ("numerical_failures", Kind::Count),
     ("min_self_clearance_m", Kind::Number),
     ("min_floor_clearance_m", Kind::Number),
     ("blinded_cameras", Kind::Count),

@@ -108,7 +108,8 @@ impl TrackSample {
             information: Matrix6::from_diagonal(&nalgebra::Vector6::new(turn, turn, turn, shift, shift, shift)),
             points: 0,
             residual_m: 0.0,
-            mismatch: 1.0,
+            points_mismatch: None,
+            silhouette_mismatch: None,
             iterations: 0,
             registered_globally: false,
         }

@@ -16,6 +16,7 @@ use catch_body::{
     clearance::ArmClearance,
     inverse_kinematics::{ParallelAxesArm, Ranges, SrsArm},
     robot::JointLimits,
+    workcell::FLOOR_Z_M,
     shape::Capsule,
 };
 use catch_sim::FreeFlight;
@@ -229,7 +230,7 @@ impl Flight {
         let is_free = |X_WO: &Pose| {
             let at = Point3::from(X_WO.translation.vector);
             let middle = Capsule { from: at, to: at, radius: 0.0 };
-            at.z > 0.0 && setup.robot.obstacles.iter().all(|obstacle| obstacle.distance_to_capsule(&middle) > 0.0)
+            at.z > FLOOR_Z_M && setup.robot.obstacles.iter().all(|obstacle| obstacle.distance_to_capsule(&middle) > 0.0)
         };
         let in_flight = flight.take(longest).take_while(|(X_WO, _)| is_free(X_WO));
         let sample = |(i, (X_WO, V_WO)): (usize, (Pose, Twist))| FlightSample {

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use catch_body::{JointVector, clearance::ArmClearance};
 use catch_bot::{
     Preparation, grasp_selection,
-    trajectory_optimization::{Incoming, Start},
+    trajectory_optimization::{Incoming, Start, failure_counter::FailureCounter},
     trajectory_prediction::FlightTrajectory,
 };
 use catch_cell::arm::Setpoint;
@@ -108,11 +108,12 @@ impl<'a> Corridor<'a> {
         let start = Start { time_s: FIRST_ESTIMATE_S, state: Setpoint::at_rest(*q) };
         let throws: usize = self.parts.iter().map(|part| part.flights.len()).sum();
         let (mut cost, mut within_reach, mut travels) = (0.0, 0, Vec::new());
+        let failures = FailureCounter::default();
         for part in &self.parts {
             for (true_flight, flight) in &part.flights {
                 let first_s = self.oracle.first_catch_s(true_flight, q, FIRST_ESTIMATE_S, CATCH_INTERVAL_S);
                 within_reach += usize::from(first_s.is_some());
-                let incoming = Incoming { flight, grasps: part.known.grasps(), config: &part.grasping };
+                let incoming = Incoming { flight, grasps: part.known.grasps(), config: &part.grasping, failures: &failures };
                 let plan = first_s.and_then(|_| part.known.search().search(&start, &incoming).ok());
                 cost += plan.as_ref().map_or(MISSED, |plan| plan.cost) / throws as f64;
                 if cost > most_cost {

@@ -72,6 +72,9 @@ pub struct Measures {
     /// Those of them that were discontinuous.
     #[serde(default)]
     pub discontinuous_trajectories: u32,
+    /// Programs and factorizations of the brain that failed though nothing was infeasible.
+    #[serde(default)]
+    pub numerical_failures: u32,
     /// Smallest distance of the arm from itself.
     pub min_self_clearance_m: Option<f64>,
     /// Smallest distance of the arm's moving parts from the floor or an obstacle, in metres.

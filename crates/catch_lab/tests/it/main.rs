@@ -2,6 +2,7 @@
 
 mod aerodynamic_flight;
 mod all_cells;
+mod as_it_comes;
 mod blanked;
 mod calibration;
 mod camera_health;

@@ -9,7 +9,8 @@ use catch_bot::{
     grasp_selection::GraspSet,
     perception::{ReferenceModel, Symmetry},
     trajectory_optimization::{
-        CatchPlan, CatchSearch, Config, Incoming, MotionPlanner, PlanningFailure, Start, reachability::ReachableSet,
+        CatchPlan, CatchSearch, Config, Incoming, MotionPlanner, PlanningFailure, Start,
+        failure_counter::FailureCounter, reachability::ReachableSet,
         retarget::Correction,
     },
     trajectory_prediction::FlightTrajectory,
@@ -38,6 +39,7 @@ pub struct Desk {
     pub config: BrainSettings,
     pub grasps: GraspSet,
     pub search: CatchSearch,
+    failures: FailureCounter,
 }
 
 impl Desk {
@@ -61,11 +63,12 @@ impl Desk {
         let grasps = GraspSet::sample(&reference, &setup.gripper, &config.grasp_selection);
         let motion =
             MotionPlanner::new(setup.robot.clone(), setup.gripper.clone(), config.trajectory_optimization.clone());
-        Self { setup, config, grasps, search: CatchSearch::new(motion, None) }
+        Self { setup, config, grasps, search: CatchSearch::new(motion, None), failures: FailureCounter::default() }
     }
 
     fn incoming<'a>(&'a self, flight: &'a FlightTrajectory) -> Incoming<'a> {
-        Incoming { flight, grasps: &self.grasps, config: &self.config.grasp_selection }
+        let config = &self.config.grasp_selection;
+        Incoming { flight, grasps: &self.grasps, config, failures: &self.failures }
     }
 
     pub fn search(&self, start: &Start, flight: &FlightTrajectory) -> Result<CatchPlan, PlanningFailure> {

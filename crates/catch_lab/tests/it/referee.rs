@@ -2,7 +2,7 @@
 
 use std::{f64::consts::PI, sync::LazyLock};
 
-use catch_bot::{Report, Status, perception::CameraStatus};
+use catch_bot::{NumericalFailures, Report, Status, perception::CameraStatus};
 use catch_cell::{LimitKind, LimitViolation};
 use catch_lab::{
     referee::{self, LEADS_S, Verdict, reason::Reason},
@@ -303,6 +303,8 @@ fn what_servo_and_brain_count_is_in_the_measures() {
     let by_status =
         [it.blinded_cameras, it.frozen_cameras, it.silent_cameras, it.displaced_cameras, it.swapped_cameras];
     assert_eq!(by_status, [1, 2, 3, 4, 5]);
+    let counted = |it: &mut Report| it.numerical_failures = NumericalFailures { prediction: 2, planning: 5 };
+    assert_eq!(judged(|it| reports(it, counted)).measures.numerical_failures, 7);
 }
 
 /// The paper's measures look at one instant along one axis.

@@ -4,6 +4,7 @@ use catch_body::{
     Gripper, Pose, Robot, TriangleMesh,
     kinematics::LinkPoses,
     ray_cast::{ArmSurface, RayCaster},
+    workcell::FLOOR_Z_M,
 };
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};
 use nalgebra::{Point3, Vector3};
@@ -45,7 +46,7 @@ pub struct Renderer {
 }
 
 impl Renderer {
-    /// Prepares the surfaces. The object's mesh is in O; the floor, if it can be seen, is the plane z = 0 and hides what lies
+    /// Prepares the surfaces. The object's mesh is in O; the floor, if it can be seen, hides what lies
     /// behind it from either side.
     pub fn new(robot: &Robot, gripper: &Gripper, object: &TriangleMesh, floor_visible: bool) -> Self {
         Self { arm: ArmSurface::new(robot, gripper), object: RayCaster::new(object), floor_visible }
@@ -232,7 +233,7 @@ impl<'a> Image<'a> {
         }
     }
 
-    /// Adds the plane z = 0.
+    /// Adds the floor.
     fn add_floor(&mut self) {
         let X_WC = &self.camera.X_WC;
         let z_C = X_WC.rotation.inverse() * Vector3::z();
@@ -240,7 +241,7 @@ impl<'a> Image<'a> {
             for column in self.window.left..self.window.left + self.window.width {
                 let direction = self.direction(column, row);
                 let descent = z_C.dot(&direction);
-                let depth = (-X_WC.translation.z / descent) as f32;
+                let depth = ((FLOOR_Z_M - X_WC.translation.z) / descent) as f32;
                 let pixel = self.index(column, row);
                 let before = self.depth_m[pixel];
                 if depth > 0.0 && depth < f32::INFINITY && (before.is_nan() || depth < before) {

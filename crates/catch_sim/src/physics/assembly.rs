@@ -4,7 +4,7 @@ use catch_body::{
     Gripper, JointVector, Pose, Robot,
     robot::Inertia,
     shape::{Capsule, Cuboid},
-    workcell::Obstacle,
+    workcell::{FLOOR_Z_M, Obstacle},
 };
 use engine::{Group, InteractionGroups, InteractionTestMode, JointAxesMask, JointAxis, SpringCoefficients};
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
@@ -125,7 +125,7 @@ struct Builder {
 
 impl Builder {
     fn add_floor(&mut self) {
-        let floor = self.bodies.insert(engine::RigidBodyBuilder::fixed());
+        let floor = self.bodies.insert(engine::RigidBodyBuilder::fixed().translation(engine::Vector::Z * FLOOR_Z_M));
         let up = engine::ColliderBuilder::new(engine::SharedShape::halfspace(engine::Vector::Z));
         self.attach(floor, up, Part::Floor);
     }

@@ -1,6 +1,6 @@
 //! One pass of a search: the catches of a time grid, best first.
 
-use catch_body::Pose;
+use catch_body::{Pose, workcell::FLOOR_Z_M};
 use nalgebra::Point3;
 
 use super::{
@@ -124,7 +124,7 @@ impl<'a, 's> Pass<'a, 's> {
 
     /// From a posture to the velocities of the joints at the catch.
     fn expand_posture(&mut self, node: &Node, posture: Posture) {
-        let (motion, start) = (&self.planner.motion, self.search.start);
+        let (motion, &mut Search { start, incoming, .. }) = (&self.planner.motion, &mut *self.search);
         let (config, from) = (&motion.config.search, &start.state.q);
         let Candidate { sample, ranked, velocity_trials, failed, .. } = &mut self.candidates[node.candidate];
         let used_up = *velocity_trials == config.max_velocity_trials || *failed == config.max_motion_trials;
@@ -133,15 +133,15 @@ impl<'a, 's> Pass<'a, 's> {
         }
         *velocity_trials += 1;
         let at = &self.samples[*sample];
-        let (catch_s, v_WO) = (at.local_flight.time_s, &at.local_flight.V_WO.linear);
+        let v_WO = &at.local_flight.V_WO.linear;
         let point_to_point =
-            motion.point_to_point(start, catch_s, &ranked.X_WG, &posture.q, v_WO, motion.moving_scaling());
+            motion.point_to_point((start, incoming), &at.local_flight, &ranked.X_WG, &posture.q, motion.moving_scaling());
         let bounds = motion.terminal_velocity_bounds(&at.joints, from, &posture.q);
         let Some(terminal_velocity) = bounds.and_then(|bounds| point_to_point.terminal_velocity(&bounds)) else {
             self.failures[ranked.index] += usize::from(*velocity_trials == config.max_velocity_trials);
             return;
         };
-        let (planner, incoming) = (self.planner, self.search.incoming);
+        let planner = self.planner;
         let found = (&ranked.X_WG, ranked.still_cost);
         let cost = node.cost + planner.holding_cost_moving(incoming, found, v_WO, &terminal_velocity)
             - planner.least_holding_cost(incoming, ranked, v_WO);
@@ -165,7 +165,7 @@ impl<'a, 's> Pass<'a, 's> {
         let reachable = ReachableCatch { catch_s, approach, X_WG, posture, cost: node.cost, still_cost };
         let bounds = motion.terminal_velocity_bounds(&at.joints, &start.state.q, &posture.q)?;
         for weights in [TerminalVelocityWeights::BALANCED, TerminalVelocityWeights::STEADY] {
-            let to_catch = motion.point_to_point(start, catch_s, &X_WG, &posture.q, v_WO, motion.moving_scaling());
+            let to_catch = motion.point_to_point((start, incoming), &at.local_flight, &X_WG, &posture.q, motion.moving_scaling());
             let to_catch = PointToPoint { weights, ..to_catch };
             let known = (weights == TerminalVelocityWeights::BALANCED).then_some(balanced);
             let Some(terminal_velocity) = known.or_else(|| to_catch.terminal_velocity(&bounds)) else { continue };
@@ -197,6 +197,7 @@ impl<'a, 's> Pass<'a, 's> {
     fn add_grid(&mut self, offset: f64) {
         let (motion, &mut Search { start, incoming, reach, .. }) = (&self.planner.motion, &mut *self.search);
         let base = self.base();
+        let farthest_m = motion.gripper_reach_m + incoming.grasps.farthest_held_m() + incoming.flight.com_O.norm();
         let mut any_grasp = false;
         let mut propagator = incoming.flight.propagator();
         let steps = (motion.config.search.latest_catch_s / motion.config.time_step_s) as usize;
@@ -204,10 +205,10 @@ impl<'a, 's> Pass<'a, 's> {
             let lead_s = motion.config.min_lead_s + (step as f64 + offset) * motion.config.time_step_s;
             let catch_s = start.time_s + lead_s;
             let p_WOcm = propagator.position_at(catch_s);
-            if p_WOcm.z < 0.0 {
+            if p_WOcm.z < FLOOR_Z_M {
                 break;
             }
-            if (p_WOcm - base).norm() > motion.longest_reach_m {
+            if (p_WOcm - base).norm() > farthest_m {
                 continue;
             }
             let at = self.sample(&mut propagator, catch_s);

@@ -1,0 +1,106 @@
+//! How well objects explain what flies, by one statistic for all of them.
+
+use crate::perception::ObjectPose;
+
+/// What the images of a flight say of one object.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Explained {
+    points: Mismatches,
+    silhouette: Mismatches,
+}
+
+/// One statistic over the images that have it.
+#[derive(Debug, Clone, Copy, Default)]
+struct Mismatches {
+    sum: f64,
+    images: usize,
+}
+
+impl Mismatches {
+    fn add(&mut self, mismatch: Option<f64>) {
+        self.sum += mismatch.unwrap_or(0.0);
+        self.images += usize::from(mismatch.is_some());
+    }
+
+    fn mean(&self) -> f64 {
+        if self.images == 0 { f64::INFINITY } else { self.sum / self.images as f64 }
+    }
+}
+
+impl Explained {
+    /// Adds an image in which the object was found.
+    pub fn add(&mut self, pose: &ObjectPose) {
+        self.points.add(pose.points_mismatch);
+        self.silhouette.add(pose.silhouette_mismatch);
+    }
+}
+
+/// The number of the object that explains its images best. All are compared by points or all by silhouettes: by what tells of more
+/// images of the object of which it tells least, and by silhouettes where both do.
+pub fn best(objects: impl Iterator<Item = (usize, Explained)> + Clone) -> Option<usize> {
+    let images = |of: fn(&Explained) -> &Mismatches| objects.clone().map(|(_, it)| of(&it).images).min();
+    let by_points = images(|it| &it.points) > images(|it| &it.silhouette);
+    let mean = |it: &Explained| if by_points { it.points.mean() } else { it.silhouette.mean() };
+    objects.clone().min_by(|a, b| mean(&a.1).total_cmp(&mean(&b.1))).map(|(i, _)| i)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::perception::{
+        Config, PoseEstimator, Prior, ReferenceModel, SdfEstimator, View, Workspace,
+        synthetic::{self, Noise, Normal, Shape},
+    };
+
+    /// With hardly any noise the points of the right object do, while the others ask the silhouette as well.
+    #[test]
+    fn an_object_on_points_is_compared_with_one_on_silhouettes() {
+        let (cameras, config) = (synthetic::flight_rig(), Config::default());
+        // Bananas that differ in how much thinner one of their ends is.
+        let shapes = [0.1, 0.4].map(Shape::bent);
+        let references =
+            shapes.each_ref().map(|shape| Arc::new(ReferenceModel::from_scan(&synthetic::scan(shape, 100), &config)));
+        for (thrown, shape) in shapes.iter().enumerate() {
+            let X_WO = synthetic::pose_in_flight(&mut Normal::new(7));
+            let X_WR = X_WO * references[thrown].X_RO.inverse();
+            let mut objects = references.each_ref().map(|it| {
+                let estimator = SdfEstimator::new(config.clone(), it.clone(), Workspace::default());
+                (estimator, X_WR * it.X_RO, Explained::default())
+            });
+            let (mut on_points, mut on_both) = (0, 0);
+            for seed in 1..6 {
+                let noise = Noise::Constant(0.0002);
+                let frames = synthetic::depth_frames(&cameras, shape, &X_WR, noise, &mut Normal::new(seed));
+                let view = View { frames: &frames, cameras: &cameras, ..View::default() };
+                for (estimator, X_WO, explained) in &mut objects {
+                    let pose = estimator.estimate(&view, Prior::Pose(*X_WO)).unwrap();
+                    explained.add(&pose);
+                    *(if pose.silhouette_mismatch.is_some() { &mut on_both } else { &mut on_points }) += 1;
+                }
+            }
+            let explained = objects.map(|it| it.2);
+            assert_eq!(best(explained.into_iter().enumerate()), Some(thrown), "{explained:?}");
+            assert!(on_points > 0 && on_both > 0, "{on_points} {on_both}: all of one kind");
+        }
+    }
+
+    /// Means of points and of silhouettes are no measure of each other.
+    #[test]
+    fn what_only_some_objects_have_does_not_decide() {
+        let explained = |points: &[f64], silhouettes: &[f64]| {
+            let mut it = Explained::default();
+            points.iter().for_each(|mismatch| it.points.add(Some(*mismatch)));
+            silhouettes.iter().for_each(|mismatch| it.silhouette.add(Some(*mismatch)));
+            it
+        };
+        let right = explained(&[4.0; 5], &[1.0]);
+        let wrong = explained(&[60.0; 5], &[0.5, 3.0, 3.0, 3.0, 3.0]);
+        assert_eq!(best([wrong, right].into_iter().enumerate()), Some(1));
+        // Where depths tell no shape there are silhouettes alone.
+        let (right, wrong) = (explained(&[], &[1.0; 5]), explained(&[], &[2.0; 5]));
+        assert_eq!(best([wrong, right].into_iter().enumerate()), Some(1));
+        assert_eq!(best(std::iter::empty()), None);
+    }
+}
