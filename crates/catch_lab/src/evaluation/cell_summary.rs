@@ -43,8 +43,10 @@ pub struct CellSummary {
     pub wilson95: Option<[f64; 2]>,
     /// Why it was not caught, and how often for this reason.
     pub reasons: BTreeMap<Reason, usize>,
-    /// Limits of the arm that were broken, over all trials.
+    /// Limits of the arm that commands broke, over all trials.
     pub limit_violations: usize,
+    /// Limits that the motion exceeded, as at impacts.
+    pub motion_excursions: usize,
     /// How far the joints moved in sum from the ready pose to the catch, in the middle.
     pub median_joint_travel_rad: Option<f64>,
     /// How far off the object's position at the catch was predicted, in the middle.
@@ -91,6 +93,7 @@ impl CellSummary {
             wilson95: (!throw_is_fixed).then(|| wilson95(caught, rows.len())),
             reasons,
             limit_violations: rows.iter().map(|row| row.verdict.limit_violations).sum(),
+            motion_excursions: rows.iter().map(|row| row.verdict.motion_excursions).sum(),
             median_joint_travel_rad: median(values(&|row| row.verdict.measures.joint_travel_rad)),
             median_prediction_error_m: median(values(&|row| row.verdict.measures.prediction_error_m)),
             min_clearance_m: clearances.flatten().min_by(f64::total_cmp),

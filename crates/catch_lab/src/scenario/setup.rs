@@ -1,6 +1,7 @@
 //! What a trial needs, read and checked: the scenario and every file that it names.
 
 pub mod calibration;
+mod throw_check;
 
 use std::{
     path::PathBuf,

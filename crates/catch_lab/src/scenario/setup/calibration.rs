@@ -95,7 +95,7 @@ pub fn run_session(setup: &Setup, config: &Config, guesses: &[CameraModel], seed
         arena.act_after(setup.scenario.clock.delay_s(0.0), &command);
     }
     let servo = &arena.truth().servo;
-    let limit_violations = servo.command_violations.len() + servo.motion_violations.len();
+    let limit_violations = servo.command_violations.len();
     ArenaSession { session: run.into_session(), poses, robot_time_s: now_s, limit_violations }
 }
 
