@@ -304,7 +304,7 @@ mod tests {
     #[test]
     fn what_is_claimed_of_a_place_adds_up() {
         let settings = ["flight_rig=d435_2".to_owned()];
-        let setup = Setup::load(&Choice { settings: &settings, ..Choice::default() }).unwrap();
+        let setup = Setup::load(&Choice { scenario: Some("paper"), settings: &settings, ..Choice::default() }).unwrap();
         let found = |status| CameraCalibration {
             status,
             X_WC: Pose::identity(),
