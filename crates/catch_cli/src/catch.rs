@@ -189,7 +189,10 @@ fn summary(setup: &Setup, scene: &Scene, verdict: &Verdict, stopwatch: &Stopwatc
     if let Some(widths) = setup.without_grasps().filter(|_| verdict.reason == Some(Reason::NoGrasp)) {
         screen::fact("nothing to hold by", &widths)?;
     }
-    screen::fact("within 2.5 cm", &format!("{} (the paper's measure)", if verdict.caught_paper { "yes" } else { "no" }))?;
+    screen::fact(
+        "within 2.5 cm",
+        &format!("{} (the paper's measure)", if verdict.caught_paper { "yes" } else { "no" }),
+    )?;
     if verdict.catch_time_s.is_some() {
         let off = [
             ("prediction", measures.prediction_error_m, "at the catch"),

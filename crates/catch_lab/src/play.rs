@@ -136,7 +136,8 @@ impl Play {
             let Setup { robot, gripper, .. } = &self.setups[0];
             robot.gripper_pose(&place_q) * gripper.grasp_centre()
         };
-        let mut life = Life { rows: Vec::new(), duration_s: 0.0, violations_between: 0, excursions_between: 0, ended_early: None };
+        let mut life =
+            Life { rows: Vec::new(), duration_s: 0.0, violations_between: 0, excursions_between: 0, ended_early: None };
         for index in 0..self.throws {
             let setup = &self.setups[self.object(index)];
             if index > 0 {

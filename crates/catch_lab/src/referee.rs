@@ -271,12 +271,8 @@ impl<'a> Evidence<'a> {
         let velocity_G = self
             .before_contact()
             .map(|sample| sample.X_WG.rotation.inverse_transform_vector(&relative_velocity(sample)));
-        let impulses = self
-            .truth
-            .samples
-            .iter()
-            .filter(|sample| sample.contact.gripper())
-            .map(|it| it.contact.peak_impulse_ns);
+        let impulses =
+            self.truth.samples.iter().filter(|sample| sample.contact.gripper()).map(|it| it.contact.peak_impulse_ns);
         // Nothing that touched the gripper: all of the trial was before it.
         let before_contact = self.truth.before_contact.unwrap_or_else(|| servo.into());
         let impact = self.contact_s.map(|contact_s| impact(self.truth, contact_s, &setup.object, &setup.robot));

@@ -170,13 +170,7 @@ impl EndWatch {
     /// For the object that is being released in an arena, which is told when to shake it.
     pub fn of_release(arena: &mut Arena) -> Self {
         arena.disturb_after_contact(DISTURBANCE_AFTER_S);
-        Self {
-            released_s: arena.time_s(),
-            samples_seen: 0,
-            gripper_s: None,
-            floor_s: None,
-            deflected_s: None,
-        }
+        Self { released_s: arena.time_s(), samples_seen: 0, gripper_s: None, floor_s: None, deflected_s: None }
     }
 
     /// Whether the trial is over.

@@ -141,7 +141,10 @@ impl Arena {
         self.servo.take_report();
         self.disturbance = None;
         let (last, conditions) = (self.truth.samples.last().copied(), self.truth.conditions.clone());
-        std::mem::replace(&mut self.truth, Truth { samples: last.into_iter().collect(), conditions, ..Truth::default() })
+        std::mem::replace(
+            &mut self.truth,
+            Truth { samples: last.into_iter().collect(), conditions, ..Truth::default() },
+        )
     }
 
     /// The object is taken away, and that of `equipment` is released now: throw number `index` of `seed`. All else stays as it is,

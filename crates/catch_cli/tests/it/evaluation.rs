@@ -284,8 +284,21 @@ fn what_an_arm_could_have_reached_is_told_of_every_arm() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().to_str().unwrap();
     let slow = "limit_scale.velocity=0.05";
-    let arguments =
-        ["eval", "--scenario", "paper", "--robot", "panda", "--throw", "near_sampled", "--trials", "1", "--set", slow, "--out", out];
+    let arguments = [
+        "eval",
+        "--scenario",
+        "paper",
+        "--robot",
+        "panda",
+        "--throw",
+        "near_sampled",
+        "--trials",
+        "1",
+        "--set",
+        slow,
+        "--out",
+        out,
+    ];
     let output = catchingbot(&arguments);
     assert!(output.status.success(), "{}", stderr(&output));
     let document = catchingbot(&[&arguments[..], &["--resume", "--json"]].concat());

@@ -86,8 +86,13 @@ fn unreachable_throws(count: usize) {
     assert_ne!(wide, text);
     let mut tried = 0;
     for object in ["tennis_ball", "banana", "pill_bottle"] {
-        let mut setup =
-            Setup::load(&Choice { scenario: Some("paper"), object: Some(object), throw: Some("random"), ..Choice::default() }).unwrap();
+        let mut setup = Setup::load(&Choice {
+            scenario: Some("paper"),
+            object: Some(object),
+            throw: Some("random"),
+            ..Choice::default()
+        })
+        .unwrap();
         setup.throw = Throw::from_toml("wide.toml", &wide).unwrap();
         let oracle = Oracle::of(&setup);
         let out_of_reach = (0..).filter(|&index| oracle.reach(&setup, 11, index).from_release_s.is_none());

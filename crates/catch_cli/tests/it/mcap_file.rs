@@ -34,7 +34,10 @@ fn fields_are_those_that_foxglove_publishes() {
     let published: BTreeSet<String> = include_str!("foxglove_fields.txt").lines().map(str::to_owned).collect();
     let folder = tempfile::tempdir().unwrap();
     let mut written = BTreeSet::new();
-    for message in mcap::MessageStream::new(&file_of(folder.path(), &["catch", "--scenario", "paper"])).unwrap().map(Result::unwrap) {
+    for message in mcap::MessageStream::new(&file_of(folder.path(), &["catch", "--scenario", "paper"]))
+        .unwrap()
+        .map(Result::unwrap)
+    {
         let pool = DescriptorPool::decode(&message.channel.schema.as_ref().unwrap().data[..]).unwrap();
         for of in pool.all_messages() {
             for field in of.fields() {
@@ -172,7 +175,8 @@ fn frames_lead_from_the_world_to_the_hand() {
 #[test]
 fn the_scene_has_arm_hand_and_object() {
     let folder = tempfile::tempdir().unwrap();
-    let output = catchingbot(&["catch", "--scenario", "paper", "--json", "--mcap", "--out", folder.path().to_str().unwrap()]);
+    let output =
+        catchingbot(&["catch", "--scenario", "paper", "--json", "--mcap", "--out", folder.path().to_str().unwrap()]);
     let document: Value = serde_json::from_str(&stdout(&output)).unwrap();
     let path = |value: &Value| Path::new(value.as_str().unwrap()).to_path_buf();
     let playback = Playback::read(&path(&document["recording"])).unwrap();

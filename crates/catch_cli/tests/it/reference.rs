@@ -283,7 +283,8 @@ fn columns_are_those_of_the_table() {
             (_, Some(lead)) => Some(format!(
                 "How far off the object's position at the catch was predicted {lead} ms before the catch."
             )),
-            _ => of(&fields, name).or_else(|| component(name, |field| of(&release, field).or_else(|| of(&fields, field)))),
+            _ => of(&fields, name)
+                .or_else(|| component(name, |field| of(&release, field).or_else(|| of(&fields, field)))),
         };
         let meaning = meaning.unwrap_or_else(|| panic!("{name} says nothing of itself")).replace('|', "\\|");
         let _ = writeln!(page, "| `{name}` | {kind} | {meaning} |");

@@ -204,8 +204,7 @@ fn met_the_floor_in_hand(evidence: &Evidence) -> bool {
 /// How long in total the object was squeezed, if long enough to have been grasped.
 fn grasped_for_s(evidence: &Evidence) -> Option<f64> {
     let samples = &evidence.truth.samples;
-    let squeezed =
-        samples.windows(2).filter(|pair| pair[1].contact.gripper() && is_squeezed(&pair[0], &pair[1]));
+    let squeezed = samples.windows(2).filter(|pair| pair[1].contact.gripper() && is_squeezed(&pair[0], &pair[1]));
     let total_s: f64 = squeezed.map(|pair| pair[1].time_s - pair[0].time_s).sum();
     (total_s >= GRASPED_AFTER_S).then_some(total_s)
 }

@@ -42,12 +42,16 @@ pub struct Desk {
 
 impl Desk {
     pub fn new(object: &str, change: impl Fn(&mut Config)) -> Self {
-        Self::of(Setup::load(&Choice { scenario: Some("paper"), object: Some(object), ..Choice::default() }).unwrap(), change)
+        Self::of(
+            Setup::load(&Choice { scenario: Some("paper"), object: Some(object), ..Choice::default() }).unwrap(),
+            change,
+        )
     }
 
     /// For an arm that states this limit of the jerk, in rad/s³.
     fn with_jerk(object: &str, most: f64) -> Self {
-        let mut setup = Setup::load(&Choice { scenario: Some("paper"), object: Some(object), ..Choice::default() }).unwrap();
+        let mut setup =
+            Setup::load(&Choice { scenario: Some("paper"), object: Some(object), ..Choice::default() }).unwrap();
         for joint in &mut setup.robot.joints {
             joint.limits.jerk = Some(most);
         }

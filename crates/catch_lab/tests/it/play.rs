@@ -11,7 +11,13 @@ use rand_pcg::Pcg64;
 
 fn setup(object: &str, throw: &str, settings: &[&str]) -> Setup {
     let settings: Vec<String> = settings.iter().map(|&it| it.to_owned()).collect();
-    let choice = Choice { scenario: Some("paper"), object: Some(object), throw: Some(throw), settings: &settings, ..Choice::default() };
+    let choice = Choice {
+        scenario: Some("paper"),
+        object: Some(object),
+        throw: Some(throw),
+        settings: &settings,
+        ..Choice::default()
+    };
     Setup::load(&choice).unwrap()
 }
 

@@ -135,7 +135,9 @@ fn what_is_no_throw_is_refused() {
         setup.with_throw("still".to_owned(), throw).check_throw(1, 0).err().map(|it| it.to_string())
     };
     let hand = setup.robot.gripper_pose(&setup.robot.ready_q) * setup.gripper.grasp_centre();
-    for (position_m, part) in [(hand.coords.into(), "finger"), ([2.0, 0.0, 0.01], "the floor"), ([0.0, 0.0, 0.2], "the arm")] {
+    for (position_m, part) in
+        [(hand.coords.into(), "finger"), ([2.0, 0.0, 0.01], "the floor"), ([0.0, 0.0, 0.2], "the arm")]
+    {
         let said = fault(position_m, [0.0; 3]).unwrap();
         assert!(said.contains("still: motion") && said.contains("banana") && said.contains(part), "{said}");
         assert!(said.contains("touches nothing"), "{said}");

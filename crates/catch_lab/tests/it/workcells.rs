@@ -11,7 +11,8 @@ use catch_lab::{
 };
 
 fn setup(robot: Option<&str>, workcell: &str, throw: &str) -> Setup {
-    let choice = Choice { scenario: Some("paper"), robot, workcell: Some(workcell), throw: Some(throw), ..Choice::default() };
+    let choice =
+        Choice { scenario: Some("paper"), robot, workcell: Some(workcell), throw: Some(throw), ..Choice::default() };
     Setup::load(&choice).unwrap()
 }
 

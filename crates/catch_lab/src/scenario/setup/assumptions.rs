@@ -10,8 +10,10 @@ impl Setup {
     pub fn equipment_and_assumptions(&self) -> String {
         let Scenario { robot, gripper, arena, clock, calibration, .. } = &self.scenario;
         let depth = &arena.depth;
-        let is_exact = depth.model == DepthModel::Perfect && depth.calibration_sd_m == 0.0 && depth.calibration_sd_rad == 0.0;
-        let mut cameras = format!("{} {}", self.cameras.len(), if is_exact { "exact cameras" } else { "noisy cameras" });
+        let is_exact =
+            depth.model == DepthModel::Perfect && depth.calibration_sd_m == 0.0 && depth.calibration_sd_rad == 0.0;
+        let mut cameras =
+            format!("{} {}", self.cameras.len(), if is_exact { "exact cameras" } else { "noisy cameras" });
         if self.cameras.len() == 1 {
             cameras.pop();
         }

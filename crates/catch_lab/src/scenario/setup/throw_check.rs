@@ -37,7 +37,8 @@ impl Setup {
     pub(crate) fn check_release(&self, arena: &Arena, seed: u64, index: u64) -> Result<(), InputError> {
         let Some(part) = arena.released_in_contact_with() else { return Ok(()) };
         let [x, y, z]: [f64; 3] = self.release(seed, index).p_WO.coords.into();
-        let found = format!("the release of {} at [{x:.3}, {y:.3}, {z:.3}] m in contact with {part}", self.named(index));
+        let found =
+            format!("the release of {} at [{x:.3}, {y:.3}, {z:.3}] m in contact with {part}", self.named(index));
         Err(self.fault(found, "a release that touches nothing: 1 mm or more from hand, arm, floor and obstacles"))
     }
 
@@ -50,7 +51,8 @@ impl Setup {
             return Ok(());
         }
         let found = format!("a flight of {} that takes longer", self.named(index));
-        Err(self.fault(found, format!("a flight that meets the floor within {LONGEST_FLIGHT_S} s, the longest of a trial")))
+        Err(self
+            .fault(found, format!("a flight that meets the floor within {LONGEST_FLIGHT_S} s, the longest of a trial")))
     }
 
     fn named(&self, index: u64) -> String {
