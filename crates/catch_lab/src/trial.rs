@@ -11,7 +11,11 @@ use catch_cell::{Cell, Command, Observation};
 use catch_sim::{Arena, Truth, TruthSample};
 
 use crate::{
-    scenario::{Clock, brain::ObservedBrain, setup::Setup},
+    scenario::{
+        Clock,
+        brain::ObservedBrain,
+        setup::{Setup, throw_check::LONGEST_FLIGHT_S},
+    },
     trial::stopwatch::Stopwatch,
 };
 
@@ -25,8 +29,6 @@ pub const PAPER_LOOKS_AT_S: f64 = 0.875;
 const AFTER_FLOOR_S: f64 = 0.2;
 /// The same after it has met the arm or an obstacle, by way of which nothing is caught.
 const AFTER_DEFLECTION_S: f64 = 1.0;
-/// How long a flight may take until it meets the floor. A longer one is no throw: `Setup::check_throw` refuses it.
-pub const LONGEST_FLIGHT_S: f64 = 5.0;
 
 /// One decision of the brain.
 #[derive(Debug, Clone, Copy)]

@@ -22,7 +22,7 @@ use catch_sim::FreeFlight;
 use nalgebra::{Point3, Rotation3, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::{scenario::setup::Setup, trial::LONGEST_FLIGHT_S};
+use crate::scenario::setup::{Setup, throw_check::LONGEST_FLIGHT_S};
 
 /// How long after the first image has arrived anybody could begin to move, in seconds: the paper's first estimate needs six
 /// frames at 100 Hz.

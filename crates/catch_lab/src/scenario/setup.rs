@@ -2,7 +2,7 @@
 
 mod assumptions;
 pub mod calibration;
-mod throw_check;
+pub mod throw_check;
 
 use std::{
     path::PathBuf,

@@ -136,7 +136,7 @@ fn what_is_no_throw_is_refused() {
     };
     let hand = setup.robot.gripper_pose(&setup.robot.ready_q) * setup.gripper.grasp_centre();
     for (position_m, part) in
-        [(hand.coords.into(), "finger"), ([2.0, 0.0, 0.01], "the floor"), ([0.0, 0.0, 0.2], "the arm")]
+        [(hand.coords.into(), "the palm"), ([2.0, 0.0, 0.01], "the floor"), ([0.0, 0.0, 0.2], "the arm")]
     {
         let said = fault(position_m, [0.0; 3]).unwrap();
         assert!(said.contains("still: motion") && said.contains("banana") && said.contains(part), "{said}");

@@ -6,8 +6,9 @@ use catch_body::InputError;
 use catch_sim::{Arena, FlightConditions, FreeFlight};
 
 use super::Setup;
-use crate::trial::LONGEST_FLIGHT_S;
 
+/// How long a flight may take until it meets the floor, in seconds. A longer one is no throw: a trial would not wait for it.
+pub const LONGEST_FLIGHT_S: f64 = 5.0;
 /// Step with which a flight is followed to the floor, in seconds.
 const STEP_S: f64 = 5e-3;
 
