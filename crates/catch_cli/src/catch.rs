@@ -23,6 +23,7 @@ use catch_lab::{
     },
     trial::stopwatch::{StageTimes, Stopwatch},
 };
+use catch_sim::ThrowConditions;
 use clap::Args;
 use serde::Serialize;
 
@@ -73,7 +74,9 @@ struct Document<'a> {
     caught_paper: bool,
     reason: Option<Reason>,
     limit_violations: usize,
+    motion_excursions: usize,
     scene: &'a Scene,
+    conditions: &'a Option<ThrowConditions>,
     catch_time_s: Option<f64>,
     contact_s: Option<f64>,
     measures: &'a Measures,
@@ -92,15 +95,16 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
     let CatchArguments { choice, object, throw, seed, index, output, pictures } = arguments;
     let setup = Setup::load(&choice.with(object.as_deref(), throw.as_deref()))?;
     let scene = setup.scene(*seed, *index);
+    setup.check_throw(*seed, *index)?;
     // What cannot be written should be said before anything is thrown.
     make_writable(&output.out, "--out")?;
 
     let aloud = !output.json;
     if aloud {
-        title(&scene)?;
+        title(&setup, &scene)?;
     }
     calibrate::before_throws(&setup, *seed, aloud)?;
-    let RecordedThrow { recording, timeline, verdict, stopwatch } =
+    let RecordedThrow { recording, timeline, verdict, conditions, stopwatch } =
         record(&setup, *seed, *index, &output.out, &mut |entry| if aloud { tell(entry) } else { Ok(()) })
             .with_context(|| format!("the recording in {}", output.out.display()))?;
     let written = pictures.write(&recording)?;
@@ -121,7 +125,9 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
         caught_paper: verdict.caught_paper,
         reason: verdict.reason,
         limit_violations: verdict.limit_violations,
+        motion_excursions: verdict.motion_excursions,
         scene: &scene,
+        conditions: &conditions,
         catch_time_s: verdict.catch_time_s,
         contact_s: verdict.contact_s,
         measures: &verdict.measures,
@@ -148,11 +154,12 @@ impl PictureArguments {
     }
 }
 
-fn title(scene: &Scene) -> io::Result<()> {
+fn title(setup: &Setup, scene: &Scene) -> io::Result<()> {
     let Scene { scenario, object, throw, seed, index } = scene;
     screen::line(&format!(
-        "\n  {STRONG}{object}, {throw} throw{STRONG:#} {FAINT}· scenario {scenario}, seed {seed}, throw {index}{FAINT:#}\n"
-    ))
+        "\n  {STRONG}{object}, {throw} throw{STRONG:#} {FAINT}· scenario {scenario}, seed {seed}, throw {index}{FAINT:#}"
+    ))?;
+    screen::line(&format!("  {FAINT}{}{FAINT:#}\n", setup.equipment_and_assumptions()))
 }
 
 fn tell(entry: &Entry) -> io::Result<()> {
@@ -171,7 +178,6 @@ fn summary(setup: &Setup, scene: &Scene, verdict: &Verdict, stopwatch: &Stopwatc
         Some(mm) if mm < 10.0 => format!("{mm:.2} mm"),
         Some(mm) => format!("{mm:.0} mm"),
     };
-    let percent = |ratio: f64| format!("{:.0} %", ratio * 100.0);
     let measures = &verdict.measures;
     let object = &scene.object;
     screen::line("")?;
@@ -183,7 +189,10 @@ fn summary(setup: &Setup, scene: &Scene, verdict: &Verdict, stopwatch: &Stopwatc
     if let Some(widths) = setup.without_grasps().filter(|_| verdict.reason == Some(Reason::NoGrasp)) {
         screen::fact("nothing to hold by", &widths)?;
     }
-    screen::fact("by the paper", if verdict.caught_paper { "caught" } else { "not caught" })?;
+    screen::fact(
+        "within 2.5 cm",
+        &format!("{} (the paper's measure)", if verdict.caught_paper { "yes" } else { "no" }),
+    )?;
     if verdict.catch_time_s.is_some() {
         let off = [
             ("prediction", measures.prediction_error_m, "at the catch"),
@@ -202,21 +211,39 @@ fn summary(setup: &Setup, scene: &Scene, verdict: &Verdict, stopwatch: &Stopwatc
         "clearance",
         &format!("{} from itself, {} from the floor and obstacles", clearances[0], clearances[1]),
     )?;
-    let broken = match verdict.first_violation {
-        None => "none broken".to_owned(),
-        Some(LimitViolation { joint, kind, ratio, time_s }) => {
-            let (count, percent, kind) = (verdict.limit_violations, percent(ratio), format!("{kind:?}").to_lowercase());
-            format!(
-                "{BAD}{count} broken{BAD:#}, first by joint {} at {time_s:.3} s: {percent} of its {kind}",
-                joint + 1
-            )
-        }
-    };
-    let (velocity, torque) = (percent(measures.peak_velocity_ratio), percent(measures.peak_torque_ratio));
-    screen::fact("limits", &format!("{broken}; at most {velocity} of a joint's velocity, {torque} of its torque"))?;
+    limits(verdict)?;
     for (stage, times) in stopwatch.summary() {
         let usual = if times.p50_ms < 0.01 { "under 0.01".to_owned() } else { format!("{:.2}", times.p50_ms) };
         screen::fact(stage, &format!("{usual} ms (median), {:.2} ms at most", times.max_ms))?;
     }
     screen::fact("recording", &recording.display().to_string())
+}
+
+/// What was commanded of the arm's limits, and what the impact did to the motion: two things.
+fn limits(verdict: &Verdict) -> io::Result<()> {
+    let percent = |ratio: f64| format!("{:.0} %", ratio * 100.0);
+    let measures = &verdict.measures;
+    let at_most = |velocity: f64, torque: f64| {
+        format!("at most {} of a joint's velocity, {} of its torque", percent(velocity), percent(torque))
+    };
+    let broken = match verdict.first_violation {
+        None => "no limit broken".to_owned(),
+        Some(LimitViolation { joint, kind, ratio, time_s }) => {
+            let (count, kind) = (verdict.limit_violations, format!("{kind:?}").to_lowercase());
+            let (joint, ratio) = (joint + 1, percent(ratio));
+            format!("{BAD}{count} limits broken{BAD:#}, first by joint {joint} at {time_s:.3} s: {ratio} of its {kind}")
+        }
+    };
+    let in_flight = at_most(measures.flight_velocity_ratio, measures.flight_torque_ratio);
+    screen::fact("commanded", &format!("{broken}; until the contact {in_flight}"))?;
+    if verdict.contact_s.is_none() {
+        return Ok(());
+    }
+    let after = at_most(measures.peak_velocity_ratio, measures.peak_torque_ratio);
+    let exceeded = match verdict.motion_excursions {
+        0 => "no limit exceeded".to_owned(),
+        1 => "1 limit exceeded".to_owned(),
+        count => format!("{count} limits exceeded"),
+    };
+    screen::fact("impact included", &format!("{exceeded} by the motion; {after} asked"))
 }

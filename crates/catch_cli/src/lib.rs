@@ -60,14 +60,14 @@ use failure::Failure;
 #[command(name = "catchingbot", version = version_with_commit(), args_conflicts_with_subcommands = true, max_term_width = 100)]
 #[command(after_help = "\
 Examples:
-  catchingbot                                     a tennis ball, thrown from near
-  catchingbot --object banana --throw far         a banana, thrown from far
-  catchingbot eval --throw near_sampled           57 throws from near: a table
+  catchingbot                                     a tennis ball, thrown at random
+  catchingbot --scenario paper --object banana    a banana, as in the paper
+  catchingbot eval --throw random_by_reach        57 throws of each object: a table
   catchingbot list                                what there is to throw, and how
   catchingbot catch --json --seed 7 | jq .caught  for scripts: one JSON document
-  catchingbot view out/paper-tennis_ball-near-1-0.catch
+  catchingbot view out/honest-tennis_ball-random-1-0.catch
                                                   the throw in the browser
-  catchingbot replay out/paper-tennis_ball-near-1-0.catch
+  catchingbot replay out/honest-tennis_ball-random-1-0.catch
                                                   would the brain do the same again?
 
 Exit codes: 0 it ran, whatever was caught; 2 something is wrong with what was asked for; 1 anything else.")]

@@ -7,7 +7,7 @@ use catch_lab::{
     VERSION,
     assets::{COMMAND_LINE, Kind},
     pages::{self, packed::text_in_html},
-    play::{Life, Play, PlayRow},
+    play::{EarlyEnd, Life, Play, PlayRow},
     referee::Row,
     scenario::{Scenario, setup::Setup},
     statistics::wilson95,
@@ -68,7 +68,8 @@ struct Document<'a> {
     placed: usize,
     identified: usize,
     limit_violations: usize,
-    stuck: bool,
+    motion_excursions: usize,
+    ended_early: Option<EarlyEnd>,
     duration_s: f64,
     rows: &'a [PlayRow],
 }
@@ -120,14 +121,15 @@ pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
     screen::line(&table(&play, &life).trim_fmt())?;
     screen::line("")?;
     let [low, high] = document.wilson95.map(|it| it * 100.0);
-    let Document { throws, caught, caught_per_minute, placed, identified, limit_violations, .. } = document;
+    let Document { throws, caught, caught_per_minute, placed, identified, .. } = document;
+    let (broken, exceeded) = (document.limit_violations, document.motion_excursions);
     screen::fact("caught", &format!("{caught} of {throws} ({low:.1}–{high:.1} %), {caught_per_minute:.1} a minute"))?;
     if let Some(alone) = alone {
         screen::fact("each throw alone", &format!("{alone} of {throws}"))?;
     }
     screen::fact("put down", &format!("{placed} of {caught}"))?;
     screen::fact("told from the others", &format!("{identified} of {throws}"))?;
-    screen::fact("limits broken", &limit_violations.to_string())?;
+    screen::fact("limits", &format!("{broken} broken by commands, {exceeded} exceeded by the motion, as at impacts"))?;
     let mut told = Vec::new();
     for (i, row) in life.rows.iter().enumerate() {
         for faulty in row.faulty_cameras.iter().filter(|it| !told.contains(*it)).copied().collect::<Vec<_>>() {
@@ -135,8 +137,8 @@ pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
             screen::fact("camera", &format!("number {}: {}, first in throw {}", faulty.camera, faulty.status, i + 1))?;
         }
     }
-    if life.stuck {
-        screen::fact("ended early", "the arm did not become ready again, or the physics diverged")?;
+    if let Some(reason) = life.ended_early {
+        screen::fact("ended early", &reason.to_string())?;
     }
     if let Some(path) = &arguments.html {
         screen::fact("page", &path.display().to_string())?;
@@ -160,6 +162,7 @@ fn document<'a>(play: &'a Play, life: &'a Life, caught_alone: Option<usize>) -> 
     let rows = &life.rows;
     let caught = rows.iter().filter(|it| it.row.verdict.caught).count();
     let violations: usize = rows.iter().map(|it| it.row.verdict.limit_violations).sum();
+    let excursions: usize = rows.iter().map(|it| it.row.verdict.motion_excursions).sum();
     Document {
         version: VERSION,
         scenario: &play.setups[0].scenario,
@@ -172,7 +175,8 @@ fn document<'a>(play: &'a Play, life: &'a Life, caught_alone: Option<usize>) -> 
         placed: rows.iter().filter(|it| it.placed == Some(true)).count(),
         identified: rows.iter().filter(|it| it.identified.as_ref() == Some(&it.row.scene.object)).count(),
         limit_violations: violations + life.violations_between,
-        stuck: life.stuck,
+        motion_excursions: excursions + life.excursions_between,
+        ended_early: life.ended_early,
         duration_s: life.duration_s,
         rows,
     }

@@ -20,7 +20,7 @@ pub fn write(folder: &Path) -> Result<()> {
 }
 
 fn all() -> Result<[(&'static str, String); 4]> {
-    let setup = Setup::load(&Choice::default())?;
+    let setup = Setup::load(&Choice { scenario: Some("paper"), ..Choice::default() })?;
     Ok([
         ("crates.svg", crates()),
         ("tick.svg", tick()),

@@ -74,7 +74,7 @@ pub fn run(options: &Options) -> Result<Findings> {
     let mut table = Table::new("Images that show the object", &columns);
     for rig in Kind::Rig.names() {
         let settings = [format!("flight_rig=\"{rig}\"")];
-        let setup = Setup::load(&Choice { settings: &settings, ..Choice::default() })?;
+        let setup = Setup::load(&Choice { scenario: Some("paper"), settings: &settings, ..Choice::default() })?;
         if setup.cameras.len() > MOST_CAMERAS {
             continue;
         }

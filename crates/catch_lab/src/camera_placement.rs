@@ -391,7 +391,13 @@ mod tests {
 
     fn setup() -> Setup {
         let settings = ["flight_rig=d435_1", "camera=d435", "arena.depth.model=near_stereo"].map(str::to_owned);
-        Setup::load(&Choice { throw: Some("random"), settings: &settings, ..Choice::default() }).unwrap()
+        Setup::load(&Choice {
+            scenario: Some("paper"),
+            throw: Some("random"),
+            settings: &settings,
+            ..Choice::default()
+        })
+        .unwrap()
     }
 
     fn config(cameras: usize) -> Config {

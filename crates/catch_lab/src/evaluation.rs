@@ -96,7 +96,7 @@ pub fn row(setup: &Setup, seed: u64, index: u64, mut verdict: Verdict) -> Row {
     if !verdict.caught {
         verdict.reach = Some(Oracle::of(setup).reach(setup, seed, index));
     }
-    Row { scene: setup.scene(seed, index), verdict }
+    Row::new(setup, seed, index, verdict)
 }
 
 /// What is evaluated. Trials are numbered throw by throw: first the first throw in all cells, then the second.
@@ -173,6 +173,14 @@ impl Evaluation {
         (&self.cells[job % self.cells.len()], self.first + (job / self.cells.len()) as u64)
     }
 
+    /// Whether all trials from number `from` on can be thrown.
+    fn check_throws(&self, from: usize) -> Result<(), InputError> {
+        (from..self.len()).try_for_each(|job| {
+            let (cell, index) = self.job(job);
+            cell.setup.check_throw(self.seed, index)
+        })
+    }
+
     fn trial(&self, job: usize) -> (Row, Stopwatch) {
         let (cell, index) = self.job(job);
         let mut brain = cell.brain.make(&cell.setup, self.seed, index);
@@ -183,13 +191,15 @@ impl Evaluation {
     /// Runs the trials from number `from` on, on several threads, and hands over each row in the order of their numbers.
     ///
     /// # Errors
-    /// Those of `row_done`; the trials that are running then are given up.
+    /// A throw that [cannot be thrown](Setup::check_throw), before anything is; those of `row_done`: the trials that are running then
+    /// are given up.
     pub fn run(
         &self,
         from: usize,
         threads: usize,
         row_done: &mut dyn FnMut(Row, Stopwatch) -> Result<(), InputError>,
     ) -> Result<(), InputError> {
+        self.check_throws(from)?;
         let next = AtomicUsize::new(from);
         let (sender, receiver) = mpsc::channel();
         thread::scope(|scope| {

@@ -9,7 +9,7 @@
 //! use catch_lab::{referee, scenario::setup::{Choice, Setup}, trial};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let setup = Setup::load(&Choice { throw: Some("far"), ..Choice::default() })?;
+//! let setup = Setup::load(&Choice { scenario: Some("paper"), ..Choice::default() })?;
 //! let (seed, index) = (1, 0);
 //! let throw = trial::run(&setup, seed, index, &mut |_, _| Ok(()))?;
 //! let verdict = referee::judge(&setup, &throw);

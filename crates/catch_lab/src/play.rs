@@ -1,5 +1,7 @@
 //! Many throws in one life: one arena, one brain that knows all objects, and a thrower who waits until the arm is ready.
 
+use std::fmt::{self, Display};
+
 use catch_body::InputError;
 use catch_bot::{
     Report,
@@ -26,7 +28,8 @@ use crate::{
     trial::{self, EndWatch, StateSnapshot, Trial, stopwatch::Stopwatch},
 };
 
-/// How long the thrower waits for the arm before it counts as stuck, in seconds of the cell's clock.
+/// How long the arm may take to become ready again before it counts as stuck, in seconds of the cell's clock; the thrower's own
+/// pause does not count.
 const STUCK_AFTER_S: f64 = 60.0;
 /// An object has been put down if it is no farther from where the hand opens than this, seen from above, in metres.
 const PLACED_WITHIN_M: f64 = 0.4;
@@ -48,6 +51,25 @@ pub struct PlayRow {
     pub faulty_cameras: Vec<FaultyCamera>,
 }
 
+/// Why a life ended before its last throw was judged and the arm was ready again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum EarlyEnd {
+    /// The arm did not become ready again.
+    Stuck,
+    /// The physics diverged.
+    SimulationDiverged,
+}
+
+impl Display for EarlyEnd {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Stuck => write!(f, "the arm did not become ready again within {STUCK_AFTER_S} s"),
+            Self::SimulationDiverged => f.write_str("the simulation diverged"),
+        }
+    }
+}
+
 /// What came of a life.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Life {
@@ -55,10 +77,12 @@ pub struct Life {
     pub rows: Vec<PlayRow>,
     /// How long it lasted on the cell's clock, in seconds.
     pub duration_s: f64,
-    /// Limits broken between the throws.
+    /// Limits that commands broke between the throws.
     pub violations_between: usize,
-    /// Whether it ended early: the arm did not become ready again, or the physics diverged.
-    pub stuck: bool,
+    /// Limits that the motion exceeded between the throws.
+    pub excursions_between: usize,
+    /// Why it ended early, if it did.
+    pub ended_early: Option<EarlyEnd>,
 }
 
 /// Throws of several objects in random order, by one arm.
@@ -85,13 +109,13 @@ impl Play {
     pub fn alone(&self, index: u64) -> Row {
         let setup = &self.setups[self.object(index)];
         let trial = trial::run_unobserved(&mut setup.brain(self.seed, index), setup, self.seed, index);
-        Row { scene: setup.scene(self.seed, index), verdict: referee::judge(setup, &trial) }
+        Row::new(setup, self.seed, index, referee::judge(setup, &trial))
     }
 
     /// Lets all of it happen; `on_row` is told of each throw as soon as the next one flies.
     ///
     /// # Errors
-    /// If the scenario does not say where objects are put down.
+    /// If the scenario does not say where objects are put down; a throw that [cannot be thrown](Setup::check_throw).
     pub fn run(&self, on_row: &mut dyn FnMut(&PlayRow)) -> Result<Life, InputError> {
         let Scenario { name, brain: BrainSettings { cycle, .. }, .. } = &self.setups[0].scenario;
         let (place_q, of_cycle) = (self.setups[0].place_q()?, |field: &str| format!("brain.cycle.{field}"));
@@ -99,6 +123,7 @@ impl Play {
             let expected = format!("more than {HELD_UNTIL_S}, for which the referee watches what is held");
             return Err(InputError::new(name, of_cycle("hold_s"), cycle.hold_s, expected));
         }
+        (0..self.throws).try_for_each(|index| self.setups[self.object(index)].check_throw(self.seed, index))?;
         let bots = self.setups.iter().map(|setup| setup.brain(self.seed, 0)).collect();
         let brain = CatchingCycle::new(cycle.clone(), place_q, bots)
             .map_err(|it| InputError::new(name, of_cycle(&it.field), it.found, it.expected))?;
@@ -111,23 +136,27 @@ impl Play {
             let Setup { robot, gripper, .. } = &self.setups[0];
             robot.gripper_pose(&place_q) * gripper.grasp_centre()
         };
-        let mut life = Life { rows: Vec::new(), duration_s: 0.0, violations_between: 0, stuck: false };
+        let mut life =
+            Life { rows: Vec::new(), duration_s: 0.0, violations_between: 0, excursions_between: 0, ended_early: None };
         for index in 0..self.throws {
             let setup = &self.setups[self.object(index)];
             if index > 0 {
                 cell.arena.throw_next(setup.equipment(), &setup.release(self.seed, index), self.seed, index);
             }
+            setup.check_release(&cell.arena, self.seed, index)?;
             let thrown_s = cell.arena.time_s();
             let (trial, identified) = cell.trial(setup, thrown_s);
             let verdict = referee::judge(setup, &trial);
             let faulty_cameras = faulty_cameras(&trial.snapshots);
             let ready = cell.until_ready(setup, thrown_s + self.every_s);
             life.violations_between += ready.violations;
+            life.excursions_between += ready.excursions;
             // A world that has diverged stands still for good.
-            life.stuck = !ready.is_ready || trial.truth.diverged_s.is_some();
+            let diverged = trial.truth.diverged_s.map(|_| EarlyEnd::SimulationDiverged);
+            life.ended_early = diverged.or(ready.ended_early);
             let caught = verdict.caught;
             let row = PlayRow {
-                row: Row { scene: setup.scene(self.seed, index), verdict },
+                row: Row::new(setup, self.seed, index, verdict),
                 thrown_s,
                 identified: identified.map(|object| self.setups[object].scenario.object.clone()),
                 placed: caught.then(|| {
@@ -139,7 +168,7 @@ impl Play {
             on_row(&row);
             life.rows.push(row);
             life.duration_s = cell.arena.time_s();
-            if life.stuck {
+            if life.ended_early.is_some() {
                 break;
             }
         }
@@ -156,8 +185,11 @@ struct LivingCell {
 
 /// How a wait for the arm ended.
 struct Ready {
-    is_ready: bool,
+    /// Why the arm will not be.
+    ended_early: Option<EarlyEnd>,
+    /// Limits broken by commands, and exceeded by the motion.
     violations: usize,
+    excursions: usize,
     /// Where the object was when the hand went back from it.
     left_W: Option<Vector3<f64>>,
 }
@@ -175,7 +207,7 @@ impl LivingCell {
     /// From the release to the end of the referee's test, with the clock set to zero at the release; and the object for which the
     /// brain took what flew.
     fn trial(&mut self, setup: &Setup, released_s: f64) -> (Trial, Option<usize>) {
-        let mut watch = EndWatch::from(released_s);
+        let mut watch = EndWatch::of_release(&mut self.arena);
         let (mut snapshots, mut identified) = (Vec::new(), None);
         loop {
             let time_s = self.tick(setup);
@@ -184,7 +216,7 @@ impl LivingCell {
                 let report = self.brain.report().map(|report| since(report, released_s));
                 snapshots.push(StateSnapshot { time_s: time_s - released_s, report, stage_ms: Vec::new() });
             }
-            if watch.is_over(&mut self.arena) {
+            if watch.is_over(self.arena.truth()) {
                 let truth = truth_since(self.arena.take_truth(), released_s, setup.scenario.arena.step_s);
                 return (Trial { truth, snapshots, stopwatch: Stopwatch::default() }, identified);
             }
@@ -193,20 +225,31 @@ impl LivingCell {
 
     /// Until the arm waits again, and at least until `earliest_s`.
     fn until_ready(&mut self, setup: &Setup, earliest_s: f64) -> Ready {
-        let (begun_s, mut violations, mut left_W, mut has_diverged) = (self.arena.time_s(), 0, None, false);
+        let mut ready = Ready { ended_early: None, violations: 0, excursions: 0, left_W: None };
+        // Since when the arm has not been waiting.
+        let mut busy_since_s = self.arena.time_s();
         loop {
             let truth = self.arena.take_truth();
-            has_diverged |= truth.diverged_s.is_some();
-            violations += truth.servo.command_violations.len() + truth.servo.motion_violations.len();
+            ready.violations += truth.servo.command_violations.len();
+            ready.excursions += truth.servo.motion_violations.len();
             // Round things roll on: what counts is where the hand has left it.
-            if self.brain.phase() == Phase::Returning && left_W.is_none() {
-                left_W = truth.samples.last().map(|it| it.X_WO.translation.vector);
+            if self.brain.phase() == Phase::Returning && ready.left_W.is_none() {
+                ready.left_W = truth.samples.last().map(|it| it.X_WO.translation.vector);
             }
             let now_s = self.arena.time_s();
-            let is_ready = self.brain.phase() == Phase::Waiting && now_s >= earliest_s - 1e-9;
-            if is_ready || has_diverged || now_s > begun_s + STUCK_AFTER_S {
-                let is_ready = is_ready && !has_diverged;
-                return Ready { is_ready, violations, left_W };
+            if truth.diverged_s.is_some() {
+                ready.ended_early = Some(EarlyEnd::SimulationDiverged);
+                return ready;
+            }
+            if self.brain.phase() == Phase::Waiting {
+                busy_since_s = now_s;
+                if now_s >= earliest_s - 1e-9 {
+                    return ready;
+                }
+            }
+            if now_s > busy_since_s + STUCK_AFTER_S {
+                ready.ended_early = Some(EarlyEnd::Stuck);
+                return ready;
             }
             self.tick(setup);
         }

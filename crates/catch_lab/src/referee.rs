@@ -5,12 +5,12 @@ pub mod faulty_cameras;
 mod impact;
 mod measures;
 pub mod reason;
+mod samples;
 
-use catch_body::dynamics::gravity;
 use catch_bot::{Report, Status, perception::Symmetry, trajectory_optimization::CatchPlan};
 use catch_cell::LimitViolation;
-use catch_sim::{Truth, TruthSample};
-use nalgebra::{Point3, UnitQuaternion, Vector3};
+use catch_sim::{FlightConditions, Truth, TruthSample};
+use nalgebra::{Point3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -22,6 +22,8 @@ use counted::Counted;
 use impact::impact;
 pub use measures::{LEADS_S, Measures};
 use reason::Reason;
+use samples::{is_squeezed, relative_velocity, sample_before};
+pub(crate) use samples::{sample_at, undisturbed_position};
 
 /// From the first contact on: when the object has to be held, and until when.
 const HELD_FROM_S: f64 = 0.5;
@@ -37,15 +39,13 @@ const AT_REST_RADPS: f64 = 0.02;
 const SPEED_OVER_S: f64 = 0.01;
 /// How far from the planned catch the instant is looked for at which the object is nearest the grasp centre.
 const NEAREST_WITHIN_S: f64 = 0.04;
-/// Fingers that move slower have closed.
-const CLOSED_SPEED_MPS: f64 = 0.005;
 
 /// The outcome of a trial.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Verdict {
     /// Whether the object was caught and held: no command broke a limit; from 0.5 s after the first contact until 1.5 s after
-    /// it the object was squeezed and lay still in the gripper, the arm at rest, also while the world shook both; nothing else
-    /// touched it.
+    /// it a gripper that was commanded to close squeezed the object, which lay still in it, the arm at rest, also while the world shook
+    /// both; nothing else touched it. What the impact does to the arm's motion decides nothing and is told apart.
     pub caught: bool,
     /// Whether the paper would call it caught: at 0.875 s the object is less than 2.5 cm from the gripper along its z axis.
     pub caught_paper: bool,
@@ -63,10 +63,13 @@ pub struct Verdict {
     /// What an oracle would have reached, for trials in which the object was not caught; `None` also where it cannot tell.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reach: Option<Reach>,
-    /// Number of limits of the arm that were broken, by commands or in motion.
+    /// Number of limits of the arm that commands broke; a throw is caught only if there is none.
     pub limit_violations: usize,
     /// The first of them.
     pub first_violation: Option<LimitViolation>,
+    /// Number of limits that the measured motion exceeded, as an impact makes it do. No command did, so they decide nothing.
+    #[serde(default)]
+    pub motion_excursions: usize,
     /// When the brain last meant to catch, if it had a plan.
     pub catch_time_s: Option<f64>,
     /// When the gripper first touched the object.
@@ -86,7 +89,7 @@ impl Verdict {
 /// Judges a trial.
 pub fn judge(setup: &Setup, trial: &Trial) -> Verdict {
     let truth = &trial.truth;
-    let contact_s = truth.samples.iter().find(|sample| in_contact_with_gripper(sample)).map(|sample| sample.time_s);
+    let contact_s = truth.samples.iter().find(|sample| sample.contact.gripper()).map(|sample| sample.time_s);
     let evidence = Evidence::new(setup, trial, contact_s);
     let reason = reason::why_not_caught(&evidence);
     let servo = &truth.servo;
@@ -99,8 +102,9 @@ pub fn judge(setup: &Setup, trial: &Trial) -> Verdict {
         caught_beyond_limits: reason::why_not_held(&evidence).is_none(),
         reason,
         reach: None,
-        limit_violations: servo.command_violations.len() + servo.motion_violations.len(),
-        first_violation: servo.command_violations.iter().chain(&servo.motion_violations).next().copied(),
+        limit_violations: servo.command_violations.len(),
+        first_violation: servo.command_violations.first().copied(),
+        motion_excursions: servo.motion_violations.len(),
         catch_time_s: evidence.catch_s,
         contact_s,
         measures: evidence.measures(setup),
@@ -116,6 +120,16 @@ pub struct Row {
     /// Its outcome.
     #[serde(flatten)]
     pub verdict: Verdict,
+    /// What was drawn for the object and its flight; tables of older versions do not say.
+    #[serde(default)]
+    pub conditions: Option<FlightConditions>,
+}
+
+impl Row {
+    /// The row of throw number `index` of `seed`.
+    pub fn new(setup: &Setup, seed: u64, index: u64, verdict: Verdict) -> Self {
+        Self { scene: setup.scene(seed, index), verdict, conditions: Some(setup.flight_conditions(seed, index)) }
+    }
 }
 
 /// What the brain counted in the throw up to its last tick.
@@ -263,12 +277,10 @@ impl<'a> Evidence<'a> {
         let velocity_G = self
             .before_contact()
             .map(|sample| sample.X_WG.rotation.inverse_transform_vector(&relative_velocity(sample)));
-        let impulses = self
-            .truth
-            .samples
-            .iter()
-            .filter(|sample| in_contact_with_gripper(sample))
-            .map(|it| it.contact.peak_impulse_ns);
+        let impulses =
+            self.truth.samples.iter().filter(|sample| sample.contact.gripper()).map(|it| it.contact.peak_impulse_ns);
+        // Nothing that touched the gripper: all of the trial was before it.
+        let before_contact = self.truth.before_contact.unwrap_or_else(|| servo.into());
         let impact = self.contact_s.map(|contact_s| impact(self.truth, contact_s, &setup.object, &setup.robot));
         Measures {
             prediction_error_m: self.prediction_error_m(),
@@ -301,6 +313,8 @@ impl<'a> Evidence<'a> {
             peak_velocity_ratio: servo.peak_velocity_ratio,
             peak_acceleration_ratio: servo.peak_acceleration_ratio,
             peak_torque_ratio: servo.peak_torque_ratio,
+            flight_velocity_ratio: before_contact.velocity,
+            flight_torque_ratio: before_contact.torque,
             torque_clamped_s: servo.torque_clamped_s,
             late_trajectories: servo.late_trajectories,
             rejected_trajectories: servo.rejected_trajectories,
@@ -358,46 +372,4 @@ impl<'a> Evidence<'a> {
         };
         self.snapshots.iter().filter_map(|it| Some(it.report.as_ref()?.status)).max_by_key(|&status| rank(status))
     }
-}
-
-/// Whether fingers or palm touch the object.
-pub(crate) fn in_contact_with_gripper(sample: &TruthSample) -> bool {
-    sample.contact.left_finger || sample.contact.right_finger || sample.contact.palm
-}
-
-/// Whether the object is squeezed between both fingers, or between one and the palm by fingers that have closed.
-pub(crate) fn is_squeezed(before: &TruthSample, now: &TruthSample) -> bool {
-    let (left, right) = (now.contact.left_finger, now.contact.right_finger);
-    let finger_speed = (now.width_m - before.width_m).abs() / (now.time_s - before.time_s);
-    (left && right) || ((left || right) && now.contact.palm && finger_speed < CLOSED_SPEED_MPS)
-}
-
-/// Velocity of the object's centre of mass relative to the gripper, in W.
-fn relative_velocity(sample: &TruthSample) -> Vector3<f64> {
-    let p_GO_W = sample.X_WO.translation.vector - sample.X_WG.translation.vector;
-    sample.V_WO.linear - sample.V_WG.velocity_at(&p_GO_W)
-}
-
-/// The sample nearest to `time_s`; the last one for times beyond it.
-pub(crate) fn sample_at(truth: &Truth, time_s: f64) -> Option<&TruthSample> {
-    let next = truth.samples.partition_point(|sample| sample.time_s < time_s - 0.5e-3);
-    truth.samples.get(next.min(truth.samples.len().checked_sub(1)?))
-}
-
-/// The last sample before `time_s`.
-fn sample_before(truth: &Truth, time_s: f64) -> Option<&TruthSample> {
-    let next = truth.samples.partition_point(|sample| sample.time_s < time_s - 1e-9);
-    truth.samples.get(next.checked_sub(1)?)
-}
-
-/// Where the object would have been at `time_s` if nothing had touched it: from its last free state on along a parabola.
-pub(crate) fn undisturbed_position(truth: &Truth, time_s: f64) -> Option<Point3<f64>> {
-    let free_until = truth.samples.iter().position(|sample| sample.contact.any()).unwrap_or(truth.samples.len());
-    let free = &truth.samples[..free_until];
-    let next = free.partition_point(|sample| sample.time_s < time_s - 0.5e-3);
-    let sample = free.get(next.min(free.len().checked_sub(1)?))?;
-    // p + v·t + g·t²/2; the air does nothing in the milliseconds that this bridges.
-    let t = time_s - sample.time_s;
-    let p = sample.X_WO.translation.vector + sample.V_WO.linear * t + gravity() * (t * t / 2.0);
-    Some(p.into())
 }

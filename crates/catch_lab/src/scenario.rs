@@ -324,7 +324,8 @@ mod tests {
 
     fn set(settings: &[&str]) -> Result<Scenario, InputError> {
         let settings: Vec<String> = settings.iter().map(|&it| it.to_owned()).collect();
-        Setup::load(&Choice { settings: &settings, ..Choice::default() }).map(|setup| setup.scenario)
+        Setup::load(&Choice { scenario: Some("paper"), settings: &settings, ..Choice::default() })
+            .map(|setup| setup.scenario)
     }
 
     #[test]
@@ -402,7 +403,14 @@ mod tests {
             (Some("ur10e"), None, vec![pose], 0.0, "paper+ready_rad=[0.0,-1.5,1.5,0.0,0.0,0.0]+robot=ur10e"),
             (None, Some(Method::Paper), vec![], -1.308, "paper+method=paper"),
         ] {
-            let setup = Setup::load(&Choice { robot, method, settings: &settings, ..Choice::default() }).unwrap();
+            let setup = Setup::load(&Choice {
+                scenario: Some("paper"),
+                robot,
+                method,
+                settings: &settings,
+                ..Choice::default()
+            })
+            .unwrap();
             assert_eq!((setup.robot.ready_q[0], setup.scenario.name.as_str()), (ready, name));
             assert_eq!(setup.scenario.ready_rad.unwrap().len(), setup.robot.dof());
         }

@@ -8,10 +8,14 @@ use std::{convert::Infallible, io};
 
 use catch_bot::Report;
 use catch_cell::{Cell, Command, Observation};
-use catch_sim::{Arena, Truth};
+use catch_sim::{Arena, Truth, TruthSample};
 
 use crate::{
-    scenario::{Clock, brain::ObservedBrain, setup::Setup},
+    scenario::{
+        Clock,
+        brain::ObservedBrain,
+        setup::{Setup, throw_check::LONGEST_FLIGHT_S},
+    },
     trial::stopwatch::Stopwatch,
 };
 
@@ -23,8 +27,8 @@ const DISTURBANCE_FOR_S: f64 = 0.5;
 pub const PAPER_LOOKS_AT_S: f64 = 0.875;
 /// How long a trial goes on after the object has met the floor.
 const AFTER_FLOOR_S: f64 = 0.2;
-/// When a trial ends in which nothing has touched the gripper.
-pub const LONGEST_FLIGHT_S: f64 = 2.0;
+/// The same after it has met the arm or an obstacle, by way of which nothing is caught.
+const AFTER_DEFLECTION_S: f64 = 1.0;
 
 /// One decision of the brain.
 #[derive(Debug, Clone, Copy)]
@@ -118,13 +122,9 @@ pub struct Episode {
 impl Episode {
     /// Throw number `index` of `seed`, the object about to fly.
     pub fn new(setup: &Setup, seed: u64, index: u64) -> Self {
-        Self {
-            arena: setup.arena(seed, index),
-            clock: setup.scenario.clock,
-            watch: EndWatch::default(),
-            snapshots: Vec::new(),
-            is_done: false,
-        }
+        let mut arena = setup.arena(seed, index);
+        let watch = EndWatch::of_release(&mut arena);
+        Self { arena, clock: setup.scenario.clock, watch, snapshots: Vec::new(), is_done: false }
     }
 
     /// Time passes until the next image; what is sensed then.
@@ -138,7 +138,7 @@ impl Episode {
     pub fn act(&mut self, command: &Command, snapshot: StateSnapshot, computed_s: f64) {
         self.snapshots.push(snapshot);
         self.arena.act_after(self.clock.delay_s(computed_s), command);
-        self.is_done = self.watch.is_over(&mut self.arena);
+        self.is_done = self.watch.is_over(self.arena.truth());
     }
 
     /// Whether the trial is over.
@@ -157,53 +157,52 @@ impl Episode {
     }
 }
 
-/// Watches for the end of a trial, and shakes the world when it is time.
-#[derive(Debug, Default)]
+/// Watches for the end of a trial: the flight is over, or what was touched has been shaken.
+#[derive(Debug)]
 pub struct EndWatch {
     released_s: f64,
     samples_seen: usize,
-    gripper_contact_s: Option<f64>,
-    floor_contact_s: Option<f64>,
+    /// First contacts with the gripper, with the floor, with arm or obstacles.
+    gripper_s: Option<f64>,
+    floor_s: Option<f64>,
+    deflected_s: Option<f64>,
 }
 
 impl EndWatch {
-    /// For an object that is released at `released_s`.
-    pub fn from(released_s: f64) -> Self {
-        Self { released_s, ..Self::default() }
+    /// For the object that is being released in an arena, which is told when to shake it.
+    pub fn of_release(arena: &mut Arena) -> Self {
+        arena.disturb_after_contact(DISTURBANCE_AFTER_S);
+        Self { released_s: arena.time_s(), samples_seen: 0, gripper_s: None, floor_s: None, deflected_s: None }
     }
 
     /// Whether the trial is over.
-    pub fn is_over(&mut self, arena: &mut Arena) -> bool {
-        let truth = arena.truth();
-        for sample in &truth.samples[self.samples_seen..] {
-            let contact = &sample.contact;
-            if contact.left_finger || contact.right_finger || contact.palm {
-                self.gripper_contact_s.get_or_insert(sample.time_s);
-            }
-            if contact.floor {
-                self.floor_contact_s.get_or_insert(sample.time_s);
+    pub fn is_over(&mut self, truth: &Truth) -> bool {
+        for TruthSample { time_s, contact, .. } in &truth.samples[self.samples_seen..] {
+            for (touches, first_s) in [
+                (contact.gripper(), &mut self.gripper_s),
+                (contact.floor, &mut self.floor_s),
+                (contact.arm || contact.obstacle, &mut self.deflected_s),
+            ] {
+                if touches {
+                    first_s.get_or_insert(*time_s);
+                }
             }
         }
         self.samples_seen = truth.samples.len();
         let now = truth.samples.last().map_or(0.0, |sample| sample.time_s);
+        let has_passed = |since_s: Option<f64>, wait_s: f64| since_s.is_some_and(|it| now >= it + wait_s - 1e-9);
         if truth.diverged_s.is_some() {
             return true;
         }
         if now < self.released_s + PAPER_LOOKS_AT_S {
             return false;
         }
-        if self.floor_contact_s.is_some_and(|touched| now >= touched + AFTER_FLOOR_S) {
+        if has_passed(self.floor_s, AFTER_FLOOR_S) {
             return true;
         }
-        let Some(touched) = self.gripper_contact_s else { return now >= self.released_s + LONGEST_FLIGHT_S };
-        match truth.disturbed_since_s {
-            Some(since) => now >= since + DISTURBANCE_FOR_S - 1e-9,
-            None => {
-                if now >= touched + DISTURBANCE_AFTER_S - 1e-9 {
-                    arena.start_disturbance();
-                }
-                false
-            }
+        if self.gripper_s.is_some() {
+            return has_passed(truth.disturbed_since_s, DISTURBANCE_FOR_S);
         }
+        has_passed(self.deflected_s, AFTER_DEFLECTION_S) || has_passed(Some(self.released_s), LONGEST_FLIGHT_S)
     }
 }

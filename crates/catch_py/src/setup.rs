@@ -8,7 +8,7 @@ use catch_cell::Setpoint;
 use catch_lab::scenario::{
     brain::Method,
     catch_plan,
-    setup::{Choice, Setup as LabSetup},
+    setup::{Choice, DEFAULT_SCENARIO, Setup as LabSetup},
 };
 use numpy::{PyArray1, PyArray2};
 use pyo3::{
@@ -58,7 +58,7 @@ const MOST_THREADS: u64 = 100_000;
 #[pymethods]
 impl Setup {
     #[new]
-    #[pyo3(signature = (scenario="paper", *, robot=None, gripper=None, workcell=None, object=None, throw=None, method=None, settings=None))]
+    #[pyo3(signature = (scenario=DEFAULT_SCENARIO, *, robot=None, gripper=None, workcell=None, object=None, throw=None, method=None, settings=None))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn new(
         py: Python<'_>,
@@ -158,7 +158,7 @@ impl Setup {
     /// Throws once.
     #[pyo3(signature = (seed=Whole::Default(1), index=Whole::Default(0)), text_signature = "($self, seed=1, index=0)")]
     fn run(&self, py: Python<'_>, seed: Whole, index: Whole) -> PyResult<Trial> {
-        let (seed, index) = scene(py, seed, index)?;
+        let (seed, index) = self.thrown(py, seed, index)?;
         py.detach(|| Trial::run(&self.lab, seed, index))
     }
 
@@ -246,7 +246,7 @@ impl Setup {
     /// The arena with everything in place, the object about to fly.
     #[pyo3(signature = (seed=Whole::Default(1), index=Whole::Default(0)), text_signature = "($self, seed=1, index=0)")]
     fn arena(&self, py: Python<'_>, seed: Whole, index: Whole) -> PyResult<Arena> {
-        let (seed, index) = scene(py, seed, index)?;
+        let (seed, index) = self.thrown(py, seed, index)?;
         Ok(py.detach(|| Arena::new(&self.lab, seed, index)))
     }
 
@@ -271,7 +271,7 @@ impl Setup {
         obs: &str,
         action: &str,
     ) -> PyResult<SteeredArena> {
-        let (seed, index) = scene(py, seed, index)?;
+        let (seed, index) = self.thrown(py, seed, index)?;
         let views = [("state", View::State), ("pose", View::Pose), ("depth", View::Depth), ("cloud", View::Cloud)];
         let actions =
             [("acceleration", Action::Acceleration), ("delta", Action::Delta), ("residual", Action::Residual)];
@@ -289,6 +289,15 @@ impl Setup {
     fn __repr__(&self) -> String {
         let scenario = &self.lab.scenario;
         format!("<Setup {}: {}, {} throw>", scenario.name, scenario.object, scenario.throw)
+    }
+}
+
+impl Setup {
+    /// Seed and number of a throw that can be thrown.
+    fn thrown(&self, py: Python<'_>, seed: Whole, index: Whole) -> PyResult<(u64, u64)> {
+        let (seed, index) = scene(py, seed, index)?;
+        py.detach(|| self.lab.check_throw(seed, index)).map_err(input_fault)?;
+        Ok((seed, index))
     }
 }
 

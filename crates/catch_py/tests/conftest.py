@@ -25,4 +25,4 @@ def program() -> Path:
 
 @pytest.fixture(scope="session")
 def setup() -> cb.Setup:
-    return cb.Setup(object="banana", throw="near_sampled")
+    return cb.Setup("paper", object="banana", throw="near_sampled")

@@ -155,7 +155,7 @@ def test_setups_and_tables_go_to_spawned_processes(setup):
     table = setup.evaluate(trials=1)
     again = pickle.loads(pickle.dumps(table))
     assert again.jsonl == table.jsonl and again.keys() == table.keys()
-    changed = cb.Setup(settings={"arena.drag": False})
+    changed = cb.Setup("paper", settings={"arena.drag": False})
     assert pickle.loads(pickle.dumps(changed)).scenario == changed.scenario
     for unpicklable in [setup.arena(), setup.brain()]:
         with pytest.raises(TypeError):

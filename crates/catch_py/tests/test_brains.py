@@ -78,7 +78,7 @@ def test_an_exception_of_the_brain_comes_out(setup):
 def test_an_interrupt_ends_an_evaluation():
     # Jobs in the background of a shell ignore interrupts, and so would the child.
     begin = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
-    code = f"{begin}; import catchingbot as cb; print('go', flush=True); cb.Setup().evaluate(trials=100_000)"
+    code = f"{begin}; import catchingbot as cb; print('go', flush=True); cb.Setup('paper').evaluate(trials=100_000)"
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:
         try:
             assert child.stdout.readline() == "go\n"

@@ -15,17 +15,17 @@ from catchingbot.gym import ID, CatchVectorEnv  # noqa: E402
 
 @pytest.mark.parametrize("obs", ["state", "pose", "cloud"])
 def test_the_environment_is_one(obs):
-    env = gymnasium.make(ID, obs=obs, object="banana", throw="near_sampled")
+    env = gymnasium.make(ID, scenario="paper", obs=obs, object="banana", throw="near_sampled")
     check_env(env.unwrapped, skip_render_check=True)
     env.close()
     env.close()
 
 
 def test_images_have_zeros_where_there_is_no_depth():
-    env = gymnasium.make(ID, obs="depth", disable_env_checker=True)
+    env = gymnasium.make(ID, scenario="paper", obs="depth", disable_env_checker=True)
     seen, _ = env.reset(seed=1)
     depth = seen["depth"]
-    assert depth.shape[0] == len(cb.Setup().cameras) and np.isfinite(depth).all()
+    assert depth.shape[0] == len(cb.Setup("paper").cameras) and np.isfinite(depth).all()
     assert (depth == 0).any() and (depth > 0.2).any()
     env.close()
 
@@ -67,7 +67,7 @@ def test_no_action_breaks_a_limit(scenario, action):
 
 
 def test_offsets_of_zero_are_the_brain_alone(setup):
-    env = gymnasium.make(ID, action="residual", obs="pose", object="banana", throw="near_sampled", disable_env_checker=True)
+    env = gymnasium.make(ID, scenario="paper", action="residual", obs="pose", object="banana", throw="near_sampled", disable_env_checker=True)
     assert env.action_space.shape == (setup.dof,) and env.observation_space["plan"].shape == (setup.dof + 2,)
     still = np.zeros(env.action_space.shape, np.float32)
     [row] = played(env, 1, 1, lambda _: still)
@@ -114,7 +114,7 @@ def batch_rows(mode: AutoresetMode, count: int) -> dict[int, tuple[float, str]]:
 
 
 def test_a_batch_sees_the_scenes_of_a_single_arm():
-    env = gymnasium.make(ID, disable_env_checker=True)
+    env = gymnasium.make(ID, scenario="paper", disable_env_checker=True)
     alone = {}
     for index in range(4):
         env.reset(seed=5, options={"index": index})
@@ -127,7 +127,7 @@ def test_a_batch_sees_the_scenes_of_a_single_arm():
 
 
 def test_a_batch_gives_the_bytes_of_single_arms():
-    setup = cb.Setup(object="banana", throw="near_sampled")
+    setup = cb.Setup("paper", object="banana", throw="near_sampled")
     rng = np.random.default_rng(1)
     actions = rng.uniform(-1, 1, (400, 8)).astype(np.float32)
 
@@ -157,7 +157,7 @@ def test_arguments_are_named():
         with pytest.raises((TypeError, ValueError), match=rf"^{argument}\b"):
             call(*arguments, **keywords)
 
-    setup = cb.Setup()
+    setup = cb.Setup("paper")
     raises("obs", setup.steered_arena, obs="smell")
     raises("action", setup.steered_arena, action="hope")
     arena = setup.steered_arena()

@@ -59,7 +59,7 @@ def test_a_planner_that_asks_ours_gives_our_rows(setup):
 
 
 def test_a_predictor_and_a_motion_of_ones_own_catch(setup):
-    ball = cb.Setup(object="tennis_ball", throw="near_sampled")
+    ball = cb.Setup("paper", object="tennis_ball", throw="near_sampled")
     assert ball.evaluate(trials=2, predictor=Parabola)["caught"].all()
     table = ball.evaluate(trials=2, planner=OwnMotion)
     assert table["caught"].any() and not table["limit_violations"].any()

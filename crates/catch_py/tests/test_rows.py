@@ -22,7 +22,7 @@ def stepped(setup: cb.Setup, index: int, brain=None) -> bytes:
 
 
 def test_program_evaluation_single_throws_and_steps_give_the_same_bytes(setup, program, tmp_path):
-    arguments = ["--object", "banana", "--throw", "near_sampled", "--trials", str(TRIALS), "--out", str(tmp_path)]
+    arguments = ["--scenario", "paper", "--object", "banana", "--throw", "near_sampled", "--trials", str(TRIALS), "--out", str(tmp_path)]
     subprocess.run([program, "eval", *arguments, "--json"], check=True, capture_output=True)
     expected = (tmp_path / "trials.jsonl").read_bytes()
     table = setup.evaluate(trials=TRIALS, threads=1)
@@ -53,9 +53,9 @@ def test_columns_are_arrays(setup):
 
 
 def test_settings_have_the_names_of_the_command_line(program, tmp_path):
-    setup = cb.Setup(settings={"arena.drag": False, "clock": {"fixed_ms": 5}, "throw": "far"})
+    setup = cb.Setup("paper", settings={"arena.drag": False, "clock": {"fixed_ms": 5}, "throw": "far"})
     assert setup.scenario["arena"]["drag"] is False and setup.scenario["throw"] == "far"
-    arguments = ["--set", "arena.drag=false", "--set", "clock={ fixed_ms = 5 }", "--set", "throw=far"]
+    arguments = ["--scenario", "paper", "--set", "arena.drag=false", "--set", "clock={ fixed_ms = 5 }", "--set", "throw=far"]
     subprocess.run([program, "eval", *arguments, "--trials", "1", "--out", str(tmp_path), "--json"], check=True, capture_output=True)
     assert setup.evaluate(trials=1).jsonl == (tmp_path / "trials.jsonl").read_bytes()
 
@@ -77,9 +77,9 @@ def test_a_throw_shows_itself(setup, program, tmp_path):
 def test_a_folder_of_recorded_tracks_is_a_throw(tmp_path):
     rows = (f"{t},{5.0 * t},{1.2 + 4.0 * t - 4.905 * t * t},{0.1 * t}" for t in np.arange(60) / 100.0)
     (tmp_path / "one.csv").write_text("t,x,y,z\n" + "\n".join(rows) + "\n")
-    setup = cb.Setup(object="tennis_ball", throw=str(tmp_path), settings={"arena.drag": True})
+    setup = cb.Setup("paper", object="tennis_ball", throw=str(tmp_path), settings={"arena.drag": True})
     row = setup.run(seed=1, index=0).row
     assert row["throw"] == tmp_path.name
     (tmp_path / "one.csv").write_text("t,x,y,z\n0,1,2,3\n")
     with pytest.raises(ValueError, match="one.csv: rows"):
-        cb.Setup(throw=str(tmp_path))
+        cb.Setup("paper", throw=str(tmp_path))

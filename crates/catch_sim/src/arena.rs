@@ -1,10 +1,14 @@
 //! The simulated cell.
 
+mod disturbance;
+
 use std::{convert::Infallible, sync::Arc};
 
 use catch_body::{JointVector, MAX_JOINTS, Pose, Robot, dynamics, kinematics::LinkPoses, workcell::FLOOR_Z_M};
 use catch_cell::{ArmState, Cell, Command, Observation};
 use nalgebra::Vector3;
+
+use disturbance::Disturbance;
 
 use crate::{
     cameras::Scene,
@@ -18,12 +22,12 @@ use crate::{
     sensors::Sensors,
     servo::Servo,
     throw::{RecordedFlight, Release},
+    throw_conditions::{CellConditions, FlightConditions, ThrowConditions},
     truth::{Truth, TruthSample},
 };
 
-/// Amplitude and frequency with which the referee shakes the world, in m/s² and Hz.
-const DISTURBANCE_MPS2: f64 = 5.0;
-const DISTURBANCE_HZ: f64 = 2.0;
+/// An object that is released nearer to something than this, in metres, is in its contact.
+const RELEASE_GAP_M: f64 = 1e-3;
 /// While the object is farther than this from arm, gripper and floor the physics takes fewer substeps, in metres: what the
 /// fastest object and the fastest gripper do not cover in ten steps.
 const ALONE_M: f64 = 0.15;
@@ -52,6 +56,7 @@ pub struct Arena {
     is_alone: bool,
     /// The recorded flight along which the untouched object moves, and when it was released.
     path: Option<(Arc<RecordedFlight>, f64)>,
+    disturbance: Option<Disturbance>,
     state: WorldState,
     truth: Truth,
 }
@@ -93,10 +98,32 @@ impl Arena {
             has_triggered: false,
             is_alone: false,
             path: release.path.clone().map(|path| (path, 0.0)),
+            disturbance: None,
             truth: Truth::default(),
         };
+        arena.truth.conditions = Some(ThrowConditions {
+            flight: FlightConditions::of(object, release, &arena.conditions),
+            cell: arena.cell_conditions(),
+        });
         arena.record(JointVector::zeros(), &ContactForces::default());
         arena
+    }
+
+    /// What was drawn for arm, gripper and cameras.
+    fn cell_conditions(&self) -> CellConditions {
+        let Conditions { link_mass_ratio, X_MG, .. } = &self.conditions;
+        CellConditions {
+            link_mass_ratios: link_mass_ratio[..self.true_robot.dof()].to_vec(),
+            gripper_mount: X_MG.into(),
+            gripper_phase_s: self.drive.phase_s(),
+            cameras: self.sensors.camera_poses(),
+            hole_fraction: self.sensors.hole_fraction(),
+        }
+    }
+
+    /// What the object that has just been released is in contact with, or overlaps: nothing that is thrown.
+    pub fn released_in_contact_with(&self) -> Option<&'static str> {
+        self.world.nearest_to_object().filter(|(_, gap_m)| *gap_m < RELEASE_GAP_M).map(|(part, _)| part)
     }
 
     fn config(&self) -> &ArenaConfig {
@@ -112,8 +139,12 @@ impl Arena {
     pub fn take_truth(&mut self) -> Truth {
         self.update_report();
         self.servo.take_report();
-        let last = self.truth.samples.last().copied();
-        std::mem::replace(&mut self.truth, Truth { samples: last.into_iter().collect(), ..Truth::default() })
+        self.disturbance = None;
+        let (last, conditions) = (self.truth.samples.last().copied(), self.truth.conditions.clone());
+        std::mem::replace(
+            &mut self.truth,
+            Truth { samples: last.into_iter().collect(), conditions, ..Truth::default() },
+        )
     }
 
     /// The object is taken away, and that of `equipment` is released now: throw number `index` of `seed`. All else stays as it is,
@@ -129,6 +160,9 @@ impl Arena {
         (self.has_sensed, self.has_triggered) = (false, false);
         self.take_truth();
         self.truth.samples.clear();
+        if let Some(conditions) = &mut self.truth.conditions {
+            conditions.flight = FlightConditions::of(object, release, &self.conditions);
+        }
         self.record(JointVector::zeros(), &ContactForces::default());
     }
 
@@ -137,10 +171,22 @@ impl Arena {
         self.steps as f64 * self.config().step_s
     }
 
-    /// From now on the world shakes along (1, 1, 1).
-    pub fn start_disturbance(&mut self) {
-        let now_s = self.time_s();
-        self.truth.disturbed_since_s.get_or_insert(now_s);
+    /// From `after_s` after the first contact with the gripper on the world shakes along (1, 1, 1).
+    pub fn disturb_after_contact(&mut self, after_s: f64) {
+        self.disturbance = Some(Disturbance::after_contact(after_s));
+    }
+
+    /// Takes note of the first contact with the gripper; `time_s` is the end of its step.
+    fn note_contact(&mut self, time_s: f64, forces: &ContactForces) {
+        if !forces.contact.gripper() {
+            return;
+        }
+        if self.truth.before_contact.is_none() {
+            self.truth.before_contact = Some(self.servo.report().into());
+        }
+        if let Some(disturbance) = &mut self.disturbance {
+            disturbance.note_contact(time_s);
+        }
     }
 
     /// Like [`Cell::act`], but the command arrives `delay_s` from now: what it takes to compute it.
@@ -174,10 +220,8 @@ impl Arena {
 
     /// Gravity, and the shaking if there is any.
     fn gravity(&self) -> Vector3<f64> {
-        let disturbance = self.truth.disturbed_since_s.map_or(0.0, |since_s| {
-            DISTURBANCE_MPS2 * (std::f64::consts::TAU * DISTURBANCE_HZ * (self.time_s() - since_s)).sin()
-        });
-        dynamics::gravity() + Vector3::repeat(disturbance / 3.0f64.sqrt())
+        let since_s = self.truth.disturbed_since_s.map(|since_s| self.time_s() - since_s);
+        dynamics::gravity() + since_s.map_or_else(Vector3::zeros, disturbance::acceleration_mps2)
     }
 
     /// Closes the fingers for good once the sensor in the gripper, if there is one, sees the object.
@@ -240,6 +284,9 @@ impl Arena {
         self.deliver();
         let (now_s, step_s) = (self.time_s(), self.config().step_s);
         self.trigger(now_s);
+        if self.disturbance.is_some_and(|it| it.has_begun(now_s)) {
+            self.truth.disturbed_since_s.get_or_insert(now_s);
+        }
         let before = self.state;
         let torque = self.servo.torque(now_s, step_s, &before.q, &before.dq);
         let air = Air::in_step(&self.equipment.shared.body, &self.conditions, (&before.X_WO, &before.V_WO), step_s);
@@ -264,6 +311,7 @@ impl Arena {
                 self.truth.diverged_s = Some(self.time_s());
             }
         }
+        self.note_contact(self.time_s(), &forces);
         self.servo.watch(self.time_s(), step_s, &self.state.q, &self.state.dq, &before.dq);
         self.record(torque, &forces);
         self.look(false);
@@ -311,6 +359,7 @@ impl Arena {
             X_WG: robot.gripper_in(&X_WL),
             V_WG: self.true_robot.gripper_twist(&state.q, &state.dq),
             width_m,
+            commanded_width_m: self.drive.commanded_width_m(),
             finger_force_n: forces.finger_n,
             X_WO: state.X_WO,
             V_WO: state.V_WO,

@@ -31,9 +31,9 @@ pub struct Conditions {
     /// Angular velocity in W that the thrower gives besides the throw's own.
     pub spin_radps: Vector3<f64>,
     /// Mass of each link over that in the model.
-    link_mass_ratio: [f64; catch_body::MAX_JOINTS],
+    pub(crate) link_mass_ratio: [f64; catch_body::MAX_JOINTS],
     /// Where the gripper truly is: its frame G in that of the model, M.
-    X_MG: Pose,
+    pub(crate) X_MG: Pose,
 }
 
 impl Conditions {

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use catch_body::{Gripper, Robot, clearance::ArmClearance};
+use catch_body::{Gripper, JointVector, Robot, clearance::ArmClearance};
 use catch_cell::CameraModel;
 
-use crate::{cameras::Renderer, config::ArenaConfig, object::ThrownObject, physics::FreeBody};
+use crate::{cameras::Renderer, config::ArenaConfig, object::ThrownObject, physics::FreeBody, throw::Release};
 
 /// Arm, gripper, cameras and the object to be thrown, prepared once for any number of throws. Clones share it.
 #[derive(Debug, Clone)]
@@ -58,5 +58,12 @@ impl Equipment {
             object,
         };
         Self { shared: Arc::new(shared) }
+    }
+    /// Whether a released object is farther from floor, obstacles and the arm at `q` than it is large; quick, and `false` for
+    /// some that are clear of them all the same.
+    pub fn has_in_the_open(&self, release: &Release, q: &JointVector) -> bool {
+        let Shared { robot, clearance, object, .. } = &*self.shared;
+        let radius = object.bounding_radius_m;
+        clearance.least_distance_to_ball(&robot.link_poses(q), &release.p_WO, radius).min(release.p_WO.z - radius) > 0.0
     }
 }

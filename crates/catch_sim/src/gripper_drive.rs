@@ -128,6 +128,16 @@ impl GripperDrive {
         self.queue.rejected()
     }
 
+    /// The width of the move that is being carried out.
+    pub fn commanded_width_m(&self) -> f64 {
+        self.active.order.width_m
+    }
+
+    /// When the first cycle of its connection is, on the cell's clock; none for a drive without one.
+    pub fn phase_s(&self) -> Option<f64> {
+        if let Law::Real(interface, _) = &self.law { Some(interface.phase_s()) } else { None }
+    }
+
     /// Replaces all moves that have not started at `now_s`. One that should have started begins at once.
     pub fn receive(&mut self, moves: &[GripperMove], now_s: f64) {
         self.queue.receive(moves, now_s);

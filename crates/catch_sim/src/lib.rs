@@ -48,6 +48,7 @@ pub mod random_streams;
 mod sensors;
 pub mod servo;
 pub mod throw;
+pub mod throw_conditions;
 pub mod truth;
 
 pub use arena::Arena;
@@ -57,4 +58,5 @@ pub use equipment::Equipment;
 pub use free_flight::FreeFlight;
 pub use object::ThrownObject;
 pub use throw::{Release, Throw};
+pub use throw_conditions::{FlightConditions, ThrowConditions};
 pub use truth::{Contact, ServoReport, Truth, TruthSample};

@@ -14,6 +14,7 @@
 mod assembly;
 mod convert;
 mod free_motion;
+mod release_gap;
 mod restitution;
 
 use catch_body::{Gripper, JointVector, Pose, Robot, Twist};

@@ -10,6 +10,7 @@ use crate::{
     config::ArenaConfig,
     drawn::Drawn,
     person::Person,
+    throw_conditions::CameraPose,
 };
 
 /// Cameras that look, at every observation or in their own time, and whose images arrive after a while.
@@ -96,6 +97,18 @@ impl Sensors {
             spoilt: vec![Spoilt::Not; calibrated.len()],
             under_way: Vec::new(),
         }
+    }
+
+    /// Where the cameras truly stand, and when those that run freely look first.
+    pub fn camera_poses(&self) -> Vec<CameraPose> {
+        let phase_s = |clock: &CameraClock| clock.free.as_ref().map(|free| free.phase_s);
+        let poses = self.cameras.cameras().iter().zip(&self.clocks);
+        poses.map(|(camera, clock)| CameraPose { pose: (&camera.X_WC).into(), phase_s: phase_s(clock) }).collect()
+    }
+
+    /// Fraction of the object's surface that gives no depth.
+    pub fn hole_fraction(&self) -> f64 {
+        self.cameras.hole_fraction()
     }
 
     /// The windows that the brain wants from now on; `None` means all that the cameras give by themselves.

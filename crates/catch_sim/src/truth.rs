@@ -4,6 +4,8 @@ use catch_body::{JointVector, Pose, Twist, quantity};
 use catch_cell::LimitViolation;
 use serde::{Deserialize, Serialize};
 
+use crate::throw_conditions::ThrowConditions;
+
 /// Everything that happened in a scene so far.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Truth {
@@ -16,6 +18,29 @@ pub struct Truth {
     pub diverged_s: Option<f64>,
     /// Since when the world has been shaking.
     pub disturbed_since_s: Option<f64>,
+    /// What was drawn for the throw; older recordings have none.
+    #[serde(default)]
+    pub conditions: Option<ThrowConditions>,
+    /// How near its limits the arm came before anything touched the gripper; what comes after is the impact's doing.
+    #[serde(default)]
+    pub before_contact: Option<PeakRatios>,
+}
+
+/// Highest values over their limits, of any joint.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct PeakRatios {
+    /// Of the measured velocity.
+    #[serde(deserialize_with = "quantity::true_value")]
+    pub velocity: f64,
+    /// Of the torque that the controller asked for, before clamping.
+    #[serde(deserialize_with = "quantity::true_value")]
+    pub torque: f64,
+}
+
+impl From<&ServoReport> for PeakRatios {
+    fn from(report: &ServoReport) -> Self {
+        Self { velocity: report.peak_velocity_ratio, torque: report.peak_torque_ratio }
+    }
 }
 
 /// The state at one instant, and the forces of the step that led to it.
@@ -41,6 +66,9 @@ pub struct TruthSample {
     /// Distance between the fingers' inner faces in metres.
     #[serde(deserialize_with = "quantity::true_value")]
     pub width_m: f64,
+    /// The width that the gripper is commanded to have; below the true one it closes, or squeezes what is between its fingers.
+    #[serde(default, deserialize_with = "quantity::true_value")]
+    pub commanded_width_m: f64,
     /// Force between left and right finger and the object in N, averaged over the step.
     #[serde(deserialize_with = "quantity::true_value")]
     pub finger_force_n: [f64; 2],
@@ -77,7 +105,12 @@ pub struct Contact {
 impl Contact {
     /// Whether anything touched the object.
     pub fn any(&self) -> bool {
-        self.left_finger || self.right_finger || self.palm || self.arm || self.floor || self.obstacle
+        self.gripper() || self.arm || self.floor || self.obstacle
+    }
+
+    /// Whether fingers or palm touched it.
+    pub fn gripper(&self) -> bool {
+        self.left_finger || self.right_finger || self.palm
     }
 }
 

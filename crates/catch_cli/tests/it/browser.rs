@@ -68,7 +68,16 @@ fn screenshots() -> PathBuf {
 
 /// The page of a throw in `folder`.
 fn page_of_a_throw(folder: &Path) -> PathBuf {
-    let output = catchingbot(&["catch", "--html", "--object", "banana", "--out", folder.to_str().unwrap()]);
+    let output = catchingbot(&[
+        "catch",
+        "--scenario",
+        "paper",
+        "--html",
+        "--object",
+        "banana",
+        "--out",
+        folder.to_str().unwrap(),
+    ]);
     assert!(output.status.success(), "{}", stderr(&output));
     folder.join("paper-banana-near-1-0.html")
 }
@@ -144,7 +153,19 @@ fn the_report_opens_from_a_disk() {
     let Some(browser) = Browser::find() else { return };
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().to_str().unwrap();
-    let evaluated = catchingbot(&["eval", "--trials", "2", "--throw", "near", "--throw", "far", "--out", out]);
+    let evaluated = catchingbot(&[
+        "eval",
+        "--scenario",
+        "paper",
+        "--trials",
+        "2",
+        "--throw",
+        "near",
+        "--throw",
+        "far",
+        "--out",
+        out,
+    ]);
     assert!(evaluated.status.success(), "{}", stderr(&evaluated));
     let report = folder.path().join("report.html");
     assert_refers_to_nothing(&fs::read_to_string(&report).unwrap());

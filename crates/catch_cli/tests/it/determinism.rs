@@ -8,8 +8,8 @@ use crate::{catchingbot, stderr, stdout};
 
 fn throw(folder: &Path, object: &str) -> (Value, Vec<u8>) {
     let folder = folder.to_str().unwrap();
-    let output =
-        catchingbot(&["catch", "--json", "--object", object, "--throw", "far_sampled", "--seed", "5", "--out", folder]);
+    let thrown = ["--scenario", "paper", "--object", object, "--throw", "far_sampled", "--seed", "5"];
+    let output = catchingbot(&[&["catch", "--json", "--out", folder], &thrown[..]].concat());
     assert!(output.status.success(), "{}", stderr(&output));
     let document: Value = serde_json::from_str(&stdout(&output)).unwrap();
     let recording = fs::read(document["recording"].as_str().unwrap()).unwrap();
@@ -50,6 +50,8 @@ fn json_is_one_document_with_everything_in_it() {
         "caught_paper",
         "reason",
         "limit_violations",
+        "motion_excursions",
+        "conditions",
         "scene",
         "catch_time_s",
         "timeline",

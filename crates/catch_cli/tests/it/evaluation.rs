@@ -271,7 +271,7 @@ fn evaluations_and_studies_go_into_folders_of_their_own() {
         stdout(&output)
     };
     run(&["new", "study", "bounce"]);
-    let shown = run(&["eval", "--throw", "near", "--throw", "near_sampled", "--trials", "2"]);
+    let shown = run(&["eval", "--scenario", "paper", "--throw", "near", "--throw", "near_sampled", "--trials", "2"]);
     assert!(shown.contains("  near is always the same: the trials repeat one throw"), "{shown}");
     run(&["eval", "--study", "bounce.toml", "--trials", "1"]);
     for file in ["out/eval/trials.jsonl", "out/study-bounce/report.html"] {
@@ -284,8 +284,21 @@ fn what_an_arm_could_have_reached_is_told_of_every_arm() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().to_str().unwrap();
     let slow = "limit_scale.velocity=0.05";
-    let arguments =
-        ["eval", "--robot", "panda", "--throw", "near_sampled", "--trials", "1", "--set", slow, "--out", out];
+    let arguments = [
+        "eval",
+        "--scenario",
+        "paper",
+        "--robot",
+        "panda",
+        "--throw",
+        "near_sampled",
+        "--trials",
+        "1",
+        "--set",
+        slow,
+        "--out",
+        out,
+    ];
     let output = catchingbot(&arguments);
     assert!(output.status.success(), "{}", stderr(&output));
     let document = catchingbot(&[&arguments[..], &["--resume", "--json"]].concat());

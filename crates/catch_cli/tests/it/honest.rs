@@ -86,8 +86,13 @@ fn unreachable_throws(count: usize) {
     assert_ne!(wide, text);
     let mut tried = 0;
     for object in ["tennis_ball", "banana", "pill_bottle"] {
-        let mut setup =
-            Setup::load(&Choice { object: Some(object), throw: Some("random"), ..Choice::default() }).unwrap();
+        let mut setup = Setup::load(&Choice {
+            scenario: Some("paper"),
+            object: Some(object),
+            throw: Some("random"),
+            ..Choice::default()
+        })
+        .unwrap();
         setup.throw = Throw::from_toml("wide.toml", &wide).unwrap();
         let oracle = Oracle::of(&setup);
         let out_of_reach = (0..).filter(|&index| oracle.reach(&setup, 11, index).from_release_s.is_none());
@@ -151,7 +156,7 @@ fn a_study_goes_on_where_it_was() {
 /// arm follows.
 #[test]
 fn a_brain_whose_trajectory_was_refused_goes_on_from_what_the_arm_follows() {
-    let setup = Setup::load(&Choice::default()).unwrap();
+    let setup = Setup::load(&Choice { scenario: Some("paper"), ..Choice::default() }).unwrap();
     let (mut arena, mut brain) = (setup.arena(1, 0), setup.brain(1, 0));
     let mut sent_after = None;
     for _ in 0..60 {

@@ -34,7 +34,10 @@ fn fields_are_those_that_foxglove_publishes() {
     let published: BTreeSet<String> = include_str!("foxglove_fields.txt").lines().map(str::to_owned).collect();
     let folder = tempfile::tempdir().unwrap();
     let mut written = BTreeSet::new();
-    for message in mcap::MessageStream::new(&file_of(folder.path(), &["catch"])).unwrap().map(Result::unwrap) {
+    for message in mcap::MessageStream::new(&file_of(folder.path(), &["catch", "--scenario", "paper"]))
+        .unwrap()
+        .map(Result::unwrap)
+    {
         let pool = DescriptorPool::decode(&message.channel.schema.as_ref().unwrap().data[..]).unwrap();
         for of in pool.all_messages() {
             for field in of.fields() {
@@ -65,7 +68,7 @@ fn file_of(folder: &Path, options: &[&str]) -> Vec<u8> {
 fn every_message_is_what_its_schema_says() {
     let folder = tempfile::tempdir().unwrap();
     for object in ["tennis_ball", "banana", "pill_bottle"] {
-        let file = file_of(folder.path(), &["catch", "--object", object, "--throw", "far"]);
+        let file = file_of(folder.path(), &["catch", "--scenario", "paper", "--object", object, "--throw", "far"]);
         assert!(file.len() < 5_000_000, "{object}: {} bytes", file.len());
         let summary = mcap::Summary::read(&file).unwrap().expect("a summary");
         assert!(summary.stats.is_some());
@@ -97,7 +100,7 @@ fn every_message_is_what_its_schema_says() {
 #[test]
 fn calibrated_images_show_the_object() {
     let folder = tempfile::tempdir().unwrap();
-    let file = file_of(folder.path(), &["catch"]);
+    let file = file_of(folder.path(), &["catch", "--scenario", "paper"]);
     let (mut transforms, mut calibration, mut object, mut seen) = (Value::Null, Value::Null, Value::Null, 0);
     for message in mcap::MessageStream::new(&file).unwrap().map(Result::unwrap) {
         let topic = message.channel.topic.as_str();
@@ -142,7 +145,7 @@ fn pose(p: &Value, q: &Value) -> Pose {
 #[test]
 fn frames_lead_from_the_world_to_the_hand() {
     let folder = tempfile::tempdir().unwrap();
-    let output = catchingbot(&["catch", "--json", "--out", folder.path().to_str().unwrap()]);
+    let output = catchingbot(&["catch", "--scenario", "paper", "--json", "--out", folder.path().to_str().unwrap()]);
     let document: Value = serde_json::from_str(&stdout(&output)).unwrap();
     let playback = Playback::read(Path::new(document["recording"].as_str().unwrap())).unwrap();
     let file = mcap_file::mcap(&playback).unwrap();
@@ -172,7 +175,8 @@ fn frames_lead_from_the_world_to_the_hand() {
 #[test]
 fn the_scene_has_arm_hand_and_object() {
     let folder = tempfile::tempdir().unwrap();
-    let output = catchingbot(&["catch", "--json", "--mcap", "--out", folder.path().to_str().unwrap()]);
+    let output =
+        catchingbot(&["catch", "--scenario", "paper", "--json", "--mcap", "--out", folder.path().to_str().unwrap()]);
     let document: Value = serde_json::from_str(&stdout(&output)).unwrap();
     let path = |value: &Value| Path::new(value.as_str().unwrap()).to_path_buf();
     let playback = Playback::read(&path(&document["recording"])).unwrap();
@@ -216,7 +220,7 @@ fn the_scene_has_arm_hand_and_object() {
 #[test]
 fn metadata_tell_scenario_and_outcome() {
     let folder = tempfile::tempdir().unwrap();
-    let file = file_of(folder.path(), &["catch", "--object", "banana"]);
+    let file = file_of(folder.path(), &["catch", "--scenario", "paper", "--object", "banana"]);
     let summary = mcap::Summary::read(&file).unwrap().unwrap();
     let metadata: BTreeMap<String, BTreeMap<String, String>> = summary
         .metadata_indexes
@@ -233,7 +237,7 @@ fn metadata_tell_scenario_and_outcome() {
 #[test]
 fn the_file_tells_the_recorded_motion() {
     let folder = tempfile::tempdir().unwrap();
-    let output = catchingbot(&["catch", "--json", "--out", folder.path().to_str().unwrap()]);
+    let output = catchingbot(&["catch", "--scenario", "paper", "--json", "--out", folder.path().to_str().unwrap()]);
     let document: Value = serde_json::from_str(&stdout(&output)).unwrap();
     let playback = Playback::read(Path::new(document["recording"].as_str().unwrap())).unwrap();
     let file = mcap_file::mcap(&playback).unwrap();

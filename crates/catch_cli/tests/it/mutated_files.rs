@@ -136,12 +136,15 @@ fn add_meshes_and_data(add: &mut impl FnMut(Kind)) {
     add(Kind::new("cases", "c.json", cases.to_string(), "plan --cases FILE --json"));
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("results");
-    catchingbot(&["eval", "--trials", "4", "--object", "banana", "--throw", "near", "--out", out.to_str().unwrap()]);
+    catchingbot(&[&["eval"], PAPER_EVALUATION, &["--out", out.to_str().unwrap()]].concat());
     let [log, identity] = ["trials.jsonl", "evaluation.toml"].map(|it| fs::read(out.join(it)).unwrap());
-    let resume = "eval --trials 4 --object banana --throw near --resume --json --out FOLDER";
+    let resume = &format!("eval {} --resume --json --out FOLDER", PAPER_EVALUATION.join(" "));
     add(Kind::new("rows", "trials.jsonl", log.clone(), resume).beside("evaluation.toml", identity.clone()));
     add(Kind::new("evaluation", "evaluation.toml", identity, resume).beside("trials.jsonl", log));
 }
+
+/// An evaluation of a throw that is always the same.
+const PAPER_EVALUATION: &[&str] = &["--scenario", "paper", "--trials", "4", "--object", "banana", "--throw", "near"];
 
 /// Eight triangles.
 fn octahedron() -> &'static str {

@@ -9,7 +9,9 @@ use crate::{catchingbot, stderr, stdout};
 
 /// A recording of a throw in `folder`.
 fn record(folder: &Path, options: &[&str]) -> Value {
-    let output = catchingbot(&[&["catch", "--json", "--out", folder.to_str().unwrap()], options].concat());
+    let output = catchingbot(
+        &[&["catch", "--scenario", "paper", "--json", "--out", folder.to_str().unwrap()], options].concat(),
+    );
     assert!(output.status.success(), "{}", stderr(&output));
     serde_json::from_str(&stdout(&output)).unwrap()
 }

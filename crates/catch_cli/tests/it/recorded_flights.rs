@@ -174,6 +174,8 @@ fn recorded_tracks_are_thrown() {
     let run = |throw: &str| {
         json(&[
             "catch",
+            "--scenario",
+            "paper",
             "--object",
             "tennis_ball",
             "--throw",
@@ -194,7 +196,7 @@ fn recorded_tracks_are_thrown() {
     let recorded = run(throws);
     assert_eq!(recorded["scene"]["throw"], "tumbling");
     assert_ne!(released["measures"], recorded["measures"]);
-    let life = json(&["play", "--throw", throws, "--throws", "2", "--set", prior, "--json"]);
+    let life = json(&["play", "--scenario", "paper", "--throw", throws, "--throws", "2", "--set", prior, "--json"]);
     assert_eq!(life["throws"], 2);
 }
 

@@ -102,8 +102,16 @@ fn the_latency_of_an_honest_gripper_is_measured() {
 fn recordings_without_a_gripper_move_are_told_so() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().to_str().unwrap();
-    let thrown =
-        document(&["catch", "--json", "--set", "ready_rad=[2.8, 1.2, 1.1, -1.5, 1.6, 1.4, 0.2]", "--out", out]);
+    let thrown = document(&[
+        "catch",
+        "--scenario",
+        "paper",
+        "--json",
+        "--set",
+        "ready_rad=[2.8, 1.2, 1.1, -1.5, 1.6, 1.4, 0.2]",
+        "--out",
+        out,
+    ]);
     let output = catchingbot(&["gripper-latency", thrown["recording"].as_str().unwrap()]);
     assert_eq!(output.status.code(), Some(2));
     let complaint = stderr(&output);

@@ -22,7 +22,7 @@ use parquet::{
     basic::{ConvertedType, Type},
     file::reader::{FileReader, SerializedFileReader},
 };
-use sections::{ELSEWHERE, FILES, REACH, RECORDINGS, ROWS, SCENARIO, STATUSES, Section};
+use sections::{ELSEWHERE, FILES, REACH, RECORDINGS, RELEASE, ROWS, SCENARIO, STATUSES, Section};
 use toml::{Table, Value};
 
 const GENERATED: &str = "This page is generated from the sources; changes by hand get lost.";
@@ -260,16 +260,17 @@ fn ranges() -> BTreeMap<String, String> {
 fn columns_are_those_of_the_table() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
-    let output = crate::catchingbot(&["eval", "--trials", "1", "--out", out.to_str().unwrap()]);
+    let output = crate::catchingbot(&["eval", "--scenario", "paper", "--trials", "1", "--out", out.to_str().unwrap()]);
     assert!(output.status.success(), "{}", crate::stderr(&output));
     let file = fs::File::open(out.join("trials.parquet")).unwrap();
     let reader = SerializedFileReader::new(file).unwrap();
     let fields: Vec<Field> = ROWS.iter().flat_map(|source| item(*source).fields).collect();
-    let reach = item(REACH).fields;
+    let (reach, release) = (item(REACH).fields, item(RELEASE).fields);
     let mut page = format!(
         "# Columns\n\n{GENERATED}\n\nColumns of `trials.parquet` and `trials.csv`, one row per trial. Lengths are in metres, angles in \
          radians, times in seconds of the cell's clock, as the names say; ratios are of the arm's limits. An empty value was not measured, \
-         such as the error of a prediction that there was not. Lines of `trials.jsonl` have the same fields, and `first_violation`.\n\n\
+         such as the error of a prediction that there was not. Lines of `trials.jsonl` have the same fields, and `first_violation`; \
+         what was drawn for the throw stands there under `conditions`, as in [recordings](recordings.md#conditions-of-object-and-flight).\n\n\
          | column | type | meaning |\n| --- | --- | --- |\n"
     );
     for column in reader.metadata().file_metadata().schema_descr().columns() {
@@ -291,12 +292,25 @@ fn columns_are_those_of_the_table() {
             (_, Some(lead)) => Some(format!(
                 "How far off the object's position at the catch was predicted {lead} ms before the catch."
             )),
-            _ => of(&fields, name),
+            _ => of(&fields, name)
+                .or_else(|| component(name, |field| of(&release, field).or_else(|| of(&fields, field)))),
         };
         let meaning = meaning.unwrap_or_else(|| panic!("{name} says nothing of itself")).replace('|', "\\|");
         let _ = writeln!(page, "| `{name}` | {kind} | {meaning} |");
     }
     is_current("columns.md", &page);
+}
+
+/// The meaning of a column that is one component of a field: which, and of what.
+fn component(name: &str, of: impl Fn(&str) -> Option<String>) -> Option<String> {
+    let (field, axis) = match name.strip_prefix("release_") {
+        None => ("wind_mps", name.strip_prefix("wind_")?.strip_suffix("_mps")?),
+        Some(name) if name.starts_with('q') => ("orientation_xyzw", &name[1..]),
+        Some(name) if name.starts_with("spin_") => ("spin_radps", name[5..].strip_suffix("_radps")?),
+        Some(name) if name.starts_with('v') => ("velocity_mps", name[1..].strip_suffix("_mps")?),
+        Some(name) => ("position_m", name.strip_suffix("_m")?),
+    };
+    Some(format!("{} Component {axis}.", of(field)?))
 }
 
 fn item((file, name): (&str, &str)) -> Item {

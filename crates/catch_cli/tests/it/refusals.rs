@@ -205,7 +205,7 @@ fn a_degenerate_cloud_is_not_registered() {
 fn pages_go_where_they_are_wanted() {
     let folder = tempfile::tempdir().unwrap();
     let (out, pages) = (folder.path().join("with space"), folder.path().join("pages"));
-    let output = catchingbot(&["catch", "--out", out.to_str().unwrap()]);
+    let output = catchingbot(&["catch", "--scenario", "paper", "--out", out.to_str().unwrap()]);
     let shown = stdout(&output);
     let hint = shown.lines().find(|line| line.contains("look at it")).unwrap();
     assert!(hint.contains(&format!("view '{}", out.display())), "{hint}");

@@ -176,7 +176,7 @@ fn folders_that_cannot_be_written_are_named() {
 fn a_recording_that_was_cut_off_says_so() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().to_str().unwrap();
-    assert!(catchingbot(&["catch", "--json", "--out", out]).status.success());
+    assert!(catchingbot(&["catch", "--scenario", "paper", "--json", "--out", out]).status.success());
     let path = folder.path().join("paper-tennis_ball-near-1-0.catch");
     let bytes = fs::read(&path).unwrap();
     for fraction in [0.02, 0.5, 0.999] {

@@ -43,10 +43,12 @@ pub struct CellSummary {
     pub wilson95: Option<[f64; 2]>,
     /// Why it was not caught, and how often for this reason.
     pub reasons: BTreeMap<Reason, usize>,
-    /// Limits of the arm that were broken, over all trials.
+    /// Limits of the arm that commands broke, over all trials.
     pub limit_violations: usize,
     /// Programs and factorizations of the brain that failed though nothing was infeasible, over all trials.
     pub numerical_failures: u64,
+    /// Limits that the motion exceeded, as at impacts.
+    pub motion_excursions: usize,
     /// How far the joints moved in sum from the ready pose to the catch, in the middle.
     pub median_joint_travel_rad: Option<f64>,
     /// How far off the object's position at the catch was predicted, in the middle.
@@ -94,6 +96,7 @@ impl CellSummary {
             reasons,
             limit_violations: rows.iter().map(|row| row.verdict.limit_violations).sum(),
             numerical_failures: rows.iter().map(|row| u64::from(row.verdict.measures.numerical_failures)).sum(),
+            motion_excursions: rows.iter().map(|row| row.verdict.motion_excursions).sum(),
             median_joint_travel_rad: median(values(&|row| row.verdict.measures.joint_travel_rad)),
             median_prediction_error_m: median(values(&|row| row.verdict.measures.prediction_error_m)),
             min_clearance_m: clearances.flatten().min_by(f64::total_cmp),

@@ -20,7 +20,7 @@ pub const HEADINGS: [&str; 11] = [
     "caught",
     "95 %",
     "out of reach",
-    "as the paper",
+    "within 2.5 cm",
     "paper's Table I",
     "joint travel",
     "limits broken",
@@ -86,8 +86,8 @@ pub fn markdown(identity: &Identity, cells: &[CellSummary]) -> String {
     if let Some(repeated) = repeated_throws(cells) {
         let _ = writeln!(text, "\n{repeated}");
     }
-    text + "\n\"caught\": held to the end, without a limit broken; \"as the paper\": its own measure, which looks at one axis at \
-            0.875 s; \"paper's Table I\": what it published by that measure, its fixed throws, without limits on the arm.\n"
+    text + "\n\"caught\": held to the end, no limit broken by a command; \"within 2.5 cm\": the paper's measure, which looks at one axis \
+            at 0.875 s; \"paper's Table I\": what it published by that measure, its fixed throws, without limits on the arm.\n"
 }
 
 /// The times of the stages in Markdown.

@@ -57,6 +57,7 @@ const COLUMNS: &[(&str, Kind)] = &[
     ("reason", Kind::Text),
     (REACH, Kind::Number),
     ("limit_violations", Kind::Count),
+    ("motion_excursions", Kind::Count),
     ("catch_time_s", Kind::Number),
     ("contact_s", Kind::Number),
     ("prediction_error_m", Kind::Number),
@@ -80,6 +81,8 @@ const COLUMNS: &[(&str, Kind)] = &[
     ("peak_velocity_ratio", Kind::Number),
     ("peak_acceleration_ratio", Kind::Number),
     ("peak_torque_ratio", Kind::Number),
+    ("flight_velocity_ratio", Kind::Number),
+    ("flight_torque_ratio", Kind::Number),
     ("torque_clamped_s", Kind::Number),
     ("late_trajectories", Kind::Count),
     ("rejected_trajectories", Kind::Count),
@@ -92,12 +95,39 @@ const COLUMNS: &[(&str, Kind)] = &[
     ("silent_cameras", Kind::Count),
     ("displaced_cameras", Kind::Count),
     ("swapped_cameras", Kind::Count),
+    (CONDITIONS, Kind::Number),
 ];
 /// One column each for how long before the catch a prediction was made.
 const PREDICTIONS: &str = "prediction_errors_m";
 /// What the oracle reached, in columns of their own; only misses have it.
 const REACH: &str = "reach";
 const REACHES: &[&str] = &["from_first_image_s", "from_release_s"];
+/// What was drawn for the throw, in columns of its own: their names, and where each stands.
+const CONDITIONS: &str = "conditions";
+const DRAWN: &[(&str, &str)] = &[
+    ("release_x_m", "/release/position_m/0"),
+    ("release_y_m", "/release/position_m/1"),
+    ("release_z_m", "/release/position_m/2"),
+    ("release_vx_mps", "/release/velocity_mps/0"),
+    ("release_vy_mps", "/release/velocity_mps/1"),
+    ("release_vz_mps", "/release/velocity_mps/2"),
+    ("release_spin_x_radps", "/release/spin_radps/0"),
+    ("release_spin_y_radps", "/release/spin_radps/1"),
+    ("release_spin_z_radps", "/release/spin_radps/2"),
+    ("release_qx", "/release/orientation_xyzw/0"),
+    ("release_qy", "/release/orientation_xyzw/1"),
+    ("release_qz", "/release/orientation_xyzw/2"),
+    ("release_qw", "/release/orientation_xyzw/3"),
+    ("friction", "/friction"),
+    ("restitution", "/restitution"),
+    ("drag_per_m", "/drag_per_m"),
+    ("mass_kg", "/mass_kg"),
+    ("wind_x_mps", "/wind_mps/0"),
+    ("wind_y_mps", "/wind_mps/1"),
+    ("wind_z_mps", "/wind_mps/2"),
+    ("magnus", "/magnus"),
+    ("spin_decay_per_s", "/spin_decay_per_s"),
+];
 /// Fields of a [`Row`] that are no column: a violation is told by its number here, and in full in the log.
 #[cfg(test)]
 const ELSEWHERE: &[&str] = &["first_violation"];
@@ -131,6 +161,13 @@ pub fn columns(rows: &[Row]) -> Vec<Column> {
             for part in REACHES {
                 let values = of(&|map| map.get(field)?.get(part));
                 columns.push(Column { name: format!("{field}_{part}"), kind, values });
+            }
+            continue;
+        }
+        if field == CONDITIONS {
+            for (name, at) in DRAWN {
+                let values = of(&|map| map.get(field)?.pointer(at));
+                columns.push(Column { name: (*name).to_owned(), kind, values });
             }
             continue;
         }
@@ -205,7 +242,7 @@ mod tests {
     use crate::{
         reachability::oracle::Reach,
         referee::{Measures, Verdict, reason::Reason},
-        scenario::setup::Scene,
+        scenario::setup::{Choice, Scene, Setup},
     };
 
     fn row(index: u64, reason: Option<Reason>) -> Row {
@@ -221,10 +258,12 @@ mod tests {
                 reach: reason.map(|_| Reach { from_first_image_s: None, from_release_s: Some(0.5) }),
                 limit_violations: 0,
                 first_violation: None,
+                motion_excursions: 0,
                 catch_time_s: Some(0.1 + 0.2),
                 contact_s: None,
                 measures: Measures::default(),
             },
+            conditions: Some(Setup::load(&Choice::default()).unwrap().flight_conditions(1, 0)),
         }
     }
 
@@ -238,6 +277,7 @@ mod tests {
             assert!(is_known, "{field} has no column");
         }
         assert!(COLUMNS.iter().all(|(name, _)| map.contains_key(*name)));
+        assert!(DRAWN.iter().all(|(_, at)| map[CONDITIONS].pointer(at).is_some_and(Value::is_f64)));
         assert!(map[REACH].as_object().unwrap().keys().all(|part| REACHES.contains(&part.as_str())));
     }
 
@@ -247,7 +287,7 @@ mod tests {
         let (names, line) = (names(&columns), csv(&columns, 1));
         assert!(
             line.starts_with(
-                "\"a, b\",x,y,18446744073709551615,3,false,true,true,false,false,late,,0.5,0,0.30000000000000004,,"
+                "\"a, b\",x,y,18446744073709551615,3,false,true,true,false,false,late,,0.5,0,0,0.30000000000000004,,"
             ),
             "{line}"
         );

@@ -318,7 +318,8 @@ mod tests {
     fn a_dataset_has_its_throws() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("dataset");
-        let setup = Setup::load(&Choice { throw: Some("near_sampled"), ..Choice::default() }).unwrap();
+        let setup =
+            Setup::load(&Choice { scenario: Some("paper"), throw: Some("near_sampled"), ..Choice::default() }).unwrap();
         let mut dataset = LeRobotDataset::create(&path, &setup).unwrap();
         assert!(dataset.throw(1, 0).unwrap());
         let length = dataset.lengths[0];

@@ -77,7 +77,7 @@ fn head(report: &Report) -> String {
     let figures = [
         (format!("{caught} of {}", report.rows.len()), "caught and held"),
         (percent(caught as f64 / report.rows.len().max(1) as f64), "of all throws"),
-        (as_paper.to_string(), "caught, as the paper counts"),
+        (as_paper.to_string(), "within 2.5 cm (the paper's measure)"),
         (broken.to_string(), "limits of the arm broken"),
     ];
     let figures: String = figures.iter().map(|(value, label)| format!("<div><b>{value}</b>{label}</div>")).collect();
@@ -230,7 +230,7 @@ fn hills(laps_ms: impl Iterator<Item = (f64, usize)>, scale: &Scale) -> Vec<Mark
 
 fn table(report: &Report) -> String {
     let mut html = "<h2>In numbers</h2><div class=\"scroll\"><table><tr><th>object</th><th>throw</th><th class=\"n\">trials</th>\
-                    <th class=\"n\">caught</th><th class=\"n\">95 %</th><th class=\"n\">out of reach</th><th class=\"n\">as the paper</th><th class=\"n\">paper</th>\
+                    <th class=\"n\">caught</th><th class=\"n\">95 %</th><th class=\"n\">out of reach</th><th class=\"n\">within 2.5 cm</th><th class=\"n\">paper</th>\
                     <th class=\"n\">joint travel</th><th class=\"n\">limits broken</th></tr>\n"
         .to_owned();
     let rates = published_rates();

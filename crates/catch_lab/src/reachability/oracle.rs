@@ -23,7 +23,7 @@ use catch_sim::FreeFlight;
 use nalgebra::{Point3, Rotation3, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::{scenario::setup::Setup, trial::LONGEST_FLIGHT_S};
+use crate::scenario::setup::{Setup, throw_check::LONGEST_FLIGHT_S};
 
 /// How long after the first image has arrived anybody could begin to move, in seconds: the paper's first estimate needs six
 /// frames at 100 Hz.
@@ -282,7 +282,7 @@ mod tests {
     /// The paper's near throw can be caught from the scenario's pose; from the paper's own only by who knows it at the release.
     #[test]
     fn the_near_throw_is_out_of_reach_from_the_pose_of_the_paper() {
-        let mut setup = Setup::load(&Choice::default()).unwrap();
+        let mut setup = Setup::load(&Choice { scenario: Some("paper"), ..Choice::default() }).unwrap();
         let reach = Oracle::of(&setup).reach(&setup, 1, 0);
         assert!(reach.from_first_image_s.is_some() && reach.from_release_s.is_some(), "{reach:?}");
         setup.robot.ready_q = setup.robot.joint_vector(&[1.57, 0.5, 0.0, -1.2, 0.0, 0.8, 1.57]).unwrap();
@@ -293,7 +293,7 @@ mod tests {
 
     #[test]
     fn nobody_reaches_a_throw_that_passes_far_away() {
-        let mut setup = Setup::load(&Choice::default()).unwrap();
+        let mut setup = Setup::load(&Choice { scenario: Some("paper"), ..Choice::default() }).unwrap();
         let aside = include_str!("../../../../assets/throws/near.toml")
             .replace("[1.66613, 1.63277, 0.3]", "[3.66613, 3.63277, 0.3]");
         setup.throw = catch_sim::Throw::from_toml("aside.toml", &aside).unwrap();

@@ -5,6 +5,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use catch_sim::ThrowConditions;
+
 use crate::{
     recording::{
         Ending, GroundTruth, Recorder,
@@ -26,6 +28,8 @@ pub struct RecordedThrow {
     pub timeline: Vec<Entry>,
     /// The outcome.
     pub verdict: Verdict,
+    /// What was drawn for it.
+    pub conditions: Option<ThrowConditions>,
     /// Wall time of the brain's stages.
     pub stopwatch: Stopwatch,
 }
@@ -51,6 +55,7 @@ pub fn record(
     let end_s = trial.truth.samples.last().map_or(0.0, |sample| sample.time_s);
     timeline.ended(&verdict, end_s).iter().try_for_each(&mut *tell)?;
     let times = ThrowTimes::of(&trial);
+    let conditions = trial.truth.conditions.clone();
     let surface = RecordedSurface::from(&setup.object.mesh);
     let ground_truth =
         Some(GroundTruth { truth: trial.truth, verdict: verdict.clone(), surface, com_O: referee::true_com_O(setup) });
@@ -58,5 +63,5 @@ pub fn record(
     let ending = Ending { timeline, ground_truth };
     let recording = recorder.finish(&ending)?;
     times.write(&recording)?;
-    Ok(RecordedThrow { recording, timeline: ending.timeline, verdict, stopwatch: trial.stopwatch })
+    Ok(RecordedThrow { recording, timeline: ending.timeline, verdict, conditions, stopwatch: trial.stopwatch })
 }

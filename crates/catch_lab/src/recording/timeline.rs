@@ -4,10 +4,7 @@ use catch_bot::perception::CameraStatus;
 use catch_sim::{Truth, TruthSample};
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    referee::{Verdict, in_contact_with_gripper},
-    trial::Tick,
-};
+use crate::{referee::Verdict, trial::Tick};
 
 /// What can happen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -93,7 +90,7 @@ impl Timeline {
         }
         self.follow_brain(tick);
         let mut new = samples[self.samples_seen..].iter();
-        if let Some(sample) = new.find(|sample| in_contact_with_gripper(sample) && !self.touched) {
+        if let Some(sample) = new.find(|sample| sample.contact.gripper() && !self.touched) {
             self.touched = true;
             self.tell(sample.time_s, Event::Contact, touched_by(sample));
         }

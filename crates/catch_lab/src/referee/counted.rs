@@ -3,7 +3,7 @@
 use catch_sim::Truth;
 use nalgebra::Point3;
 
-use super::{is_squeezed, sample_at};
+use super::samples::{is_squeezed, sample_at};
 use crate::trial::PAPER_LOOKS_AT_S;
 
 /// How far along z of the gripper the object may be for the paper to call it caught.

@@ -57,12 +57,18 @@ pub struct Measures {
     /// What that is at the joints, the largest of any joint, in N·m·s.
     #[serde(default)]
     pub catch_joint_impulse_nms: Option<f64>,
-    /// Highest velocity of a joint over its limit.
+    /// Highest velocity of a joint over its limit, impacts included.
     pub peak_velocity_ratio: f64,
     /// Highest acceleration of a joint over its limit, impacts included.
     pub peak_acceleration_ratio: f64,
-    /// Highest torque asked of a motor over its limit.
+    /// Highest torque asked of a motor over its limit, impacts included.
     pub peak_torque_ratio: f64,
+    /// Highest velocity of a joint over its limit before anything touched the gripper.
+    #[serde(default)]
+    pub flight_velocity_ratio: f64,
+    /// Highest torque asked of a motor over its limit by then.
+    #[serde(default)]
+    pub flight_torque_ratio: f64,
     /// How long a motor's torque was clamped.
     pub torque_clamped_s: f64,
     /// Trajectories that came too late.

@@ -6,7 +6,10 @@ use catch_bot::{Status, trajectory_optimization::CatchPlan};
 use catch_sim::truth::Contact;
 use serde::{Deserialize, Serialize};
 
-use super::{Evidence, HELD_FROM_S, in_contact_with_gripper, is_squeezed, sample_at};
+use super::{
+    Evidence, HELD_FROM_S,
+    samples::{is_squeezed, sample_at},
+};
 
 /// Beyond this a prediction or a pose explains why the gripper missed.
 const LARGE_ERROR_M: f64 = 0.02;
@@ -201,8 +204,7 @@ fn met_the_floor_in_hand(evidence: &Evidence) -> bool {
 /// How long in total the object was squeezed, if long enough to have been grasped.
 fn grasped_for_s(evidence: &Evidence) -> Option<f64> {
     let samples = &evidence.truth.samples;
-    let squeezed =
-        samples.windows(2).filter(|pair| in_contact_with_gripper(&pair[1]) && is_squeezed(&pair[0], &pair[1]));
+    let squeezed = samples.windows(2).filter(|pair| pair[1].contact.gripper() && is_squeezed(&pair[0], &pair[1]));
     let total_s: f64 = squeezed.map(|pair| pair[1].time_s - pair[0].time_s).sum();
     (total_s >= GRASPED_AFTER_S).then_some(total_s)
 }

@@ -1,8 +1,10 @@
 //! What a trial needs, read and checked: the scenario and every file that it names.
 
+mod assumptions;
 pub mod calibration;
 mod knowledge;
 mod parts;
+pub mod throw_check;
 
 use std::{
     path::PathBuf,
@@ -31,7 +33,7 @@ use crate::{
 /// What somebody asks for: a scenario, and what is to be different from its file.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Choice<'a> {
-    /// Name or file; `None` is the scenario of the paper.
+    /// Name or file; `None` is [`DEFAULT_SCENARIO`].
     pub scenario: Option<&'a str>,
     /// Name or file.
     pub robot: Option<&'a str>,
@@ -49,8 +51,8 @@ pub struct Choice<'a> {
     pub settings: &'a [String],
 }
 
-/// The scenario that is meant when none is named.
-pub const DEFAULT_SCENARIO: &str = "paper";
+/// The scenario that is meant when none is named: one that assumes nothing away.
+pub const DEFAULT_SCENARIO: &str = "honest";
 
 /// One throw among all: with the scenario, all that its outcome depends on.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]

@@ -194,7 +194,7 @@ mod tests {
     }
 
     fn setup() -> Setup {
-        Setup::load(&Choice { throw: Some("near_sampled"), ..Choice::default() }).unwrap()
+        Setup::load(&Choice { scenario: Some("paper"), throw: Some("near_sampled"), ..Choice::default() }).unwrap()
     }
 
     #[test]

@@ -188,7 +188,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn setup() -> Setup {
-        Setup::load(&Choice::default()).unwrap()
+        Setup::load(&Choice { scenario: Some("paper"), ..Choice::default() }).unwrap()
     }
 
     #[test]

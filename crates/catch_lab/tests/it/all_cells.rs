@@ -14,7 +14,8 @@ fn run(object: &str, throw: &str, seed: u64, index: u64) -> (Truth, Verdict) {
 }
 
 fn run_with(settings: &[String], object: &str, throw: &str, seed: u64, index: u64) -> (Truth, Verdict) {
-    let choice = Choice { object: Some(object), throw: Some(throw), settings, ..Choice::default() };
+    let choice =
+        Choice { scenario: Some("paper"), object: Some(object), throw: Some(throw), settings, ..Choice::default() };
     let setup = Setup::load(&choice).unwrap();
     let trial = trial::run(&setup, seed, index, &mut |_, _| Ok(())).unwrap();
     let verdict = referee::judge(&setup, &trial);
@@ -37,7 +38,7 @@ fn is_finite(sample: &TruthSample) -> bool {
 /// Held, but by an arm that moves on, is no catch; nor is one that the floor helped with.
 #[test]
 fn a_catch_needs_an_arm_at_rest_and_no_floor() {
-    let setup = Setup::load(&Choice::default()).unwrap();
+    let setup = Setup::load(&Choice { scenario: Some("paper"), ..Choice::default() }).unwrap();
     let mut trial = trial::run(&setup, 1, 0, &mut |_, _| Ok(())).unwrap();
     let verdict = referee::judge(&setup, &trial);
     assert!(verdict.caught);
@@ -60,7 +61,8 @@ fn is_in_hand_at_the_end(truth: &Truth, grasp_centre_G: &Point3<f64>) -> bool {
 
 #[test]
 fn every_throw_of_every_object_has_an_outcome() {
-    let grasp_centre_G = Setup::load(&Choice::default()).unwrap().gripper.grasp_centre();
+    let grasp_centre_G =
+        Setup::load(&Choice { scenario: Some("paper"), ..Choice::default() }).unwrap().gripper.grasp_centre();
     for object in Kind::Object.names() {
         for throw in Kind::Throw.names() {
             let (truth, verdict) = run(object, throw, 3, 1);
@@ -80,7 +82,8 @@ fn every_throw_of_every_object_has_an_outcome() {
 /// Fingers that close much too early catch nothing, and the truth shows it.
 #[test]
 fn what_is_missed_is_not_in_the_hand() {
-    let grasp_centre_G = Setup::load(&Choice::default()).unwrap().gripper.grasp_centre();
+    let grasp_centre_G =
+        Setup::load(&Choice { scenario: Some("paper"), ..Choice::default() }).unwrap().gripper.grasp_centre();
     let early = ["brain.control.gripper_latency_s=0.3".to_owned()];
     for object in Kind::Object.names() {
         let (truth, verdict) = run_with(&early, object, "near", 3, 1);
@@ -124,7 +127,13 @@ fn every_built_in_arm_catches() {
         for (object, throw) in
             [("tennis_ball", "near_sampled"), ("banana", "far_sampled"), ("pill_bottle", "random_by_reach")]
         {
-            let choice = Choice { robot: Some(robot), object: Some(object), throw: Some(throw), ..Choice::default() };
+            let choice = Choice {
+                scenario: Some("paper"),
+                robot: Some(robot),
+                object: Some(object),
+                throw: Some(throw),
+                ..Choice::default()
+            };
             let setup = Setup::load(&choice).unwrap();
             let verdicts = [0, 1].map(|index| {
                 let trial = trial::run(&setup, 3, index, &mut |_, _| Ok(())).unwrap();

@@ -79,7 +79,7 @@ fn commands(setup: &Setup, offset: Vector3<f64>, cameras: Cameras) -> Vec<Comman
 
 #[test]
 fn in_the_dark_the_object_may_go_where_it_likes() {
-    let setup = Setup::load(&Choice::default()).unwrap();
+    let setup = Setup::load(&Choice { scenario: Some("paper"), ..Choice::default() }).unwrap();
     let offset = Vector3::new(0.05, -0.03, 0.1);
     let dark = commands(&setup, Vector3::zeros(), Cameras::Dark);
     let dark_and_moved = commands(&setup, offset, Cameras::Dark);

@@ -299,7 +299,7 @@ fn loads() -> BTreeMap<String, Load<'static>> {
 
 /// A recording, shortened, as the values of its parts.
 fn recorded_parts(folder: &Path) -> Vec<Value> {
-    let setup = Setup::load(&Choice::default()).unwrap();
+    let setup = Setup::load(&Choice { scenario: Some("paper"), ..Choice::default() }).unwrap();
     let recorded = catch_lab::recording::recorded_throw::record(&setup, 1, 0, folder, &mut |_| Ok(())).unwrap();
     let mut bytes = Vec::new();
     GzDecoder::new(fs::File::open(recorded.recording).unwrap()).read_to_end(&mut bytes).unwrap();

@@ -44,12 +44,16 @@ pub struct Desk {
 
 impl Desk {
     pub fn new(object: &str, change: impl Fn(&mut Config)) -> Self {
-        Self::of(Setup::load(&Choice { object: Some(object), ..Choice::default() }).unwrap(), change)
+        Self::of(
+            Setup::load(&Choice { scenario: Some("paper"), object: Some(object), ..Choice::default() }).unwrap(),
+            change,
+        )
     }
 
     /// For an arm that states this limit of the jerk, in rad/s³.
     fn with_jerk(object: &str, most: f64) -> Self {
-        let mut setup = Setup::load(&Choice { object: Some(object), ..Choice::default() }).unwrap();
+        let mut setup =
+            Setup::load(&Choice { scenario: Some("paper"), object: Some(object), ..Choice::default() }).unwrap();
         for joint in &mut setup.robot.joints {
             joint.limits.jerk = Some(most);
         }
@@ -114,7 +118,7 @@ pub fn random_flight(rng: &mut Pcg64) -> FlightTrajectory {
 #[test]
 fn replans_are_continuous() {
     for (object, throw) in [("banana", "near_sampled"), ("tennis_ball", "far_sampled"), ("pill_bottle", "near")] {
-        let choice = Choice { object: Some(object), throw: Some(throw), ..Choice::default() };
+        let choice = Choice { scenario: Some("paper"), object: Some(object), throw: Some(throw), ..Choice::default() };
         let setup = Setup::load(&choice).unwrap();
         let (mut executing, mut sent): (Option<ArmTrajectory>, usize) = (None, 0);
         trial::run(&setup, 1, 1, &mut |tick, _| {

@@ -11,7 +11,13 @@ use rand_pcg::Pcg64;
 
 fn setup(object: &str, throw: &str, settings: &[&str]) -> Setup {
     let settings: Vec<String> = settings.iter().map(|&it| it.to_owned()).collect();
-    let choice = Choice { object: Some(object), throw: Some(throw), settings: &settings, ..Choice::default() };
+    let choice = Choice {
+        scenario: Some("paper"),
+        object: Some(object),
+        throw: Some(throw),
+        settings: &settings,
+        ..Choice::default()
+    };
     Setup::load(&choice).unwrap()
 }
 
@@ -25,7 +31,7 @@ fn what_is_caught_in_one_life_is_told_apart_and_put_down() {
     let play = play("near_sampled", &[], 7);
     let mut told = 0;
     let life = play.run(&mut |_| told += 1).unwrap();
-    assert_eq!((life.rows.len(), told, life.stuck, life.violations_between), (7, 7, false, 0));
+    assert_eq!((life.rows.len(), told, life.ended_early, life.violations_between), (7, 7, None, 0));
     let mut objects = Vec::new();
     for (index, row) in life.rows.iter().enumerate() {
         let verdict = &row.row.verdict;
@@ -48,11 +54,20 @@ fn what_is_caught_in_one_life_is_told_apart_and_put_down() {
     }
 }
 
+/// The thrower's own pause is not the arm's, however long.
+#[test]
+fn a_long_pause_is_no_stuck_arm() {
+    let play = Play { every_s: 65.0, ..play("near_sampled", &[], 1) };
+    let life = play.run(&mut |_| ()).unwrap();
+    assert_eq!((life.rows.len(), life.ended_early), (1, None));
+    assert!(life.duration_s >= 65.0 - 1e-6, "{}", life.duration_s);
+}
+
 /// Fingers that close much too early catch nothing; the objects fall to the floor, and the arm goes back.
 #[test]
 fn after_a_miss_the_arm_is_ready_again() {
     let life = play("near_sampled", &["brain.control.gripper_latency_s=0.3"], 4).run(&mut |_| ()).unwrap();
-    assert!(!life.stuck && life.rows.len() == 4);
+    assert!(life.ended_early.is_none() && life.rows.len() == 4);
     assert!(life.rows.iter().all(|row| row.row.verdict.reason.is_some() && row.placed.is_none()));
     assert!(life.rows.iter().all(|row| row.identified.as_ref() == Some(&row.row.scene.object)));
 }

@@ -159,6 +159,7 @@ fn ready_serves_twenty_random_arms() {
         std::fs::write(arm.join("robot.urdf"), urdf).unwrap();
         std::fs::write(arm.join("robot.toml"), toml).unwrap();
         let setup = Setup::load(&Choice {
+            scenario: Some("paper"),
             robot: arm.join("robot.toml").to_str(),
             throw: Some("random_by_reach"),
             ..Choice::default()

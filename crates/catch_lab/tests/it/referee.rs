@@ -9,14 +9,17 @@ use catch_lab::{
     scenario::setup::{Choice, Setup},
     trial::{self, Trial},
 };
-use catch_sim::{TruthSample, truth::Contact};
+use catch_sim::{
+    TruthSample,
+    truth::{Contact, PeakRatios},
+};
 use nalgebra::{UnitQuaternion, Vector3};
 
 const VIOLATION: LimitViolation = LimitViolation { joint: 0, kind: LimitKind::Velocity, ratio: 1.5, time_s: 0.3 };
 
 /// A throw without air that is caught, and what the referee says of it.
 static CAUGHT: LazyLock<(Setup, Trial, Verdict)> = LazyLock::new(|| {
-    let setup = Setup::load(&Choice { object: Some("banana"), ..Choice::default() }).unwrap();
+    let setup = Setup::load(&Choice { scenario: Some("paper"), object: Some("banana"), ..Choice::default() }).unwrap();
     let trial = trial::run(&setup, 1, 0, &mut |_, _| Ok(())).unwrap();
     let verdict = referee::judge(&setup, &trial);
     (setup, trial, verdict)
@@ -74,8 +77,114 @@ fn limits_count_once_they_are_broken() {
     assert_eq!((by_command.reason, by_command.caught), (Some(Reason::LimitViolation), false));
     assert!(by_command.caught_beyond_limits);
     assert_eq!((by_command.limit_violations, by_command.first_violation), (1, Some(VIOLATION)));
+    // What an impact does to the motion is told apart and decides nothing.
     let in_motion = judged(|it| it.truth.servo.motion_violations.push(VIOLATION));
-    assert!(in_motion.caught && in_motion.limit_violations == 1);
+    assert!(in_motion.caught, "{in_motion:?}");
+    assert_eq!((in_motion.limit_violations, in_motion.first_violation, in_motion.motion_excursions), (0, None, 1));
+}
+
+/// Peaks before the first contact are those of the motion that was commanded.
+#[test]
+fn peaks_in_flight_stand_apart_from_those_of_the_impact() {
+    let measures = &CAUGHT.2.measures;
+    assert!(measures.flight_velocity_ratio > 0.1 && measures.flight_velocity_ratio <= measures.peak_velocity_ratio);
+    assert!(measures.flight_torque_ratio > 0.1 && measures.flight_torque_ratio <= measures.peak_torque_ratio);
+    let in_flight = PeakRatios { velocity: 0.25, torque: 0.5 };
+    let measures = judged(|it| it.truth.before_contact = Some(in_flight)).measures;
+    assert_eq!((measures.flight_velocity_ratio, measures.flight_torque_ratio), (0.25, 0.5));
+}
+
+/// Fingers that nobody has told to close hold nothing, whatever lies between them.
+#[test]
+fn an_open_gripper_holds_nothing() {
+    let open = |it: &mut TruthSample| it.commanded_width_m = it.width_m;
+    let both = judged(|it| samples(it, ALWAYS, open));
+    assert!(!both.caught && both.reason.is_some(), "{both:?}");
+    let with_palm = |it: &mut TruthSample| {
+        (it.contact.left_finger, it.contact.palm) = (false, true);
+        open(it);
+    };
+    assert!(!judged(|it| samples(it, ALWAYS, with_palm)).caught);
+}
+
+/// Images ten times a second or a hundred: the object is shaken for half a second before the test ends.
+#[test]
+fn the_disturbance_lasts_half_a_second_at_every_rate_of_images() {
+    let setup = |rate_hz: f64| {
+        let settings = [format!("arena.frame_rate_hz={rate_hz}")];
+        Setup::load(&Choice { scenario: Some("paper"), settings: &settings, ..Choice::default() }).unwrap()
+    };
+    for rate_hz in [10.0, 100.0] {
+        let trial = trial::run(&setup(rate_hz), 1, 0, &mut |_, _| Ok(())).unwrap();
+        let contact_s = trial.truth.samples.iter().find(|it| it.contact.gripper()).unwrap().time_s;
+        let disturbed_s = trial.truth.disturbed_since_s.unwrap();
+        assert!((disturbed_s - contact_s - 1.0).abs() < 1.5e-3, "{rate_hz} Hz: {}", disturbed_s - contact_s);
+        assert!(trial.truth.samples.last().unwrap().time_s >= contact_s + 1.5 - 1.5e-3, "{rate_hz} Hz");
+    }
+}
+
+/// A ball at rest in an open hand is no throw, nor is one that flies for longer than a trial lasts.
+#[test]
+fn what_is_no_throw_is_refused() {
+    let (setup, ..) = &*CAUGHT;
+    let fault = |position_m: [f64; 3], velocity_mps: [f64; 3]| {
+        let text = format!(
+            "[motion]\nkind = \"fixed\"\nposition_m = {position_m:?}\nvelocity_mps = {velocity_mps:?}\nspin_radps = [0.0, 0.0, 0.0]"
+        );
+        let throw = catch_sim::Throw::from_toml("still.toml", &text).unwrap();
+        setup.with_throw("still".to_owned(), throw).check_throw(1, 0).err().map(|it| it.to_string())
+    };
+    let hand = setup.robot.gripper_pose(&setup.robot.ready_q) * setup.gripper.grasp_centre();
+    for (position_m, part) in
+        [(hand.coords.into(), "the palm"), ([2.0, 0.0, 0.01], "the floor"), ([0.0, 0.0, 0.2], "the arm")]
+    {
+        let said = fault(position_m, [0.0; 3]).unwrap();
+        assert!(said.contains("still: motion") && said.contains("banana") && said.contains(part), "{said}");
+        assert!(said.contains("touches nothing"), "{said}");
+    }
+    let said = fault([2.0, 0.0, 1.0], [0.0, 0.0, 40.0]).unwrap();
+    assert!(said.contains("takes longer") && said.contains("within 5 s"), "{said}");
+    assert_eq!(fault([2.0, 0.0, 1.0], [0.0, 0.0, 20.0]), None);
+}
+
+/// A flight of more than two seconds is waited for.
+#[test]
+fn a_trial_lasts_until_the_flight_has_landed() {
+    let (setup, ..) = &*CAUGHT;
+    let up = "[motion]\nkind = \"fixed\"\nposition_m = [3.0, 0.0, 0.5]\nvelocity_mps = [0.0, 0.0, 15.0]\nspin_radps = [0.0, 0.0, 0.0]";
+    let setup = setup.with_throw("up".to_owned(), catch_sim::Throw::from_toml("up.toml", up).unwrap());
+    let trial = trial::run(&setup, 1, 0, &mut |_, _| Ok(())).unwrap();
+    let last = trial.truth.samples.last().unwrap();
+    let floor_s = trial.truth.samples.iter().find(|it| it.contact.floor).map(|it| it.time_s);
+    assert!(floor_s.is_some_and(|it| it > 3.0 && last.time_s < it + 0.3), "{floor_s:?}, ends at {}", last.time_s);
+}
+
+/// The arena's account of a throw is what it was thrown with.
+#[test]
+fn conditions_are_those_of_the_trial() {
+    let setup = Setup::load(&Choice { scenario: Some("honest"), ..Choice::default() }).unwrap();
+    let (arena, release, drawn) = (setup.arena(1, 3), setup.release(1, 3), setup.conditions(1, 3));
+    let told = arena.truth().conditions.clone().unwrap();
+    let first = arena.truth().samples[0];
+    assert_eq!(Vector3::from(told.flight.release.position_m), first.X_WO.translation.vector);
+    assert!((Vector3::from(told.flight.release.spin_radps) - first.V_WO.angular).norm() < 1e-12);
+    assert_eq!(told.flight.release.orientation_xyzw, <[f64; 4]>::from(release.q_WO.coords));
+    assert_eq!((told.flight.friction, told.flight.restitution), (drawn.friction, drawn.restitution));
+    assert_eq!((told.flight.drag_per_m, told.flight.mass_kg), (drawn.drag_per_m, setup.object.mass_kg));
+    assert_eq!(told.flight, setup.flight_conditions(1, 3));
+    // The arm is not the model's, the gripper sits where G is, and the cameras stand beside where they are believed to.
+    assert_eq!(told.cell.link_mass_ratios.len(), 7);
+    assert!(told.cell.link_mass_ratios.iter().all(|it| (0.97..=1.03).contains(it) && *it != 1.0), "{told:?}");
+    let mount_m = Vector3::from(told.cell.gripper_mount.position_m).norm();
+    assert!((mount_m - 0.0005).abs() < 1e-9, "{mount_m}");
+    assert!(told.cell.gripper_phase_s.is_some_and(|it| (0.0..0.1).contains(&it)), "{told:?}");
+    assert_eq!(told.cell.cameras.len(), setup.cameras.len());
+    for (truly, believed) in told.cell.cameras.iter().zip(&setup.cameras) {
+        let off_m = (Vector3::from(truly.pose.position_m) - believed.X_WC.translation.vector).norm();
+        assert!(off_m > 0.0 && off_m < 0.02, "{off_m}");
+    }
+    let text = serde_json::to_string(&told).unwrap();
+    assert_eq!(serde_json::from_str::<catch_sim::ThrowConditions>(&text).unwrap(), told);
 }
 
 /// What is changed → the reason that it is missed for; none where it is still a catch.

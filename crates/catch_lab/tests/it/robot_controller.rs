@@ -25,7 +25,13 @@ fn sampled_throws(settings: &[&str]) -> (usize, Vec<Rejection>) {
     let settings: Vec<String> = settings.iter().map(|&it| it.to_owned()).collect();
     let (mut caught, mut rejections) = (0, Vec::new());
     for object in OBJECTS {
-        let setup = Setup::load(&Choice { object: Some(object), settings: &settings, ..Choice::default() }).unwrap();
+        let setup = Setup::load(&Choice {
+            scenario: Some("paper"),
+            object: Some(object),
+            settings: &settings,
+            ..Choice::default()
+        })
+        .unwrap();
         let throws = ["near_sampled", "far_sampled"].map(|throw| setup.thrown(throw).unwrap());
         for index in 0..7 {
             let setup = &throws[index % 2];
@@ -56,7 +62,7 @@ fn a_hostile_controller_costs_no_catches() {
 /// What a brain does after a reset is what a new one does, under identifiers that have not been used.
 #[test]
 fn a_brain_that_was_reset_is_as_good_as_new() {
-    let setup = Setup::load(&Choice::default()).unwrap();
+    let setup = Setup::load(&Choice { scenario: Some("paper"), ..Choice::default() }).unwrap();
     let commands = |brain: &mut dyn Brain| -> Vec<Command> {
         let mut arena = setup.arena(1, 0);
         let tick = |_| {
@@ -89,7 +95,13 @@ fn an_arm_with_limits_of_the_jerk_catches() {
     let toml = folder.path().join("robot.toml");
     fs::write(&toml, text).unwrap();
     let throw = |robot: Option<&str>, object: &str, index: u64| {
-        let choice = Choice { robot, object: Some(object), throw: Some("near_sampled"), ..Choice::default() };
+        let choice = Choice {
+            scenario: Some("paper"),
+            robot,
+            object: Some(object),
+            throw: Some("near_sampled"),
+            ..Choice::default()
+        };
         let setup = Setup::load(&choice).unwrap();
         let mut highest: f64 = 0.0;
         let trial = trial::run(&setup, 1, index, &mut |tick, _| {

@@ -11,7 +11,8 @@ use catch_lab::{
 };
 
 fn setup(robot: Option<&str>, workcell: &str, throw: &str) -> Setup {
-    let choice = Choice { robot, workcell: Some(workcell), throw: Some(throw), ..Choice::default() };
+    let choice =
+        Choice { scenario: Some("paper"), robot, workcell: Some(workcell), throw: Some(throw), ..Choice::default() };
     Setup::load(&choice).unwrap()
 }
 
@@ -49,7 +50,7 @@ fn an_object_behind_a_wall_is_out_of_reach_and_hits_it() {
     assert_eq!(verdict.reason, Some(Reason::HitObstacle), "{verdict:?}");
     assert_eq!(Oracle::of(&walled).reach(&walled, 8, 0).from_release_s, None);
     // The same throw without it.
-    let open = Setup::load(&Choice::default()).unwrap();
+    let open = Setup::load(&Choice { scenario: Some("paper"), ..Choice::default() }).unwrap();
     assert!(run(&open, 0).caught && Oracle::of(&open).reach(&open, 8, 0).from_release_s.is_some());
 }
 
@@ -61,7 +62,7 @@ fn a_workcell_in_which_the_arm_cannot_stand_is_refused() {
     let block = "name = \"block\"\ndescription = \"where the arm is\"\n\n[[boxes]]\nname = \"block\"\n\
                  size_m = [1.0, 1.0, 1.0]\nposition_m = [0.0, 0.0, 0.5]\n";
     fs::write(&file, block).unwrap();
-    let choice = Choice { workcell: file.to_str(), ..Choice::default() };
+    let choice = Choice { scenario: Some("paper"), workcell: file.to_str(), ..Choice::default() };
     let fault = Setup::load(&choice).unwrap_err().to_string();
     assert!(fault.contains("block.toml: boxes or capsules: found `block`"), "{fault}");
 }

@@ -1,7 +1,7 @@
 """CatchingBot: a robot arm that catches thrown objects, in simulation.
 
 >>> import catchingbot as cb
->>> trial = cb.Setup(object="banana").run(seed=1)
+>>> trial = cb.Setup("paper", object="banana").run(seed=1)
 >>> trial.caught
 True
 """

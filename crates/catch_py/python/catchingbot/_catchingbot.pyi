@@ -29,7 +29,7 @@ class Setup:
 
     def __new__(
         cls,
-        scenario: str = "paper",
+        scenario: str = "honest",
         *,
         robot: str | None = None,
         gripper: str | None = None,

@@ -98,6 +98,11 @@ impl DepthCameras {
         }
     }
 
+    /// Fraction of the object's surface that gives no depth.
+    pub(crate) fn hole_fraction(&self) -> f64 {
+        self.holes.as_ref().map_or(0.0, |holes| holes.fraction)
+    }
+
     /// The phase of a camera that runs freely, as a fraction of its period.
     pub(crate) fn phase(&self, camera: usize) -> f64 {
         self.key.part(camera as u64).part(Purpose::Phase as u64).unit(0)

@@ -36,6 +36,11 @@ impl Interface {
         }
     }
 
+    /// Time of the first cycle.
+    pub fn phase_s(&self) -> f64 {
+        self.phase_s
+    }
+
     /// When the fingers begin a move that is sent at `sent_s`.
     ///
     /// The command is under way for a constant time and is then taken by the next cycle, which comes U[0, 1] cycles later: the

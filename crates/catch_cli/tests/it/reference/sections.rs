@@ -197,6 +197,13 @@ pub const RECORDINGS: &[Section] = &[
     of("Plan", "catch_lab/src/recording.rs", "RecordedPlan"),
     of("Ending", "catch_lab/src/recording.rs", "Ending"),
     of("Ground truth", "catch_lab/src/recording.rs", "GroundTruth"),
+    of("Truth", "catch_sim/src/truth.rs", "Truth"),
+    of("Conditions", "catch_sim/src/throw_conditions.rs", "ThrowConditions"),
+    of("Conditions of object and flight", "catch_sim/src/throw_conditions.rs", "FlightConditions"),
+    of("Release", "catch_sim/src/throw_conditions.rs", "ReleaseState"),
+    of("Conditions of arm, gripper and cameras", "catch_sim/src/throw_conditions.rs", "CellConditions"),
+    of("Pose of a frame", "catch_sim/src/throw_conditions.rs", "FramePose"),
+    of("Pose of a camera", "catch_sim/src/throw_conditions.rs", "CameraPose"),
 ];
 
 /// What a row of an evaluation has.
@@ -204,6 +211,9 @@ pub const ROWS: &[(&str, &str)] = &[
     ("catch_lab/src/scenario/setup.rs", "Scene"),
     ("catch_lab/src/referee.rs", "Verdict"),
     ("catch_lab/src/referee/measures.rs", "Measures"),
+    ("catch_sim/src/throw_conditions.rs", "FlightConditions"),
 ];
+/// The release, of which each component stands in a column of its own.
+pub const RELEASE: (&str, &str) = ("catch_sim/src/throw_conditions.rs", "ReleaseState");
 /// What the oracle reached, which stands in columns of its own.
 pub const REACH: (&str, &str) = ("catch_lab/src/reachability/oracle.rs", "Reach");

@@ -206,7 +206,8 @@ fn facts(playback: &Playback) -> Vec<(&'static str, String)> {
     }
     facts.push(("Peak joint velocity", percent(measures.peak_velocity_ratio)));
     facts.push(("Peak torque", percent(measures.peak_torque_ratio)));
-    facts.push(("Limits broken", verdict.limit_violations.to_string()));
+    facts.push(("Limits broken by commands", verdict.limit_violations.to_string()));
+    facts.push(("Limits exceeded by the motion", verdict.motion_excursions.to_string()));
     facts
 }
 
