@@ -145,7 +145,7 @@ pub fn write(folder: &Path, name: &str, about: &str, options: &Options, findings
 }
 
 /// The commit that is checked out, marked where sources differ from it; `unknown` outside of a repository.
-fn commit() -> String {
+pub fn commit() -> String {
     let git = |arguments: &[&str]| {
         let output = Command::new("git").args(arguments).output().ok().filter(|output| output.status.success());
         output.and_then(|it| String::from_utf8(it.stdout).ok()).map(|text| text.trim().to_owned())
