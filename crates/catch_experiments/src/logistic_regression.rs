@@ -153,7 +153,7 @@ mod tests {
         let found = LogisticRegression { X: &X, y: &y, ridge: &ridge, is_at_most_zero: &[false; 3] }.fit().unwrap();
         for i in 0..3 {
             let error = found.standard_errors[i].unwrap();
-            assert!((found.beta[i] - truth[i]).abs() < 4.0 * error, "{:?}", found);
+            assert!((found.beta[i] - truth[i]).abs() < 4.0 * error, "{found:?}");
             assert!(error < 0.04);
         }
     }

@@ -64,6 +64,9 @@ pub struct Throw {
     grasp_offset_m: Option<f64>,
 }
 
+/// Throws by the names of their objects and their numbers.
+type Kept = BTreeMap<(String, u64), Throw>;
+
 impl Throw {
     /// What the grasp was like, if it decided the outcome: there was a plan, prediction and hand were near enough, and what was missed was
     /// missed at the fingers.
@@ -105,7 +108,7 @@ impl Batch {
 
     /// The throws that a file keeps, and the file, open at its end; what another commit, scenario or list of objects left there is thrown
     /// away.
-    fn kept(&self, setups: &[Setup], folder: &Path) -> Result<(BTreeMap<(String, u64), Throw>, File)> {
+    fn kept(&self, setups: &[Setup], folder: &Path) -> Result<(Kept, File)> {
         let path: PathBuf = folder.join(format!("{}-seed-{}.jsonl", self.name, self.seed));
         fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
         let figures = |it: &Setup| format!("{:?}", (&it.object.prior, it.object.inertia_kgm2, it.object.mesh.volume()));
@@ -113,7 +116,7 @@ impl Batch {
         let (commit, scenario) = (results::commit(), setups.first().map(|it| &it.scenario));
         let identity = serde_json::to_string(&(commit, self.weights, self.draws_weights, scenario, objects))?;
         let mut lines = File::open(&path).map(|it| BufReader::new(it).lines()).into_iter().flatten();
-        let mut kept = BTreeMap::new();
+        let mut kept = Kept::new();
         if lines.next().and_then(Result::ok).as_ref() == Some(&identity) {
             // The last line may be cut.
             let throws = lines.map_while(Result::ok).map_while(|line| serde_json::from_str::<Throw>(&line).ok());
@@ -170,8 +173,8 @@ fn brain(setup: &Setup, weights: &Weights, seed: u64, index: u64) -> CatchingBot
 
 /// What the brain reported last before the catch, of what it had a plan for.
 fn last_report(trial: &Trial, catch_s: f64) -> Option<&Report> {
-    let reports = trial.snapshots.iter().filter(|it| it.time_s <= catch_s).filter_map(|it| it.report.as_ref());
-    reports.filter(|it| it.plan.is_some() && it.flight.is_some()).last()
+    let mut reports = trial.snapshots.iter().filter(|it| it.time_s <= catch_s).filter_map(|it| it.report.as_ref());
+    reports.rfind(|it| it.plan.is_some() && it.flight.is_some())
 }
 
 #[cfg(test)]
@@ -253,10 +256,10 @@ mod tests {
 
     #[test]
     fn misses_that_are_no_fault_of_the_grasp_are_left_out() {
-        let throw = |reason, error_m| Throw {
+        let throw = |reason: Option<Reason>, error_m| Throw {
             object: String::new(),
             index: 0,
-            caught: reason == None,
+            caught: reason.is_none(),
             reason,
             terms: Some([0.0; weights::SETTINGS.len()]),
             approach_is_free: true,
