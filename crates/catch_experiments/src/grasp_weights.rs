@@ -27,8 +27,8 @@ use weights::{SETTINGS, Terms, Weights};
 const FOLDER: &str = "target/grasp-weights";
 /// Groups of objects of which each is left out once.
 const FOLDS: usize = 5;
-/// Scales of the fitted weights that are tried. At one the cost of how well a catch holds varies among the plans of an object as much as
-/// with the weights in use.
+/// Scales of the fitted weights that are tried. At one the cost of how well a catch holds varies among the
+/// plans of an object as much as with the weights in use.
 const SCALES: [f64; 3] = [0.5, 1.0, 2.0];
 /// Groups of throws, by their chance, whose rate is compared with it.
 const GROUPS: usize = 6;
@@ -141,7 +141,8 @@ fn weights_table(model: &Model, today: &Weights, fitted: &Weights) -> Table {
     table
 }
 
-/// What was thrown of each object, and how well its catches are told from its misses by a model that has not seen it.
+/// What was thrown of each object, and how well its catches are told from its misses by a model that has not
+/// seen it.
 fn objects_table(thrown: &[Throw], observations: &[Observation], chances: &[f64], today: &Weights) -> Table {
     let columns = [
         "object",

@@ -40,8 +40,9 @@ pub fn logistic(z: f64) -> f64 {
 }
 
 impl LogisticRegression<'_> {
-    /// Iteratively reweighted least squares, which are Newton's steps, projected onto the bounds (Bertsekas, Projected Newton methods
-    /// for optimization problems with simple constraints, 1982). `None` if the Hessian is singular or the iteration does not end.
+    /// Iteratively reweighted least squares, which are Newton's steps, projected onto the bounds (Bertsekas,
+    /// Projected Newton methods for optimization problems with simple constraints, 1982). `None` if the
+    /// Hessian is singular or the iteration does not end.
     pub fn fit(&self) -> Option<Coefficients> {
         let mut beta = DVector::zeros(self.X.ncols());
         for _ in 0..MOST_STEPS {

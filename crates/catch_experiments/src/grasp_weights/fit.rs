@@ -111,7 +111,8 @@ fn moments(observations: &[&Observation]) -> ([f64; FEATURES], [f64; FEATURES]) 
     (mean, sd)
 }
 
-/// The chance of each observation by a model of the other folds' objects: every object is in one of `folds`, in the order of their names.
+/// The chance of each observation by a model of the other folds' objects: every object is in one of `folds`,
+/// in the order of their names.
 ///
 /// # Errors
 /// As [`Model::fit`].
@@ -130,8 +131,8 @@ pub fn cross_validated(observations: &[Observation], folds: usize) -> Result<Vec
     Ok(chances)
 }
 
-/// Pairs of a catch and a miss: how many in which the catch has the higher score, ties half, and how many there are. The ratio is the area
-/// under the receiver operating characteristic (Mann and Whitney's U).
+/// Pairs of a catch and a miss: how many in which the catch has the higher score, ties half, and how many
+/// there are. The ratio is the area under the receiver operating characteristic (Mann and Whitney's U).
 pub fn ordered_pairs(scored: &[(f64, bool)]) -> (f64, usize) {
     let of = |caught: bool| scored.iter().filter(move |(_, it)| *it == caught).map(|(score, _)| *score);
     let right: f64 = of(true)

@@ -25,7 +25,8 @@ use serde::{Deserialize, Serialize};
 use super::weights::{self, Terms, Weights};
 use crate::{parallel, results};
 
-/// How far off a prediction may be at the catch, and the object in the hand, before a miss is no fault of the grasp; the referee's own measure.
+/// How far off a prediction may be at the catch, and the object in the hand, before a miss is no fault of the
+/// grasp; the referee's own measure.
 const LARGE_ERROR_M: f64 = 0.02;
 /// Weights are drawn from a quarter to four times those in use.
 const MOST_FACTOR: f64 = 4.0;
@@ -68,8 +69,8 @@ pub struct Throw {
 type Kept = BTreeMap<(String, u64), Throw>;
 
 impl Throw {
-    /// What the grasp was like, if it decided the outcome: there was a plan, prediction and hand were near enough, and what was missed was
-    /// missed at the fingers.
+    /// What the grasp was like, if it decided the outcome: there was a plan, prediction and hand were near
+    /// enough, and what was missed was missed at the fingers.
     pub fn of_the_grasp(&self) -> Option<&Terms> {
         let is_near = |error_m: Option<f64>| error_m.is_some_and(|it| it <= LARGE_ERROR_M);
         let at_the_fingers = self.reason.is_none_or(|reason| {
@@ -106,8 +107,8 @@ impl Batch {
         Ok(throws)
     }
 
-    /// The throws that a file keeps, and the file, open at its end; what another commit, scenario or list of objects left there is thrown
-    /// away.
+    /// The throws that a file keeps, and the file, open at its end; what another commit, scenario or list of
+    /// objects left there is thrown away.
     fn kept(&self, setups: &[Setup], folder: &Path) -> Result<(Kept, File)> {
         let path: PathBuf = folder.join(format!("{}-seed-{}.jsonl", self.name, self.seed));
         fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
@@ -147,7 +148,8 @@ impl Batch {
         }
     }
 
-    /// The weights of a throw: those in use, or, if it draws them, each times a factor whose logarithm is uniform.
+    /// The weights of a throw: those in use, or, if it draws them, each times a factor whose logarithm is
+    /// uniform.
     fn weights_of(&self, object: &str, index: u64) -> Weights {
         if !self.draws_weights || index.is_multiple_of(2) {
             return self.weights;

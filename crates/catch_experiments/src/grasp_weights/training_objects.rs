@@ -14,7 +14,8 @@ use toml::{Table, Value};
 
 /// Air at 20 °C, in kg/m³.
 const AIR_KGPM3: f64 = 1.204;
-/// How well the drag of something is known, as a fraction of it; that of the built-in objects is known to about a fifth.
+/// How well the drag of something is known, as a fraction of it; that of the built-in objects is known to
+/// about a fifth.
 const DRAG_SD_FRACTION: f64 = 0.2;
 /// The list.
 pub const LIST: &str = include_str!("training_objects.toml");
@@ -63,7 +64,8 @@ pub fn listed() -> Result<Vec<TrainingObject>> {
 impl TrainingObject {
     /// Writes its files into a folder; returns the path by which a scenario names it.
     ///
-    /// Its drag is k = ½·ρ·C_D·A/m, where A, the mean area of the shadow of its convex hull, is a quarter of the hull's surface (Cauchy).
+    /// Its drag is k = ½·ρ·C_D·A/m, where A, the mean area of the shadow of its convex hull, is a quarter of
+    /// the hull's surface (Cauchy).
     ///
     /// # Errors
     /// If a file cannot be written or is none of an object.
@@ -78,7 +80,8 @@ impl TrainingObject {
         self.written_with_drag(folder, &shape, 0.5 * AIR_KGPM3 * self.drag_coefficient * area_m2 / self.mass_kg)
     }
 
-    /// Writes the object's file: what it is and what is known of it, which agree but for how well the drag is known.
+    /// Writes the object's file: what it is and what is known of it, which agree but for how well the drag is
+    /// known.
     fn written_with_drag(&self, folder: &Path, shape: &Table, drag_per_m: f64) -> Result<PathBuf> {
         let numbers = |pairs: &[(&str, f64)]| -> Table {
             pairs.iter().map(|(key, value)| ((*key).to_owned(), Value::Float(*value))).collect()

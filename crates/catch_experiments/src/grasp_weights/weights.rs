@@ -17,8 +17,9 @@ pub const SETTINGS: [&str; 7] = [
 /// The weights in the order of [`SETTINGS`].
 pub type Weights = [f64; SETTINGS.len()];
 
-/// The cost terms in the order of [`SETTINGS`]: the fraction of the relative velocity that points at a finger, one less the fraction that points at
-/// the palm, overhang and strength per 30 mm, width per 100 mm, relative speed in m/s, the gripper's angular speed in rad/s.
+/// The cost terms in the order of [`SETTINGS`]: the fraction of the relative velocity that points at a
+/// finger, one less the fraction that points at the palm, overhang and strength per 30 mm, width per 100 mm,
+/// relative speed in m/s, the gripper's angular speed in rad/s.
 pub type Terms = [f64; SETTINGS.len()];
 
 /// The weights of a brain.
