@@ -33,20 +33,23 @@ const SCALES: [f64; 3] = [0.5, 1.0, 2.0];
 /// Groups of throws, by their chance, whose rate is compared with it.
 const GROUPS: usize = 6;
 
-const LEGEND: &str = "A ridge logistic regression of *caught* on the cost terms of the catch that was executed, with an intercept for each object. \
-The objects are those of `grasp_weights/training_objects.toml`, thrown in the scenario `honest` with random throws; banana, pill bottle and tennis ball are not \
-among them. Every other throw draws its weights from a quarter to four times those in use, with a logarithm that is uniform.
+const LEGEND: &str = "A ridge logistic regression of *caught* on the cost terms of the executed catch, with an intercept for each object. \
+The objects are those of `grasp_weights/training_objects.toml`, without banana, pill bottle and tennis ball. The throws are the random ones of the \
+scenario `honest`. Every other throw draws its weights from a quarter to four times those in use, with a logarithm that is uniform.
 
-A throw is in the regression if its grasp decided the outcome: it had a plan, at the catch the last prediction was off by no more than 20 mm and the \
-object by no more than 20 mm from its place in the hand, and if it was missed, a finger hit it, the fingers closed too early or too late, or it \
-slipped out or was lost. The terms are those of the brain's last plan with its last flight before the catch. Coefficients are changes of the log-odds \
-per unit of a term. Those of terms with weights may not be positive, and have no standard error where this bound holds. The ridge is 1 on terms scaled to a standard deviation of one and 0.1 on intercepts.
+A throw is in the regression if its grasp decided the outcome. There was a plan, and at the catch the last prediction was off by 20 mm at most, \
+and so was the object from its place in the hand. A miss is in it only if a finger hit the object, the fingers closed too early or too late, or the object \
+slipped out or was lost. The terms are those of the last plan before the catch, by the last flight. Coefficients are changes of the log-odds \
+per unit of a term. Those of terms with weights may not be positive, and have no standard error where this bound holds. The ridge is 1 on terms \
+that are scaled to a standard deviation of one, and 0.1 on intercepts.
 
-The *weight* is the coefficient's negative, scaled. At scale 1 the sum of weighted terms varies among the plans of an object \
-as much as with the weights in use. The scale is the one with which most is caught of other throws of the same objects (the next seed). AUC is \
-the fraction of pairs of a catch and a miss of one object that are in the right order: by the chance of a model of the other objects (five folds), and by the cost with the weights in use. \
-The last table compares the weights in use with the fitted ones on objects that are in no other table, on the same throws (the seed after the next). Its interval is \
-that of a paired difference, of 95 %.";
+A *weight* is the negative of its coefficient, scaled. At scale 1 the weighted sum varies among the plans of an object as much as with the weights \
+in use. The scale is the one by which most is caught of the next seed's throws of the same objects. AUC is the fraction of pairs of a catch \
+and a miss of one object that are in the right order. One is of chances by a model of the other objects (five folds), one of the cost by the \
+weights in use. The last table has objects that are in no other table, thrown alike with both weights (the seed after the next). Its \
+interval is that of a paired difference, of 95 %.
+
+Throws are kept in `target/grasp-weights`, so that the command goes on where it was stopped.";
 
 /// Throws, the regression, the choice of its scale, and the comparison.
 pub fn run(options: &Options) -> Result<Findings> {

@@ -28,6 +28,9 @@ use crate::{parallel, results};
 /// How far off a prediction may be at the catch, and the object in the hand, before a miss is no fault of the
 /// grasp; the referee's own measure.
 const LARGE_ERROR_M: f64 = 0.02;
+/// What the outcome of a throw depends on, from the root of the repository.
+const SOURCES: &[&str] =
+    &["assets", "crates/catch_body", "crates/catch_bot", "crates/catch_cell", "crates/catch_lab", "crates/catch_sim"];
 /// Weights are drawn from a quarter to four times those in use.
 const MOST_FACTOR: f64 = 4.0;
 
@@ -114,7 +117,7 @@ impl Batch {
         fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
         let figures = |it: &Setup| format!("{:?}", (&it.object.prior, it.object.inertia_kgm2, it.object.mesh.volume()));
         let objects: Vec<String> = setups.iter().map(figures).collect();
-        let (commit, scenario) = (results::commit(), setups.first().map(|it| &it.scenario));
+        let (commit, scenario) = (results::last_change(SOURCES), setups.first().map(|it| &it.scenario));
         let identity = serde_json::to_string(&(commit, self.weights, self.draws_weights, scenario, objects))?;
         let mut lines = File::open(&path).map(|it| BufReader::new(it).lines()).into_iter().flatten();
         let mut kept = Kept::new();
