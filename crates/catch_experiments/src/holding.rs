@@ -10,7 +10,9 @@ use catch_lab::{
 use nalgebra::{DMatrix, DVector};
 
 use crate::{
-    Findings, Options, parallel,
+    Findings, Options,
+    logistic_regression::{Coefficients, LogisticRegression},
+    parallel,
     results::{Entry, Table},
     spread::percent,
 };
@@ -25,6 +27,9 @@ const FEATURES: [&str; 7] = [
     "relative speed, m/s (speed)",
     "touches the open gripper",
 ];
+
+/// Keeps what the data do not tell near zero.
+const RIDGE: f64 = 0.05;
 
 const LEGEND: &str = "A logistic regression of *caught* on what each catch was like, with one intercept per object; throws without a \
 plan are left out. The *weight* is the coefficient in the proportion in which that of the relative speed is the weight `speed` of the \
@@ -41,21 +46,6 @@ fn features(it: &Measures) -> Option<[f64; FEATURES.len()]> {
         it.relative_speed_mps?,
         if it.approach_is_free? { 0.0 } else { 1.0 },
     ])
-}
-
-/// Coefficients and their standard errors, by Newton's method. A little ridge keeps what the data do not tell near zero; `None` if
-/// even so nothing is told.
-fn logistic_regression(X: &DMatrix<f64>, y: &DVector<f64>) -> Option<(DVector<f64>, DVector<f64>)> {
-    let ridge = DMatrix::identity(X.ncols(), X.ncols()) * 0.05;
-    let mut w = DVector::zeros(X.ncols());
-    let mut inverse = ridge.clone();
-    for _ in 0..30 {
-        let p = (X * &w).map(|z| 1.0 / (1.0 + (-z).exp()));
-        let weighted = DMatrix::from_fn(X.nrows(), X.ncols(), |i, j| X[(i, j)] * p[i] * (1.0 - p[i]));
-        inverse = (X.transpose() * weighted + &ridge).try_inverse()?;
-        w += &inverse * (X.transpose() * (y - p) - &ridge * &w);
-    }
-    Some((w, inverse.diagonal().map(f64::sqrt)))
 }
 
 /// Honest throws of all objects.
@@ -89,32 +79,13 @@ pub fn run(options: &Options) -> Result<Findings> {
         ]);
     }
     let X = DMatrix::from_row_slice(outcomes.len(), FEATURES.len() + objects.len(), &rows);
-    let (w, error) = logistic_regression(&X, &DVector::from(outcomes)).context("the regression has no solution")?;
+    let (y, ridge, free) = (DVector::from(outcomes), DVector::repeat(X.ncols(), RIDGE), vec![false; X.ncols()]);
+    let regression = LogisticRegression { X: &X, y: &y, ridge: &ridge, is_at_most_zero: &free };
+    let Coefficients { beta, standard_errors } = regression.fit().context("the regression has no solution")?;
     let mut table = Table::new("Coefficients", &["feature", "coefficient", "standard error", "weight"]);
     for (i, name) in FEATURES.iter().enumerate() {
-        let figures = [w[i], error[i], w[i] / w[5] * speed_weight].map(|it| Entry::Number(Some(it)));
+        let figures = [Some(beta[i]), standard_errors[i], Some(beta[i] / beta[5] * speed_weight)].map(Entry::Number);
         table.rows.push([Entry::text(*name)].into_iter().chain(figures).collect());
     }
     Ok(Findings { legend: LEGEND, tables: vec![caught, table] })
-}
-
-#[cfg(test)]
-mod tests {
-    use catch_sim::random_streams::{Draws, Stream};
-
-    use super::*;
-
-    #[test]
-    fn the_regression_finds_coefficients_that_data_have() {
-        let mut draws = Draws::new(Stream::Throw, 1, 0);
-        let X = DMatrix::from_fn(20_000, 3, |_, j| if j == 2 { 1.0 } else { draws.between([-2.0, 2.0]) });
-        let truth = DVector::from_column_slice(&[1.5, -0.7, 0.3]);
-        let probability = (&X * &truth).map(|z: f64| 1.0 / (1.0 + (-z).exp()));
-        let y = probability.map(|p| f64::from(u8::from(draws.unit() < p)));
-        let (found, error) = logistic_regression(&X, &y).unwrap();
-        for i in 0..3 {
-            assert!((found[i] - truth[i]).abs() < 4.0 * error[i], "{found} {error}");
-            assert!(error[i] < 0.04);
-        }
-    }
 }

@@ -12,9 +12,11 @@ mod centre_of_mass;
 mod figures;
 mod finding;
 mod flights;
+mod grasp_weights;
 mod grippers;
 mod holding;
 mod mistold;
+mod logistic_regression;
 mod near_rates;
 mod near_rigs;
 mod objects;
@@ -203,6 +205,12 @@ const EXPERIMENTS: &[Experiment] = &[
         about: "logistic regression of the outcome of honest throws on what each catch was like",
         trials: 100,
         run: holding::run,
+    },
+    Experiment {
+        name: "grasp-weights",
+        about: "weights of the grasp choice, fitted on objects that are in no other experiment",
+        trials: 100,
+        run: grasp_weights::run,
     },
 ];
 

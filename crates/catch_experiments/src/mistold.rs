@@ -16,7 +16,7 @@ use nalgebra::Vector3;
 
 use crate::{
     Findings, Options, parallel,
-    results::{Entry, Table, commit},
+    results::{Entry, Table, last_change},
     spread::percent,
 };
 
@@ -26,6 +26,8 @@ fifths of the throws. *Size*: every extent of the scan is off. *Centre of mass*:
 believes in; this row alone changes the world. *Controller*: the arm's own loop without errors of its encoders, which no brain knows of. What a run \
 has found is kept in `target/mistold`, so that one that was ended goes on.";
 
+/// What throws depend on.
+const SOURCES: &[&str] = &["assets", "crates/catch_body", "crates/catch_bot", "crates/catch_cell", "crates/catch_lab/src", "crates/catch_sim"];
 /// Parts of the throws that are evaluated and kept together.
 const PART: u64 = 10;
 /// The throws of a scenario out of five.
@@ -127,7 +129,7 @@ impl Case<'_> {
     fn file(&self, seed: u64, first: u64) -> PathBuf {
         let Self { scenario, object, belief, value } = self;
         let name = format!("{scenario}-{object}-{belief}-{value}-{seed}-{first}.json").replace([' ', '/'], "_");
-        PathBuf::from("target/mistold").join(commit().replace([' ', ','], "_")).join(name)
+        PathBuf::from("target/mistold").join(last_change(SOURCES).replace([' ', ','], "_")).join(name)
     }
 
     fn row(&self, object: &str, [pairs, right, gained, lost]: [usize; 4]) -> Vec<Entry> {

@@ -145,14 +145,24 @@ pub fn write(folder: &Path, name: &str, about: &str, options: &Options, findings
 }
 
 /// The commit that is checked out, marked where sources differ from it; `unknown` outside of a repository.
-pub fn commit() -> String {
+fn commit() -> String {
+    marked(&["rev-parse", "--short", "HEAD"], &["crates", "assets"])
+}
+
+/// The last commit that changed anything at these paths from the root of the repository, marked likewise.
+pub fn last_change(paths: &[&str]) -> String {
+    marked(&[&["log", "-1", "--format=%h", "--"], paths].concat(), paths)
+}
+
+/// The commit that git tells, marked if something at these paths is not committed.
+fn marked(tells_commit: &[&str], paths: &[&str]) -> String {
     let git = |arguments: &[&str]| {
         let output = Command::new("git").args(arguments).output().ok().filter(|output| output.status.success());
         output.and_then(|it| String::from_utf8(it.stdout).ok()).map(|text| text.trim().to_owned())
     };
-    let Some(commit) = git(&["rev-parse", "--short", "HEAD"]) else { return "unknown".to_owned() };
-    let is_changed = git(&["status", "--porcelain", "--", "crates", "assets"]).is_none_or(|text| !text.is_empty());
-    if is_changed { commit + ", changed" } else { commit }
+    let Some(commit) = git(tells_commit) else { return "unknown".to_owned() };
+    let status = git(&[&["status", "--porcelain", "--"], paths].concat());
+    if status.is_none_or(|text| !text.is_empty()) { commit + ", changed" } else { commit }
 }
 
 /// The model of the processor, where the system tells it.

@@ -48,6 +48,8 @@ pub enum Stream {
     Calibration = 27,
     /// Where a person walks.
     Person = 28,
+    /// Weights of the grasp choice that an experiment draws.
+    GraspWeights = 29,
 }
 
 /// Uniform numbers.
