@@ -6,10 +6,9 @@ mod impact;
 mod measures;
 pub mod reason;
 
-use catch_body::dynamics::gravity;
 use catch_bot::{Report, Status, perception::Symmetry, trajectory_optimization::CatchPlan};
 use catch_cell::LimitViolation;
-use catch_sim::{Truth, TruthSample};
+use catch_sim::{ThrownObject, Truth, TruthSample, free_flight::coasted};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -118,7 +117,8 @@ pub struct Row {
     pub verdict: Verdict,
 }
 
-/// The object's true centre of mass in the brain's O, which has its origin where the centre of mass would be at uniform density.
+/// The origin of the arena's O in the brain's O, which has its origin where the centre of mass would be at uniform density: the object's true
+/// centre of mass, but for bodies as published.
 pub fn true_com_O(setup: &Setup) -> Point3<f64> {
     setup.known().reference().X_RO.inverse_transform_point(&Point3::origin())
 }
@@ -135,8 +135,9 @@ pub(crate) struct Evidence<'a> {
     pub catch_s: Option<f64>,
     /// The state at the planned catch, or at the end of the trial if that came first.
     pub at_catch: Option<&'a TruthSample>,
-    /// Where the object would have been at the planned catch if nothing had touched it.
+    /// Where the object's O would have been at the planned catch if nothing had touched it.
     pub undisturbed_O: Option<Point3<f64>>,
+    object: &'a ThrownObject,
     grasp_centre_G: Point3<f64>,
     /// As [`true_com_O`] has it.
     com_O: Point3<f64>,
@@ -160,7 +161,8 @@ impl<'a> Evidence<'a> {
             last,
             catch_s,
             at_catch: catch_s.and_then(|at| sample_at(truth, at)),
-            undisturbed_O: catch_s.and_then(|at| undisturbed_position(truth, at)),
+            undisturbed_O: catch_s.and_then(|at| undisturbed_position(truth, &setup.object, at)),
+            object: &setup.object,
             grasp_centre_G: setup.gripper.grasp_centre(),
             com_O: true_com_O(setup),
             symmetry: setup.known().reference().symmetry,
@@ -210,13 +212,11 @@ impl<'a> Evidence<'a> {
         Some((p_GO - self.plan()?.grasp.X_OG.inverse_transform_point(&self.com_O)).norm())
     }
 
-    /// How far the object would have been turned from `R_WO` at the planned catch if nothing had touched it; it turns evenly for the
-    /// milliseconds from its last free state on.
+    /// How far the object would have been turned from `R_WO` at the planned catch if nothing had touched it.
     fn turn_from(&self, R_WO: &UnitQuaternion<f64>) -> Option<f64> {
         let sample = self.before_contact()?;
-        let turn = sample.V_WO.angular * (self.catch_s? - sample.time_s);
-        let undisturbed = UnitQuaternion::from_scaled_axis(turn) * sample.X_WO.rotation;
-        Some(self.symmetry.turn_between(R_WO, &undisturbed).norm())
+        let (undisturbed, _) = coasted(self.object, (&sample.X_WO, &sample.V_WO), self.catch_s? - sample.time_s);
+        Some(self.symmetry.turn_between(R_WO, &undisturbed.rotation).norm())
     }
 
     /// The instant midway between the first contacts of the two fingers, less that at which the undisturbed object's centre would
@@ -228,7 +228,7 @@ impl<'a> Evidence<'a> {
         let near =
             |it: &&TruthSample| self.catch_s.is_some_and(|catch_s| (it.time_s - catch_s).abs() < NEAREST_WITHIN_S);
         let distance = |sample: &TruthSample| {
-            let undisturbed = undisturbed_position(self.truth, sample.time_s)?;
+            let undisturbed = undisturbed_position(self.truth, self.object, sample.time_s)?;
             Some((undisturbed - sample.X_WG * self.grasp_centre_G).norm())
         };
         let distances = samples.iter().filter(near).filter_map(|sample| Some((sample.time_s, distance(sample)?)));
@@ -241,7 +241,7 @@ impl<'a> Evidence<'a> {
         let sample = self.before_contact()?;
         let planned_GO = self.plan()?.grasp.X_OG.inverse().translation.vector;
         let p_GO = sample.X_WG.inverse_transform_point(&sample.X_WO.translation.vector.into());
-        let way_W = relative_velocity(sample).try_normalize(1e-6)?;
+        let way_W = relative_velocity(sample, self.object).try_normalize(1e-6)?;
         Some((p_GO.coords - planned_GO).dot(&sample.X_WG.rotation.inverse_transform_vector(&way_W)))
     }
 
@@ -256,7 +256,7 @@ impl<'a> Evidence<'a> {
         let plan = self.plan();
         let velocity_G = self
             .before_contact()
-            .map(|sample| sample.X_WG.rotation.inverse_transform_vector(&relative_velocity(sample)));
+            .map(|sample| sample.X_WG.rotation.inverse_transform_vector(&relative_velocity(sample, self.object)));
         let impulses = self
             .truth
             .samples
@@ -366,9 +366,10 @@ pub(crate) fn is_squeezed(before: &TruthSample, now: &TruthSample) -> bool {
 }
 
 /// Velocity of the object's centre of mass relative to the gripper, in W.
-fn relative_velocity(sample: &TruthSample) -> Vector3<f64> {
-    let p_GO_W = sample.X_WO.translation.vector - sample.X_WG.translation.vector;
-    sample.V_WO.linear - sample.V_WG.velocity_at(&p_GO_W)
+fn relative_velocity(sample: &TruthSample, object: &ThrownObject) -> Vector3<f64> {
+    let p_OC_W = sample.X_WO.rotation * object.com_O.coords;
+    let p_GC_W = sample.X_WO.translation.vector + p_OC_W - sample.X_WG.translation.vector;
+    sample.V_WO.velocity_at(&p_OC_W) - sample.V_WG.velocity_at(&p_GC_W)
 }
 
 /// The sample nearest to `time_s`; the last one for times beyond it.
@@ -383,14 +384,13 @@ fn sample_before(truth: &Truth, time_s: f64) -> Option<&TruthSample> {
     truth.samples.get(next.checked_sub(1)?)
 }
 
-/// Where the object would have been at `time_s` if nothing had touched it: from its last free state on along a parabola.
-pub(crate) fn undisturbed_position(truth: &Truth, time_s: f64) -> Option<Point3<f64>> {
+/// Where the object's O would have been at `time_s` if nothing had touched it: from its last free state on without air, which does nothing in
+/// the milliseconds that this bridges.
+pub(crate) fn undisturbed_position(truth: &Truth, object: &ThrownObject, time_s: f64) -> Option<Point3<f64>> {
     let free_until = truth.samples.iter().position(|sample| sample.contact.any()).unwrap_or(truth.samples.len());
     let free = &truth.samples[..free_until];
     let next = free.partition_point(|sample| sample.time_s < time_s - 0.5e-3);
     let sample = free.get(next.min(free.len().checked_sub(1)?))?;
-    // p + v·t + g·t²/2; the air does nothing in the milliseconds that this bridges.
-    let t = time_s - sample.time_s;
-    let p = sample.X_WO.translation.vector + sample.V_WO.linear * t + gravity() * (t * t / 2.0);
-    Some(p.into())
+    let (X_WO, _) = coasted(object, (&sample.X_WO, &sample.V_WO), time_s - sample.time_s);
+    Some(X_WO.translation.vector.into())
 }

@@ -377,7 +377,7 @@ fn velocities(body: &engine::RigidBody) -> [Vector3<f64>; 2] {
 }
 
 /// Pose and velocity of a frame that stands at `p_AB` in a moving frame A, with the same axes.
-fn carried((X_WA, V_WA): (&Pose, &Twist), p_AB: &Vector3<f64>) -> (Pose, Twist) {
+pub(crate) fn carried((X_WA, V_WA): (&Pose, &Twist), p_AB: &Vector3<f64>) -> (Pose, Twist) {
     let p_AB_W = X_WA.rotation * p_AB;
     let X_WB = Pose::from_parts((X_WA.translation.vector + p_AB_W).into(), X_WA.rotation);
     (X_WB, Twist { angular: V_WA.angular, linear: V_WA.linear + V_WA.angular.cross(&p_AB_W) })

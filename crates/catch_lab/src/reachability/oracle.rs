@@ -232,6 +232,7 @@ impl Flight {
             at.z > 0.0 && setup.robot.obstacles.iter().all(|obstacle| obstacle.distance_to_capsule(&middle) > 0.0)
         };
         let in_flight = flight.take(longest).take_while(|(X_WO, _)| is_free(X_WO));
+        // The hand goes where the object's middle is, the origin of O.
         let sample = |(i, (X_WO, V_WO)): (usize, (Pose, Twist))| FlightSample {
             time_s: i as f64 * FLIGHT_STEP_S,
             p_WO: X_WO.translation.vector.into(),
