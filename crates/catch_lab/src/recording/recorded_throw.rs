@@ -52,9 +52,8 @@ pub fn record(
     timeline.ended(&verdict, end_s).iter().try_for_each(&mut *tell)?;
     let times = ThrowTimes::of(&trial);
     let surface = RecordedSurface::from(&setup.object.mesh);
-    let undisturbed_m = verdict
-        .catch_time_s
-        .and_then(|catch_s| referee::undisturbed_position(&trial.truth, &setup.object, catch_s));
+    let undisturbed_m =
+        verdict.catch_time_s.and_then(|catch_s| referee::undisturbed_position(&trial.truth, &setup.object, catch_s));
     let com_O = referee::true_com_O(setup);
     let ground_truth =
         Some(GroundTruth { truth: trial.truth, verdict: verdict.clone(), surface, com_O, undisturbed_m });

@@ -56,12 +56,11 @@ mod tests {
         assert!(object.com_O.coords.norm() > 0.08);
         let start = Setup::load(&choice).unwrap().arena(1, 0).truth().samples[0];
         let spin = Twist { angular: Vector3::new(9.0, -14.0, 5.0), linear: start.V_WO.linear };
-        let sample = |step: u32| {
-            let time_s = f64::from(step) * 1e-3;
-            let (X_WO, V_WO) = coasted(&object, (&start.X_WO, &spin), time_s);
-            TruthSample { time_s, X_WO, V_WO, ..start }
-        };
-        let truth = Truth { samples: (0..40).map(sample).collect(), ..Truth::default() };
+        let mut truth = Truth { samples: vec![start; 40], ..Truth::default() };
+        for (step, sample) in truth.samples.iter_mut().enumerate() {
+            sample.time_s = step as f64 * 1e-3;
+            (sample.X_WO, sample.V_WO) = coasted(&object, (&start.X_WO, &spin), sample.time_s);
+        }
         let Impact { impulse_ns, joint_impulse_nms } = impact(&truth, 5e-3, &object, &robot);
         assert!(impulse_ns < 1e-9 && joint_impulse_nms < 1e-9, "{impulse_ns} N·s, {joint_impulse_nms} N·m·s");
         // A push at the centre of mass has no moment about it.

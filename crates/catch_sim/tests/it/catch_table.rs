@@ -67,7 +67,8 @@ fn at_least_60_of_63_outcomes_agree_with_mujoco() {
 /// Every third of these catches with half the step.
 #[test]
 fn half_a_step_changes_few_outcomes() {
-    let cases = [0.2, 0.3, 0.4].into_iter().flat_map(|speed| (0..7).map(move |i| (speed, f64::from(6 * i - 20) * 1e-3)));
+    let cases =
+        [0.2, 0.3, 0.4].into_iter().flat_map(|speed| (0..7).map(move |i| (speed, f64::from(6 * i - 20) * 1e-3)));
     let changed: Vec<(f64, f64)> =
         cases.filter(|&(speed, delta_s)| is_caught(speed, delta_s, 1e-3) != is_caught(speed, delta_s, 5e-4)).collect();
     assert!(changed.len() <= 1, "{changed:?}");

@@ -82,7 +82,8 @@ fn forces_of_fingers_are_all_that_the_object_feels_across_them() {
         let p_WG = Point3::new(0.0, 0.0, 2.0);
         let width_m = if name == "tennis_ball" { 0.0674 } else { 0.0512 };
         let mut release = setting::release([0.0, gripper.grasp_centre_y_m, 2.0], [0.0; 3]);
-        release.v_WO = Vector3::new(draws.between([-0.05, 0.05]), draws.between([-0.3, 0.3]), draws.between([-0.3, 0.3]));
+        release.v_WO =
+            Vector3::new(draws.between([-0.05, 0.05]), draws.between([-0.3, 0.3]), draws.between([-0.3, 0.3]));
         release.q_WO = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI / 32.0);
         let mut world = setting::fixed_hand(settings, p_WG, &gripper, width_m, &object, &release);
         let mut loads = no_gravity();
@@ -100,8 +101,9 @@ fn forces_of_fingers_are_all_that_the_object_feels_across_them() {
             double += u32::from(contact.left_finger && contact.right_finger);
             let counted_ns = forces.finger_n.map(|force_n| force_n * 1e-3);
             let gained_ns = object.mass_kg * (after.V_WO.linear.x - before.V_WO.linear.x);
-            let of_fingers_ns: [f64; 2] =
-                std::array::from_fn(|i| gripper.finger_mass_kg * (after.finger_mps[i] - before.finger_mps[i]) - pushed_ns[i]);
+            let of_fingers_ns: [f64; 2] = std::array::from_fn(|i| {
+                gripper.finger_mass_kg * (after.finger_mps[i] - before.finger_mps[i]) - pushed_ns[i]
+            });
             let largest_ns = contact.peak_impulse_ns.max(1e-3);
             worst = worst.max((counted_ns[0] - counted_ns[1] - gained_ns).abs() / largest_ns);
             for (counted_ns, of_finger_ns) in counted_ns.into_iter().zip(of_fingers_ns) {
