@@ -27,7 +27,14 @@ believes in; this row alone changes the world. *Controller*: the arm's own loop 
 has found is kept in `target/mistold`, so that one that was ended goes on.";
 
 /// What throws depend on.
-const SOURCES: &[&str] = &["assets", "crates/catch_body", "crates/catch_bot", "crates/catch_cell", "crates/catch_lab/src", "crates/catch_sim"];
+const SOURCES: &[&str] = &[
+    "assets",
+    "crates/catch_body",
+    "crates/catch_bot",
+    "crates/catch_cell",
+    "crates/catch_lab/src",
+    "crates/catch_sim",
+];
 /// Parts of the throws that are evaluated and kept together.
 const PART: u64 = 10;
 /// The throws of a scenario out of five.

@@ -180,6 +180,9 @@ pub struct GroundTruth {
     /// The object's true centre of mass in the brain's O.
     #[serde(default = "Point3::origin")]
     pub com_O: Point3<f64>,
+    /// Where that would have been at the last planned catch if nothing had touched it.
+    #[serde(default)]
+    pub undisturbed_m: Option<Point3<f64>>,
 }
 
 impl From<&Report> for RecordedReport {

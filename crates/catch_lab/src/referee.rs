@@ -9,7 +9,7 @@ mod samples;
 
 use catch_bot::{Report, Status, perception::Symmetry, trajectory_optimization::CatchPlan};
 use catch_cell::LimitViolation;
-use catch_sim::{FlightConditions, Truth, TruthSample};
+use catch_sim::{FlightConditions, ThrownObject, Truth, TruthSample, free_flight::coasted};
 use nalgebra::{Point3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 
@@ -138,7 +138,8 @@ fn numerical_failures(snapshots: &[StateSnapshot]) -> u32 {
     last.map_or(0, |report| report.numerical_failures.prediction + report.numerical_failures.planning)
 }
 
-/// The object's true centre of mass in the brain's O, which has its origin where the centre of mass would be at uniform density.
+/// The origin of the arena's O in the brain's O, which has its origin where the centre of mass would be at uniform density: the object's true
+/// centre of mass, but for bodies as published.
 pub fn true_com_O(setup: &Setup) -> Point3<f64> {
     setup.known().reference().X_RO.inverse_transform_point(&Point3::origin())
 }
@@ -155,8 +156,9 @@ pub(crate) struct Evidence<'a> {
     pub catch_s: Option<f64>,
     /// The state at the planned catch, or at the end of the trial if that came first.
     pub at_catch: Option<&'a TruthSample>,
-    /// Where the object would have been at the planned catch if nothing had touched it.
+    /// Where the object's O would have been at the planned catch if nothing had touched it.
     pub undisturbed_O: Option<Point3<f64>>,
+    object: &'a ThrownObject,
     grasp_centre_G: Point3<f64>,
     /// As [`true_com_O`] has it.
     com_O: Point3<f64>,
@@ -180,7 +182,8 @@ impl<'a> Evidence<'a> {
             last,
             catch_s,
             at_catch: catch_s.and_then(|at| sample_at(truth, at)),
-            undisturbed_O: catch_s.and_then(|at| undisturbed_position(truth, at)),
+            undisturbed_O: catch_s.and_then(|at| undisturbed_position(truth, &setup.object, at)),
+            object: &setup.object,
             grasp_centre_G: setup.gripper.grasp_centre(),
             com_O: true_com_O(setup),
             symmetry: setup.known().reference().symmetry,
@@ -230,13 +233,11 @@ impl<'a> Evidence<'a> {
         Some((p_GO - self.plan()?.grasp.X_OG.inverse_transform_point(&self.com_O)).norm())
     }
 
-    /// How far the object would have been turned from `R_WO` at the planned catch if nothing had touched it; it turns evenly for the
-    /// milliseconds from its last free state on.
+    /// How far the object would have been turned from `R_WO` at the planned catch if nothing had touched it.
     fn turn_from(&self, R_WO: &UnitQuaternion<f64>) -> Option<f64> {
         let sample = self.before_contact()?;
-        let turn = sample.V_WO.angular * (self.catch_s? - sample.time_s);
-        let undisturbed = UnitQuaternion::from_scaled_axis(turn) * sample.X_WO.rotation;
-        Some(self.symmetry.turn_between(R_WO, &undisturbed).norm())
+        let (undisturbed, _) = coasted(self.object, (&sample.X_WO, &sample.V_WO), self.catch_s? - sample.time_s);
+        Some(self.symmetry.turn_between(R_WO, &undisturbed.rotation).norm())
     }
 
     /// The instant midway between the first contacts of the two fingers, less that at which the undisturbed object's centre would
@@ -248,7 +249,7 @@ impl<'a> Evidence<'a> {
         let near =
             |it: &&TruthSample| self.catch_s.is_some_and(|catch_s| (it.time_s - catch_s).abs() < NEAREST_WITHIN_S);
         let distance = |sample: &TruthSample| {
-            let undisturbed = undisturbed_position(self.truth, sample.time_s)?;
+            let undisturbed = undisturbed_position(self.truth, self.object, sample.time_s)?;
             Some((undisturbed - sample.X_WG * self.grasp_centre_G).norm())
         };
         let distances = samples.iter().filter(near).filter_map(|sample| Some((sample.time_s, distance(sample)?)));
@@ -261,7 +262,7 @@ impl<'a> Evidence<'a> {
         let sample = self.before_contact()?;
         let planned_GO = self.plan()?.grasp.X_OG.inverse().translation.vector;
         let p_GO = sample.X_WG.inverse_transform_point(&sample.X_WO.translation.vector.into());
-        let way_W = relative_velocity(sample).try_normalize(1e-6)?;
+        let way_W = relative_velocity(sample, self.object).try_normalize(1e-6)?;
         Some((p_GO.coords - planned_GO).dot(&sample.X_WG.rotation.inverse_transform_vector(&way_W)))
     }
 
@@ -276,7 +277,7 @@ impl<'a> Evidence<'a> {
         let plan = self.plan();
         let velocity_G = self
             .before_contact()
-            .map(|sample| sample.X_WG.rotation.inverse_transform_vector(&relative_velocity(sample)));
+            .map(|sample| sample.X_WG.rotation.inverse_transform_vector(&relative_velocity(sample, self.object)));
         let impulses =
             self.truth.samples.iter().filter(|sample| sample.contact.gripper()).map(|it| it.contact.peak_impulse_ns);
         // Nothing that touched the gripper: all of the trial was before it.

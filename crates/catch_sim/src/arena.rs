@@ -5,7 +5,7 @@ mod disturbance;
 use std::{convert::Infallible, sync::Arc};
 
 use catch_body::{JointVector, MAX_JOINTS, Pose, Robot, dynamics, kinematics::LinkPoses, workcell::FLOOR_Z_M};
-use catch_cell::{ArmState, Cell, Command, Observation};
+use catch_cell::{Cell, Command, Observation};
 use nalgebra::Vector3;
 
 use disturbance::Disturbance;
@@ -14,10 +14,11 @@ use crate::{
     cameras::Scene,
     conditions::Conditions,
     config::{ArenaConfig, GripperTrigger},
+    encoders::Encoders,
     equipment::{Equipment, Shared},
     free_flight::Air,
     gripper_drive::GripperDrive,
-    physics::{ContactForces, Loads, Mount, World, WorldSettings, WorldState},
+    physics::{ContactForces, Loads, Mount, World, WorldSettings, WorldState, carried},
     random_streams::{Draws, Stream},
     sensors::Sensors,
     servo::Servo,
@@ -40,8 +41,7 @@ pub struct Arena {
     conditions: Conditions,
     /// The arm as it is, without the gripper's mass; the robot controller and the brain know another one.
     true_robot: Robot,
-    /// Noise of the encoders.
-    encoders: Draws,
+    encoders: Encoders,
     world: World,
     servo: Servo,
     drive: GripperDrive,
@@ -90,7 +90,12 @@ impl Arena {
             sensors: Sensors::new(config, cameras, seed, index),
             conditions,
             true_robot,
-            encoders: Draws::new(Stream::Encoders, seed, index),
+            encoders: Encoders::new(
+                &config.robot_errors,
+                robot.dof(),
+                ready_q,
+                Draws::new(Stream::Encoders, seed, index),
+            ),
             equipment: equipment.clone(),
             under_way: Vec::new(),
             steps: 0,
@@ -268,17 +273,6 @@ impl Arena {
         X_WL
     }
 
-    /// The arm as its robot controller reports it.
-    fn arm_state(&mut self) -> ArmState {
-        let errors = self.config().robot_errors;
-        let (mut q, mut dq) = (self.state.q, self.state.dq);
-        for i in 0..self.true_robot.dof() {
-            q[i] += errors.encoder_sd_rad * self.encoders.normal();
-            dq[i] += errors.encoder_sd_radps * self.encoders.normal();
-        }
-        self.servo.arm_state(self.time_s(), q, dq)
-    }
-
     /// One step of servo, gripper and physics.
     fn step(&mut self) {
         self.deliver();
@@ -288,12 +282,15 @@ impl Arena {
             self.truth.disturbed_since_s.get_or_insert(now_s);
         }
         let before = self.state;
-        let torque = self.servo.torque(now_s, step_s, &before.q, &before.dq);
-        let air = Air::in_step(&self.equipment.shared.body, &self.conditions, (&before.X_WO, &before.V_WO), step_s);
+        let (q, dq) = self.encoders.sensed();
+        let torque = self.servo.torque(now_s, step_s, &q, &dq);
+        let Shared { body, object, .. } = &*self.equipment.shared;
+        let (X_WC, V_WC) = carried((&before.X_WO, &before.V_WO), &object.com_O.coords);
+        let air = Air::in_step(body, &self.conditions, (&X_WC, &V_WC), step_s);
         let loads = Loads {
             torque,
             finger_force_n: self.drive.forces(now_s, before.finger_m, before.finger_mps),
-            object_force_n: air.acceleration_mps2 * self.equipment.shared.object.mass_kg,
+            object_force_n: air.acceleration_mps2 * object.mass_kg,
             object_torque_nm: self.spin_friction() + air.torque_nm,
             gravity: self.gravity(),
         };
@@ -312,6 +309,7 @@ impl Arena {
             }
         }
         self.note_contact(self.time_s(), &forces);
+        self.encoders.pass_cycle(&before.q, (&self.state.q, &self.state.dq), self.servo.asked_radps2(), step_s);
         self.servo.watch(self.time_s(), step_s, &self.state.q, &self.state.dq, &before.dq);
         self.record(torque, &forces);
         self.look(false);
@@ -381,9 +379,10 @@ impl Cell for Arena {
         let (now_s, state) = (self.time_s(), self.state);
         self.look(true);
         self.update_report();
+        let (q, dq) = self.encoders.sensed();
         Ok(Observation {
             time_s: now_s,
-            arm: self.arm_state(),
+            arm: self.servo.arm_state(now_s, q, dq),
             gripper: self.drive.state(state.finger_m, state.finger_mps),
             frames: self.sensors.arrived(now_s),
         })

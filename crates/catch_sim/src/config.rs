@@ -83,7 +83,7 @@ pub struct ArenaConfig {
     /// Solver substeps per step. At 4 the outcome of a catch agrees with MuJoCo in 62 of 63 cases.
     #[serde(deserialize_with = "quantity::solver_steps")]
     pub substeps: usize,
-    /// Substeps while the object is far from everything, when only the arm's tracking and the object's spin depend on them.
+    /// Substeps while the object is far from everything, when only the arm's tracking depends on them.
     /// Default 2: the tool still follows a fast motion within 0.1 mm.
     #[serde(deserialize_with = "quantity::solver_steps")]
     pub substeps_alone: usize,
@@ -111,12 +111,13 @@ pub struct DrawnWind {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RobotErrors {
-    /// Standard deviation of the joint positions that the brain is told, in radians. The robot controller has its own, exact ones.
+    /// Standard deviation of what a joint's encoder reads, in radians. Robot controller and brain know the joints by it: unless this and the
+    /// step are zero, a reading is one control cycle old, and velocities are estimated from positions.
     #[serde(deserialize_with = "quantity::error_rad")]
     pub encoder_sd_rad: f64,
-    /// The same of the joint velocities, in rad/s.
-    #[serde(deserialize_with = "quantity::error_radps")]
-    pub encoder_sd_radps: f64,
+    /// Step in which an encoder reads, in radians.
+    #[serde(deserialize_with = "quantity::error_rad")]
+    pub encoder_step_rad: f64,
     /// Every link's mass and inertia are drawn uniformly within this fraction around the model that the robot controller computes with.
     #[serde(deserialize_with = "quantity::spread")]
     pub link_mass_spread: f64,

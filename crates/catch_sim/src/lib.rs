@@ -37,6 +37,7 @@ pub mod config;
 mod convex_parts;
 pub mod depth_noise;
 pub mod drawn;
+pub mod encoders;
 pub mod equipment;
 pub mod free_flight;
 pub mod gripper_drive;

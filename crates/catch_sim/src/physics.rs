@@ -1,23 +1,26 @@
 //! The physics of arm, gripper, object and floor, on the engine `rapier3d-f64`.
 //!
-//! The engine's defaults are those of games and wrong for catching. What is set here made the outcome of 60 of 63 test catches
+//! The engine's defaults are those of games and wrong for catching. What is set here made the outcome of 62 of 63 test catches
 //! agree with MuJoCo (`tests/it/catch_table.rs`):
 //!
 //! * steps of 1 ms with 4 substeps; Coulomb friction per contact point instead of one per patch;
 //! * contacts worked out anew in each step; by default they are kept until a pair has moved 50 mm;
-//! * contacts as critically damped springs of 150 Hz. Their stiffness follows the mass, k = m·(2πf)²: some 50 kN/m for a
-//!   tennis ball. The default would let a finger sink 23 mm into it;
+//! * contacts as critically damped springs that are as stiff as the object (`softness.rs`). The default would let a finger sink 23 mm
+//!   into a tennis ball;
 //! * nothing falls asleep; masses are given and not derived from the colliders.
 //!
-//! While nothing touches the object its motion is not the engine's but that of a free rigid body (`free_motion.rs`).
+//! While nothing touches the object its motion is not the engine's but that of a free rigid body (`free_motion.rs`), and rebounds
+//! follow Newton's law at all points at once (`restitution.rs`).
 
 mod assembly;
+mod contact_points;
 mod convert;
 mod free_motion;
 mod release_gap;
 mod restitution;
+mod softness;
 
-use catch_body::{Gripper, JointVector, Pose, Robot, Twist};
+use catch_body::{Gripper, JointVector, MAX_JOINTS, Pose, Robot, Twist};
 use nalgebra::{Matrix3, Vector3};
 use rapier3d_f64::prelude as engine;
 
@@ -86,7 +89,7 @@ pub struct WorldState {
     pub finger_mps: [f64; 2],
     /// Pose of the object.
     pub X_WO: Pose,
-    /// Its spatial velocity.
+    /// Its spatial velocity, the linear part at the origin of O.
     pub V_WO: Twist,
 }
 
@@ -105,7 +108,7 @@ impl WorldState {
 pub struct ContactForces {
     /// What touched.
     pub contact: Contact,
-    /// Sums of the normal forces at left and right finger, in N, averaged over the step.
+    /// Sums of the normal forces at left and right finger, rebounds included, in N, averaged over the step.
     pub finger_n: [f64; 2],
 }
 
@@ -124,21 +127,6 @@ enum Part {
 
 const PARTS: [Part; 7] =
     [Part::Object, Part::LeftFinger, Part::RightFinger, Part::Palm, Part::Arm, Part::Floor, Part::Obstacle];
-
-impl Contact {
-    /// Whether this part touched the object.
-    fn has(&self, part: Part) -> bool {
-        match part {
-            Part::Object => false,
-            Part::LeftFinger => self.left_finger,
-            Part::RightFinger => self.right_finger,
-            Part::Palm => self.palm,
-            Part::Arm => self.arm,
-            Part::Floor => self.floor,
-            Part::Obstacle => self.obstacle,
-        }
-    }
-}
 
 /// A joint of the tree: the moved body, its parent and the axis in the moved body's frame.
 struct Axis {
@@ -169,6 +157,8 @@ pub struct World {
     /// The object without its contacts, and its centre of mass in O.
     free: FreeBody,
     com_O: Vector3<f64>,
+    stiffness: softness::Stiffness,
+    finger_kg: f64,
     /// Of the last step.
     contact_forces: ContactForces,
 }
@@ -196,6 +186,7 @@ impl World {
     pub fn step(&mut self, loads: &Loads) -> bool {
         let (X_WO, V_WO) = self.object_state();
         let before = self.velocities_before();
+        self.set_softness();
         self.apply(loads);
         self.pipeline.step(
             to_vector(&loads.gravity),
@@ -212,11 +203,7 @@ impl World {
             &(),
             &(),
         );
-        let touched_before = self.contact_forces.contact;
-        self.contact_forces = self.forces_of_step();
-        if self.settings.restitution > 0.0 {
-            self.let_rebound(&before, &touched_before);
-        }
+        self.contact_forces = self.settle_contacts(&before);
         if !self.contact_forces.contact.any() {
             let wrench = (&loads.object_force_n, &loads.object_torque_nm);
             let (X_WC, V_WC) = carried((&X_WO, &V_WO), &self.com_O);
@@ -249,6 +236,42 @@ impl World {
     pub fn object_inertia(&self) -> Matrix3<f64> {
         let inertia = self.bodies[self.object].mass_properties().local_mprops.reconstruct_inertia_matrix();
         Matrix3::from_columns(&[inertia.x_axis, inertia.y_axis, inertia.z_axis].map(from_vector))
+    }
+
+    /// Kinetic energy of everything that moves, rotors and the gripper's drive included, in J.
+    pub fn kinetic_energy_j(&self) -> f64 {
+        let of_body = |handle: engine::RigidBodyHandle, [angular, linear]: [Vector3<f64>; 2]| {
+            let body = &self.bodies[handle];
+            let inertia = body.mass_properties().local_mprops.reconstruct_inertia_matrix();
+            let local = body.rotation().inverse() * to_vector(&angular);
+            body.mass() * linear.norm_squared() / 2.0 + local.dot(inertia * local) / 2.0
+        };
+        let axes = self.joints.iter().chain(&self.fingers);
+        let links: f64 = axes.zip(self.link_velocities()).map(|(axis, twist)| of_body(axis.child, twist)).sum();
+        let rotors: f64 = self.multibody().map_or(0.0, |multibody| {
+            let velocities = multibody.generalized_velocity();
+            velocities.iter().zip(multibody.armature().iter()).map(|(dq, inertia)| inertia * dq * dq / 2.0).sum()
+        });
+        links + rotors + of_body(self.object, velocities(&self.bodies[self.object]))
+    }
+
+    fn multibody(&self) -> Option<&engine::Multibody> {
+        let id = self.multibodies.rigid_body_link(self.fingers[0].child)?;
+        self.multibodies.get_multibody(id.multibody)
+    }
+
+    /// Angular and linear velocities of the links by joint, fingers last. The engine brings those of its bodies up to date in the next
+    /// step only.
+    fn link_velocities(&self) -> [[Vector3<f64>; 2]; MAX_JOINTS + 2] {
+        let mut links = [[Vector3::zeros(); 2]; MAX_JOINTS + 2];
+        let Some(multibody) = self.multibody() else { return links };
+        let generalized = multibody.generalized_velocity();
+        for (link, axis) in links.iter_mut().zip(self.joints.iter().chain(&self.fingers)) {
+            let Some(id) = self.multibodies.rigid_body_link(axis.child) else { continue };
+            let twist = multibody.body_jacobian(id.id) * generalized;
+            *link = [Vector3::new(twist[3], twist[4], twist[5]), Vector3::new(twist[0], twist[1], twist[2])];
+        }
+        links
     }
 
     fn set_object_state(&mut self, X_WO: &Pose, V_WO: &Twist) {
@@ -321,16 +344,19 @@ impl World {
         self.contact_forces
     }
 
-    fn forces_of_step(&self) -> ContactForces {
+    /// Lets the object rebound where it met something in the step that has passed, and sums up what touched it.
+    fn settle_contacts(&mut self, before: &restitution::VelocitiesBefore) -> ContactForces {
         let mut impulses = [0.0; PARTS.len()];
-        for &collider in self.bodies[self.object].colliders() {
-            for pair in self.narrow_phase.contact_pairs_with(collider) {
-                let other = if pair.collider1 == collider { pair.collider2 } else { pair.collider1 };
-                impulses[self.colliders[other].user_data as usize] += normal_impulse(pair);
-            }
+        for point in self.contact_points() {
+            impulses[point.part as usize] += point.impulse_ns;
+        }
+        let touches = impulses.map(|impulse_ns| impulse_ns > 0.0);
+        if self.settings.restitution > 0.0 && touches.contains(&true) {
+            let added_ns = self.let_rebound(before);
+            impulses.iter_mut().zip(added_ns).for_each(|(impulse_ns, added_ns)| *impulse_ns += added_ns);
         }
         let force = |part: Part| impulses[part as usize] / self.settings.step_s;
-        let touches = |part: Part| impulses[part as usize] > 0.0;
+        let touches = |part: Part| touches[part as usize];
         ContactForces {
             contact: Contact {
                 left_finger: touches(Part::LeftFinger),
@@ -346,28 +372,14 @@ impl World {
     }
 }
 
+/// Angular and linear velocity of a body.
+fn velocities(body: &engine::RigidBody) -> [Vector3<f64>; 2] {
+    [from_vector(body.angvel()), from_vector(body.linvel())]
+}
+
 /// Pose and velocity of a frame that stands at `p_AB` in a moving frame A, with the same axes.
-fn carried((X_WA, V_WA): (&Pose, &Twist), p_AB: &Vector3<f64>) -> (Pose, Twist) {
+pub(crate) fn carried((X_WA, V_WA): (&Pose, &Twist), p_AB: &Vector3<f64>) -> (Pose, Twist) {
     let p_AB_W = X_WA.rotation * p_AB;
     let X_WB = Pose::from_parts((X_WA.translation.vector + p_AB_W).into(), X_WA.rotation);
     (X_WB, Twist { angular: V_WA.angular, linear: V_WA.linear + V_WA.angular.cross(&p_AB_W) })
-}
-
-/// The engine marks new contacts in this bit of their index.
-const NEW_CONTACT: u64 = 1 << 31;
-
-/// The points of a pair that were solved in the last step, each with its manifold: one may list a point twice, and the duplicate
-/// keeps an impulse that nothing felt.
-fn solved_points(
-    pair: &engine::ContactPair,
-) -> impl Iterator<Item = (&engine::ContactManifold, &engine::TrackedContact<engine::ContactData>)> {
-    pair.solver_manifolds().iter().flat_map(|manifold| {
-        let indices = manifold.data.solver_contacts.iter().map(|contact| contact.contact_id[0] & !NEW_CONTACT);
-        indices.filter_map(move |index| Some((manifold, manifold.points.get(index as usize)?)))
-    })
-}
-
-/// Sum of the normal impulses of a pair during the last step.
-fn normal_impulse(pair: &engine::ContactPair) -> f64 {
-    solved_points(pair).map(|(_, point)| point.data.impulse).sum()
 }

@@ -28,6 +28,8 @@ pub struct Servo {
     other_model: Option<Robot>,
     /// What the integral of the errors of the joints' positions asks for, in rad/s².
     error_integral: JointVector,
+    /// What the joints were last asked for, in rad/s².
+    asked_radps2: JointVector,
     /// Excursions that last: entries of the report by joint, for position and velocity.
     excursions: [Vec<Option<usize>>; 2],
     report: ServoReport,
@@ -52,6 +54,7 @@ impl Servo {
             draws,
             executor: Executor::new(model, q, checks),
             error_integral: JointVector::zeros(),
+            asked_radps2: JointVector::zeros(),
             excursions,
             report: ServoReport::default(),
         }
@@ -105,33 +108,46 @@ impl Servo {
     /// Torques for the step that begins at `time_s`, by computed torque with the encoders' `q` and `dq`:
     /// τ = ID(q, q̇, q̈_d + K_P·(q_d − q) + K_I·∫(q_d − q) + K_D·(q̇_d − q̇)) (Siciliano et al., Robotics, section 8.5.2), clamped
     /// unless motors have no limit.
+    ///
+    /// Against windup the integral of a joint waits while its torque is clamped and would go further (conditional integration: Åström &
+    /// Hägglund, PID Controllers, section 3.5).
     pub fn torque(&mut self, time_s: f64, step_s: f64, q: &JointVector, dq: &JointVector) -> JointVector {
         let wanted = self.executor.advance(time_s - self.config.interpolator_lag_s);
         let gains = &self.config.gains;
         let error = wanted.q - q;
-        self.error_integral += error * (gains.integral_per_s3 * step_s);
+        let increment = error * (gains.integral_per_s3 * step_s);
         let acceleration = wanted.ddq
             + error * gains.proportional_per_s2
             + (wanted.dq - dq) * gains.derivative_per_s
-            + self.error_integral;
+            + (self.error_integral + increment);
         let model = self.other_model.as_ref().unwrap_or(self.executor.robot());
         let mut torque = model.inverse_dynamics(q, dq, &acceleration);
         let mut is_clamped = false;
         for (i, joint) in self.executor.robot().joints.iter().enumerate() {
             let limit = joint.limits.torque;
             self.report.peak_torque_ratio = self.report.peak_torque_ratio.max(torque[i].abs() / limit);
-            if torque[i].abs() > limit && !self.config.unlimited_torque {
+            let is_beyond = torque[i].abs() > limit && !self.config.unlimited_torque;
+            if is_beyond {
                 is_clamped = true;
                 torque[i] = torque[i].clamp(-limit, limit);
+            }
+            if !is_beyond || increment[i] * torque[i] < 0.0 {
+                self.error_integral[i] += increment[i];
             }
         }
         if is_clamped {
             self.report.torque_clamped_s += step_s;
         }
+        self.asked_radps2 = acceleration;
         torque
     }
 
-    /// Watches the limits in motion: the encoders at `time_s`, and the velocity one step before.
+    /// The joints' accelerations that the last torques were computed for.
+    pub fn asked_radps2(&self) -> &JointVector {
+        &self.asked_radps2
+    }
+
+    /// Watches the limits in motion, by where the joints truly are at `time_s` and their velocity one step before: the report is the referee's.
     pub fn watch(&mut self, time_s: f64, step_s: f64, q: &JointVector, dq: &JointVector, dq_before: &JointVector) {
         for i in 0..self.executor.robot().dof() {
             let joint = &self.executor.robot().joints[i];

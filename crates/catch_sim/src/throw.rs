@@ -20,9 +20,9 @@ pub use recorded::{FlightSource, RecordedFlight, RecordedState, Recordings};
 /// An object's state at t = 0.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Release {
-    /// Its centre of mass in W, in metres.
+    /// The origin of O in W, in metres.
     pub p_WO: Point3<f64>,
-    /// The velocity of its centre of mass in W, in m/s.
+    /// The velocity of that point in W, in m/s.
     pub v_WO: Vector3<f64>,
     /// Its orientation.
     pub q_WO: UnitQuaternion<f64>,

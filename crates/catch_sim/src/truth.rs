@@ -61,7 +61,7 @@ pub struct TruthSample {
     /// Pose of the gripper.
     #[serde(deserialize_with = "quantity::true_pose")]
     pub X_WG: Pose,
-    /// Its spatial velocity.
+    /// Its spatial velocity, the linear part at the origin of G.
     pub V_WG: Twist,
     /// Distance between the fingers' inner faces in metres.
     #[serde(deserialize_with = "quantity::true_value")]
@@ -69,13 +69,14 @@ pub struct TruthSample {
     /// The width that the gripper is commanded to have; below the true one it closes, or squeezes what is between its fingers.
     #[serde(default, deserialize_with = "quantity::true_value")]
     pub commanded_width_m: f64,
-    /// Force between left and right finger and the object in N, averaged over the step.
+    /// Normal force between left and right finger and the object in N, rebounds included, averaged over the step.
     #[serde(deserialize_with = "quantity::true_value")]
     pub finger_force_n: [f64; 2],
     /// Pose of the object.
     #[serde(deserialize_with = "quantity::true_pose")]
     pub X_WO: Pose,
-    /// Its spatial velocity, the linear part at the centre of mass.
+    /// Its spatial velocity, the linear part at the origin of O. That is the centre of mass but for bodies as published:
+    /// [`ThrownObject::com_O`](crate::ThrownObject::com_O).
     pub V_WO: Twist,
     /// What touched the object.
     pub contact: Contact,

@@ -349,10 +349,10 @@ mod tests {
             to[joint] = 0.5;
             let motion = planner.rest_to_rest(0.0, &from, None, &to, None);
             let Some(motion) = motion else { continue };
-            for (held, corners) in [(None, [Point3::origin(); 2]), (Some(&held_G), [
-                Point3::new(0.02, 0.8, 0.02),
-                Point3::new(-0.02, 0.8, -0.02),
-            ])] {
+            for (held, corners) in [
+                (None, [Point3::origin(); 2]),
+                (Some(&held_G), [Point3::new(0.02, 0.8, 0.02), Point3::new(-0.02, 0.8, -0.02)]),
+            ] {
                 let bound_mps = planner.fastest_mps(&motion, held);
                 for i in 0..200 {
                     let time_s = motion.end_s() * f64::from(i) / 200.0;

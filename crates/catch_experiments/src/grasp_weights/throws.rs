@@ -115,7 +115,8 @@ impl Batch {
     fn kept(&self, setups: &[Setup], folder: &Path) -> Result<(Kept, File)> {
         let path: PathBuf = folder.join(format!("{}-seed-{}.jsonl", self.name, self.seed));
         fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-        let figures = |it: &Setup| format!("{:?}", (&it.known_object.figures, it.object.inertia_kgm2, it.object.mesh.volume()));
+        let figures =
+            |it: &Setup| format!("{:?}", (&it.known_object.figures, it.object.inertia_kgm2, it.object.mesh.volume()));
         let objects: Vec<String> = setups.iter().map(figures).collect();
         let (commit, scenario) = (results::last_change(SOURCES), setups.first().map(|it| &it.scenario));
         let identity = serde_json::to_string(&(commit, self.weights, self.draws_weights, scenario, objects))?;

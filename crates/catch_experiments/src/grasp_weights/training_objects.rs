@@ -90,10 +90,10 @@ impl TrainingObject {
         let mut truth = numbers(&known);
         truth.extend(self.stiffness_npm.map(|it| ("stiffness_npm".to_owned(), Value::Float(it))));
         truth.insert("shape".to_owned(), Value::Table(shape.clone()));
-        let mut prior = numbers(&known);
-        prior.insert("drag_sd_per_m".to_owned(), Value::Float(DRAG_SD_FRACTION * drag_per_m));
+        let mut figures = numbers(&known);
+        figures.insert("drag_sd_per_m".to_owned(), Value::Float(DRAG_SD_FRACTION * drag_per_m));
         let name = Value::String(self.name.clone());
-        let tables = [("name", name), ("truth", Value::Table(truth)), ("prior", Value::Table(prior))];
+        let tables = [("name", name), ("truth", Value::Table(truth)), ("known", Value::Table(figures))];
         let file: Table = tables.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
         let path = folder.join(format!("{}.toml", self.name));
         fs::write(&path, toml::to_string(&file)?).with_context(|| path.display().to_string())?;

@@ -16,8 +16,8 @@ use catch_body::{
     clearance::ArmClearance,
     inverse_kinematics::{ParallelAxesArm, Ranges, SrsArm},
     robot::JointLimits,
-    workcell::FLOOR_Z_M,
     shape::Capsule,
+    workcell::FLOOR_Z_M,
 };
 use catch_sim::FreeFlight;
 use nalgebra::{Point3, Rotation3, Unit, UnitQuaternion, Vector3};
@@ -233,6 +233,7 @@ impl Flight {
             at.z > FLOOR_Z_M && setup.robot.obstacles.iter().all(|obstacle| obstacle.distance_to_capsule(&middle) > 0.0)
         };
         let in_flight = flight.take(longest).take_while(|(X_WO, _)| is_free(X_WO));
+        // The hand goes where the object's middle is, the origin of O.
         let sample = |(i, (X_WO, V_WO)): (usize, (Pose, Twist))| FlightSample {
             time_s: i as f64 * FLIGHT_STEP_S,
             p_WO: X_WO.translation.vector.into(),

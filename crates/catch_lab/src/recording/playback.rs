@@ -12,7 +12,7 @@ use crate::{
     recording::{
         Ending, GroundTruth, Header, Part, RecordedTick, RecordingReader, replay::brain_of, throw_times::ThrowTimes,
     },
-    referee::{sample_at, undisturbed_position},
+    referee::sample_at,
 };
 
 /// Everything that is known of one throw.
@@ -161,9 +161,11 @@ impl Playback {
     /// How each prediction fared at the last planned catch, or at the end of the flight if there was no plan; nothing without ground
     /// truth.
     pub fn prediction_errors(&self) -> Vec<PredictionError> {
-        let Some(GroundTruth { truth, verdict, .. }) = self.ground_truth() else { return Vec::new() };
+        let Some(GroundTruth { truth, verdict, undisturbed_m, .. }) = self.ground_truth() else { return Vec::new() };
         let at_s = verdict.catch_time_s.unwrap_or_else(|| self.flight_end_s());
-        let Some(truth_O) = undisturbed_position(truth, at_s) else { return Vec::new() };
+        let at_end = || Some(sample_at(truth, at_s)?.X_WO.translation.vector.into());
+        let undisturbed = if verdict.catch_time_s.is_some() { *undisturbed_m } else { at_end() };
+        let Some(truth_O) = undisturbed else { return Vec::new() };
         let of_tick = |tick: &RecordedTick| {
             let flight = tick.report.flight.as_ref().filter(|_| tick.observation.time_s <= at_s)?;
             let predicted = flight.pose_at(at_s) * self.com_O();

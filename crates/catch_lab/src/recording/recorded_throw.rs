@@ -57,8 +57,11 @@ pub fn record(
     let times = ThrowTimes::of(&trial);
     let conditions = trial.truth.conditions.clone();
     let surface = RecordedSurface::from(&setup.object.mesh);
+    let undisturbed_m =
+        verdict.catch_time_s.and_then(|catch_s| referee::undisturbed_position(&trial.truth, &setup.object, catch_s));
+    let com_O = referee::true_com_O(setup);
     let ground_truth =
-        Some(GroundTruth { truth: trial.truth, verdict: verdict.clone(), surface, com_O: referee::true_com_O(setup) });
+        Some(GroundTruth { truth: trial.truth, verdict: verdict.clone(), surface, com_O, undisturbed_m });
     let timeline = timeline.entries().to_vec();
     let ending = Ending { timeline, ground_truth };
     let recording = recorder.finish(&ending)?;

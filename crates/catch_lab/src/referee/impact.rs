@@ -22,7 +22,7 @@ pub(super) fn impact(truth: &Truth, contact_s: f64, object: &ThrownObject, robot
     let momenta = |sample: &TruthSample| {
         let R_WO = sample.X_WO.rotation;
         let angular = R_WO * (object.inertia_kgm2 * (R_WO.inverse() * sample.V_WO.angular));
-        (sample.V_WO.linear * object.mass_kg, angular)
+        (sample.V_WO.velocity_at(&(R_WO * object.com_O.coords)) * object.mass_kg, angular)
     };
     let first = truth.samples.partition_point(|sample| sample.time_s < contact_s).max(1);
     let after = truth.samples.partition_point(|sample| sample.time_s < contact_s + IMPACT_S);
@@ -33,9 +33,44 @@ pub(super) fn impact(truth: &Truth, contact_s: f64, object: &ThrownObject, robot
         let (linear, angular) = (after.0 - before.0 - weight, after.1 - before.1);
         impulse += linear;
         let X_WL = robot.link_poses(&pair[1].q);
-        let jacobian = robot.jacobian(&X_WL, &pair[1].X_WO.translation.vector.into());
+        let jacobian = robot.jacobian(&X_WL, &(pair[1].X_WO * object.com_O));
         let wrench = Vector6::from_iterator(angular.iter().chain(linear.iter()).copied());
         joint_impulse -= jacobian.transpose() * wrench;
     }
     Impact { impulse_ns: impulse.norm(), joint_impulse_nms: joint_impulse.amax() }
+}
+
+#[cfg(test)]
+mod tests {
+    use catch_body::Twist;
+    use catch_sim::free_flight::coasted;
+
+    use super::*;
+    use crate::scenario::setup::{Choice, Setup};
+
+    /// A bottle that tumbles about a centre of mass 87 mm from the origin of its frame pushes nothing.
+    #[test]
+    fn what_flies_freely_has_no_impact() {
+        let choice = Choice { scenario: Some("as-published"), object: Some("pill_bottle"), ..Choice::default() };
+        let Setup { object, robot, .. } = Setup::load(&choice).unwrap();
+        assert!(object.com_O.coords.norm() > 0.08);
+        let start = Setup::load(&choice).unwrap().arena(1, 0).truth().samples[0];
+        let spin = Twist { angular: Vector3::new(9.0, -14.0, 5.0), linear: start.V_WO.linear };
+        let mut truth = Truth { samples: vec![start; 40], ..Truth::default() };
+        for (step, sample) in truth.samples.iter_mut().enumerate() {
+            sample.time_s = step as f64 * 1e-3;
+            (sample.X_WO, sample.V_WO) = coasted(&object, (&start.X_WO, &spin), sample.time_s);
+        }
+        let Impact { impulse_ns, joint_impulse_nms } = impact(&truth, 5e-3, &object, &robot);
+        assert!(impulse_ns < 1e-9 && joint_impulse_nms < 1e-9, "{impulse_ns} N·s, {joint_impulse_nms} N·m·s");
+        // A push at the centre of mass has no moment about it.
+        let mut pushed = truth.clone();
+        pushed.samples[10..].iter_mut().for_each(|it| it.V_WO.linear.x += 1.0);
+        let Impact { impulse_ns, joint_impulse_nms } = impact(&pushed, 5e-3, &object, &robot);
+        let (X_WL, com_W) = (robot.link_poses(&start.q), pushed.samples[10].X_WO * object.com_O);
+        let force = Vector6::new(0.0, 0.0, 0.0, object.mass_kg, 0.0, 0.0);
+        let expected = (robot.jacobian(&X_WL, &com_W).transpose() * force).amax();
+        assert!((impulse_ns - object.mass_kg).abs() < 1e-9);
+        assert!((joint_impulse_nms - expected).abs() < 1e-9, "{joint_impulse_nms} instead of {expected}");
+    }
 }

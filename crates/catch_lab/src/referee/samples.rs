@@ -1,7 +1,6 @@
 //! The truth's samples: which one, and what it says of the grasp.
 
-use catch_body::dynamics::gravity;
-use catch_sim::{Truth, TruthSample};
+use catch_sim::{ThrownObject, Truth, TruthSample, free_flight::coasted};
 use nalgebra::{Point3, Vector3};
 
 /// Fingers that move slower have closed.
@@ -20,9 +19,10 @@ pub(crate) fn is_squeezed(before: &TruthSample, now: &TruthSample) -> bool {
 }
 
 /// Velocity of the object's centre of mass relative to the gripper, in W.
-pub(super) fn relative_velocity(sample: &TruthSample) -> Vector3<f64> {
-    let p_GO_W = sample.X_WO.translation.vector - sample.X_WG.translation.vector;
-    sample.V_WO.linear - sample.V_WG.velocity_at(&p_GO_W)
+pub(super) fn relative_velocity(sample: &TruthSample, object: &ThrownObject) -> Vector3<f64> {
+    let p_OC_W = sample.X_WO.rotation * object.com_O.coords;
+    let p_GC_W = sample.X_WO.translation.vector + p_OC_W - sample.X_WG.translation.vector;
+    sample.V_WO.velocity_at(&p_OC_W) - sample.V_WG.velocity_at(&p_GC_W)
 }
 
 /// The sample nearest to `time_s`; the last one for times beyond it.
@@ -37,14 +37,13 @@ pub(super) fn sample_before(truth: &Truth, time_s: f64) -> Option<&TruthSample> 
     truth.samples.get(next.checked_sub(1)?)
 }
 
-/// Where the object would have been at `time_s` if nothing had touched it: from its last free state on along a parabola.
-pub(crate) fn undisturbed_position(truth: &Truth, time_s: f64) -> Option<Point3<f64>> {
+/// Where the object's O would have been at `time_s` if nothing had touched it: from its last free state on without air, which does nothing in
+/// the milliseconds that this bridges.
+pub(crate) fn undisturbed_position(truth: &Truth, object: &ThrownObject, time_s: f64) -> Option<Point3<f64>> {
     let free_until = truth.samples.iter().position(|sample| sample.contact.any()).unwrap_or(truth.samples.len());
     let free = &truth.samples[..free_until];
     let next = free.partition_point(|sample| sample.time_s < time_s - 0.5e-3);
     let sample = free.get(next.min(free.len().checked_sub(1)?))?;
-    // p + v·t + g·t²/2; the air does nothing in the milliseconds that this bridges.
-    let t = time_s - sample.time_s;
-    let p = sample.X_WO.translation.vector + sample.V_WO.linear * t + gravity() * (t * t / 2.0);
-    Some(p.into())
+    let (X_WO, _) = coasted(object, (&sample.X_WO, &sample.V_WO), time_s - sample.time_s);
+    Some(X_WO.translation.vector.into())
 }

@@ -7,6 +7,7 @@ mod blanked;
 mod calibration;
 mod camera_health;
 mod circles;
+mod controls;
 mod frames;
 mod knowledge;
 mod mutations;

@@ -6,16 +6,13 @@ use catch_body::{
     shape::{Capsule, Cuboid},
     workcell::{FLOOR_Z_M, Obstacle},
 };
-use engine::{Group, InteractionGroups, InteractionTestMode, JointAxesMask, JointAxis, SpringCoefficients};
+use engine::{Group, InteractionGroups, InteractionTestMode, JointAxesMask, JointAxis};
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use rapier3d_f64::prelude as engine;
 
 use super::convert::{to_pose, to_rotation, to_vector};
-use super::{Axis, ContactForces, Mount, Part, World, WorldSettings, free_motion::FreeBody};
+use super::{Axis, ContactForces, Mount, Part, World, WorldSettings, free_motion::FreeBody, softness::Stiffness};
 use crate::{object::ThrownObject, object_shape::ColliderPart, throw::Release};
-
-/// Stiffness of contacts, see the module's documentation: natural frequency in Hz and damping ratio.
-const CONTACT_SOFTNESS: [f64; 2] = [150.0, 1.0];
 
 pub(super) fn assemble(
     settings: WorldSettings,
@@ -42,6 +39,8 @@ pub(super) fn assemble(
     builder.attach_box(hand, &X_HG, &gripper.body(), Part::Palm);
     let fingers = builder.add_fingers(gripper, hand, &X_HG);
     let (free, com_O) = (FreeBody::of(object), object.com_O.coords);
+    let finger_kg = gripper.finger_mass_kg + settings.drive_mass_kg;
+    let stiffness = Stiffness::of(object, finger_kg);
     let object = builder.add_object(object, release);
     // The engine would take the masses into account in the first step only, but the kinematics below need them.
     for (_, body) in builder.bodies.iter_mut() {
@@ -49,13 +48,10 @@ pub(super) fn assemble(
     }
     builder.set_coordinates(mount, &joints, &fingers, width_m / 2.0);
 
-    let softness = SpringCoefficients::new(CONTACT_SOFTNESS[0], CONTACT_SOFTNESS[1]);
     let parameters = engine::IntegrationParameters {
         dt: settings.step_s,
         num_solver_iterations: settings.substeps,
         contact_recycling: false,
-        contact_softness: softness,
-        static_contact_softness: softness,
         friction_model: engine::FrictionModel::Coulomb,
         // Fast bodies would be swept against what is fixed: the floor, and nothing can be behind it, and obstacles, which are thicker
         // than what an object flies in a step.
@@ -80,6 +76,8 @@ pub(super) fn assemble(
         object,
         free,
         com_O,
+        stiffness,
+        finger_kg,
         contact_forces: ContactForces::default(),
     }
 }
@@ -100,7 +98,6 @@ impl World {
         (self.settings.friction, self.settings.restitution) = (friction, restitution);
         for (_, collider) in self.colliders.iter_mut() {
             collider.set_friction(friction);
-            collider.set_restitution(restitution);
         }
         let mut builder = Builder {
             settings: self.settings,
@@ -112,6 +109,7 @@ impl World {
         builder.bodies[self.object].recompute_mass_properties_from_colliders(&builder.colliders);
         (self.bodies, self.colliders) = (builder.bodies, builder.colliders);
         (self.free, self.com_O) = (FreeBody::of(object), object.com_O.coords);
+        self.stiffness = Stiffness::of(object, self.finger_kg);
         self.contact_forces = ContactForces::default();
     }
 }
@@ -281,8 +279,8 @@ impl Builder {
         self.attach(body, shape, part);
     }
 
-    /// Everything collides with the object and with floor and obstacles, and with nothing else. Friction and restitution of a pair are
-    /// the mean of both surfaces, so all surfaces get the same.
+    /// Everything collides with the object and with floor and obstacles, and with nothing else. Friction of a pair is the mean of both
+    /// surfaces, so all surfaces get the same. Restitution is not the engine's.
     fn attach(&mut self, body: engine::RigidBodyHandle, shape: engine::ColliderBuilder, part: Part) {
         let (object, floor, machine) = (Group::GROUP_1, Group::GROUP_2, Group::GROUP_3);
         let (memberships, filter) = match part {
@@ -293,7 +291,7 @@ impl Builder {
         let collider = shape
             .density(0.0)
             .friction(self.settings.friction)
-            .restitution(self.settings.restitution)
+            .restitution(0.0)
             .collision_groups(InteractionGroups::new(memberships, filter, InteractionTestMode::And))
             .user_data(part as u128);
         self.colliders.insert_with_parent(collider, body, &mut self.bodies);

@@ -31,7 +31,7 @@ impl FreeBody {
     }
 
     /// Pose and velocity after `duration_s`, under constant gravity, force and torque in W; the force acts on the centre of mass,
-    /// which is the origin of O.
+    /// where the frame has its origin here.
     ///
     /// Translation is exact.
     pub fn advanced(

@@ -2,7 +2,13 @@
 
 use catch_body::Gripper;
 use catch_cell::GripperMove;
-use catch_sim::{ThrownObject, gripper_drive::GripperDrive, physics::World};
+use catch_sim::{
+    ThrownObject,
+    config::RealDrive,
+    gripper_drive::GripperDrive,
+    physics::{World, WorldSettings},
+    random_streams::{Draws, Stream},
+};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 use crate::setting;
@@ -17,14 +23,23 @@ struct Grip {
 impl Grip {
     /// Squeezes `object`, which waits between the fingers, for 0.3 s without gravity.
     fn of(object: &ThrownObject, width_m: f64, friction: f64, force_n: f64) -> Self {
+        Self::with_drive(object, width_m, setting::settings(friction, 0.0), force_n)
+    }
+
+    fn with_drive(object: &ThrownObject, width_m: f64, settings: WorldSettings, force_n: f64) -> Self {
         let gripper = setting::gripper();
         let p_WG = Point3::new(0.0, 0.0, 2.0);
         let mut release = setting::release([0.0, gripper.grasp_centre_y_m, 2.0], [0.0; 3]);
         // Round things have 32 flat strips: one of them faces each finger, so that nothing rolls from strip to strip.
         release.q_WO = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI / 32.0);
-        let settings = setting::settings(friction, 0.0);
         let world = setting::fixed_hand(settings, p_WG, &gripper, width_m, object, &release);
-        let mut drive = GripperDrive::new(&gripper, width_m);
+        let mut drive = match settings.drive_mass_kg {
+            0.0 => GripperDrive::new(&gripper, width_m),
+            drive_mass_kg => {
+                let config = RealDrive { drive_mass_kg, latency_s: Some(0.0), ..RealDrive::default() };
+                GripperDrive::real(&gripper, width_m, &config, &mut Draws::new(Stream::Gripper, 0, 0))
+            }
+        };
         drive.receive(&[GripperMove { start_s: 0.0, width_m: 0.0, speed_mps: 0.4, force_n }], 0.0);
         let mut grip = Self { world, drive, steps: 0 };
         grip.hold(0.3, &|_| (Vector3::zeros(), Vector3::zeros()));
@@ -84,6 +99,45 @@ fn fingers_press_as_hard_as_they_are_told() {
         for measured in grip.world.contact_forces().finger_n {
             assert!((measured / force_n - 1.0).abs() < 1e-3, "{measured} N of {force_n} N");
         }
+    }
+}
+
+/// A finger sinks into the ball by F/k and hardly into a bottle, whatever drives it. The bottle is bounded by the highest frequency of
+/// contacts.
+#[test]
+#[expect(clippy::print_stdout, reason = "the figure of docs/reference/checks.md")]
+fn what_is_squeezed_is_as_stiff_as_its_file_says() {
+    for (name, width_m) in [("tennis_ball", 0.068), ("pill_bottle", 0.052)] {
+        let object = setting::object(name);
+        for drive_mass_kg in [0.0, 0.5] {
+            let settings = WorldSettings { drive_mass_kg, ..setting::settings(0.667, 0.0) };
+            let apart_m = |force_n: f64| {
+                let grip = Grip::with_drive(&object, width_m, settings, force_n);
+                grip.world.state().finger_m.iter().sum::<f64>()
+            };
+            // From a touch of 8 N to 80 N, on each side.
+            let squeeze_m = (apart_m(8.0) - apart_m(80.0)) / 2.0 * 80.0 / 72.0;
+            println!("{name}: {:.2} mm under 80 N with {drive_mass_kg} kg at each finger", squeeze_m * 1e3);
+            match object.stiffness_npm {
+                Some(stiffness_npm) => {
+                    let ratio = squeeze_m / (80.0 / stiffness_npm);
+                    assert!((ratio - 1.0).abs() < 0.15, "{name}, {drive_mass_kg} kg: {ratio} of F/k");
+                }
+                None => assert!((0.0..3e-4).contains(&squeeze_m), "{name}, {drive_mass_kg} kg: {squeeze_m} m"),
+            }
+        }
+    }
+}
+
+/// Nothing convex is held without friction; a banana has dents.
+#[test]
+fn without_friction_everything_falls() {
+    for (name, width_m) in [("tennis_ball", 0.068), ("pill_bottle", 0.052)] {
+        let mut grip = Grip::of(&setting::object(name), width_m, 0.0, 72.0);
+        let start = grip.place();
+        grip.hold(0.4, &|_| (Vector3::zeros(), Vector3::new(0.0, 0.0, -9.81)));
+        let fallen_m = start.z - grip.place().z;
+        assert!(fallen_m > 0.3, "{name}: {fallen_m} m in 0.4 s");
     }
 }
 
@@ -156,6 +210,8 @@ fn restitution_of_a_ball_between_two_closing_fingers_is_exact() {
             let impulse_ns = gripper.finger_mass_kg * (state.finger_mps[0] - closing[0]);
             let told_ns = world.contact_forces().contact.peak_impulse_ns;
             assert!((told_ns / impulse_ns - 1.0).abs() < 1e-2, "{told_ns} instead of {impulse_ns} N·s");
+            let by_force_ns = world.contact_forces().finger_n[0] * 1e-3;
+            assert!((by_force_ns / impulse_ns - 1.0).abs() < 1e-2, "{by_force_ns} instead of {impulse_ns} N·s");
             for (after, before) in state.finger_mps.into_iter().zip(closing) {
                 let rebound = -after / before;
                 let error = (rebound / restitution - 1.0).abs();

@@ -99,8 +99,8 @@ fn it_presses_with_80_newtons_and_knows_that_it_holds_something() {
             assert!(force_n > 79.0 && force_n < 80.1, "{force_n} at {}", sample.time_s);
         }
         assert_eq!(sample.state.grasp, GraspState::Holding);
-        // The contact gives 1.7 mm on each side under 80 N.
-        assert!((sample.state.width_m - (0.0672 - 2.0 * 0.0017)).abs() < 2e-4, "{:?}", sample.state);
+        // The ball gives 3.3 mm on each side under 80 N.
+        assert!((sample.state.width_m - (0.0672 - 2.0 * 0.0033)).abs() < 2e-4, "{:?}", sample.state);
         assert!(sample.state.force_n <= 80.0, "{:?}", sample.state);
     }
     let before = samples.iter().filter(|it| it.time_s < touched_s && it.state.width_m < 0.11);

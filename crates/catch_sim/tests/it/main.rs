@@ -3,6 +3,7 @@
 mod aerodynamics;
 mod catch_table;
 mod contacts;
+mod energy;
 mod free_motion;
 mod free_rotation;
 mod gripper;

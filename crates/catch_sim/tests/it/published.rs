@@ -4,11 +4,12 @@
 use catch_body::JointVector;
 use catch_cell::{ArmTrajectory, BSpline, Cell, Command, TrajectoryId};
 use catch_sim::{
-    Arena, ArenaConfig, GripperDriveKind, Release,
+    Arena, ArenaConfig, Conditions, Equipment, FreeFlight, GripperDriveKind, Release,
     config::{GripperTrigger, PositionDrive, ProximitySensor, RobotController},
+    free_flight::coasted,
     physics::World,
 };
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 use crate::setting;
 
@@ -98,6 +99,41 @@ fn what_turns_about_another_centre_of_mass_keeps_it_on_its_parabola() {
         assert!((of_com(&world.state()) - expected).norm() < 1e-9, "{step}");
     }
     assert!((world.state().X_WO.rotation.angle_to(&start.X_WO.rotation)) > 0.5);
+}
+
+/// What is predicted from one sample of a tumbling bottle whose centre of mass lies 87 mm from O: the origin of O, from its velocity there,
+/// by `coasted` and from the release on by `FreeFlight`.
+#[test]
+fn free_flight_is_that_of_the_centre_of_mass() {
+    let published = setting::object("pill_bottle").as_published().unwrap();
+    let release = Release {
+        q_WO: UnitQuaternion::from_euler_angles(0.4, 1.0, -0.7),
+        omega_WO: Vector3::new(9.0, -14.0, 5.0),
+        ..setting::release([5.0, 5.0, 5.0], [1.0, 2.0, 3.0])
+    };
+    for drag in [false, true] {
+        let config = ArenaConfig { published_bodies: true, drag, ..ArenaConfig::default() };
+        let equipment =
+            Equipment::new(config.clone(), setting::robot(), setting::gripper(), published.clone(), Vec::new());
+        let mut arena = Arena::new(&equipment, &release, &setting::robot().ready_q, 0, 0);
+        senses(&mut arena, 41);
+        let samples = &arena.truth().samples;
+        let conditions = Conditions::draw(&config, &published, 0, 0);
+        for (sample, (X_WO, V_WO)) in samples.iter().zip(FreeFlight::new(&published, &release, &conditions, 1e-3)) {
+            let off_m = (sample.X_WO.translation.vector - X_WO.translation.vector).norm();
+            assert!(off_m < 1e-6, "{off_m} m after {} s", sample.time_s);
+            assert!((sample.V_WO.linear - V_WO.linear).norm() < 1e-5);
+        }
+        let [from, to] = [&samples[50], &samples[300]];
+        let (X_WO, V_WO) = coasted(&published, (&from.X_WO, &from.V_WO), to.time_s - from.time_s);
+        let off_m = (X_WO.translation.vector - to.X_WO.translation.vector).norm();
+        assert_eq!(off_m < 1e-6, !drag, "{off_m} m in 0.25 s");
+        assert_eq!((V_WO.linear - to.V_WO.linear).norm() < 1e-5, !drag);
+        // The origin itself is no body in free fall.
+        let t = to.time_s - from.time_s;
+        let as_if = from.X_WO.translation.vector + from.V_WO.linear * t + Vector3::new(0.0, 0.0, -9.81) * (t * t / 2.0);
+        assert!((as_if - to.X_WO.translation.vector).norm() > 0.02);
+    }
 }
 
 /// The authors' banana bulges the other way, and is seen from the origin of their frame. The box is that of their mesh.

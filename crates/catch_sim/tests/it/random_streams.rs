@@ -43,7 +43,7 @@ fn everything() -> ArenaConfig {
         wind: Wind::Drawn(DrawnWind { max_mps: 2.0 }),
         robot_errors: RobotErrors {
             encoder_sd_rad: 1e-4,
-            encoder_sd_radps: 1e-3,
+            encoder_step_rad: 5e-5,
             link_mass_spread: 0.03,
             tool_position_m: 1e-3,
             tool_rotation_deg: 0.1,

@@ -2,7 +2,12 @@
 
 use catch_body::{JointVector, Robot};
 use catch_cell::{ArmTrajectory, BSpline, Cell, Command, LimitKind, TrajectoryId, executor::PeakRatios};
-use catch_sim::{Arena, ArenaConfig, Truth};
+use catch_sim::{
+    Arena, ArenaConfig, Truth,
+    config::{ControllerGains, RobotController, RobotErrors},
+    random_streams::{Draws, Stream},
+    servo::Servo,
+};
 
 use crate::setting;
 
@@ -69,6 +74,77 @@ fn a_fast_motion_is_followed_within_a_tenth_of_a_millimetre() {
     assert_eq!(truth.servo.torque_clamped_s, 0.0);
     let clearance = truth.servo.min_self_clearance_m.unwrap();
     assert!(clearance > 0.0 && truth.servo.min_floor_clearance_m.unwrap() > 0.0, "{clearance}");
+}
+
+/// The fast motion by encoders of 17 bits a turn, a cycle old: rms and largest error of any joint in mrad, and the worst of what the brain
+/// is told.
+#[test]
+#[expect(clippy::print_stdout, reason = "the figure of docs/explanation/physics.md")]
+fn encoders_cost_little_tracking_and_no_stability() {
+    let robot = setting::robot();
+    let from = robot.ready_q;
+    let to = from + robot.joint_vector(&[0.27, -0.25, 0.27, 0.25, -0.39, -0.45, -0.45]).unwrap();
+    let trajectory = motion(0.0, 0.5, from, to);
+    let release = setting::release([9.0, 9.0, 9.0], [0.0; 3]);
+    let errors_mrad = |robot_errors: RobotErrors| {
+        let config = ArenaConfig { robot_errors, ..ArenaConfig::default() };
+        let mut arena = setting::arena(&config, "tennis_ball", &release, &from);
+        let Ok(_) = arena.sense();
+        send(&mut arena, 1, trajectory.clone());
+        let mut told = [0.0f64; 2];
+        for _ in 0..100 {
+            let Ok(observation) = arena.sense();
+            let last = arena.truth().samples.last().unwrap();
+            told[0] = told[0].max((observation.arm.q - last.q).amax());
+            told[1] = told[1].max((observation.arm.dq - last.dq).amax());
+        }
+        let errors: Vec<f64> = arena
+            .truth()
+            .samples
+            .iter()
+            .flat_map(|it| (it.q - trajectory.setpoint(it.time_s).q).iter().take(7).copied().collect::<Vec<_>>())
+            .collect();
+        let mean_square = errors.iter().map(|it| it * it).sum::<f64>() / errors.len() as f64;
+        let after = arena.truth().samples.iter().filter(|it| it.time_s > 0.8);
+        let chatter = after.map(|it| it.dq.amax()).fold(0.0, f64::max);
+        let largest = errors.iter().fold(0.0f64, |most, it| most.max(it.abs()));
+        ([mean_square.sqrt() * 1e3, largest * 1e3], told, chatter)
+    };
+    let encoders = RobotErrors { encoder_step_rad: 4.8e-5, encoder_sd_rad: 2.4e-5, ..RobotErrors::default() };
+    let links = RobotErrors { link_mass_spread: 0.03, ..RobotErrors::default() };
+    let both = RobotErrors { link_mass_spread: 0.03, ..encoders };
+    let [ideal, encoders, links, both] = [RobotErrors::default(), encoders, links, both].map(errors_mrad);
+    println!("[rms, largest] in mrad, told off by [rad, rad/s], rad/s at rest");
+    println!("ideal {ideal:?}\nencoders {encoders:?}\nlinks off by 3 % {links:?}\nboth {both:?}");
+    assert_eq!((ideal.1, links.1), ([0.0; 2], [0.0; 2]));
+    for (of_encoders, without) in [(encoders, ideal), (both, links)] {
+        let ([_, largest_mrad], [told_rad, told_radps], at_rest_radps) = of_encoders;
+        assert!(told_rad > 1e-6 && told_rad < 2e-4, "{told_rad}");
+        assert!(told_radps > 1e-4 && told_radps < 0.05, "{told_radps}");
+        assert!(largest_mrad < without.0[1] + 0.2, "{largest_mrad} mrad");
+        assert!(at_rest_radps < 0.01, "it moves at {at_rest_radps} rad/s at rest");
+    }
+}
+
+/// A joint that is jammed for two seconds goes on without overshoot by what its integral gathered meanwhile.
+#[test]
+fn the_integral_does_not_wind_up() {
+    let robot = setting::robot();
+    let q = robot.ready_q;
+    let gains = ControllerGains { integral_per_s3: 2e4, ..ControllerGains::default() };
+    let config = RobotController { gains, ..RobotController::default() };
+    let mut servo = Servo::new(robot, q, config, Draws::new(Stream::RobotController, 0, 0));
+    let rest = JointVector::zeros();
+    let free = servo.torque(0.0, 1e-3, &q, &rest);
+    let jammed = q + JointVector::ith(6, 1.0);
+    for step in 1..2000 {
+        let torque = servo.torque(f64::from(step) * 1e-3, 1e-3, &jammed, &rest);
+        assert!(torque[6] < 0.0, "{torque}");
+    }
+    assert!(servo.report().torque_clamped_s > 1.5, "{:?}", servo.report());
+    let asked = (servo.torque(2.0, 1e-3, &q, &rest) - free).amax();
+    assert!(servo.asked_radps2().amax() < 100.0, "{} rad/s²", servo.asked_radps2().amax());
+    assert!(asked < 5.0, "{asked} N·m where nothing is to be done");
 }
 
 #[test]
