@@ -19,14 +19,13 @@ use catch_cell::{CameraModel, RigCalibration, rig_to_toml};
 use catch_lab::{
     VERSION,
     assets::COMMAND_LINE,
-    evaluation::results::make_writable,
     own_data::ros_calibration::{camera_info_yaml, hand_eye_yaml, read_camera_info, read_hand_eye},
     pages::calibration_page::{self, CameraSection},
     scenario::setup::{
         Choice, Setup,
         calibration::{self, ArenaSession, CalibratedCameras, calibrated_cameras},
     },
-    whole_file,
+    whole_file::{self, check_new, make_writable, unfinished_folder, write_new},
 };
 use clap::Args;
 use serde::Serialize;
@@ -157,6 +156,8 @@ pub fn run(arguments: &CalibrateArguments) -> anyhow::Result<()> {
     let OutputArguments { out, json } = &arguments.output;
     make_writable(out, "--out")?;
     let setup = setup(arguments)?;
+    let places = Places::of(out, setup.cameras.len());
+    check_new(places.all(), "--out")?;
     let config = Config {
         poses: arguments.poses as usize,
         joint_zero_sd_rad: arguments.joint_zero_sd_deg.map(f64::to_radians),
@@ -172,15 +173,15 @@ pub fn run(arguments: &CalibrateArguments) -> anyhow::Result<()> {
     let found = refinement.calibration;
     let calibrated = calibrated_cameras(&setup.cameras, &found.cameras);
     let cameras = camera_documents(&found.cameras, &calibrated, &calibration::true_cameras(&setup, arguments.seed, 0));
-    write_files(out, &setup, &found, &calibrated)?;
-    let page = out.join("calibration.html");
-    whole_file::write(&page, page_text(&setup, &session, &calibrated, &cameras))?;
+    let mut files = places.files(arguments, &setup, &found, &calibrated);
+    files.push((places.page.clone(), page_text(&setup, &session, &calibrated, &cameras).into_bytes()));
+    write_new(&files, "--out")?;
     let document = Document {
         version: VERSION,
         scenario: &setup.scenario.name,
         seed: arguments.seed,
-        rig: out.join("rig.toml"),
-        page,
+        rig: places.rig,
+        page: places.page,
         poses: session.poses.len(),
         robot_time_s: session.robot_time_s,
         limit_violations: session.limit_violations,
@@ -220,6 +221,8 @@ pub fn before_throws(setup: &Setup, seed: u64, aloud: bool) -> io::Result<Vec<Ca
 fn setup(arguments: &CalibrateArguments) -> anyhow::Result<Setup> {
     let choice = arguments.choice.with(arguments.object.as_deref(), None);
     let mut rig = arguments.rig.clone();
+    // It is needed until the scenario is loaded.
+    let mut guess = None;
     let (infos, results) = (&arguments.camera_info, &arguments.hand_eye);
     if infos.len() != results.len() {
         let found = format!("{} files for {} of --camera-info", results.len(), infos.len());
@@ -232,9 +235,11 @@ fn setup(arguments: &CalibrateArguments) -> anyhow::Result<Setup> {
             Ok((CameraModel { X_WC: X_WB * X_BC, ..read_camera_info(info)? }, None))
         };
         let cameras: Vec<_> = infos.iter().zip(results).map(camera).collect::<Result<_, _>>()?;
-        let path = arguments.output.out.join("guess.toml");
+        let folder = unfinished_folder(&arguments.output.out.join("rig.toml"))?;
+        let path = folder.path().join("rig.toml");
         whole_file::write(&path, rig_to_toml("Cameras as files of ROS describe them.", &cameras))?;
         rig = Some(path.display().to_string());
+        guess = Some(folder);
     }
     let mut settings = choice.settings.to_vec();
     settings.extend(rig.map(|rig| format!("flight_rig={}", toml_text(&rig))));
@@ -242,7 +247,9 @@ fn setup(arguments: &CalibrateArguments) -> anyhow::Result<Setup> {
         "--set flight_rig" if arguments.rig.is_some() => InputError { field: "--rig".to_owned(), ..fault },
         _ => fault,
     };
-    Ok(Setup::load(&Choice { settings: &settings, ..choice }).map_err(as_asked)?)
+    let setup = Setup::load(&Choice { settings: &settings, ..choice }).map_err(as_asked)?;
+    drop(guess);
+    Ok(setup)
 }
 
 /// A text as TOML writes it between quotes.
@@ -250,25 +257,59 @@ fn toml_text(text: &str) -> String {
     format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
 }
 
-fn write_files(out: &Path, setup: &Setup, found: &Calibration, calibrated: &[CameraModel]) -> Result<(), InputError> {
-    let with_covariance: Vec<_> = calibrated.iter().cloned().zip(found.cameras.iter().map(rig_calibration)).collect();
-    let statuses: Vec<&str> = found.cameras.iter().map(|it| status(it.status)).collect();
-    let about = format!(
-        "Cameras calibrated on the arm of the scenario {}, from the rig {}.\nStatus of each: {}. One that has not converged stays where \
-         it was believed to stand.",
-        setup.scenario.name,
-        setup.scenario.flight_rig,
-        statuses.join(", ")
-    );
-    whole_file::write(&out.join("rig.toml"), rig_to_toml(&about, &with_covariance))?;
-    let X_BW = setup.robot.X_WB.inverse();
-    for (i, camera) in calibrated.iter().enumerate() {
-        let name = format!("camera_{i}");
-        whole_file::write(&out.join(format!("{name}.yaml")), camera_info_yaml(&name, camera))?;
-        let X_BC = X_BW * camera.X_WC;
-        whole_file::write(&out.join(format!("{name}.calib")), hand_eye_yaml(&name, &setup.robot.base_link, &X_BC))?;
+/// Where results are written.
+struct Places {
+    rig: PathBuf,
+    page: PathBuf,
+    /// For each camera its intrinsics and where it stands, as ROS keeps them.
+    cameras: Vec<[PathBuf; 2]>,
+}
+
+impl Places {
+    fn of(out: &Path, cameras: usize) -> Self {
+        let of_camera = |i| ["yaml", "calib"].map(|kind| out.join(format!("camera_{i}.{kind}")));
+        Self {
+            rig: out.join("rig.toml"),
+            page: out.join("calibration.html"),
+            cameras: (0..cameras).map(of_camera).collect(),
+        }
     }
-    Ok(())
+
+    fn all(&self) -> impl Iterator<Item = &PathBuf> {
+        [&self.rig, &self.page].into_iter().chain(self.cameras.iter().flatten())
+    }
+
+    /// The rig and the files of ROS.
+    fn files(
+        &self,
+        arguments: &CalibrateArguments,
+        setup: &Setup,
+        found: &Calibration,
+        calibrated: &[CameraModel],
+    ) -> Vec<(PathBuf, Vec<u8>)> {
+        let with_covariance: Vec<_> =
+            calibrated.iter().cloned().zip(found.cameras.iter().map(rig_calibration)).collect();
+        let statuses: Vec<&str> = found.cameras.iter().map(|it| status(it.status)).collect();
+        let source = match arguments.camera_info.is_empty() {
+            true => format!("the rig {}", setup.scenario.flight_rig),
+            false => "files of ROS".to_owned(),
+        };
+        let about = format!(
+            "Cameras calibrated on the arm of the scenario {}, from {source}.\nStatus of each: {}. One that has not converged stays \
+             where it was believed to stand.",
+            setup.scenario.name,
+            statuses.join(", ")
+        );
+        let mut files = vec![(self.rig.clone(), rig_to_toml(&about, &with_covariance).into_bytes())];
+        let X_BW = setup.robot.X_WB.inverse();
+        for (i, ([info, hand_eye], camera)) in self.cameras.iter().zip(calibrated).enumerate() {
+            let name = format!("camera_{i}");
+            let stands = hand_eye_yaml(&name, &setup.robot.base_link, &(X_BW * camera.X_WC));
+            files.push((info.clone(), camera_info_yaml(&name, camera).into_bytes()));
+            files.push((hand_eye.clone(), stands.into_bytes()));
+        }
+        files
+    }
 }
 
 /// None of a camera whose calibration is not to be believed.

@@ -10,7 +10,6 @@ use anyhow::Context;
 use catch_cell::LimitViolation;
 use catch_lab::{
     VERSION,
-    evaluation::results::make_writable,
     recording::{
         playback::Playback,
         recorded_throw::{RecordedThrow, record},
@@ -22,6 +21,7 @@ use catch_lab::{
         setup::{Scene, Setup},
     },
     trial::stopwatch::{StageTimes, Stopwatch},
+    whole_file::make_writable,
 };
 use clap::Args;
 use serde::Serialize;

@@ -90,9 +90,8 @@ struct Document {
 pub fn run(arguments: &LearnArguments) -> anyhow::Result<()> {
     let read = |folder: &PathBuf| Throw::read_folder(folder, arguments.up.direction(), LEAST_THROWS);
     let objects = arguments.tracks.iter().map(read).collect::<Result<Vec<_>, _>>()?;
-    for path in arguments.report.iter().chain([&arguments.out]) {
-        whole_file::check_place(path)?;
-    }
+    whole_file::check_new([&arguments.out], "--out")?;
+    whole_file::check_new(&arguments.report, "--report")?;
     let folds = usize::try_from(arguments.folds)?;
     let nothing = |folder: &Path| {
         let expected = "throws that fall as gravity has it: is --up right, are they metres and seconds?";
@@ -120,10 +119,10 @@ pub fn run(arguments: &LearnArguments) -> anyhow::Result<()> {
     let prior = prior.with_context(|| "no folder of throws")?;
     let throws = objects.iter().map(Vec::len).sum();
     let prior = FlightPrior { source: format!("{}; {throws} throws", arguments.source), ..prior };
-    whole_file::write(&arguments.out, flight_learning::text(&prior)?)?;
+    whole_file::write_new(&[(arguments.out.clone(), flight_learning::text(&prior)?.into_bytes())], "--out")?;
     let document = Document { version: VERSION, throws, cross_validated: rows(tables), other_objects: rows(others) };
     if let Some(path) = &arguments.report {
-        whole_file::write(path, report(&document, arguments))?;
+        whole_file::write_new(&[(path.clone(), report(&document, arguments).into_bytes())], "--report")?;
     }
     if arguments.json {
         return screen::json(&document);

@@ -1,13 +1,13 @@
 //! `catchingbot object`: things to throw that others described.
 
-use std::{fs, path::PathBuf};
+use std::path::PathBuf;
 
 use catch_body::InputError;
 use catch_lab::{
     VERSION,
     assets::COMMAND_LINE,
-    evaluation::results::make_writable,
     own_data::object_import::{ImportOptions, ImportedObject},
+    whole_file::write_new,
 };
 use clap::{Args, Subcommand};
 use serde::Serialize;
@@ -99,20 +99,10 @@ pub fn run(arguments: &ObjectArguments) -> anyhow::Result<()> {
 
     let folder = out.parent().map(PathBuf::from).unwrap_or_default();
     // The object's own file comes last: where it is, all that it names is there.
-    let mut files: Vec<(PathBuf, &[u8])> =
-        imported.beside.iter().map(|(name, bytes)| (folder.join(name), &bytes[..])).collect();
-    files.push((out.clone(), imported.toml.as_bytes()));
-    if let Some((path, _)) = files.iter().find(|(path, _)| path.exists()) {
-        let found = format!("`{}`, which is already there", path.display());
-        return Err(fault(found, "files that do not exist yet").into());
-    }
-    if !folder.as_os_str().is_empty() {
-        make_writable(&folder, "--out")?;
-    }
-    for (path, content) in &files {
-        let unwritten = |it: std::io::Error| InputError::unwritten(path.display(), &it, "a folder that can be written");
-        fs::write(path, content).map_err(unwritten)?;
-    }
+    let mut files: Vec<(PathBuf, Vec<u8>)> =
+        imported.beside.iter().map(|(name, bytes)| (folder.join(name), bytes.clone())).collect();
+    files.push((out.clone(), imported.toml.clone().into_bytes()));
+    write_new(&files, "--out")?;
     tell(arguments, &imported)
 }
 

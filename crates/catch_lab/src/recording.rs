@@ -19,11 +19,9 @@ pub mod throw_times;
 pub mod timeline;
 
 use std::{
-    fs::{self, File},
     hash::{DefaultHasher, Hash, Hasher},
     io::{self, BufWriter},
     path::{Path, PathBuf},
-    time::Duration,
 };
 
 use catch_body::{JointVector, Pose, quantity};
@@ -48,6 +46,7 @@ use crate::{
         sources::Sources,
     },
     trial::Tick,
+    whole_file::{Unfinished, sweep_out},
 };
 
 pub use reader::{Part, RecordingReader};
@@ -207,9 +206,8 @@ enum Written<'a> {
 /// Writes a recording tick by tick. The file appears under its name when it is complete, not before.
 pub struct Recorder {
     path: PathBuf,
-    unfinished: PathBuf,
     /// Numbers come one by one, and the encoder clears a buffer at each call: they are gathered first.
-    out: Option<BufWriter<GzEncoder<BufWriter<File>>>>,
+    out: BufWriter<GzEncoder<BufWriter<Unfinished>>>,
 }
 
 impl Recorder {
@@ -238,13 +236,12 @@ impl Recorder {
         cell: RecordedCell,
         simulation: Option<Simulation>,
     ) -> io::Result<Self> {
-        fs::create_dir_all(folder)?;
-        sweep_out(folder)?;
         let path = folder.join(format!("{name}.{EXTENSION}"));
-        let unfinished = folder.join(format!(".{name}.{}.unfinished", std::process::id()));
-        let out = GzBuilder::new().write(BufWriter::new(File::create(&unfinished)?), Compression::fast());
+        let unfinished = Unfinished::beside(&path)?;
+        sweep_out(folder)?;
+        let out = GzBuilder::new().write(BufWriter::new(unfinished), Compression::fast());
         let out = BufWriter::with_capacity(1 << 16, out);
-        let mut recorder = Self { path, unfinished, out: Some(out) };
+        let mut recorder = Self { path, out };
         recorder.write(&Header {
             format: FORMAT.to_owned(),
             format_version: FORMAT_VERSION,
@@ -273,50 +270,17 @@ impl Recorder {
     /// If it cannot be written.
     pub fn finish(mut self, ending: &Ending) -> io::Result<PathBuf> {
         self.write(&Written::Ending(ending))?;
-        if let Some(out) = self.out.take() {
-            let packed = out.into_inner().map_err(io::IntoInnerError::into_error)?.finish()?;
-            packed.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()?;
-        }
-        fs::rename(&self.unfinished, &self.path)?;
-        Ok(self.path.clone())
+        let packed = self.out.into_inner().map_err(io::IntoInnerError::into_error)?.finish()?;
+        packed.into_inner().map_err(io::IntoInnerError::into_error)?.replace(&self.path)?;
+        Ok(self.path)
     }
 
     fn write(&mut self, value: &impl Serialize) -> io::Result<()> {
-        let Some(out) = &mut self.out else { return Ok(()) };
-        rmp_serde::encode::write_named(out, value).map_err(|fault| match fault {
+        rmp_serde::encode::write_named(&mut self.out, value).map_err(|fault| match fault {
             rmp_serde::encode::Error::InvalidValueWrite(write) => write.into(),
             other => io::Error::other(other),
         })
     }
-}
-
-impl Drop for Recorder {
-    /// What was not finished is taken away; after a finish there is nothing left to take.
-    fn drop(&mut self) {
-        let _ = fs::remove_file(&self.unfinished);
-    }
-}
-
-/// What was written to since then is not swept out: it may be another machine's.
-const SWEPT_AFTER: Duration = Duration::from_secs(600);
-
-/// Takes away what recordings left whose process was killed, where processes can be looked up.
-fn sweep_out(folder: &Path) -> io::Result<()> {
-    let processes = Path::new("/proc");
-    for entry in fs::read_dir(folder)?.flatten() {
-        let name = entry.file_name();
-        let stem = name.to_str().and_then(|name| name.strip_prefix('.')?.strip_suffix(".unfinished"));
-        let Some((_, process)) = stem.and_then(|stem| stem.rsplit_once('.')) else { continue };
-        let is_gone =
-            process.parse::<u32>().is_ok() && processes.join("self").exists() && !processes.join(process).exists();
-        let modified = entry.metadata().and_then(|it| it.modified()).ok();
-        let is_old = modified.and_then(|it| it.elapsed().ok()).is_some_and(|since| since > SWEPT_AFTER);
-        if is_gone && is_old {
-            // Somebody else may have been quicker.
-            let _ = fs::remove_file(entry.path());
-        }
-    }
-    Ok(())
 }
 
 /// Name of a scene's files, without ending.
@@ -338,28 +302,7 @@ pub fn file_stem(scene: &Scene) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::time::SystemTime;
-
-    #[test]
-    fn what_killed_recordings_left_is_swept_out() {
-        let folder = tempfile::tempdir().unwrap();
-        let (left, mine) = (".a.4294967294.unfinished", format!(".a.{}.unfinished", std::process::id()));
-        let kept = [mine.as_str(), ".a.unfinished", "a.4294967294.unfinished", "a.catch"];
-        for name in kept.iter().chain(&[left]) {
-            fs::write(folder.path().join(name), "").unwrap();
-        }
-        sweep_out(folder.path()).unwrap();
-        assert!(folder.path().join(left).exists(), "it may still be written to");
-        File::options()
-            .write(true)
-            .open(folder.path().join(left))
-            .unwrap()
-            .set_modified(SystemTime::UNIX_EPOCH)
-            .unwrap();
-        sweep_out(folder.path()).unwrap();
-        assert!(kept.iter().all(|name| folder.path().join(name).exists()));
-        assert_eq!(folder.path().join(left).exists(), !Path::new("/proc/self").exists());
-    }
+    use std::fs::File;
 
     /// The first format had neither trajectories with identifiers nor headers like these.
     #[test]

@@ -12,6 +12,7 @@ mod honest;
 mod inputs;
 mod mcap_file;
 mod mutated_files;
+mod nothing_lost;
 mod object_import;
 mod own_data;
 mod pages;

@@ -4,7 +4,6 @@
 
 use std::{
     fmt::Write as _,
-    fs::File,
     io::{BufWriter, Write},
     path::Path,
 };
@@ -151,8 +150,8 @@ pub fn columns(rows: &[Row]) -> Vec<Column> {
 /// # Errors
 /// If they cannot be written; what was there before stays.
 pub fn write(folder: &Path, rows: &[Row], identity: &str) -> Result<(), InputError> {
-    replace(&folder.join(CSV_FILE), AGAIN, |path| {
-        let mut file = BufWriter::new(File::create(path)?);
+    replace(&folder.join(CSV_FILE), AGAIN, |file| {
+        let mut file = BufWriter::new(file);
         file.write_all(names(&columns(&[])).as_bytes())?;
         for rows in rows.chunks(GROUP_ROWS) {
             file.write_all(csv(&columns(rows), rows.len()).as_bytes())?;
@@ -160,8 +159,8 @@ pub fn write(folder: &Path, rows: &[Row], identity: &str) -> Result<(), InputErr
         file.flush()
     })?;
     #[cfg(feature = "parquet")]
-    replace(&folder.join(PARQUET_FILE), AGAIN, |path| {
-        parquet_file::write(path, rows, identity).map_err(std::io::Error::other)
+    replace(&folder.join(PARQUET_FILE), AGAIN, |file| {
+        parquet_file::write(file, rows, identity).map_err(std::io::Error::other)
     })?;
     #[cfg(not(feature = "parquet"))]
     let _ = identity;
