@@ -1,25 +1,23 @@
 //! `catchingbot calibrate`: where the cameras stand, from what they see of the arm.
 
-use std::{
-    io,
-    path::{Path, PathBuf},
-    sync::Arc,
-};
+mod places;
+
+use std::{io, path::PathBuf, sync::Arc};
 
 use catch_body::{
     InputError, Pose,
     quantity::{FLIGHTS, POSES},
 };
 use catch_calibration::{
-    Calibration, CalibrationStatus, CameraCalibration, Config, Residuals, calibrate,
+    CalibrationStatus, CameraCalibration, Config, calibrate,
     flights::{FlightSettings, FlightStatus, Refinement, refine},
     overlay::overlays,
 };
-use catch_cell::{CameraModel, RigCalibration, rig_to_toml};
+use catch_cell::{CameraModel, rig_to_toml};
 use catch_lab::{
     VERSION,
     assets::COMMAND_LINE,
-    own_data::ros_calibration::{camera_info_yaml, hand_eye_yaml, read_camera_info, read_hand_eye},
+    own_data::ros_calibration::{read_camera_info, read_hand_eye},
     pages::calibration_page::{self, CameraSection},
     scenario::setup::{
         Choice, Setup,
@@ -30,6 +28,7 @@ use catch_lab::{
 use clap::Args;
 use serde::Serialize;
 
+use self::places::Places;
 use super::{ChoiceArguments, MOST, OutputArguments, whole};
 use crate::screen::{self, BAD, GOOD};
 
@@ -164,6 +163,7 @@ pub fn run(arguments: &CalibrateArguments) -> anyhow::Result<()> {
         link_sd_m: arguments.link_sd_mm.map(|it| it / 1e3),
         ..calibration::config(&setup, arguments.seed)
     };
+    calibration::check_memory(&setup, &config, "--poses")?;
     let session = calibration::run_session(&setup, &config, &setup.cameras, arguments.seed, 0);
     let found = calibrate(&config, &setup.robot, &setup.gripper, &setup.cameras, &session.session);
     let scene = (arguments.seed, 0);
@@ -255,75 +255,6 @@ fn setup(arguments: &CalibrateArguments) -> anyhow::Result<Setup> {
 /// A text as TOML writes it between quotes.
 fn toml_text(text: &str) -> String {
     format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
-}
-
-/// Where results are written.
-struct Places {
-    rig: PathBuf,
-    page: PathBuf,
-    /// For each camera its intrinsics and where it stands, as ROS keeps them.
-    cameras: Vec<[PathBuf; 2]>,
-}
-
-impl Places {
-    fn of(out: &Path, cameras: usize) -> Self {
-        let of_camera = |i| ["yaml", "calib"].map(|kind| out.join(format!("camera_{i}.{kind}")));
-        Self {
-            rig: out.join("rig.toml"),
-            page: out.join("calibration.html"),
-            cameras: (0..cameras).map(of_camera).collect(),
-        }
-    }
-
-    fn all(&self) -> impl Iterator<Item = &PathBuf> {
-        [&self.rig, &self.page].into_iter().chain(self.cameras.iter().flatten())
-    }
-
-    /// The rig and the files of ROS.
-    fn files(
-        &self,
-        arguments: &CalibrateArguments,
-        setup: &Setup,
-        found: &Calibration,
-        calibrated: &[CameraModel],
-    ) -> Vec<(PathBuf, Vec<u8>)> {
-        let with_covariance: Vec<_> =
-            calibrated.iter().cloned().zip(found.cameras.iter().map(rig_calibration)).collect();
-        let statuses: Vec<&str> = found.cameras.iter().map(|it| status(it.status)).collect();
-        let source = match arguments.camera_info.is_empty() {
-            true => format!("the rig {}", setup.scenario.flight_rig),
-            false => "files of ROS".to_owned(),
-        };
-        let about = format!(
-            "Cameras calibrated on the arm of the scenario {}, from {source}.\nStatus of each: {}. One that has not converged stays \
-             where it was believed to stand.",
-            setup.scenario.name,
-            statuses.join(", ")
-        );
-        let mut files = vec![(self.rig.clone(), rig_to_toml(&about, &with_covariance).into_bytes())];
-        let X_BW = setup.robot.X_WB.inverse();
-        for (i, ([info, hand_eye], camera)) in self.cameras.iter().zip(calibrated).enumerate() {
-            let name = format!("camera_{i}");
-            let stands = hand_eye_yaml(&name, &setup.robot.base_link, &(X_BW * camera.X_WC));
-            files.push((info.clone(), camera_info_yaml(&name, camera).into_bytes()));
-            files.push((hand_eye.clone(), stands.into_bytes()));
-        }
-        files
-    }
-}
-
-/// None of a camera whose calibration is not to be believed.
-fn rig_calibration(found: &CameraCalibration) -> Option<RigCalibration> {
-    let Residuals { images, inverse_depth_sd_per_m, silhouette_sd_px, .. } = found.residuals;
-    (found.status == CalibrationStatus::Converged).then(|| RigCalibration {
-        covariance: found.covariance.transpose().iter().copied().collect(),
-        depth_scale: found.depth_scale,
-        time_offset_s: found.time_offset_s,
-        time_offset_sd_s: found.time_offset_sd_s,
-        inverse_depth_sd_per_m,
-        silhouette_sd_px,
-        images,
-    })
 }
 
 fn status(status: CalibrationStatus) -> &'static str {

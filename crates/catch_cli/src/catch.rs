@@ -11,6 +11,7 @@ use catch_cell::LimitViolation;
 use catch_lab::{
     VERSION,
     recording::{
+        MOST_UNPACKED_BYTES,
         playback::Playback,
         recorded_throw::{RecordedThrow, record},
         timeline::{Entry, Event},
@@ -80,6 +81,9 @@ struct Document<'a> {
     timeline: &'a [Entry],
     stages: BTreeMap<&'static str, StageTimes>,
     recording: &'a Path,
+    /// When the first image was left out of it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    images_until_s: Option<f64>,
     pictures: &'a BTreeMap<&'static str, PathBuf>,
     scenario: &'a Scenario,
 }
@@ -100,13 +104,17 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
         title(&scene)?;
     }
     calibrate::before_throws(&setup, *seed, aloud)?;
-    let RecordedThrow { recording, timeline, verdict, stopwatch } =
+    let RecordedThrow { recording, timeline, verdict, stopwatch, images_until_s } =
         record(&setup, *seed, *index, &output.out, &mut |entry| if aloud { tell(entry) } else { Ok(()) })
             .with_context(|| format!("the recording in {}", output.out.display()))?;
     let written = pictures.write(&recording)?;
 
     if aloud {
         summary(&setup, &scene, &verdict, &stopwatch, &recording)?;
+        if let Some(until_s) = images_until_s {
+            let most = MOST_UNPACKED_BYTES >> 20;
+            screen::fact("its images", &format!("until {until_s:.3} s: a recording holds {most} MiB"))?;
+        }
         for (kind, path) in &written {
             screen::fact(kind, &path.display().to_string())?;
         }
@@ -128,6 +136,7 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
         timeline: &timeline,
         stages: stopwatch.summary().into_iter().collect(),
         recording: &recording,
+        images_until_s,
         pictures: &written,
         scenario: &setup.scenario,
     })

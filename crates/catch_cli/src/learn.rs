@@ -10,6 +10,7 @@ use catch_body::InputError;
 use catch_lab::flights::aerodynamics::FlightPrior;
 use catch_lab::{
     VERSION,
+    evaluation::summary_table::plain,
     flights::{
         flight_learning::{self, broad},
         flight_misses::{Misses, QUANTILES, Reliability, Seen, Throw},
@@ -180,7 +181,8 @@ fn table(rows: &[Row]) -> String {
     }
     text.push_str("\n|---|---|---|---|---|---|---|---|---|---|\n");
     for row in rows {
-        let Row { object, seen, throws, failed, median_m, p95_m, covered } = row;
+        let object = plain(&row.object);
+        let Row { seen, throws, failed, median_m, p95_m, covered, .. } = row;
         let (median_cm, p95_cm) = (median_m * 100.0, p95_m * 100.0);
         let _ = write!(text, "| {object} | {seen} | {throws} | {failed} | {median_cm:.2} | {p95_cm:.1} |");
         for fraction in covered {
@@ -199,7 +201,8 @@ fn report(document: &Document, arguments: &LearnArguments) -> String {
          The end of each throw is predicted from its first half, or from all but its last tenths of a second. An error is the \
          distance from the predicted to the recorded position. The last columns are reliability: how many of the recorded ends \
          lie in the ellipsoids that claim to hold 50, 80, 95 and 99 % of them.\n",
-        arguments.source, document.throws
+        plain(&arguments.source),
+        document.throws
     );
     for (title, rows) in [(OWN, &document.cross_validated), (OTHERS, &document.other_objects)] {
         if !rows.is_empty() {

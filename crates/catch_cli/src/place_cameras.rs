@@ -195,8 +195,7 @@ pub fn run(arguments: &PlaceCamerasArguments) -> anyhow::Result<()> {
     );
     let views = views(&setup, &study, &placement.cameras, &score);
     let page = placement_page::page("Placed cameras", &study.flights, &views);
-    let files =
-        [(rig_path.clone(), rig_to_toml(&about, &rig).into_bytes()), (page_path.clone(), page.into_bytes())];
+    let files = [(rig_path.clone(), rig_to_toml(&about, &rig).into_bytes()), (page_path.clone(), page.into_bytes())];
     write_new(&files, "--out")?;
     let document = Document {
         version: VERSION,

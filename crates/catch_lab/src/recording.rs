@@ -20,7 +20,8 @@ pub mod timeline;
 
 use std::{
     hash::{DefaultHasher, Hash, Hasher},
-    io::{self, BufWriter},
+    io::{self, BufWriter, Write},
+    ops::Not,
     path::{Path, PathBuf},
 };
 
@@ -29,7 +30,7 @@ use catch_bot::{
     Report, Status, control::GripperPlan, grasp_selection::Approach, perception::ObjectPose,
     trajectory_prediction::FlightTrajectory,
 };
-use catch_cell::{CameraModel, Command, Observation, ReferenceScan};
+use catch_cell::{CameraModel, Command, DepthFrame, Observation, ReferenceScan};
 use catch_sim::Truth;
 use flate2::{Compression, GzBuilder, write::GzEncoder};
 use nalgebra::Point3;
@@ -49,7 +50,7 @@ use crate::{
     whole_file::{Unfinished, sweep_out},
 };
 
-pub use reader::{Part, RecordingReader};
+pub use reader::{MOST_UNPACKED_BYTES, Part, RecordingReader};
 
 /// What every recording begins with.
 pub const FORMAT: &str = "catchingbot recording";
@@ -119,6 +120,9 @@ pub struct RecordedTick {
     pub command: Command,
     /// State snapshots of the brain.
     pub report: RecordedReport,
+    /// Whether images that the brain saw are not in the recording, which has no room for more.
+    #[serde(default)]
+    pub images_left_out: bool,
 }
 
 /// State snapshot of the brain. The plan's motion is in the command of the tick that made it.
@@ -199,15 +203,51 @@ impl From<&Report> for RecordedReport {
 #[derive(Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Written<'a> {
-    Tick { observation: &'a Observation, command: &'a Command, report: &'a RecordedReport },
+    Tick {
+        observation: &'a Observation,
+        command: &'a Command,
+        report: &'a RecordedReport,
+        #[serde(skip_serializing_if = "Not::not")]
+        images_left_out: bool,
+    },
     Ending(&'a Ending),
 }
 
 /// Writes a recording tick by tick. The file appears under its name when it is complete, not before.
 pub struct Recorder {
     path: PathBuf,
+    out: Counted,
+    /// Bytes that an unpacked recording may have.
+    room: u64,
+    /// When the first image was left out.
+    images_until_s: Option<f64>,
+}
+
+/// What is written, counted before it is packed.
+struct Counted {
     /// Numbers come one by one, and the encoder clears a buffer at each call: they are gathered first.
-    out: BufWriter<GzEncoder<BufWriter<Unfinished>>>,
+    packed: BufWriter<GzEncoder<BufWriter<Unfinished>>>,
+    bytes: u64,
+}
+
+impl Write for Counted {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.packed.write(bytes)?;
+        self.bytes += written as u64;
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.packed.flush()
+    }
+}
+
+/// Bytes of an unpacked recording that are no image's: enough for the states and the story of any throw.
+const ROOM_WITHOUT_IMAGES: u64 = 64 << 20;
+
+/// Most bytes that an image takes: five for a depth, one for a pixel of the mask, and some for the rest.
+fn most_bytes(frame: &DepthFrame) -> u64 {
+    6 * frame.depth_m.len() as u64 + 1000
 }
 
 impl Recorder {
@@ -240,8 +280,8 @@ impl Recorder {
         let unfinished = Unfinished::beside(&path)?;
         sweep_out(folder)?;
         let out = GzBuilder::new().write(BufWriter::new(unfinished), Compression::fast());
-        let out = BufWriter::with_capacity(1 << 16, out);
-        let mut recorder = Self { path, out };
+        let out = Counted { packed: BufWriter::with_capacity(1 << 16, out), bytes: 0 };
+        let mut recorder = Self { path, out, room: MOST_UNPACKED_BYTES, images_until_s: None };
         recorder.write(&Header {
             format: FORMAT.to_owned(),
             format_version: FORMAT_VERSION,
@@ -253,15 +293,31 @@ impl Recorder {
         Ok(recorder)
     }
 
-    /// Adds a tick.
+    /// Adds a tick, without its images where a reader would find the recording too large with them.
     ///
     /// # Errors
-    /// If it cannot be written.
+    /// If it cannot be written, or no reader would take it even without images.
     pub fn ticked(&mut self, tick: &Tick) -> io::Result<()> {
         let Tick { observation, command, report } = *tick;
         // A brain that tells nothing is recorded as one that has seen nothing.
         let report = report.map_or_else(|| (&Report::default()).into(), RecordedReport::from);
-        self.write(&Written::Tick { observation, command, report: &report })
+        let images: u64 = observation.frames.iter().map(most_bytes).sum();
+        let images_left_out = images > 0 && self.out.bytes + images + ROOM_WITHOUT_IMAGES > self.room;
+        let Observation { time_s, arm, gripper, .. } = observation;
+        let without;
+        let observation = if images_left_out {
+            self.images_until_s.get_or_insert(*time_s);
+            without = Observation { time_s: *time_s, arm: arm.clone(), gripper: gripper.clone(), frames: Vec::new() };
+            &without
+        } else {
+            observation
+        };
+        self.write(&Written::Tick { observation, command, report: &report, images_left_out })
+    }
+
+    /// When the first image was left out for want of room; `None` where all are recorded.
+    pub fn images_until_s(&self) -> Option<f64> {
+        self.images_until_s
     }
 
     /// Adds the ending and gives the file its name, which is returned.
@@ -270,7 +326,7 @@ impl Recorder {
     /// If it cannot be written.
     pub fn finish(mut self, ending: &Ending) -> io::Result<PathBuf> {
         self.write(&Written::Ending(ending))?;
-        let packed = self.out.into_inner().map_err(io::IntoInnerError::into_error)?.finish()?;
+        let packed = self.out.packed.into_inner().map_err(io::IntoInnerError::into_error)?.finish()?;
         packed.into_inner().map_err(io::IntoInnerError::into_error)?.replace(&self.path)?;
         Ok(self.path)
     }
@@ -279,7 +335,15 @@ impl Recorder {
         rmp_serde::encode::write_named(&mut self.out, value).map_err(|fault| match fault {
             rmp_serde::encode::Error::InvalidValueWrite(write) => write.into(),
             other => io::Error::other(other),
-        })
+        })?;
+        if self.out.bytes > self.room {
+            let most = self.room >> 20;
+            return Err(io::Error::new(
+                io::ErrorKind::FileTooLarge,
+                format!("more than the {most} MiB of a recording"),
+            ));
+        }
+        Ok(())
     }
 }
 

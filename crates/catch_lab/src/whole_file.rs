@@ -91,11 +91,7 @@ fn prefix() -> String {
 ///
 /// # Errors
 /// If it cannot be written; what was there before stays.
-pub fn replace(
-    path: &Path,
-    advice: &str,
-    write: impl FnOnce(&mut File) -> io::Result<()>,
-) -> Result<(), InputError> {
+pub fn replace(path: &Path, advice: &str, write: impl FnOnce(&mut File) -> io::Result<()>) -> Result<(), InputError> {
     let written = Unfinished::beside(path).and_then(|mut unfinished| {
         write(unfinished.0.as_file_mut())?;
         unfinished.replace(path)

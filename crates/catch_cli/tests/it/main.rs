@@ -21,6 +21,9 @@ mod recording;
 mod reference;
 mod refusals;
 mod robot_import;
+mod suite_table;
+mod system_limits;
+mod texts_of_others;
 mod wrong_input;
 
 use std::process::{Command, Output};

@@ -3,6 +3,7 @@
 //! Both are made from the log of the trials when an evaluation is complete; the log stays what is true.
 
 use std::{
+    borrow::Cow,
     fmt::Write as _,
     io::{BufWriter, Write},
     path::Path,
@@ -173,6 +174,18 @@ fn names(columns: &[Column]) -> String {
     names.join(",") + "\n"
 }
 
+/// A text as spreadsheets and other readers take it: none that others chose is a formula, and each is one field.
+fn csv_text(value: &str) -> Cow<'_, str> {
+    let value = match value.starts_with(['=', '+', '-', '@', '\t', '\r']) {
+        true => Cow::Owned(format!("'{value}")),
+        false => Cow::Borrowed(value),
+    };
+    match value.contains(['"', ',', '\n', '\r']) {
+        true => Cow::Owned(format!("\"{}\"", value.replace('"', "\"\""))),
+        false => value,
+    }
+}
+
 /// A line per trial; numbers as short as they can be read back exactly, nothing where there is none.
 fn csv(columns: &[Column], rows: usize) -> String {
     let mut text = String::new();
@@ -183,10 +196,7 @@ fn csv(columns: &[Column], rows: usize) -> String {
             }
             match &column.values[row] {
                 Value::Null => {}
-                Value::String(value) if value.contains(['"', ',', '\n']) => {
-                    text.extend(["\"", &value.replace('"', "\"\""), "\""]);
-                }
-                Value::String(value) => text.push_str(value),
+                Value::String(value) => text += &csv_text(value),
                 value => {
                     let _ = write!(text, "{value}");
                 }

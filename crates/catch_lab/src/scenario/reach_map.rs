@@ -91,7 +91,8 @@ fn worked_out(robot: &Robot) -> ReachMap {
     };
     let threads = thread::available_parallelism().map_or(1, usize::from);
     let samples = thread::scope(|scope| {
-        let others: Vec<_> = (1..threads).map(|_| scope.spawn(draw)).collect();
+        let others: Vec<_> =
+            (1..threads).map_while(|_| thread::Builder::new().spawn_scoped(scope, draw).ok()).collect();
         let panicked = "samples are drawn from an arm that was checked";
         others.into_iter().fold(draw(), |samples, other| samples.merged(&other.join().expect(panicked)))
     });

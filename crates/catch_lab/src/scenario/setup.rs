@@ -25,7 +25,7 @@ use crate::{
     scenario::{
         Clock, Scenario,
         brain::{BrainSettings, Method},
-        reach_map,
+        flight_rig, reach_map,
         sources::{self, SourceNames, Sources},
     },
 };
@@ -191,7 +191,7 @@ impl Setup {
             thrown = thrown.as_published().ok_or_else(missing)?;
         }
         scenario.check_closing(file, &hand, &gripper.file)?;
-        let cameras = rig_from_toml(&flight_rig.file, &flight_rig.text)?;
+        let cameras = flight_rig::read(&flight_rig.file, &flight_rig.text)?;
         scenario.arena.check_cameras(&cameras, file, "arena")?;
         let scanners = rig_from_toml(&reference_rig.file, &reference_rig.text)?;
         let depth = &scenario.arena.depth;
