@@ -42,9 +42,25 @@ impl InputError {
         }
     }
 
-    /// A result that cannot be written to `file`; `expected` says what would help.
+    /// A result that cannot be written to `file`; `expected` says what would help. Where no file could ever be, the place is at fault,
+    /// which is input; a full disk is not.
     pub fn unwritten(file: impl Display, fault: &std::io::Error, expected: impl Display) -> Self {
-        Self { of_output: true, ..Self::new(file, "the file", fault, expected) }
+        use std::io::ErrorKind::{
+            AlreadyExists, InvalidFilename, InvalidInput, IsADirectory, NotADirectory, NotFound, PermissionDenied,
+            ReadOnlyFilesystem,
+        };
+        let of_place = matches!(
+            fault.kind(),
+            AlreadyExists
+                | InvalidFilename
+                | InvalidInput
+                | IsADirectory
+                | NotADirectory
+                | NotFound
+                | PermissionDenied
+                | ReadOnlyFilesystem
+        );
+        Self { of_output: !of_place, ..Self::new(file, "the file", fault, expected) }
     }
 
     /// All faults among several checks as one, the first of them with the others.

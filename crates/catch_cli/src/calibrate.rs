@@ -1,36 +1,34 @@
 //! `catchingbot calibrate`: where the cameras stand, from what they see of the arm.
 
-use std::{
-    io,
-    path::{Path, PathBuf},
-    sync::Arc,
-};
+mod places;
+
+use std::{io, path::PathBuf, sync::Arc};
 
 use catch_body::{
     InputError, Pose,
     quantity::{FLIGHTS, POSES},
 };
 use catch_calibration::{
-    Calibration, CalibrationStatus, CameraCalibration, Config, Residuals, calibrate,
+    CalibrationStatus, CameraCalibration, Config, calibrate,
     flights::{FlightSettings, FlightStatus, Refinement, refine},
     overlay::overlays,
 };
-use catch_cell::{CameraModel, RigCalibration, rig_to_toml};
+use catch_cell::{CameraModel, rig_to_toml};
 use catch_lab::{
     VERSION,
     assets::COMMAND_LINE,
-    evaluation::results::make_writable,
-    own_data::ros_calibration::{camera_info_yaml, hand_eye_yaml, read_camera_info, read_hand_eye},
+    own_data::ros_calibration::{read_camera_info, read_hand_eye},
     pages::calibration_page::{self, CameraSection},
     scenario::setup::{
         Choice, Setup,
         calibration::{self, ArenaSession, CalibratedCameras, calibrated_cameras},
     },
-    whole_file,
+    whole_file::{self, check_new, make_writable, unfinished_folder, write_new},
 };
 use clap::Args;
 use serde::Serialize;
 
+use self::places::Places;
 use super::{ChoiceArguments, MOST, OutputArguments, whole};
 use crate::screen::{self, BAD, GOOD};
 
@@ -157,12 +155,15 @@ pub fn run(arguments: &CalibrateArguments) -> anyhow::Result<()> {
     let OutputArguments { out, json } = &arguments.output;
     make_writable(out, "--out")?;
     let setup = setup(arguments)?;
+    let places = Places::of(out, setup.cameras.len());
+    check_new(places.all(), "--out")?;
     let config = Config {
         poses: arguments.poses as usize,
         joint_zero_sd_rad: arguments.joint_zero_sd_deg.map(f64::to_radians),
         link_sd_m: arguments.link_sd_mm.map(|it| it / 1e3),
         ..calibration::config(&setup.knowledge(), setup.scenario.arena.frame_rate_hz, arguments.seed)
     };
+    calibration::check_memory(&setup, &config, "--poses")?;
     let session = calibration::run_session(&setup, &config, &setup.cameras, arguments.seed, 0);
     let found = calibrate(&config, &setup.robot, &setup.gripper, &setup.cameras, &session.session);
     let scene = (arguments.seed, 0);
@@ -172,15 +173,15 @@ pub fn run(arguments: &CalibrateArguments) -> anyhow::Result<()> {
     let found = refinement.calibration;
     let calibrated = calibrated_cameras(&setup.cameras, &found.cameras);
     let cameras = camera_documents(&found.cameras, &calibrated, &calibration::true_cameras(&setup, arguments.seed, 0));
-    write_files(out, &setup, &found, &calibrated)?;
-    let page = out.join("calibration.html");
-    whole_file::write(&page, page_text(&setup, &session, &calibrated, &cameras))?;
+    let mut files = places.files(arguments, &setup, &found, &calibrated);
+    files.push((places.page.clone(), page_text(&setup, &session, &calibrated, &cameras).into_bytes()));
+    write_new(&files, "--out")?;
     let document = Document {
         version: VERSION,
         scenario: &setup.scenario.name,
         seed: arguments.seed,
-        rig: out.join("rig.toml"),
-        page,
+        rig: places.rig,
+        page: places.page,
         poses: session.poses.len(),
         robot_time_s: session.robot_time_s,
         limit_violations: session.limit_violations,
@@ -220,6 +221,8 @@ pub fn before_throws(setup: &Setup, seed: u64, aloud: bool) -> io::Result<Vec<Ca
 fn setup(arguments: &CalibrateArguments) -> anyhow::Result<Setup> {
     let choice = arguments.choice.with(arguments.object.as_deref(), None);
     let mut rig = arguments.rig.clone();
+    // It is needed until the scenario is loaded.
+    let mut guess = None;
     let (infos, results) = (&arguments.camera_info, &arguments.hand_eye);
     if infos.len() != results.len() {
         let found = format!("{} files for {} of --camera-info", results.len(), infos.len());
@@ -232,9 +235,11 @@ fn setup(arguments: &CalibrateArguments) -> anyhow::Result<Setup> {
             Ok((CameraModel { X_WC: X_WB * X_BC, ..read_camera_info(info)? }, None))
         };
         let cameras: Vec<_> = infos.iter().zip(results).map(camera).collect::<Result<_, _>>()?;
-        let path = arguments.output.out.join("guess.toml");
+        let folder = unfinished_folder(&arguments.output.out.join("rig.toml"))?;
+        let path = folder.path().join("rig.toml");
         whole_file::write(&path, rig_to_toml("Cameras as files of ROS describe them.", &cameras))?;
         rig = Some(path.display().to_string());
+        guess = Some(folder);
     }
     let mut settings = choice.settings.to_vec();
     settings.extend(rig.map(|rig| format!("flight_rig={}", toml_text(&rig))));
@@ -242,47 +247,14 @@ fn setup(arguments: &CalibrateArguments) -> anyhow::Result<Setup> {
         "--set flight_rig" if arguments.rig.is_some() => InputError { field: "--rig".to_owned(), ..fault },
         _ => fault,
     };
-    Ok(Setup::load(&Choice { settings: &settings, ..choice }).map_err(as_asked)?)
+    let setup = Setup::load(&Choice { settings: &settings, ..choice }).map_err(as_asked)?;
+    drop(guess);
+    Ok(setup)
 }
 
 /// A text as TOML writes it between quotes.
 fn toml_text(text: &str) -> String {
     format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
-}
-
-fn write_files(out: &Path, setup: &Setup, found: &Calibration, calibrated: &[CameraModel]) -> Result<(), InputError> {
-    let with_covariance: Vec<_> = calibrated.iter().cloned().zip(found.cameras.iter().map(rig_calibration)).collect();
-    let statuses: Vec<&str> = found.cameras.iter().map(|it| status(it.status)).collect();
-    let about = format!(
-        "Cameras calibrated on the arm of the scenario {}, from the rig {}.\nStatus of each: {}. One that has not converged stays where \
-         it was believed to stand.",
-        setup.scenario.name,
-        setup.scenario.flight_rig,
-        statuses.join(", ")
-    );
-    whole_file::write(&out.join("rig.toml"), rig_to_toml(&about, &with_covariance))?;
-    let X_BW = setup.robot.X_WB.inverse();
-    for (i, camera) in calibrated.iter().enumerate() {
-        let name = format!("camera_{i}");
-        whole_file::write(&out.join(format!("{name}.yaml")), camera_info_yaml(&name, camera))?;
-        let X_BC = X_BW * camera.X_WC;
-        whole_file::write(&out.join(format!("{name}.calib")), hand_eye_yaml(&name, &setup.robot.base_link, &X_BC))?;
-    }
-    Ok(())
-}
-
-/// None of a camera whose calibration is not to be believed.
-fn rig_calibration(found: &CameraCalibration) -> Option<RigCalibration> {
-    let Residuals { images, inverse_depth_sd_per_m, silhouette_sd_px, .. } = found.residuals;
-    (found.status == CalibrationStatus::Converged).then(|| RigCalibration {
-        covariance: found.covariance.transpose().iter().copied().collect(),
-        depth_scale: found.depth_scale,
-        time_offset_s: found.time_offset_s,
-        time_offset_sd_s: found.time_offset_sd_s,
-        inverse_depth_sd_per_m,
-        silhouette_sd_px,
-        images,
-    })
 }
 
 fn status(status: CalibrationStatus) -> &'static str {

@@ -10,8 +10,8 @@ use anyhow::Context;
 use catch_cell::LimitViolation;
 use catch_lab::{
     VERSION,
-    evaluation::results::make_writable,
     recording::{
+        MOST_UNPACKED_BYTES,
         playback::Playback,
         recorded_throw::{RecordedThrow, record},
         timeline::{Entry, Event},
@@ -22,6 +22,7 @@ use catch_lab::{
         setup::{Scene, Setup},
     },
     trial::stopwatch::{StageTimes, Stopwatch},
+    whole_file::make_writable,
 };
 use catch_sim::ThrowConditions;
 use clap::Args;
@@ -83,6 +84,9 @@ struct Document<'a> {
     timeline: &'a [Entry],
     stages: BTreeMap<&'static str, StageTimes>,
     recording: &'a Path,
+    /// When the first image was left out of it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    images_until_s: Option<f64>,
     pictures: &'a BTreeMap<&'static str, PathBuf>,
     scenario: &'a Scenario,
 }
@@ -104,13 +108,17 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
         title(&setup, &scene)?;
     }
     calibrate::before_throws(&setup, *seed, aloud)?;
-    let RecordedThrow { recording, timeline, verdict, conditions, stopwatch } =
+    let RecordedThrow { recording, timeline, verdict, conditions, stopwatch, images_until_s } =
         record(&setup, *seed, *index, &output.out, &mut |entry| if aloud { tell(entry) } else { Ok(()) })
             .with_context(|| format!("the recording in {}", output.out.display()))?;
     let written = pictures.write(&recording)?;
 
     if aloud {
         summary(&setup, &scene, &verdict, &stopwatch, &recording)?;
+        if let Some(until_s) = images_until_s {
+            let most = MOST_UNPACKED_BYTES >> 20;
+            screen::fact("its images", &format!("until {until_s:.3} s: a recording holds {most} MiB"))?;
+        }
         for (kind, path) in &written {
             screen::fact(kind, &path.display().to_string())?;
         }
@@ -134,6 +142,7 @@ pub fn run(arguments: &CatchArguments) -> anyhow::Result<()> {
         timeline: &timeline,
         stages: stopwatch.summary().into_iter().collect(),
         recording: &recording,
+        images_until_s,
         pictures: &written,
         scenario: &setup.scenario,
     })

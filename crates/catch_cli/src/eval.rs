@@ -15,7 +15,7 @@ use catch_lab::{
     VERSION,
     assets::COMMAND_LINE,
     evaluation::{
-        Cell, Evaluation, Identity, Row,
+        Cell, Evaluation, Identity, MOST_THREADS, Row,
         cell_summary::CellSummary,
         published::{published_rate, published_rates},
         results::{REPORT_FILE, Results},
@@ -64,7 +64,7 @@ pub struct EvalArguments {
     #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true, value_parser = whole(0, MOST))]
     pub(super) first: u64,
     /// Trials that run at the same time [default: the number of cores]
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole(1, 100_000))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole(1, MOST_THREADS as u64))]
     pub(super) threads: Option<u64>,
     /// Folder for the results [default: out/eval, of a study out/study-NAME]
     #[arg(long, value_name = "DIR")]

@@ -1,6 +1,6 @@
 //! Failures as a script reads them: with `--json` each is one document of one shape, whatever command it was and whatever went wrong.
 
-use std::{error::Error, process::ExitCode};
+use std::{error::Error, io, process::ExitCode};
 
 use catch_body::InputError;
 use catch_lab::{VERSION, assets::COMMAND_LINE};
@@ -57,7 +57,11 @@ impl Failure {
                 let exit_code = if of_input.of_output { 1 } else { 2 };
                 Self { exit_code, ..Self::of_faults(error, of_input.clone().all()) }
             }
-            None => Self { exit_code: 1, ..Self::of_faults(error, []) },
+            None => {
+                let of_place = fault.chain().filter_map(|it| it.downcast_ref::<io::Error>()).next();
+                let is_input = of_place.is_some_and(|it| !InputError::unwritten("", it, "").of_output);
+                Self { exit_code: if is_input { 2 } else { 1 }, ..Self::of_faults(error, []) }
+            }
         }
     }
 

@@ -10,6 +10,7 @@ use catch_body::InputError;
 use catch_lab::flights::aerodynamics::FlightPrior;
 use catch_lab::{
     VERSION,
+    evaluation::summary_table::plain,
     flights::{
         flight_learning::{self, broad},
         flight_misses::{Misses, QUANTILES, Reliability, Seen, Throw},
@@ -90,9 +91,8 @@ struct Document {
 pub fn run(arguments: &LearnArguments) -> anyhow::Result<()> {
     let read = |folder: &PathBuf| Throw::read_folder(folder, arguments.up.direction(), LEAST_THROWS);
     let objects = arguments.tracks.iter().map(read).collect::<Result<Vec<_>, _>>()?;
-    for path in arguments.report.iter().chain([&arguments.out]) {
-        whole_file::check_place(path)?;
-    }
+    whole_file::check_new([&arguments.out], "--out")?;
+    whole_file::check_new(&arguments.report, "--report")?;
     let folds = usize::try_from(arguments.folds)?;
     let nothing = |folder: &Path| {
         let expected = "throws that fall as gravity has it: is --up right, are they metres and seconds?";
@@ -120,10 +120,10 @@ pub fn run(arguments: &LearnArguments) -> anyhow::Result<()> {
     let prior = prior.with_context(|| "no folder of throws")?;
     let throws = objects.iter().map(Vec::len).sum();
     let prior = FlightPrior { source: format!("{}; {throws} throws", arguments.source), ..prior };
-    whole_file::write(&arguments.out, flight_learning::text(&prior)?)?;
+    whole_file::write_new(&[(arguments.out.clone(), flight_learning::text(&prior)?.into_bytes())], "--out")?;
     let document = Document { version: VERSION, throws, cross_validated: rows(tables), other_objects: rows(others) };
     if let Some(path) = &arguments.report {
-        whole_file::write(path, report(&document, arguments))?;
+        whole_file::write_new(&[(path.clone(), report(&document, arguments).into_bytes())], "--report")?;
     }
     if arguments.json {
         return screen::json(&document);
@@ -181,7 +181,8 @@ fn table(rows: &[Row]) -> String {
     }
     text.push_str("\n|---|---|---|---|---|---|---|---|---|---|\n");
     for row in rows {
-        let Row { object, seen, throws, failed, median_m, p95_m, covered } = row;
+        let object = plain(&row.object);
+        let Row { seen, throws, failed, median_m, p95_m, covered, .. } = row;
         let (median_cm, p95_cm) = (median_m * 100.0, p95_m * 100.0);
         let _ = write!(text, "| {object} | {seen} | {throws} | {failed} | {median_cm:.2} | {p95_cm:.1} |");
         for fraction in covered {
@@ -200,7 +201,8 @@ fn report(document: &Document, arguments: &LearnArguments) -> String {
          The end of each throw is predicted from its first half, or from all but its last tenths of a second. An error is the \
          distance from the predicted to the recorded position. The last columns are reliability: how many of the recorded ends \
          lie in the ellipsoids that claim to hold 50, 80, 95 and 99 % of them.\n",
-        arguments.source, document.throws
+        plain(&arguments.source),
+        document.throws
     );
     for (title, rows) in [(OWN, &document.cross_validated), (OTHERS, &document.other_objects)] {
         if !rows.is_empty() {

@@ -1,14 +1,9 @@
 //! `catchingbot new`: a commented file to start from.
 
-use std::{fs, path::PathBuf};
+use std::path::PathBuf;
 
-use anyhow::Context;
 use catch_body::InputError;
-use catch_lab::{
-    assets::{COMMAND_LINE, Kind},
-    evaluation::results::make_writable,
-    own_data::templates,
-};
+use catch_lab::{assets::Kind, own_data::templates, whole_file::write_new};
 use clap::{Args, ValueEnum};
 
 use crate::screen;
@@ -77,16 +72,10 @@ pub fn run(arguments: &NewArguments) -> anyhow::Result<()> {
             (vec![templates::cloud(name, object)?], format!("register --reference {object} --cloud {{}}"))
         }
     };
-    let files: Vec<(PathBuf, String)> =
-        new_files.into_iter().map(|(name, content)| (arguments.out.join(name), content)).collect();
-    if let Some((path, _)) = files.iter().find(|(path, _)| path.exists()) {
-        let found = format!("`{}`, which is already there", path.display());
-        return Err(InputError::new(COMMAND_LINE, "NAME", found, "another name or another --out").into());
-    }
-    make_writable(&arguments.out, "--out")?;
-    for (path, content) in &files {
-        let written = || path.parent().map_or(Ok(()), fs::create_dir_all).and_then(|()| fs::write(path, content));
-        written().with_context(|| format!("{}", path.display()))?;
+    let files: Vec<(PathBuf, Vec<u8>)> =
+        new_files.into_iter().map(|(name, content)| (arguments.out.join(name), content.into_bytes())).collect();
+    write_new(&files, "--out")?;
+    for (path, _) in &files {
         screen::fact("written", &path.display().to_string())?;
     }
     let first = files[0].0.to_string_lossy();

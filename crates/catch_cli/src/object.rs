@@ -1,13 +1,13 @@
 //! `catchingbot object`: things to throw that others described.
 
-use std::{fs, path::PathBuf};
+use std::path::PathBuf;
 
 use catch_body::InputError;
 use catch_lab::{
     VERSION,
     assets::COMMAND_LINE,
-    evaluation::results::make_writable,
     own_data::object_import::{ImportOptions, ImportedObject},
+    whole_file::write_new,
 };
 use clap::{Args, Subcommand};
 use serde::Serialize;
@@ -100,26 +100,16 @@ pub fn run(arguments: &ObjectArguments) -> anyhow::Result<()> {
 
     let folder = if is_file { out.parent().map(PathBuf::from).unwrap_or_default() } else { out.clone() };
     // The object's own file comes last: where it is, all that it names is there.
-    let mut files: Vec<(PathBuf, &[u8])> =
-        imported.beside.iter().map(|(name, bytes)| (folder.join(name), &bytes[..])).collect();
-    let both = format!("{}\n{}", imported.truth, imported.known);
+    let mut files: Vec<(PathBuf, Vec<u8>)> =
+        imported.beside.iter().map(|(name, bytes)| (folder.join(name), bytes.clone())).collect();
+    let (truth, known) = (imported.truth.clone(), imported.known.clone());
     if is_file {
-        files.push((out.clone(), both.as_bytes()));
+        files.push((out.clone(), format!("{truth}\n{known}").into_bytes()));
     } else {
-        files.push((folder.join("known.toml"), imported.known.as_bytes()));
-        files.push((folder.join("truth.toml"), imported.truth.as_bytes()));
+        files.push((folder.join("known.toml"), known.into_bytes()));
+        files.push((folder.join("truth.toml"), truth.into_bytes()));
     }
-    if let Some((path, _)) = files.iter().find(|(path, _)| path.exists()) {
-        let found = format!("`{}`, which is already there", path.display());
-        return Err(fault(found, "files that do not exist yet").into());
-    }
-    if !folder.as_os_str().is_empty() {
-        make_writable(&folder, "--out")?;
-    }
-    for (path, content) in &files {
-        let unwritten = |it: std::io::Error| InputError::unwritten(path.display(), &it, "a folder that can be written");
-        fs::write(path, content).map_err(unwritten)?;
-    }
+    write_new(&files, "--out")?;
     tell(arguments, &imported)
 }
 

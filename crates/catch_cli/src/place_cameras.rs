@@ -12,10 +12,9 @@ use catch_lab::{
     VERSION,
     assets::COMMAND_LINE,
     camera_placement::{Config, PlacementStudy, Score, quantile_m},
-    evaluation::results::make_writable,
     pages::placement_page::{self, CameraView},
     scenario::setup::Setup,
-    whole_file,
+    whole_file::{check_new, write_new},
 };
 use catch_sim::cameras::{Readout, Renderer, Scene};
 use clap::Args;
@@ -163,7 +162,8 @@ impl RigDocument {
 /// What is wrong with the choice, or with writing.
 pub fn run(arguments: &PlaceCamerasArguments) -> anyhow::Result<()> {
     let OutputArguments { out, json } = &arguments.output;
-    make_writable(out, "--out")?;
+    let (rig_path, page_path) = (out.join("rig.toml"), out.join("cameras.html"));
+    check_new([&rig_path, &page_path], "--out")?;
     let setup = Setup::load(&arguments.choice.with(arguments.object.as_deref(), arguments.throw.as_deref()))?;
     let config = Config {
         cameras: arguments.cameras as usize,
@@ -193,10 +193,10 @@ pub fn run(arguments: &PlaceCamerasArguments) -> anyhow::Result<()> {
         "Cameras placed for the throw {} of the scenario {}, by what {} throws of seed {} tell until {} s and {} s before the catch.",
         setup.scenario.throw, setup.scenario.name, config.throws, config.seed, config.decision_s, config.closing_s
     );
-    let (rig_path, page_path) = (out.join("rig.toml"), out.join("cameras.html"));
-    whole_file::write(&rig_path, rig_to_toml(&about, &rig))?;
     let views = views(&setup, &study, &placement.cameras, &score);
-    whole_file::write(&page_path, placement_page::page("Placed cameras", &study.flights, &views))?;
+    let page = placement_page::page("Placed cameras", &study.flights, &views);
+    let files = [(rig_path.clone(), rig_to_toml(&about, &rig).into_bytes()), (page_path.clone(), page.into_bytes())];
+    write_new(&files, "--out")?;
     let document = Document {
         version: VERSION,
         scenario: &setup.scenario.name,

@@ -97,9 +97,7 @@ pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
         });
     }
     let play = Play { setups, throws: arguments.throws, every_s: arguments.every, seed: arguments.seed };
-    if let Some(path) = &arguments.html {
-        whole_file::check_place(path)?;
-    }
+    whole_file::check_new(&arguments.html, "--html")?;
     calibrate::before_throws(&play.setups[0], arguments.seed, !arguments.json)?;
     let bar = screen::progress_bar(arguments.throws as usize, "throws");
     let mut caught = 0;
@@ -111,7 +109,7 @@ pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
     bar.finish_and_clear();
     let alone = arguments.compare.then(|| alone(&play, life.rows.len()));
     if let Some(path) = &arguments.html {
-        whole_file::write(path, page(&life))?;
+        whole_file::write_new(&[(path.clone(), page(&life).into_bytes())], "--html")?;
     }
     let document = document(&play, &life, alone);
     if arguments.json {

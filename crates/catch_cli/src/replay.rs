@@ -36,6 +36,9 @@ pub fn run(arguments: &ReplayArguments) -> anyhow::Result<()> {
             screen::fact("replayed", &it.replayed.to_string())?;
         }
     }
+    if let Some(until_s) = replay.images_until_s {
+        screen::fact("compared", &format!("until {until_s:.3} s, from where on images are missing in the recording"))?;
+    }
     if recorded_version != version {
         screen::fact("versions", &format!("recorded with {recorded_version}, replayed with {version}"))?;
     }

@@ -1,18 +1,17 @@
 //! `catchingbot robot`: arms that others described.
 
 use std::{
-    fs, io,
+    fs,
     path::{Path, PathBuf},
 };
 
 use catch_body::{InputError, JointVector};
 use catch_lab::{
     VERSION,
-    assets::COMMAND_LINE,
-    evaluation::results::make_writable,
     own_data::robot_import::{ImportOptions, ImportedRobot},
     reachability::ready::{Corridor, Ready},
     scenario::setup::{Choice, Setup},
+    whole_file::{self, check_new, unfinished_folder},
 };
 use clap::{Args, Subcommand};
 use serde::Serialize;
@@ -138,10 +137,7 @@ pub fn run(arguments: &RobotArguments) -> anyhow::Result<()> {
 
 fn import(arguments: &ImportArguments) -> anyhow::Result<()> {
     let out = &arguments.out;
-    if out.exists() {
-        let found = format!("`{}`, which is already there", out.display());
-        return Err(InputError::new(COMMAND_LINE, "--out", found, "a folder that does not exist yet").into());
-    }
+    check_new([out], "--out")?;
     let options = ImportOptions {
         base: arguments.base.clone(),
         tip: arguments.tip.clone(),
@@ -154,29 +150,16 @@ fn import(arguments: &ImportArguments) -> anyhow::Result<()> {
     let mut imported = ImportedRobot::read(&arguments.file, &options, &setup.gripper)?;
 
     // All is written to a folder beside, which takes the name when it is complete.
-    let parent = out.parent().filter(|it| !it.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    make_writable(parent, "--out")?;
-    let unwritten = |fault: io::Error| InputError::unwritten(out.display(), &fault, "a folder that can be written");
-    let folder = Unfinished(parent.join(format!(".import-{}", std::process::id())));
-    fs::create_dir(&folder.0).map_err(unwritten)?;
-    let write = |name: &str, text: String| fs::write(folder.0.join(name), text).map_err(unwritten);
+    let unfinished = unfinished_folder(out)?;
+    let folder = unfinished.path();
+    let write = |name: &str, text: String| whole_file::write(&folder.join(name), text);
     write("robot.urdf", imported.urdf())?;
     write("robot.toml", imported.toml())?;
-    let reach = if arguments.no_ready { None } else { Some(choose_ready_pose(arguments, &folder.0, &mut imported)?) };
+    let reach = if arguments.no_ready { None } else { Some(choose_ready_pose(arguments, folder, &mut imported)?) };
     write("robot.toml", imported.toml())?;
     write("capsules.html", imported.page())?;
-    fs::rename(&folder.0, out).map_err(unwritten)?;
+    fs::rename(folder, out).map_err(|it| InputError::unwritten(out.display(), &it, "a folder that can be written"))?;
     tell(arguments, &imported, reach)
-}
-
-/// A folder that goes away unless it has been renamed.
-struct Unfinished(PathBuf);
-
-impl Drop for Unfinished {
-    fn drop(&mut self) {
-        // Nothing is left to be done if this fails, too.
-        let _ = fs::remove_dir_all(&self.0);
-    }
 }
 
 /// Searches for the best waiting pose, and tries it on other throws.

@@ -32,17 +32,18 @@ const LABEL_WIDTH: usize = 24;
 /// What is said when somebody presses Ctrl-C, which then ends the program as ever. Once is enough: what is said stays.
 pub fn at_interrupt(said: String) {
     let pressed = Arc::new(AtomicBool::new(false));
-    // Where no handler can be set the program ends without a word.
-    if signal_hook::flag::register(SIGINT, pressed.clone()).is_err() {
-        return;
-    }
-    thread::spawn(move || {
-        while !pressed.load(Ordering::Relaxed) {
+    let is_pressed = pressed.clone();
+    let wait = move || {
+        while !is_pressed.load(Ordering::Relaxed) {
             thread::sleep(LOOKS_EVERY);
         }
         let _ = writeln!(anstream::stderr().lock(), "\n{said}");
         std::process::exit(INTERRUPTED);
-    });
+    };
+    // Where nobody can wait, or no handler be set, the program ends without a word.
+    if thread::Builder::new().spawn(wait).is_ok() {
+        let _ = signal_hook::flag::register(SIGINT, pressed);
+    }
 }
 
 /// How often it is looked whether somebody did.
@@ -80,7 +81,7 @@ pub fn width() -> Option<u16> {
 /// # Errors
 /// If standard output is closed.
 pub fn line(text: &str) -> io::Result<()> {
-    writeln!(anstream::stdout().lock(), "{text}")
+    writeln!(anstream::stdout().lock(), "{}", harmless(text))
 }
 
 /// Prints text as it is.
@@ -88,7 +89,7 @@ pub fn line(text: &str) -> io::Result<()> {
 /// # Errors
 /// If standard output is closed.
 pub fn text(text: &str) -> io::Result<()> {
-    anstream::stdout().lock().write_all(text.as_bytes())
+    anstream::stdout().lock().write_all(harmless(text).as_bytes())
 }
 
 /// Prints a label and what belongs to it.
@@ -135,19 +136,54 @@ pub fn progress_bar(total: usize, things: &str) -> ProgressBar {
 /// Says on standard error what takes a while until the bar is finished; it shows itself on a terminal only.
 pub fn spinner(what: &str) -> ProgressBar {
     let bar = ProgressBar::new_spinner().with_message(what.to_owned());
-    bar.enable_steady_tick(Duration::from_millis(100));
+    // A ticking bar has a thread of its own, for which the system must have room.
+    if thread::Builder::new().spawn(|| ()).is_ok_and(|probe| probe.join().is_ok()) {
+        bar.enable_steady_tick(Duration::from_millis(100));
+    }
     bar
 }
 
 /// Says what went wrong, on standard error.
 pub fn error(message: &str) {
     // Nobody is left to be told if this fails.
-    let _ = writeln!(anstream::stderr().lock(), "{BAD}error:{BAD:#} {message}");
+    let _ = writeln!(anstream::stderr().lock(), "{BAD}error:{BAD:#} {}", harmless(message));
+}
+
+/// The styles of this program, as a terminal is told them.
+const STYLES: [&str; 5] = ["\x1b[0m", "\x1b[1m", "\x1b[2m", "\x1b[31m", "\x1b[32m"];
+
+/// A text in which nothing but this program's own styles commands a terminal: what files say is shown, not obeyed.
+fn harmless(text: &str) -> String {
+    let mut shown = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some(it) = rest.chars().next() {
+        let style = STYLES.into_iter().find(|style| rest.starts_with(style));
+        let length = style.map_or(it.len_utf8(), str::len);
+        // What turns the direction of writing makes a text look like another.
+        let turns = matches!(it, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+        if style.is_some() || matches!(it, '\n' | '\t') || !(it.is_control() || turns) {
+            shown += &rest[..length];
+        } else {
+            shown.extend(it.escape_unicode());
+        }
+        rest = &rest[length..];
+    }
+    shown
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_our_styles_reach_the_terminal() {
+        let ours = format!("{BAD}no{BAD:#} {GOOD}yes{GOOD:#} {STRONG}a{STRONG:#}{FAINT}b{FAINT:#}\n\tc, °");
+        assert_eq!(harmless(&ours), ours);
+        assert_eq!(
+            harmless("a\x1b]0;b\x07c\x1b[2Jd\u{9b}e\u{202e}f\r"),
+            "a\\u{1b}]0;b\\u{7}c\\u{1b}[2Jd\\u{9b}e\\u{202e}f\\u{d}"
+        );
+    }
 
     #[test]
     fn arguments_are_quoted_for_a_shell() {

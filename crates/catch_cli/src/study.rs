@@ -53,7 +53,7 @@ pub fn run(arguments: &EvalArguments, name: &str) -> anyhow::Result<()> {
     eval::tell_how_to_resume(out);
     let objects = if arguments.object.is_empty() { study.objects() } else { arguments.object.clone() };
     results::check_holds_none(out)?;
-    results::make_writable(out, "--out")?;
+    whole_file::make_writable(out, "--out")?;
     let outline = study.outline(arguments.seed);
     outline.write(out)?;
     let steps = study.steps.iter().map(|step| summary_of(arguments, &study, step, &objects, out));

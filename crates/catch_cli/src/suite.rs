@@ -2,22 +2,25 @@
 
 use std::{
     fmt::Write,
-    fs,
+    fs, io,
     path::{Path, PathBuf},
     time::Instant,
 };
 
 use anyhow::Context;
+use catch_body::InputError;
 use catch_lab::{
     VERSION,
-    evaluation::{Row, cell_summary::CellSummary},
+    assets::COMMAND_LINE,
+    bounded_file::FileKind,
+    evaluation::{MOST_THREADS, Row, cell_summary::CellSummary, summary_table::plain},
     scenario::brain::Method,
+    statistics::wilson95,
     suite::{Catcher, Suite, rows_sha256},
     whole_file,
 };
 use clap::{Args, Subcommand, ValueEnum};
-use serde::Serialize;
-use serde_json::Value;
+use serde::{Deserialize, Serialize};
 
 use super::{
     eval::{self, Pace},
@@ -55,7 +58,7 @@ struct RunArguments {
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole(1, 10_000_000))]
     trials: Option<u64>,
     /// Trials that run at the same time [default: the number of cores]
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole(1, 100_000))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole(1, MOST_THREADS as u64))]
     threads: Option<u64>,
     /// Folder for the results
     #[arg(long, value_name = "DIR", default_value = "out/suite")]
@@ -198,38 +201,130 @@ fn document_path(out: &Path, suite: &str, brain: &str) -> PathBuf {
     out.join(format!("{suite}-{brain}.json"))
 }
 
+/// A document as it is read again.
+#[derive(Deserialize)]
+struct Read {
+    version: String,
+    suite: String,
+    content_sha256: String,
+    brain: String,
+    complete: bool,
+    conditions: Vec<ReadCondition>,
+    trials: usize,
+    caught: usize,
+    rows_sha256: String,
+}
+
+/// What the table shows of a condition.
+#[derive(Deserialize)]
+struct ReadCondition {
+    scenario: String,
+    object: String,
+    throw: String,
+    throw_is_fixed: bool,
+    trials: usize,
+    caught: usize,
+    out_of_reach: Option<usize>,
+}
+
+impl Read {
+    /// The document of a brain; none where it was not run.
+    fn of(suite: &Suite, brain: &str, path: &Path) -> Result<Option<Self>, InputError> {
+        const EXPECTED: &str = "results as `suite run` writes them";
+        if fs::symlink_metadata(path).is_err_and(|it| it.kind() == io::ErrorKind::NotFound) {
+            return Ok(None);
+        }
+        let file = path.display().to_string();
+        let text = FileKind::text(EXPECTED).read_text(path)?;
+        let mut deserializer = serde_json::Deserializer::from_str(&text);
+        let read: Self = serde_path_to_error::deserialize(&mut deserializer).map_err(|it| {
+            let (field, fault) = (it.path().to_string(), it.into_inner());
+            let field = if field == "." { format!("line {}", fault.line()) } else { field };
+            InputError::new(&file, field, fault, EXPECTED)
+        })?;
+        read.check(suite, brain, &file).map(|()| Some(read))
+    }
+
+    /// Whether it is of this suite and brain, and its counts can be.
+    fn check(&self, suite: &Suite, brain: &str, file: &str) -> Result<(), InputError> {
+        let Self { content_sha256, conditions, trials, caught, rows_sha256, .. } = self;
+        let is_hash = rows_sha256.len() == 64 && rows_sha256.bytes().all(|it| it.is_ascii_hexdigit());
+        let hash = if is_hash { rows_sha256 } else { "64 hexadecimal digits" };
+        for (field, found, expected) in [
+            ("suite", &self.suite, &*suite.name),
+            ("brain", &self.brain, brain),
+            ("content_sha256", content_sha256, &suite.file.content_sha256),
+            ("rows_sha256", rows_sha256, hash),
+        ] {
+            if found != expected {
+                return Err(InputError::new(file, field, found, expected));
+            }
+        }
+        for (i, it) in conditions.iter().enumerate() {
+            let missed = it.trials.checked_sub(it.caught);
+            let within = |part: usize, whole: Option<usize>| whole.is_some_and(|whole| part <= whole);
+            for (field, count, is_right) in [
+                ("caught", it.caught, missed.is_some()),
+                ("out_of_reach", it.out_of_reach.unwrap_or(0), within(it.out_of_reach.unwrap_or(0), missed)),
+            ] {
+                if !is_right {
+                    let expected = format!("no more than there were of {} trials", it.trials);
+                    return Err(InputError::new(file, format!("conditions[{i}].{field}"), count, expected));
+                }
+            }
+        }
+        let sum = |of: fn(&ReadCondition) -> usize| conditions.iter().map(of).fold(0, usize::saturating_add);
+        for (field, found, sum) in [("trials", trials, sum(|it| it.trials)), ("caught", caught, sum(|it| it.caught))] {
+            if *found != sum {
+                return Err(InputError::new(file, field, found, format!("{sum}, the sum of all conditions")));
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds its lines to the table and its sums to the list of brains.
+    fn add(&self, lines: &mut String, sums: &mut String) {
+        let Self { brain, complete, trials, caught, rows_sha256, .. } = self;
+        for it in &self.conditions {
+            let percent = |value: f64| format!("{:.1}", 100.0 * value);
+            let rate = percent(it.caught as f64 / it.trials.max(1) as f64);
+            let interval = match it.throw_is_fixed || it.trials == 0 {
+                true => "same throw".to_owned(),
+                false => wilson95(it.caught, it.trials).map(percent).join(" – "),
+            };
+            let names = [&it.scenario, &it.object, &it.throw].map(|name| plain(name)).join(" | ");
+            let out_of_reach = it.out_of_reach.map_or("–".to_owned(), |count| count.to_string());
+            let counts = format!("{} | {} | {rate} ({interval}) | {out_of_reach}", it.trials, it.caught);
+            let _ = writeln!(lines, "| {names} | {brain} | {counts} |");
+        }
+        let which = if *complete { "all throws" } else { "a part of the throws" };
+        let _ = writeln!(sums, "| {brain} | {which} | {trials} | {caught} | `{rows_sha256}` |");
+    }
+}
+
 /// A line for each condition and brain, and the hashes.
 fn table(TableArguments { name, out }: &TableArguments) -> anyhow::Result<()> {
-    let (mut lines, mut hashes) = (String::new(), String::new());
-    for brain in BrainArgument::value_variants() {
-        let path = document_path(out, name, brain.name());
-        let Ok(text) = fs::read_to_string(&path) else { continue };
-        let document: Value = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
-        let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();
-        for it in document["conditions"].as_array().into_iter().flatten() {
-            let count = |field: &str| it[field].as_u64().unwrap_or_default();
-            let percent = |value: f64| format!("{:.1}", 100.0 * value);
-            let rate = percent(count("caught") as f64 / count("trials").max(1) as f64);
-            let ends = it["wilson95"].as_array().into_iter().flatten().filter_map(Value::as_f64).map(percent);
-            let cells = [text(&it["scenario"]), text(&it["object"]), text(&it["throw"]), brain.name().to_owned()];
-            let _ = writeln!(
-                lines,
-                "| {} | {} | {} | {rate} ({}) | {} |",
-                cells.join(" | "),
-                count("trials"),
-                count("caught"),
-                ends.collect::<Vec<_>>().join(" – "),
-                count("out_of_reach"),
-            );
+    let suite = Suite::load(name)?;
+    let (mut lines, mut sums) = (String::new(), String::new());
+    let mut version: Option<String> = None;
+    for brain in BrainArgument::value_variants().iter().map(|it| it.name()) {
+        let path = document_path(out, &suite.name, brain);
+        let Some(read) = Read::of(&suite, brain, &path)? else { continue };
+        let first = version.get_or_insert_with(|| read.version.clone());
+        if read.version != *first {
+            let expected = format!("{first}, as of the others: only results of one version compare");
+            return Err(InputError::new(path.display(), "version", read.version, expected).into());
         }
-        let which = if document["complete"] == true { "all throws" } else { "a part of the throws" };
-        let sums = ["trials", "caught"].map(|field| document[field].as_u64().unwrap_or_default());
-        let row = [brain.name(), which, &sums[0].to_string(), &sums[1].to_string()].join(" | ");
-        let _ = writeln!(hashes, "| {row} | `{}` |", text(&document["rows_sha256"]));
+        read.add(&mut lines, &mut sums);
+    }
+    if sums.is_empty() {
+        let found = format!("`{}`, which has no results of {name}", out.display());
+        let expected = format!("the --out of `suite run {name}`");
+        return Err(InputError::new(COMMAND_LINE, "--out", found, expected).into());
     }
     let heading = "| scenario | object | throw | brain | trials | caught | % (95 %) | out of reach |\n| --- | --- | --- | --- | --- | --- | --- | --- |\n";
     let rows = "| brain | | trials | caught | SHA-256 of the rows |\n| --- | --- | --- | --- | --- |\n";
-    Ok(screen::text(&format!("{rows}{hashes}\n{heading}{lines}"))?)
+    Ok(screen::text(&format!("{rows}{sums}\n{heading}{lines}"))?)
 }
 
 fn print(document: &Document) -> std::io::Result<()> {

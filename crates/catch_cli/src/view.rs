@@ -10,11 +10,11 @@ use std::{
 use catch_body::InputError;
 use catch_lab::{
     assets::COMMAND_LINE,
-    evaluation::results::{REPORT_FILE, make_writable},
+    evaluation::results::REPORT_FILE,
     export::{mcap_file, urdf},
     pages::catch_page,
     recording::{EXTENSION, playback::Playback},
-    whole_file,
+    whole_file::{self, make_writable},
 };
 use clap::Args;
 

@@ -17,19 +17,21 @@ pub fn threads() -> usize {
 pub fn map<T: Send>(count: usize, job: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let next = AtomicUsize::new(0);
     let done = Mutex::new(Vec::with_capacity(count));
-    thread::scope(|scope| {
-        for _ in 0..threads() {
-            scope.spawn(|| {
-                loop {
-                    let at = next.fetch_add(1, Ordering::Relaxed);
-                    if at >= count {
-                        return;
-                    }
-                    let result = job(at);
-                    done.lock().expect("no thread panics while it holds the lock").push((at, result));
-                }
-            });
+    let work = || {
+        loop {
+            let at = next.fetch_add(1, Ordering::Relaxed);
+            if at >= count {
+                return;
+            }
+            let result = job(at);
+            done.lock().expect("no thread panics while it holds the lock").push((at, result));
         }
+    };
+    thread::scope(|scope| {
+        // As many others as the system allows, and this one.
+        let others = (1..threads()).take_while(|_| thread::Builder::new().spawn_scoped(scope, work).is_ok());
+        others.for_each(drop);
+        work();
     });
     let mut done = done.into_inner().expect("all threads have ended");
     done.sort_by_key(|(at, _)| *at);

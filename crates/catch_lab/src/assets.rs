@@ -13,7 +13,10 @@ use catch_cell::ObjectFigures;
 use catch_sim::{Throw, ThrownObject};
 use include_dir::{Dir, include_dir};
 
-use crate::{bounded_file::FileKind, flights::recorded_throws};
+use crate::{
+    bounded_file::{FileKind, as_spelt},
+    flights::recorded_throws,
+};
 
 static BUILT_IN: Dir = include_dir!("$CARGO_MANIFEST_DIR/../../assets");
 
@@ -157,6 +160,7 @@ impl Asset {
             Origin::Disk(folder) => folder.join(name),
             Origin::BuiltIn(_) => PathBuf::from(name),
         };
+        let path = as_spelt(&path);
         if kind == Kind::Throw && path.is_dir() && !path.join(kind.main_file()).exists() {
             return Ok(Self::of_recordings(path));
         }

@@ -36,6 +36,9 @@ use crate::{
 
 pub use crate::referee::Row;
 
+/// Trials that run at the same time at most: more than the cores of any machine, and few enough to be started.
+pub const MOST_THREADS: usize = 1024;
+
 /// Makes a brain for each trial: of a setup, for a seed and the number of the throw.
 #[derive(Clone)]
 pub struct BrainFactory(Arc<MakeBrain>);
@@ -188,7 +191,8 @@ impl Evaluation {
         (row(&cell.setup, self.seed, index, referee::judge(&cell.setup, &trial)), trial.stopwatch)
     }
 
-    /// Runs the trials from number `from` on, on several threads, and hands over each row in the order of their numbers.
+    /// Runs the trials from number `from` on, on several threads or as many as the system allows, and hands over each row in the order of
+    /// their numbers.
     ///
     /// # Errors
     /// A throw that [cannot be thrown](Setup::check_throw), before anything is; those of `row_done`: the trials that are running then
@@ -203,9 +207,10 @@ impl Evaluation {
         let next = AtomicUsize::new(from);
         let (sender, receiver) = mpsc::channel();
         thread::scope(|scope| {
-            for _ in 0..threads.clamp(1, self.len().saturating_sub(from).max(1)) {
+            let threads = threads.min(MOST_THREADS).clamp(1, self.len().saturating_sub(from).max(1));
+            let started = (0..threads).take_while(|_| {
                 let (next, sender) = (&next, sender.clone());
-                scope.spawn(move || {
+                let work = move || {
                     loop {
                         let job = next.fetch_add(1, Ordering::Relaxed);
                         // Nobody receives any more once a row could not be taken.
@@ -213,7 +218,12 @@ impl Evaluation {
                             return;
                         }
                     }
-                });
+                };
+                thread::Builder::new().spawn_scoped(scope, work).is_ok()
+            });
+            if started.count() == 0 {
+                // The system allows no other thread.
+                return (from..self.len()).map(|job| self.trial(job)).try_for_each(|(row, times)| row_done(row, times));
             }
             drop(sender);
             let mut waiting = BTreeMap::new();

@@ -19,11 +19,10 @@ pub mod throw_times;
 pub mod timeline;
 
 use std::{
-    fs::{self, File},
     hash::{DefaultHasher, Hash, Hasher},
-    io::{self, BufWriter},
+    io::{self, BufWriter, Write},
+    ops::Not,
     path::{Path, PathBuf},
-    time::Duration,
 };
 
 use catch_body::{JointVector, Pose, quantity};
@@ -31,7 +30,7 @@ use catch_bot::{
     Report, Status, control::GripperPlan, grasp_selection::Approach, perception::ObjectPose,
     trajectory_prediction::FlightTrajectory,
 };
-use catch_cell::{CameraModel, Command, Observation, ReferenceScan};
+use catch_cell::{CameraModel, Command, DepthFrame, Observation, ReferenceScan};
 use catch_sim::Truth;
 use flate2::{Compression, GzBuilder, write::GzEncoder};
 use nalgebra::Point3;
@@ -48,9 +47,10 @@ use crate::{
         sources::Sources,
     },
     trial::Tick,
+    whole_file::{Unfinished, sweep_out},
 };
 
-pub use reader::{Part, RecordingReader};
+pub use reader::{MOST_UNPACKED_BYTES, Part, RecordingReader};
 
 /// What every recording begins with.
 pub const FORMAT: &str = "catchingbot recording";
@@ -120,6 +120,9 @@ pub struct RecordedTick {
     pub command: Command,
     /// State snapshots of the brain.
     pub report: RecordedReport,
+    /// Whether images that the brain saw are not in the recording, which has no room for more.
+    #[serde(default)]
+    pub images_left_out: bool,
 }
 
 /// State snapshot of the brain. The plan's motion is in the command of the tick that made it.
@@ -203,16 +206,51 @@ impl From<&Report> for RecordedReport {
 #[derive(Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Written<'a> {
-    Tick { observation: &'a Observation, command: &'a Command, report: &'a RecordedReport },
+    Tick {
+        observation: &'a Observation,
+        command: &'a Command,
+        report: &'a RecordedReport,
+        #[serde(skip_serializing_if = "Not::not")]
+        images_left_out: bool,
+    },
     Ending(&'a Ending),
 }
 
 /// Writes a recording tick by tick. The file appears under its name when it is complete, not before.
 pub struct Recorder {
     path: PathBuf,
-    unfinished: PathBuf,
+    out: Counted,
+    /// Bytes that an unpacked recording may have.
+    room: u64,
+    /// When the first image was left out.
+    images_until_s: Option<f64>,
+}
+
+/// What is written, counted before it is packed.
+struct Counted {
     /// Numbers come one by one, and the encoder clears a buffer at each call: they are gathered first.
-    out: Option<BufWriter<GzEncoder<BufWriter<File>>>>,
+    packed: BufWriter<GzEncoder<BufWriter<Unfinished>>>,
+    bytes: u64,
+}
+
+impl Write for Counted {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.packed.write(bytes)?;
+        self.bytes += written as u64;
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.packed.flush()
+    }
+}
+
+/// Bytes of an unpacked recording that are no image's: enough for the states and the story of any throw.
+const ROOM_WITHOUT_IMAGES: u64 = 64 << 20;
+
+/// Most bytes that an image takes: five for a depth, one for a pixel of the mask, and some for the rest.
+fn most_bytes(frame: &DepthFrame) -> u64 {
+    6 * frame.depth_m.len() as u64 + 1000
 }
 
 impl Recorder {
@@ -241,13 +279,12 @@ impl Recorder {
         cell: RecordedCell,
         simulation: Option<Simulation>,
     ) -> io::Result<Self> {
-        fs::create_dir_all(folder)?;
-        sweep_out(folder)?;
         let path = folder.join(format!("{name}.{EXTENSION}"));
-        let unfinished = folder.join(format!(".{name}.{}.unfinished", std::process::id()));
-        let out = GzBuilder::new().write(BufWriter::new(File::create(&unfinished)?), Compression::fast());
-        let out = BufWriter::with_capacity(1 << 16, out);
-        let mut recorder = Self { path, unfinished, out: Some(out) };
+        let unfinished = Unfinished::beside(&path)?;
+        sweep_out(folder)?;
+        let out = GzBuilder::new().write(BufWriter::new(unfinished), Compression::fast());
+        let out = Counted { packed: BufWriter::with_capacity(1 << 16, out), bytes: 0 };
+        let mut recorder = Self { path, out, room: MOST_UNPACKED_BYTES, images_until_s: None };
         recorder.write(&Header {
             format: FORMAT.to_owned(),
             format_version: FORMAT_VERSION,
@@ -259,15 +296,31 @@ impl Recorder {
         Ok(recorder)
     }
 
-    /// Adds a tick.
+    /// Adds a tick, without its images where a reader would find the recording too large with them.
     ///
     /// # Errors
-    /// If it cannot be written.
+    /// If it cannot be written, or no reader would take it even without images.
     pub fn ticked(&mut self, tick: &Tick) -> io::Result<()> {
         let Tick { observation, command, report } = *tick;
         // A brain that tells nothing is recorded as one that has seen nothing.
         let report = report.map_or_else(|| (&Report::default()).into(), RecordedReport::from);
-        self.write(&Written::Tick { observation, command, report: &report })
+        let images: u64 = observation.frames.iter().map(most_bytes).sum();
+        let images_left_out = images > 0 && self.out.bytes + images + ROOM_WITHOUT_IMAGES > self.room;
+        let Observation { time_s, arm, gripper, .. } = observation;
+        let without;
+        let observation = if images_left_out {
+            self.images_until_s.get_or_insert(*time_s);
+            without = Observation { time_s: *time_s, arm: arm.clone(), gripper: gripper.clone(), frames: Vec::new() };
+            &without
+        } else {
+            observation
+        };
+        self.write(&Written::Tick { observation, command, report: &report, images_left_out })
+    }
+
+    /// When the first image was left out for want of room; `None` where all are recorded.
+    pub fn images_until_s(&self) -> Option<f64> {
+        self.images_until_s
     }
 
     /// Adds the ending and gives the file its name, which is returned.
@@ -276,50 +329,25 @@ impl Recorder {
     /// If it cannot be written.
     pub fn finish(mut self, ending: &Ending) -> io::Result<PathBuf> {
         self.write(&Written::Ending(ending))?;
-        if let Some(out) = self.out.take() {
-            let packed = out.into_inner().map_err(io::IntoInnerError::into_error)?.finish()?;
-            packed.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()?;
-        }
-        fs::rename(&self.unfinished, &self.path)?;
-        Ok(self.path.clone())
+        let packed = self.out.packed.into_inner().map_err(io::IntoInnerError::into_error)?.finish()?;
+        packed.into_inner().map_err(io::IntoInnerError::into_error)?.replace(&self.path)?;
+        Ok(self.path)
     }
 
     fn write(&mut self, value: &impl Serialize) -> io::Result<()> {
-        let Some(out) = &mut self.out else { return Ok(()) };
-        rmp_serde::encode::write_named(out, value).map_err(|fault| match fault {
+        rmp_serde::encode::write_named(&mut self.out, value).map_err(|fault| match fault {
             rmp_serde::encode::Error::InvalidValueWrite(write) => write.into(),
             other => io::Error::other(other),
-        })
-    }
-}
-
-impl Drop for Recorder {
-    /// What was not finished is taken away; after a finish there is nothing left to take.
-    fn drop(&mut self) {
-        let _ = fs::remove_file(&self.unfinished);
-    }
-}
-
-/// What was written to since then is not swept out: it may be another machine's.
-const SWEPT_AFTER: Duration = Duration::from_secs(600);
-
-/// Takes away what recordings left whose process was killed, where processes can be looked up.
-fn sweep_out(folder: &Path) -> io::Result<()> {
-    let processes = Path::new("/proc");
-    for entry in fs::read_dir(folder)?.flatten() {
-        let name = entry.file_name();
-        let stem = name.to_str().and_then(|name| name.strip_prefix('.')?.strip_suffix(".unfinished"));
-        let Some((_, process)) = stem.and_then(|stem| stem.rsplit_once('.')) else { continue };
-        let is_gone =
-            process.parse::<u32>().is_ok() && processes.join("self").exists() && !processes.join(process).exists();
-        let modified = entry.metadata().and_then(|it| it.modified()).ok();
-        let is_old = modified.and_then(|it| it.elapsed().ok()).is_some_and(|since| since > SWEPT_AFTER);
-        if is_gone && is_old {
-            // Somebody else may have been quicker.
-            let _ = fs::remove_file(entry.path());
+        })?;
+        if self.out.bytes > self.room {
+            let most = self.room >> 20;
+            return Err(io::Error::new(
+                io::ErrorKind::FileTooLarge,
+                format!("more than the {most} MiB of a recording"),
+            ));
         }
+        Ok(())
     }
-    Ok(())
 }
 
 /// Name of a scene's files, without ending.
@@ -341,28 +369,7 @@ pub fn file_stem(scene: &Scene) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::time::SystemTime;
-
-    #[test]
-    fn what_killed_recordings_left_is_swept_out() {
-        let folder = tempfile::tempdir().unwrap();
-        let (left, mine) = (".a.4294967294.unfinished", format!(".a.{}.unfinished", std::process::id()));
-        let kept = [mine.as_str(), ".a.unfinished", "a.4294967294.unfinished", "a.catch"];
-        for name in kept.iter().chain(&[left]) {
-            fs::write(folder.path().join(name), "").unwrap();
-        }
-        sweep_out(folder.path()).unwrap();
-        assert!(folder.path().join(left).exists(), "it may still be written to");
-        File::options()
-            .write(true)
-            .open(folder.path().join(left))
-            .unwrap()
-            .set_modified(SystemTime::UNIX_EPOCH)
-            .unwrap();
-        sweep_out(folder.path()).unwrap();
-        assert!(kept.iter().all(|name| folder.path().join(name).exists()));
-        assert_eq!(folder.path().join(left).exists(), !Path::new("/proc/self").exists());
-    }
+    use std::fs::File;
 
     /// The first format had neither trajectories with identifiers nor headers like these.
     #[test]

@@ -2,6 +2,7 @@
 
 pub mod brain;
 pub mod catch_plan;
+pub mod flight_rig;
 mod inheritance;
 pub mod reach_map;
 pub mod setup;

@@ -53,7 +53,7 @@ impl Setup {
 
 /// Throws of an evaluation at most, as on the command line.
 const MOST_TRIALS: u64 = 10_000_000;
-const MOST_THREADS: u64 = 100_000;
+const MOST_THREADS: u64 = catch_lab::evaluation::MOST_THREADS as u64;
 
 #[pymethods]
 impl Setup {

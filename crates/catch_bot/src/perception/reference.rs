@@ -83,7 +83,7 @@ impl ReferenceModel {
             (point - patch.axis * height + to_O, normal)
         });
         let (points_O, normals): (Vec<_>, Vec<_>) = smooth.unzip();
-        let (points, normals) = thinned(&points_O, &normals, config.grasp_spacing_m);
+        let (points, normals) = bounded(&points_O, &normals, config.grasp_spacing_m);
         let radius_m = sharp_O.iter().map(|point| point.coords.norm()).fold(0.0, f64::max);
         let inner_radius_m = distance.deepest_m().max(1e-4);
         let tolerance_m = config.symmetry_tolerance_m;
@@ -178,6 +178,17 @@ fn object_pixels(frame: &DepthFrame) -> impl Iterator<Item = (usize, f64)> {
         .filter(move |&(i, depth)| *depth > 0.0 && depth.is_finite() && masked(i))
         .map(|(i, depth)| (i, f64::from(*depth)))
 }
+
+/// Points as [`thinned`] keeps them, about [`MOST_POINTS`] at most: they are wider apart on a large object, whose grasps, compared
+/// with each of them, would else cost the fourth power of its size.
+fn bounded<T: Copy>(points: &[Point3<f64>], attributes: &[T], spacing_m: f64) -> (Vec<Point3<f64>>, Vec<T>) {
+    let all = thinned(points, attributes, spacing_m);
+    let over = all.0.len() as f64 / MOST_POINTS as f64;
+    if over > 1.0 { thinned(points, attributes, spacing_m * over.sqrt()) } else { all }
+}
+
+/// Points of the surface that grasps are compared with: those of a ball of 0.1 m at 2.5 mm.
+const MOST_POINTS: usize = 8192;
 
 /// One point, with what belongs to it, per cube of edge `spacing_m`: the first in the order given.
 fn thinned<T: Copy>(points: &[Point3<f64>], attributes: &[T], spacing_m: f64) -> (Vec<Point3<f64>>, Vec<T>) {

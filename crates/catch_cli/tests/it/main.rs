@@ -12,6 +12,7 @@ mod honest;
 mod inputs;
 mod mcap_file;
 mod mutated_files;
+mod nothing_lost;
 mod object_import;
 mod own_data;
 mod pages;
@@ -20,6 +21,9 @@ mod recording;
 mod reference;
 mod refusals;
 mod robot_import;
+mod suite_table;
+mod system_limits;
+mod texts_of_others;
 mod wrong_input;
 
 use std::process::{Command, Output};

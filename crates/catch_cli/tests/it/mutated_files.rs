@@ -81,11 +81,14 @@ fn kinds() -> Vec<Kind> {
     for (name, right) in assets("grippers") {
         add(Kind::new(&format!("gripper {name}"), "g.toml", right, &format!("{throw} --set gripper=FILE")));
     }
+    for (name, right) in assets("workcells") {
+        add(Kind::new(&format!("workcell {name}"), "w.toml", right, &format!("{throw} --workcell FILE")));
+    }
     for (name, right) in assets("studies") {
         add(Kind::new(&format!("study {name}"), "s.toml", right, "check FILE --json"));
     }
     let study = "description = \"two\"\nscenario = \"paper\"\nobjects = [\"banana\"]\ncombine = \"cumulative\"\n\
-                 [[overlay]]\nname = \"one\"\n[[overlay]]\nname = \"two\"\nset = { \"arena.gravity_tilt_rad\" = 0.01 }\n";
+                 [[overlay]]\nname = \"one\"\n[[overlay]]\nname = \"two\"\nset = { \"arena.restitution_scale\" = 0.5 }\n";
     add(Kind::new("study, run", "s.toml", study, "eval --study FILE --trials 1 --json"));
     let [urdf, toml] = ["robot.urdf", "robot.toml"].map(|file| {
         fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/robots/iiwa14").join(file)).unwrap()
@@ -161,14 +164,13 @@ struct Outcome {
     failures: Vec<String>,
 }
 
-/// Changes a file as `seed` says and runs its command.
-fn use_changed(kind: &Kind, seed: u64, outcome: &mut Outcome) {
+/// Changes a file as `mutator` says and runs its command.
+fn use_changed(kind: &Kind, seed: u64, mut mutator: Mutator, outcome: &mut Outcome) {
     let folder = tempfile::tempdir().unwrap();
     let at = |file: &str| folder.path().join(file);
     for (file, content) in &kind.beside {
         fs::write(at(file), content).unwrap();
     }
-    let mut mutator = Mutator::new(seed);
     let right = std::str::from_utf8(&kind.right).expect("these files are text");
     fs::write(at(&kind.file), mutator.text(right)).unwrap();
     let named = |it: &String| {
@@ -213,9 +215,12 @@ fn try_all(count: u64) {
     println!("| file | tried | used | refused | of them told |\n|---|---|---|---|---|");
     let mut all = Outcome::default();
     for (seeds, kind) in kinds().iter().enumerate() {
+        let mut right = Outcome::default();
+        use_changed(kind, 0, Mutator::idle(), &mut right);
+        assert!(right.used == 1, "{}: the right file is refused: {:#?}", kind.name, right.failures);
         let mut outcome = Outcome::default();
         for seed in (seeds as u64 * 1_000_000..).take(count as usize) {
-            use_changed(kind, seed, &mut outcome);
+            use_changed(kind, seed, Mutator::new(seed), &mut outcome);
         }
         let refused = outcome.told + outcome.untold;
         println!("| {} | {count} | {} | {refused} | {} |", kind.name, outcome.used, outcome.told);

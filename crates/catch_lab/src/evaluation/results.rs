@@ -18,7 +18,7 @@ use crate::{
     assets::COMMAND_LINE,
     bounded_file::FileKind,
     evaluation::{Evaluation, Identity, Row, summary_table, trial_table},
-    whole_file,
+    whole_file::{self, make_writable},
 };
 
 /// Name of the file with one row per trial.
@@ -146,21 +146,6 @@ fn write_tables(folder: &Path, identity: &Identity, rows: &[Row]) -> Result<(), 
     whole_file::write(&folder.join(SUMMARY_FILE), summary)
 }
 
-/// Makes a folder, where there is none, and writes into it to see whether that is possible; `asked_by` is the argument that
-/// names it.
-///
-/// # Errors
-/// If it is not.
-pub fn make_writable(folder: &Path, asked_by: &str) -> Result<(), InputError> {
-    let trial = folder.join(".catchingbot");
-    let made = fs::create_dir_all(folder).and_then(|()| File::create(&trial)).and_then(|_| fs::remove_file(&trial));
-    made.map_err(|fault| {
-        let found = format!("`{}`: {fault}", folder.display());
-        let of_output = fault.kind() == io::ErrorKind::StorageFull;
-        InputError { of_output, ..InputError::new(COMMAND_LINE, asked_by, found, "a folder that can be written") }
-    })
-}
-
 fn write_identity(folder: &Path, identity: &Identity) -> Result<(), InputError> {
     make_writable(folder, "--out")?;
     let text = identity_text(identity)?;
@@ -240,9 +225,8 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<(Identity, Vec<Row>), In
         logs.push(log);
     }
     write_identity(out, &whole)?;
-    whole_file::replace(&out.join(TRIALS_FILE), "a place to write to", |path| {
-        let mut out = File::create(path)?;
-        logs.iter().try_for_each(|log| io::copy(&mut File::open(log)?, &mut out).map(drop))
+    whole_file::replace(&out.join(TRIALS_FILE), "a place to write to", |out| {
+        logs.iter().try_for_each(|log| io::copy(&mut File::open(log)?, out).map(drop))
     })?;
     write_tables(out, &whole, &all)?;
     Ok((whole, all))

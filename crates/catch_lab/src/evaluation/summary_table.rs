@@ -30,6 +30,22 @@ pub const HEADINGS: [&str; 11] = [
 /// The first column that holds numbers, and the first after them that holds text again.
 pub const NUMBERS: std::ops::Range<usize> = 2..10;
 
+/// A text that others chose as a cell or a part of a paragraph in Markdown: nothing in it is markup.
+pub fn plain(text: &str) -> String {
+    let mut plain = String::with_capacity(text.len());
+    for it in text.chars() {
+        match it {
+            '&' => plain += "&amp;",
+            '<' => plain += "&lt;",
+            '>' => plain += "&gt;",
+            '\\' | '|' | '[' | '`' => plain.extend(['\\', it]),
+            it if it.is_control() => plain.push(' '),
+            it => plain.push(it),
+        }
+    }
+    plain
+}
+
 /// The lines of the table.
 pub fn lines(cells: &[CellSummary]) -> Vec<[String; HEADINGS.len()]> {
     let rates = published_rates();
@@ -70,7 +86,7 @@ pub fn repeated_throws(cells: &[CellSummary]) -> Option<String> {
 /// The table in Markdown, with what it is a table of. No time enters it: the same evaluation gives the same bytes.
 pub fn markdown(identity: &Identity, cells: &[CellSummary]) -> String {
     let (caught, trials): (usize, usize) = cells.iter().fold((0, 0), |(a, b), cell| (a + cell.caught, b + cell.trials));
-    let scenario = identity.cells.first().map_or("", |cell| cell.name.as_str());
+    let scenario = plain(identity.cells.first().map_or("", |cell| cell.name.as_str()));
     let mut text = format!(
         "Scenario {scenario}, seed {}, throws from {} on, CatchingBot {VERSION}: {caught} of {trials} caught.\n\n",
         identity.seed, identity.first
@@ -81,10 +97,10 @@ pub fn markdown(identity: &Identity, cells: &[CellSummary]) -> String {
         (0..HEADINGS.len()).map(|i| if NUMBERS.contains(&i) { "---:" } else { "---" }.to_owned()).collect();
     text += &row(&rules);
     for line in lines(cells) {
-        text += &row(&line);
+        text += &row(&line.map(|cell| plain(&cell)));
     }
     if let Some(repeated) = repeated_throws(cells) {
-        let _ = writeln!(text, "\n{repeated}");
+        let _ = writeln!(text, "\n{}", plain(&repeated));
     }
     text + "\n\"caught\": held to the end, no limit broken by a command; \"within 2.5 cm\": the paper's measure, which looks at one axis \
             at 0.875 s; \"paper's Table I\": what it published by that measure, its fixed throws, without limits on the arm.\n"

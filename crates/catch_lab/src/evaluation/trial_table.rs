@@ -3,8 +3,8 @@
 //! Both are made from the log of the trials when an evaluation is complete; the log stays what is true.
 
 use std::{
+    borrow::Cow,
     fmt::Write as _,
-    fs::File,
     io::{BufWriter, Write},
     path::Path,
 };
@@ -189,8 +189,8 @@ pub fn columns(rows: &[Row]) -> Vec<Column> {
 /// # Errors
 /// If they cannot be written; what was there before stays.
 pub fn write(folder: &Path, rows: &[Row], identity: &str) -> Result<(), InputError> {
-    replace(&folder.join(CSV_FILE), AGAIN, |path| {
-        let mut file = BufWriter::new(File::create(path)?);
+    replace(&folder.join(CSV_FILE), AGAIN, |file| {
+        let mut file = BufWriter::new(file);
         file.write_all(names(&columns(&[])).as_bytes())?;
         for rows in rows.chunks(GROUP_ROWS) {
             file.write_all(csv(&columns(rows), rows.len()).as_bytes())?;
@@ -198,8 +198,8 @@ pub fn write(folder: &Path, rows: &[Row], identity: &str) -> Result<(), InputErr
         file.flush()
     })?;
     #[cfg(feature = "parquet")]
-    replace(&folder.join(PARQUET_FILE), AGAIN, |path| {
-        parquet_file::write(path, rows, identity).map_err(std::io::Error::other)
+    replace(&folder.join(PARQUET_FILE), AGAIN, |file| {
+        parquet_file::write(file, rows, identity).map_err(std::io::Error::other)
     })?;
     #[cfg(not(feature = "parquet"))]
     let _ = identity;
@@ -212,6 +212,18 @@ fn names(columns: &[Column]) -> String {
     names.join(",") + "\n"
 }
 
+/// A text as spreadsheets and other readers take it: none that others chose is a formula, and each is one field.
+fn csv_text(value: &str) -> Cow<'_, str> {
+    let value = match value.starts_with(['=', '+', '-', '@', '\t', '\r']) {
+        true => Cow::Owned(format!("'{value}")),
+        false => Cow::Borrowed(value),
+    };
+    match value.contains(['"', ',', '\n', '\r']) {
+        true => Cow::Owned(format!("\"{}\"", value.replace('"', "\"\""))),
+        false => value,
+    }
+}
+
 /// A line per trial; numbers as short as they can be read back exactly, nothing where there is none.
 fn csv(columns: &[Column], rows: usize) -> String {
     let mut text = String::new();
@@ -222,10 +234,7 @@ fn csv(columns: &[Column], rows: usize) -> String {
             }
             match &column.values[row] {
                 Value::Null => {}
-                Value::String(value) if value.contains(['"', ',', '\n']) => {
-                    text.extend(["\"", &value.replace('"', "\"\""), "\""]);
-                }
-                Value::String(value) => text.push_str(value),
+                Value::String(value) => text += &csv_text(value),
                 value => {
                     let _ = write!(text, "{value}");
                 }

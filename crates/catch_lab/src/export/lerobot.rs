@@ -8,7 +8,8 @@ mod columns;
 mod statistics;
 
 use std::{
-    fs,
+    fs::{self, File},
+    io::Write,
     path::{Path, PathBuf},
 };
 
@@ -192,14 +193,14 @@ impl LeRobotDataset {
     }
 
     fn write(&self, name: &str, columns: &[Column], about: Option<(String, String)>) -> Result<(), InputError> {
-        self.file(name, |path| columns::write(path, columns, about).map_err(std::io::Error::other))
+        self.file(name, |file| columns::write(file, columns, about).map_err(std::io::Error::other))
     }
 
     fn write_json(&self, name: &str, document: &Value) -> Result<(), InputError> {
-        self.file(name, |path| fs::write(path, format!("{document:#}\n")))
+        self.file(name, |file| write!(file, "{document:#}\n"))
     }
 
-    fn file(&self, name: &str, write: impl FnOnce(&Path) -> std::io::Result<()>) -> Result<(), InputError> {
+    fn file(&self, name: &str, write: impl FnOnce(&mut File) -> std::io::Result<()>) -> Result<(), InputError> {
         let path = self.folder.join(name);
         let made = path.parent().map_or(Ok(()), fs::create_dir_all);
         made.map_err(|fault| InputError::unwritten(path.display(), &fault, "a folder that can be written"))?;

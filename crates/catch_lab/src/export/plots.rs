@@ -2,7 +2,7 @@
 
 use std::{error::Error, path::Path};
 
-use plotters::prelude::*;
+use plotters::{coord::Shift, prelude::*};
 
 use crate::{
     evaluation::{
@@ -11,9 +11,12 @@ use crate::{
     },
     pages::report_page::Report,
     statistics::sorted,
+    whole_file,
 };
 
 type Failure = Box<dyn Error>;
+/// What is drawn on.
+type Canvas<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 const SIZE: (u32, u32) = (640, 360);
 const OURS: RGBColor = RGBColor(28, 109, 208);
@@ -25,9 +28,22 @@ const THEIRS: RGBColor = RGBColor(217, 72, 15);
 /// Files that cannot be written.
 pub fn write(report: &Report, folder: &Path) -> Result<Vec<std::path::PathBuf>, Failure> {
     let paths = ["caught.svg", "prediction.svg"].map(|name| folder.join(name));
-    caught(report, &paths[0])?;
-    prediction(report, &paths[1])?;
+    let width = SIZE.0.max(70 + 130 * report.cells.len() as u32);
+    draw(&paths[0], (width, SIZE.1), |root| caught(report, root))?;
+    draw(&paths[1], SIZE, |root| prediction(report, root))?;
     Ok(paths.to_vec())
+}
+
+/// Writes a picture when it is complete.
+fn draw(path: &Path, size: (u32, u32), paint: impl FnOnce(&Canvas) -> Result<(), Failure>) -> Result<(), Failure> {
+    let mut svg = String::new();
+    {
+        let root = SVGBackend::with_string(&mut svg, size).into_drawing_area();
+        root.fill(&WHITE)?;
+        paint(&root)?;
+        root.present()?;
+    }
+    Ok(whole_file::write(path, svg)?)
 }
 
 /// Shares, 0 to 1, over distances (upward) and speeds (to the right), in colours; what there is none of stays white.
@@ -40,10 +56,17 @@ pub fn heat_map(
     speeds_mps: &[f64],
     fraction: &dyn Fn(usize, usize) -> Option<f64>,
 ) -> Result<(), Failure> {
-    let root = SVGBackend::new(path, SIZE).into_drawing_area();
-    root.fill(&WHITE)?;
+    draw(path, SIZE, |root| fields(root, distances_m, speeds_mps, fraction))
+}
+
+fn fields(
+    root: &Canvas,
+    distances_m: &[f64],
+    speeds_mps: &[f64],
+    fraction: &dyn Fn(usize, usize) -> Option<f64>,
+) -> Result<(), Failure> {
     let (columns, rows) = (speeds_mps.len(), distances_m.len());
-    let mut chart = ChartBuilder::on(&root)
+    let mut chart = ChartBuilder::on(root)
         .margin(12)
         .x_label_area_size(40)
         .y_label_area_size(44)
@@ -74,7 +97,6 @@ pub fn heat_map(
             chart.draw_series([Text::new(format!("{:.0}", fraction * 100.0), (x + 0.4, y + 0.6), style)])?;
         }
     }
-    root.present()?;
     Ok(())
 }
 
@@ -83,12 +105,9 @@ fn name_of(cell: &CellSummary) -> String {
 }
 
 /// Bars with their intervals, the published rates beside them.
-fn caught(report: &Report, path: &Path) -> Result<(), Failure> {
+fn caught(report: &Report, root: &Canvas) -> Result<(), Failure> {
     let cells = report.cells;
-    let width = SIZE.0.max(70 + 130 * cells.len() as u32);
-    let root = SVGBackend::new(path, (width, SIZE.1)).into_drawing_area();
-    root.fill(&WHITE)?;
-    let mut chart = ChartBuilder::on(&root)
+    let mut chart = ChartBuilder::on(root)
         .margin(12)
         .margin_top(30)
         .x_label_area_size(34)
@@ -128,14 +147,11 @@ fn caught(report: &Report, path: &Path) -> Result<(), Failure> {
             root.draw(&Text::new(name, (x + 18, 8), ("sans-serif", 12).into_font()))?;
         }
     }
-    root.present()?;
     Ok(())
 }
 
 /// The fraction of throws whose prediction at the catch was off by at most so much, cell by cell.
-fn prediction(report: &Report, path: &Path) -> Result<(), Failure> {
-    let root = SVGBackend::new(path, SIZE).into_drawing_area();
-    root.fill(&WHITE)?;
+fn prediction(report: &Report, root: &Canvas) -> Result<(), Failure> {
     let curves: Vec<(String, Vec<f64>)> = report
         .cells
         .iter()
@@ -150,7 +166,7 @@ fn prediction(report: &Report, path: &Path) -> Result<(), Failure> {
     let (low, high) = (all().fold(f64::INFINITY, f64::min), all().fold(0.0, f64::max));
     // Without any error there is still a plot, an empty one.
     let (low, high) = if low <= high { (low, high) } else { (0.1, 1.0) };
-    let mut chart = ChartBuilder::on(&root)
+    let mut chart = ChartBuilder::on(root)
         .margin(12)
         .x_label_area_size(40)
         .y_label_area_size(44)
@@ -176,6 +192,5 @@ fn prediction(report: &Report, path: &Path) -> Result<(), Failure> {
         .background_style(WHITE.mix(0.85))
         .border_style(BLACK.mix(0.2))
         .draw()?;
-    root.present()?;
     Ok(())
 }

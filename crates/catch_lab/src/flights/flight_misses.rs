@@ -108,18 +108,17 @@ pub fn in_parallel<T: Send>(
 ) -> Vec<Option<T>> {
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let chunk = throws.len().div_ceil(threads).max(1);
-    let with = &with;
+    let fitted = |part: &[&Throw]| {
+        let mut fit = AerodynamicFit::new(prior.clone());
+        part.iter().map(|throw| with(&mut fit, throw)).collect::<Vec<_>>()
+    };
+    let fitted = &fitted;
     std::thread::scope(|scope| {
-        let parts: Vec<_> = throws
-            .chunks(chunk)
-            .map(|part| {
-                scope.spawn(move || {
-                    let mut fit = AerodynamicFit::new(prior.clone());
-                    part.iter().map(|throw| with(&mut fit, throw)).collect::<Vec<_>>()
-                })
-            })
-            .collect();
-        parts.into_iter().flat_map(|part| part.join().unwrap_or_default()).collect()
+        // Where the system allows no other thread it is done here.
+        let begin =
+            |part| std::thread::Builder::new().spawn_scoped(scope, move || fitted(part)).map_err(|_| fitted(part));
+        let parts: Vec<_> = throws.chunks(chunk).map(begin).collect();
+        parts.into_iter().flat_map(|it| it.map_or_else(|done| done, |part| part.join().unwrap_or_default())).collect()
     })
 }
 

@@ -16,7 +16,7 @@ use crate::bounded_file::FileKind;
 /// What every reader wants.
 const EXPECTED: &str = "a recording written by `catchingbot catch` or by a cell's recorder (*.catch)";
 /// Bytes of an unpacked recording at most.
-const MOST_UNPACKED_BYTES: u64 = 1 << 30;
+pub const MOST_UNPACKED_BYTES: u64 = 1 << 30;
 
 /// Reads a recording, tick by tick.
 pub struct RecordingReader {

@@ -32,6 +32,8 @@ pub struct RecordedThrow {
     pub conditions: Option<ThrowConditions>,
     /// Wall time of the brain's stages.
     pub stopwatch: Stopwatch,
+    /// When the first image was left out of the recording, which has no room for more; `None` where it has all of them.
+    pub images_until_s: Option<f64>,
 }
 
 /// Throws once, lets the brain try, judges, and keeps it all in `folder`. `tell` hears the story as it happens.
@@ -45,7 +47,17 @@ pub fn record(
     folder: &Path,
     tell: &mut dyn FnMut(&Entry) -> io::Result<()>,
 ) -> io::Result<RecordedThrow> {
-    let mut recorder = Recorder::create(folder, setup, &setup.scene(seed, index))?;
+    keep(Recorder::create(folder, setup, &setup.scene(seed, index))?, setup, seed, index, tell)
+}
+
+/// Throws once, and ends a recording with what came of it.
+fn keep(
+    mut recorder: Recorder,
+    setup: &Setup,
+    seed: u64,
+    index: u64,
+    tell: &mut dyn FnMut(&Entry) -> io::Result<()>,
+) -> io::Result<RecordedThrow> {
     let mut timeline = Timeline::default();
     let trial = trial::run(setup, seed, index, &mut |tick, truth| {
         recorder.ticked(tick)?;
@@ -64,7 +76,61 @@ pub fn record(
         Some(GroundTruth { truth: trial.truth, verdict: verdict.clone(), surface, com_O, undisturbed_m });
     let timeline = timeline.entries().to_vec();
     let ending = Ending { timeline, ground_truth };
+    let images_until_s = recorder.images_until_s();
     let recording = recorder.finish(&ending)?;
     times.write(&recording)?;
-    Ok(RecordedThrow { recording, timeline: ending.timeline, verdict, conditions, stopwatch: trial.stopwatch })
+    Ok(RecordedThrow {
+        recording,
+        timeline: ending.timeline,
+        verdict,
+        conditions,
+        stopwatch: trial.stopwatch,
+        images_until_s,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        pages::catch_page,
+        recording::{ROOM_WITHOUT_IMAGES, playback::Playback, replay::replay},
+        scenario::setup::Choice,
+    };
+    use flate2::read::GzDecoder;
+    use std::{fs::File, io::Read};
+
+    /// An object that nobody sees is looked for in full images, of which a recording may have too many.
+    #[test]
+    fn what_is_written_can_be_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let setup = Setup::load(&Choice::default()).unwrap();
+        let mut recorder = Recorder::create(folder.path(), &setup, &setup.scene(1, 0)).unwrap();
+        recorder.room = ROOM_WITHOUT_IMAGES + recorder.out.bytes + 1_000_000;
+        let room = recorder.room;
+        let thrown = keep(recorder, &setup, 1, 0, &mut |_| Ok(())).unwrap();
+        let until_s = thrown.images_until_s.unwrap();
+        let mut unpacked = Vec::new();
+        GzDecoder::new(File::open(&thrown.recording).unwrap()).read_to_end(&mut unpacked).unwrap();
+        assert!(unpacked.len() as u64 <= room);
+        let playback = Playback::read(&thrown.recording).unwrap();
+        let first = playback.ticks.iter().find(|tick| tick.images_left_out).unwrap();
+        assert_eq!(first.observation.time_s, until_s);
+        assert!(first.observation.frames.is_empty() && !playback.ticks[0].images_left_out);
+        assert!(catch_page::page(&playback).contains("</html>"));
+        let replay = replay(&thrown.recording).unwrap();
+        assert_eq!((replay.images_until_s, replay.identical), (Some(until_s), true));
+        assert!(replay.ticks > 0 && replay.ticks < playback.ticks.len(), "{}", replay.ticks);
+    }
+
+    #[test]
+    fn what_no_reader_would_take_is_not_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let setup = Setup::load(&Choice::default()).unwrap();
+        let mut recorder = Recorder::create(folder.path(), &setup, &setup.scene(1, 0)).unwrap();
+        recorder.room = recorder.out.bytes + 10_000;
+        let fault = keep(recorder, &setup, 1, 0, &mut |_| Ok(())).unwrap_err();
+        assert_eq!(fault.kind(), io::ErrorKind::FileTooLarge);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
 }

@@ -27,7 +27,9 @@ pub struct Replay {
     pub scene: Option<Scene>,
     /// Number of ticks that were compared.
     pub ticks: usize,
-    /// Whether all commands are identical.
+    /// When the first image is missing, from where on nothing can be compared; `None` where the recording has all.
+    pub images_until_s: Option<f64>,
+    /// Whether all commands that were compared are identical.
     pub identical: bool,
     /// The first difference.
     pub difference: Option<Difference>,
@@ -55,9 +57,12 @@ pub struct Difference {
 pub fn replay(path: &Path) -> Result<Replay, InputError> {
     let mut reader = RecordingReader::open(path)?;
     let mut brain = brain_of(&reader.header.cell)?;
-    let (mut ticks, mut difference) = (0, None);
+    let (mut ticks, mut difference, mut images_until_s) = (0, None, None);
     let ending: Box<Ending> = loop {
         match reader.next_part()? {
+            Part::Tick(tick) if tick.images_left_out || images_until_s.is_some() => {
+                images_until_s.get_or_insert(tick.observation.time_s);
+            }
             Part::Tick(tick) => {
                 let command = brain.tick(&tick.observation, &mut ());
                 ticks += 1;
@@ -75,6 +80,7 @@ pub fn replay(path: &Path) -> Result<Replay, InputError> {
         title: header.title,
         scene: header.simulation.map(|it| it.scene),
         ticks,
+        images_until_s,
         identical: difference.is_none(),
         difference,
         caught: ending.ground_truth.map(|it| it.verdict.caught),

@@ -2,7 +2,7 @@
 
 use std::{
     collections::BTreeMap,
-    fs, io,
+    io::{self, Write},
     path::{Path, PathBuf},
 };
 
@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     bounded_file::FileKind,
     trial::{Trial, stopwatch::StageTimes},
+    whole_file::Unfinished,
 };
 
 /// Wall times of one throw.
@@ -53,7 +54,10 @@ impl ThrowTimes {
     /// # Errors
     /// If it cannot be written.
     pub fn write(&self, recording: &Path) -> io::Result<()> {
-        fs::write(Self::path(recording), serde_json::to_string(self)? + "\n")
+        let path = Self::path(recording);
+        let mut file = Unfinished::beside(&path)?;
+        writeln!(file, "{}", serde_json::to_string(self)?)?;
+        file.replace(&path)
     }
 
     /// Reads the file beside a recording; `None` where there is none or it is none.

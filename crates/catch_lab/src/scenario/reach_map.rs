@@ -18,7 +18,10 @@ use std::{
 use catch_body::Robot;
 use catch_bot::trajectory_optimization::reach_map::{CHUNKS, ReachMap, ReachSamples, checksum};
 
-use crate::bounded_file::FileKind;
+use crate::{
+    bounded_file::FileKind,
+    whole_file::{Unfinished, sweep_out},
+};
 
 const KIND: FileKind = FileKind { expected: "a stored reach map", most_bytes: 64 << 20 };
 /// Maps that are kept; of more those are deleted that were stored first.
@@ -53,11 +56,10 @@ fn kept_in(folder: Option<&Path>, robot: &Robot) -> ReachMap {
 
 /// Puts a file in its place as a whole, whoever else does the same, and deletes the oldest where there are too many.
 fn store(folder: &Path, file: &Path, bytes: &[u8]) -> io::Result<()> {
-    fs::create_dir_all(folder)?;
-    let unfinished = file.with_extension(format!("{}-{:?}", std::process::id(), thread::current().id()));
-    fs::write(&unfinished, bytes).and_then(|()| fs::rename(&unfinished, file)).inspect_err(|_| {
-        let _ = fs::remove_file(&unfinished);
-    })?;
+    let mut unfinished = Unfinished::beside(file)?;
+    unfinished.write_all(bytes)?;
+    unfinished.replace(file)?;
+    sweep_out(folder)?;
     let mut stored: Vec<(SystemTime, PathBuf)> = fs::read_dir(folder)?
         .filter_map(|entry| {
             let path = entry.ok()?.path();
@@ -89,7 +91,8 @@ fn worked_out(robot: &Robot) -> ReachMap {
     };
     let threads = thread::available_parallelism().map_or(1, usize::from);
     let samples = thread::scope(|scope| {
-        let others: Vec<_> = (1..threads).map(|_| scope.spawn(draw)).collect();
+        let others: Vec<_> =
+            (1..threads).map_while(|_| thread::Builder::new().spawn_scoped(scope, draw).ok()).collect();
         let panicked = "samples are drawn from an arm that was checked";
         others.into_iter().fold(draw(), |samples, other| samples.merged(&other.join().expect(panicked)))
     });

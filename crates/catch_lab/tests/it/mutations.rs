@@ -9,6 +9,7 @@
 
 #![allow(clippy::print_stdout, reason = "tests tell what they measured")]
 
+mod imported;
 mod mutator;
 mod values;
 
@@ -68,6 +69,8 @@ type Load<'a> = Box<dyn Fn(&mut Mutator) -> Result<(), InputError> + 'a>;
 /// Tries `count` changes of one kind of file.
 fn tried(kind: &str, count: u64, load: &Load) -> Outcome {
     let mut outcome = Outcome::default();
+    // Else changes would test nothing but the first refusal.
+    load(&mut Mutator::idle()).unwrap_or_else(|fault| panic!("{kind}: the right file is refused: {fault}"));
     for seed in 0..count {
         let start_ms = cpu_ms();
         let mut result = None;
@@ -294,6 +297,7 @@ fn loads() -> BTreeMap<String, Load<'static>> {
             templates::files(catch_lab::assets::Kind::Object, &name).map(drop)
         }),
     );
+    loads.extend(imported::loads());
     loads
 }
 

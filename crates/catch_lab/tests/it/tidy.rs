@@ -239,6 +239,19 @@ fn the_brain_reads_no_clock_and_no_file() {
     }
 }
 
+/// A kill or a full disk leaves no half of a file, whoever wrote it.
+#[test]
+fn files_are_written_in_one_place() {
+    for folder in ["crates/catch_lab/src", "crates/catch_cli/src", "crates/catch_py/src"] {
+        for path in rust_files(folder).iter().filter(|path| !path.ends_with("whole_file.rs") && !is_test_file(path)) {
+            let text = without_test_modules(&read(path));
+            for word in ["fs::write(", "File::create(", "File::create_new("] {
+                assert!(!text.contains(word), "{}: {word}; use whole_file", path.display());
+            }
+        }
+    }
+}
+
 #[test]
 fn files_are_short_and_honestly_named() {
     for file in rust_files("crates") {

@@ -1,6 +1,6 @@
 //! The table of trials in Parquet.
 
-use std::{fs::File, path::Path, sync::Arc};
+use std::{fs::File, sync::Arc};
 
 use parquet::{
     basic::{Compression, LogicalType, Repetition, Type as Physical},
@@ -19,7 +19,7 @@ use super::{Column, GROUP_ROWS, Kind, columns};
 use crate::{VERSION, evaluation::Row};
 
 /// Writes the rows as columns, those that have no value in a row as null there.
-pub fn write(path: &Path, rows: &[Row], identity: &str) -> Result<(), ParquetError> {
+pub fn write(file: &mut File, rows: &[Row], identity: &str) -> Result<(), ParquetError> {
     let field = |column: &Column| {
         let physical = match column.kind {
             Kind::Text => Physical::BYTE_ARRAY,
@@ -43,7 +43,7 @@ pub fn write(path: &Path, rows: &[Row], identity: &str) -> Result<(), ParquetErr
         .set_compression(Compression::SNAPPY)
         .set_key_value_metadata(Some(vec![about]))
         .build();
-    let mut writer = SerializedFileWriter::new(File::create(path)?, schema, Arc::new(properties))?;
+    let mut writer = SerializedFileWriter::new(file, schema, Arc::new(properties))?;
     for rows in rows.chunks(GROUP_ROWS) {
         let mut group = writer.next_row_group()?;
         for column in &columns(rows) {
@@ -63,7 +63,7 @@ pub fn write(path: &Path, rows: &[Row], identity: &str) -> Result<(), ParquetErr
 
 /// Adds a column: the values that there are, and for each row whether there is one.
 fn add<T: DataType>(
-    group: &mut SerializedRowGroupWriter<File>,
+    group: &mut SerializedRowGroupWriter<'_, &mut File>,
     column: &Column,
     read: impl Fn(&Value) -> Option<T::T>,
 ) -> Result<(), ParquetError> {

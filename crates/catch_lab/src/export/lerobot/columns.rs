@@ -1,6 +1,6 @@
 //! Columns of lists and images in Parquet, as `datasets` reads them.
 
-use std::{fs::File, path::Path, sync::Arc};
+use std::{fs::File, sync::Arc};
 
 use parquet::{
     basic::{Compression, LogicalType, Repetition, Type as Physical},
@@ -90,7 +90,7 @@ impl Column {
 }
 
 /// Writes the columns as one row group, with a name and a text about them.
-pub fn write(path: &Path, columns: &[Column], about: Option<(String, String)>) -> Result<(), ParquetError> {
+pub fn write(file: &mut File, columns: &[Column], about: Option<(String, String)>) -> Result<(), ParquetError> {
     let fields = columns.iter().map(|it| it.field().map(Arc::new)).collect::<Result<_, _>>()?;
     let schema = Arc::new(Type::group_type_builder("schema").with_fields(fields).build()?);
     let properties = WriterProperties::builder()
@@ -98,7 +98,7 @@ pub fn write(path: &Path, columns: &[Column], about: Option<(String, String)>) -
         .set_compression(Compression::SNAPPY)
         .set_key_value_metadata(about.map(|(name, text)| vec![KeyValue::new(name, text)]))
         .build();
-    let mut writer = SerializedFileWriter::new(File::create(path)?, schema, Arc::new(properties))?;
+    let mut writer = SerializedFileWriter::new(file, schema, Arc::new(properties))?;
     let mut group = writer.next_row_group()?;
     for column in columns {
         match &column.values {
@@ -134,7 +134,7 @@ fn texts(values: &[String]) -> Vec<ByteArray> {
 
 /// Adds the next column with its definition and repetition levels.
 fn add<T: DataType>(
-    group: &mut SerializedRowGroupWriter<File>,
+    group: &mut SerializedRowGroupWriter<'_, &mut File>,
     values: &[T::T],
     definition: Option<&[i16]>,
     repetition: Option<&[i16]>,

@@ -1,11 +1,14 @@
 //! Pages of the throws that were missed.
 
-use std::{collections::BTreeMap, fs, io, path::Path};
+use std::{collections::BTreeMap, path::Path};
+
+use catch_body::InputError;
 
 use crate::{
     evaluation::{Evaluation, Row},
     pages::catch_page,
     recording::{playback::Playback, recorded_throw::record},
+    whole_file,
 };
 
 /// Misses of an evaluation that get a page, the first ones.
@@ -16,7 +19,7 @@ pub const MOST_MISSES_OF_A_STEP: usize = 3;
 const FOLDER: &str = "misses";
 
 /// Throws the first `most` missed throws once more, which gives the same again, and writes their pages; returns the pages' paths
-/// relative to `folder` by the index of their row. A miss has none whose recording is larger than what is read.
+/// relative to `folder` by the index of their row.
 ///
 /// # Errors
 /// Files that cannot be written.
@@ -25,7 +28,7 @@ pub fn record_misses(
     rows: &[Row],
     most: usize,
     folder: &Path,
-) -> io::Result<BTreeMap<usize, String>> {
+) -> Result<BTreeMap<usize, String>, InputError> {
     let missed = rows.iter().enumerate().filter(|(_, row)| !row.verdict.caught).take(most);
     let mut pages = BTreeMap::new();
     for (i, row) in missed {
@@ -33,11 +36,12 @@ pub fn record_misses(
             |scene: &crate::scenario::setup::Scene| scene.object == row.scene.object && scene.throw == row.scene.throw;
         let cell = evaluation.cells.iter().find(|cell| of_row(&cell.setup.scene(row.scene.seed, row.scene.index)));
         let Some(cell) = cell else { continue };
-        let thrown = record(&cell.setup, row.scene.seed, row.scene.index, &folder.join(FOLDER), &mut |_| Ok(()))?;
-        // A recording of full images may be larger than what is read; the others have pages.
-        let Ok(playback) = Playback::read(&thrown.recording) else { continue };
+        let misses = folder.join(FOLDER);
+        let thrown = record(&cell.setup, row.scene.seed, row.scene.index, &misses, &mut |_| Ok(()))
+            .map_err(|fault| InputError::unwritten(misses.display(), &fault, "a folder that can be written"))?;
+        let playback = Playback::read(&thrown.recording)?;
         let page = thrown.recording.with_extension("html");
-        fs::write(&page, catch_page::page(&playback))?;
+        whole_file::write(&page, catch_page::page(&playback))?;
         if let Some(name) = page.file_name() {
             pages.insert(i, format!("{FOLDER}/{}", name.to_string_lossy()));
         }

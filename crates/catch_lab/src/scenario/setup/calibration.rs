@@ -5,7 +5,7 @@ use std::{
     sync::{Arc, Mutex, PoisonError},
 };
 
-use catch_body::{JointVector, Pose};
+use catch_body::{InputError, JointVector, Pose};
 use catch_bot::trajectory_optimization::MotionPlanner;
 use catch_calibration::{
     Calibration, CalibrationRun, CalibrationStatus, CameraCalibration, Config, FlightRun, Session, calibrate,
@@ -21,7 +21,7 @@ use catch_sim::{
 use nalgebra::{Matrix3, Matrix6, Point3, UnitQuaternion, Vector3};
 
 use super::{Knowledge, Setup};
-use crate::scenario::CalibrationSettings;
+use crate::{assets::COMMAND_LINE, scenario::CalibrationSettings};
 
 /// Where the thrown object lies, out of the cameras' range.
 const OUT_OF_SIGHT_M: [f64; 3] = [45.0, 45.0, 0.3];
@@ -60,6 +60,27 @@ pub fn config(knowledge: &Knowledge, observations_hz: f64, seed: u64) -> Config 
         seed,
         ..by_default
     }
+}
+
+/// Memory that the images of a calibration take at most, in bytes: they are held until all are there.
+const MOST_BYTES: u64 = 2 << 30;
+
+/// Whether there is room for all images of a calibration.
+///
+/// # Errors
+/// If there is not; `asked_by` is the argument with the poses.
+pub fn check_memory(setup: &Setup, config: &Config, asked_by: &str) -> Result<(), InputError> {
+    let pixels: u64 = setup.cameras.iter().map(|it| u64::from(it.width_px) * u64::from(it.height_px)).sum();
+    // A depth, a mask and what the list of them has to spare; and an image in motion for those of each pose.
+    let bytes_per_pose = 6 * pixels * (config.images_per_pose as u64 + 1);
+    let most = MOST_BYTES / bytes_per_pose.max(1);
+    if config.poses as u64 <= most {
+        return Ok(());
+    }
+    let gib = (bytes_per_pose * config.poses as u64) as f64 / f64::from(1 << 30);
+    let found = format!("{}, whose images take {gib:.1} GiB", config.poses);
+    let expected = format!("at most {most} with these cameras: {} GiB of images", MOST_BYTES >> 30);
+    Err(InputError::new(COMMAND_LINE, asked_by, found, expected))
 }
 
 /// Where the cameras of a scene truly stand. No brain may see it.

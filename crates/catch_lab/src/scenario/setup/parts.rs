@@ -10,7 +10,7 @@ use super::Choice;
 use crate::{
     assets::{Asset, COMMAND_LINE, Kind, Origin},
     scenario::{
-        Scenario,
+        Scenario, flight_rig,
         sources::{self, SourceNames, Sources},
     },
 };
@@ -112,7 +112,7 @@ impl Parts {
     /// The cameras as their rig's file and their data sheet have them.
     pub fn cameras(&self) -> Result<Vec<CameraModel>, InputError> {
         let sheet = DataSheet::from_toml(&self.camera.file, &self.camera.text)?;
-        let cameras = rig_from_toml(&self.flight_rig.file, &self.flight_rig.text)?;
+        let cameras = flight_rig::read(&self.flight_rig.file, &self.flight_rig.text)?;
         Ok(cameras.into_iter().map(|camera| CameraModel { sheet: Some(sheet.clone()), ..camera }).collect())
     }
 

@@ -1,4 +1,4 @@
-//! Changes files at random: bytes, numbers, words and lines of text.
+//! Changes files at random: bytes, numbers, words and lines of text, and how often and how deep parts of it stand.
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -38,11 +38,28 @@ const STRANGE: [&str; 28] = [
 /// A seeded source of changes.
 pub struct Mutator {
     rng: Pcg64,
+    /// Whether nothing is changed.
+    is_idle: bool,
 }
+
+/// How often a part of a text is repeated, and how deep it is put into itself.
+const TIMES: [usize; 5] = [2, 10, 100, 300, 1000];
+/// Bytes of a text that was multiplied, at most.
+const MOST_BYTES: usize = 500_000;
 
 impl Mutator {
     pub fn new(seed: u64) -> Self {
-        Self { rng: Pcg64::seed_from_u64(seed) }
+        Self { rng: Pcg64::seed_from_u64(seed), is_idle: false }
+    }
+
+    /// One that leaves everything as it is.
+    pub fn idle() -> Self {
+        Self { is_idle: true, ..Self::new(0) }
+    }
+
+    /// Whether nothing is changed.
+    pub fn is_idle(&self) -> bool {
+        self.is_idle
     }
 
     /// A number below `most`, or zero.
@@ -52,12 +69,16 @@ impl Mutator {
 
     /// A text with one to three changes.
     pub fn text(&mut self, text: &str) -> Vec<u8> {
+        if self.is_idle {
+            return text.as_bytes().to_vec();
+        }
         let mut changed = text.to_owned();
         for _ in 0..=self.below(3) {
-            changed = match self.below(8) {
+            changed = match self.below(10) {
                 0..=3 => self.number_changed(&changed),
                 4 | 5 => self.lines_changed(&changed),
                 6 => self.word_changed(&changed),
+                7 | 8 => self.multiplied(&changed),
                 _ => return self.bytes(changed.as_bytes()),
             };
         }
@@ -84,6 +105,36 @@ impl Mutator {
             _ => STRANGE[self.below(STRANGE.len())].to_owned(),
         };
         format!("{}{strange}{}", &text[..start], &text[end..])
+    }
+
+    /// A part between brackets or tags, or else a line, many times beside or within itself.
+    fn multiplied(&mut self, text: &str) -> String {
+        let bytes = text.as_bytes();
+        let opens = |&i: &usize| {
+            b"[{".contains(&bytes[i]) || bytes[i] == b'<' && bytes.get(i + 1).is_some_and(u8::is_ascii_alphabetic)
+        };
+        let starts: Vec<usize> = (0..bytes.len()).filter(opens).collect();
+        let part = starts.get(self.below(starts.len())).and_then(|&start| Some((start, end_of_part(text, start)?)));
+        let (start, end) = part.unwrap_or_else(|| {
+            let starts: Vec<usize> = [0].into_iter().chain(text.match_indices('\n').map(|(at, _)| at + 1)).collect();
+            let start = starts[self.below(starts.len())];
+            (start, text[start..].find('\n').map_or(text.len(), |length| start + length + 1))
+        });
+        let part = &text[start..end];
+        let times = TIMES[self.below(TIMES.len())].min(1 + MOST_BYTES / (1 + part.len()));
+        let is_bracket = part.starts_with(['[', '{']);
+        let multiplied = match (self.below(2), part.as_bytes().first()) {
+            (0, Some(b'[')) => "[".repeat(times) + part + &"]".repeat(times),
+            (0, Some(b'{')) => "{\"a\":".repeat(times) + part + &"}".repeat(times),
+            (0, Some(b'<')) if part.contains("</") => {
+                let head = &part[..part.find('>').map_or(0, |it| it + 1)];
+                let name: String =
+                    head[1.min(head.len())..].chars().take_while(|it| it.is_alphanumeric() || *it == '_').collect();
+                head.repeat(times) + part + &format!("</{name}>").repeat(times)
+            }
+            _ => vec![part; times].join(if is_bracket { "," } else { "" }),
+        };
+        format!("{}{multiplied}{}", &text[..start], &text[end..])
     }
 
     fn lines_changed(&mut self, text: &str) -> String {
@@ -114,6 +165,9 @@ impl Mutator {
     /// Bytes with one to three changes.
     pub fn bytes(&mut self, bytes: &[u8]) -> Vec<u8> {
         let mut changed = bytes.to_vec();
+        if self.is_idle {
+            return changed;
+        }
         for _ in 0..=self.below(3) {
             let (at, length) = (self.below(changed.len()), self.below(16));
             let end = (at + length).min(changed.len());
@@ -140,4 +194,38 @@ impl Mutator {
         }
         changed
     }
+}
+
+/// Where the part ends that begins with a bracket or a tag.
+fn end_of_part(text: &str, start: usize) -> Option<usize> {
+    let rest = &text[start..];
+    if rest.starts_with('<') {
+        let name = rest[1..].split(|it: char| !(it.is_alphanumeric() || it == '_')).next()?;
+        let head = rest.find('>')? + 1;
+        let close = format!("</{name}>");
+        let end = if rest[..head].ends_with("/>") { head } else { rest.find(&close)? + close.len() };
+        return Some(start + end);
+    }
+    let mut depth = 0_usize;
+    for (i, it) in rest.bytes().enumerate() {
+        depth = match it {
+            b'[' | b'{' => depth + 1,
+            b']' | b'}' => depth - 1,
+            _ => depth,
+        };
+        if depth == 0 {
+            return Some(start + i + 1);
+        }
+    }
+    None
+}
+
+#[test]
+fn parts_are_multiplied() {
+    assert_eq!(end_of_part("a [1, {2}] b", 2), Some(10));
+    assert_eq!(end_of_part("<a><b x='1'/></a>", 3), Some(13));
+    assert_eq!(end_of_part("<a><b x='1'/></a>", 0), Some(17));
+    let most = (0..100).map(|seed| Mutator::new(seed).multiplied("<a><b/></a>\n[1]\n").len()).max();
+    assert!(most > Some(1000));
+    assert_eq!(Mutator::idle().text("a = [1]"), b"a = [1]");
 }

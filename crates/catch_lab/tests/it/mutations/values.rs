@@ -7,6 +7,9 @@ use super::mutator::Mutator;
 impl Mutator {
     /// MessagePack with one value changed, removed or doubled.
     pub fn value(&mut self, value: &mut Value) {
+        if self.is_idle() {
+            return;
+        }
         let count = leaves(value);
         let mut chosen = self.below(count);
         self.change(value, &mut chosen);

@@ -1,0 +1,45 @@
+//! Names and texts that others chose are shown, not obeyed: by terminals, spreadsheets and readers of Markdown.
+
+use std::fs;
+
+use crate::{catchingbot, stderr, stdout};
+
+#[test]
+fn names_are_no_commands() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let ball = stdout(&catchingbot(&["list", "--show", "tennis_ball"]));
+    let (formula, markup) = (at("=1+1.toml"), at("a|b<img src=x>.toml"));
+    for file in [&formula, &markup] {
+        fs::write(file, &ball).unwrap();
+    }
+    let out = at("e");
+    let output = catchingbot(&["eval", "--object", &formula, "--object", &markup, "--trials", "1", "--out", &out]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let table = fs::read_to_string(at("e/table.md")).unwrap();
+    assert!(table.contains("| a\\|b&lt;img src=x&gt; |") && !table.contains("<img"), "{table}");
+    let csv = fs::read_to_string(at("e/trials.csv")).unwrap();
+    assert!(csv.contains("'=1+1,") && !csv.contains(",=1+1,"), "{csv}");
+
+    let escape = at("e.toml");
+    fs::write(&escape, format!("{ball}\n\"\\u001b]0;owned\\u0007\" = 1\n")).unwrap();
+    for arguments in [["check", &escape], ["--object", &escape]] {
+        let output = catchingbot(&arguments);
+        assert_eq!(output.status.code(), Some(2));
+        let said = stdout(&output) + &stderr(&output);
+        assert!(said.contains("owned") && !said.contains(['\u{1b}', '\u{7}']), "{said:?}");
+    }
+}
+
+#[test]
+fn names_are_found_in_any_form_of_unicode() {
+    let folder = tempfile::tempdir().unwrap();
+    let ball = stdout(&catchingbot(&["list", "--show", "tennis_ball"]));
+    fs::write(folder.path().join("cafe\u{301}.toml"), ball).unwrap();
+    let composed = folder.path().join("caf\u{e9}.toml");
+    let output = catchingbot(&["check", composed.to_str().unwrap()]);
+    assert!(output.status.success(), "{}{}", stdout(&output), stderr(&output));
+    let out = folder.path().join("o");
+    let output = catchingbot(&["--object", composed.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+    assert!(output.status.success(), "{}", stderr(&output));
+}
