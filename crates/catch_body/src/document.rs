@@ -15,6 +15,8 @@ use std::{
 
 use crate::{InputError, quantity::Quantity};
 
+pub use xml::root_element;
+
 /// Elements, attributes, keys and items of a document at most.
 const MOST_PARTS: usize = 2_000_000;
 /// Faults of one document that are told at once.

@@ -115,6 +115,12 @@ fn bounded(text: &str) -> Result<(), String> {
     Ok(())
 }
 
+/// The name of the outermost element of a text of XML, whatever else it and its comments say.
+pub fn root_element(text: &str) -> Option<&str> {
+    let before = &text[..end_of_root_name(text)?];
+    Some(&before[before.rfind('<')? + 1..])
+}
+
 /// Where attributes of the outermost element may begin.
 fn end_of_root_name(text: &str) -> Option<usize> {
     let mut at = 0;
@@ -143,6 +149,7 @@ mod tests {
     fn comments_are_no_text_and_prefixes_need_no_declaration() {
         let text = "<?xml version=\"1.0\"?><!-- <b> --><a><c>1 2<!-- x=\"${y}\" --> 3</c><sensor:d/></a>";
         let document = Document::from_xml("a.xml", text, "an a").unwrap();
+        assert_eq!((root_element(text), root_element("<!-- <a> -->")), (Some("a"), None));
         assert_eq!(document.root().child("c").unwrap().text(), "1 2  3");
         assert_eq!(document.root().elements().last().unwrap().name(), "sensor:d");
     }
