@@ -6,13 +6,15 @@
 mod arm_in_tree;
 mod chain;
 mod mjcf_classes;
+mod mjcf_geoms;
+mod mjcf_harmless;
 mod mjcf_reader;
 mod sdf_reader;
 mod urdf_reader;
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Unit, Vector3};
+use nalgebra::{Matrix3, Unit, Vector3};
 
 use crate::{
     Pose, TriangleMesh,
@@ -24,6 +26,9 @@ pub use chain::{Body, Chain, ChainJoint, Fingers, Selection};
 
 /// Sides of the polygons that stand for circles.
 const SIDES: u32 = 32;
+/// How often the triangles of an ellipsoid are divided in four, and how much larger they stand so that the ellipsoid is within.
+const BALL_DIVISIONS: u32 = 4;
+const BALL_WIDER: f64 = 1.001;
 
 /// A tree of links and joints.
 #[derive(Debug, Clone, PartialEq)]
@@ -83,6 +88,8 @@ pub enum Shape {
     },
     /// A ball with its radius in metres.
     Sphere(f64),
+    /// An ellipsoid with its half axes in metres.
+    Ellipsoid(Vector3<f64>),
     /// A mesh in a file of its own.
     Mesh {
         /// The file, as the description names it.
@@ -105,10 +112,14 @@ pub struct TreeJoint {
     pub X_PL: Pose,
     /// Axis in the frame of the moved link.
     pub axis: Unit<Vector3<f64>>,
-    /// Lowest and highest position.
+    /// Lowest and highest position, as all that is stated leaves them: the first may be above the second.
     pub range: Option<[f64; 2]>,
     /// Highest speed.
     pub velocity: Option<f64>,
+    /// Highest acceleration.
+    pub acceleration: Option<f64>,
+    /// Highest jerk.
+    pub jerk: Option<f64>,
     /// Highest torque or force.
     pub effort: Option<f64>,
     /// Viscous damping.
@@ -150,6 +161,8 @@ impl TreeJoint {
             axis: Vector3::z_axis(),
             range: None,
             velocity: None,
+            acceleration: None,
+            jerk: None,
             effort: None,
             damping: 0.0,
             rotor_inertia: None,
@@ -159,6 +172,38 @@ impl TreeJoint {
 }
 
 impl Geometry {
+    /// Mass properties in the link's frame, filled with `density_kgpm3`; `None` for a mesh, which is in a file of its own.
+    pub fn filled(&self, density_kgpm3: f64) -> Option<Inertia> {
+        // Masses, and the moments of each about its own centre of mass, as textbooks have them.
+        let tau = std::f64::consts::TAU;
+        let round = |mass: f64, [x, z]: [f64; 2]| (mass, Matrix3::from_diagonal(&Vector3::new(x, x, z)) * mass);
+        let (mass, about_com) = match self.shape {
+            Shape::Cuboid(size) => {
+                let mass = density_kgpm3 * size.product();
+                let squares = size.component_mul(&size);
+                (mass, Matrix3::from_diagonal(&(Vector3::repeat(squares.sum()) - squares)) * (mass / 12.0))
+            }
+            Shape::Cylinder { radius_m: r, length_m: l } => {
+                round(density_kgpm3 * tau / 2.0 * r * r * l, [(3.0 * r * r + l * l) / 12.0, r * r / 2.0])
+            }
+            Shape::Capsule { radius_m: r, length_m: l } => {
+                let (tube, moments) =
+                    round(density_kgpm3 * tau / 2.0 * r * r * l, [(3.0 * r * r + l * l) / 12.0, r * r / 2.0]);
+                let across = 0.4 * r * r + l * l / 4.0 + 3.0 / 8.0 * l * r;
+                let (ends, of_ends) = round(density_kgpm3 * tau * 2.0 / 3.0 * r.powi(3), [across, 0.4 * r * r]);
+                (tube + ends, moments + of_ends)
+            }
+            Shape::Sphere(r) => round(density_kgpm3 * tau * 2.0 / 3.0 * r.powi(3), [0.4 * r * r; 2]),
+            Shape::Ellipsoid(half) => {
+                let mass = density_kgpm3 * tau * 2.0 / 3.0 * half.product();
+                let squares = half.component_mul(&half);
+                (mass, Matrix3::from_diagonal(&(Vector3::repeat(squares.sum()) - squares)) * (mass / 5.0))
+            }
+            Shape::Mesh { .. } => return None,
+        };
+        Some(Inertia { mass, com: nalgebra::Point3::origin(), about_com }.transformed(&self.X_LS))
+    }
+
     /// The surface in the link's frame; `None` for a mesh, which is in a file of its own. Circles become polygons around them.
     pub fn surface(&self) -> Option<TriangleMesh> {
         // So that the polygon's sides touch the circle.
@@ -172,6 +217,11 @@ impl Geometry {
             Shape::Cylinder { radius_m, length_m } => prism(radius_m * wider, length_m),
             Shape::Capsule { radius_m, length_m } => along_z(radius_m, length_m),
             Shape::Sphere(radius_m) => along_z(radius_m, 1e-9),
+            Shape::Ellipsoid(half_axes) => {
+                let mut ball = TriangleMesh::sphere(1.0, BALL_DIVISIONS);
+                ball.vertices.iter_mut().for_each(|it| it.coords.component_mul_assign(&(half_axes * BALL_WIDER)));
+                ball
+            }
             Shape::Mesh { .. } => return None,
         };
         Some(mesh.transformed(&self.X_LS))
@@ -207,9 +257,16 @@ mod tests {
             (Shape::Cylinder { radius_m: 0.05, length_m: 0.3 }, pi * 0.0025 * 0.3),
             (Shape::Sphere(0.1), 4.0 / 3.0 * pi * 1e-3),
             (Shape::Capsule { radius_m: 0.1, length_m: 0.2 }, pi * 0.01 * (0.2 + 0.4 / 3.0)),
+            (Shape::Ellipsoid(Vector3::new(0.1, 0.2, 0.3)), 4.0 / 3.0 * pi * 6e-3),
         ];
+        let X_LS = Pose::new(Vector3::new(0.1, 0.2, 0.3), Vector3::new(0.4, 0.5, 0.6));
         for (shape, volume) in solids {
-            let surface = Geometry { X_LS: Pose::identity(), shape }.surface().unwrap();
+            let geometry = Geometry { X_LS, shape };
+            let surface = geometry.surface().unwrap();
+            let filled = geometry.filled(1000.0).unwrap();
+            assert!((filled.mass / (1000.0 * volume) - 1.0).abs() < 1e-9, "{geometry:?}");
+            let off = filled.about_com / filled.mass - surface.mass_properties(1.0).about_com;
+            assert!(off.norm() < 0.04 * (filled.about_com / filled.mass).norm(), "{geometry:?}: {off}");
             assert!(surface.is_closed());
             let ratio = surface.volume() / volume;
             assert!((0.99..1.03).contains(&ratio), "{ratio}");

@@ -22,6 +22,7 @@
 pub mod capsule_fit;
 pub mod clearance;
 pub mod description;
+pub mod document;
 pub mod dynamics;
 pub mod gripper;
 pub mod input_error;

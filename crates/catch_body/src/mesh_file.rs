@@ -1,9 +1,9 @@
 //! Reads meshes from OBJ and STL files, and surfaces from COLLADA and PLY files, too.
 
 mod collada;
+mod obj;
 mod ply;
-
-use std::io::{BufReader, Cursor};
+mod stl;
 
 use nalgebra::Point3;
 
@@ -13,6 +13,9 @@ pub use ply::PlyFile;
 
 /// The largest mesh file that is read. A scan of a thrown object has some megabytes at most.
 pub const MAX_FILE_BYTES: usize = 64 << 20;
+
+/// Triangles of a file at most, instances counted each time, and of all files of one thing: a scan of a thrown object has some 100,000.
+pub const MOST_TRIANGLES: usize = 1_500_000;
 
 /// The thinnest solid that is accepted: its volume as a fraction of the cube of its longest side.
 const LEAST_FILLING: f64 = 1e-9;
@@ -108,8 +111,8 @@ fn extension(file: &str) -> String {
 /// The groups of a file.
 fn groups_of(file: &str, bytes: &[u8], with_collada: bool) -> Result<Vec<Soup>, InputError> {
     match extension(file).as_str() {
-        "obj" => read_obj(file, bytes),
-        "stl" => Ok(vec![read_stl(file, bytes)?]),
+        "obj" => obj::read(file, bytes),
+        "stl" => Ok(vec![stl::read(file, bytes)?]),
         "dae" if with_collada => Ok(vec![collada::read(file, bytes)?]),
         extension => {
             let expected = if with_collada { "a mesh: .obj, .stl or .dae" } else { "a mesh: .obj or .stl" };
@@ -136,38 +139,6 @@ fn checked(file: &str, groups: Vec<Soup>) -> Result<Vec<Soup>, InputError> {
 
 /// Vertices and triangles as a file has them.
 type Soup = (Vec<[f64; 3]>, Vec<[u32; 3]>);
-
-fn read_obj(file: &str, bytes: &[u8]) -> Result<Vec<Soup>, InputError> {
-    let options =
-        tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
-    // Materials are of no interest, so a material file that is named and missing is no fault.
-    let (models, _) = tobj::load_obj_buf(&mut BufReader::new(bytes), &options, |_| Ok(Default::default()))
-        .map_err(|fault| InputError::new(file, "content", fault, "a Wavefront OBJ mesh"))?;
-    let group = |tobj::Model { mesh, .. }: tobj::Model| {
-        let vertices = mesh.positions.as_chunks::<3>().0.iter().map(|point| point.map(f64::from)).collect();
-        (vertices, mesh.indices.as_chunks::<3>().0.to_vec())
-    };
-    Ok(models.into_iter().map(group).filter(|(_, triangles)| !triangles.is_empty()).collect())
-}
-
-fn read_stl(file: &str, bytes: &[u8]) -> Result<Soup, InputError> {
-    // Some binary files begin like text files; their length tells.
-    let count = bytes.get(80..84).and_then(|it| it.try_into().ok()).map_or(0, u32::from_le_bytes);
-    let is_binary = bytes.len() as u64 == 84 + 50 * u64::from(count);
-    if is_binary {
-        let number = |bytes: &[u8; 4]| f64::from(f32::from_le_bytes(*bytes));
-        // Of the 50 bytes of a triangle the first 12 are its normal, which follows from its corners.
-        let corners = bytes[84..].chunks_exact(50).flat_map(|it| it[12..48].as_chunks::<12>().0);
-        let vertices: Vec<[f64; 3]> = corners.map(|it| std::array::from_fn(|k| number(&it.as_chunks().0[k]))).collect();
-        let triangles = (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-        return Ok((vertices, triangles));
-    }
-    let mesh = stl_io::read_stl(&mut Cursor::new(bytes))
-        .map_err(|fault| InputError::new(file, "content", fault, "an STL mesh, binary or text"))?;
-    let vertices = mesh.vertices.iter().map(|vertex| <[f32; 3]>::from(*vertex).map(f64::from)).collect();
-    let triangles = mesh.faces.iter().map(|face| face.vertices.map(|index| index as u32)).collect();
-    Ok((vertices, triangles))
-}
 
 /// Joins vertices that lie at the same place, drops triangles that are left without three corners, and scales.
 fn welded(vertices: &[[f64; 3]], triangles: &[[u32; 3]], scale: f64) -> TriangleMesh {

@@ -9,6 +9,7 @@ pub use crate::urdf::ignored_elements;
 use crate::{
     InputError,
     pose::PoseFields,
+    document::Harmless,
     quantity,
     robot::{Inertia, Joint, JointLimits, MAX_JOINTS, Robot},
     shape::Capsule,
@@ -164,9 +165,10 @@ impl Robot {
     /// or inertia, a field of the TOML that is missing, misspelt or out of range.
     pub fn from_files(files: &RobotFiles) -> Result<Self, InputError> {
         let document = urdf::parse(files.urdf_file, files.urdf)?;
-        let urdf = Urdf::read(files.urdf_file, &document)?;
+        let urdf = Urdf::read(&document)?;
         let extra: RobotFile = InputError::parse_toml(files.toml_file, files.toml)?;
         let (base_link, joints) = serial_chain(files, &urdf, &extra)?;
+        document.finish(&[urdf::HARMLESS, IN_TOML])?;
 
         let link_names: Vec<&str> =
             std::iter::once(base_link.as_str()).chain(joints.iter().map(|it| it.link_name.as_str())).collect();
@@ -300,7 +302,7 @@ fn revolute_joint(files: &RobotFiles, urdf: &Urdf, joint: &Element, extra: &Robo
         return Err(mimic.fault("joint", mimic.text("joint")?, "no <mimic>: joints that are driven on their own"));
     }
     let limits_of_urdf = joint.child("limit")?;
-    let limit = |field: &str, range| {
+    let limit = |field: &'static str, range| {
         let limit = limits_of_urdf.as_ref().ok_or_else(|| {
             joint.fault("limit", "no limits", "<limit lower upper velocity effort> with the joint's real limits")
         })?;
@@ -314,7 +316,7 @@ fn revolute_joint(files: &RobotFiles, urdf: &Urdf, joint: &Element, extra: &Robo
         let expected = "max_acceleration_radps2 and rotor_inertia_kgm2, which the URDF cannot say";
         InputError::new(files.toml_file, format!("joints.{name}"), "nothing", expected)
     })?;
-    let stated = |value: &Option<Stated<f64>>, field: &str, range| match value {
+    let stated = |value: &Option<Stated<f64>>, field: &'static str, range| match value {
         Some(stated) => Ok(stated.value),
         None => limit(field, range),
     };
@@ -370,7 +372,7 @@ fn revolute_joint(files: &RobotFiles, urdf: &Urdf, joint: &Element, extra: &Robo
 
 fn link_inertia(link: &Element) -> Result<Inertia, InputError> {
     let inertial = link.required("inertial")?;
-    let inertia = inertial.inertia()?;
+    let inertia = inertial.inertia(quantity::PART_MASS_KG, quantity::INERTIA_KGM2)?;
     if !inertia.is_of_a_body() {
         let found = format!("principal moments {:?}", inertia.about_com.symmetric_eigenvalues().as_slice());
         return Err(inertial.fault("inertia", found, OF_A_BODY));
@@ -392,6 +394,12 @@ fn stated_inertia(files: &RobotFiles, link: &str, fields: &LinkFields) -> Result
     Err(InputError::new(files.toml_file, format!("links.{link}.inertia_kgm2"), found, OF_A_BODY))
 }
 
+/// What `robot.toml` says in place of the URDF, and what needs no shape beside its capsules.
+const IN_TOML: Harmless = &[
+    ("link", &["visual", "collision", "contact", "inertial"]),
+    ("joint", &["limit"]),
+    ("limit", &["@lower", "@upper", "@velocity", "@effort"]),
+];
 /// More capsules are refused: each pair costs time in every clearance.
 const MOST_CAPSULES: usize = 128;
 /// What the moments of inertia of a body are.
@@ -498,7 +506,7 @@ pub(crate) mod tests {
             ("<axis xyz=\"0 0 1\"/>", "<axis xyz=\"0 nan 1\"/>", "joint iiwa_joint_1: axis xyz: found `0 nan 1`"),
             ("<axis xyz=\"0 0 1\"/>", "<axis xyz=\"0 0 0\"/>", "joint iiwa_joint_1: axis xyz"),
             ("<axis xyz=\"0 0 1\"/>", "<mimic joint=\"elbow\"/>", "joint iiwa_joint_1: mimic joint: found elbow"),
-            ("<axis xyz=\"0 0 1\"/>", "<xacro:axis/>", "robot: found `<xacro:`"),
+            ("<axis xyz=\"0 0 1\"/>", "<xacro:axis/>", "line 65: joint iiwa_joint_1.xacro:axis: found <xacro:axis>, expected a URDF without xacro"),
             ("<link name=\"iiwa_link_2\">", "<link name=\"iiwa_link_1\">", "link iiwa_link_1: found the name twice"),
             ("<mass value=\"5\"/>", "<mass value=\"nan\"/>", "link iiwa_link_0: inertial mass value: found `nan`"),
             ("izz=\"0.03\"", "izz=\"0.3\"", "link iiwa_link_0: inertial inertia: found principal moments"),

@@ -6,29 +6,64 @@ use std::{
 };
 
 use nalgebra::{Matrix3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
-use roxmltree::{Document, Node, ParsingOptions};
 
-use crate::{InputError, pose::Pose, quantity, quantity::Quantity, robot::Inertia};
-
-/// Elements and attributes of a URDF file at most.
-const MOST_NODES: u32 = 1_000_000;
+use crate::{
+    InputError,
+    document::{Document, Harmless, Node},
+    pose::Pose,
+    quantity,
+    quantity::Quantity,
+    robot::Inertia,
+};
 
 /// What a file should be.
 const EXPECTED: &str = "a URDF description of a robot";
 
+/// What only draws, simulates or drives the robot.
+pub(crate) const HARMLESS: Harmless = &[
+    ("robot", &["material", "gazebo", "transmission", "ros2_control", "sensor", "mujoco", "@version"]),
+    ("link", &["sensor", "gazebo", "self_collision_checking", "@type"]),
+    ("visual", &["material", "texture", "meta", "gazebo", "@name"]),
+    ("collision", &["material", "verbose", "contact_coefficients", "gazebo", "@name", "@group"]),
+    ("contact", &["*"]),
+    ("lateral_friction", &["*"]),
+    ("inertial", &["@name"]),
+    ("mesh", &["@name"]),
+    ("joint", &["calibration", "hardwareInterface", "gazebo", "sensor"]),
+    ("dynamics", &["@friction", "@spring_reference", "@spring_stiffness"]),
+    ("safety_controller", &["@k_position", "@k_velocity"]),
+    ("mimic", &["@joint", "@multiplier", "@offset"]),
+    (
+        "*",
+        &[
+            "drake:proximity_properties",
+            "drake:perception_properties",
+            "drake:accepting_renderer",
+            "drake:diffuse_map",
+            "drake:collision_filter_group",
+            "drake:declare_convex",
+        ],
+    ),
+];
+
 /// Parses a URDF file; `file` names it in errors.
 ///
 /// # Errors
-/// If it is no XML, or has elements of xacro.
-pub(crate) fn parse<'a>(file: &str, text: &'a str) -> Result<Document<'a>, InputError> {
-    if text.contains("<xacro:") || text.contains("${") {
-        let found = if text.contains("<xacro:") { "`<xacro:`" } else { "`${`" };
-        let named = if file.contains("xacro") { file } else { "FILE.urdf.xacro" };
-        let expected = format!("a URDF without xacro: `xacro {named} > robot.urdf` expands it");
-        return Err(InputError::new(file, "robot", found, expected));
+/// If it is no XML, no URDF, or still has elements or expressions of xacro.
+pub(crate) fn parse(file: &str, text: &str) -> Result<Document, InputError> {
+    let document = Document::from_xml(file, text, EXPECTED)?;
+    let root = document.root();
+    if root.name() != "robot" {
+        return Err(InputError::new(file, "robot", format!("<{}>", root.name()), EXPECTED));
     }
-    let options = ParsingOptions { nodes_limit: MOST_NODES, ..ParsingOptions::default() };
-    Document::parse_with_options(text, options).map_err(|fault| InputError::new(file, "robot", fault, EXPECTED))
+    if let Some((node, found)) = document.first_used(HARMLESS, |node| {
+        let is_element = node.name().starts_with("xacro:").then(|| format!("<{}>", node.name()));
+        is_element.or_else(|| node.text().contains("${").then(|| format!("`{}`", node.text())))
+    }) {
+        let named = if file.contains("xacro") { file } else { "FILE.urdf.xacro" };
+        return Err(node.fault(found, format!("a URDF without xacro: `xacro {named} > robot.urdf` expands it")));
+    }
+    Ok(document)
 }
 
 /// The links and joints of a URDF file.
@@ -48,17 +83,13 @@ impl<'a> Urdf<'a> {
     ///
     /// # Errors
     /// An element without a name, two of one name, a joint without a parent or a child.
-    pub fn read(file: &'a str, document: &'a Document<'a>) -> Result<Self, InputError> {
-        let root = document.root_element();
-        if !root.has_tag_name("robot") {
-            let found = format!("<{}>", root.tag_name().name());
-            return Err(InputError::new(file, "robot", found, EXPECTED));
-        }
+    pub fn read(document: &'a Document) -> Result<Self, InputError> {
+        let (file, root) = (document.file(), document.root());
         let name = root.attribute("name").unwrap_or_default().to_owned();
         let mut urdf = Self { name, links: BTreeMap::new(), joints: BTreeMap::new(), children: HashSet::new() };
         let mut names = HashSet::new();
-        for node in root.children().filter(|it| it.has_tag_name("link") || it.has_tag_name("joint")) {
-            let kind = node.tag_name().name();
+        for node in root.children("link").chain(root.children("joint")) {
+            let kind = node.name();
             let unnamed = Element { file, node, path: kind.to_owned() };
             let name = unnamed.text("name")?;
             let element = Element { path: format!("{kind} {name}"), ..unnamed };
@@ -101,12 +132,11 @@ impl<'a> Urdf<'a> {
     }
 }
 
-/// Elements of a URDF file that say nothing to this program, by their names.
+/// Elements of a URDF file that say nothing to an arm of this program, by their names.
 ///
 /// What only draws the robot is not among them, and a file that cannot be parsed has none.
 pub fn ignored_elements(text: &str) -> Vec<String> {
-    let options = ParsingOptions { nodes_limit: MOST_NODES, ..ParsingOptions::default() };
-    let Ok(document) = Document::parse_with_options(text, options) else { return Vec::new() };
+    let Ok(document) = Document::from_xml("robot.urdf", text, EXPECTED) else { return Vec::new() };
     let read: [(&str, &[&str]); 4] = [
         ("robot", &["link", "joint", "material"]),
         ("link", &["inertial", "visual", "collision"]),
@@ -114,18 +144,18 @@ pub fn ignored_elements(text: &str) -> Vec<String> {
         ("inertial", &["origin", "mass", "inertia"]),
     ];
     let mut ignored = Vec::new();
-    for (parent, known) in read {
-        let parents = document.descendants().filter(|it| it.has_tag_name(parent));
-        for node in parents.flat_map(|it| it.children()).filter(Node::is_element) {
-            let name = node.tag_name().name();
-            let said = format!("<{name}> in <{parent}>");
-            if !known.contains(&name) && !ignored.contains(&said) {
-                ignored.push(said);
-            }
+    let mut add = |said: String| {
+        if !ignored.contains(&said) {
+            ignored.push(said);
         }
+    };
+    for parent in document.root().descendants() {
+        let known = read.iter().find(|(name, _)| *name == parent.name()).map(|(_, known)| known);
+        let unknown = known.into_iter().flat_map(|known| parent.elements().filter(|it| !known.contains(&it.name())));
+        unknown.for_each(|node| add(format!("<{}> in <{}>", node.name(), parent.name())));
     }
-    if document.descendants().any(|it| it.has_tag_name("dynamics") && it.attribute("friction").is_some()) {
-        ignored.push("friction of <dynamics>".to_owned());
+    if document.root().descendants().any(|it| it.name() == "dynamics" && it.has("friction")) {
+        add("friction of <dynamics>".to_owned());
     }
     ignored
 }
@@ -134,7 +164,7 @@ pub fn ignored_elements(text: &str) -> Vec<String> {
 #[derive(Clone)]
 pub(crate) struct Element<'a> {
     file: &'a str,
-    node: Node<'a, 'a>,
+    node: Node<'a>,
     path: String,
 }
 
@@ -145,54 +175,68 @@ impl<'a> Element<'a> {
         InputError::new(self.file, format!("{}{separator}{part}", self.path), found, expected)
     }
 
+    fn within(&self, node: Node<'a>, name: &str) -> Self {
+        let separator = if self.path.contains(": ") { " " } else { ": " };
+        Self { file: self.file, node, path: format!("{}{separator}{name}", self.path) }
+    }
+
     /// The child of this name, if there is one.
     ///
     /// # Errors
     /// If there are several.
-    pub fn child(&self, name: &str) -> Result<Option<Self>, InputError> {
-        let mut all = self.node.children().filter(|it| it.has_tag_name(name));
+    pub fn child(&self, name: &'static str) -> Result<Option<Self>, InputError> {
+        let mut all = self.node.children(name);
         let (first, second) = (all.next(), all.next());
         if second.is_some() {
             return Err(self.fault(name, "the element twice", "it once"));
         }
-        let separator = if self.path.contains(": ") { " " } else { ": " };
-        Ok(first.map(|node| Self { file: self.file, node, path: format!("{}{separator}{name}", self.path) }))
+        Ok(first.map(|node| self.within(node, name)))
     }
 
     /// The child of this name.
     ///
     /// # Errors
     /// If there is none, or several.
-    pub fn required(&self, name: &str) -> Result<Self, InputError> {
+    pub fn required(&self, name: &'static str) -> Result<Self, InputError> {
         self.child(name)?.ok_or_else(|| self.fault(name, "nothing", format!("an element <{name}>")))
     }
 
     /// The children of this name.
-    pub fn children(&self, name: &str) -> impl Iterator<Item = Self> {
-        let separator = if self.path.contains(": ") { " " } else { ": " };
-        let path = format!("{}{separator}{name}", self.path);
-        let all = self.node.children().filter(move |it| it.has_tag_name(name));
-        all.enumerate().map(move |(i, node)| Self { file: self.file, node, path: format!("{path} {}", i + 1) })
+    pub fn children(&self, name: &'static str) -> impl Iterator<Item = Self> {
+        self.node.children(name).enumerate().map(move |(i, node)| self.within(node, &format!("{name} {}", i + 1)))
+    }
+
+    /// Says that nothing within it is used.
+    pub fn leave_out(&self) {
+        self.node.leave_out();
     }
 
     /// Whether there is an attribute of this name.
-    pub fn has(&self, name: &str) -> bool {
-        self.node.attribute(name).is_some()
+    pub fn has(&self, name: &'static str) -> bool {
+        self.node.has(name)
     }
 
     /// An attribute.
     ///
     /// # Errors
     /// If it is missing.
-    pub fn text(&self, name: &str) -> Result<&'a str, InputError> {
+    pub fn text(&self, name: &'static str) -> Result<&'a str, InputError> {
         self.node.attribute(name).ok_or_else(|| self.fault(name, "nothing", format!("an attribute {name}=\"…\"")))
+    }
+
+    /// An attribute that is a number, if it is there.
+    ///
+    /// # Errors
+    /// As [`number`](Self::number).
+    pub fn optional(&self, name: &'static str, range: Quantity) -> Result<Option<f64>, InputError> {
+        if self.has(name) { self.number(name, range).map(Some) } else { Ok(None) }
     }
 
     /// An attribute that is a number.
     ///
     /// # Errors
     /// If it is missing, no number, or out of its range.
-    pub fn number(&self, name: &str, range: Quantity) -> Result<f64, InputError> {
+    pub fn number(&self, name: &'static str, range: Quantity) -> Result<f64, InputError> {
         let text = self.text(name)?;
         let number = text.trim().parse().ok().filter(|number| range.contains(*number));
         number.ok_or_else(|| self.fault(name, format!("`{text}`"), range))
@@ -202,7 +246,7 @@ impl<'a> Element<'a> {
     ///
     /// # Errors
     /// As [`number`](Self::number).
-    pub fn vector(&self, name: &str, range: Quantity) -> Result<[f64; 3], InputError> {
+    pub fn vector(&self, name: &'static str, range: Quantity) -> Result<[f64; 3], InputError> {
         let text = self.text(name)?;
         let numbers: Option<Vec<f64>> = text.split_whitespace().map(|it| it.parse().ok()).collect();
         let vector = numbers.and_then(|it| <[f64; 3]>::try_from(it).ok());
@@ -216,7 +260,7 @@ impl<'a> Element<'a> {
     /// As [`vector`](Self::vector).
     pub fn origin(&self) -> Result<Pose, InputError> {
         let Some(origin) = self.child("origin")? else { return Ok(Pose::identity()) };
-        let or_zero = |name: &str, range| if origin.has(name) { origin.vector(name, range) } else { Ok([0.0; 3]) };
+        let or_zero = |name: &'static str, range| if origin.has(name) { origin.vector(name, range) } else { Ok([0.0; 3]) };
         let (xyz, [roll, pitch, yaw]) = (or_zero("xyz", quantity::OFFSET_M)?, or_zero("rpy", quantity::ANGLE_RAD)?);
         Ok(Pose::from_parts(Translation3::from(xyz), UnitQuaternion::from_euler_angles(roll, pitch, yaw)))
     }
@@ -234,12 +278,12 @@ impl<'a> Element<'a> {
     /// The mass properties that an `<inertial>` states, in its link's frame.
     ///
     /// # Errors
-    /// What is missing, no number or out of its range.
-    pub fn inertia(&self) -> Result<Inertia, InputError> {
-        let mass = self.required("mass")?.number("value", quantity::PART_MASS_KG)?;
+    /// What is missing, no number or out of the ranges of a mass and of a moment.
+    pub fn inertia(&self, mass_kg: Quantity, moment_kgm2: Quantity) -> Result<Inertia, InputError> {
+        let mass = self.required("mass")?.number("value", mass_kg)?;
         let X_LC = self.origin()?;
         let inertia = self.required("inertia")?;
-        let moment = |name: &str| inertia.number(name, quantity::INERTIA_KGM2);
+        let moment = |name: &'static str| inertia.number(name, moment_kgm2);
         let (xx, yy, zz) = (moment("ixx")?, moment("iyy")?, moment("izz")?);
         let (xy, xz, yz) = (moment("ixy")?, moment("ixz")?, moment("iyz")?);
         let about_com = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);

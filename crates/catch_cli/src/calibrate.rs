@@ -229,9 +229,10 @@ fn setup(arguments: &CalibrateArguments) -> anyhow::Result<Setup> {
         return Err(InputError::new(COMMAND_LINE, "--hand-eye", found, "as many of both").into());
     }
     if !infos.is_empty() {
-        let X_WB = Setup::load(&choice)?.robot.X_WB;
+        let robot = Setup::load(&choice)?.robot;
+        let X_WB = robot.X_WB;
         let camera = |(info, result): (&PathBuf, &PathBuf)| -> Result<_, InputError> {
-            let X_BC = read_hand_eye(result)?;
+            let X_BC = read_hand_eye(result, &robot.base_link)?;
             Ok((CameraModel { X_WC: X_WB * X_BC, ..read_camera_info(info)? }, None))
         };
         let cameras: Vec<_> = infos.iter().zip(results).map(camera).collect::<Result<_, _>>()?;

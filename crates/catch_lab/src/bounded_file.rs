@@ -20,6 +20,8 @@ pub struct FileKind<'a> {
 }
 
 const MIB: u64 = 1 << 20;
+/// How a file begins that stands for a large one in a repository.
+const GIT_LFS_POINTER: &[u8] = b"version https://git-lfs.github.com/spec/v1";
 
 impl<'a> FileKind<'a> {
     /// Settings and descriptions in TOML.
@@ -74,6 +76,10 @@ impl<'a> FileKind<'a> {
         read.map_err(|it| InputError::new(&file, "the file", in_words(&it), self.expected))?;
         if bytes.len() as u64 > self.most_bytes {
             return Err(self.too_large(&file, bytes.len() as u64));
+        }
+        if bytes.starts_with(GIT_LFS_POINTER) {
+            let expected = format!("the file itself, which `git lfs pull` fetches: {}", self.expected);
+            return Err(InputError::new(&file, "the file", "a pointer of Git LFS", expected));
         }
         Ok(bytes)
     }
@@ -170,6 +176,10 @@ mod tests {
         let fault = kind.read(folder.path()).unwrap_err().to_string();
         assert!(fault.contains("found a folder, expected a regular file: settings"), "{fault}");
         assert!(kind.read(&folder.path().join("none")).is_err());
+        let pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n";
+        fs::write(&path, pointer).unwrap();
+        let fault = FileKind::toml("settings").read(&path).unwrap_err().to_string();
+        assert!(fault.contains("found a pointer of Git LFS, expected the file itself, which `git lfs pull`"), "{fault}");
         #[cfg(target_os = "linux")]
         for endless in ["/dev/zero", "/dev/stdin"] {
             let fault = kind.read(Path::new(endless)).map(|bytes| bytes.len());

@@ -4,6 +4,7 @@ pub mod check;
 pub mod cloud_file;
 pub mod cloud_registration;
 mod gripper_check;
+mod mesh_files;
 mod mesh_paths;
 mod object_check;
 pub mod object_import;

@@ -1,16 +1,22 @@
 //! Reads MuJoCo's model files (MJCF): bodies with hinges, default classes, meshes, inertias and what actuators can exert.
+//!
+//! What it does not read it refuses, as MuJoCo's compiler makes of one attribute what no other can guess.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
-use nalgebra::{Matrix3, Point3, Quaternion, Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
-use roxmltree::{Document, Node, ParsingOptions};
+use nalgebra::{Quaternion, Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
 
-use super::{Description, Geometry, JointKind, Link, Shape, TreeJoint, mjcf_classes::Classes};
-use crate::{InputError, Pose, robot::Inertia};
+use super::{
+    Description, JointKind, Link, TreeJoint,
+    mjcf_classes::{Classes, MAIN},
+    mjcf_harmless::HARMLESS,
+};
+use crate::{
+    InputError, Pose,
+    document::{Document, Node},
+};
 
-/// Elements and attributes of a file at most.
-const MOST_NODES: u32 = 1_000_000;
-/// Bodies or classes within one another at most.
+/// Bodies, frames or classes within one another at most.
 pub(super) const DEEPEST: usize = 200;
 /// What a file should be.
 const EXPECTED: &str = "a model in MuJoCo's format (MJCF)";
@@ -21,163 +27,196 @@ impl Description {
     /// Reads a MuJoCo model; the world is its root.
     ///
     /// # Errors
-    /// If it is no MJCF, includes other files, or has an element whose numbers make no sense.
+    /// If it is no MJCF, includes other files, has an element whose numbers make no sense, or one that is not read.
     pub fn from_mjcf(file: &str, text: &str) -> Result<Self, InputError> {
-        let options = ParsingOptions { nodes_limit: MOST_NODES, ..ParsingOptions::default() };
-        let document = Document::parse_with_options(text, options)
-            .map_err(|fault| InputError::new(file, "mujoco", fault, EXPECTED))?;
-        let root = document.root_element();
-        if !root.has_tag_name("mujoco") {
-            return Err(InputError::new(file, "mujoco", format!("<{}>", root.tag_name().name()), EXPECTED));
+        let document = Document::from_xml(file, text, EXPECTED)?;
+        let root = document.root();
+        if root.name() != "mujoco" {
+            return Err(InputError::new(file, "mujoco", format!("<{}>", root.name()), EXPECTED));
         }
-        if let Some(include) = root.descendants().find(|it| it.has_tag_name("include")) {
+        if let Some(include) = root.descendants().find(|it| it.name() == "include") {
             let found = format!("<include file=\"{}\">", include.attribute("file").unwrap_or_default());
-            let expected = "one file, such as MuJoCo's viewer saves (`Save xml`)";
-            return Err(InputError::new(file, "mujoco", found, expected));
+            return Err(include.fault(found, "one file, such as MuJoCo's viewer saves (`Save xml`)"));
         }
-        Reader::new(file, root)?.read(root)
+        let description = Reader::new(file, root)?.read(root)?;
+        document.finish(&[HARMLESS])?;
+        Ok(description)
     }
 }
 
-struct Reader<'a> {
+/// Whether masses are those of geoms.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum FromGeoms {
+    Never,
+    WithoutInertial,
+    Always,
+}
+
+pub(super) struct Reader<'a> {
     file: &'a str,
     in_degrees: bool,
     limits_by_range: bool,
-    mesh_folder: String,
-    classes: Classes,
-    meshes: HashMap<String, Node<'a, 'a>>,
+    euler_sequence: String,
+    pub(super) masses: FromGeoms,
+    pub(super) mesh_folder: String,
+    classes: Classes<'a>,
+    pub(super) meshes: HashMap<String, Node<'a>>,
     /// Highest torques by the names of joints.
-    efforts: HashMap<String, f64>,
-    mimicking: Vec<String>,
+    efforts: HashMap<&'a str, f64>,
+    mimicking: HashSet<&'a str>,
+    /// Bodies that are part of a loop.
+    in_loop: HashSet<&'a str>,
     links: BTreeMap<String, Link>,
     joints: BTreeMap<String, Vec<TreeJoint>>,
 }
 
+/// An element within a body, with the pose of the frames around it in the body, and the class of what names none.
+pub(super) type Placed<'a> = (Node<'a>, Pose, Option<&'a str>);
+
 impl<'a> Reader<'a> {
-    fn new(file: &'a str, root: Node<'a, 'a>) -> Result<Self, InputError> {
-        let compiler = |name: &str| {
-            let all = elements(root, "compiler").filter_map(|it| it.attribute(name).map(str::to_owned));
-            all.last()
-        };
+    fn new(file: &'a str, root: Node<'a>) -> Result<Self, InputError> {
+        let compilers: Vec<Node> = root.children("compiler").collect();
+        let compiler = |name| compilers.iter().filter_map(|it| it.attribute(name)).last();
         let mut reader = Self {
             file,
-            in_degrees: compiler("angle").as_deref() != Some("radian"),
-            limits_by_range: compiler("autolimits").as_deref() != Some("false"),
-            mesh_folder: compiler("meshdir").or_else(|| compiler("assetdir")).unwrap_or_default(),
-            classes: Classes::read(file, root)?,
+            in_degrees: compiler("angle") != Some("radian"),
+            limits_by_range: compiler("autolimits") != Some("false"),
+            euler_sequence: compiler("eulerseq").unwrap_or("xyz").to_owned(),
+            masses: match compiler("inertiafromgeom") {
+                Some("true") => FromGeoms::Always,
+                Some("false") => FromGeoms::Never,
+                _ => FromGeoms::WithoutInertial,
+            },
+            mesh_folder: compiler("meshdir").or_else(|| compiler("assetdir")).unwrap_or_default().to_owned(),
+            classes: Classes::read(root)?,
             meshes: HashMap::new(),
             efforts: HashMap::new(),
-            mimicking: Vec::new(),
+            mimicking: HashSet::new(),
+            in_loop: HashSet::new(),
             links: BTreeMap::new(),
             joints: BTreeMap::new(),
         };
-        if compiler("eulerseq").is_some_and(|it| it != "xyz") || compiler("coordinate").is_some_and(|it| it != "local")
-        {
-            return Err(reader.fault(
-                "compiler",
-                "other eulerseq or coordinate",
-                "eulerseq=\"xyz\" and local coordinates",
-            ));
+        if let Some(other) = compiler("coordinate").filter(|it| *it != "local") {
+            return Err(reader.fault("compiler", format!("coordinate=\"{other}\""), "local coordinates"));
         }
-        for mesh in elements(root, "asset").flat_map(|it| elements(it, "mesh")) {
+        for mesh in root.children("asset").flat_map(|it| it.children("mesh")) {
             let stem = |file: &str| {
                 file.rsplit('/').next().and_then(|it| it.rsplit_once('.')).map(|(stem, _)| stem.to_owned())
             };
             let name = mesh.attribute("name").map(str::to_owned).or_else(|| mesh.attribute("file").and_then(stem));
-            reader.meshes.extend(name.map(|name| (name, mesh)));
+            let name = name.ok_or_else(|| mesh.fault("no file", "a mesh in a file of its own"))?;
+            reader.meshes.insert(name, mesh);
         }
-        for actuator in elements(root, "actuator").flat_map(|it| it.children()).filter(Node::is_element) {
-            let Some(joint) = actuator.attribute("joint") else { continue };
-            let kind = actuator.tag_name().name();
-            let range = |name| reader.numbers::<2>(actuator, kind, None, name);
-            let gear = reader
-                .attribute(actuator, kind, None, "gear")
-                .and_then(|it| it.split_whitespace().next()?.parse::<f64>().ok());
-            let force = range("forcerange")?.or(if kind == "motor" { range("ctrlrange")? } else { None });
-            if let Some([low, high]) = force {
-                let effort = low.abs().min(high.abs()) * gear.unwrap_or(1.0).abs();
-                reader.efforts.insert(joint.to_owned(), effort);
+        reader.read_actuators(root)?;
+        for equality in root.children("equality") {
+            reader.mimicking.extend(equality.children("joint").filter_map(|it| it.attribute("joint1")));
+            for tie in equality.children("connect").chain(equality.children("weld")) {
+                reader.in_loop.extend([tie.attribute("body1"), tie.attribute("body2")].into_iter().flatten());
             }
         }
-        let equalities = elements(root, "equality").flat_map(|it| elements(it, "joint"));
-        reader.mimicking = equalities
-            .filter(|it| it.has_attribute("joint2"))
-            .filter_map(|it| it.attribute("joint1").map(str::to_owned))
-            .collect();
         Ok(reader)
     }
 
-    fn fault(&self, field: &str, found: impl std::fmt::Display, expected: &str) -> InputError {
+    fn read_actuators(&mut self, root: Node<'a>) -> Result<(), InputError> {
+        for actuator in root.children("actuator").flat_map(Node::elements) {
+            let Some(joint) = actuator.read().attribute("joint") else {
+                // What pulls at tendons, sites and bodies moves no joint of an arm by itself.
+                actuator.leave_out();
+                continue;
+            };
+            let range = |name| self.numbers::<2>(actuator, None, name);
+            let gear = self.attribute(actuator, None, "gear");
+            let gear = gear.and_then(|it| it.split_whitespace().next()?.parse::<f64>().ok()).unwrap_or(1.0);
+            let is_limited = self.attribute(actuator, None, "forcelimited") != Some("false");
+            let is_controlled = self.attribute(actuator, None, "ctrllimited") != Some("false");
+            let of_motor = range("ctrlrange")?.filter(|_| actuator.name() == "motor" && is_controlled);
+            let bounds = [range("forcerange")?.filter(|_| is_limited), of_motor].into_iter().flatten();
+            let force = bounds.map(|[low, high]| low.abs().min(high.abs())).reduce(f64::min);
+            if let Some(effort) = force.map(|it| it * gear.abs()) {
+                let least = self.efforts.get(joint).map_or(effort, |it| it.min(effort));
+                self.efforts.insert(joint, least);
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn fault(&self, field: &str, found: impl std::fmt::Display, expected: &str) -> InputError {
         InputError::new(self.file, field, found, expected)
     }
 
     /// An attribute: the element's own, that of its class, or that of the class that its body says.
-    fn attribute<'b>(
-        &'b self,
-        node: Node<'b, 'b>,
-        kind: &str,
-        of_body: Option<&str>,
-        name: &'b str,
-    ) -> Option<&'b str> {
-        let class = node.attribute("class").or(of_body).unwrap_or("main");
-        node.attribute(name).or_else(|| self.classes.attribute(class, kind, name))
+    pub(super) fn attribute(&self, node: Node<'a>, of_body: Option<&str>, name: &'static str) -> Option<&'a str> {
+        let class = node.attribute("class").or(of_body).unwrap_or(MAIN);
+        node.attribute(name).or_else(|| self.classes.attribute(class, node.name(), name))
     }
 
-    fn numbers<const N: usize>(
+    pub(super) fn numbers<const N: usize>(
         &self,
-        node: Node,
-        kind: &str,
+        node: Node<'a>,
         of_body: Option<&str>,
-        name: &str,
+        name: &'static str,
     ) -> Result<Option<[f64; N]>, InputError> {
-        let Some(text) = self.attribute(node, kind, of_body, name) else { return Ok(None) };
+        let Some(text) = self.attribute(node, of_body, name) else { return Ok(None) };
         let numbers: Option<Vec<f64>> =
             text.split_whitespace().map(|it| it.parse().ok().filter(|it: &f64| it.abs() <= MOST)).collect();
         let numbers = numbers.and_then(|it| <[f64; N]>::try_from(it).ok());
-        let field = || format!("{kind} {}: {name}", node.attribute("name").unwrap_or_default());
-        numbers
-            .map(Some)
-            .ok_or_else(|| self.fault(&field(), format!("`{text}`"), &format!("{N} numbers of at most {MOST}")))
+        let fault = || {
+            let field = format!("{}.{name}", node.place());
+            self.fault(&field, format!("`{text}`"), &format!("{N} numbers of at most {MOST}"))
+        };
+        numbers.map(Some).ok_or_else(fault)
     }
 
     fn angle(&self, value: f64) -> f64 {
         if self.in_degrees { value.to_radians() } else { value }
     }
 
-    fn pose(&self, node: Node, kind: &str, of_body: Option<&str>) -> Result<Pose, InputError> {
-        let numbers = |name| self.numbers::<3>(node, kind, of_body, name);
-        let p = numbers("pos")?.unwrap_or_default();
-        let rotation = if let Some([w, x, y, z]) = self.numbers::<4>(node, kind, of_body, "quat")? {
+    /// A rotation by Euler angles: about axes that move in small letters, about fixed ones in capitals.
+    fn euler(&self, angles: [f64; 3]) -> Option<UnitQuaternion<f64>> {
+        let letters: [char; 3] = self.euler_sequence.chars().collect::<Vec<_>>().try_into().ok()?;
+        letters.into_iter().zip(angles).try_fold(UnitQuaternion::identity(), |all, (letter, angle)| {
+            let axis = match letter.to_ascii_lowercase() {
+                'x' => Vector3::x_axis(),
+                'y' => Vector3::y_axis(),
+                'z' => Vector3::z_axis(),
+                _ => return None,
+            };
+            let turn = UnitQuaternion::from_axis_angle(&axis, self.angle(angle));
+            Some(if letter.is_ascii_lowercase() { all * turn } else { turn * all })
+        })
+    }
+
+    pub(super) fn pose(&self, node: Node<'a>, of_body: Option<&str>) -> Result<Pose, InputError> {
+        let p = self.numbers::<3>(node, of_body, "pos")?.unwrap_or_default();
+        let rotation = if let Some([w, x, y, z]) = self.numbers::<4>(node, of_body, "quat")? {
             UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 1e-9)
-        } else if let Some([x, y, z]) = numbers("euler")? {
-            let turn = |axis, angle| UnitQuaternion::from_axis_angle(&axis, self.angle(angle));
-            Some(turn(Vector3::x_axis(), x) * turn(Vector3::y_axis(), y) * turn(Vector3::z_axis(), z))
-        } else if let Some([x, y, z, angle]) = self.numbers::<4>(node, kind, of_body, "axisangle")? {
+        } else if let Some(angles) = self.numbers::<3>(node, of_body, "euler")? {
+            self.euler(angles)
+        } else if let Some([x, y, z, angle]) = self.numbers::<4>(node, of_body, "axisangle")? {
             Unit::try_new(Vector3::new(x, y, z), 1e-9)
                 .map(|axis| UnitQuaternion::from_axis_angle(&axis, self.angle(angle)))
-        } else if let Some([a, b, c, d, e, f]) = self.numbers::<6>(node, kind, of_body, "xyaxes")? {
+        } else if let Some([a, b, c, d, e, f]) = self.numbers::<6>(node, of_body, "xyaxes")? {
             let (x, y) = (Vector3::new(a, b, c), Vector3::new(d, e, f));
             let x = x.try_normalize(1e-9);
             let y = x.and_then(|x| (y - x * y.dot(&x)).try_normalize(1e-9));
             x.zip(y).map(|(x, y)| {
                 UnitQuaternion::from_rotation_matrix(&Rotation3::from_basis_unchecked(&[x, y, x.cross(&y)]))
             })
-        } else if let Some(z) = numbers("zaxis")? {
-            UnitQuaternion::rotation_between(&Vector3::z(), &Vector3::from(z))
+        } else if let Some(z) = self.numbers::<3>(node, of_body, "zaxis")? {
+            z_to(&z.into())
         } else {
             Some(UnitQuaternion::identity())
         };
-        let rotation = rotation.ok_or_else(|| {
-            self.fault(kind, "a rotation that is none", "a unit quaternion, or axes that are not zero")
-        })?;
+        let expected = "a unit quaternion, axes that are not zero, or an eulerseq of x, y and z";
+        let rotation = rotation.ok_or_else(|| node.fault("a rotation that is none", expected))?;
         Ok(Pose::from_parts(Translation3::from(p), rotation))
     }
 
-    fn read(mut self, root: Node<'a, 'a>) -> Result<Description, InputError> {
+    fn read(mut self, root: Node<'a>) -> Result<Description, InputError> {
         self.links.insert("world".to_owned(), Link::default());
-        for world in elements(root, "worldbody") {
-            for body in elements(world, "body") {
-                self.body(body, "world", None, 0)?;
+        for world in root.children("worldbody") {
+            for (body, X_WF, class) in self.within(world, "body", None)? {
+                self.body(body, "world", (X_WF, class), 0)?;
             }
         }
         Ok(Description {
@@ -189,30 +228,60 @@ impl<'a> Reader<'a> {
         })
     }
 
+    /// The elements of a name in a body and in the frames within it.
+    pub(super) fn within(
+        &self,
+        body: Node<'a>,
+        name: &'static str,
+        class: Option<&'a str>,
+    ) -> Result<Vec<Placed<'a>>, InputError> {
+        let mut found = Vec::new();
+        let mut waiting = vec![(body, Pose::identity(), class, 0)];
+        while let Some((node, X_BF, class, depth)) = waiting.pop() {
+            if depth > DEEPEST {
+                return Err(node.fault(format!("{depth} frames within one another"), "fewer"));
+            }
+            found.extend(node.children(name).map(|it| (it, X_BF, class)));
+            let first = waiting.len();
+            for frame in node.children("frame") {
+                let class = frame.attribute("childclass").or(class);
+                waiting.push((frame, X_BF * self.pose(frame, None)?, class, depth + 1));
+            }
+            waiting[first..].reverse();
+        }
+        Ok(found)
+    }
+
+    /// `placed` is the frame in which the body stands, and the class of what is within.
     fn body(
         &mut self,
-        body: Node<'a, 'a>,
+        body: Node<'a>,
         parent: &str,
-        of_parent: Option<&'a str>,
+        placed: (Pose, Option<&'a str>),
         depth: usize,
     ) -> Result<(), InputError> {
         if depth > DEEPEST {
-            return Err(self.fault("body", format!("{depth} bodies within one another"), "fewer"));
+            return Err(body.fault(format!("{depth} bodies within one another"), "fewer"));
         }
+        let (X_PF, of_parent) = placed;
         let class = body.attribute("childclass").or(of_parent);
+        if let Some(unknown) = class.filter(|it| !self.classes.has(it)) {
+            return Err(body.fault(format!("the class {unknown}"), "a class of a <default>"));
+        }
         let name = body.attribute("name").map_or_else(|| format!("body_{}", self.links.len()), str::to_owned);
         let hinges: Vec<Node> =
-            body.children().filter(|it| it.has_tag_name("joint") || it.has_tag_name("freejoint")).collect();
-        let X_PB = self.pose(body, "body", class)?;
+            body.elements().filter(|it| matches!(it.name(), "joint" | "freejoint")).map(Node::read).collect();
+        let X_PB = X_PF * self.pose(body, class)?;
         let (mut parent, mut X_PL, mut p_BL) = (parent.to_owned(), X_PB, Vector3::zeros());
         for (i, hinge) in hinges.iter().enumerate() {
             let is_last = i + 1 == hinges.len();
             let link = if is_last { name.clone() } else { format!("{name}_{i}") };
             // The link's frame is at the joint, turned as the body.
-            let at: Vector3<f64> = self.numbers::<3>(*hinge, "joint", class, "pos")?.unwrap_or_default().into();
+            let at: Vector3<f64> = self.numbers::<3>(*hinge, class, "pos")?.unwrap_or_default().into();
             X_PL *= Translation3::from(at - p_BL);
             p_BL = at;
-            let joint = self.joint(*hinge, class, &link, X_PL)?;
+            let mut joint = self.joint(*hinge, class, &link, X_PL)?;
+            joint.mimics |= self.in_loop.contains(name.as_str());
             self.insert(&parent, &link, joint)?;
             (parent, X_PL) = (link, Pose::identity());
         }
@@ -220,22 +289,21 @@ impl<'a> Reader<'a> {
             let joint = TreeJoint { X_PL, ..TreeJoint::fixed(format!("{name}_fixed"), &name) };
             self.insert(&parent, &name, joint)?;
         }
-        let link = self.link(body, class, &Translation3::from(-p_BL))?;
+        let X_LB = Translation3::from(-p_BL);
+        let link = self.link(body, class, &X_LB)?;
         self.links.insert(name.clone(), link);
-        for site in elements(body, "site") {
+        for (site, X_BF, class) in self.within(body, "site", class)? {
             if let Some(frame) = site.attribute("name").filter(|it| !self.links.contains_key(*it)) {
-                let X_LS = Translation3::from(-p_BL) * self.pose(site, "site", class)?;
+                let X_LS = X_LB * X_BF * self.pose(site, class)?;
                 let joint = TreeJoint { X_PL: X_LS, ..TreeJoint::fixed(format!("{frame}_fixed"), frame) };
                 self.insert(&name, frame, joint)?;
+            } else {
+                site.leave_out();
             }
         }
-        for child in elements(body, "body") {
-            let before = self.joints.get(&name).map_or(0, Vec::len);
-            self.body(child, &name, class, depth + 1)?;
+        for (child, X_BF, class) in self.within(body, "body", class)? {
             // What hangs on the body's frame, seen from the joint's.
-            for joint in self.joints.get_mut(&name).into_iter().flatten().skip(before) {
-                joint.X_PL = Translation3::from(-p_BL) * joint.X_PL;
-            }
+            self.body(child, &name, (X_LB * X_BF, class), depth + 1)?;
         }
         Ok(())
     }
@@ -248,129 +316,63 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    fn joint(&self, node: Node, class: Option<&str>, child: &str, X_PL: Pose) -> Result<TreeJoint, InputError> {
+    fn joint(&self, node: Node<'a>, class: Option<&str>, child: &str, X_PL: Pose) -> Result<TreeJoint, InputError> {
         let name = node.attribute("name").map_or_else(|| format!("{child}_joint"), str::to_owned);
-        let kind = match self.attribute(node, "joint", class, "type") {
-            _ if node.has_tag_name("freejoint") => JointKind::Other,
+        if node.name() == "freejoint" {
+            return Ok(TreeJoint { kind: JointKind::Other, X_PL, ..TreeJoint::fixed(name, child) });
+        }
+        let kind = match self.attribute(node, class, "type") {
             None | Some("hinge") => JointKind::Revolute,
             Some("slide") => JointKind::Prismatic,
             Some(_) => JointKind::Other,
         };
-        let axis = self.numbers::<3>(node, "joint", class, "axis")?.map_or_else(Vector3::z, Vector3::from);
+        let axis = self.numbers::<3>(node, class, "axis")?.map_or_else(Vector3::z, Vector3::from);
         let axis = Unit::try_new(axis, 1e-9)
             .ok_or_else(|| self.fault(&format!("joint {name}: axis"), "zero", "a direction"))?;
-        let range = self.numbers::<2>(node, "joint", class, "range")?.filter(|[low, high]| low < high);
-        let is_limited = match self.attribute(node, "joint", class, "limited") {
-            Some("true") => true,
-            Some("false") => false,
-            _ => self.limits_by_range,
+        let in_units = |it: f64| if kind == JointKind::Prismatic { it } else { self.angle(it) };
+        let range = self.numbers::<2>(node, class, "range")?.map(|it| it.map(in_units));
+        let range = match self.attribute(node, class, "limited") {
+            Some("true") => range.or(Some([0.0; 2])),
+            Some("false") => None,
+            _ => range.filter(|[low, high]| self.limits_by_range && low < high),
         };
-        let number =
-            |attribute| Ok(self.numbers::<1>(node, "joint", class, attribute)?.map(|[it]| it).filter(|it| *it > 0.0));
-        let of_joint =
-            self.numbers::<2>(node, "joint", class, "actuatorfrcrange")?.map(|[low, high]| low.abs().min(high.abs()));
+        let number = |attribute| Ok(self.numbers::<1>(node, class, attribute)?.map(|[it]| it).filter(|it| *it > 0.0));
+        let is_limited = self.attribute(node, class, "actuatorfrclimited") != Some("false");
+        let of_joint = self.numbers::<2>(node, class, "actuatorfrcrange")?.filter(|_| is_limited);
+        let of_joint = of_joint.map(|[low, high]| low.abs().min(high.abs()));
+        let of_actuator = self.efforts.get(name.as_str()).copied();
+        // The file shows the joint where it is at `ref`.
+        let shown_at = self.numbers::<1>(node, class, "ref")?.map_or(0.0, |[it]| in_units(it));
+        let back = match kind {
+            JointKind::Prismatic => Translation3::from(axis.into_inner() * -shown_at).into(),
+            _ => Pose::from_parts(Translation3::identity(), UnitQuaternion::from_axis_angle(&axis, -shown_at)),
+        };
         Ok(TreeJoint {
             kind,
-            X_PL,
+            X_PL: X_PL * back,
             axis,
-            range: range
-                .filter(|_| is_limited)
-                .map(|it| if kind == JointKind::Revolute { it.map(|it| self.angle(it)) } else { it }),
-            effort: of_joint.or(self.efforts.get(&name).copied()).filter(|it| *it > 0.0),
+            range,
+            effort: [of_joint, of_actuator].into_iter().flatten().filter(|it| *it > 0.0).reduce(f64::min),
             damping: number("damping")?.unwrap_or(0.0),
             rotor_inertia: number("armature")?,
-            mimics: self.mimicking.contains(&name),
+            mimics: self.mimicking.contains(name.as_str()),
             ..TreeJoint::fixed(name, child)
         })
     }
-
-    fn link(&self, body: Node, class: Option<&str>, X_LB: &Translation3<f64>) -> Result<Link, InputError> {
-        let mut link = Link::default();
-        if let Some(inertial) = elements(body, "inertial").next() {
-            let mass = self.numbers::<1>(inertial, "inertial", None, "mass")?.map_or(0.0, |[it]| it);
-            let diagonal = self.numbers::<3>(inertial, "inertial", None, "diaginertia")?;
-            let full = self.numbers::<6>(inertial, "inertial", None, "fullinertia")?;
-            let about_com = match (full, diagonal) {
-                (Some([xx, yy, zz, xy, xz, yz]), _) => Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz),
-                (None, Some(diagonal)) => Matrix3::from_diagonal(&Vector3::from(diagonal)),
-                (None, None) => Matrix3::zeros(),
-            };
-            let X_LI = X_LB * self.pose(inertial, "inertial", None)?;
-            let inertia = Inertia { mass, com: Point3::origin(), about_com };
-            link.inertia = Some(inertia.transformed(&X_LI)).filter(|it| it.mass >= crate::quantity::PART_MASS_KG.least);
-        }
-        for geom in elements(body, "geom") {
-            let touches =
-                ["contype", "conaffinity"].iter().any(|it| self.attribute(geom, "geom", class, it) != Some("0"));
-            if let Some(mut geometry) = self.geometry(geom, class)? {
-                let X_BS = geometry.X_LS;
-                geometry.X_LS = X_LB * X_BS;
-                if touches {
-                    link.collisions.push(geometry);
-                } else {
-                    link.visuals.push(geometry);
-                }
-                let said = self.attribute(geom, "geom", class, "friction");
-                let sliding = said.and_then(|it| it.split_whitespace().next()?.parse::<f64>().ok());
-                link.friction = link.friction.or(sliding.filter(|it| crate::quantity::FRICTION.contains(*it)));
-            }
-        }
-        Ok(link)
-    }
-
-    /// The shape of a geom; `None` for planes and the like.
-    fn geometry(&self, geom: Node, class: Option<&str>) -> Result<Option<Geometry>, InputError> {
-        let mut X_LS = self.pose(geom, "geom", class)?;
-        let size: Vec<f64> = self
-            .attribute(geom, "geom", class, "size")
-            .unwrap_or_default()
-            .split_whitespace()
-            .filter_map(|it| it.parse().ok())
-            .collect();
-        if size.iter().any(|it| !(0.0..=10.0).contains(it)) {
-            return Err(self.fault("geom: size", format!("{size:?}"), "0 to 10 m"));
-        }
-        let mut half_length = size.get(1).copied();
-        if let Some([a, b, c, d, e, f]) = self.numbers::<6>(geom, "geom", class, "fromto")? {
-            let (from, to) = (Vector3::new(a, b, c), Vector3::new(d, e, f));
-            let rotation = UnitQuaternion::rotation_between(&Vector3::z(), &(to - from)).unwrap_or_default();
-            X_LS = Pose::from_parts(Translation3::from((from + to) / 2.0), rotation);
-            half_length = Some((to - from).norm() / 2.0);
-        }
-        let mesh = self.attribute(geom, "geom", class, "mesh");
-        let kind =
-            self.attribute(geom, "geom", class, "type").unwrap_or(if mesh.is_some() { "mesh" } else { "sphere" });
-        let shape = match (kind, &size[..]) {
-            ("box", &[x, y, z, ..]) => Shape::Cuboid(Vector3::new(x, y, z) * 2.0),
-            ("sphere", &[radius, ..]) => Shape::Sphere(radius),
-            ("ellipsoid", sizes) if !sizes.is_empty() => Shape::Sphere(sizes.iter().copied().fold(0.0, f64::max)),
-            ("cylinder", &[radius_m, ..]) => Shape::Cylinder { radius_m, length_m: 2.0 * half_length.unwrap_or(0.0) },
-            ("capsule", &[radius_m, ..]) => Shape::Capsule { radius_m, length_m: 2.0 * half_length.unwrap_or(0.0) },
-            ("mesh", _) => {
-                let Some(asset) = mesh.and_then(|name| self.meshes.get(name)) else { return Ok(None) };
-                let Some(named) = asset.attribute("file") else { return Ok(None) };
-                let scale = self.numbers::<3>(*asset, "mesh", None, "scale")?.unwrap_or([1.0; 3]).into();
-                let file = if self.mesh_folder.is_empty() {
-                    named.to_owned()
-                } else {
-                    format!("{}/{named}", self.mesh_folder.trim_end_matches('/'))
-                };
-                Shape::Mesh { file, scale }
-            }
-            _ => return Ok(None),
-        };
-        Ok(Some(Geometry { X_LS, shape }))
-    }
 }
 
-pub(super) fn elements<'a>(node: Node<'a, 'a>, name: &'static str) -> impl Iterator<Item = Node<'a, 'a>> {
-    node.children().filter(move |it| it.has_tag_name(name))
+/// The smallest rotation that turns z into a direction.
+pub(super) fn z_to(direction: &Vector3<f64>) -> Option<UnitQuaternion<f64>> {
+    let direction = direction.try_normalize(1e-9)?;
+    let turned_over = || UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+    Some(UnitQuaternion::rotation_between(&Vector3::z(), &direction).unwrap_or_else(turned_over))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::description::{Chain, Selection};
+    use crate::description::{Chain, Selection, Shape};
+    use nalgebra::Point3;
 
     const ARM: &str = r#"<mujoco model="arm"><compiler angle="degree" meshdir="assets"/>
       <default><default class="a"><joint axis="0 1 0" range="-90 90" armature="0.1" damping="2"/>
@@ -409,6 +411,10 @@ mod tests {
         for (from, to, expected) in [
             ("<asset>", "<include file=\"b.xml\"/><asset>", "<include file=\"b.xml\">"),
             ("pos=\"0 0 0.3\"", "pos=\"0 0\"", "found `0 0`, expected 3 numbers"),
+            ("<geom/>", "<geom shellinertia=\"true\"/>", "the attribute shellinertia"),
+            ("<joint axis=\"0 1 0\"", "<joint axis=\"0 1 0\" wobble=\"1\"", "the attribute wobble"),
+            ("<geom/>", "<geom/><composite type=\"cable\"/>", "found <composite>"),
+            ("meshdir=\"assets\"", "meshdir=\"assets\" settotalmass=\"3\"", "settotalmass"),
             ("name=\"two\"", "name=\"one\"", "the name twice"),
             ("mujoco", "model", "found <model>"),
             ("axis=\"0 0 1\"", "axis=\"0 0 0\"", "joint j3: axis"),

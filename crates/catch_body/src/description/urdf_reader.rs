@@ -1,6 +1,6 @@
 //! Reads URDF files leniently: what is missing stays unknown, what is there must be right.
 
-use nalgebra::Vector3;
+use nalgebra::{Unit, Vector3};
 
 use super::{Description, Geometry, JointKind, Link, Shape, TreeJoint};
 use crate::{
@@ -11,8 +11,10 @@ use crate::{
 
 /// Numbers that some files give as zero, or without bound, where nobody knows them.
 const ANY_NUMBER: Quantity = Quantity { least: -f64::MAX, most: f64::MAX, unit: "" };
+/// Masses and moments of whatever a file describes; what an arm can have is asked of the links that it consists of.
+const NOT_NEGATIVE: Quantity = Quantity { least: 0.0, most: f64::MAX, unit: "" };
 /// Extents of a shape.
-const EXTENT_M: Quantity = Quantity { least: 0.0, most: 10.0, unit: "m" };
+const EXTENT_M: Quantity = Quantity { least: 0.0, most: 1e4, unit: "m" };
 /// Factors on the axes of a mesh; a mirrored one has a negative factor.
 const MESH_SCALE: Quantity = Quantity { least: -1000.0, most: 1000.0, unit: "m per unit" };
 
@@ -28,7 +30,7 @@ impl Description {
 
 fn read(file: &str, text: &str) -> Result<Description, InputError> {
     let document = urdf::parse(file, text)?;
-    let urdf = Urdf::read(file, &document)?;
+    let urdf = Urdf::read(&document)?;
     let roots = urdf.roots();
     let [root] = roots[..] else {
         let found = format!("{} links without a parent", roots.len());
@@ -48,13 +50,18 @@ fn read(file: &str, text: &str) -> Result<Description, InputError> {
             description.joints.insert(name.to_owned(), joints);
         }
     }
+    document.finish(&[urdf::HARMLESS])?;
     Ok(description)
 }
 
 fn link(element: &Element) -> Result<Link, InputError> {
     let inertia = match element.child("inertial")? {
-        Some(inertial) if weighs_something(&inertial)? => Some(inertial.inertia()?),
-        _ => None,
+        Some(inertial) if weighs_something(&inertial)? => Some(inertial.inertia(NOT_NEGATIVE, ANY_NUMBER)?),
+        Some(nothing) => {
+            nothing.leave_out();
+            None
+        }
+        None => None,
     };
     let shapes = |name| element.children(name).map(|it| geometry(&it)).collect::<Result<Vec<_>, _>>();
     let contact = element.child("contact")?.map(|it| it.child("lateral_friction")).transpose()?.flatten();
@@ -64,7 +71,7 @@ fn link(element: &Element) -> Result<Link, InputError> {
 
 fn weighs_something(inertial: &Element) -> Result<bool, InputError> {
     // Frames without a body get the least mass that some simulator takes.
-    Ok(inertial.required("mass")?.number("value", ANY_NUMBER)? >= quantity::PART_MASS_KG.least)
+    Ok(inertial.required("mass")?.number("value", NOT_NEGATIVE)? >= quantity::PART_MASS_KG.least)
 }
 
 fn geometry(element: &Element) -> Result<Geometry, InputError> {
@@ -94,12 +101,10 @@ fn joint(urdf: &Urdf, element: &Element) -> Result<TreeJoint, InputError> {
     }
     let kind = element.text("type")?;
     let limit = element.child("limit")?;
-    let number = |name: &str| match &limit {
-        Some(limit) if limit.has(name) => limit.number(name, ANY_NUMBER).map(Some),
-        _ => Ok(None),
-    };
-    let range = number("lower")?.zip(number("upper")?).filter(|(lower, upper)| lower < upper);
+    let number = |name| limit.as_ref().map_or(Ok(None), |it| it.optional(name, NOT_NEGATIVE));
+    let either = |one, other| Ok::<_, InputError>(number(one)?.or(number(other)?).filter(|it| *it > 0.0));
     let dynamics = element.child("dynamics")?.filter(|it| it.has("damping"));
+    let mimic = element.child("mimic")?;
     Ok(TreeJoint {
         name: element.text("name")?.to_owned(),
         kind: match kind {
@@ -113,12 +118,82 @@ fn joint(urdf: &Urdf, element: &Element) -> Result<TreeJoint, InputError> {
         },
         child: child.to_owned(),
         X_PL: element.origin()?,
-        axis: if kind == "fixed" { Vector3::x_axis() } else { element.axis()? },
-        range: range.filter(|_| kind != "continuous").map(|(lower, upper)| [lower, upper]),
+        axis: if kind == "fixed" { unused_axis(element)? } else { element.axis()? },
+        range: range(element, kind, limit.as_ref())?,
         velocity: number("velocity")?.filter(|it| *it > 0.0),
+        acceleration: either("acceleration", "drake:acceleration")?,
+        jerk: either("jerk", "drake:jerk")?,
         effort: number("effort")?.filter(|it| *it > 0.0),
         damping: dynamics.map_or(Ok(0.0), |it| it.number("damping", quantity::DAMPING_NMSPRAD))?,
         rotor_inertia: None,
-        mimics: element.child("mimic")?.is_some(),
+        mimics: mimic.is_some(),
     })
+}
+
+fn unused_axis(element: &Element) -> Result<Unit<Vector3<f64>>, InputError> {
+    if let Some(axis) = element.child("axis")? {
+        axis.leave_out();
+    }
+    Ok(Vector3::x_axis())
+}
+
+/// The range that all bounds of a joint leave, whether or not there is anything between them; `None` if it states no bound.
+fn range(element: &Element, kind: &str, limit: Option<&Element>) -> Result<Option<[f64; 2]>, InputError> {
+    let number = |of: Option<&Element>, name| of.map_or(Ok(None), |it| it.optional(name, ANY_NUMBER));
+    let hard = [number(limit, "lower")?, number(limit, "upper")?];
+    let safety = element.child("safety_controller")?;
+    let soft = [number(safety.as_ref(), "soft_lower_limit")?, number(safety.as_ref(), "soft_upper_limit")?];
+    // A bound that is left out is zero, as the format says; zero twice is what some files write for none.
+    let pair = |bounds: [Option<f64>; 2]| bounds.map(|it| it.unwrap_or(0.0));
+    let has_hard = limit.is_some() && (kind != "continuous" || pair(hard) != [0.0; 2]);
+    let hard = Some(pair(hard)).filter(|_| has_hard && matches!(kind, "revolute" | "continuous" | "prismatic"));
+    let soft = Some(pair(soft)).filter(|it| *it != [0.0; 2]);
+    let all = [hard, soft].into_iter().flatten();
+    Ok(all.reduce(|[a, b], [c, d]| [a.max(c), b.min(d)]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn arm(joint: &str) -> String {
+        format!(
+            "<robot name=\"a\"><link name=\"l\"><!-- <xacro:if value=\"${{x}}\"> --></link><link name=\"m\"/>\
+             <joint name=\"j\" {joint}<parent link=\"l\"/><child link=\"m\"/></joint></robot>"
+        )
+    }
+
+    fn read_range(joint: &str) -> Option<[f64; 2]> {
+        Description::from_urdf("a.urdf", &arm(joint)).unwrap().joints["l"][0].range
+    }
+
+    #[test]
+    fn a_bound_that_is_left_out_is_zero() {
+        let range = |limit: &str| read_range(&format!("type=\"revolute\"><limit {limit}/>"));
+        assert_eq!(range("upper=\"1.4\""), Some([0.0, 1.4]));
+        assert_eq!(range("lower=\"-1.4\""), Some([-1.4, 0.0]));
+        assert_eq!(range("lower=\"2\" upper=\"-2\""), Some([2.0, -2.0]));
+        assert_eq!(range("effort=\"3\""), Some([0.0, 0.0]));
+        let soft = "type=\"revolute\"><limit lower=\"-2\" upper=\"2\"/><safety_controller soft_lower_limit=\"-1\" soft_upper_limit=\"3\"/>";
+        assert_eq!(read_range(soft), Some([-1.0, 2.0]));
+        assert_eq!(read_range("type=\"continuous\"><limit lower=\"0\" upper=\"0\" effort=\"1\"/>"), None);
+        assert_eq!(read_range("type=\"continuous\"><limit lower=\"-1\" upper=\"2\"/>"), Some([-1.0, 2.0]));
+    }
+
+    #[test]
+    fn what_is_not_read_is_refused_with_its_place() {
+        let dollar = "type=\"revolute\"><axis xyz=\"0 0 ${z}\"/>";
+        let shapes = "<visual><geometry><box size=\"1 1 1\"/><sphere radius=\"1\"/></geometry></visual>";
+        let two = arm("type=\"fixed\">").replace("<link name=\"m\"/>", &format!("<link name=\"m\">{shapes}</link>"));
+        for (text, expected) in [
+            (arm("type=\"revolute\"><limits upper=\"1\"/>"), "joint j.limits: found <limits>, which is not read"),
+            (arm("type=\"revolute\"><limit uper=\"1\"/>"), "what is read in limit: acceleration"),
+            (arm(dollar), "found `0 0 ${z}`, expected a URDF without xacro"),
+            (arm("type=\"fixed\"><xacro:if value=\"1\"/>"), "found <xacro:if>"),
+            (two, "geometry.sphere: found <sphere>"),
+        ] {
+            let fault = Description::from_urdf("a.urdf", &text).unwrap_err().to_string();
+            assert!(fault.contains(expected), "{fault}");
+        }
+    }
 }

@@ -2,12 +2,13 @@
 
 use std::ops::Range;
 
+use super::MOST_TRIANGLES;
 use crate::InputError;
 
 /// Elements of one kind at most.
 const MOST_ROWS: usize = 20_000_000;
-/// Numbers of one list at most.
-const MOST_IN_LIST: usize = 10_000;
+/// Elements with no surface in them, which are passed over.
+const HARMLESS: [&str; 3] = ["edge", "camera", "material"];
 /// A header is no longer.
 const MOST_HEADER_BYTES: usize = 100_000;
 
@@ -64,13 +65,20 @@ impl PlyFile {
     pub fn from_bytes(file: &str, bytes: &[u8]) -> Result<Self, InputError> {
         let fault = |field: &str, found: &str, expected: &str| InputError::new(file, field, found, expected);
         let head = &bytes[..bytes.len().min(MOST_HEADER_BYTES)];
-        let last = b"end_header";
-        let end = head.windows(last.len()).position(|it| it == last);
+        // A comment may have the word, too.
+        let (mut end, mut body) = (None, &[][..]);
+        let mut at = 0;
+        while let Some(length) = head[at..].iter().position(|it| *it == b'\n') {
+            let line = head[at..at + length].trim_ascii();
+            if line == b"end_header" {
+                (end, body) = (Some(at), &bytes[at + length + 1..]);
+                break;
+            }
+            at += length + 1;
+        }
         let end = end.filter(|_| bytes.starts_with(b"ply"));
         let end = end.ok_or_else(|| fault("header", "no PLY header", "`ply` … `end_header`"))?;
         let (encoding, elements) = header(file, &String::from_utf8_lossy(&bytes[..end]))?;
-        let line_end = bytes[end..].iter().position(|it| *it == b'\n');
-        let body = line_end.map_or(&[][..], |it| &bytes[end + it + 1..]);
         let mut numbers = Numbers { encoding, body, at: 0 };
         let mut ply = Self::default();
         for element in &elements {
@@ -80,6 +88,9 @@ impl PlyFile {
                     InputError::new(file, format!("rows of {}", element.name), row, expected)
                 };
                 ply.row(element, &mut numbers).ok_or_else(too_few)?;
+                if ply.triangles.len() > MOST_TRIANGLES {
+                    return Err(fault("faces", "more triangles", &format!("at most {MOST_TRIANGLES}")));
+                }
             }
             if element.name == "vertex" && ply.vertices.len() != element.rows {
                 return Err(fault("element vertex", "no x, y or z", "properties x, y and z"));
@@ -101,28 +112,20 @@ impl PlyFile {
                 }
                 continue;
             };
-            let count = numbers.next(length).filter(|it| (0.0..=MOST_IN_LIST as f64).contains(it))? as usize;
-            let is_polygon =
-                element.name == "face" && matches!(property.name.as_str(), "vertex_indices" | "vertex_index");
-            let (mut first, mut before) = (None, None);
+            let count = numbers.next(length).filter(|it| (0.0..=MOST_ROWS as f64).contains(it))? as usize;
+            let is_surface = matches!(property.name.as_str(), "vertex_indices" | "vertex_index");
+            let mut corners = Vec::new();
             for _ in 0..count {
                 let value = numbers.next(property.of)?;
-                if !is_polygon {
-                    continue;
+                if is_surface {
+                    // What is no index is beyond all vertices; a strip ends with −1.
+                    corners.push(if (0.0..f64::from(u32::MAX)).contains(&value) { value as u32 } else { u32::MAX });
                 }
-                // What is no index is beyond all vertices.
-                let index = if (0.0..f64::from(u32::MAX)).contains(&value) { value as u32 } else { u32::MAX };
-                match (first, before) {
-                    (Some(first), Some(before)) => {
-                        self.triangles.push([first, before, index]);
-                    }
-                    _ if first.is_none() => {
-                        first = Some(index);
-                        continue;
-                    }
-                    _ => {}
-                }
-                before = Some(index);
+            }
+            match element.name.as_str() {
+                "face" => self.triangles.extend((2..corners.len()).map(|i| [corners[0], corners[i - 1], corners[i]])),
+                "tristrips" => corners.split(|it| *it == u32::MAX).for_each(|it| self.triangles.extend(strip(it))),
+                _ => {}
             }
         }
         if element.name == "vertex" {
@@ -135,6 +138,11 @@ impl PlyFile {
         }
         Some(())
     }
+}
+
+/// The triangles of a strip, all facing one way.
+pub(super) fn strip(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> {
+    corners.windows(3).enumerate().map(|(i, it)| if i % 2 == 0 { [it[0], it[1], it[2]] } else { [it[1], it[0], it[2]] })
 }
 
 /// Encoding and elements, as the lines of a header say.
@@ -174,7 +182,18 @@ fn header(file: &str, text: &str) -> Result<(Encoding, Vec<Element>), InputError
                 let element = elements.last_mut().ok_or_else(|| fault("property", line, "an element before"))?;
                 element.properties.push(Property { name: name.to_owned(), length, of });
             }
-            _ => {}
+            ["ply"] | ["comment" | "obj_info" | "format", ..] | [] => {}
+            _ => return Err(fault("header", line, "format, comment, element or property")),
+        }
+    }
+    for element in &elements {
+        let is_surface = matches!(element.name.as_str(), "face" | "tristrips");
+        let has_list = element.properties.iter().any(|it| matches!(&*it.name, "vertex_indices" | "vertex_index"));
+        if is_surface && element.rows > 0 && !has_list {
+            return Err(fault(&format!("element {}", element.name), "no vertex_indices", "a list of vertices"));
+        }
+        if !is_surface && element.name != "vertex" && element.rows > 0 && !HARMLESS.contains(&&*element.name) {
+            return Err(fault("element", &element.name, "vertex, face or tristrips: no other element is read"));
         }
     }
     // A row without properties takes no bytes, so their number would be bounded by nothing.
@@ -266,9 +285,23 @@ mod tests {
             (text.replace("uchar red", "colour red"), "property: found colour"),
             (text.replace("ascii", "zip"), "format: "),
             ("ply\n".to_owned(), "no PLY header"),
+            (text.replace("element face", "element patch"), "element: found patch"),
+            (text.replace("vertex_indices", "corners"), "element face: found no vertex_indices"),
+            (text.replace("comment a square", "colour a square"), "header: found colour a square"),
         ] {
             let fault = PlyFile::from_bytes("a.ply", text.as_bytes()).unwrap_err().to_string();
             assert!(fault.contains(expected), "{fault}");
         }
+    }
+
+    #[test]
+    fn comments_may_say_anything_and_strips_are_surfaces() {
+        let body = "0 0 0 9\n1 0 0 9\n1 1 0 9\n0 1 0.5 9\n";
+        let text = HEADER.replace("a square", "before end_header") + body + "4 0 1 2 3\n";
+        let ply = PlyFile::from_bytes("a.ply", text.as_bytes()).unwrap();
+        assert_eq!(ply.triangles, [[0, 1, 2], [0, 2, 3]]);
+        let strips = HEADER.replace("face", "tristrips").replace("uchar int", "int int") + body + "8 0 1 3 2 -1 0 1 2\n";
+        let ply = PlyFile::from_bytes("a.ply", strips.as_bytes()).unwrap();
+        assert_eq!(ply.triangles, [[0, 1, 3], [3, 1, 2], [0, 1, 2]]);
     }
 }

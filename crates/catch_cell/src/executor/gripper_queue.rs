@@ -71,7 +71,7 @@ mod tests {
         queue.receive(&[step(0.1, 0.05), step(0.6, 0.01)], 0.55);
         assert_eq!(widths(&mut queue, 0.56), [0.03, 0.05]);
         queue.receive(&[], 0.57);
-        assert_eq!(widths(&mut queue, 1.0), []);
+        assert_eq!(widths(&mut queue, 1.0), Vec::<f64>::new());
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use catch_body::InputError;
+use catch_body::{InputError, document::Document};
 use nalgebra::{Point3, Quaternion, UnitQuaternion};
 
 use super::track::TrackSample;
@@ -74,7 +74,7 @@ pub fn read(path: &Path) -> Result<(Vec<Sighting>, f64), InputError> {
 /// As [`read`].
 pub fn parse(file: &str, text: &str) -> Result<(Vec<Sighting>, f64), InputError> {
     let mut sightings: Vec<Sighting> = Vec::new();
-    let (mut columns, mut end_s) = (None, f64::NEG_INFINITY);
+    let (mut columns, mut end_s): (Option<Columns>, f64) = (None, f64::NEG_INFINITY);
     for (number, line) in text.lines().enumerate() {
         let line = line.trim().trim_start_matches('\u{feff}');
         if line.is_empty() || line.starts_with('#') {
@@ -83,23 +83,19 @@ pub fn parse(file: &str, text: &str) -> Result<(Vec<Sighting>, f64), InputError>
         let field = format!("line {}", number + 1);
         let cells: Vec<&str> = line.split(',').map(str::trim).collect();
         let numbers: Vec<Option<f64>> = cells.iter().map(|cell| number_of(cell)).collect();
-        let expected = "t,x,y,z or t,x,y,z,qx,qy,qz,qw, in this order and with commas between";
         if columns.is_none() && numbers.iter().all(Option::is_none) {
-            let names: String = cells.iter().take(4).map(|it| it.to_lowercase()).collect();
-            let mut letters: Vec<char> = names.chars().collect();
-            letters.sort_unstable();
-            if letters == ['t', 'x', 'y', 'z'] && names != "txyz" {
-                return Err(InputError::new(file, field, format!("columns {line}"), expected));
-            }
+            columns = Some(Columns::of_header(file, number + 1, &cells)?);
             continue;
         }
-        if !matches!(cells.len(), 4 | 8) || *columns.get_or_insert(cells.len()) != cells.len() {
-            return Err(InputError::new(file, field, format!("{} columns", cells.len()), expected));
+        let columns = columns.get_or_insert_with(|| Columns::unnamed(cells.len()));
+        let count = columns.0.len();
+        if !matches!(count, 4 | 8) || count != cells.len() {
+            return Err(InputError::new(file, field, format!("{} columns", cells.len()), EXPECTED));
         }
         if let Some(word) = cells.iter().zip(&numbers).find(|(_, number)| number.is_none()) {
             return Err(InputError::new(file, field, format!("`{}`", word.0), "a number"));
         }
-        let values: Vec<f64> = numbers.into_iter().flatten().collect();
+        let values: Vec<f64> = columns.0.iter().filter_map(|at| numbers[*at]).collect();
         let time_s = values[0];
         if !time_s.is_finite() {
             continue;
@@ -130,6 +126,54 @@ pub fn parse(file: &str, text: &str) -> Result<(Vec<Sighting>, f64), InputError>
     Ok((sightings, end_s))
 }
 
+/// What a track is.
+const EXPECTED: &str = "t,x,y,z or t,x,y,z,qx,qy,qz,qw with commas between, in another order below a header with these names";
+
+/// Where the time, the place and the quaternion x, y, z, w stand in a row.
+struct Columns(Vec<usize>);
+
+impl Columns {
+    fn unnamed(count: usize) -> Self {
+        Self((0..count).collect())
+    }
+
+    /// The columns that a header names: each is one that is read, under a name that others give it.
+    fn of_header(file: &str, line: usize, header: &[&str]) -> Result<Self, InputError> {
+        let lower: Vec<String> = header.iter().map(|it| it.to_lowercase().trim_matches(['"', '\'']).to_owned()).collect();
+        let names: Vec<&str> = lower.iter().map(String::as_str).collect();
+        let document = Document::from_columns(file, line, &names)?;
+        let root = document.root();
+        let find = |names: &[&'static str]| names.iter().filter_map(|name| root.child(name)).next();
+        let place = |names| find(names).map(|it| it.text().parse().unwrap_or_default());
+        let found: Option<Vec<usize>> = PLACES.iter().map(|it| place(it)).collect();
+        let turned: Vec<Option<usize>> = ROTATION.iter().map(|it| place(it)).collect();
+        document.finish(&[])?;
+        let wrong = || InputError::new(file, format!("line {line}"), format!("columns {}", header.join(",")), EXPECTED);
+        let mut columns = found.ok_or_else(wrong)?;
+        match turned.iter().flatten().count() {
+            0 => {}
+            4 => columns.extend(turned.into_iter().flatten()),
+            _ => return Err(wrong()),
+        }
+        Ok(Self(columns))
+    }
+}
+
+/// Names of the time and of the place, in seconds and metres.
+const PLACES: [&[&str]; 4] = [
+    &["t", "time", "time_s", "t_s", "timestamp", "time (s)", "t (s)", "t [s]", "time [s]", "seconds"],
+    &["x", "x_m", "px", "pos_x", "position_x", "p_x", "tx", "x (m)", "x [m]", "position.x"],
+    &["y", "y_m", "py", "pos_y", "position_y", "p_y", "ty", "y (m)", "y [m]", "position.y"],
+    &["z", "z_m", "pz", "pos_z", "position_z", "p_z", "tz", "z (m)", "z [m]", "position.z"],
+];
+/// Names of a unit quaternion's parts.
+const ROTATION: [&[&str]; 4] = [
+    &["qx", "q_x", "quat_x", "rot_x", "orientation_x", "orientation.x", "rotation_x"],
+    &["qy", "q_y", "quat_y", "rot_y", "orientation_y", "orientation.y", "rotation_y"],
+    &["qz", "q_z", "quat_z", "rot_z", "orientation_z", "orientation.z", "rotation_z"],
+    &["qw", "q_w", "quat_w", "rot_w", "orientation_w", "orientation.w", "rotation_w"],
+];
+
 /// A number; an empty cell is a gap, a word is none.
 fn number_of(cell: &str) -> Option<f64> {
     if cell.is_empty() { Some(f64::NAN) } else { cell.parse().ok() }
@@ -150,11 +194,27 @@ mod tests {
         assert_eq!(posed[0].rotation, Some(UnitQuaternion::identity()));
     }
 
+    /// A header says which column is what.
+    #[test]
+    fn columns_are_read_by_their_names() {
+        let expected = parse("t.csv", "0.5,1,2,3,0.1,0.7,0.1,0.7\n").unwrap();
+        for text in [
+            "time,y,x,z,qw,qx,qy,qz\n0.5,2,1,3,0.7,0.1,0.7,0.1\n",
+            "x,y,z,t,qx,qy,qz,qw\n1,2,3,0.5,0.1,0.7,0.1,0.7\n",
+            "\u{feff}Time [s],X,Y,Z,qx,qy,qz,qw\n0.5,1,2,3,0.1,0.7,0.1,0.7\n",
+        ] {
+            assert_eq!(parse("t.csv", text).unwrap(), expected, "{text}");
+        }
+    }
+
     #[test]
     fn faults_name_the_line() {
         for (text, line) in [
             ("0,1,2\n", "line 1"),
-            ("x,y,z,t\n1,2,3,0\n", "line 1"),
+            ("t,x,y,z,quality\n0,1,2,3,1\n", "line 1: quality: found the column `quality`, which is not read"),
+            ("t,x,y,z,qx,qy,qz\n0,1,2,3,0,0,0\n", "line 1"),
+            ("frame,x,y,z\n0,1,2,3\n", "line 1"),
+            ("t,x,x,z\n0,1,2,3\n", "line 1: found the column `x` twice"),
             ("0;1;2;3\n0.1;1;2;3\n", "rows"),
             ("0,1,2,3\n1,1,2,3,0,0,0,1\n", "line 2"),
             ("0,1,2,3\n1,a,2,3\n", "line 2"),

@@ -6,6 +6,7 @@
 mod depth_images;
 mod draft;
 mod gltf;
+mod gltf_accessor;
 mod mass;
 mod scan;
 mod source;

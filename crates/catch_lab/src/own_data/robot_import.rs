@@ -16,6 +16,8 @@ use std::{
 use catch_body::{
     Gripper, InputError, JointVector, Robot,
     description::{Chain, Description, Selection},
+    document::root_element,
+    quantity,
     robot::Inertia,
     robot_file::RobotFiles,
     stated::{Assumption, Stated, assumptions},
@@ -23,7 +25,8 @@ use catch_body::{
 use nalgebra::{Point3, Translation3};
 
 use crate::{assets::COMMAND_LINE, bounded_file::FileKind, pages::robot_page};
-use draft::{DENSITY_KGPM3, Draft, GivenValues, JointValues, assumed_inertia, limits_of, rounded};
+use super::mesh_files::MeshFiles;
+use draft::{DENSITY_KGPM3, Draft, GivenValues, JointValues, assumed_inertia, is_joint, limits_of, rounded};
 use geometry::BodyShape;
 use joint_limits::JointLimitFields;
 
@@ -35,6 +38,9 @@ const UNKNOWN_RADIUS_M: f64 = 0.06;
 const LEAST_LENGTH_M: f64 = 0.02;
 /// The file beside a description with what URDF cannot say.
 const LIMITS_FILE: &str = "joint_limits.yaml";
+
+/// Joints that an error offers.
+const MOST_NAMES: usize = 24;
 
 /// What is asked for when a robot is imported.
 #[derive(Debug, Clone, Default)]
@@ -71,15 +77,18 @@ impl ImportedRobot {
     pub fn read(file: &Path, options: &ImportOptions, gripper: &Gripper) -> Result<Self, InputError> {
         let name = file.display().to_string();
         let text = FileKind::text("a description of a robot, URDF or MJCF").read_text(file)?;
-        let is_mjcf = text.contains("<mujoco");
-        let description =
-            if is_mjcf { Description::from_mjcf(&name, &text)? } else { Description::from_urdf(&name, &text)? };
+        let description = match root_element(&text) {
+            Some("mujoco") => Description::from_mjcf(&name, &text)?,
+            _ => Description::from_urdf(&name, &text)?,
+        };
         let selection = Selection { base: options.base.as_deref(), tip: options.tip.as_deref() };
         let chain = Chain::of(&description, &selection)?;
-        let limits = read_limits(file, options)?;
+        let limits = read_limits(file, options, &description)?;
 
         let bodies = std::iter::once(&chain.base).chain(chain.joints.iter().map(|it| &it.body));
-        let mut shapes: Vec<BodyShape> = bodies.map(|body| BodyShape::of(file, body)).collect();
+        let mut meshes = MeshFiles::new(|named| geometry::read_mesh(file, named));
+        let shapes: Result<Vec<BodyShape>, _> = bodies.map(|body| BodyShape::of(file, body, &mut meshes)).collect();
+        let mut shapes = shapes?;
         assume_shapes(&chain, &mut shapes);
         let dof = chain.joints.len();
         let acceleration = per_joint(&options.max_acceleration, dof, "--max-acceleration")?;
@@ -87,15 +96,15 @@ impl ImportedRobot {
         let jerk = per_joint(&options.max_jerk, dof, "--max-jerk")?;
         let joints = chain.joints.iter().enumerate().map(|(i, joint)| {
             let given = GivenValues { acceleration: acceleration[i], rotor_inertia: rotor_inertia[i], jerk: jerk[i] };
-            JointValues::of(joint, &limits_of(&limits, &joint.joint.name), &given)
+            JointValues::of(&name, joint, &limits_of(&limits, &joint.joint.name), &given)
         });
-        let joints: Vec<JointValues> = joints.collect();
+        let joints: Vec<JointValues> = joints.collect::<Result<_, _>>()?;
         let middle: Vec<f64> = joints.iter().map(|it| f64::midpoint(it.range.value[0], it.range.value[1])).collect();
         let file_name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let mut draft = Draft {
             name: if description.name.trim().is_empty() { "robot".into() } else { description.name.clone() },
             source: file_name,
-            inertias: inertias(&chain, &shapes),
+            inertias: inertias(&name, &chain, &shapes)?,
             base_height_m: 0.0,
             X_LG: mount(&chain, &shapes, gripper),
             chain,
@@ -205,8 +214,12 @@ fn in_short(q: &JointVector, dof: usize) -> Vec<f64> {
     q.iter().take(dof).map(|value| (value * 1e3).trunc() / 1e3).collect()
 }
 
-/// Limits beside the description, or where somebody says they are.
-fn read_limits(file: &Path, options: &ImportOptions) -> Result<BTreeMap<String, JointLimitFields>, InputError> {
+/// Limits beside the description, or where somebody says they are; each has to be of one of its joints.
+fn read_limits(
+    file: &Path,
+    options: &ImportOptions,
+    description: &Description,
+) -> Result<BTreeMap<String, JointLimitFields>, InputError> {
     let beside = file.with_file_name(LIMITS_FILE);
     let path = match &options.joint_limits {
         Some(path) => path.clone(),
@@ -214,7 +227,16 @@ fn read_limits(file: &Path, options: &ImportOptions) -> Result<BTreeMap<String, 
         None => return Ok(BTreeMap::new()),
     };
     let text = FileKind::toml("limits of joints in YAML").read_text(&path)?;
-    joint_limits::read(&path.display().to_string(), &text)
+    let path = path.display().to_string();
+    let limits = joint_limits::read(&path, &text)?;
+    let joints: Vec<&str> = description.joints.values().flatten().map(|it| it.name.as_str()).collect();
+    let unknown = limits.keys().find(|key| !joints.iter().any(|joint| is_joint(key, joint)));
+    unknown.map_or(Ok(()), |key| {
+        let names: Vec<&str> = joints.iter().take(MOST_NAMES).copied().collect();
+        let expected = format!("one of the joints {}, or the end of its name", names.join(", "));
+        Err(InputError::new(&path, format!("joint_limits.{key}"), "a joint that is not there", expected))
+    })?;
+    Ok(limits)
 }
 
 /// One value for each joint.
@@ -246,21 +268,27 @@ fn assume_shapes(chain: &Chain, shapes: &mut [BodyShape]) {
     }
 }
 
-fn inertias(chain: &Chain, shapes: &[BodyShape]) -> Vec<Stated<Inertia>> {
-    let of_body = |(joint, shape): (&catch_body::description::ChainJoint, &BodyShape)| match joint.body.inertia {
-        Some(inertia) if inertia.is_of_a_body() => Stated { value: inertia, assumed: None },
-        Some(inertia) => Stated {
-            value: Inertia { com: inertia.com, ..assumed_inertia(shape, Some(inertia.mass)) },
-            assumed: Some(
-                "no body has the moments that the description states: those of its capsules with its mass".into(),
-            ),
-        },
-        None => Stated {
-            value: assumed_inertia(shape, None),
-            assumed: Some(format!(
-                "the description states no mass: the link's capsules filled with {DENSITY_KGPM3} kg/m³"
-            )),
-        },
+fn inertias(file: &str, chain: &Chain, shapes: &[BodyShape]) -> Result<Vec<Stated<Inertia>>, InputError> {
+    let of_body = |(joint, shape): (&catch_body::description::ChainJoint, &BodyShape)| {
+        if let Some(inertia) = joint.body.inertia {
+            let field = format!("link {}: mass", joint.body.links[0]);
+            quantity::PART_MASS_KG.check(file, field, inertia.mass)?;
+        }
+        Ok(match joint.body.inertia {
+            Some(inertia) if inertia.is_of_a_body() => Stated { value: inertia, assumed: None },
+            Some(inertia) => Stated {
+                value: Inertia { com: inertia.com, ..assumed_inertia(shape, Some(inertia.mass)) },
+                assumed: Some(
+                    "no body has the moments that the description states: those of its capsules with its mass".into(),
+                ),
+            },
+            None => Stated {
+                value: assumed_inertia(shape, None),
+                assumed: Some(format!(
+                    "the description states no mass, or leaves it to a mesh: the link's capsules filled with {DENSITY_KGPM3} kg/m³"
+                )),
+            },
+        })
     };
     chain.joints.iter().zip(shapes.iter().skip(1)).map(of_body).collect()
 }

@@ -1,10 +1,15 @@
 //! Calibrations as ROS keeps them: `camera_info` YAML of a camera's intrinsics, and results of `easy_handeye2`.
 //!
-//! Of YAML only what these files have is read: nested mappings, numbers, words, and lists of numbers in either notation.
+//! Whatever changes what a pixel means, or in which frames a pose is, is read or refused.
 
-use std::{collections::BTreeMap, path::Path};
+use std::path::Path;
 
-use catch_body::{InputError, Pose, quantity};
+use catch_body::{
+    InputError, Pose,
+    document::{Document, Harmless, Node},
+    quantity,
+    quantity::Quantity,
+};
 use catch_cell::CameraModel;
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 
@@ -15,74 +20,52 @@ const SQUARE: f64 = 0.005;
 /// Distortion coefficients above this are not those of rectified images.
 const RECTIFIED: f64 = 1e-6;
 
-/// Values of a YAML file by the path of their keys, such as `transform.rotation.x`.
-struct Values<'a> {
-    file: &'a str,
-    values: BTreeMap<String, Vec<String>>,
+/// Frames of images end so, as REP 103 has it: z forward, x to the right.
+const OPTICAL: &str = "optical_frame";
+/// What says nothing about a camera's geometry.
+const HARMLESS: Harmless = &[
+    ("", &["camera_name", "distortion_model"]),
+    ("camera_matrix", SHAPE),
+    ("distortion_coefficients", SHAPE),
+    ("rectification_matrix", SHAPE),
+    ("projection_matrix", SHAPE),
+    ("roi", &["do_rectify"]),
+    ("header", &["seq", "stamp"]),
+    (
+        "parameters",
+        &[
+            "name", "namespace", "freehand_robot_movement", "move_group", "move_group_namespace", "robot_effector_frame",
+            "tracking_marker_frame",
+        ],
+    ),
+];
+const SHAPE: &[&str] = &["rows", "cols"];
+/// Numbers of matrices.
+const NUMBER: Quantity = Quantity { least: -1e9, most: 1e9, unit: "" };
+
+/// The value that a path of keys leads to.
+fn value<'d>(document: &'d Document, path: &[&'static str]) -> Option<Node<'d>> {
+    path.iter().try_fold(document.root(), |node, key| node.child(key)).filter(|it| !it.is_null())
 }
 
-impl<'a> Values<'a> {
-    fn parse(file: &'a str, text: &str) -> Self {
-        let mut values: BTreeMap<String, Vec<String>> = BTreeMap::new();
-        // Keys above the present line, with their indentation.
-        let mut above: Vec<(usize, String)> = Vec::new();
-        let mut open_list: Option<String> = None;
-        for line in text.lines() {
-            let line = line.split(" #").next().unwrap_or_default();
-            let content = line.trim();
-            if content.is_empty() || content.starts_with('#') || content.starts_with("---") {
-                continue;
-            }
-            let path = |above: &[(usize, String)]| above.iter().map(|it| it.1.as_str()).collect::<Vec<_>>().join(".");
-            if let Some(key) = open_list.take() {
-                push_numbers(values.entry(key.clone()).or_default(), content);
-                open_list = (!content.contains(']')).then_some(key);
-                continue;
-            }
-            let indentation = line.len() - line.trim_start().len();
-            if let Some(item) = content.strip_prefix("- ") {
-                values.entry(path(&above)).or_default().push(item.trim().to_owned());
-                continue;
-            }
-            let Some((key, value)) = content.split_once(':') else { continue };
-            above.retain(|(column, _)| *column < indentation);
-            above.push((indentation, key.trim().to_owned()));
-            let (key, value) = (path(&above), value.trim());
-            if value.starts_with('[') {
-                push_numbers(values.entry(key.clone()).or_default(), value);
-                open_list = (!value.contains(']')).then_some(key);
-            } else if !value.is_empty() {
-                values.entry(key).or_default().push(value.trim_matches(['"', '\'']).to_owned());
-            }
+fn needed<'d>(document: &'d Document, path: &[&'static str], what: &str) -> Result<Node<'d>, InputError> {
+    value(document, path).ok_or_else(|| InputError::new(document.file(), path.join("."), "nothing", what))
+}
+
+fn number(document: &Document, path: &[&'static str], range: Quantity) -> Result<f64, InputError> {
+    needed(document, path, "a number")?.number(range)
+}
+
+/// A frame's name has to be that of images.
+fn optical(frame: Option<Node>) -> Result<(), InputError> {
+    let frame = frame.filter(|it| !it.text().trim_matches('/').is_empty());
+    match frame.filter(|it| !it.text().ends_with(OPTICAL)) {
+        None => Ok(()),
+        Some(other) => {
+            let expected = format!("the frame of the images, …_{OPTICAL}: z forward, x to the right (REP 103)");
+            Err(other.fault(other.text(), expected))
         }
-        Self { file, values }
     }
-
-    fn numbers(&self, path: &str, count: usize) -> Result<Vec<f64>, InputError> {
-        let found = self.values.get(path).map(Vec::as_slice).unwrap_or_default();
-        let numbers: Option<Vec<f64>> =
-            found.iter().map(|it| it.parse().ok().filter(|it: &f64| it.is_finite())).collect();
-        let right = numbers.filter(|it| it.len() == count);
-        let wrong = || {
-            let text = if found.is_empty() { "nothing".to_owned() } else { format!("`{}`", found.join(", ")) };
-            let expected = if count == 1 { "a number".to_owned() } else { format!("{count} numbers") };
-            InputError::new(self.file, path, text, expected)
-        };
-        right.ok_or_else(wrong)
-    }
-
-    fn number(&self, path: &str, range: quantity::Quantity) -> Result<f64, InputError> {
-        range.check(self.file, path, self.numbers(path, 1)?[0])
-    }
-
-    fn word(&self, path: &str) -> Option<&str> {
-        self.values.get(path)?.first().map(String::as_str)
-    }
-}
-
-fn push_numbers(values: &mut Vec<String>, text: &str) {
-    let parts = text.trim_matches(['[', ']']).split(',').map(|it| it.trim().trim_matches(['[', ']']).trim());
-    values.extend(parts.filter(|it| !it.is_empty()).map(str::to_owned));
 }
 
 /// Reads a file of one of both kinds.
@@ -107,23 +90,25 @@ pub fn read_camera_info(path: &Path) -> Result<CameraModel, InputError> {
 /// # Errors
 /// As [`read_camera_info`].
 pub fn camera_info(file: &str, text: &str) -> Result<CameraModel, InputError> {
-    let values = Values::parse(file, text);
-    let size = |path: &str| values.number(path, quantity::IMAGE_PX).map(|it| it as u32);
+    let document = Document::from_yaml(file, text)?;
+    let size = |key| number(&document, &[key], quantity::IMAGE_PX).map(|it| it as u32);
     let (width_px, height_px) = (size("image_width")?, size("image_height")?);
-    let camera_matrix = values.numbers("camera_matrix.data", 9)?;
-    let (fx, cx, fy, cy) = (camera_matrix[0], camera_matrix[2], camera_matrix[4], camera_matrix[5]);
-    if (fx / fy - 1.0).abs().is_nan() || (fx / fy - 1.0).abs() > SQUARE {
-        let expected = "focal lengths along both axes that are alike: square pixels";
-        return Err(InputError::new(file, "camera_matrix.data", format!("{fx} and {fy}"), expected));
+    let data = needed(&document, &["camera_matrix", "data"], "9 numbers")?;
+    let [fx, skew, cx, zero, fy, cy, ..] = data.numbers::<9>(NUMBER)?;
+    if (fx / fy - 1.0).abs().is_nan() || (fx / fy - 1.0).abs() > SQUARE || skew != 0.0 || zero != 0.0 {
+        let expected = "focal lengths along both axes that are alike, and no skew: square pixels";
+        return Err(data.fault(format!("{fx} and {fy}"), expected));
     }
-    let distortion = values.values.get("distortion_coefficients.data").map(Vec::as_slice).unwrap_or_default();
-    for coefficient in distortion {
-        if coefficient.parse::<f64>().is_ok_and(|it| it.abs() <= RECTIFIED) {
-            continue;
+    let distortion = value(&document, &["distortion_coefficients", "data"]);
+    for coefficient in distortion.into_iter().flat_map(Node::items) {
+        if coefficient.number(NUMBER)?.abs() > RECTIFIED {
+            return Err(coefficient.fault(coefficient.text(), "zeros: depth images come rectified"));
         }
-        let expected = "zeros: depth images come rectified";
-        return Err(InputError::new(file, "distortion_coefficients.data", coefficient, expected));
     }
+    as_taken(&document, [f64::from(width_px), f64::from(height_px)])?;
+    rectified(&document, [fx, fy, cx, cy])?;
+    optical(value(&document, &["header", "frame_id"]))?;
+    document.finish(&[HARMLESS])?;
     let focal_px = quantity::FOCAL_PX.check(file, "camera_matrix.data", f64::midpoint(fx, fy))?;
     let place = |value: f64| quantity::IMAGE_COORDINATE_PX.check(file, "camera_matrix.data", value);
     Ok(CameraModel {
@@ -135,6 +120,49 @@ pub fn camera_info(file: &str, text: &str) -> Result<CameraModel, InputError> {
         rate_hz: None,
         sheet: None,
     })
+}
+
+/// Whether the images have all pixels of which the file speaks.
+fn as_taken(document: &Document, [width_px, height_px]: [f64; 2]) -> Result<(), InputError> {
+    let count = |path: &[&'static str]| {
+        let node = value(document, path);
+        node.map(|it| it.number(NUMBER).map(|number| (it, number))).transpose()
+    };
+    for key in ["binning_x", "binning_y"] {
+        if let Some((node, other)) = count(&[key])?.filter(|it| it.1 > 1.0) {
+            let expected = "0 or 1: the size and the matrices of the images as they are sent";
+            return Err(node.fault(other, expected));
+        }
+    }
+    for (key, whole) in [("x_offset", 0.0), ("y_offset", 0.0), ("width", width_px), ("height", height_px)] {
+        if let Some((node, other)) = count(&["roi", key])?.filter(|it| it.1 != 0.0 && it.1 != whole) {
+            let expected = "no region of interest: the size and the matrices of the images as they are sent";
+            return Err(node.fault(other, expected));
+        }
+    }
+    Ok(())
+}
+
+/// Whether the matrices for rectified images are those of the camera, whose images are rectified.
+fn rectified(document: &Document, [fx, fy, cx, cy]: [f64; 4]) -> Result<(), InputError> {
+    let rotation = value(document, &["rectification_matrix", "data"]);
+    if let Some(node) = rotation {
+        let is_identity = node.numbers::<9>(NUMBER)?.iter().enumerate().all(|(i, it)| {
+            let right = if i % 4 == 0 { 1.0 } else { 0.0 };
+            (it - right).abs() <= 1e-6
+        });
+        if !is_identity {
+            return Err(node.fault("a rotation", "the identity: depth images come rectified"));
+        }
+    }
+    let Some(node) = value(document, &["projection_matrix", "data"]) else { return Ok(()) };
+    let found = node.numbers::<12>(NUMBER)?;
+    let right = [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0];
+    if found.iter().all(|it| *it == 0.0) || found.iter().zip(right).all(|(it, right)| (it - right).abs() <= 1e-3) {
+        return Ok(());
+    }
+    let expected = "the numbers of camera_matrix, as depth images come rectified: one of both is of other images";
+    Err(node.fault(format!("{found:?}"), expected))
 }
 
 /// The `camera_info` YAML of a camera.
@@ -150,36 +178,54 @@ pub fn camera_info_yaml(name: &str, camera: &CameraModel) -> String {
     )
 }
 
-/// The pose X_BC of a camera in the robot's base that `easy_handeye2` found.
+/// The pose X_BC of a camera in the robot's base that `easy_handeye2` found, or `easy_handeye`; `base_link` is the name of the base.
 ///
 /// # Errors
-/// A file that cannot be read, a camera on the robot's hand, a field that is missing, or a quaternion that is none.
-pub fn read_hand_eye(path: &Path) -> Result<Pose, InputError> {
+/// A file that cannot be read, a camera on the robot's hand, frames that are others, a field that is missing, or a quaternion that is none.
+pub fn read_hand_eye(path: &Path, base_link: &str) -> Result<Pose, InputError> {
     let (file, text) = read(path, "a readable result of easy_handeye2")?;
-    hand_eye(&file, &text)
+    hand_eye(&file, &text, base_link)
 }
 
 /// The same of a text; `file` names it in errors.
 ///
 /// # Errors
 /// As [`read_hand_eye`].
-pub fn hand_eye(file: &str, text: &str) -> Result<Pose, InputError> {
-    let values = Values::parse(file, text);
-    if let Some(kind) = values.word("parameters.calibration_type").filter(|it| *it != "eye_on_base") {
-        return Err(InputError::new(
-            file,
-            "parameters.calibration_type",
-            kind,
-            "eye_on_base: a camera beside the robot",
-        ));
+pub fn hand_eye(file: &str, text: &str, base_link: &str) -> Result<Pose, InputError> {
+    let document = Document::from_yaml(file, text)?;
+    let parameter = |key| value(&document, &["parameters", key]);
+    let beside = "eye_on_base: a camera beside the robot";
+    if let Some(kind) = parameter("calibration_type").filter(|it| it.text() != "eye_on_base") {
+        return Err(kind.fault(kind.text(), beside));
     }
-    let place = |axis: &str| values.number(&format!("transform.translation.{axis}"), quantity::PLACE_M);
-    let part = |axis: &str| values.number(&format!("transform.rotation.{axis}"), quantity::QUATERNION);
-    let p = Translation3::new(place("x")?, place("y")?, place("z")?);
-    let rotation = Quaternion::new(part("w")?, part("x")?, part("y")?, part("z")?);
+    if let Some(on_hand) = parameter("eye_on_hand").filter(|it| it.text() != "false") {
+        return Err(on_hand.fault(on_hand.text(), beside));
+    }
+    if let Some(other) = parameter("robot_base_frame").filter(|it| !matches!(it.text().trim_matches('/'), "" | "''"))
+        && other.text().trim_start_matches('/') != base_link
+    {
+        let expected = format!("{base_link}, the arm's base, in which the camera's pose has to be");
+        return Err(other.fault(other.text(), expected));
+    }
+    optical(parameter("tracking_base_frame"))?;
+    // `easy_handeye` writes all seven numbers in one mapping.
+    let is_first = value(&document, &["transformation"]).is_some();
+    let (place, turn) = if is_first {
+        (vec!["transformation"], ["qx", "qy", "qz", "qw"])
+    } else {
+        (vec!["transform", "translation"], ["x", "y", "z", "w"])
+    };
+    let rotated = if is_first { vec!["transformation"] } else { vec!["transform", "rotation"] };
+    let of = |path: &[&'static str], key, range| number(&document, &[path, &[key]].concat(), range);
+    let p = ["x", "y", "z"].map(|key| of(&place, key, quantity::PLACE_M));
+    let [x, y, z, w] = turn.map(|key| of(&rotated, key, quantity::QUATERNION));
+    let [px, py, pz] = p;
+    let p = Translation3::new(px?, py?, pz?);
+    let rotation = Quaternion::new(w?, x?, y?, z?);
+    document.finish(&[HARMLESS])?;
     if (rotation.norm() - 1.0).abs() > 1e-3 {
         let found = format!("a quaternion of length {}", rotation.norm());
-        return Err(InputError::new(file, "transform.rotation", found, "a unit quaternion"));
+        return Err(InputError::new(file, rotated.join("."), found, "a unit quaternion"));
     }
     Ok(Pose::from_parts(p, UnitQuaternion::from_quaternion(rotation)))
 }
@@ -212,7 +258,7 @@ mod tests {
         let camera = camera();
         let again = camera_info("info.yaml", &camera_info_yaml("left", &camera)).unwrap();
         assert_eq!(CameraModel { X_WC: camera.X_WC, ..again }, camera);
-        let X_BC = hand_eye("left.calib", &hand_eye_yaml("left", "base", &camera.X_WC)).unwrap();
+        let X_BC = hand_eye("left.calib", &hand_eye_yaml("left", "base", &camera.X_WC), "base").unwrap();
         assert!((X_BC.translation.vector - camera.X_WC.translation.vector).norm() < 1e-12);
         assert!(X_BC.rotation.angle_to(&camera.X_WC.rotation) < 1e-7);
     }
@@ -235,20 +281,46 @@ mod tests {
         let info = camera_info_yaml("left", &camera());
         let result = hand_eye_yaml("left", "base", &camera().X_WC);
         for (text, from, to, expected) in [
-            (&info, "image_width: 848", "image_width: wide", "info.yaml: image_width: found `wide`"),
+            (&info, "image_width: 848", "image_width: wide", "info.yaml: line 1: image_width: found `wide`"),
             (&info, "data: [0.0, 0.0, 0.0, 0.0, 0.0]", "data: [0.1, 0.0, 0.0, 0.0, 0.0]", "rectified"),
             (&info, "camera_matrix", "camera_metrics", "camera_matrix.data: found nothing"),
             (&result, "eye_on_base", "eye_in_hand", "parameters.calibration_type"),
             (&result, "    w: ", "    w: 9", "transform.rotation.w"),
             (&result, "translation", "position", "transform.translation.x"),
+            (&info, "camera_name: left", "camera_name: left\nbinning_x: 2", "binning_x: found 2"),
+            (&info, "camera_name: left", "roi: {x_offset: 100, y_offset: 0}", "roi.x_offset: found 100"),
+            (&info, "camera_name: left", "roi: {width: 400, height: 300}", "roi.width: found 400"),
+            (&info, "camera_name: left", "header: {frame_id: camera_link}", "header.frame_id: found camera_link"),
+            (&info, "camera_name: left", "gain: 2", "gain: found `gain`, which is not read"),
+            (&info, "data: [1.0, 0.0, 0.0, 0.0, 1.0", "data: [0.0, 1.0, 0.0, -1.0, 0.0", "rectification_matrix.data: found a rotation"),
+            (&info, "cols: 4\n  data: [", "cols: 4\n  data: [1", "projection_matrix.data: found"),
+            (&result, "robot_base_frame: base", "robot_base_frame: pedestal", "robot_base_frame: found pedestal, expected base"),
+            (&result, "left_depth_optical_frame", "camera_link", "tracking_base_frame: found camera_link"),
+            (&result, "transform:", "scale: 2\ntransform:", "scale: found `scale`"),
         ] {
             let text = text.replacen(from, to, 1);
             let fault = if text.starts_with("image") {
                 camera_info("info.yaml", &text).unwrap_err()
             } else {
-                hand_eye("info.yaml", &text).unwrap_err()
+                hand_eye("info.yaml", &text, "base").unwrap_err()
             };
             assert!(fault.to_string().contains(expected), "{fault}");
         }
+    }
+
+    /// As both generations of the program write it, in either notation; null regions and binning are none.
+    #[test]
+    fn other_writers_are_understood() {
+        let first = "parameters: {eye_on_hand: false, robot_base_frame: base, tracking_base_frame: cam_optical_frame}\n\
+            transformation: {x: 1, y: 2, z: 0.5, qx: 0, qy: 0, qz: 1, qw: 0}\n";
+        let X_BC = hand_eye("a.yaml", first, "base").unwrap();
+        assert_eq!(X_BC.translation.vector.as_slice(), [1.0, 2.0, 0.5]);
+        assert!((X_BC.rotation.angle() - std::f64::consts::PI).abs() < 1e-12);
+        let second = "transform: {translation: {x: 1, y: 2, z: 0.5}, rotation: {x: 0, y: 0, z: 1, w: 0}}\n";
+        assert_eq!(hand_eye("a.yaml", second, "base").unwrap(), X_BC);
+        assert!(hand_eye("a.yaml", &first.replace("false", "true"), "base").is_err());
+        let info = camera_info_yaml("left", &camera())
+            + "binning_x: 0\nbinning_y: 1\nroi:\n  x_offset: 0\n  y_offset: 0\n  height: 480\n  width: 848\n  do_rectify: false\n";
+        assert!(camera_info("a.yaml", &info).is_ok());
     }
 }

@@ -25,6 +25,12 @@ const OBJECT_WITHIN_M: f64 = 0.3;
 const SMOOTHING_PX: isize = 2;
 /// Two depths whose mean is farther than this from that of the pixel between are on another surface.
 const SMOOTH_M: f64 = 0.002;
+/// Pixels of an image that are compared with the other images.
+const COMPARED: usize = 2_000;
+/// A camera that sees something this much farther looks through what another one sees.
+const THROUGH_M: f64 = 0.01;
+/// Such a fraction of what is seen may be, at edges and by wrong depths.
+const MOST_CONTRADICTING: f64 = 0.15;
 /// An image, by its extension.
 const IMAGE: FileKind = FileKind::geometry("a depth image: a PNG file with 16 bits of gray");
 
@@ -48,6 +54,12 @@ pub(super) fn surface(folder: &Path, scale: Option<f64>) -> Result<(TriangleMesh
         let depths = png::gray16_values(&file, &IMAGE.read(path)?, size)?;
         frames.push(frame(index, camera, &depths, scale.unwrap_or(UNIT_M)));
     }
+    let contradicting = contradicting(&cameras, &frames);
+    if contradicting > MOST_CONTRADICTING {
+        let found = format!("{:.0} % of what some images show where others see nothing", contradicting * 100.0);
+        let expected = "the poses of the cameras in the frame of the object, X_RC, not their inverses";
+        return Err(InputError::new(rig.display(), "cameras", found, expected));
+    }
     let scan = ReferenceScan { cameras, frames };
     let reference = ReferenceModel::from_scan(&scan, &Config::default());
     let findings = vec![format!("{named}: {} depth images", images.len())];
@@ -65,6 +77,33 @@ fn frame(index: usize, camera: &CameraModel, depths: &[u16], unit_m: f64) -> Dep
     };
     let mask = Some(depth_m.iter().enumerate().map(is_object).collect());
     DepthFrame { camera: index, capture_s: 0.0, window, depth_m, mask }
+}
+
+/// The fraction of what cameras see that others look through, where they see anything there.
+fn contradicting(cameras: &[CameraModel], frames: &[DepthFrame]) -> f64 {
+    let (mut seen, mut through) = (0usize, 0usize);
+    for (camera, frame) in cameras.iter().zip(frames) {
+        let step = frame.depth_m.len().div_ceil(COMPARED).max(1);
+        for (i, depth_m) in frame.depth_m.iter().enumerate().step_by(step) {
+            let p_R = camera.X_WC * camera.back_project(&frame.window.pixel_centre(i), f64::from(*depth_m));
+            if depth_m.is_nan() || nalgebra::distance(&p_R, &Point3::origin()) > OBJECT_WITHIN_M {
+                continue;
+            }
+            for (other, image) in cameras.iter().zip(frames).filter(|it| !std::ptr::eq(it.0, camera)) {
+                let p_C = other.X_WC.inverse() * p_R;
+                let pixel = other.project(&p_C).filter(|uv| uv.x >= 0.0 && uv.y >= 0.0);
+                let at = pixel.map(|uv| [uv.x as usize, uv.y as usize]);
+                let at = at.filter(|[x, y]| *x < other.width_px as usize && *y < other.height_px as usize);
+                let Some([x, y]) = at else { continue };
+                let there_m = f64::from(image.depth_m[y * other.width_px as usize + x]);
+                if !there_m.is_nan() {
+                    seen += 1;
+                    through += usize::from(there_m > p_C.z + THROUGH_M);
+                }
+            }
+        }
+    }
+    if seen == 0 { 0.0 } else { through as f64 / seen as f64 }
 }
 
 /// Depths in metres, NaN where there are none, each the mean of those around it that lie on a line through it: steps and noise would turn

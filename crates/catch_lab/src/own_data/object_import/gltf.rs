@@ -2,111 +2,54 @@
 //!
 //! Lengths are in metres and y points up, as the format says; what is read has z up, as descriptions of robots mean such files.
 
+use std::{borrow::Cow, collections::HashMap, rc::Rc};
+
 use base64::{Engine, prelude::BASE64_STANDARD};
-use catch_body::{InputError, TriangleMesh};
+use catch_body::{
+    InputError, TriangleMesh,
+    document::{Document, Harmless, Node},
+    mesh_file::MOST_TRIANGLES,
+    quantity::Quantity,
+};
 use nalgebra::{Matrix4, Point3, Quaternion, UnitQuaternion, Vector3};
-use serde::Deserialize;
+
+use super::gltf_accessor::{Buffers, rows};
 
 /// Nodes may be nested this deep.
 const DEEPEST: usize = 64;
 /// Nodes of a scene, instances counted each time.
 const MOST_VISITS: usize = 10_000;
-/// Triangles of all instances together.
-const MOST_TRIANGLES: usize = 8_000_000;
-/// Vertices of a primitive.
-const MOST_VERTICES: usize = 24_000_000;
 /// Content of GLB files: its first bytes, and the kinds of its parts.
 const MAGIC: &[u8] = b"glTF";
 const JSON: &[u8] = b"JSON";
 const BINARY: &[u8] = b"BIN\0";
+/// Numbers of transformations and weights.
+const NUMBER: Quantity = Quantity { least: -1e12, most: 1e12, unit: "" };
+/// Indices of what a document has, and lengths in bytes.
+pub(super) const INDEX: Quantity = Quantity { least: 0.0, most: 4e9, unit: "" };
 
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
-struct Document {
-    #[serde(default)]
-    scene: usize,
-    #[serde(default)]
-    scenes: Vec<Scene>,
-    #[serde(default)]
-    nodes: Vec<Node>,
-    #[serde(default)]
-    meshes: Vec<Mesh>,
-    #[serde(default)]
-    accessors: Vec<Accessor>,
-    #[serde(default)]
-    buffer_views: Vec<BufferView>,
-    #[serde(default)]
-    buffers: Vec<Buffer>,
-    #[serde(default)]
-    extensions_required: Vec<String>,
-}
-
-#[derive(Deserialize)]
-struct Scene {
-    #[serde(default)]
-    nodes: Vec<usize>,
-}
-
-#[derive(Deserialize)]
-struct Node {
-    mesh: Option<usize>,
-    #[serde(default)]
-    children: Vec<usize>,
-    matrix: Option<[f64; 16]>,
-    translation: Option<[f64; 3]>,
-    rotation: Option<[f64; 4]>,
-    scale: Option<[f64; 3]>,
-}
-
-#[derive(Deserialize)]
-struct Mesh {
-    primitives: Vec<Primitive>,
-}
-
-#[derive(Deserialize)]
-struct Primitive {
-    attributes: Attributes,
-    indices: Option<usize>,
-    mode: Option<u32>,
-}
-
-#[derive(Deserialize)]
-struct Attributes {
-    #[serde(rename = "POSITION")]
-    position: Option<usize>,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
-struct Accessor {
-    buffer_view: Option<usize>,
-    #[serde(default)]
-    byte_offset: usize,
-    component_type: u32,
-    count: usize,
-    #[serde(rename = "type")]
-    kind: String,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
-struct BufferView {
-    buffer: usize,
-    #[serde(default)]
-    byte_offset: usize,
-    byte_length: usize,
-    byte_stride: Option<usize>,
-}
-
-#[derive(Deserialize)]
-struct Buffer {
-    uri: Option<String>,
-}
+/// What draws, moves or is said about a mesh.
+const HARMLESS: Harmless = &[
+    (
+        "",
+        &["asset", "materials", "textures", "images", "samplers", "cameras", "animations", "extensionsUsed", "extensions"],
+    ),
+    ("nodes", &["camera"]),
+    ("primitives", &["material"]),
+    ("attributes", &["NORMAL", "TANGENT", "TEXCOORD_0", "TEXCOORD_1", "TEXCOORD_2", "TEXCOORD_3", "COLOR_0", "COLOR_1"]),
+    ("targets", &["NORMAL", "TANGENT", "TEXCOORD_0", "TEXCOORD_1", "COLOR_0"]),
+    ("accessors", &["min", "max", "normalized"]),
+    ("bufferViews", &["target"]),
+    ("extensions", &["KHR_materials_variants", "KHR_lights_punctual", "MSFT_lod", "KHR_node_visibility"]),
+    ("*", &["name", "extras"]),
+];
+/// Required extensions of materials, textures and lights.
+const OF_MATERIALS: [&str; 5] = ["KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "ADOBE_materials_"];
 
 /// Reads the bytes of a file; `file` names it in errors, and `load` reads what lies beside it.
 ///
 /// # Errors
-/// If it is no glTF 2.0, is compressed, refers to what is not there, or has no triangle.
+/// If it is no glTF 2.0, has what changes its shape and is not read, refers to what is not there, or has no triangle.
 pub fn read(
     file: &str,
     bytes: &[u8],
@@ -119,31 +62,48 @@ pub fn read(
     } else {
         (bytes, None)
     };
-    let document: Document =
-        serde_json::from_slice(json).map_err(|it| fault("content", &it.to_string(), "a glTF 2.0 document"))?;
-    // Extensions of materials and textures change no shape.
-    let reshaping = ["draco", "meshopt", "quantization"];
-    if let Some(name) = document.extensions_required.iter().find(|it| reshaping.iter().any(|word| it.contains(word))) {
-        let expected = "a file without it: `gltf-transform copy` or Blender's export without compression writes one";
-        return Err(fault("extensionsRequired", name, expected));
+    let document = Document::from_json(file, json)?;
+    let root = document.root();
+    for name in root.child("extensionsRequired").into_iter().flat_map(Node::items) {
+        if !OF_MATERIALS.iter().any(|it| name.text().starts_with(it)) {
+            let expected = "a file without it: `gltf-transform copy` or Blender's export without compression writes one";
+            return Err(fault("extensionsRequired", name.text(), expected));
+        }
     }
-    let buffers = document.buffers.iter().map(|buffer| match &buffer.uri {
-        None => Ok(binary.unwrap_or_default().to_vec()),
-        Some(uri) => match uri.strip_prefix("data:").and_then(|it| it.split_once(";base64,")) {
-            Some((_, text)) => {
-                BASE64_STANDARD.decode(text).map_err(|it| fault("buffers", &it.to_string(), "data in base64"))
-            }
-            None => load(&unescaped(uri)),
-        },
-    });
-    let buffers = buffers.collect::<Result<Vec<_>, _>>()?;
-    let mut reader = Reader { document: &document, buffers, mesh: TriangleMesh::default(), visits: 0 };
+    let list = |name| root.child(name).into_iter().flat_map(Node::items).collect::<Vec<_>>();
+    let mut buffers = Vec::new();
+    for buffer in list("buffers") {
+        let length = buffer.child("byteLength").map(|it| it.number(INDEX)).transpose()?;
+        let bytes: Cow<[u8]> = match buffer.child("uri").map(Node::text) {
+            None => Cow::Borrowed(binary.unwrap_or_default()),
+            Some(uri) => match uri.strip_prefix("data:").and_then(|it| it.split_once(";base64,")) {
+                Some((_, text)) => {
+                    BASE64_STANDARD.decode(text).map_err(|it| fault("buffers", &it.to_string(), "data in base64"))?.into()
+                }
+                None => load(&unescaped(uri))?.into(),
+            },
+        };
+        if length.is_some_and(|it| it > bytes.len() as f64) {
+            return Err(buffer.fault(format!("{} bytes", bytes.len()), "as many as its byteLength says"));
+        }
+        buffers.push(bytes);
+    }
+    let buffers = Buffers { views: list("bufferViews"), accessors: list("accessors"), buffers };
+    let mut reader = Reader {
+        file,
+        nodes: list("nodes"),
+        meshes: list("meshes"),
+        buffers,
+        known: HashMap::new(),
+        mesh: TriangleMesh::default(),
+        visits: 0,
+    };
     let y_up = Matrix4::new_rotation(Vector3::x() * std::f64::consts::FRAC_PI_2);
-    let roots = document.scenes.get(document.scene).map(|it| it.nodes.clone());
-    // Without a scene all that is there is shown.
-    let roots = roots.unwrap_or_else(|| (0..document.nodes.len()).collect());
-    let placed = roots.into_iter().try_for_each(|root| reader.node(root, &y_up, 0));
-    placed.map_err(|found| fault("content", &found, "triangles in buffers, as glTF 2.0 has them"))?;
+    for node in reader.roots(root)? {
+        reader.node(node, &y_up, 0)?;
+    }
+    reader.leave_out_the_rest();
+    document.finish(&[HARMLESS])?;
     let mesh = reader.mesh;
     if mesh.triangles.is_empty() { Err(fault("meshes", "no triangles", "a surface")) } else { Ok(mesh) }
 }
@@ -177,100 +137,249 @@ fn unescaped(uri: &str) -> String {
 }
 
 struct Reader<'a> {
-    document: &'a Document,
-    buffers: Vec<Vec<u8>>,
+    file: &'a str,
+    nodes: Vec<Node<'a>>,
+    meshes: Vec<Node<'a>>,
+    buffers: Buffers<'a>,
+    /// Primitives that were read, by mesh, primitive and weights of its morph targets.
+    known: HashMap<(usize, usize, Vec<u64>), Rc<TriangleMesh>>,
     mesh: TriangleMesh,
     visits: usize,
 }
 
-impl Reader<'_> {
-    fn node(&mut self, index: usize, X_WP: &Matrix4<f64>, depth: usize) -> Result<(), String> {
-        self.visits += 1;
-        if depth > DEEPEST || self.visits > MOST_VISITS {
-            return Err("nodes without end".into());
+/// The number that a value is, of an entry of a list.
+pub(super) fn index(node: Node) -> Result<usize, InputError> {
+    node.number(INDEX).map(|it| it as usize)
+}
+
+impl<'a> Reader<'a> {
+    /// The nodes of the scene that is shown; of a file without scenes all nodes that are in no other.
+    fn roots(&self, root: Node<'a>) -> Result<Vec<usize>, InputError> {
+        let scenes: Vec<Node> = root.child("scenes").into_iter().flat_map(Node::items).collect();
+        let shown = root.child("scene").map(index).transpose()?;
+        if let Some(missing) = shown.filter(|it| *it >= scenes.len()) {
+            let found = format!("scene {missing} of {}", scenes.len());
+            return Err(InputError::new(self.file, "scene", found, "a scene that is there"));
         }
-        let node = self.document.nodes.get(index).ok_or_else(|| format!("node {index}, which is not there"))?;
-        let X_PN = node.matrix.map_or_else(
-            || {
-                let [x, y, z, w] = node.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
-                let rotation = UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 1e-9).unwrap_or_default();
-                let scale = Vector3::from(node.scale.unwrap_or([1.0; 3]));
-                let offset = Vector3::from(node.translation.unwrap_or_default());
-                Matrix4::new_translation(&offset) * rotation.to_homogeneous() * Matrix4::new_nonuniform_scaling(&scale)
-            },
-            |columns| Matrix4::from_column_slice(&columns),
-        );
-        let X_WN = X_WP * X_PN;
-        if let Some(mesh) = node.mesh {
-            let mesh = self.document.meshes.get(mesh).ok_or_else(|| format!("mesh {mesh}, which is not there"))?;
-            mesh.primitives.iter().try_for_each(|it| self.primitive(it, &X_WN))?;
+        if scenes.len() > 1 && shown.is_none() {
+            let found = format!("{} scenes, and none that is shown", scenes.len());
+            return Err(InputError::new(self.file, "scene", found, "the number of one of them"));
         }
-        node.children.iter().try_for_each(|child| self.node(*child, &X_WN, depth + 1))
+        for (i, scene) in scenes.iter().enumerate() {
+            if i != shown.unwrap_or(0) {
+                scene.leave_out();
+            }
+        }
+        let indices = |of: Node<'a>, name| of.child(name).into_iter().flat_map(Node::items).map(index).collect();
+        if let Some(scene) = scenes.get(shown.unwrap_or(0)) {
+            return indices(*scene, "nodes");
+        }
+        let mut is_child = vec![false; self.nodes.len()];
+        for node in &self.nodes {
+            let children: Vec<usize> = indices(*node, "children")?;
+            children.iter().filter(|it| **it < self.nodes.len()).for_each(|it| is_child[*it] = true);
+        }
+        let roots: Vec<usize> = (0..self.nodes.len()).filter(|it| !is_child[*it]).collect();
+        if roots.is_empty() && !self.nodes.is_empty() {
+            return Err(InputError::new(self.file, "nodes", "nodes without end", "a node that is in no other"));
+        }
+        Ok(roots)
     }
 
-    fn primitive(&mut self, primitive: &Primitive, X_WN: &Matrix4<f64>) -> Result<(), String> {
-        let Some(position) = primitive.attributes.position else { return Ok(()) };
-        let vertices = self.rows(position, "VEC3")?;
-        let vertices: Vec<Point3<f64>> =
-            vertices.as_chunks::<3>().0.iter().map(|it| X_WN.transform_point(&Point3::from(*it))).collect();
-        if vertices.iter().any(|it| !it.coords.iter().all(|value| value.is_finite())) {
-            return Err("a vertex that is not finite".into());
+    fn node(&mut self, number: usize, X_WP: &Matrix4<f64>, depth: usize) -> Result<(), InputError> {
+        let fault = |found: String, expected: &str| InputError::new(self.file, "nodes", found, expected);
+        self.visits += 1;
+        if depth > DEEPEST || self.visits > MOST_VISITS {
+            return Err(fault("nodes without end".into(), "at most some thousand, each in one other"));
         }
-        let corners: Vec<u32> = match primitive.indices {
-            Some(indices) => self.rows(indices, "SCALAR")?.into_iter().map(|it| it as u32).collect(),
-            None => (0..vertices.len() as u32).collect(),
+        let node = *self.nodes.get(number).ok_or_else(|| fault(format!("node {number}"), "a node that is there"))?;
+        let X_PN = match node.child("matrix") {
+            Some(matrix) => Matrix4::from_column_slice(&matrix.numbers::<16>(NUMBER)?),
+            None => {
+                let of = |name, or| node.child(name).map_or(Ok(or), |it| it.numbers::<3>(NUMBER)).map(Vector3::from);
+                let rotation = node.child("rotation").map(|it| it.numbers::<4>(NUMBER)).transpose()?;
+                let [x, y, z, w] = rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
+                let rotation = UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 1e-9).unwrap_or_default();
+                let (offset, scale) = (of("translation", [0.0; 3])?, of("scale", [1.0; 3])?);
+                Matrix4::new_translation(&offset) * rotation.to_homogeneous() * Matrix4::new_nonuniform_scaling(&scale)
+            }
         };
-        if let Some(missing) = corners.iter().find(|it| **it as usize >= vertices.len()) {
-            return Err(format!("vertex {missing} of {}", vertices.len()));
+        let X_WN = X_WP * X_PN;
+        let weights = node.child("weights").map(weights_of).transpose()?;
+        if let Some(number) = node.child("mesh").map(index).transpose()? {
+            let missing = || fault(format!("mesh {number}"), "a mesh that is there");
+            let mesh = *self.meshes.get(number).ok_or_else(missing)?;
+            let own = mesh.child("weights").map(weights_of).transpose()?;
+            let weights = weights.or(own).unwrap_or_default();
+            let primitives = mesh.child("primitives").into_iter().flat_map(Node::items);
+            for (i, primitive) in primitives.enumerate() {
+                self.place((number, i), primitive, &weights, &X_WN)?;
+            }
         }
-        let triangles: Vec<[u32; 3]> = match primitive.mode.unwrap_or(4) {
+        for child in node.child("children").into_iter().flat_map(Node::items) {
+            self.node(index(child)?, &X_WN, depth + 1)?;
+        }
+        Ok(())
+    }
+
+    fn place(
+        &mut self,
+        (mesh, number): (usize, usize),
+        primitive: Node<'a>,
+        weights: &[f64],
+        X_WN: &Matrix4<f64>,
+    ) -> Result<(), InputError> {
+        let key = (mesh, number, weights.iter().map(|it| it.to_bits()).collect());
+        if !self.known.contains_key(&key) {
+            let mesh = self.primitive(primitive, weights)?;
+            self.known.insert(key.clone(), Rc::new(mesh));
+        }
+        let known = self.known[&key].clone();
+        if self.mesh.triangles.len() + known.triangles.len() > MOST_TRIANGLES {
+            let found = "more triangles in all that is shown";
+            return Err(InputError::new(self.file, "meshes", found, format!("at most {MOST_TRIANGLES}")));
+        }
+        let vertices: Vec<Point3<f64>> = known.vertices.iter().map(|it| X_WN.transform_point(it)).collect();
+        if !vertices.iter().all(|it| it.coords.iter().all(|value| value.is_finite())) {
+            return Err(primitive.fault("a vertex that is not finite", "finite numbers"));
+        }
+        let first = self.mesh.vertices.len() as u32;
+        self.mesh.vertices.extend(vertices);
+        self.mesh.triangles.extend(known.triangles.iter().map(|it| it.map(|corner| corner + first)));
+        Ok(())
+    }
+
+    /// The triangles of a primitive with the vertices that they have, moved by its morph targets.
+    fn primitive(&self, primitive: Node<'a>, weights: &[f64]) -> Result<TriangleMesh, InputError> {
+        let mode = primitive.child("mode").map(index).transpose()?.unwrap_or(4);
+        let position = primitive.child("attributes").and_then(|it| it.child("POSITION"));
+        let Some(position) = position.filter(|_| (4..=6).contains(&mode)) else {
+            // Points and lines are no surface.
+            primitive.leave_out();
+            return Ok(TriangleMesh::default());
+        };
+        let mut places = rows(&self.buffers, position, "VEC3")?;
+        for (i, target) in primitive.child("targets").into_iter().flat_map(Node::items).enumerate() {
+            let Some(moved) = target.child("POSITION") else { continue };
+            let weight = weights.get(i).copied().unwrap_or(0.0);
+            let moves = rows(&self.buffers, moved, "VEC3")?;
+            if moves.len() != places.len() {
+                return Err(moved.fault(format!("{} places", moves.len() / 3), "as many as vertices"));
+            }
+            places.iter_mut().zip(&moves).for_each(|(place, by)| *place += weight * by);
+        }
+        let corners: Vec<u32> = match primitive.child("indices") {
+            Some(indices) => rows(&self.buffers, indices, "SCALAR")?.into_iter().map(|it| it as u32).collect(),
+            None => (0..(places.len() / 3) as u32).collect(),
+        };
+        if let Some(missing) = corners.iter().find(|it| **it as usize >= places.len() / 3) {
+            return Err(primitive.fault(format!("vertex {missing} of {}", places.len() / 3), "a vertex that is there"));
+        }
+        let (mut numbers, mut vertices) = (HashMap::new(), Vec::new());
+        let corners: Vec<u32> = corners
+            .into_iter()
+            .map(|it| {
+                *numbers.entry(it).or_insert_with(|| {
+                    let at = 3 * it as usize;
+                    vertices.push(Point3::new(places[at], places[at + 1], places[at + 2]));
+                    vertices.len() as u32 - 1
+                })
+            })
+            .collect();
+        let triangles = match mode {
             4 => corners.as_chunks::<3>().0.to_vec(),
             5 => {
                 let strip = corners.windows(3).enumerate();
                 strip.map(|(i, it)| if i % 2 == 0 { [it[0], it[1], it[2]] } else { [it[1], it[0], it[2]] }).collect()
             }
-            6 => corners.windows(2).skip(1).map(|it| [corners[0], it[0], it[1]]).collect(),
-            _ => return Ok(()),
+            _ => corners.windows(2).skip(1).map(|it| [corners[0], it[0], it[1]]).collect(),
         };
-        if self.mesh.triangles.len() + triangles.len() > MOST_TRIANGLES {
-            return Err(format!("more than {MOST_TRIANGLES} triangles"));
-        }
-        self.mesh.merge(&TriangleMesh { vertices, triangles });
-        Ok(())
+        Ok(TriangleMesh { vertices, triangles })
     }
 
-    /// The numbers of an accessor, row by row.
-    fn rows(&self, accessor: usize, kind: &str) -> Result<Vec<f64>, String> {
-        let missing = || format!("accessor {accessor}, which is not there or has no data");
-        let accessor = self.document.accessors.get(accessor).ok_or_else(missing)?;
-        let view = accessor.buffer_view.and_then(|it| self.document.buffer_views.get(it)).ok_or_else(missing)?;
-        let buffer = self.buffers.get(view.buffer).ok_or_else(missing)?;
-        let view_bytes =
-            view.byte_offset.checked_add(view.byte_length).and_then(|end| buffer.get(view.byte_offset..end));
-        let bytes = view_bytes.and_then(|it| it.get(accessor.byte_offset..));
-        let bytes = bytes.ok_or("a buffer that ends early")?;
-        let (columns, width) = match (kind, accessor.component_type) {
-            ("VEC3", 5126) => (3, 4),
-            ("SCALAR", 5121) => (1, 1),
-            ("SCALAR", 5123) => (1, 2),
-            ("SCALAR", 5125) => (1, 4),
-            (_, other) => return Err(format!("{kind} numbers of type {other}")),
+    /// What the scene does not show is not looked at.
+    fn leave_out_the_rest(&self) {
+        let shown: Vec<usize> = self.known.keys().map(|it| it.0).collect();
+        for (i, mesh) in self.meshes.iter().enumerate() {
+            if !shown.contains(&i) {
+                mesh.leave_out();
+            }
+        }
+        self.buffers.leave_out_unused();
+    }
+}
+
+fn weights_of(node: Node) -> Result<Vec<f64>, InputError> {
+    node.items().map(|it| it.number(NUMBER)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A triangle with corners at 0, x and y, a second position 1 above each, and a value for one corner.
+    fn document(edit: impl Fn(&str) -> String) -> Result<TriangleMesh, InputError> {
+        let mut bytes = Vec::new();
+        for value in [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 5.0, 6.0, 7.0] {
+            bytes.extend(value.to_le_bytes());
+        }
+        bytes.extend([2u8, 0, 0, 0]);
+        let text = format!(
+            r#"{{"asset": {{"version": "2.0"}}, "scene": 0, "scenes": [{{"nodes": [0]}}], "nodes": [{{"mesh": 0}}],
+            "meshes": [{{"primitives": [{{"attributes": {{"POSITION": 0, "NORMAL": 1}}}}]}}],
+            "accessors": [{{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "max": [1, 1, 1]}},
+              {{"bufferView": 1, "componentType": 5126, "count": 3, "type": "VEC3"}}],
+            "bufferViews": [{{"buffer": 0, "byteLength": 36}}, {{"buffer": 0, "byteOffset": 36, "byteLength": 36}},
+              {{"buffer": 0, "byteOffset": 72, "byteLength": 12}}, {{"buffer": 0, "byteOffset": 84, "byteLength": 1}}],
+            "buffers": [{{"byteLength": 88, "uri": "data:;base64,{}"}}]}}"#,
+            BASE64_STANDARD.encode(bytes)
+        );
+        read("a.gltf", edit(&text).as_bytes(), &|_| unreachable!())
+    }
+
+    /// Corners in the format's own axes.
+    fn corners(edit: impl Fn(&str) -> String) -> Vec<[f64; 3]> {
+        let mesh = document(edit).unwrap();
+        mesh.vertices.iter().map(|it| [it.x, it.z, -it.y].map(|value| (value * 1e6).round() / 1e6 + 0.0)).collect()
+    }
+
+    #[test]
+    fn all_that_moves_a_vertex_is_read() {
+        let plain = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        assert_eq!(corners(str::to_owned), plain);
+        let sparse = r#""count": 3, "sparse": {"count": 1, "indices": {"bufferView": 3, "componentType": 5121}, "values": {"bufferView": 2}}, "#;
+        let sparsely = |it: &str| it.replacen("\"count\": 3, ", sparse, 1);
+        assert_eq!(corners(sparsely)[2], [5.0, 6.0, 7.0]);
+        let from_zeros = |it: &str| sparsely(it).replacen("\"bufferView\": 0, \"comp", "\"comp", 1);
+        assert_eq!(corners(from_zeros), [[0.0; 3], [0.0; 3], [5.0, 6.0, 7.0]]);
+        let target = r#""NORMAL": 1}, "targets": [{"POSITION": 1}]"#;
+        let morphed = |it: &str| it.replacen("\"NORMAL\": 1}", target, 1).replacen("}]}],", "}], \"weights\": [0.5]}],", 1);
+        assert_eq!(corners(morphed)[1], [1.0, 0.0, 0.5]);
+        let by_node = |it: &str| morphed(it).replace("[{\"mesh\": 0}]", "[{\"mesh\": 0, \"weights\": [2]}]");
+        assert_eq!(corners(by_node)[1], [1.0, 0.0, 2.0]);
+    }
+
+    #[test]
+    fn without_a_scene_each_node_is_shown_once() {
+        let nodes = "\"nodes\": [{\"children\": [1], \"scale\": [2, 2, 2]}, {\"mesh\": 0}]";
+        let without = |it: &str| {
+            it.replace("\"scene\": 0, \"scenes\": [{\"nodes\": [0]}], ", "").replace("\"nodes\": [{\"mesh\": 0}]", nodes)
         };
-        if accessor.kind != kind || accessor.count > MOST_VERTICES {
-            return Err(format!("{} rows of {}", accessor.count, accessor.kind));
+        assert_eq!(corners(without), [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]]);
+    }
+
+    #[test]
+    fn what_is_not_read_is_refused() {
+        for (from, to, expected) in [
+            ("{\"mesh\": 0}", "{\"mesh\": 0, \"extensions\": {\"EXT_mesh_gpu_instancing\": {}}}", "EXT_mesh_gpu_instancing"),
+            ("{\"mesh\": 0}", "{\"mesh\": 0, \"skin\": 0}", "nodes[0].skin: found `skin`"),
+            ("\"scene\": 0,", "\"extensionsRequired\": [\"XY_new\"], \"scene\": 0,", "extensionsRequired: found XY_new"),
+            ("\"scene\": 0,", "\"scene\": 3,", "scene 3 of 1"),
+            ("\"NORMAL\": 1}", "\"NORMAL\": 1, \"JOINTS_0\": 1}", "JOINTS_0"),
+            ("\"byteLength\": 88", "\"byteLength\": 89", "88 bytes"),
+        ] {
+            let fault = document(|it| it.replacen(from, to, 1)).unwrap_err().to_string();
+            assert!(fault.contains(expected), "{fault}");
         }
-        let stride = view.byte_stride.filter(|it| *it > 0).unwrap_or(columns * width);
-        let mut numbers = Vec::with_capacity(accessor.count.min(bytes.len()) * columns);
-        for row in 0..accessor.count {
-            let start = row.saturating_mul(stride);
-            let row = bytes.get(start..).and_then(|it| it.get(..columns * width)).ok_or("a buffer that ends early")?;
-            numbers.extend(row.chunks_exact(width).map(|it| match *it {
-                [a, b, c, d] if kind == "VEC3" => f64::from(f32::from_le_bytes([a, b, c, d])),
-                [a, b, c, d] => f64::from(u32::from_le_bytes([a, b, c, d])),
-                [a, b] => f64::from(u16::from_le_bytes([a, b])),
-                _ => f64::from(it[0]),
-            }));
-        }
-        Ok(numbers)
     }
 }

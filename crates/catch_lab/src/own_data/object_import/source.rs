@@ -8,6 +8,7 @@ use std::{
 use catch_body::{
     InputError, TriangleMesh,
     description::{Description, Geometry, Link, Shape},
+    document::root_element,
     mesh_file::triangles_from_bytes,
     robot::Inertia,
 };
@@ -17,7 +18,11 @@ use super::{depth_images, gltf, hulls_m3, scan, unit_of};
 use crate::{
     assets::COMMAND_LINE,
     bounded_file::FileKind,
-    own_data::{cloud_file, mesh_paths::resolve},
+    own_data::{
+        cloud_file,
+        mesh_files::{MeshFiles, located},
+        mesh_paths::resolve,
+    },
 };
 
 /// Endings of the files of which a folder may have one, the most telling first.
@@ -42,7 +47,7 @@ const DIRECTIONS: usize = 200;
 /// The most bytes of a mesh: some millions of triangles.
 const MESH: FileKind = FileKind {
     expected: "a mesh: .obj, .stl, .ply, .dae, .gltf or .glb, or a cloud: .ply, .pcd or .xyz",
-    most_bytes: 256 << 20,
+    most_bytes: 64 << 20,
 };
 
 /// The head of a PLY file is no longer.
@@ -101,12 +106,10 @@ impl Source {
         let text = FileKind::text("a description of an object, SDF, URDF or MJCF").read_text(&path)?;
         // Some files declare a version of XML that never was.
         let text = text.replacen("<?xml version=\"0.0\"", "<?xml version=\"1.0\"", 1);
-        let description = if text.contains("<mujoco") {
-            Description::from_mjcf(&file, &text)?
-        } else if text.contains("<sdf") {
-            Description::from_sdf(&file, &text)?
-        } else {
-            Description::from_urdf(&file, &text)?
+        let description = match root_element(&text) {
+            Some("mujoco") => Description::from_mjcf(&file, &text)?,
+            Some("sdf") => Description::from_sdf(&file, &text)?,
+            _ => Description::from_urdf(&file, &text)?,
         };
         let (name, link) = chosen(&description, link)?;
         Self::of_link(&path, &named, name, link)
@@ -121,12 +124,27 @@ impl Source {
             friction: link.friction,
             ..Self::default()
         };
+        let shapes = link.visuals.len() + link.collisions.len();
+        if shapes > MOST_SHAPES {
+            let (field, expected) = (format!("link {name}"), format!("at most {MOST_SHAPES}"));
+            return Err(InputError::new(&source.file, field, format!("{shapes} shapes"), expected));
+        }
         let mut faults = Vec::new();
-        let mut read = |shapes: &[Geometry]| -> Vec<TriangleMesh> {
-            let shapes = shapes.iter().take(MOST_SHAPES).map(|it| placed(path, it));
-            shapes.filter_map(|it| it.map_err(|fault| faults.push(fault)).ok()).flatten().collect()
+        let mut meshes = MeshFiles::new(|named| groups(&located(path, named, MESH.expected)?).map(|(groups, _)| groups));
+        let mut read = |shapes: &[Geometry]| -> Result<Vec<TriangleMesh>, InputError> {
+            let mut all = Vec::new();
+            for shape in shapes {
+                match placed(shape, &mut meshes) {
+                    Ok(groups) => {
+                        meshes.count(&source.file, &groups)?;
+                        all.extend(groups);
+                    }
+                    Err(fault) => faults.push(fault),
+                }
+            }
+            Ok(all)
         };
-        let (visuals, collisions) = (read(&link.visuals), read(&link.collisions));
+        let (visuals, collisions) = (read(&link.visuals)?, read(&link.collisions)?);
         source.findings.extend(faults.iter().map(|it| format!("not read: {it}")));
         let of_visuals = !visuals.is_empty();
         source.surface = merged(if of_visuals { visuals } else { collisions.clone() });
@@ -262,7 +280,10 @@ fn is_cloud(path: &Path, bytes: &[u8]) -> bool {
         "ply" => {
             let head = String::from_utf8_lossy(&bytes[..bytes.len().min(MOST_HEADER_BYTES)]);
             let mut lines = head.lines().take_while(|it| it.trim() != "end_header");
-            !lines.any(|it| it.strip_prefix("element face ").is_some_and(|count| count.trim() != "0"))
+            !lines.any(|it| {
+                let words: Vec<&str> = it.split_whitespace().collect();
+                matches!(words[..], ["element", "face" | "tristrips", count] if count != "0")
+            })
         }
         _ => false,
     }
@@ -295,15 +316,14 @@ fn merged(groups: Vec<TriangleMesh>) -> TriangleMesh {
 }
 
 /// A shape of a link as meshes in the link's frame, the groups of a mesh file apart.
-fn placed(path: &Path, geometry: &Geometry) -> Result<Vec<TriangleMesh>, InputError> {
+fn placed<F>(geometry: &Geometry, meshes: &mut MeshFiles<F>) -> Result<Vec<TriangleMesh>, InputError>
+where
+    F: Fn(&str) -> Result<Vec<TriangleMesh>, InputError>,
+{
     let Shape::Mesh { file: named, scale } = &geometry.shape else {
         return Ok(geometry.surface().into_iter().collect());
     };
-    let missing = || {
-        let found = "no such file below or beside the folders above the description";
-        InputError::new(named, "the file", found, MESH.expected)
-    };
-    let (mut groups, _) = groups(&resolve(path, named).ok_or_else(missing)?)?;
+    let mut groups = (*meshes.get(named)?).clone();
     for vertex in groups.iter_mut().flat_map(|it| &mut it.vertices) {
         *vertex = geometry.X_LS * Point3::from(vertex.coords.component_mul(scale));
     }

@@ -3,8 +3,9 @@
 use std::{collections::BTreeMap, fmt::Write};
 
 use catch_body::{
-    Pose,
-    description::{Chain, ChainJoint},
+    InputError, Pose,
+    description::{Chain, ChainJoint, TreeJoint},
+    quantity,
     robot::Inertia,
     stated::Stated,
 };
@@ -80,9 +81,18 @@ pub struct GivenValues {
 }
 
 impl JointValues {
-    /// What is given by hand comes first, then `joint_limits.yaml`, then the description; the rest is assumed.
-    pub fn of(joint: &ChainJoint, limits: &JointLimitFields, given: &GivenValues) -> Self {
+    /// What is given by hand comes first; of what `joint_limits.yaml` and the description state, the narrower; the rest is assumed.
+    ///
+    /// # Errors
+    /// A range that is none, or in other units; `file` is the description.
+    pub fn of(
+        file: &str,
+        joint: &ChainJoint,
+        limits: &JointLimitFields,
+        given: &GivenValues,
+    ) -> Result<Self, InputError> {
         let joint = &joint.joint;
+        let least = |one: Option<f64>, other: Option<f64>| [one, other].into_iter().flatten().reduce(f64::min);
         let by_hand = |value: Option<f64>, option: &str| {
             let reason = format!("given by {option} when the robot was imported");
             value.map(|value| Stated { value, assumed: Some(reason) })
@@ -90,18 +100,11 @@ impl JointValues {
         let published = |value: Option<f64>| value.map(|value| Stated { value, assumed: None });
         let assumed = |value: f64, reason: &str| Stated { value, assumed: Some(reason.to_owned()) };
 
-        let is_bounded = |range: &[f64; 2]| range.iter().all(|it| it.abs() <= 100.0);
-        let range =
-            limits.lower.zip(limits.upper).map(|(lower, upper)| [lower, upper]).filter(|[low, high]| low < high);
-        let range = range.or(joint.range).filter(is_bounded).map(|value| Stated { value, assumed: None });
-        let range = range.unwrap_or_else(|| Stated {
-            value: [-ENDLESS_RAD, ENDLESS_RAD],
-            assumed: Some("the joint turns without end, or states none: a whole turn either way".into()),
-        });
-        let velocity = published(limits.velocity.or(joint.velocity))
+        let range = range_of(file, joint, limits)?;
+        let velocity = published(least(limits.velocity, joint.velocity))
             .unwrap_or_else(|| assumed(SPEED_RADPS, "the description has none: as arms of this kind have"));
         let acceleration =
-            by_hand(given.acceleration, "--max-acceleration").or(published(limits.acceleration)).unwrap_or_else(|| {
+            by_hand(given.acceleration, "--max-acceleration").or(published(least(limits.acceleration, joint.acceleration))).unwrap_or_else(|| {
                 let reason = format!(
                     "no file has one: full speed within {TO_FULL_SPEED_S} s, as published limits of other arms allow"
                 );
@@ -111,10 +114,34 @@ impl JointValues {
             by_hand(given.rotor_inertia, "--rotor-inertia").or(published(joint.rotor_inertia)).unwrap_or_else(|| {
                 assumed(ROTOR_INERTIA_KGM2, "no file has one: what models of such arms in MuJoCo Menagerie have")
             });
-        let torque = published(limits.effort.or(joint.effort)).unwrap_or_else(|| assumed(UNKNOWN_TORQUE_NM, "unknown"));
-        let jerk = by_hand(given.jerk, "--max-jerk").or(published(limits.jerk));
-        Self { range, velocity, torque, acceleration, jerk, rotor_inertia }
+        let torque = published(least(limits.effort, joint.effort)).unwrap_or_else(|| assumed(UNKNOWN_TORQUE_NM, "unknown"));
+        let jerk = by_hand(given.jerk, "--max-jerk").or(published(least(limits.jerk, joint.jerk)));
+        Ok(Self { range, velocity, torque, acceleration, jerk, rotor_inertia })
     }
+}
+
+/// What all bounds that anybody states leave of a joint's range; where there is none, a whole turn is assumed.
+fn range_of(file: &str, joint: &TreeJoint, limits: &JointLimitFields) -> Result<Stated<[f64; 2]>, InputError> {
+    let field = || format!("joint {}: limit", joint.name);
+    let described = joint.range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+    if let Some(other) = described.iter().find(|it| it.is_finite() && !quantity::JOINT_POSITION_RAD.contains(**it)) {
+        let expected = format!("{}, or type=\"continuous\" without bounds", quantity::JOINT_POSITION_RAD);
+        return Err(InputError::new(file, field(), other, expected));
+    }
+    let lower = described[0].max(limits.lower.unwrap_or(f64::NEG_INFINITY));
+    let upper = described[1].min(limits.upper.unwrap_or(f64::INFINITY));
+    let assumed = match (lower.is_finite(), upper.is_finite()) {
+        (true, true) => None,
+        (false, false) => Some("the joint turns without end, or states none: a whole turn either way"),
+        _ => Some("one end is stated: a whole turn at the other"),
+    };
+    let or = |stated: f64, endless: f64| if stated.is_finite() { stated } else { endless };
+    let value = [or(lower, -ENDLESS_RAD), or(upper, ENDLESS_RAD)];
+    if value[0] < value[1] {
+        return Ok(Stated { value, assumed: assumed.map(str::to_owned) });
+    }
+    let found = format!("from {} to {}", value[0], value[1]);
+    Err(InputError::new(file, field(), found, "lower below upper in all that states bounds; one that is left out is 0"))
 }
 
 /// With three significant digits.
@@ -133,7 +160,9 @@ impl Draft {
         );
         let _ = writeln!(text, "<robot name=\"{}\">", text_in_html(&self.name));
         let base = &self.chain.base;
-        let of_base = base.inertia.filter(Inertia::is_of_a_body).map(|it| inertial(&it)).unwrap_or_default();
+        // The base does not move, so a mass that no part of an arm has is no fault.
+        let is_part = |it: &Inertia| it.is_of_a_body() && quantity::PART_MASS_KG.contains(it.mass);
+        let of_base = base.inertia.filter(is_part).map(|it| inertial(&it)).unwrap_or_default();
         let _ = writeln!(text, "  <link name=\"{}\">\n{of_base}  </link>", text_in_html(&base.links[0]));
         for (joint, inertia) in self.chain.joints.iter().zip(&self.inertias) {
             // What is assumed stands in robot.toml.
@@ -143,19 +172,17 @@ impl Draft {
         let mut parent = &base.links[0];
         for (joint, values) in self.chain.joints.iter().zip(&self.joints) {
             let child = &joint.body.links[0];
-            let kind = if values.range.assumed.is_some() { "continuous" } else { "revolute" };
+            // Other readers need all attributes; which of the values are assumed stands in robot.toml, which goes before them.
             let [lower, upper] = values.range.value;
+            let kind = if [lower, upper] == [-ENDLESS_RAD, ENDLESS_RAD] { "continuous" } else { "revolute" };
             let range =
                 if kind == "revolute" { format!(" lower=\"{lower}\" upper=\"{upper}\"") } else { String::new() };
-            let published = |name: &str, value: &Stated<f64>| {
-                if value.assumed.is_none() { format!(" {name}=\"{}\"", value.value) } else { String::new() }
-            };
-            let (velocity, effort) = (published("velocity", &values.velocity), published("effort", &values.torque));
+            let (velocity, effort) = (values.velocity.value, values.torque.value);
             let axis = joint.joint.axis;
             let _ = writeln!(
                 text,
                 "  <joint name=\"{}\" type=\"{kind}\">\n    <parent link=\"{}\"/>\n    <child link=\"{}\"/>\n    {}\n    \
-                 <axis xyz=\"{} {} {}\"/>\n    <limit{range}{velocity}{effort}/>\n    <dynamics damping=\"{}\"/>\n  </joint>",
+                 <axis xyz=\"{} {} {}\"/>\n    <limit{range} velocity=\"{velocity}\" effort=\"{effort}\"/>\n    <dynamics damping=\"{}\"/>\n  </joint>",
                 text_in_html(&joint.joint.name),
                 text_in_html(parent),
                 text_in_html(child),
@@ -326,6 +353,69 @@ pub fn assumed_inertia(shape: &BodyShape, mass_kg: Option<f64>) -> Inertia {
 /// Limits by joint names; none where the file does not name the joint.
 pub fn limits_of(limits: &BTreeMap<String, JointLimitFields>, name: &str) -> JointLimitFields {
     // Names of joints get prefixes where several robots share a cell.
-    let by_end = || limits.iter().filter(|(key, _)| name.ends_with(key.as_str())).max_by_key(|(key, _)| key.len());
+    let by_end = || limits.iter().filter(|(key, _)| is_joint(key, name)).max_by_key(|(key, _)| key.len());
     limits.get(name).copied().or_else(|| by_end().map(|(_, it)| *it)).unwrap_or_default()
+}
+
+/// Whether an entry of limits is of a joint.
+pub fn is_joint(key: &str, joint: &str) -> bool {
+    !key.is_empty() && joint.ends_with(key)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use catch_body::description::Body;
+    use proptest::prelude::*;
+
+    fn range(described: Option<[f64; 2]>, lower: Option<f64>, upper: Option<f64>) -> Result<[f64; 2], String> {
+        let joint = TreeJoint { range: described, ..TreeJoint::fixed("j".into(), "l") };
+        let joint = ChainJoint { joint, body: Body::default() };
+        let limits = JointLimitFields { lower, upper, ..Default::default() };
+        let values = JointValues::of("a.urdf", &joint, &limits, &GivenValues::default());
+        values.map(|it| it.range.value).map_err(|it| it.to_string())
+    }
+
+    proptest! {
+        /// A limit that anybody states only narrows; what is no range is refused.
+        #[test]
+        fn ranges_lie_within_all_stated_bounds(
+            described in proptest::option::of([-200.0..200.0, -200.0..200.0]),
+            lower in proptest::option::of(-7.0..7.0),
+            upper in proptest::option::of(-7.0..7.0),
+        ) {
+            match range(described, lower, upper) {
+                Ok([low, high]) => {
+                    prop_assert!(low < high && low.abs() <= 100.0 && high.abs() <= 100.0);
+                    let bounds = described.into_iter().chain([
+                        [lower.unwrap_or(f64::NEG_INFINITY), upper.unwrap_or(f64::INFINITY)],
+                    ]);
+                    for [least, most] in bounds {
+                        prop_assert!(least <= low && high <= most);
+                    }
+                }
+                Err(fault) => prop_assert!(fault.starts_with("a.urdf: joint j: limit: found "), "{fault}"),
+            }
+        }
+    }
+
+    #[test]
+    fn bounds_of_all_kinds_are_kept() {
+        let tau = std::f64::consts::TAU;
+        assert_eq!(range(Some([-2.4, 2.3]), None, Some(1.0)), Ok([-2.4, 1.0]));
+        assert_eq!(range(None, None, None), Ok([-tau, tau]));
+        assert_eq!(range(None, Some(-1.0), None), Ok([-1.0, tau]));
+        assert!(range(Some([2.1, -1.9]), None, None).unwrap_err().contains("from 2.1 to -1.9"));
+        assert!(range(Some([0.0, 0.0]), None, None).is_err());
+        assert!(range(Some([-180.0, 180.0]), None, None).unwrap_err().contains("-100 to 100 rad"));
+    }
+
+    #[test]
+    fn the_slowest_and_the_weakest_count() {
+        let joint = TreeJoint { velocity: Some(3.0), effort: Some(50.0), acceleration: Some(4.0), ..TreeJoint::fixed("j".into(), "l") };
+        let joint = ChainJoint { joint, body: Body::default() };
+        let limits = JointLimitFields { velocity: Some(2.0), effort: Some(80.0), ..Default::default() };
+        let values = JointValues::of("a.urdf", &joint, &limits, &GivenValues::default()).unwrap();
+        assert_eq!((values.velocity.value, values.torque.value, values.acceleration.value), (2.0, 50.0, 4.0));
+    }
 }

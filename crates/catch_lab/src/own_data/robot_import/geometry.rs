@@ -10,7 +10,7 @@ use catch_body::{
 };
 use nalgebra::{Point3, Vector3};
 
-use super::super::mesh_paths::resolve;
+use super::super::mesh_files::{MeshFiles, located};
 use crate::bounded_file::FileKind;
 
 /// Shapes of one body at most.
@@ -34,13 +34,27 @@ pub struct BodyShape {
 }
 
 impl BodyShape {
-    /// Reads the shapes of a body that `file` describes, those for collisions if there are any, and fits capsules.
-    pub fn of(file: &Path, body: &Body) -> Self {
+    /// Reads the shapes of a body, those for collisions if there are any, and fits capsules; `file` is the description.
+    ///
+    /// # Errors
+    /// If it has more shapes or triangles than are read.
+    pub fn of<F>(file: &Path, body: &Body, meshes: &mut MeshFiles<F>) -> Result<Self, InputError>
+    where
+        F: Fn(&str) -> Result<Vec<TriangleMesh>, InputError>,
+    {
         let mut shape = Self::default();
+        let file = file.display().to_string();
         for shapes in [&body.collisions, &body.visuals] {
-            for geometry in shapes.iter().take(MOST_SHAPES) {
-                match surface(file, geometry) {
-                    Ok(surface) => shape.surface.merge(&surface),
+            if shapes.len() > MOST_SHAPES {
+                let found = format!("{} shapes", shapes.len());
+                return Err(InputError::new(&file, format!("link {}", body.links[0]), found, format!("at most {MOST_SHAPES}")));
+            }
+            for geometry in shapes {
+                match surface(geometry, meshes) {
+                    Ok(surface) => {
+                        meshes.count(&file, std::slice::from_ref(&surface))?;
+                        shape.surface.merge(&surface);
+                    }
                     Err(fault) => shape.unread.push(fault),
                 }
             }
@@ -49,7 +63,7 @@ impl BodyShape {
             }
         }
         shape.capsules = capsule_fit::enclosing_capsules(&shape.surface).iter().map(rounded_outwards).collect();
-        shape
+        Ok(shape)
     }
 
     /// Whether each triangle of the surface is inside one of the capsules.
@@ -81,21 +95,22 @@ fn rounded_outwards(capsule: &Capsule) -> Capsule {
     Capsule { from, to, radius: ((capsule.radius + moved) * STEPS_PER_M).ceil() / STEPS_PER_M }
 }
 
+/// The surface of the mesh that a description names.
+pub fn read_mesh(file: &Path, named: &str) -> Result<Vec<TriangleMesh>, InputError> {
+    let expected = "a mesh of the description: STL, OBJ or COLLADA (.dae)";
+    let path = located(file, named, expected)?;
+    let bytes = FileKind::geometry(expected).read(&path)?;
+    Ok(vec![surface_from_bytes(&path.display().to_string(), &bytes)?])
+}
+
 /// The surface of a shape in its body's frame.
-fn surface(file: &Path, geometry: &Geometry) -> Result<TriangleMesh, InputError> {
+fn surface<F>(geometry: &Geometry, meshes: &mut MeshFiles<F>) -> Result<TriangleMesh, InputError>
+where
+    F: Fn(&str) -> Result<Vec<TriangleMesh>, InputError>,
+{
     let surface = match &geometry.shape {
         Shape::Mesh { file: named, scale } => {
-            let expected = "a mesh of the description: STL, OBJ or COLLADA (.dae)";
-            let path = resolve(file, named).ok_or_else(|| {
-                InputError::new(
-                    named,
-                    "the file",
-                    "no such file below or beside the folders above the description",
-                    expected,
-                )
-            })?;
-            let bytes = FileKind::geometry(expected).read(&path)?;
-            let mut surface = surface_from_bytes(&path.display().to_string(), &bytes)?;
+            let mut surface = meshes.get(named)?.first().cloned().unwrap_or_default();
             for vertex in &mut surface.vertices {
                 *vertex = geometry.X_LS * Point3::from(vertex.coords.component_mul(scale));
             }

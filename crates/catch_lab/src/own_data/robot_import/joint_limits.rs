@@ -1,11 +1,15 @@
 //! Reads `joint_limits.yaml`, the file beside a robot's description in which MoveIt and drivers keep what URDF cannot say.
 //!
-//! What is read of YAML: nested `key: value` lines, comments, quotes and the tag `!degrees`. That is all that such files use, and a
-//! parser of the whole language would be a dependency for nine numbers a joint.
+//! The tag `!degrees` in front of a number is understood, `null` is what is not given, and a limit only narrows what others state.
 
 use std::collections::BTreeMap;
 
-use catch_body::{InputError, quantity, quantity::Quantity};
+use catch_body::{
+    InputError,
+    document::{Document, Harmless, Node},
+    quantity,
+    quantity::Quantity,
+};
 
 /// Limits of a joint; `None` where the file has none.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -24,97 +28,74 @@ pub struct JointLimitFields {
     pub effort: Option<f64>,
 }
 
-/// Lines of a file at most.
-const MOST_LINES: usize = 20_000;
-/// Tables within tables at most.
-const DEEPEST: usize = 8;
+/// What says nothing about a joint's limits.
+const HARMLESS: Harmless =
+    &[("", &["default_velocity_scaling_factor", "default_acceleration_scaling_factor", "cartesian_limits"])];
 
-/// Limits by the names of their joints.
+/// Limits by the names of their joints, wherever in the document `joint_limits` stands.
 ///
 /// # Errors
-/// A line that is no `key: value`, a number that is none or out of its range.
+/// A line that is no YAML, a number that is none or out of its range, a key that is not known.
 pub fn read(file: &str, text: &str) -> Result<BTreeMap<String, JointLimitFields>, InputError> {
-    let mut joints: BTreeMap<String, Fields> = BTreeMap::new();
-    // The keys that lead to the present line, with their indentation.
-    let mut path: Vec<(usize, String)> = Vec::new();
-    for (i, line) in text.lines().enumerate() {
-        let fault = |found: &str, expected: &str| InputError::new(file, format!("line {}", i + 1), found, expected);
-        if i >= MOST_LINES {
-            return Err(fault("one more line", &format!("at most {MOST_LINES}")));
-        }
-        let content = without_comment(line).trim_end();
-        if content.trim().is_empty() || content.trim() == "---" {
-            continue;
-        }
-        let indentation = content.len() - content.trim_start().len();
-        let key_and_value = content.trim_start().split_once(':').filter(|(key, value)| {
-            !key.starts_with(['-', '{', '[', '&', '*', '\t']) && (value.is_empty() || value.starts_with([' ', '\t']))
-        });
-        let Some((key, value)) = key_and_value else {
-            return Err(fault(&format!("`{}`", short(content.trim())), "`key: value`, one a line"));
-        };
-        while path.last().is_some_and(|(outer, _)| *outer >= indentation) {
-            path.pop();
-        }
-        let (key, value) = (unquoted(key.trim()).to_owned(), value.trim());
-        if value.is_empty() {
-            if path.len() >= DEEPEST {
-                return Err(fault(&format!("`{}`", short(&key)), &format!("tables at most {DEEPEST} deep")));
+    let document = Document::from_yaml(file, text)?;
+    let mut all = BTreeMap::new();
+    let mut waiting = vec![document.root()];
+    while let Some(node) = waiting.pop() {
+        for limits in node.children("joint_limits") {
+            for joint in limits.elements() {
+                all.insert(joint.name().to_owned(), of_joint(joint.read())?);
             }
-            path.push((indentation, key));
-            continue;
         }
-        // `joint_limits: NAME: key: value`, below whatever else.
-        let [.., (_, parent), (_, joint)] = &path[..] else { continue };
-        if parent == "joint_limits" {
-            joints.entry(joint.clone()).or_default().insert(key, (i + 1, value.to_owned()));
-        }
+        // Parameters of nodes have names around them: `/**: ros__parameters: robot_description_planning: …`.
+        waiting.extend(node.elements().filter(|it| it.name() != "joint_limits" && !it.is_list()).filter(|it| holds_limits(*it)).map(Node::read));
     }
-    joints.into_iter().map(|(name, fields)| Ok((name.clone(), limits(file, &name, &fields)?))).collect()
+    document.finish(&[HARMLESS])?;
+    Ok(all)
 }
 
-/// Lines and values by their keys.
-type Fields = BTreeMap<String, (usize, String)>;
+fn holds_limits(node: Node) -> bool {
+    node.descendants().any(|it| it.name() == "joint_limits")
+}
 
-fn limits(file: &str, joint: &str, fields: &Fields) -> Result<JointLimitFields, InputError> {
-    let has = |what: &str| {
-        let said = fields.get(&format!("has_{what}_limits")).map(|(_, value)| value.to_lowercase());
-        said.is_none_or(|it| matches!(it.as_str(), "true" | "yes" | "on"))
+fn of_joint(joint: Node) -> Result<JointLimitFields, InputError> {
+    let value = |key| joint.child(key).filter(|it| !it.is_null());
+    let has = |key| value(key).is_none_or(|it| matches!(&*it.text().to_lowercase(), "true" | "yes" | "on"));
+    let number = |has: bool, key, range: Quantity| {
+        let Some(node) = value(key).filter(|_| has) else { return Ok(None) };
+        let (text, factor) = match node.text().strip_prefix("!degrees") {
+            Some(degrees) => (degrees.trim(), std::f64::consts::PI / 180.0),
+            None => (node.text(), 1.0),
+        };
+        let number = text.parse::<f64>().ok().map(|it| it * factor).filter(|it| range.contains(*it));
+        number.map(Some).ok_or_else(|| node.fault(format!("`{}`", node.text()), range))
     };
-    let number = |what: &str, key: &str, range: Quantity| match fields.get(key) {
-        Some((line, value)) if has(what) => {
-            let (text, factor) = match value.strip_prefix("!degrees") {
-                Some(degrees) => (degrees.trim(), std::f64::consts::PI / 180.0),
-                None => (value.as_str(), 1.0),
-            };
-            let number = unquoted(text).parse::<f64>().ok().map(|it| it * factor).filter(|it| range.contains(*it));
-            let field = format!("line {line}: {joint}.{key}");
-            number.map(Some).ok_or_else(|| InputError::new(file, field, format!("`{}`", short(value)), range))
-        }
-        _ => Ok(None),
+    let has_position = has("has_position_limits");
+    let has_soft = value("has_soft_limits").is_some() && has("has_soft_limits");
+    let range = quantity::JOINT_POSITION_RAD;
+    let narrowed = |one: Option<f64>, other: Option<f64>, pick: fn(f64, f64) -> f64| {
+        [one, other].into_iter().flatten().reduce(pick)
     };
+    let (lower, upper) = (number(has_position, "min_position", range)?, number(has_position, "max_position", range)?);
+    let soft = [number(has_soft, "soft_lower_limit", range)?, number(has_soft, "soft_upper_limit", range)?];
+    if has("angle_wraparound") && value("angle_wraparound").is_some() && (lower.is_some() || upper.is_some()) {
+        return Err(joint.fault("angle_wraparound beside limits of the position", "one of both"));
+    }
+    if has_soft {
+        // Gains of the controller that keeps them.
+        let (_, _) = (value("k_position"), value("k_velocity"));
+    }
+    let acceleration =
+        number(has("has_acceleration_limits"), "max_acceleration", quantity::JOINT_ACCELERATION_RADPS2)?;
+    let deceleration =
+        number(has("has_deceleration_limits"), "max_deceleration", quantity::JOINT_ACCELERATION_RADPS2)?;
     Ok(JointLimitFields {
-        lower: number("position", "min_position", quantity::JOINT_POSITION_RAD)?,
-        upper: number("position", "max_position", quantity::JOINT_POSITION_RAD)?,
-        velocity: number("velocity", "max_velocity", quantity::JOINT_VELOCITY_RADPS)?,
-        acceleration: number("acceleration", "max_acceleration", quantity::JOINT_ACCELERATION_RADPS2)?,
-        jerk: number("jerk", "max_jerk", quantity::JOINT_JERK_RADPS3)?,
-        effort: number("effort", "max_effort", quantity::TORQUE_NM)?,
+        lower: narrowed(lower, soft[0], f64::max),
+        upper: narrowed(upper, soft[1], f64::min),
+        velocity: number(has("has_velocity_limits"), "max_velocity", quantity::JOINT_VELOCITY_RADPS)?,
+        acceleration: narrowed(acceleration, deceleration, f64::min),
+        jerk: number(has("has_jerk_limits"), "max_jerk", quantity::JOINT_JERK_RADPS3)?,
+        effort: number(has("has_effort_limits"), "max_effort", quantity::TORQUE_NM)?,
     })
-}
-
-fn without_comment(line: &str) -> &str {
-    let comment = line.match_indices('#').map(|(at, _)| at).find(|&at| at == 0 || line[..at].ends_with([' ', '\t']));
-    comment.map_or(line, |at| &line[..at])
-}
-
-fn unquoted(text: &str) -> &str {
-    let inner = |quote| text.strip_prefix(quote).and_then(|it| it.strip_suffix(quote));
-    inner('"').or_else(|| inner('\'')).unwrap_or(text)
-}
-
-fn short(text: &str) -> String {
-    text.chars().take(60).collect()
 }
 
 #[cfg(test)]
@@ -139,14 +120,23 @@ mod tests {
     #[test]
     fn faults_are_told_with_their_line() {
         for (text, expected) in [
-            ("joint_limits:\n  a:\n    max_velocity: fast", "line 3: a.max_velocity: found `fast`, expected 0.001 to"),
-            ("joint_limits:\n  a:\n    max_velocity: -1", "line 3: a.max_velocity: found `-1`"),
-            ("joint_limits:\n  - a", "line 2: found `- a`, expected `key: value`"),
-            ("{a: 1}", "line 1: found `{a: 1}`"),
-            ("a:\n b:\n  c:\n   d:\n    e:\n     f:\n      g:\n       h:\n        i:\n", "at most 8 deep"),
+            ("joint_limits:\n  a:\n    max_velocity: fast", "line 3: joint_limits.a.max_velocity: found `fast`, expected 0.001 to"),
+            ("joint_limits:\n  a:\n    max_velocity: -1", "line 3: joint_limits.a.max_velocity: found `-1`"),
+            ("joint_limits:\n  a:\n    max_speed: 1", "line 3: joint_limits.a.max_speed: found `max_speed`, which is not read"),
+            ("{a: 1}", "line 1: a: found `a`, which is not read"),
         ] {
             let fault = read("joint_limits.yaml", text).unwrap_err().to_string();
             assert!(fault.contains(expected), "{fault}");
         }
+    }
+
+    #[test]
+    fn what_yaml_allows_is_read() {
+        let text = "/**:\n  ros__parameters:\n    robot_description_planning:\n      joint_limits:\n        a: {has_velocity_limits: true, max_velocity: 2.0}\n        \
+            b:\n          max_velocity: null\n          max_position: 1\n          max_acceleration: ~\n        c: {max_acceleration: 4, max_deceleration: 3}\n";
+        let limits = read("joint_limits.yaml", text).unwrap();
+        assert_eq!(limits["a"], JointLimitFields { velocity: Some(2.0), ..Default::default() });
+        assert_eq!(limits["b"], JointLimitFields { upper: Some(1.0), ..Default::default() });
+        assert_eq!(limits["c"], JointLimitFields { acceleration: Some(3.0), ..Default::default() });
     }
 }

@@ -1,0 +1,498 @@
+//! Documents of any format as one tree that remembers what its reader asked for.
+//!
+//! A reader asks for elements, attributes and keys by their names. When it is done, [`Document::finish`] walks the tree once more: what
+//! nobody asked for and what stands in no list of harmless names is a fault with its place. So nothing is dropped in silence, in
+//! whatever format ([XML](Document::from_xml), [JSON](Document::from_json), [YAML](Document::from_yaml), [columns](Document::from_columns)).
+
+mod xml;
+mod yaml;
+
+use std::{
+    cell::{Cell, RefCell},
+    collections::{BTreeSet, HashMap},
+    fmt::Display,
+};
+
+use crate::{InputError, quantity::Quantity};
+
+pub use xml::root_element;
+
+/// Elements, attributes, keys and items of a document at most.
+const MOST_PARTS: usize = 2_000_000;
+/// Faults of one document that are told at once.
+const MOST_FAULTS: usize = 12;
+/// Names that an error offers.
+const MOST_NAMES: usize = 24;
+/// Stands for no part.
+const NONE: u32 = u32::MAX;
+
+/// Names that say nothing to this program, by the name of what they stand in; `*` is any, and attributes begin with `@`.
+pub type Harmless = &'static [(&'static str, &'static [&'static str])];
+
+/// A parsed file, and what was asked of it.
+pub struct Document {
+    file: String,
+    /// What its entries are called in errors.
+    format: Format,
+    names: Vec<Box<str>>,
+    by_name: HashMap<Box<str>, u32>,
+    parts: Vec<Part>,
+    /// Names that were asked for, by the name of what they stand in.
+    asked: RefCell<BTreeSet<(u32, &'static str)>>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Format {
+    Xml,
+    Json,
+    Yaml,
+    Columns,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum State {
+    Unread,
+    Read,
+    /// Its attributes are read where other elements of its name are asked for them.
+    ForOthers,
+    LeftOut,
+}
+
+/// An element, an attribute, a key or an item.
+struct Part {
+    name: u32,
+    is_attribute: bool,
+    is_list: bool,
+    line: u32,
+    parent: u32,
+    first_child: u32,
+    last_child: u32,
+    next: u32,
+    text: Box<str>,
+    state: Cell<State>,
+}
+
+impl Document {
+    fn new(file: &str, format: Format) -> Self {
+        Self {
+            file: file.to_owned(),
+            format,
+            names: Vec::new(),
+            by_name: HashMap::new(),
+            parts: Vec::new(),
+            asked: RefCell::default(),
+        }
+    }
+
+    /// A document of JSON.
+    ///
+    /// # Errors
+    /// If it is no JSON, or has too many parts.
+    pub fn from_json(file: &str, bytes: &[u8]) -> Result<Self, InputError> {
+        // What separates values, so that their number is bounded before memory is taken for them.
+        if bytes.iter().filter(|it| matches!(it, b',' | b'[' | b'{')).count() > MOST_PARTS {
+            return Err(too_many(file));
+        }
+        let value: serde_json::Value = serde_json::from_slice(bytes)
+            .map_err(|fault| InputError::new(file, "content", fault, "a document of JSON"))?;
+        let mut document = Self::new(file, Format::Json);
+        let root = document.add(NONE, "", 0)?;
+        document.add_json(root, value)?;
+        Ok(document)
+    }
+
+    fn add_json(&mut self, part: u32, value: serde_json::Value) -> Result<(), InputError> {
+        use serde_json::Value;
+        match value {
+            Value::Object(entries) => {
+                for (key, value) in entries {
+                    let child = self.add(part, &key, 0)?;
+                    self.add_json(child, value)?;
+                }
+            }
+            Value::Array(items) => {
+                self.parts[part as usize].is_list = true;
+                for value in items {
+                    let child = self.add(part, "", 0)?;
+                    self.add_json(child, value)?;
+                }
+            }
+            Value::Null => {}
+            Value::String(text) => self.parts[part as usize].text = text.into(),
+            other => self.parts[part as usize].text = other.to_string().into(),
+        }
+        Ok(())
+    }
+
+    /// The columns of a table as a tree: an entry for each name of a header, whose text is the column's number from zero.
+    ///
+    /// # Errors
+    /// A name twice.
+    pub fn from_columns(file: &str, line: usize, header: &[&str]) -> Result<Self, InputError> {
+        let mut document = Self::new(file, Format::Columns);
+        let root = document.add(NONE, "", line as u32)?;
+        for (i, name) in header.iter().enumerate() {
+            if !name.is_empty() && header[..i].contains(name) {
+                let found = format!("the column `{name}` twice");
+                return Err(InputError::new(file, format!("line {line}"), found, "each column once"));
+            }
+            let column = document.add(root, name, line as u32)?;
+            document.parts[column as usize].text = i.to_string().into();
+        }
+        Ok(document)
+    }
+
+    /// Adds a part behind the last child of `parent`.
+    fn add(&mut self, parent: u32, name: &str, line: u32) -> Result<u32, InputError> {
+        if self.parts.len() >= MOST_PARTS {
+            return Err(too_many(&self.file));
+        }
+        let name = match self.by_name.get(name) {
+            Some(known) => *known,
+            None => {
+                let number = self.names.len() as u32;
+                self.names.push(name.into());
+                self.by_name.insert(name.into(), number);
+                number
+            }
+        };
+        let index = self.parts.len() as u32;
+        self.parts.push(Part {
+            name,
+            is_attribute: false,
+            is_list: false,
+            line,
+            parent,
+            first_child: NONE,
+            last_child: NONE,
+            next: NONE,
+            text: "".into(),
+            state: Cell::new(State::Unread),
+        });
+        if let Some(above) = self.parts.get_mut(parent as usize) {
+            let before = std::mem::replace(&mut above.last_child, index);
+            match self.parts.get_mut(before as usize) {
+                Some(before) => before.next = index,
+                None => self.parts[parent as usize].first_child = index,
+            }
+        }
+        Ok(index)
+    }
+
+    /// The outermost element, which is asked for.
+    pub fn root(&self) -> Node<'_> {
+        self.parts[0].state.set(State::Read);
+        Node { document: self, index: 0 }
+    }
+
+    /// What errors call the file.
+    pub fn file(&self) -> &str {
+        &self.file
+    }
+
+    /// Looks at all that nobody asked for.
+    ///
+    /// # Errors
+    /// What is not among the `harmless` names, each with its place and the names that would be read there.
+    pub fn finish(&self, harmless: &[Harmless]) -> Result<(), InputError> {
+        let mut faults = Vec::new();
+        let mut waiting = vec![self.root()];
+        while let Some(node) = waiting.pop() {
+            for child in node.parts() {
+                if child.part().state.get() == State::LeftOut || harmless.iter().any(|it| child.is_harmless(it)) {
+                    continue;
+                }
+                match child.part().state.get() {
+                    State::Read | State::ForOthers => waiting.push(child),
+                    _ if node.part().state.get() == State::ForOthers && self.is_asked_elsewhere(node, child) => {}
+                    _ if faults.len() < MOST_FAULTS => faults.push(Err::<(), _>(child.unread())),
+                    _ => {}
+                }
+            }
+        }
+        InputError::first_of(faults)
+    }
+
+    /// The first part outside of what is harmless of which `said` has something to say.
+    pub fn first_used<T>(&self, harmless: Harmless, said: impl Fn(Node<'_>) -> Option<T>) -> Option<(Node<'_>, T)> {
+        let mut waiting = vec![self.root()];
+        while let Some(node) = waiting.pop() {
+            if let Some(it) = said(node) {
+                return Some((node, it));
+            }
+            waiting.extend(node.parts().filter(|it| !it.is_harmless(harmless)));
+        }
+        None
+    }
+
+    /// Whether elements of the name of `node` are asked for what `child` is, or none is asked for anything.
+    fn is_asked_elsewhere(&self, node: Node, child: Node) -> bool {
+        let asked = self.asked.borrow();
+        let mut names = asked.iter().filter(|(at, _)| *at == node.kind()).map(|(_, name)| *name).peekable();
+        names.peek().is_none() || names.any(|it| it == child.name())
+    }
+}
+
+fn too_many(file: &str) -> InputError {
+    InputError::new(file, "content", "more elements", format!("at most {MOST_PARTS} elements, attributes and items"))
+}
+
+/// A part of a document.
+#[derive(Clone, Copy)]
+pub struct Node<'d> {
+    document: &'d Document,
+    index: u32,
+}
+
+impl<'d> Node<'d> {
+    fn part(self) -> &'d Part {
+        &self.document.parts[self.index as usize]
+    }
+
+    /// Its name; that of an item of a list is empty.
+    pub fn name(self) -> &'d str {
+        &self.document.names[self.part().name as usize]
+    }
+
+    /// Its text or value, without white space around it.
+    pub fn text(self) -> &'d str {
+        self.part().text.trim()
+    }
+
+    /// Whether it is a key that says nothing: `null`, `~` or nothing at all.
+    pub fn is_null(self) -> bool {
+        self.part().first_child == NONE && matches!(self.text(), "" | "~" | "null" | "Null" | "NULL")
+    }
+
+    /// All within it, asked for or not.
+    fn parts(self) -> impl Iterator<Item = Self> {
+        let of = move |index: u32| (index != NONE).then_some(Self { document: self.document, index });
+        std::iter::successors(of(self.part().first_child), move |it| of(it.part().next))
+    }
+
+    /// The elements within it, none of which is asked for by this.
+    pub fn elements(self) -> impl Iterator<Item = Self> {
+        self.parts().filter(|it| !it.part().is_attribute)
+    }
+
+    /// It, which is asked for from now on.
+    pub fn read(self) -> Self {
+        self.part().state.set(State::Read);
+        self
+    }
+
+    /// Says that it and all within it belongs to what is not used.
+    pub fn leave_out(self) {
+        self.part().state.set(State::LeftOut);
+    }
+
+    /// The number of its name; items of a list are called like the list.
+    fn kind(self) -> u32 {
+        let mut part = self.part();
+        while let Some(above) = self.document.parts.get(part.parent as usize).filter(|it| it.is_list) {
+            part = above;
+        }
+        part.name
+    }
+
+    fn above(self) -> Option<Self> {
+        (self.part().parent != NONE).then(|| Self { index: self.part().parent, ..self })
+    }
+
+    fn ask(self, name: &'static str) {
+        self.document.asked.borrow_mut().insert((self.kind(), name));
+    }
+
+    /// Says that it holds values for other elements of its name: what they are asked for is read here, too.
+    pub fn stands_for_others(self) {
+        self.part().state.set(State::ForOthers);
+    }
+
+    fn named(self, name: &'static str, is_attribute: bool) -> impl Iterator<Item = Self> {
+        self.ask(name);
+        let number = self.document.by_name.get(name).copied();
+        self.parts()
+            .filter(move |it| Some(it.part().name) == number && it.part().is_attribute == is_attribute)
+            .map(Self::read)
+    }
+
+    /// The elements of this name.
+    pub fn children(self, name: &'static str) -> impl Iterator<Item = Self> {
+        self.named(name, false)
+    }
+
+    /// The first element of this name, or the value of this key.
+    pub fn child(self, name: &'static str) -> Option<Self> {
+        self.named(name, false).next()
+    }
+
+    /// Items of a list.
+    pub fn items(self) -> impl Iterator<Item = Self> {
+        self.elements().filter(|it| it.name().is_empty()).map(Self::read)
+    }
+
+    /// Whether it is a list.
+    pub fn is_list(self) -> bool {
+        self.part().is_list
+    }
+
+    /// The value of an attribute.
+    pub fn attribute(self, name: &'static str) -> Option<&'d str> {
+        self.named(name, true).next().map(|it| &*it.part().text)
+    }
+
+    /// Whether there is an attribute of this name, which is asked for by this.
+    pub fn has(self, name: &'static str) -> bool {
+        self.attribute(name).is_some()
+    }
+
+    /// Its attributes, names and values, none of which is asked for by this.
+    pub fn raw_attributes(self) -> impl Iterator<Item = (&'d str, &'d str)> {
+        self.parts().filter(|it| it.part().is_attribute).map(|it| (it.name(), &*it.part().text))
+    }
+
+    /// It and all elements within it, none of which is asked for by this.
+    pub fn descendants(self) -> impl Iterator<Item = Self> {
+        let mut waiting = vec![self];
+        std::iter::from_fn(move || {
+            let node = waiting.pop()?;
+            let first = waiting.len();
+            waiting.extend(node.elements());
+            waiting[first..].reverse();
+            Some(node)
+        })
+    }
+
+    /// The numbers of its text, or of its list.
+    ///
+    /// # Errors
+    /// Another number of them, or one that is none or out of its range.
+    pub fn numbers<const N: usize>(self, range: Quantity) -> Result<[f64; N], InputError> {
+        let of = |text: &str| text.parse::<f64>().ok().filter(|it| range.contains(*it));
+        let numbers: Option<Vec<f64>> = if self.is_list() {
+            self.items().map(|it| of(it.text())).collect()
+        } else {
+            self.text().split_whitespace().map(of).collect()
+        };
+        let fault = || {
+            let expected = if N == 1 { range.to_string() } else { format!("{N} numbers, each {range}") };
+            let listed = || format!("[{}]", self.items().map(Self::text).collect::<Vec<_>>().join(", "));
+            let found = if self.is_list() { listed() } else { format!("`{}`", self.text()) };
+            self.fault(found, expected)
+        };
+        numbers.and_then(|it| it.try_into().ok()).ok_or_else(fault)
+    }
+
+    /// The number that its text is.
+    ///
+    /// # Errors
+    /// As [`numbers`](Self::numbers).
+    pub fn number(self, range: Quantity) -> Result<f64, InputError> {
+        self.numbers(range).map(|[it]| it)
+    }
+
+    /// A fault at its place.
+    pub fn fault(self, found: impl Display, expected: impl Display) -> InputError {
+        InputError::new(&self.document.file, self.place(), found, expected)
+    }
+
+    /// Its line, if that is known, and its path.
+    pub fn place(self) -> String {
+        let mut path = String::new();
+        let mut at = self;
+        while let Some(above) = at.above() {
+            let name = match at.name() {
+                "" => format!("[{}]", above.parts().take_while(|it| it.index != at.index).count()),
+                name => name.to_owned(),
+            };
+            let called = at.parts().find(|it| it.part().is_attribute && it.name() == "name");
+            let called = called.map(|it| format!(" {}", it.part().text)).unwrap_or_default();
+            let dot = if path.is_empty() || path.starts_with('[') { "" } else { "." };
+            path = format!("{name}{called}{dot}{path}");
+            at = above;
+        }
+        if path.is_empty() {
+            path = self.name().to_owned();
+        }
+        match self.part().line {
+            0 => path,
+            line => format!("line {line}: {path}"),
+        }
+    }
+
+    fn is_harmless(self, harmless: Harmless) -> bool {
+        let above = self.above().map_or("", |it| &self.document.names[it.kind() as usize]);
+        let is_this = |name: &&str| match name.strip_prefix('@') {
+            Some(attribute) => self.part().is_attribute && attribute == self.name(),
+            None => !self.part().is_attribute && (*name == "*" || *name == self.name()),
+        };
+        harmless.iter().any(|(parent, names)| (*parent == "*" || *parent == above) && names.iter().any(|it| is_this(it)))
+    }
+
+    /// Says that nobody asked for it, and what would be read in its place.
+    fn unread(self) -> InputError {
+        let Self { document, .. } = self;
+        let parent = self.above().map_or(0, Self::kind);
+        let asked = document.asked.borrow();
+        let names = asked.iter().filter(|(at, _)| *at == parent).map(|(_, name)| *name);
+        let names: Vec<&str> = names.take(MOST_NAMES).collect();
+        let within = &document.names[parent as usize];
+        let found = match (document.format, self.part().is_attribute) {
+            (Format::Xml, true) => format!("the attribute {}=\"{}\"", self.name(), self.part().text),
+            (Format::Xml, false) => format!("<{}>", self.name()),
+            (Format::Columns, _) => format!("the column `{}`", self.name()),
+            _ => format!("`{}`", self.name()),
+        };
+        let what = if names.is_empty() { "nothing".to_owned() } else { names.join(", ") };
+        let place = if within.is_empty() { String::new() } else { format!(" in {within}") };
+        let is_twice = document.format == Format::Xml && !self.part().is_attribute && names.contains(&self.name());
+        if is_twice {
+            return self.fault(format!("{found} once more"), format!("it once{place}"));
+        }
+        self.fault(format!("{found}, which is not read"), format!("without it; what is read{place}: {what}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ANY: Quantity = Quantity { least: -1e9, most: 1e9, unit: "" };
+
+    #[test]
+    fn what_nobody_asks_for_is_told_with_its_place() {
+        let text = "<a>\n  <b name=\"one\" x=\"1\" id=\"7\">\n    <c/>\n  </b>\n  <b name=\"two\"/>\n  <note><deep/></note>\n</a>";
+        let document = Document::from_xml("a.xml", text, "an a").unwrap();
+        let harmless: Harmless = &[("*", &["@id", "note"])];
+        let first = document.root().child("b").unwrap();
+        assert_eq!((first.attribute("name"), first.attribute("y")), (Some("one"), None));
+        let faults = document.finish(&[harmless]).unwrap_err().all();
+        let said: Vec<String> = faults.iter().map(ToString::to_string).collect();
+        assert_eq!(
+            said,
+            [
+                "a.xml: line 5: b two: found <b> once more, expected it once in a",
+                "a.xml: line 2: b one.x: found the attribute x=\"1\", which is not read, expected without it; what is read in b: name, y",
+                "a.xml: line 3: b one.c: found <c>, which is not read, expected without it; what is read in b: name, y"
+            ]
+        );
+        first.attribute("x").unwrap();
+        first.child("c").unwrap();
+        document.root().children("b").for_each(|it| assert!(it.has("name")));
+        document.finish(&[harmless]).unwrap();
+    }
+
+    #[test]
+    fn json_and_columns_are_trees_too() {
+        let document = Document::from_json("a.gltf", br#"{"a": [{"b": 1, "c": [1, 2.5]}], "d": null}"#).unwrap();
+        let item = document.root().child("a").unwrap().items().next().unwrap();
+        assert_eq!(item.child("c").unwrap().numbers::<2>(ANY).unwrap(), [1.0, 2.5]);
+        assert!(document.root().child("d").unwrap().is_null());
+        let fault = document.finish(&[]).unwrap_err().to_string();
+        assert_eq!(fault, "a.gltf: a[0].b: found `b`, which is not read, expected without it; what is read in a: c");
+        let columns = Document::from_columns("a.csv", 1, &["t", "w"]).unwrap();
+        assert_eq!(columns.root().child("t").unwrap().text(), "0");
+        assert!(columns.finish(&[]).unwrap_err().to_string().contains("line 1: w: found the column `w`"));
+        assert!(Document::from_columns("a.csv", 1, &["t", "t"]).is_err());
+    }
+}
