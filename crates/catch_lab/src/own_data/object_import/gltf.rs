@@ -32,11 +32,24 @@ pub(super) const INDEX: Quantity = Quantity { least: 0.0, most: 4e9, unit: "" };
 const HARMLESS: Harmless = &[
     (
         "",
-        &["asset", "materials", "textures", "images", "samplers", "cameras", "animations", "extensionsUsed", "extensions"],
+        &[
+            "asset",
+            "materials",
+            "textures",
+            "images",
+            "samplers",
+            "cameras",
+            "animations",
+            "extensionsUsed",
+            "extensions",
+        ],
     ),
     ("nodes", &["camera"]),
     ("primitives", &["material"]),
-    ("attributes", &["NORMAL", "TANGENT", "TEXCOORD_0", "TEXCOORD_1", "TEXCOORD_2", "TEXCOORD_3", "COLOR_0", "COLOR_1"]),
+    (
+        "attributes",
+        &["NORMAL", "TANGENT", "TEXCOORD_0", "TEXCOORD_1", "TEXCOORD_2", "TEXCOORD_3", "COLOR_0", "COLOR_1"],
+    ),
     ("targets", &["NORMAL", "TANGENT", "TEXCOORD_0", "TEXCOORD_1", "COLOR_0"]),
     ("accessors", &["min", "max", "normalized"]),
     ("bufferViews", &["target"]),
@@ -66,7 +79,8 @@ pub fn read(
     let root = document.root();
     for name in root.child("extensionsRequired").into_iter().flat_map(Node::items) {
         if !OF_MATERIALS.iter().any(|it| name.text().starts_with(it)) {
-            let expected = "a file without it: `gltf-transform copy` or Blender's export without compression writes one";
+            let expected =
+                "a file without it: `gltf-transform copy` or Blender's export without compression writes one";
             return Err(fault("extensionsRequired", name.text(), expected));
         }
     }
@@ -77,9 +91,10 @@ pub fn read(
         let bytes: Cow<[u8]> = match buffer.child("uri").map(Node::text) {
             None => Cow::Borrowed(binary.unwrap_or_default()),
             Some(uri) => match uri.strip_prefix("data:").and_then(|it| it.split_once(";base64,")) {
-                Some((_, text)) => {
-                    BASE64_STANDARD.decode(text).map_err(|it| fault("buffers", &it.to_string(), "data in base64"))?.into()
-                }
+                Some((_, text)) => BASE64_STANDARD
+                    .decode(text)
+                    .map_err(|it| fault("buffers", &it.to_string(), "data in base64"))?
+                    .into(),
                 None => load(&unescaped(uri))?.into(),
             },
         };
@@ -320,7 +335,9 @@ mod tests {
     /// A triangle with corners at 0, x and y, a second position 1 above each, and a value for one corner.
     fn document(edit: impl Fn(&str) -> String) -> Result<TriangleMesh, InputError> {
         let mut bytes = Vec::new();
-        for value in [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 5.0, 6.0, 7.0] {
+        for value in
+            [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 5.0, 6.0, 7.0]
+        {
             bytes.extend(value.to_le_bytes());
         }
         bytes.extend([2u8, 0, 0, 0]);
@@ -353,7 +370,8 @@ mod tests {
         let from_zeros = |it: &str| sparsely(it).replacen("\"bufferView\": 0, \"comp", "\"comp", 1);
         assert_eq!(corners(from_zeros), [[0.0; 3], [0.0; 3], [5.0, 6.0, 7.0]]);
         let target = r#""NORMAL": 1}, "targets": [{"POSITION": 1}]"#;
-        let morphed = |it: &str| it.replacen("\"NORMAL\": 1}", target, 1).replacen("}]}],", "}], \"weights\": [0.5]}],", 1);
+        let morphed =
+            |it: &str| it.replacen("\"NORMAL\": 1}", target, 1).replacen("}]}],", "}], \"weights\": [0.5]}],", 1);
         assert_eq!(corners(morphed)[1], [1.0, 0.0, 0.5]);
         let by_node = |it: &str| morphed(it).replace("[{\"mesh\": 0}]", "[{\"mesh\": 0, \"weights\": [2]}]");
         assert_eq!(corners(by_node)[1], [1.0, 0.0, 2.0]);
@@ -363,7 +381,8 @@ mod tests {
     fn without_a_scene_each_node_is_shown_once() {
         let nodes = "\"nodes\": [{\"children\": [1], \"scale\": [2, 2, 2]}, {\"mesh\": 0}]";
         let without = |it: &str| {
-            it.replace("\"scene\": 0, \"scenes\": [{\"nodes\": [0]}], ", "").replace("\"nodes\": [{\"mesh\": 0}]", nodes)
+            it.replace("\"scene\": 0, \"scenes\": [{\"nodes\": [0]}], ", "")
+                .replace("\"nodes\": [{\"mesh\": 0}]", nodes)
         };
         assert_eq!(corners(without), [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]]);
     }
@@ -371,9 +390,17 @@ mod tests {
     #[test]
     fn what_is_not_read_is_refused() {
         for (from, to, expected) in [
-            ("{\"mesh\": 0}", "{\"mesh\": 0, \"extensions\": {\"EXT_mesh_gpu_instancing\": {}}}", "EXT_mesh_gpu_instancing"),
+            (
+                "{\"mesh\": 0}",
+                "{\"mesh\": 0, \"extensions\": {\"EXT_mesh_gpu_instancing\": {}}}",
+                "EXT_mesh_gpu_instancing",
+            ),
             ("{\"mesh\": 0}", "{\"mesh\": 0, \"skin\": 0}", "nodes[0].skin: found `skin`"),
-            ("\"scene\": 0,", "\"extensionsRequired\": [\"XY_new\"], \"scene\": 0,", "extensionsRequired: found XY_new"),
+            (
+                "\"scene\": 0,",
+                "\"extensionsRequired\": [\"XY_new\"], \"scene\": 0,",
+                "extensionsRequired: found XY_new",
+            ),
             ("\"scene\": 0,", "\"scene\": 3,", "scene 3 of 1"),
             ("\"NORMAL\": 1}", "\"NORMAL\": 1, \"JOINTS_0\": 1}", "JOINTS_0"),
             ("\"byteLength\": 88", "\"byteLength\": 89", "88 bytes"),

@@ -5,7 +5,7 @@ use std::{fs, path::PathBuf};
 use base64::{Engine, engine::general_purpose::STANDARD};
 use catch_body::{Gripper, InputError, TriangleMesh, workcell::Workcell};
 use catch_lab::{
-    assets::{Asset, Kind, Origin},
+    assets::{Asset, Origin},
     evaluation::{Cell, Evaluation, results::Results},
     own_data::{
         object_import::{self, ImportedObject},
@@ -39,7 +39,7 @@ pub fn loads() -> Vec<(String, Load<'static>)> {
     let stands = "parameters:\n  name: a\n  calibration_type: eye_on_base\n  robot_base_frame: base\n  tracking_base_frame: camera\n\
                   transform:\n  translation:\n    x: 1.0\n    y: 0.5\n    z: 1.2\n  rotation:\n    x: 0.0\n    y: 0.0\n    z: 0.0\n    w: 1.0\n";
     loads.push(("camera_info YAML".into(), Box::new(|it| camera_info("c.yaml", &text(it.text(camera))?).map(drop))));
-    loads.push(("hand-eye YAML".into(), Box::new(|it| hand_eye("h.calib", &text(it.text(stands))?).map(drop))));
+    loads.push(("hand-eye YAML".into(), Box::new(|it| hand_eye("h.calib", &text(it.text(stands))?, "base").map(drop))));
     let workcell = read(&root().join("assets/workcells/table_and_fence.toml"));
     loads.push((
         "workcell".into(),
