@@ -200,8 +200,7 @@ impl Config {
     /// What is squeezed where its centre is stays; what has passed with its centre hangs out on the other side. Along the fingers
     /// the centre does not count: the palm may be in its way.
     pub fn contact_lead_s(&self, v_G: &Vector3<f64>, past_G: &Vector3<f64>) -> f64 {
-        let rebound_distance_m =
-            self.palm_rebound_distance_m * (1.0 / self.expected_restitution().max(SOFTEST) - 1.0);
+        let rebound_distance_m = self.palm_rebound_distance_m * (1.0 / self.expected_restitution().max(SOFTEST) - 1.0);
         let palm_travel_m = self.palm_braking_distance_m - rebound_distance_m;
         let braking = self.finger_braking_distance_m * v_G.z.abs() + palm_travel_m * (-v_G.y).max(0.0);
         (past_G.xz().dot(&v_G.xz()) + braking) / v_G.norm_squared().max(1.0)
@@ -297,7 +296,8 @@ impl GraspSet {
         Self { grasps, failures, surface_points, radius_m, symmetry: reference.symmetry, axes }
     }
 
-    /// The distance from the gripper's origin at which the farthest of the grasps holds the object's origin, in metres.
+    /// The distance from the gripper's origin at which the farthest of the grasps holds the object's origin,
+    /// in metres.
     pub fn farthest_held_m(&self) -> f64 {
         self.grasps.iter().map(|grasp| grasp.X_OG.translation.vector.norm()).fold(0.0, f64::max)
     }

@@ -103,7 +103,9 @@ impl PointToPoint<'_> {
         let robot = &self.planner.robot;
         let mut added = [Interval { low: 0.0, high: 0.0 }; MAX_JOINTS];
         let mass_kg = self.planner.config.object_mass_kg;
-        if let Some((mass_kg, inertia)) = mass_kg.and_then(|it| Some((it, self.failures.factor(robot.mass_matrix(&self.q).cholesky())?))) {
+        if let Some((mass_kg, inertia)) =
+            mass_kg.and_then(|it| Some((it, self.failures.factor(robot.mass_matrix(&self.q).cholesky())?)))
+        {
             let (angular, linear) = (self.jacobian.fixed_rows::<3>(0), self.jacobian.fixed_rows::<3>(3));
             for side in [-0.5, 0.5] {
                 let finger_W = self.following.map_or(Vector3::zeros(), |(R_WG, _)| {

@@ -222,7 +222,8 @@ impl CatchSearch {
         let LocalFlight { time_s: catch_s, X_WO, V_WO, .. } = *local_flight;
         let q = posture.q;
         let base = Point3::from(self.motion.robot.X_WB.translation.vector);
-        let still_cost = heuristics::rank_alone(0, grasp, &X_WO, &V_WO.linear, &base, &incoming.config.weights).still_cost;
+        let still_cost =
+            heuristics::rank_alone(0, grasp, &X_WO, &V_WO.linear, &base, &incoming.config.weights).still_cost;
         let point_to_point = self.motion.point_to_point((start, incoming), local_flight, X_WG, &q, scaling);
         let point_to_point = PointToPoint { weights: plan.weights, ..point_to_point };
         let joints = self.motion.reaches(start, catch_s - start.time_s, scaling);

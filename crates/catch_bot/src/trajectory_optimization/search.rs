@@ -169,7 +169,7 @@ impl CatchSearch {
         (terminal_velocity, control_points): Reached,
         point_to_point: &PointToPoint,
     ) -> Option<CatchPlan> {
-        let trajectory = 
+        let trajectory =
             self.motion.through(point_to_point.start.time_s, reachable.catch_s, control_points, incoming.failures)?;
         let ReachableCatch { catch_s, approach, X_WG, posture: Posture { q, elbow }, cost, still_cost } = *reachable;
         let spin_radps = terminal_velocity.w_WG.norm();

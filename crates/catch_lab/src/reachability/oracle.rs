@@ -16,8 +16,8 @@ use catch_body::{
     clearance::ArmClearance,
     inverse_kinematics::{ParallelAxesArm, Ranges, SrsArm},
     robot::JointLimits,
-    workcell::FLOOR_Z_M,
     shape::Capsule,
+    workcell::FLOOR_Z_M,
 };
 use catch_sim::FreeFlight;
 use nalgebra::{Point3, Rotation3, Unit, UnitQuaternion, Vector3};

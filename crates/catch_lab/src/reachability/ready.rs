@@ -113,7 +113,8 @@ impl<'a> Corridor<'a> {
             for (true_flight, flight) in &part.flights {
                 let first_s = self.oracle.first_catch_s(true_flight, q, FIRST_ESTIMATE_S, CATCH_INTERVAL_S);
                 within_reach += usize::from(first_s.is_some());
-                let incoming = Incoming { flight, grasps: part.known.grasps(), config: &part.grasping, failures: &failures };
+                let incoming =
+                    Incoming { flight, grasps: part.known.grasps(), config: &part.grasping, failures: &failures };
                 let plan = first_s.and_then(|_| part.known.search().search(&start, &incoming).ok());
                 cost += plan.as_ref().map_or(MISSED, |plan| plan.cost) / throws as f64;
                 if cost > most_cost {

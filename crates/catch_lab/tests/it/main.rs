@@ -9,6 +9,7 @@ mod camera_health;
 mod circles;
 mod frames;
 mod mutations;
+mod numerical_failures;
 mod planning;
 mod play;
 mod prose;

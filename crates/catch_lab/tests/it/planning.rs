@@ -10,8 +10,7 @@ use catch_bot::{
     perception::{ReferenceModel, Symmetry},
     trajectory_optimization::{
         CatchPlan, CatchSearch, Config, Incoming, MotionPlanner, PlanningFailure, Start,
-        failure_counter::FailureCounter, reachability::ReachableSet,
-        retarget::Correction,
+        failure_counter::FailureCounter, reachability::ReachableSet, retarget::Correction,
     },
     trajectory_prediction::FlightTrajectory,
 };

@@ -134,8 +134,13 @@ impl<'a, 's> Pass<'a, 's> {
         *velocity_trials += 1;
         let at = &self.samples[*sample];
         let v_WO = &at.local_flight.V_WO.linear;
-        let point_to_point =
-            motion.point_to_point((start, incoming), &at.local_flight, &ranked.X_WG, &posture.q, motion.moving_scaling());
+        let point_to_point = motion.point_to_point(
+            (start, incoming),
+            &at.local_flight,
+            &ranked.X_WG,
+            &posture.q,
+            motion.moving_scaling(),
+        );
         let bounds = motion.terminal_velocity_bounds(&at.joints, from, &posture.q);
         let Some(terminal_velocity) = bounds.and_then(|bounds| point_to_point.terminal_velocity(&bounds)) else {
             self.failures[ranked.index] += usize::from(*velocity_trials == config.max_velocity_trials);
@@ -165,7 +170,8 @@ impl<'a, 's> Pass<'a, 's> {
         let reachable = ReachableCatch { catch_s, approach, X_WG, posture, cost: node.cost, still_cost };
         let bounds = motion.terminal_velocity_bounds(&at.joints, &start.state.q, &posture.q)?;
         for weights in [TerminalVelocityWeights::BALANCED, TerminalVelocityWeights::STEADY] {
-            let to_catch = motion.point_to_point((start, incoming), &at.local_flight, &X_WG, &posture.q, motion.moving_scaling());
+            let to_catch =
+                motion.point_to_point((start, incoming), &at.local_flight, &X_WG, &posture.q, motion.moving_scaling());
             let to_catch = PointToPoint { weights, ..to_catch };
             let known = (weights == TerminalVelocityWeights::BALANCED).then_some(balanced);
             let Some(terminal_velocity) = known.or_else(|| to_catch.terminal_velocity(&bounds)) else { continue };
