@@ -10,7 +10,8 @@ use crate::{
     shape::{Capsule, Cuboid},
 };
 
-/// Height of the floor in W, in metres. W stands on the floor of every cell: an arm on a pedestal says so by where its base is.
+/// Height of the floor in W, in metres. W stands on the floor of every cell: an arm on a pedestal says so by
+/// where its base is.
 pub const FLOOR_Z_M: f64 = 0.0;
 /// A cell with more obstacles is refused: each costs time in every clearance.
 const MOST_OBSTACLES: usize = 64;

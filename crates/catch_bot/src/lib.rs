@@ -76,7 +76,8 @@ pub struct Report {
     pub numerical_failures: NumericalFailures,
 }
 
-/// How often arithmetic failed where nothing was infeasible: a program that a solver gave up, a matrix that could not be factorized.
+/// How often arithmetic failed where nothing was infeasible: a program that a solver gave up, a matrix that
+/// could not be factorized.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct NumericalFailures {
     /// In trajectory prediction.

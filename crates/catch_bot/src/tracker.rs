@@ -120,8 +120,9 @@ impl Tracker {
         self.sensed.push_back(Sensed { time_s: observation.arm.time_s, q, width_m });
     }
 
-    /// Takes in new images, capture time by capture time, in whatever order they come. Returns the newest pose that they show, if
-    /// any. Where they show that the object was taken for turned over, earlier poses are turned, and there is no flight any more.
+    /// Takes in new images, capture time by capture time, in whatever order they come. Returns the newest
+    /// pose that they show, if any. Where they show that the object was taken for turned over, earlier poses
+    /// are turned, and there is no flight any more.
     pub fn track(
         &mut self,
         frames: &[DepthFrame],
@@ -222,8 +223,8 @@ fn oldest_first(frames: &[DepthFrame]) -> Cow<'_, [DepthFrame]> {
     Cow::Owned(sorted)
 }
 
-/// Adds a pose to those so far, oldest first: images may arrive later than others that were taken after them. Where there are
-/// as many as are remembered, the oldest one is forgotten.
+/// Adds a pose to those so far, oldest first: images may arrive later than others that were taken after them.
+/// Where there are as many as are remembered, the oldest one is forgotten.
 fn remember(poses: &mut Vec<ObjectPose>, pose: ObjectPose) {
     if poses.len() == POSES {
         poses.remove(0);

@@ -61,8 +61,8 @@ pub struct Observation {
     pub arm: ArmState,
     /// The gripper as it reports itself.
     pub gripper: GripperState,
-    /// Depth images that have arrived since the last observation: any number of them or none, in any order; the brain sorts them.
-    /// Their capture times lie in the past by the sensors' latency.
+    /// Depth images that have arrived since the last observation: any number of them or none, in any order;
+    /// the brain sorts them. Their capture times lie in the past by the sensors' latency.
     pub frames: Vec<DepthFrame>,
 }
 

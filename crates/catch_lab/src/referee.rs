@@ -132,12 +132,6 @@ impl Row {
     }
 }
 
-/// What the brain counted in the throw up to its last tick.
-fn numerical_failures(snapshots: &[StateSnapshot]) -> u32 {
-    let last = snapshots.iter().rev().find_map(|it| it.report.as_ref());
-    last.map_or(0, |report| report.numerical_failures.prediction + report.numerical_failures.planning)
-}
-
 /// The origin of the arena's O in the brain's O, which has its origin where the centre of mass would be at uniform density: the object's true
 /// centre of mass, but for bodies as published.
 pub fn true_com_O(setup: &Setup) -> Point3<f64> {
@@ -320,7 +314,7 @@ impl<'a> Evidence<'a> {
             late_trajectories: servo.late_trajectories,
             rejected_trajectories: servo.rejected_trajectories,
             discontinuous_trajectories: servo.discontinuous_trajectories,
-            numerical_failures: numerical_failures(self.snapshots),
+            numerical_failures: measures::numerical_failures(self.snapshots),
             min_self_clearance_m: servo.min_self_clearance_m,
             min_floor_clearance_m: servo.min_floor_clearance_m,
             ..faulty_cameras::counted(self.snapshots)

@@ -54,8 +54,9 @@ impl Controller {
         self.plan.as_ref().is_some_and(|plan| now_s > plan.catch_s - self.config.commit_s)
     }
 
-    /// Learns what became of the trajectories. If the running plan was rejected or lost, the one before it is running again, and
-    /// the gripper closes for that one on `flight`. If there is none it does not close, and opens where it has begun to.
+    /// Learns what became of the trajectories. If the running plan was rejected or lost, the one before it is
+    /// running again, and the gripper closes for that one on `flight`. If there is none it does not close,
+    /// and opens where it has begun to.
     pub fn acknowledge(&mut self, observation: &Observation, flight: Option<&FlightTrajectory>) {
         if !self.sent.acknowledge(&observation.arm, self.config.lost_after_s) {
             return;
@@ -73,7 +74,8 @@ impl Controller {
         });
     }
 
-    /// The command with what takes the place of a rejected plan's gripper moves, unless it has moves of its own.
+    /// The command with what takes the place of a rejected plan's gripper moves, unless it has moves of its
+    /// own.
     pub fn amended(&mut self, command: Command) -> Command {
         let amended = self.amended.take();
         Command { gripper: command.gripper.or(amended), ..command }

@@ -68,7 +68,8 @@ pub struct Progress {
 /// What a catch is planned from.
 #[derive(Debug, Clone, Copy)]
 pub struct Situation<'a> {
-    /// Times of this observation and, if there was one, of the one before that had images, on the cell's clock.
+    /// Times of this observation and, if there was one, of the one before that had images, on the cell's
+    /// clock.
     pub observed_s: (f64, Option<f64>),
     /// When the object was seen first, in seconds on the cell's clock.
     pub first_seen_s: f64,

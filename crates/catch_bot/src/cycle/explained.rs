@@ -35,8 +35,8 @@ impl Explained {
     }
 }
 
-/// The number of the object that explains its images best. All are compared by points or all by silhouettes: by what tells of more
-/// images of the object of which it tells least, and by silhouettes where both do.
+/// The number of the object that explains its images best. All are compared by points or all by silhouettes:
+/// by what tells of more images of the object of which it tells least, and by silhouettes where both do.
 pub fn best(objects: impl Iterator<Item = (usize, Explained)> + Clone) -> Option<usize> {
     let images = |of: fn(&Explained) -> &Mismatches| objects.clone().map(|(_, it)| of(&it).images).min();
     let by_points = images(|it| &it.points) > images(|it| &it.silhouette);

@@ -34,10 +34,11 @@ impl Closing {
         }
     }
 
-    /// How long fingers may go on toward an aperture before they begin to close, to be `object_width_m` apart `contact_in_s` from
-    /// now; zero is the least.
+    /// How long fingers may go on toward an aperture before they begin to close, to be `object_width_m` apart
+    /// `contact_in_s` from now; zero is the least.
     ///
-    /// Whatever the fingers do first, they cannot be there sooner than by closing at once: the time of contact rises with the wait.
+    /// Whatever the fingers do first, they cannot be there sooner than by closing at once: the time of
+    /// contact rises with the wait.
     pub fn wait_s(&self, fingers: Fingers, aperture_m: f64, object_width_m: f64, contact_in_s: f64) -> f64 {
         let contact_s = |wait_s: f64| {
             let Fingers { width_m, rate_mps } = self.after(fingers, aperture_m, wait_s);
@@ -54,12 +55,14 @@ impl Closing {
         high_s
     }
 
-    /// Fingers that have gone toward an aperture for `time_s`, as quickly as they can, to stand there: up to a speed, on at it,
-    /// and down to rest, after braking where they go the other way or too fast to stop in time.
+    /// Fingers that have gone toward an aperture for `time_s`, as quickly as they can, to stand there: up to
+    /// a speed, on at it, and down to rest, after braking where they go the other way or too fast to stop in
+    /// time.
     pub fn after(&self, fingers: Fingers, aperture_m: f64, time_s: f64) -> Fingers {
         let a = self.acceleration_mps2;
         let braking_m = fingers.rate_mps * fingers.rate_mps.abs() / (2.0 * a);
-        // Whatever way the fingers move, they would come to rest here; beyond the aperture they have to come back.
+        // Whatever way the fingers move, they would come to rest here; beyond the aperture they have to come
+        // back.
         let side = (aperture_m - fingers.width_m - braking_m).signum();
         let (far_m, start_mps) = (side * (aperture_m - fingers.width_m), side * fingers.rate_mps);
         // From the speed v up to w and down to rest: s = (w² − v²)/2a + w²/2a.

@@ -296,7 +296,8 @@ impl GraspSet {
         Self { grasps, failures, surface_points, radius_m, symmetry: reference.symmetry, axes }
     }
 
-    /// The distance from the gripper's origin at which the farthest of the grasps holds the object's origin, in metres.
+    /// The distance from the gripper's origin at which the farthest of the grasps holds the object's origin,
+    /// in metres.
     pub fn farthest_held_m(&self) -> f64 {
         self.grasps.iter().map(|grasp| grasp.X_OG.translation.vector.norm()).fold(0.0, f64::max)
     }

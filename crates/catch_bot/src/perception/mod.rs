@@ -231,12 +231,12 @@ pub struct ObjectPose {
     pub points: usize,
     /// Root mean square distance of those points from the reference surface, in metres.
     pub residual_m: f64,
-    /// How badly the object explains the points: the mean square of their residuals in standard deviations. `None` where no depth tells
-    /// its shape.
+    /// How badly the object explains the points: the mean square of their residuals in standard deviations.
+    /// `None` where no depth tells its shape.
     #[serde(default)]
     pub points_mismatch: Option<f64>,
-    /// The same of the silhouette's rays, where these were needed. Known objects are told apart by either, not by one against the
-    /// other.
+    /// The same of the silhouette's rays, where these were needed. Known objects are told apart by either,
+    /// not by one against the other.
     #[serde(default)]
     pub silhouette_mismatch: Option<f64>,
     /// Iterations that it took.

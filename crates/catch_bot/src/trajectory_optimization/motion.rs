@@ -269,9 +269,10 @@ impl MotionPlanner {
 
     /// The same from one time until another, the gripper `width_m` open.
     ///
-    /// At the times that are looked at, `clearance_m` is kept, and half of it between them: no two of its parts approach each other
-    /// faster than Σ |q̇ᵢ|·rᵢ, rᵢ being how far the arm and what it holds can extend beyond joint i. From a clearance d there is
-    /// none smaller than zero for a time of d over that speed.
+    /// At the times that are looked at, `clearance_m` is kept, and half of it between them: no two of its
+    /// parts approach each other faster than Σ |q̇ᵢ|·rᵢ, rᵢ being how far the arm and what it holds can
+    /// extend beyond joint i. From a clearance d there is none smaller than zero for a time of d over that
+    /// speed.
     fn keeps_clear(
         &self,
         trajectory: &BSpline,
@@ -297,8 +298,8 @@ impl MotionPlanner {
         }
     }
 
-    /// A bound on the speed at which parts of the arm and what it holds approach each other or the floor, from the hulls of the
-    /// velocities.
+    /// A bound on the speed at which parts of the arm and what it holds approach each other or the floor,
+    /// from the hulls of the velocities.
     fn fastest_mps(&self, spline: &BSpline, held_G: Option<&Cuboid>) -> f64 {
         let mut fastest = JointVector::repeat(1e-6);
         for (i, pair) in spline.control_points.windows(2).enumerate() {
@@ -337,7 +338,8 @@ mod tests {
         MotionPlanner::new(catch_body::Robot::from_files(&files).unwrap(), gripper.unwrap(), Config::default())
     }
 
-    /// Two corners of a bar that sticks out by 0.6 m from the hand, and the arm's own parts, against the bound on their speed.
+    /// Two corners of a bar that sticks out by 0.6 m from the hand, and the arm's own parts, against the
+    /// bound on their speed.
     #[test]
     fn nothing_held_is_faster_than_the_bound() {
         let planner = planner();

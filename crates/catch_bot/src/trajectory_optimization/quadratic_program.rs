@@ -246,8 +246,8 @@ impl ActiveSet {
         }
     }
 
-    /// Whether the normal of a constraint is the combination `r` of the active ones, but for rounding. Where no multiplier can fall
-    /// then, the constraints contradict each other (Farkas' lemma).
+    /// Whether the normal of a constraint is the combination `r` of the active ones, but for rounding. Where
+    /// no multiplier can fall then, the constraints contradict each other (Farkas' lemma).
     fn spans(&self, rows: &[Row], row: &Row, sign: f64, r: &Variables) -> bool {
         let mut rest = row.a * sign;
         for slot in 0..self.count {

@@ -91,7 +91,8 @@ pub struct TerminalVelocity {
 /// in rad/s. The hand follows with the gripper's orientation in W.
 ///
 /// # Errors
-/// If there are none, or not even the direction can be kept where it is hard; or if the program fails numerically.
+/// If there are none, or not even the direction can be kept where it is hard; or if the program fails
+/// numerically.
 pub fn terminal_velocity(
     jacobian: &Jacobian,
     v_WO: &Vector3<f64>,

@@ -44,7 +44,8 @@ proptest! {
         prop_assert!((time_s - contact_in_s).abs() < 1e-4, "after {time_s} s");
     }
 
-    /// On the way to an aperture neither speed nor acceleration is more than the fingers have, and they come to stand there.
+    /// On the way to an aperture neither speed nor acceleration is more than the fingers have, and they come
+    /// to stand there.
     #[test]
     fn fingers_go_to_an_aperture_within_their_limits(
         width_m in 0.0f64..0.1, rate_mps in -0.4f64..0.4, aperture_m in 0.0f64..0.1,

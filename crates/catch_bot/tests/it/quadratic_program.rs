@@ -44,8 +44,8 @@ proptest! {
 }
 
 proptest! {
-    /// However badly conditioned the cost is, a program that a point is known to fulfil is not called infeasible: it is solved, or the
-    /// arithmetic is said to have failed.
+    /// However badly conditioned the cost is, a program that a point is known to fulfil is not called
+    /// infeasible: it is solved, or the arithmetic is said to have failed.
     #[test]
     fn bad_conditioning_is_not_taken_for_infeasibility(
         root in prop::collection::vec(-1.0f64..1.0, MAX_VARIABLES * MAX_VARIABLES),

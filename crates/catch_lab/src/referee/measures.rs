@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::trial::StateSnapshot;
+
 /// How long before the catch predictions are compared with the truth, in seconds.
 pub const LEADS_S: [f64; 5] = [0.5, 0.4, 0.3, 0.2, 0.1];
 
@@ -100,4 +102,10 @@ pub struct Measures {
     /// Cameras that give the images of others, as the brain says.
     #[serde(default)]
     pub swapped_cameras: u32,
+}
+
+/// What the brain counted in the throw up to its last tick.
+pub(super) fn numerical_failures(snapshots: &[StateSnapshot]) -> u32 {
+    let last = snapshots.iter().rev().find_map(|it| it.report.as_ref());
+    last.map_or(0, |report| report.numerical_failures.prediction + report.numerical_failures.planning)
 }

@@ -109,7 +109,8 @@ fn ticks_without_images_repeat_no_search() {
     }
 }
 
-/// The arm declines whatever it is sent, the gripper takes all its moves: nothing will be in the hand, which stays open.
+/// The arm declines whatever it is sent, the gripper takes all its moves: nothing will be in the hand, which
+/// stays open.
 #[test]
 fn a_hand_does_not_close_for_an_arm_that_refuses() {
     for (object, index) in [("tennis_ball", 0), ("banana", 1), ("pill_bottle", 2)] {

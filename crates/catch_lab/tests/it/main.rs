@@ -11,6 +11,7 @@ mod controls;
 mod frames;
 mod knowledge;
 mod mutations;
+mod numerical_failures;
 mod planning;
 mod play;
 mod prose;
