@@ -7,11 +7,10 @@ use serde_json::Value;
 
 use crate::{catchingbot, stderr, stdout};
 
-/// A recording of a throw in `folder`.
+/// A recording of a throw in `folder`, of the paper unless the options name a scenario.
 fn record(folder: &Path, options: &[&str]) -> Value {
-    let output = catchingbot(
-        &[&["catch", "--scenario", "paper", "--json", "--out", folder.to_str().unwrap()], options].concat(),
-    );
+    let scenario = if options.contains(&"--scenario") { &[][..] } else { &["--scenario", "paper"] };
+    let output = catchingbot(&[&["catch", "--json", "--out", folder.to_str().unwrap()], scenario, options].concat());
     assert!(output.status.success(), "{}", stderr(&output));
     serde_json::from_str(&stdout(&output)).unwrap()
 }

@@ -103,6 +103,7 @@ fn the_same_scene_gives_the_same_truth() {
             path: None,
         };
         let mut arena = arena(&ArenaConfig::default(), "banana", &release);
+        arena.disturb_after_contact(1.0);
         let Ok(_) = arena.sense();
         let close = GripperMove { start_s: 0.1, width_m: 0.0, speed_mps: 2.0, force_n: 60.0 };
         let Ok(()) = arena.act(&Command { gripper: Some(vec![close]), ..Default::default() });
@@ -133,16 +134,17 @@ fn the_arm_holds_what_it_has_grasped() {
             path: None,
         };
         let mut arena = arena(&ArenaConfig::default(), object, &release);
+        arena.disturb_after_contact(1.0);
         let Ok(_) = arena.sense();
         let close = GripperMove { start_s: 0.0, width_m: 0.0, speed_mps: 2.0, force_n: 80.0 };
         let Ok(()) = arena.act(&Command { gripper: Some(vec![close]), ..Default::default() });
-        arena.disturb_after_contact(0.9);
-        for _ in 0..150 {
+        for _ in 0..160 {
             let Ok(_) = arena.sense();
         }
         let truth = arena.truth();
+        let contact_s = truth.samples.iter().find(|it| it.contact.gripper()).unwrap().time_s;
         let disturbed_s = truth.disturbed_since_s.unwrap();
-        assert!((0.9..1.1).contains(&disturbed_s), "{object}: disturbed from {disturbed_s} s on");
+        assert!((disturbed_s - contact_s - 1.0).abs() < 1.5e-3, "{object}: {contact_s}, {disturbed_s}");
         let (mut fastest_still, mut fastest_shaken) = (0.0f64, 0.0f64);
         for sample in truth.samples.iter().filter(|sample| sample.time_s > 0.5) {
             assert!(sample.contact.left_finger && sample.contact.right_finger, "{object} at {}", sample.time_s);
