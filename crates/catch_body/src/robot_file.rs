@@ -8,8 +8,8 @@ use serde::Deserialize;
 pub use crate::urdf::ignored_elements;
 use crate::{
     InputError,
-    pose::PoseFields,
     document::Harmless,
+    pose::PoseFields,
     quantity,
     robot::{Inertia, Joint, JointLimits, MAX_JOINTS, Robot},
     shape::Capsule,
@@ -506,7 +506,11 @@ pub(crate) mod tests {
             ("<axis xyz=\"0 0 1\"/>", "<axis xyz=\"0 nan 1\"/>", "joint iiwa_joint_1: axis xyz: found `0 nan 1`"),
             ("<axis xyz=\"0 0 1\"/>", "<axis xyz=\"0 0 0\"/>", "joint iiwa_joint_1: axis xyz"),
             ("<axis xyz=\"0 0 1\"/>", "<mimic joint=\"elbow\"/>", "joint iiwa_joint_1: mimic joint: found elbow"),
-            ("<axis xyz=\"0 0 1\"/>", "<xacro:axis/>", "line 65: joint iiwa_joint_1.xacro:axis: found <xacro:axis>, expected a URDF without xacro"),
+            (
+                "<axis xyz=\"0 0 1\"/>",
+                "<xacro:axis/>",
+                "line 65: joint iiwa_joint_1.xacro:axis: found <xacro:axis>, expected a URDF without xacro",
+            ),
             ("<link name=\"iiwa_link_2\">", "<link name=\"iiwa_link_1\">", "link iiwa_link_1: found the name twice"),
             ("<mass value=\"5\"/>", "<mass value=\"nan\"/>", "link iiwa_link_0: inertial mass value: found `nan`"),
             ("izz=\"0.03\"", "izz=\"0.3\"", "link iiwa_link_0: inertial inertia: found principal moments"),

@@ -32,7 +32,7 @@ pub(crate) const HARMLESS: Harmless = &[
     ("joint", &["calibration", "hardwareInterface", "gazebo", "sensor"]),
     ("dynamics", &["@friction", "@spring_reference", "@spring_stiffness"]),
     ("safety_controller", &["@k_position", "@k_velocity"]),
-    ("mimic", &["@joint", "@multiplier", "@offset"]),
+    ("mimic", &["@multiplier", "@offset"]),
     (
         "*",
         &[
@@ -260,7 +260,8 @@ impl<'a> Element<'a> {
     /// As [`vector`](Self::vector).
     pub fn origin(&self) -> Result<Pose, InputError> {
         let Some(origin) = self.child("origin")? else { return Ok(Pose::identity()) };
-        let or_zero = |name: &'static str, range| if origin.has(name) { origin.vector(name, range) } else { Ok([0.0; 3]) };
+        let or_zero =
+            |name: &'static str, range| if origin.has(name) { origin.vector(name, range) } else { Ok([0.0; 3]) };
         let (xyz, [roll, pitch, yaw]) = (or_zero("xyz", quantity::OFFSET_M)?, or_zero("rpy", quantity::ANGLE_RAD)?);
         Ok(Pose::from_parts(Translation3::from(xyz), UnitQuaternion::from_euler_angles(roll, pitch, yaw)))
     }

@@ -136,7 +136,10 @@ mod tests {
         let pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n";
         fs::write(&path, pointer).unwrap();
         let fault = FileKind::toml("settings").read(&path).unwrap_err().to_string();
-        assert!(fault.contains("found a pointer of Git LFS, expected the file itself, which `git lfs pull`"), "{fault}");
+        assert!(
+            fault.contains("found a pointer of Git LFS, expected the file itself, which `git lfs pull`"),
+            "{fault}"
+        );
         #[cfg(target_os = "linux")]
         for endless in ["/dev/zero", "/dev/stdin"] {
             let fault = kind.read(Path::new(endless)).map(|bytes| bytes.len());

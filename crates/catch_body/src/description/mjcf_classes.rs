@@ -9,7 +9,17 @@ use crate::{InputError, document::Node};
 pub const MAIN: &str = "main";
 /// Elements that all are actuators, whose defaults are one.
 const ACTUATORS: [&str; 11] = [
-    "general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder", "muscle", "adhesion", "dcmotor", "plugin",
+    "general",
+    "motor",
+    "position",
+    "velocity",
+    "intvelocity",
+    "damper",
+    "cylinder",
+    "muscle",
+    "adhesion",
+    "dcmotor",
+    "plugin",
 ];
 
 /// The default classes of a file by their names.
@@ -89,7 +99,9 @@ mod tests {
     fn attributes_are_those_of_the_innermost_class_that_has_them() {
         let classes = r#"<default class="a"><default class="b"><joint axis="1 0 0"/></default>
             <joint axis="0 1 0" armature="0.1"/><general forcerange="-1 1"/></default><joint damping="3"/>"#;
-        let text = format!("<mujoco><default>{classes}</default><default class=\"main\"><joint ref=\"1\"/></default></mujoco>");
+        let text = format!(
+            "<mujoco><default>{classes}</default><default class=\"main\"><joint ref=\"1\"/></default></mujoco>"
+        );
         let document = Document::from_xml("arm.xml", &text, "MJCF").unwrap();
         let classes = Classes::read(document.root()).unwrap();
         let of = |class, name| classes.attribute(class, "joint", name);

@@ -103,7 +103,8 @@ impl<'a> Reader<'a> {
             ("cylinder", &[radius_m, half, ..]) => Shape::Cylinder { radius_m, length_m: 2.0 * half },
             ("capsule", &[radius_m, half, ..]) => Shape::Capsule { radius_m, length_m: 2.0 * half },
             _ => {
-                let expected = "a box, an ellipsoid, a sphere, a cylinder or a capsule with all of its sizes, or a mesh";
+                let expected =
+                    "a box, an ellipsoid, a sphere, a cylinder or a capsule with all of its sizes, or a mesh";
                 return Err(geom.fault(format!("type=\"{kind}\" size=\"{text}\""), expected));
             }
         };
@@ -148,9 +149,7 @@ fn mass_of(geometry: &Geometry, mass: Option<f64>, density: f64) -> Option<Inert
             let com = Point3::from(geometry.X_LS.translation.vector);
             Some(Inertia { mass, com, about_com: Matrix3::zeros() })
         }
-        (_, None) if density == 0.0 => {
-            Some(Inertia { mass: 0.0, com: Point3::origin(), about_com: Matrix3::zeros() })
-        }
+        (_, None) if density == 0.0 => Some(Inertia { mass: 0.0, com: Point3::origin(), about_com: Matrix3::zeros() }),
         _ => None,
     }
 }

@@ -31,27 +31,74 @@ const HARMLESS: Harmless = &[
     (
         "world",
         &[
-            "@name", "physics", "scene", "light", "gravity", "magnetic_field", "atmosphere", "wind", "plugin", "gui",
-            "audio", "spherical_coordinates", "state", "road", "population", "joint", "frame",
+            "@name",
+            "physics",
+            "scene",
+            "light",
+            "gravity",
+            "magnetic_field",
+            "atmosphere",
+            "wind",
+            "plugin",
+            "gui",
+            "audio",
+            "spherical_coordinates",
+            "state",
+            "road",
+            "population",
+            "joint",
+            "frame",
         ],
     ),
     (
         "model",
         &[
-            "static", "self_collide", "allow_auto_disable", "enable_wind", "pose", "joint", "frame", "plugin",
-            "gripper", "@canonical_link", "@placement_frame",
+            "static",
+            "self_collide",
+            "allow_auto_disable",
+            "enable_wind",
+            "pose",
+            "joint",
+            "frame",
+            "plugin",
+            "gripper",
+            "@canonical_link",
+            "@placement_frame",
         ],
     ),
     (
         "link",
         &[
-            "gravity", "enable_wind", "self_collide", "kinematic", "must_be_base_link", "velocity_decay", "pose",
-            "sensor", "light", "audio_source", "audio_sink", "battery", "projector", "particle_emitter", "plugin",
+            "gravity",
+            "enable_wind",
+            "self_collide",
+            "kinematic",
+            "must_be_base_link",
+            "velocity_decay",
+            "pose",
+            "sensor",
+            "light",
+            "audio_source",
+            "audio_sink",
+            "battery",
+            "projector",
+            "particle_emitter",
+            "plugin",
         ],
     ),
     (
         "visual",
-        &["@name", "material", "cast_shadows", "laser_retro", "transparency", "visibility_flags", "meta", "plugin", "lod"],
+        &[
+            "@name",
+            "material",
+            "cast_shadows",
+            "laser_retro",
+            "transparency",
+            "visibility_flags",
+            "meta",
+            "plugin",
+            "lod",
+        ],
     ),
     ("collision", &["@name", "laser_retro", "max_contacts", "surface"]),
     ("mesh", &["@optimization", "convex_decomposition"]),
@@ -90,7 +137,12 @@ impl Description {
             [] => Err(fault("no <model>".into())),
             [_] if description.links.is_empty() => Err(fault("no <link>".into())),
             [_] => Ok(description),
-            _ => Err(InputError::new(file, "sdf", format!("{} models: {}", models.len(), names()), "a file with one of them")),
+            _ => Err(InputError::new(
+                file,
+                "sdf",
+                format!("{} models: {}", models.len(), names()),
+                "a file with one of them",
+            )),
         }
     }
 
@@ -221,8 +273,7 @@ fn pose(node: Node, link: &str) -> Result<Pose, InputError> {
     let per = if matches!(pose.attribute("degrees"), Some("true" | "1")) { 1f64.to_radians() } else { 1.0 };
     let (p, rotation) = match pose.attribute("rotation_format") {
         None | Some("euler_rpy") => {
-            let [x, y, z, roll, pitch, yaw] =
-                if pose.text().is_empty() { [0.0; 6] } else { pose.numbers::<6>(POSE)? };
+            let [x, y, z, roll, pitch, yaw] = if pose.text().is_empty() { [0.0; 6] } else { pose.numbers::<6>(POSE)? };
             let rotation = UnitQuaternion::from_euler_angles(roll * per, pitch * per, yaw * per);
             (Vector3::new(x, y, z), Some(rotation))
         }
@@ -290,24 +341,34 @@ mod tests {
     #[test]
     fn whatever_changes_a_shape_is_read_or_refused() {
         let of = |visual: &str| {
-            let text = format!("<sdf><model name=\"m\"><link name=\"l\"><visual name=\"v\">{visual}</visual></link></model></sdf>");
+            let text = format!(
+                "<sdf><model name=\"m\"><link name=\"l\"><visual name=\"v\">{visual}</visual></link></model></sdf>"
+            );
             Description::from_sdf("a.sdf", &text).map(|it| it.links["l"].visuals[0].clone())
         };
         let ball = "<geometry><sphere><radius>0.1</radius></sphere></geometry>";
         let ellipsoid = of("<geometry><ellipsoid><radii>0.02 0.03 0.06</radii></ellipsoid></geometry>").unwrap();
         assert_eq!(ellipsoid.shape, Shape::Ellipsoid(Vector3::new(0.02, 0.03, 0.06)));
-        let at = of(&format!("<pose relative_to=\"l\" rotation_format=\"quat_xyzw\">0 0 0.1  0 0 1 0</pose>{ball}")).unwrap();
+        let at = of(&format!("<pose relative_to=\"l\" rotation_format=\"quat_xyzw\">0 0 0.1  0 0 1 0</pose>{ball}"))
+            .unwrap();
         assert!((at.X_LS.rotation.angle() - std::f64::consts::PI).abs() < 1e-12);
         for (visual, expected) in [
-            (ball.replace("</sphere>", "</sphere><ellipsoid/>"), "geometry.ellipsoid: found <ellipsoid>, which is not read"),
+            (
+                ball.replace("</sphere>", "</sphere><ellipsoid/>"),
+                "geometry.ellipsoid: found <ellipsoid>, which is not read",
+            ),
             (ball.replace("sphere>", "cone>"), "found <cone>"),
-            ("<geometry><mesh><uri>a.obj</uri><submesh><name>a</name></submesh></mesh></geometry>".into(), "found <submesh>"),
+            (
+                "<geometry><mesh><uri>a.obj</uri><submesh><name>a</name></submesh></mesh></geometry>".into(),
+                "found <submesh>",
+            ),
             (format!("<pose relative_to=\"k\">0 0 0 0 0 0</pose>{ball}"), "relative_to=\"k\""),
         ] {
             let fault = of(&visual).unwrap_err().to_string();
             assert!(fault.contains(expected), "{fault}");
         }
-        let model = |inner: &str| Description::from_sdf("a.sdf", &format!("<sdf><model name=\"m\">{inner}</model></sdf>"));
+        let model =
+            |inner: &str| Description::from_sdf("a.sdf", &format!("<sdf><model name=\"m\">{inner}</model></sdf>"));
         let link = format!("<link name=\"l\"><visual name=\"v\">{ball}</visual></link>");
         assert!(model(&format!("<model name=\"n\">{link}</model>")).unwrap().links.contains_key("n::l"));
         let include = model(&format!("{link}<include><uri>model://a</uri></include>")).unwrap_err().to_string();

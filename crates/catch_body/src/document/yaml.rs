@@ -88,7 +88,9 @@ impl<'a> Reader<'a> {
             self.entry(parent, column, depth)?;
         }
         match self.lines.get(self.at).filter(|it| it.indentation > column) {
-            Some(line) => Err(self.fault(line.number, &quoted(line.content), "a line as far to the left as those above")),
+            Some(line) => {
+                Err(self.fault(line.number, &quoted(line.content), "a line as far to the left as those above"))
+            }
             None => Ok(()),
         }
     }

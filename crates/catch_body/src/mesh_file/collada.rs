@@ -30,13 +30,31 @@ const HARMLESS: Harmless = &[
     (
         "COLLADA",
         &[
-            "@version", "@base", "library_animations", "library_animation_clips", "library_cameras", "library_controllers",
-            "library_effects", "library_force_fields", "library_images", "library_lights", "library_materials",
-            "library_physics_materials", "library_physics_models", "library_physics_scenes", "library_kinematics_models",
-            "library_kinematics_scenes", "library_joints", "library_articulated_systems", "library_formulas",
+            "@version",
+            "@base",
+            "library_animations",
+            "library_animation_clips",
+            "library_cameras",
+            "library_controllers",
+            "library_effects",
+            "library_force_fields",
+            "library_images",
+            "library_lights",
+            "library_materials",
+            "library_physics_materials",
+            "library_physics_models",
+            "library_physics_scenes",
+            "library_kinematics_models",
+            "library_kinematics_scenes",
+            "library_joints",
+            "library_articulated_systems",
+            "library_formulas",
         ],
     ),
-    ("asset", &["contributor", "created", "keywords", "modified", "revision", "subject", "title", "up_axis", "coverage"]),
+    (
+        "asset",
+        &["contributor", "created", "keywords", "modified", "revision", "subject", "title", "up_axis", "coverage"],
+    ),
     ("unit", &["@name"]),
     ("scene", &["instance_physics_scene", "instance_kinematics_scene"]),
     ("visual_scene", &["evaluate_scene"]),
@@ -262,8 +280,11 @@ fn read_positions(source: Node) -> Result<Vec<[f64; 3]>, InputError> {
     let accessor = source.child("technique_common").and_then(|it| it.child("accessor"));
     let number = |name: &'static str, or: usize| accessor.and_then(|it| it.attribute(name)?.parse().ok()).unwrap_or(or);
     let (stride, offset) = (number("stride", 3), number("offset", 0));
-    let axes: Vec<&str> =
-        accessor.into_iter().flat_map(|it| it.children("param")).map(|it| (it.attribute("name"), it.attribute("type")).0.unwrap_or_default()).collect();
+    let axes: Vec<&str> = accessor
+        .into_iter()
+        .flat_map(|it| it.children("param"))
+        .map(|it| (it.attribute("name"), it.attribute("type")).0.unwrap_or_default())
+        .collect();
     if stride < 3 || !(axes.is_empty() || axes.iter().take(3).copied().eq(["X", "Y", "Z"])) {
         return Err(source.fault(format!("places {} with a stride of {stride}", axes.join(", ")), "X, Y, Z"));
     }
@@ -280,7 +301,9 @@ fn transform(node: Node) -> Result<Matrix4<f64>, InputError> {
         "rotate" => {
             let [x, y, z, degrees] = node.read().numbers(NUMBER)?;
             let axis = Unit::try_new(Vector3::new(x, y, z), 1e-9);
-            axis.map_or_else(Matrix4::identity, |axis| Rotation3::from_axis_angle(&axis, degrees.to_radians()).to_homogeneous())
+            axis.map_or_else(Matrix4::identity, |axis| {
+                Rotation3::from_axis_angle(&axis, degrees.to_radians()).to_homogeneous()
+            })
         }
         _ => Matrix4::identity(),
     })

@@ -300,7 +300,8 @@ mod tests {
         let text = HEADER.replace("a square", "before end_header") + body + "4 0 1 2 3\n";
         let ply = PlyFile::from_bytes("a.ply", text.as_bytes()).unwrap();
         assert_eq!(ply.triangles, [[0, 1, 2], [0, 2, 3]]);
-        let strips = HEADER.replace("face", "tristrips").replace("uchar int", "int int") + body + "8 0 1 3 2 -1 0 1 2\n";
+        let strips =
+            HEADER.replace("face", "tristrips").replace("uchar int", "int int") + body + "8 0 1 3 2 -1 0 1 2\n";
         let ply = PlyFile::from_bytes("a.ply", strips.as_bytes()).unwrap();
         assert_eq!(ply.triangles, [[0, 1, 3], [3, 1, 2], [0, 1, 2]]);
     }

@@ -23,7 +23,9 @@ pub(super) fn read(file: &str, bytes: &[u8]) -> Result<Soup, InputError> {
         None => return fault(format!("{} bytes for {count} triangles", bytes.len())),
         Some(_) if count > MOST_TRIANGLES => return fault(format!("more than {MOST_TRIANGLES} triangles")),
         // Writers fill up files; more than that is another solid, or the count is wrong.
-        Some(_) if bytes[end..].len() >= EACH && bytes[end..].iter().any(|it| *it != 0 && !it.is_ascii_whitespace()) => {
+        Some(_)
+            if bytes[end..].len() >= EACH && bytes[end..].iter().any(|it| *it != 0 && !it.is_ascii_whitespace()) =>
+        {
             return fault(format!("{} bytes behind the {count} triangles of the header", bytes.len() - end));
         }
         Some(_) if count == 0 => return fault("no triangles".into()),
@@ -86,8 +88,8 @@ fn text(file: &str, bytes: &[u8]) -> Result<Soup, InputError> {
 
 /// The words of a facet; `#` is a number.
 const WORDS: [&str; 21] = [
-    "facet", "normal", "#", "#", "#", "outer", "loop", "vertex", "#", "#", "#", "vertex", "#", "#", "#", "vertex", "#", "#", "#",
-    "endloop", "endfacet",
+    "facet", "normal", "#", "#", "#", "outer", "loop", "vertex", "#", "#", "#", "vertex", "#", "#", "#", "vertex", "#",
+    "#", "#", "endloop", "endfacet",
 ];
 const FACET: &str = "facet normal, outer loop, three vertices with numbers, endloop, endfacet";
 
@@ -106,7 +108,8 @@ fn facet(words: &[&str]) -> Option<[[f64; 3]; 3]> {
 mod tests {
     use super::*;
 
-    const TRIANGLE: &str = "facet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 1e0 0 0\n  vertex 0 1 0\n endloop\nendfacet\n";
+    const TRIANGLE: &str =
+        "facet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 1e0 0 0\n  vertex 0 1 0\n endloop\nendfacet\n";
 
     fn count(text: &str) -> Result<usize, String> {
         read("a.stl", text.as_bytes()).map(|(_, triangles)| triangles.len()).map_err(|it| it.to_string())

@@ -127,7 +127,8 @@ pub fn parse(file: &str, text: &str) -> Result<(Vec<Sighting>, f64), InputError>
 }
 
 /// What a track is.
-const EXPECTED: &str = "t,x,y,z or t,x,y,z,qx,qy,qz,qw with commas between, in another order below a header with these names";
+const EXPECTED: &str =
+    "t,x,y,z or t,x,y,z,qx,qy,qz,qw with commas between, in another order below a header with these names";
 
 /// Where the time, the place and the quaternion x, y, z, w stand in a row.
 struct Columns(Vec<usize>);
@@ -139,7 +140,8 @@ impl Columns {
 
     /// The columns that a header names: each is one that is read, under a name that others give it.
     fn of_header(file: &str, line: usize, header: &[&str]) -> Result<Self, InputError> {
-        let lower: Vec<String> = header.iter().map(|it| it.to_lowercase().trim_matches(['"', '\'']).to_owned()).collect();
+        let lower: Vec<String> =
+            header.iter().map(|it| it.to_lowercase().trim_matches(['"', '\'']).to_owned()).collect();
         let names: Vec<&str> = lower.iter().map(String::as_str).collect();
         let document = Document::from_columns(file, line, &names)?;
         let root = document.root();

@@ -24,8 +24,8 @@ use catch_body::{
 };
 use nalgebra::{Point3, Translation3};
 
-use crate::{assets::COMMAND_LINE, bounded_file::FileKind, pages::robot_page};
 use super::mesh_files::MeshFiles;
+use crate::{assets::COMMAND_LINE, bounded_file::FileKind, pages::robot_page};
 use draft::{DENSITY_KGPM3, Draft, GivenValues, JointValues, assumed_inertia, is_joint, limits_of, rounded};
 use geometry::BodyShape;
 use joint_limits::JointLimitFields;

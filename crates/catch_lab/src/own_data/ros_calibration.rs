@@ -34,7 +34,12 @@ const HARMLESS: Harmless = &[
     (
         "parameters",
         &[
-            "name", "namespace", "freehand_robot_movement", "move_group", "move_group_namespace", "robot_effector_frame",
+            "name",
+            "namespace",
+            "freehand_robot_movement",
+            "move_group",
+            "move_group_namespace",
+            "robot_effector_frame",
             "tracking_marker_frame",
         ],
     ),
@@ -291,9 +296,19 @@ mod tests {
             (&info, "camera_name: left", "roi: {width: 400, height: 300}", "roi.width: found 400"),
             (&info, "camera_name: left", "header: {frame_id: camera_link}", "header.frame_id: found camera_link"),
             (&info, "camera_name: left", "gain: 2", "gain: found `gain`, which is not read"),
-            (&info, "data: [1.0, 0.0, 0.0, 0.0, 1.0", "data: [0.0, 1.0, 0.0, -1.0, 0.0", "rectification_matrix.data: found a rotation"),
+            (
+                &info,
+                "data: [1.0, 0.0, 0.0, 0.0, 1.0",
+                "data: [0.0, 1.0, 0.0, -1.0, 0.0",
+                "rectification_matrix.data: found a rotation",
+            ),
             (&info, "cols: 4\n  data: [", "cols: 4\n  data: [1", "projection_matrix.data: found"),
-            (&result, "robot_base_frame: base", "robot_base_frame: pedestal", "robot_base_frame: found pedestal, expected base"),
+            (
+                &result,
+                "robot_base_frame: base",
+                "robot_base_frame: pedestal",
+                "robot_base_frame: found pedestal, expected base",
+            ),
             (&result, "left_depth_optical_frame", "camera_link", "tracking_base_frame: found camera_link"),
             (&result, "transform:", "scale: 2\ntransform:", "scale: found `scale`"),
         ] {

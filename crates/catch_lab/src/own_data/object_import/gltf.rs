@@ -13,7 +13,7 @@ use catch_body::{
 };
 use nalgebra::{Matrix4, Point3, Quaternion, UnitQuaternion, Vector3};
 
-use super::gltf_accessor::{Buffers, rows};
+use super::gltf_accessor::{Buffers, index, rows};
 
 /// Nodes may be nested this deep.
 const DEEPEST: usize = 64;
@@ -25,18 +25,29 @@ const JSON: &[u8] = b"JSON";
 const BINARY: &[u8] = b"BIN\0";
 /// Numbers of transformations and weights.
 const NUMBER: Quantity = Quantity { least: -1e12, most: 1e12, unit: "" };
-/// Indices of what a document has, and lengths in bytes.
-pub(super) const INDEX: Quantity = Quantity { least: 0.0, most: 4e9, unit: "" };
 
 /// What draws, moves or is said about a mesh.
 const HARMLESS: Harmless = &[
     (
         "",
-        &["asset", "materials", "textures", "images", "samplers", "cameras", "animations", "extensionsUsed", "extensions"],
+        &[
+            "asset",
+            "materials",
+            "textures",
+            "images",
+            "samplers",
+            "cameras",
+            "animations",
+            "extensionsUsed",
+            "extensions",
+        ],
     ),
     ("nodes", &["camera"]),
     ("primitives", &["material"]),
-    ("attributes", &["NORMAL", "TANGENT", "TEXCOORD_0", "TEXCOORD_1", "TEXCOORD_2", "TEXCOORD_3", "COLOR_0", "COLOR_1"]),
+    (
+        "attributes",
+        &["NORMAL", "TANGENT", "TEXCOORD_0", "TEXCOORD_1", "TEXCOORD_2", "TEXCOORD_3", "COLOR_0", "COLOR_1"],
+    ),
     ("targets", &["NORMAL", "TANGENT", "TEXCOORD_0", "TEXCOORD_1", "COLOR_0"]),
     ("accessors", &["min", "max", "normalized"]),
     ("bufferViews", &["target"]),
@@ -66,28 +77,13 @@ pub fn read(
     let root = document.root();
     for name in root.child("extensionsRequired").into_iter().flat_map(Node::items) {
         if !OF_MATERIALS.iter().any(|it| name.text().starts_with(it)) {
-            let expected = "a file without it: `gltf-transform copy` or Blender's export without compression writes one";
+            let expected =
+                "a file without it: `gltf-transform copy` or Blender's export without compression writes one";
             return Err(fault("extensionsRequired", name.text(), expected));
         }
     }
     let list = |name| root.child(name).into_iter().flat_map(Node::items).collect::<Vec<_>>();
-    let mut buffers = Vec::new();
-    for buffer in list("buffers") {
-        let length = buffer.child("byteLength").map(|it| it.number(INDEX)).transpose()?;
-        let bytes: Cow<[u8]> = match buffer.child("uri").map(Node::text) {
-            None => Cow::Borrowed(binary.unwrap_or_default()),
-            Some(uri) => match uri.strip_prefix("data:").and_then(|it| it.split_once(";base64,")) {
-                Some((_, text)) => {
-                    BASE64_STANDARD.decode(text).map_err(|it| fault("buffers", &it.to_string(), "data in base64"))?.into()
-                }
-                None => load(&unescaped(uri))?.into(),
-            },
-        };
-        if length.is_some_and(|it| it > bytes.len() as f64) {
-            return Err(buffer.fault(format!("{} bytes", bytes.len()), "as many as its byteLength says"));
-        }
-        buffers.push(bytes);
-    }
+    let buffers = list("buffers").into_iter().map(|it| bytes_of(it, binary, load)).collect::<Result<_, _>>()?;
     let buffers = Buffers { views: list("bufferViews"), accessors: list("accessors"), buffers };
     let mut reader = Reader {
         file,
@@ -106,6 +102,26 @@ pub fn read(
     document.finish(&[HARMLESS])?;
     let mesh = reader.mesh;
     if mesh.triangles.is_empty() { Err(fault("meshes", "no triangles", "a surface")) } else { Ok(mesh) }
+}
+
+/// The bytes of a buffer: of the file itself, within the document, or of a file beside it.
+fn bytes_of<'a>(
+    buffer: Node,
+    binary: Option<&'a [u8]>,
+    load: &dyn Fn(&str) -> Result<Vec<u8>, InputError>,
+) -> Result<Cow<'a, [u8]>, InputError> {
+    let length = buffer.child("byteLength").map(index).transpose()?;
+    let bytes: Cow<[u8]> = match buffer.child("uri").map(Node::text) {
+        None => Cow::Borrowed(binary.unwrap_or_default()),
+        Some(uri) => match uri.strip_prefix("data:").and_then(|it| it.split_once(";base64,")) {
+            Some((_, text)) => BASE64_STANDARD.decode(text).map_err(|it| buffer.fault(it, "data in base64"))?.into(),
+            None => load(&unescaped(uri))?.into(),
+        },
+    };
+    if length.is_some_and(|it| it > bytes.len()) {
+        return Err(buffer.fault(format!("{} bytes", bytes.len()), "as many as its byteLength says"));
+    }
+    Ok(bytes)
 }
 
 /// A part of a GLB file.
@@ -145,11 +161,6 @@ struct Reader<'a> {
     known: HashMap<(usize, usize, Vec<u64>), Rc<TriangleMesh>>,
     mesh: TriangleMesh,
     visits: usize,
-}
-
-/// The number that a value is, of an entry of a list.
-pub(super) fn index(node: Node) -> Result<usize, InputError> {
-    node.number(INDEX).map(|it| it as usize)
 }
 
 impl<'a> Reader<'a> {
@@ -320,7 +331,9 @@ mod tests {
     /// A triangle with corners at 0, x and y, a second position 1 above each, and a value for one corner.
     fn document(edit: impl Fn(&str) -> String) -> Result<TriangleMesh, InputError> {
         let mut bytes = Vec::new();
-        for value in [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 5.0, 6.0, 7.0] {
+        for value in
+            [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 5.0, 6.0, 7.0]
+        {
             bytes.extend(value.to_le_bytes());
         }
         bytes.extend([2u8, 0, 0, 0]);
@@ -353,7 +366,8 @@ mod tests {
         let from_zeros = |it: &str| sparsely(it).replacen("\"bufferView\": 0, \"comp", "\"comp", 1);
         assert_eq!(corners(from_zeros), [[0.0; 3], [0.0; 3], [5.0, 6.0, 7.0]]);
         let target = r#""NORMAL": 1}, "targets": [{"POSITION": 1}]"#;
-        let morphed = |it: &str| it.replacen("\"NORMAL\": 1}", target, 1).replacen("}]}],", "}], \"weights\": [0.5]}],", 1);
+        let morphed =
+            |it: &str| it.replacen("\"NORMAL\": 1}", target, 1).replacen("}]}],", "}], \"weights\": [0.5]}],", 1);
         assert_eq!(corners(morphed)[1], [1.0, 0.0, 0.5]);
         let by_node = |it: &str| morphed(it).replace("[{\"mesh\": 0}]", "[{\"mesh\": 0, \"weights\": [2]}]");
         assert_eq!(corners(by_node)[1], [1.0, 0.0, 2.0]);
@@ -363,7 +377,8 @@ mod tests {
     fn without_a_scene_each_node_is_shown_once() {
         let nodes = "\"nodes\": [{\"children\": [1], \"scale\": [2, 2, 2]}, {\"mesh\": 0}]";
         let without = |it: &str| {
-            it.replace("\"scene\": 0, \"scenes\": [{\"nodes\": [0]}], ", "").replace("\"nodes\": [{\"mesh\": 0}]", nodes)
+            it.replace("\"scene\": 0, \"scenes\": [{\"nodes\": [0]}], ", "")
+                .replace("\"nodes\": [{\"mesh\": 0}]", nodes)
         };
         assert_eq!(corners(without), [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]]);
     }
@@ -371,9 +386,17 @@ mod tests {
     #[test]
     fn what_is_not_read_is_refused() {
         for (from, to, expected) in [
-            ("{\"mesh\": 0}", "{\"mesh\": 0, \"extensions\": {\"EXT_mesh_gpu_instancing\": {}}}", "EXT_mesh_gpu_instancing"),
+            (
+                "{\"mesh\": 0}",
+                "{\"mesh\": 0, \"extensions\": {\"EXT_mesh_gpu_instancing\": {}}}",
+                "EXT_mesh_gpu_instancing",
+            ),
             ("{\"mesh\": 0}", "{\"mesh\": 0, \"skin\": 0}", "nodes[0].skin: found `skin`"),
-            ("\"scene\": 0,", "\"extensionsRequired\": [\"XY_new\"], \"scene\": 0,", "extensionsRequired: found XY_new"),
+            (
+                "\"scene\": 0,",
+                "\"extensionsRequired\": [\"XY_new\"], \"scene\": 0,",
+                "extensionsRequired: found XY_new",
+            ),
             ("\"scene\": 0,", "\"scene\": 3,", "scene 3 of 1"),
             ("\"NORMAL\": 1}", "\"NORMAL\": 1, \"JOINTS_0\": 1}", "JOINTS_0"),
             ("\"byteLength\": 88", "\"byteLength\": 89", "88 bytes"),

@@ -130,7 +130,8 @@ impl Source {
             return Err(InputError::new(&source.file, field, format!("{shapes} shapes"), expected));
         }
         let mut faults = Vec::new();
-        let mut meshes = MeshFiles::new(|named| groups(&located(path, named, MESH.expected)?).map(|(groups, _)| groups));
+        let mut meshes =
+            MeshFiles::new(|named| groups(&located(path, named, MESH.expected)?).map(|(groups, _)| groups));
         let mut read = |shapes: &[Geometry]| -> Result<Vec<TriangleMesh>, InputError> {
             let mut all = Vec::new();
             for shape in shapes {

@@ -103,8 +103,9 @@ impl JointValues {
         let range = range_of(file, joint, limits)?;
         let velocity = published(least(limits.velocity, joint.velocity))
             .unwrap_or_else(|| assumed(SPEED_RADPS, "the description has none: as arms of this kind have"));
-        let acceleration =
-            by_hand(given.acceleration, "--max-acceleration").or(published(least(limits.acceleration, joint.acceleration))).unwrap_or_else(|| {
+        let acceleration = by_hand(given.acceleration, "--max-acceleration")
+            .or(published(least(limits.acceleration, joint.acceleration)))
+            .unwrap_or_else(|| {
                 let reason = format!(
                     "no file has one: full speed within {TO_FULL_SPEED_S} s, as published limits of other arms allow"
                 );
@@ -114,7 +115,8 @@ impl JointValues {
             by_hand(given.rotor_inertia, "--rotor-inertia").or(published(joint.rotor_inertia)).unwrap_or_else(|| {
                 assumed(ROTOR_INERTIA_KGM2, "no file has one: what models of such arms in MuJoCo Menagerie have")
             });
-        let torque = published(least(limits.effort, joint.effort)).unwrap_or_else(|| assumed(UNKNOWN_TORQUE_NM, "unknown"));
+        let torque =
+            published(least(limits.effort, joint.effort)).unwrap_or_else(|| assumed(UNKNOWN_TORQUE_NM, "unknown"));
         let jerk = by_hand(given.jerk, "--max-jerk").or(published(least(limits.jerk, joint.jerk)));
         Ok(Self { range, velocity, torque, acceleration, jerk, rotor_inertia })
     }
@@ -412,7 +414,12 @@ mod tests {
 
     #[test]
     fn the_slowest_and_the_weakest_count() {
-        let joint = TreeJoint { velocity: Some(3.0), effort: Some(50.0), acceleration: Some(4.0), ..TreeJoint::fixed("j".into(), "l") };
+        let joint = TreeJoint {
+            velocity: Some(3.0),
+            effort: Some(50.0),
+            acceleration: Some(4.0),
+            ..TreeJoint::fixed("j".into(), "l")
+        };
         let joint = ChainJoint { joint, body: Body::default() };
         let limits = JointLimitFields { velocity: Some(2.0), effort: Some(80.0), ..Default::default() };
         let values = JointValues::of("a.urdf", &joint, &limits, &GivenValues::default()).unwrap();

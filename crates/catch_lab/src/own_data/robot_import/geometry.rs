@@ -47,7 +47,12 @@ impl BodyShape {
         for shapes in [&body.collisions, &body.visuals] {
             if shapes.len() > MOST_SHAPES {
                 let found = format!("{} shapes", shapes.len());
-                return Err(InputError::new(&file, format!("link {}", body.links[0]), found, format!("at most {MOST_SHAPES}")));
+                return Err(InputError::new(
+                    &file,
+                    format!("link {}", body.links[0]),
+                    found,
+                    format!("at most {MOST_SHAPES}"),
+                ));
             }
             for geometry in shapes {
                 match surface(geometry, meshes) {

@@ -47,7 +47,12 @@ pub fn read(file: &str, text: &str) -> Result<BTreeMap<String, JointLimitFields>
             }
         }
         // Parameters of nodes have names around them: `/**: ros__parameters: robot_description_planning: …`.
-        waiting.extend(node.elements().filter(|it| it.name() != "joint_limits" && !it.is_list()).filter(|it| holds_limits(*it)).map(Node::read));
+        waiting.extend(
+            node.elements()
+                .filter(|it| it.name() != "joint_limits" && !it.is_list())
+                .filter(|it| holds_limits(*it))
+                .map(Node::read),
+        );
     }
     document.finish(&[HARMLESS])?;
     Ok(all)
@@ -84,10 +89,8 @@ fn of_joint(joint: Node) -> Result<JointLimitFields, InputError> {
         // Gains of the controller that keeps them.
         let (_, _) = (value("k_position"), value("k_velocity"));
     }
-    let acceleration =
-        number(has("has_acceleration_limits"), "max_acceleration", quantity::JOINT_ACCELERATION_RADPS2)?;
-    let deceleration =
-        number(has("has_deceleration_limits"), "max_deceleration", quantity::JOINT_ACCELERATION_RADPS2)?;
+    let acceleration = number(has("has_acceleration_limits"), "max_acceleration", quantity::JOINT_ACCELERATION_RADPS2)?;
+    let deceleration = number(has("has_deceleration_limits"), "max_deceleration", quantity::JOINT_ACCELERATION_RADPS2)?;
     Ok(JointLimitFields {
         lower: narrowed(lower, soft[0], f64::max),
         upper: narrowed(upper, soft[1], f64::min),
@@ -120,9 +123,15 @@ mod tests {
     #[test]
     fn faults_are_told_with_their_line() {
         for (text, expected) in [
-            ("joint_limits:\n  a:\n    max_velocity: fast", "line 3: joint_limits.a.max_velocity: found `fast`, expected 0.001 to"),
+            (
+                "joint_limits:\n  a:\n    max_velocity: fast",
+                "line 3: joint_limits.a.max_velocity: found `fast`, expected 0.001 to",
+            ),
             ("joint_limits:\n  a:\n    max_velocity: -1", "line 3: joint_limits.a.max_velocity: found `-1`"),
-            ("joint_limits:\n  a:\n    max_speed: 1", "line 3: joint_limits.a.max_speed: found `max_speed`, which is not read"),
+            (
+                "joint_limits:\n  a:\n    max_speed: 1",
+                "line 3: joint_limits.a.max_speed: found `max_speed`, which is not read",
+            ),
             ("{a: 1}", "line 1: a: found `a`, which is not read"),
         ] {
             let fault = read("joint_limits.yaml", text).unwrap_err().to_string();
