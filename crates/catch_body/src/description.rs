@@ -126,8 +126,8 @@ pub struct TreeJoint {
     pub damping: f64,
     /// Rotor inertia, reflected to the joint, in kg·m².
     pub rotor_inertia: Option<f64>,
-    /// Whether another joint drives it.
-    pub mimics: bool,
+    /// What drives it, if it does not move on its own: the name of another joint, or of a body with which it is part of a loop.
+    pub mimics: Option<String>,
 }
 
 /// How a joint moves.
@@ -166,7 +166,7 @@ impl TreeJoint {
             effort: None,
             damping: 0.0,
             rotor_inertia: None,
-            mimics: false,
+            mimics: None,
         }
     }
 }

@@ -32,7 +32,7 @@ pub(crate) const HARMLESS: Harmless = &[
     ("joint", &["calibration", "hardwareInterface", "gazebo", "sensor"]),
     ("dynamics", &["@friction", "@spring_reference", "@spring_stiffness"]),
     ("safety_controller", &["@k_position", "@k_velocity"]),
-    ("mimic", &["@joint", "@multiplier", "@offset"]),
+    ("mimic", &["@multiplier", "@offset"]),
     (
         "*",
         &[

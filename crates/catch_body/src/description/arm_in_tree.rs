@@ -96,10 +96,7 @@ impl<'a> Tree<'a> {
         let moving: Vec<usize> = (0..path.len()).filter(|&i| path[i].kind != JointKind::Fixed).collect();
         for &i in &moving {
             if !drives_an_arm(path[i]) {
-                let found =
-                    if path[i].mimics { "a joint that another drives" } else { "a joint that slides or floats" };
-                let expected = format!("revolute joints only: `--base {}` begins behind it", path[i].child);
-                return Err(self.fault(&format!("joint {}", path[i].name), found, expected));
+                return Err(self.not_of_an_arm(path[i]));
             }
         }
         if moving.is_empty() {
@@ -111,6 +108,13 @@ impl<'a> Tree<'a> {
             return Err(self.fault("joint", found, expected));
         }
         Ok(self.folded(base, &path, &moving, tip, fingers))
+    }
+
+    fn not_of_an_arm(&self, joint: &TreeJoint) -> InputError {
+        let found =
+            if joint.mimics.is_some() { "a joint that another drives" } else { "a joint that slides or floats" };
+        let expected = format!("revolute joints only: `--base {}` begins behind it", joint.child);
+        self.fault(&format!("joint {}", joint.name), found, expected)
     }
 
     /// The joints from `base` to `tip`.
@@ -152,6 +156,10 @@ impl<'a> Tree<'a> {
                 _ => return Ok((path[..end].to_vec(), None, Some(at))),
             };
             let is_finger = !drives_an_arm(next) && next.kind != JointKind::Fixed && passed >= LEAST_ARM_JOINTS;
+            // What a joint of the arm drives is part of the arm.
+            if next.mimics.as_ref().is_some_and(|driver| path.iter().any(|it| it.name == *driver)) {
+                return Err(self.not_of_an_arm(next));
+            }
             if is_finger {
                 return Ok((path[..end].to_vec(), None, Some(at)));
             }
@@ -351,5 +359,5 @@ impl<'a> Tree<'a> {
 
 /// Whether a joint is one of an arm: revolute, and driven on its own.
 fn drives_an_arm(joint: &TreeJoint) -> bool {
-    joint.kind == JointKind::Revolute && !joint.mimics
+    joint.kind == JointKind::Revolute && joint.mimics.is_none()
 }

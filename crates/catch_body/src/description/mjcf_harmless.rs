@@ -30,8 +30,6 @@ pub(super) const HARMLESS: Harmless = &[
             "@margin",
             "@user",
             "@actuatorgravcomp",
-            "@joint1",
-            "@joint2",
             "@polycoef",
             "@active",
         ],

@@ -63,7 +63,8 @@ pub(super) struct Reader<'a> {
     pub(super) meshes: HashMap<String, Node<'a>>,
     /// Highest torques by the names of joints.
     efforts: HashMap<&'a str, f64>,
-    mimicking: HashSet<&'a str>,
+    /// By the joint that is driven, the one that drives it.
+    mimicking: HashMap<&'a str, &'a str>,
     /// Bodies that are part of a loop.
     in_loop: HashSet<&'a str>,
     links: BTreeMap<String, Link>,
@@ -91,7 +92,7 @@ impl<'a> Reader<'a> {
             classes: Classes::read(root)?,
             meshes: HashMap::new(),
             efforts: HashMap::new(),
-            mimicking: HashSet::new(),
+            mimicking: HashMap::new(),
             in_loop: HashSet::new(),
             links: BTreeMap::new(),
             joints: BTreeMap::new(),
@@ -109,7 +110,10 @@ impl<'a> Reader<'a> {
         }
         reader.read_actuators(root)?;
         for equality in root.children("equality") {
-            reader.mimicking.extend(equality.children("joint").filter_map(|it| it.attribute("joint1")));
+            let driven = equality.children("joint");
+            reader.mimicking.extend(
+                driven.filter_map(|it| Some((it.attribute("joint1")?, it.attribute("joint2").unwrap_or_default()))),
+            );
             for tie in equality.children("connect").chain(equality.children("weld")) {
                 reader.in_loop.extend([tie.attribute("body1"), tie.attribute("body2")].into_iter().flatten());
             }
@@ -281,7 +285,9 @@ impl<'a> Reader<'a> {
             X_PL *= Translation3::from(at - p_BL);
             p_BL = at;
             let mut joint = self.joint(*hinge, class, &link, X_PL)?;
-            joint.mimics |= self.in_loop.contains(name.as_str());
+            if self.in_loop.contains(name.as_str()) {
+                joint.mimics.get_or_insert_with(|| name.clone());
+            }
             self.insert(&parent, &link, joint)?;
             (parent, X_PL) = (link, Pose::identity());
         }
@@ -355,7 +361,7 @@ impl<'a> Reader<'a> {
             effort: [of_joint, of_actuator].into_iter().flatten().filter(|it| *it > 0.0).reduce(f64::min),
             damping: number("damping")?.unwrap_or(0.0),
             rotor_inertia: number("armature")?,
-            mimics: self.mimicking.contains(name.as_str()),
+            mimics: self.mimicking.get(name.as_str()).map(|it| (*it).to_owned()),
             ..TreeJoint::fixed(name, child)
         })
     }

@@ -126,7 +126,7 @@ fn joint(urdf: &Urdf, element: &Element) -> Result<TreeJoint, InputError> {
         effort: number("effort")?.filter(|it| *it > 0.0),
         damping: dynamics.map_or(Ok(0.0), |it| it.number("damping", quantity::DAMPING_NMSPRAD))?,
         rotor_inertia: None,
-        mimics: mimic.is_some(),
+        mimics: mimic.map(|it| it.text("joint").map(str::to_owned)).transpose()?,
     })
 }
 

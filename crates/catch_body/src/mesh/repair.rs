@@ -10,7 +10,7 @@ use super::{
     TriangleMesh,
     edges::{Edges, Side},
     hole_filling,
-    shells::{drop_specks, face_outwards},
+    shells::{crossing, drop_specks, face_outwards},
 };
 
 /// How far a repair may go.
@@ -47,6 +47,8 @@ pub enum Repair {
     ShellsTurned(usize),
     /// Shells inside another one, or specks beside the solid, were left out.
     ShellsDropped(usize),
+    /// Shells that cross another one stay; what they have in common counts twice.
+    ShellsCross(usize),
     /// Holes were filled.
     Filled {
         /// How many.
@@ -66,6 +68,12 @@ impl fmt::Display for Repair {
             Self::Turned(count) => write!(f, "triangles turned to face as their neighbours do: {count}"),
             Self::ShellsTurned(count) => write!(f, "shells turned, which were inside out: {count}"),
             Self::ShellsDropped(count) => write!(f, "shells left out, within another one or specks: {count}"),
+            Self::ShellsCross(count) => {
+                write!(
+                    f,
+                    "shells that cross another one, whose common volume counts twice (unite them before): {count}"
+                )
+            }
             Self::Filled { holes, widest_m } => write!(f, "holes filled: {holes}, the widest {:.1} mm", widest_m * 1e3),
         }
     }
@@ -165,6 +173,11 @@ pub fn repaired(soup: &TriangleMesh, limits: &RepairLimits) -> Result<Repaired, 
     }
     repairs.extend((shells_turned > 0).then_some(Repair::ShellsTurned(shells_turned)));
     repairs.extend((dropped + within > 0).then_some(Repair::ShellsDropped(dropped + within)));
+    if within > 0 {
+        shell_of = orient(&mut mesh.triangles).0;
+    }
+    let crossing = crossing(&mesh, &shell_of);
+    repairs.extend((crossing > 0).then_some(Repair::ShellsCross(crossing)));
     mesh.drop_unused_vertices();
     let volume_m3 = mesh.volume();
     if volume_m3.is_finite() && volume_m3 > LEAST_FILLING * size_m.powi(3) {
@@ -388,10 +401,19 @@ mod tests {
         hollow.merge(&within);
         let Repaired { mesh, repairs } = repaired(&hollow, &LIMITS).unwrap();
         assert!((mesh.volume() - (1e-3 - 1.25e-4)).abs() < 1e-12 && repairs.is_empty());
-        // A part that sticks out is a part.
-        let mut apart = cube(0.1);
-        apart.merge(&cube(0.05).translated(&Vector3::new(0.04, 0.0, 0.0)));
-        assert_eq!(repaired(&apart, &LIMITS).unwrap().mesh.triangles.len(), 24);
+        // A part that sticks out is a part, and what it shares with the other is told; one beside it shares nothing.
+        for (to, crossing) in
+            [([0.04, 0.0, 0.0], 1), ([0.09, 0.03, 0.0], 0), ([0.03, 0.03, 0.03], 1), ([0.02, 0.06, 0.0], 1)]
+        {
+            let mut apart = cube(0.1);
+            apart.merge(&cube(0.05).translated(&Vector3::from(to)));
+            let Repaired { mesh, repairs } = repaired(&apart, &LIMITS).unwrap();
+            assert_eq!(
+                (mesh.triangles.len(), &repairs[..]),
+                (24, &vec![Repair::ShellsCross(2); crossing][..]),
+                "{to:?}"
+            );
+        }
     }
 
     #[test]

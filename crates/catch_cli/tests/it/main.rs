@@ -7,6 +7,7 @@ mod determinism;
 #[cfg(unix)]
 mod documented;
 mod evaluation;
+mod foreign_files;
 mod general_form;
 mod honest;
 mod inputs;

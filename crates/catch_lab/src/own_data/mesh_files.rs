@@ -5,7 +5,7 @@ use std::{collections::HashMap, path::PathBuf, rc::Rc};
 use catch_body::{InputError, TriangleMesh, mesh_file::MOST_TRIANGLES};
 
 /// The meshes of a description, as `read` reads the file that a name means.
-pub(super) struct MeshFiles<F> {
+pub struct MeshFiles<F> {
     read: F,
     known: HashMap<String, Result<Rc<Vec<TriangleMesh>>, InputError>>,
     triangles: usize,

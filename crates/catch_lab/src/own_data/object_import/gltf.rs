@@ -13,7 +13,7 @@ use catch_body::{
 };
 use nalgebra::{Matrix4, Point3, Quaternion, UnitQuaternion, Vector3};
 
-use super::gltf_accessor::{Buffers, rows};
+use super::gltf_accessor::{Buffers, index, rows};
 
 /// Nodes may be nested this deep.
 const DEEPEST: usize = 64;
@@ -25,8 +25,6 @@ const JSON: &[u8] = b"JSON";
 const BINARY: &[u8] = b"BIN\0";
 /// Numbers of transformations and weights.
 const NUMBER: Quantity = Quantity { least: -1e12, most: 1e12, unit: "" };
-/// Indices of what a document has, and lengths in bytes.
-pub(super) const INDEX: Quantity = Quantity { least: 0.0, most: 4e9, unit: "" };
 
 /// What draws, moves or is said about a mesh.
 const HARMLESS: Harmless = &[
@@ -85,24 +83,7 @@ pub fn read(
         }
     }
     let list = |name| root.child(name).into_iter().flat_map(Node::items).collect::<Vec<_>>();
-    let mut buffers = Vec::new();
-    for buffer in list("buffers") {
-        let length = buffer.child("byteLength").map(|it| it.number(INDEX)).transpose()?;
-        let bytes: Cow<[u8]> = match buffer.child("uri").map(Node::text) {
-            None => Cow::Borrowed(binary.unwrap_or_default()),
-            Some(uri) => match uri.strip_prefix("data:").and_then(|it| it.split_once(";base64,")) {
-                Some((_, text)) => BASE64_STANDARD
-                    .decode(text)
-                    .map_err(|it| fault("buffers", &it.to_string(), "data in base64"))?
-                    .into(),
-                None => load(&unescaped(uri))?.into(),
-            },
-        };
-        if length.is_some_and(|it| it > bytes.len() as f64) {
-            return Err(buffer.fault(format!("{} bytes", bytes.len()), "as many as its byteLength says"));
-        }
-        buffers.push(bytes);
-    }
+    let buffers = list("buffers").into_iter().map(|it| bytes_of(it, binary, load)).collect::<Result<_, _>>()?;
     let buffers = Buffers { views: list("bufferViews"), accessors: list("accessors"), buffers };
     let mut reader = Reader {
         file,
@@ -121,6 +102,26 @@ pub fn read(
     document.finish(&[HARMLESS])?;
     let mesh = reader.mesh;
     if mesh.triangles.is_empty() { Err(fault("meshes", "no triangles", "a surface")) } else { Ok(mesh) }
+}
+
+/// The bytes of a buffer: of the file itself, within the document, or of a file beside it.
+fn bytes_of<'a>(
+    buffer: Node,
+    binary: Option<&'a [u8]>,
+    load: &dyn Fn(&str) -> Result<Vec<u8>, InputError>,
+) -> Result<Cow<'a, [u8]>, InputError> {
+    let length = buffer.child("byteLength").map(index).transpose()?;
+    let bytes: Cow<[u8]> = match buffer.child("uri").map(Node::text) {
+        None => Cow::Borrowed(binary.unwrap_or_default()),
+        Some(uri) => match uri.strip_prefix("data:").and_then(|it| it.split_once(";base64,")) {
+            Some((_, text)) => BASE64_STANDARD.decode(text).map_err(|it| buffer.fault(it, "data in base64"))?.into(),
+            None => load(&unescaped(uri))?.into(),
+        },
+    };
+    if length.is_some_and(|it| it > bytes.len()) {
+        return Err(buffer.fault(format!("{} bytes", bytes.len()), "as many as its byteLength says"));
+    }
+    Ok(bytes)
 }
 
 /// A part of a GLB file.
@@ -160,11 +161,6 @@ struct Reader<'a> {
     known: HashMap<(usize, usize, Vec<u64>), Rc<TriangleMesh>>,
     mesh: TriangleMesh,
     visits: usize,
-}
-
-/// The number that a value is, of an entry of a list.
-pub(super) fn index(node: Node) -> Result<usize, InputError> {
-    node.number(INDEX).map(|it| it as usize)
 }
 
 impl<'a> Reader<'a> {

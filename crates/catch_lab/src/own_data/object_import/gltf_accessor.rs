@@ -2,10 +2,10 @@
 
 use std::borrow::Cow;
 
-use catch_body::{InputError, document::Node};
+use catch_body::{InputError, document::Node, quantity::Quantity};
 
-use super::gltf::index;
-
+/// Indices of what a document has, and lengths in bytes.
+const INDEX: Quantity = Quantity { least: 0.0, most: 4e9, unit: "" };
 /// Rows of an accessor at most.
 const MOST_ROWS: usize = 10_000_000;
 
@@ -36,6 +36,11 @@ impl Buffers<'_> {
         }
         Ok((bytes, number("byteStride")?.filter(|it| *it > 0)))
     }
+}
+
+/// The number that a value is, of an entry of a list or of bytes.
+pub(super) fn index(node: Node) -> Result<usize, InputError> {
+    node.number(INDEX).map(|it| it as usize)
 }
 
 fn ends_early(node: Node) -> InputError {
