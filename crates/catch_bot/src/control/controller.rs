@@ -62,8 +62,13 @@ impl Controller {
             return;
         }
         let now_s = observation.time_s;
+        let is_over = self.plan.as_ref().is_some_and(|plan| now_s > plan.catch_s);
         let has_begun = self.closing.is_some_and(|closing| closing.start_s <= now_s);
         self.plan = self.sent.last().cloned();
+        if is_over {
+            // A cell may forget a trajectory that has ended; what is in the hand stays there.
+            return;
+        }
         let running = self.plan.as_ref().zip(flight);
         let timed = running.map(|(plan, flight)| (plan.aperture_m, self.closing_for(observation, plan, flight)));
         self.closing = timed.map(|(_, closing)| closing);

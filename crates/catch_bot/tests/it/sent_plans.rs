@@ -167,3 +167,15 @@ fn the_gripper_closes_for_the_plan_that_runs_again() {
     assert_eq!(moves.last().unwrap().width_m, 0.0);
     assert!((moves.last().unwrap().start_s - before.last().unwrap().start_s).abs() < 1e-9, "{moves:?}");
 }
+
+/// A cell that forgets a trajectory which has ended does not make the hand let go.
+#[test]
+fn a_hand_stays_closed_after_the_catch() {
+    let (mut controller, mut observation) = controller();
+    send(&mut controller, &observation, plan(0.0, 0.0));
+    let closing = controller.closing();
+    (observation.time_s, observation.arm) = (0.6, arm(0.6, None, &[]));
+    controller.acknowledge(&observation, Some(&FlightTrajectory::default()));
+    assert_eq!(controller.amended(Command::default()).gripper, None);
+    assert_eq!(controller.closing(), closing);
+}
