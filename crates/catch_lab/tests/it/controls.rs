@@ -48,6 +48,10 @@ impl<B: Brain> Brain for Deceived<B> {
         }
         command
     }
+
+    fn reset(&mut self) {
+        self.brain.reset();
+    }
 }
 
 impl<B: ObservedBrain> ObservedBrain for Deceived<B> {
