@@ -39,7 +39,7 @@ const STRANGE: [&str; 28] = [
 pub struct Mutator {
     rng: Pcg64,
     /// Whether nothing is changed.
-    is_idle: bool,
+    pub is_idle: bool,
 }
 
 /// How often a part of a text is repeated, and how deep it is put into itself.
@@ -55,11 +55,6 @@ impl Mutator {
     /// One that leaves everything as it is.
     pub fn idle() -> Self {
         Self { is_idle: true, ..Self::new(0) }
-    }
-
-    /// Whether nothing is changed.
-    pub fn is_idle(&self) -> bool {
-        self.is_idle
     }
 
     /// A number below `most`, or zero.

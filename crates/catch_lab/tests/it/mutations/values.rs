@@ -7,7 +7,7 @@ use super::mutator::Mutator;
 impl Mutator {
     /// MessagePack with one value changed, removed or doubled.
     pub fn value(&mut self, value: &mut Value) {
-        if self.is_idle() {
+        if self.is_idle {
             return;
         }
         let count = leaves(value);
