@@ -75,7 +75,8 @@ fn kinds() -> Vec<Kind> {
         add(Kind::new(&format!("throw {name}"), "t.toml", right, &command));
     }
     for (name, right) in assets("rigs") {
-        let command = format!("{throw} --set flight_rig=FILE");
+        let use_of_it = if name.contains("reference") { "reference_rig" } else { "flight_rig" };
+        let command = format!("{throw} --set {use_of_it}=FILE");
         add(Kind::new(&format!("rig {name}"), "r.toml", right, &command));
     }
     for (name, right) in assets("grippers") {
