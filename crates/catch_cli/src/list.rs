@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, path::PathBuf};
 
 use catch_body::InputError;
-use catch_lab::assets::{Asset, COMMAND_LINE, Kind, Origin, nearest};
+use catch_lab::assets::{Asset, COMMAND_LINE, KNOWN_FILE, Kind, Origin, nearest};
 use clap::Args;
 
 use crate::screen::{self, FAINT, STRONG};
@@ -69,7 +69,13 @@ fn show(name: &str, json: bool) -> anyhow::Result<()> {
                 let (file, text) = asset.read_text_beside("robot.urdf")?;
                 files.insert(file, text);
             }
-            files.insert(asset.file, asset.text);
+            // Truth and knowledge together are a file of an object.
+            let known = if kind == Kind::Object {
+                format!("\n{}", asset.read_text_beside(KNOWN_FILE)?.1)
+            } else {
+                String::new()
+            };
+            files.insert(asset.file, asset.text + &known);
         }
     }
     if files.is_empty() {

@@ -17,7 +17,7 @@ use catch_body::{Pose, TriangleMesh, robot::LimitScale};
 use catch_bot::{CatchingBot, Config};
 use catch_cell::{
     CameraModel, Cell, CellFault, Command, DataSheet, DepthFrame, Executor, ExecutorConfig, GraspState, GripperMove,
-    GripperQueue, GripperState, KnownObject, Observation, reference_scan, rig_from_toml, run,
+    GripperQueue, GripperState, KnownObject, ObjectFigures, Observation, reference_scan, rig_from_toml, run,
 };
 use catch_lab::{
     recording::{RecordedCell, cell_recorder::CellRecorder},
@@ -26,6 +26,7 @@ use catch_lab::{
 use nalgebra::{Point3, Vector3};
 
 const RADIUS_M: f64 = 0.0336;
+const READY_RAD: [f64; 7] = [-1.482, 1.075, 1.562, -1.123, 0.910, 1.270, 1.473];
 const FRAME_S: f64 = 0.01;
 /// Time from an observation until the command that answers it arrives, and what the brain expects it to be.
 const LATENCY_S: f64 = 0.004;
@@ -42,9 +43,9 @@ struct OwnCell {
     cameras: Vec<CameraModel>,
 }
 
-/// Where the ball is: thrown past the arm from 2.5 m.
+/// Where the ball is: thrown past the arm from 3.9 m.
 fn ball(time_s: f64) -> Point3<f64> {
-    Point3::new(1.66, 1.63, 0.3) + Vector3::new(-1.9, -1.3, 4.3) * time_s
+    Point3::new(2.517, 2.981, 0.401) + Vector3::new(-2.29, -3.82, 4.4) * time_s
         - Vector3::z() * (9.81 / 2.0 * time_s * time_s)
 }
 
@@ -113,7 +114,9 @@ pub fn record(folder: &Path) -> anyhow::Result<PathBuf> {
         gripper_toml: "wsg50.toml",
         workcell_toml: "",
     };
-    let (robot, gripper) = sources.parse(&names)?;
+    let (mut robot, gripper) = sources.parse(&names)?;
+    // Where it waits for throws from this side; `catchingbot ready` finds such poses.
+    robot.ready_q = robot.checked_pose("the example", "READY_RAD", &READY_RAD)?;
     // Images of the object from all around, taken beforehand; a real cell takes its own.
     let scanners = rig_from_toml("reference.toml", include_str!("../../../assets/rigs/reference.toml"))?;
     let scan = reference_scan(&TriangleMesh::sphere(RADIUS_M, 4), &scanners);
@@ -131,9 +134,10 @@ pub fn record(folder: &Path) -> anyhow::Result<PathBuf> {
         cameras: looking.to_vec(),
     };
     let centre = gripper.grasp_centre();
-    // What a data sheet says of cameras without errors, and nothing known of the ball but its shape.
+    // Cameras without errors, as their data sheet says, and a ball that no air brakes.
     let looking = looking.map(|camera| CameraModel { sheet: Some(DataSheet::default()), ..camera });
-    let object = KnownObject::from(scan);
+    let figures = ObjectFigures { drag_per_m: 0.0, drag_sd_per_m: 0.0, mass_kg: Some(0.058), ..Default::default() };
+    let object = KnownObject { scan, figures };
     let mut config = Config::default();
     config.control.expected_latency_s = EXPECTED_LATENCY_S;
     let mut brain = CatchingBot::new(config, robot.clone(), gripper, looking.to_vec(), &object)?;

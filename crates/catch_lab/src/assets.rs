@@ -47,7 +47,7 @@ pub enum Kind {
 }
 
 /// The brain's knowledge of an object, in the folder of the object.
-pub(crate) const KNOWN_FILE: &str = "known.toml";
+pub const KNOWN_FILE: &str = "known.toml";
 /// Endings of files from which an object can be imported.
 const SHAPES: [&str; 8] = ["obj", "stl", "ply", "dae", "gltf", "glb", "sdf", "urdf"];
 

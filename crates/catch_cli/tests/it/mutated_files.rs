@@ -67,8 +67,17 @@ fn kinds() -> Vec<Kind> {
     for (name, right) in assets("scenarios") {
         add(Kind::new(&format!("scenario {name}"), "s.toml", right, &format!("{throw} --scenario FILE")));
     }
-    for (name, right) in assets("objects") {
-        add(Kind::new(&format!("object {name}"), "o.toml", right, &format!("{throw} --object FILE")));
+    for object in ["tennis_ball", "banana", "pill_bottle"] {
+        for (name, right) in assets(&format!("objects/{object}")) {
+            let file = format!("{name}.toml");
+            let other = if name == "truth" { "known" } else { "truth" };
+            let beside = assets(&format!("objects/{object}")).into_iter().find(|(it, _)| it == other).unwrap().1;
+            let kind = Kind::new(&format!("object {object}, {name}"), &file, right, &format!("{throw} --object FILE"));
+            add(kind.beside(&format!("{other}.toml"), beside));
+        }
+    }
+    for (name, right) in assets("cameras") {
+        add(Kind::new(&format!("camera {name}"), "c.toml", right, &format!("{throw} --set camera=FILE")));
     }
     for (name, right) in assets("throws") {
         let command = format!("{throw} --scenario honest --throw FILE");

@@ -38,7 +38,7 @@ fn nothing_is_overwritten() {
         ("t/0.csv", &["learn", "--tracks", &tracks, "--folds", "2", "--out", &at("t/0.csv")]),
         ("r.md", &["learn", "--tracks", &tracks, "--folds", "2", "--out", &at("p.toml"), "--report", &at("r.md")]),
         ("a.catch", &["play", "--throws", "1", "--html", &at("a.catch")]),
-        ("o.toml", &["new", "object", "o", "--out", &here]),
+        ("o.toml", &["new", "throw", "o", "--out", &here]),
     ] {
         let path = at(file);
         let kept = fs::read_to_string(&path).unwrap_or(PRECIOUS.to_owned());
@@ -98,7 +98,7 @@ fn a_bad_place_is_wrong_input_whoever_writes_there() {
         &["catch", "--out", &within("")][..],
         &["catch", "--out", taken],
         &["eval", "--trials", "1", "--out", &within("e")],
-        &["suite", "run", "catch-2026.1", "--trials", "1", "--out", &within("s")],
+        &["suite", "run", "catch-2026.2", "--trials", "1", "--out", &within("s")],
         &["export", "--trials", "1", "--lerobot", &within("l")],
         &["play", "--throws", "1", "--html", &within("p.html")],
         &["new", "throw", "t", "--out", &within("n")],

@@ -352,6 +352,6 @@ fn what_cannot_be_imported_is_refused_with_its_place() {
         assert!(stderr(&output).contains(expected), "{arguments:?}: {}", stderr(&output));
         assert!(!Path::new(out).exists());
     }
-    let output = catchingbot(&["object", "import", &ball, "--out", "ball"]);
-    assert!(stderr(&output).contains("a file NAME.toml"), "{}", stderr(&output));
+    let output = catchingbot(&["object", "import", &ball, "--out", "/"]);
+    assert!(stderr(&output).contains("a folder NAME or a file NAME.toml"), "{}", stderr(&output));
 }

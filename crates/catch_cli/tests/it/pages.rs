@@ -171,11 +171,11 @@ fn an_evaluation_writes_a_report_with_a_page_for_each_miss() {
 fn new_files_are_right_as_they_are() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().to_str().unwrap();
-    for kind in ["object", "throw", "robot", "gripper", "workcell", "rig", "scenario", "study"] {
+    for kind in ["object", "throw", "robot", "gripper", "workcell", "camera", "rig", "scenario", "study"] {
         let name = format!("my_{kind}");
         let output = catchingbot(&["new", kind, &name, "--out", out]);
         assert!(output.status.success(), "{}", stderr(&output));
-        let file = if kind == "robot" { name.clone() } else { format!("{name}.toml") };
+        let file = if matches!(kind, "robot" | "object") { name.clone() } else { format!("{name}.toml") };
         let path = folder.path().join(file);
         let checked = catchingbot(&["check", "--json", path.to_str().unwrap()]);
         let document: Value = serde_json::from_slice(&checked.stdout).unwrap();

@@ -11,8 +11,8 @@ use crate::{catchingbot, stderr, stdout};
 fn document(brain: &str) -> Value {
     json!({
         "version": catch_lab::VERSION,
-        "suite": "catch-2026.1",
-        "content_sha256": Suite::load("catch-2026.1").unwrap().file.content_sha256,
+        "suite": "catch-2026.2",
+        "content_sha256": Suite::load("catch-2026.2").unwrap().file.content_sha256,
         "brain": brain,
         "complete": false,
         "conditions": [{
@@ -26,16 +26,16 @@ fn document(brain: &str) -> Value {
 }
 
 fn table(folder: &Path) -> (Option<i32>, String) {
-    let output = catchingbot(&["suite", "table", "catch-2026.1", "--out", folder.to_str().unwrap()]);
+    let output = catchingbot(&["suite", "table", "catch-2026.2", "--out", folder.to_str().unwrap()]);
     (output.status.code(), stdout(&output) + &stderr(&output))
 }
 
 #[test]
 fn a_table_is_made_of_results_alone() {
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("catch-2026.1-ours.json");
+    let path = folder.path().join("catch-2026.2-ours.json");
     let (code, said) = table(folder.path());
-    assert!(code == Some(2) && said.contains("no results of catch-2026.1"), "{said}");
+    assert!(code == Some(2) && said.contains("no results of catch-2026.2"), "{said}");
 
     fs::write(&path, document("ours").to_string()).unwrap();
     let (code, said) = table(folder.path());
@@ -68,7 +68,7 @@ fn a_table_is_made_of_results_alone() {
     fs::write(&path, document("ours").to_string()).unwrap();
     let mut old = document("idle");
     old["version"] = json!("0.0.1");
-    fs::write(folder.path().join("catch-2026.1-idle.json"), old.to_string()).unwrap();
+    fs::write(folder.path().join("catch-2026.2-idle.json"), old.to_string()).unwrap();
     let (code, said) = table(folder.path());
     assert!(code == Some(2) && said.contains("version: found 0.0.1"), "{said}");
 }
@@ -76,8 +76,8 @@ fn a_table_is_made_of_results_alone() {
 #[test]
 fn what_cannot_be_read_is_told() {
     let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("catch-2026.1-ours.json"), document("ours").to_string()).unwrap();
-    let path = folder.path().join("catch-2026.1-paper.json");
+    fs::write(folder.path().join("catch-2026.2-ours.json"), document("ours").to_string()).unwrap();
+    let path = folder.path().join("catch-2026.2-paper.json");
     fs::create_dir(&path).unwrap();
     let (code, said) = table(folder.path());
     assert!(code == Some(2) && said.contains("a folder"), "{said}");

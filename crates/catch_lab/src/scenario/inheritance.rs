@@ -41,7 +41,7 @@ fn extended_after(asset: &Asset, before: &mut Vec<String>) -> Result<Table, Inpu
     let mut below = extended_after(&base, before)?;
     // Its own faults bear its own name.
     let (scenario, faults): (Scenario, _) = InputError::from_table(&base.file, below.clone())?;
-    InputError::first_of(faults.into_iter().map(Err::<(), _>))?;
+    InputError::first_of(faults.into_iter().chain(scenario.faults(&base.file)).map(Err::<(), _>))?;
     name_from_here(&scenario, &base.origin, &mut below);
     let spans = DeTable::parse(&asset.text).map_err(|it| fault(it.message().to_owned(), "valid TOML"))?;
     merge(&mut below, table, spans.get_ref(), &asset.text);

@@ -36,7 +36,7 @@ pub fn loads() -> Vec<(String, Load<'static>)> {
     loads.extend(robots());
     let camera = "image_width: 640\nimage_height: 480\ncamera_matrix:\n  rows: 3\n  cols: 3\n  data: [600.0, 0.0, 320.0, 0.0, 600.0, 240.0, 0.0, 0.0, 1.0]\n\
                   distortion_model: plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [0.0, 0.0, 0.0, 0.0, 0.0]\n";
-    let stands = "parameters:\n  name: a\n  calibration_type: eye_on_base\n  robot_base_frame: base\n  tracking_base_frame: camera\n\
+    let stands = "parameters:\n  name: a\n  calibration_type: eye_on_base\n  robot_base_frame: base\n  tracking_base_frame: camera_depth_optical_frame\n\
                   transform:\n  translation:\n    x: 1.0\n    y: 0.5\n    z: 1.2\n  rotation:\n    x: 0.0\n    y: 0.0\n    z: 0.0\n    w: 1.0\n";
     loads.push(("camera_info YAML".into(), Box::new(|it| camera_info("c.yaml", &text(it.text(camera))?).map(drop))));
     loads.push(("hand-eye YAML".into(), Box::new(|it| hand_eye("h.calib", &text(it.text(stands))?, "base").map(drop))));
