@@ -66,7 +66,7 @@ impl Controller {
         let has_begun = self.closing.is_some_and(|closing| closing.start_s <= now_s);
         self.plan = self.sent.last().cloned();
         if is_over {
-            // A cell may forget a trajectory that has ended; what is in the hand stays there.
+            // Caught or missed by now: what is in the hand stays there, whatever becomes of the motion.
             return;
         }
         let running = self.plan.as_ref().zip(flight);
