@@ -117,8 +117,8 @@ pub struct Row {
     pub verdict: Verdict,
 }
 
-/// The origin of the arena's O in the brain's O, which has its origin where the centre of mass would be at uniform density: the object's true
-/// centre of mass, but for bodies as published.
+/// The origin of the arena's O in the brain's O, which has its origin where the centre of mass would be at
+/// uniform density: the object's true centre of mass, but for bodies as published.
 pub fn true_com_O(setup: &Setup) -> Point3<f64> {
     setup.known().reference().X_RO.inverse_transform_point(&Point3::origin())
 }
@@ -384,8 +384,8 @@ fn sample_before(truth: &Truth, time_s: f64) -> Option<&TruthSample> {
     truth.samples.get(next.checked_sub(1)?)
 }
 
-/// Where the object's O would have been at `time_s` if nothing had touched it: from its last free state on without air, which does nothing in
-/// the milliseconds that this bridges.
+/// Where the object's O would have been at `time_s` if nothing had touched it: from its last free state on
+/// without air, which does nothing in the milliseconds that this bridges.
 pub(crate) fn undisturbed_position(truth: &Truth, object: &ThrownObject, time_s: f64) -> Option<Point3<f64>> {
     let free_until = truth.samples.iter().position(|sample| sample.contact.any()).unwrap_or(truth.samples.len());
     let free = &truth.samples[..free_until];

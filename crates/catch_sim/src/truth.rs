@@ -41,14 +41,15 @@ pub struct TruthSample {
     /// Distance between the fingers' inner faces in metres.
     #[serde(deserialize_with = "quantity::true_value")]
     pub width_m: f64,
-    /// Normal force between left and right finger and the object in N, rebounds included, averaged over the step.
+    /// Normal force between left and right finger and the object in N, rebounds included, averaged over the
+    /// step.
     #[serde(deserialize_with = "quantity::true_value")]
     pub finger_force_n: [f64; 2],
     /// Pose of the object.
     #[serde(deserialize_with = "quantity::true_pose")]
     pub X_WO: Pose,
-    /// Its spatial velocity, the linear part at the origin of O. That is the centre of mass but for bodies as published:
-    /// [`ThrownObject::com_O`](crate::ThrownObject::com_O).
+    /// Its spatial velocity, the linear part at the origin of O. That is the centre of mass but for bodies as
+    /// published: [`ThrownObject::com_O`](crate::ThrownObject::com_O).
     pub V_WO: Twist,
     /// What touched the object.
     pub contact: Contact,
