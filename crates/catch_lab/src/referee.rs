@@ -132,8 +132,8 @@ impl Row {
     }
 }
 
-/// The origin of the arena's O in the brain's O, which has its origin where the centre of mass would be at uniform density: the object's true
-/// centre of mass, but for bodies as published.
+/// The origin of the arena's O in the brain's O, which has its origin where the centre of mass would be at
+/// uniform density: the object's true centre of mass, but for bodies as published.
 pub fn true_com_O(setup: &Setup) -> Point3<f64> {
     setup.known().reference().X_RO.inverse_transform_point(&Point3::origin())
 }

@@ -111,8 +111,9 @@ pub struct DrawnWind {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RobotErrors {
-    /// Standard deviation of what a joint's encoder reads, in radians. Robot controller and brain know the joints by it: unless this and the
-    /// step are zero, a reading is one control cycle old, and velocities are estimated from positions.
+    /// Standard deviation of what a joint's encoder reads, in radians. Robot controller and brain know the
+    /// joints by it: unless this and the step are zero, a reading is one control cycle old, and velocities
+    /// are estimated from positions.
     #[serde(deserialize_with = "quantity::error_rad")]
     pub encoder_sd_rad: f64,
     /// Step in which an encoder reads, in radians.

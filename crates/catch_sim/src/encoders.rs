@@ -1,9 +1,9 @@
 //! Joint encoders, and the observer behind them by which a robot controller knows positions and velocities.
 //!
-//! An encoder tells positions only, in whole steps and with noise, and what it tells is one control cycle old when the controller has it.
-//! A Luenberger observer of a double integrator per joint (in its form as prediction estimator: Franklin, Powell & Workman, Digital
-//! Control of Dynamic Systems, section 8.2) estimates position and velocity of now from it and from the acceleration u that the controller
-//! asked for:
+//! An encoder tells positions only, in whole steps and with noise, and what it tells is one control cycle old
+//! when the controller has it. A Luenberger observer of a double integrator per joint (in its form as
+//! prediction estimator: Franklin, Powell & Workman, Digital Control of Dynamic Systems, section 8.2)
+//! estimates position and velocity of now from it and from the acceleration u that the controller asked for:
 //!
 //! x̂ₖ₊₁ = A·x̂ₖ + B·uₖ + L·(yₖ − C·x̂ₖ),  A = (1 h; 0 1),  B = (h²/2; h),  C = (1 0)
 
@@ -11,8 +11,8 @@ use catch_body::JointVector;
 
 use crate::{config::RobotErrors, random_streams::Draws};
 
-/// Bandwidth of the observer in rad/s: both poles at e^(−ωh). Six times that of the default loop, within the five to ten times of the
-/// textbooks.
+/// Bandwidth of the observer in rad/s: both poles at e^(−ωh). Six times that of the default loop, within the
+/// five to ten times of the textbooks.
 const OBSERVER_RADPS: f64 = 300.0;
 
 /// What a robot controller knows of its joints.
@@ -43,8 +43,9 @@ impl Encoders {
         (self.q, self.dq)
     }
 
-    /// A cycle passes: the joints were truly at `began` when it began and have position and velocity `ended` at its end, and the controller
-    /// asked for the acceleration `asked_radps2` during it. What is sensed from now on is of its end; ideal encoders know it.
+    /// A cycle passes: the joints were truly at `began` when it began and have position and velocity `ended`
+    /// at its end, and the controller asked for the acceleration `asked_radps2` during it. What is sensed
+    /// from now on is of its end; ideal encoders know it.
     pub fn pass_cycle(
         &mut self,
         began: &JointVector,

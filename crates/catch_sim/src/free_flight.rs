@@ -64,8 +64,8 @@ impl Iterator for FreeFlight {
     }
 }
 
-/// Pose and spatial velocity of O after `duration_s` without contact and air: the centre of mass follows its parabola, and the body
-/// rotates about it by Euler's equations.
+/// Pose and spatial velocity of O after `duration_s` without contact and air: the centre of mass follows its
+/// parabola, and the body rotates about it by Euler's equations.
 pub fn coasted(object: &ThrownObject, (X_WO, V_WO): (&Pose, &Twist), duration_s: f64) -> (Pose, Twist) {
     let (com_O, nothing) = (object.com_O.coords, Vector3::zeros());
     let (X_WC, V_WC) = carried((X_WO, V_WO), &com_O);

@@ -1,16 +1,16 @@
 //! The physics of arm, gripper, object and floor, on the engine `rapier3d-f64`.
 //!
-//! The engine's defaults are those of games and wrong for catching. What is set here made the outcome of 62 of 63 test catches
-//! agree with MuJoCo (`tests/it/catch_table.rs`):
+//! The engine's defaults are those of games and wrong for catching. What is set here made the outcome of 62
+//! of 63 test catches agree with MuJoCo (`tests/it/catch_table.rs`):
 //!
 //! * steps of 1 ms with 4 substeps; Coulomb friction per contact point instead of one per patch;
 //! * contacts worked out anew in each step; by default they are kept until a pair has moved 50 mm;
-//! * contacts as critically damped springs that are as stiff as the object (`softness.rs`). The default would let a finger sink 23 mm
-//!   into a tennis ball;
+//! * contacts as critically damped springs that are as stiff as the object (`softness.rs`). The default would
+//!   let a finger sink 23 mm into a tennis ball;
 //! * nothing falls asleep; masses are given and not derived from the colliders.
 //!
-//! While nothing touches the object its motion is not the engine's but that of a free rigid body (`free_motion.rs`), and rebounds
-//! follow Newton's law at all points at once (`restitution.rs`).
+//! While nothing touches the object its motion is not the engine's but that of a free rigid body
+//! (`free_motion.rs`), and rebounds follow Newton's law at all points at once (`restitution.rs`).
 
 mod assembly;
 mod contact_points;
@@ -260,8 +260,8 @@ impl World {
         self.multibodies.get_multibody(id.multibody)
     }
 
-    /// Angular and linear velocities of the links by joint, fingers last. The engine brings those of its bodies up to date in the next
-    /// step only.
+    /// Angular and linear velocities of the links by joint, fingers last. The engine brings those of its
+    /// bodies up to date in the next step only.
     fn link_velocities(&self) -> [[Vector3<f64>; 2]; MAX_JOINTS + 2] {
         let mut links = [[Vector3::zeros(); 2]; MAX_JOINTS + 2];
         let Some(multibody) = self.multibody() else { return links };
@@ -344,7 +344,8 @@ impl World {
         self.contact_forces
     }
 
-    /// Lets the object rebound where it met something in the step that has passed, and sums up what touched it.
+    /// Lets the object rebound where it met something in the step that has passed, and sums up what touched
+    /// it.
     fn settle_contacts(&mut self, before: &restitution::VelocitiesBefore) -> ContactForces {
         let mut impulses = [0.0; PARTS.len()];
         for point in self.contact_points() {

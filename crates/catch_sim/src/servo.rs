@@ -109,8 +109,8 @@ impl Servo {
     /// τ = ID(q, q̇, q̈_d + K_P·(q_d − q) + K_I·∫(q_d − q) + K_D·(q̇_d − q̇)) (Siciliano et al., Robotics, section 8.5.2), clamped
     /// unless motors have no limit.
     ///
-    /// Against windup the integral of a joint waits while its torque is clamped and would go further (conditional integration: Åström &
-    /// Hägglund, PID Controllers, section 3.5).
+    /// Against windup the integral of a joint waits while its torque is clamped and would go further
+    /// (conditional integration: Åström & Hägglund, PID Controllers, section 3.5).
     pub fn torque(&mut self, time_s: f64, step_s: f64, q: &JointVector, dq: &JointVector) -> JointVector {
         let wanted = self.executor.advance(time_s - self.config.interpolator_lag_s);
         let gains = &self.config.gains;
@@ -147,7 +147,8 @@ impl Servo {
         &self.asked_radps2
     }
 
-    /// Watches the limits in motion, by where the joints truly are at `time_s` and their velocity one step before: the report is the referee's.
+    /// Watches the limits in motion, by where the joints truly are at `time_s` and their velocity one step
+    /// before: the report is the referee's.
     pub fn watch(&mut self, time_s: f64, step_s: f64, q: &JointVector, dq: &JointVector, dq_before: &JointVector) {
         for i in 0..self.executor.robot().dof() {
             let joint = &self.executor.robot().joints[i];

@@ -75,8 +75,8 @@ pub struct TruthSample {
     /// Pose of the object.
     #[serde(deserialize_with = "quantity::true_pose")]
     pub X_WO: Pose,
-    /// Its spatial velocity, the linear part at the origin of O. That is the centre of mass but for bodies as published:
-    /// [`ThrownObject::com_O`](crate::ThrownObject::com_O).
+    /// Its spatial velocity, the linear part at the origin of O. That is the centre of mass but for bodies as
+    /// published: [`ThrownObject::com_O`](crate::ThrownObject::com_O).
     pub V_WO: Twist,
     /// What touched the object.
     pub contact: Contact,

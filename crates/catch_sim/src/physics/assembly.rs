@@ -279,8 +279,8 @@ impl Builder {
         self.attach(body, shape, part);
     }
 
-    /// Everything collides with the object and with floor and obstacles, and with nothing else. Friction of a pair is the mean of both
-    /// surfaces, so all surfaces get the same. Restitution is not the engine's.
+    /// Everything collides with the object and with floor and obstacles, and with nothing else. Friction of a
+    /// pair is the mean of both surfaces, so all surfaces get the same. Restitution is not the engine's.
     fn attach(&mut self, body: engine::RigidBodyHandle, shape: engine::ColliderBuilder, part: Part) {
         let (object, floor, machine) = (Group::GROUP_1, Group::GROUP_2, Group::GROUP_3);
         let (memberships, filter) = match part {

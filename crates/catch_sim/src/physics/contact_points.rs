@@ -30,11 +30,12 @@ pub(super) struct ContactPoint {
 
 /// The effect of an impulse along the normal of a contact point.
 pub(super) struct Response {
-    /// Normal × lever arm about the object's centre of mass, and the change of the object's angular velocity by a unit impulse.
+    /// Normal × lever arm about the object's centre of mass, and the change of the object's angular velocity
+    /// by a unit impulse.
     pub turning: Vector3<f64>,
     pub spin_per_ns: Vector3<f64>,
-    /// The same in the machine's generalized coordinates: velocity of the point along the normal per generalized velocity, and the
-    /// change of that by a unit impulse.
+    /// The same in the machine's generalized coordinates: velocity of the point along the normal per
+    /// generalized velocity, and the change of that by a unit impulse.
     pub jacobian: DVector<f64>,
     pub velocity_per_ns: DVector<f64>,
     /// Change of the normal velocity by a unit impulse: one over the effective mass.
@@ -42,8 +43,8 @@ pub(super) struct Response {
 }
 
 impl World {
-    /// All points at which the object was pushed in the last step. A manifold may list a point twice, and the duplicate keeps an impulse
-    /// that nothing felt; so they are found by what was solved.
+    /// All points at which the object was pushed in the last step. A manifold may list a point twice, and the
+    /// duplicate keeps an impulse that nothing felt; so they are found by what was solved.
     pub(super) fn contact_points(&self) -> Vec<ContactPoint> {
         let mut points = Vec::new();
         for &collider in self.bodies[self.object].colliders() {

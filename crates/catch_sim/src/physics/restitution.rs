@@ -1,12 +1,14 @@
 //! Newton's law of restitution.
 //!
-//! The engine lets contacts end without rebound. It can make them rebound, but by one sweep over the contacts after a step: of two points
-//! that meet in the same step the second one undoes part of what the first was given, or adds to it. Two fingers that meet a ball then
-//! rebound too slowly, and a bottle that lands flat gains up to a third of its energy. Here the sweeps go on until all points agree
-//! (Gauss–Seidel on the normal velocities, impulses that only push).
+//! The engine lets contacts end without rebound. It can make them rebound, but by one sweep over the contacts
+//! after a step: of two points that meet in the same step the second one undoes part of what the first was
+//! given, or adds to it. Two fingers that meet a ball then rebound too slowly, and a bottle that meets the hand
+//! at two points gains up to 15 % of its energy. Here the sweeps go on until all points agree (Gauss–Seidel on
+//! the normal velocities, impulses that only push).
 //!
-//! Only points that begin to push in the same step count. With one restitution for all of them no energy is gained; to ask a ball that
-//! bounces off one finger to stay at the other, which it touches already, would make that finger recoil with energy from nowhere.
+//! Only points that begin to push in the same step count. With one restitution for all of them no energy is
+//! gained; to ask a ball that bounces off one finger to stay at the other, which it touches already, would
+//! make that finger recoil with energy from nowhere.
 
 use catch_body::MAX_JOINTS;
 use nalgebra::Vector3;
@@ -46,8 +48,8 @@ impl World {
         VelocitiesBefore { object: velocities(&self.bodies[self.object]), links }
     }
 
-    /// Makes the velocities after a step those of Newton's law at all points that have begun to push in it. Returns the impulse
-    /// that this adds for each part.
+    /// Makes the velocities after a step those of Newton's law at all points that have begun to push in it.
+    /// Returns the impulse that this adds for each part.
     pub(super) fn let_rebound(&mut self, before: &VelocitiesBefore) -> [f64; PARTS.len()] {
         let new = self.contact_points().into_iter().filter(|point| point.is_new);
         let mut rebounds: Vec<Rebound> = new.filter_map(|point| self.rebound(before, point)).collect();

@@ -1,8 +1,9 @@
 //! How far contacts give way.
 //!
-//! The engine's contacts are springs whose stiffness follows the effective mass m of each point, k = m·(2πf)², with one natural
-//! frequency f for all. A gripper's motor would thus decide how soft the object is. So f is set anew before each step from the
-//! object's own stiffness and the effective masses of the points that pushed it in the step before.
+//! The engine's contacts are springs whose stiffness follows the effective mass m of each point, k =
+//! m·(2πf)², with one natural frequency f for all. A gripper's motor would thus decide how soft the object
+//! is. So f is set anew before each step from the object's own stiffness and the effective masses of the
+//! points that pushed it in the step before.
 
 use std::f64::consts::TAU;
 
@@ -11,10 +12,10 @@ use rapier3d_f64::prelude as engine;
 use super::{Part, World};
 use crate::object::ThrownObject;
 
-/// Natural frequency of contacts with an object whose file names no stiffness, and the highest of any, in Hz: a finger sinks 0.2 mm
-/// into a bottle at most. Chosen.
+/// Natural frequency of contacts with an object whose file names no stiffness, and the highest of any, in Hz:
+/// a finger sinks 0.2 mm into a bottle at most. Chosen.
 const HARD_HZ: f64 = 400.0;
-/// Of the solver's rate, which a contact's frequency may not exceed: the bound of Box2D 3.0, from which the engine has its contacts.
+/// Of the solver's rate, which a contact's frequency may not exceed: as Box2D 3 bounds its contacts.
 const OF_SOLVER_RATE: f64 = 0.25;
 /// Critically damped: restitution is not the spring's business.
 const DAMPING_RATIO: f64 = 1.0;
@@ -49,8 +50,8 @@ impl World {
         (self.parameters.contact_softness, self.parameters.static_contact_softness) = (softness, softness);
     }
 
-    /// Effective mass against which a part pushes, all its points together; the mean of the fingers if they touch the object, else of
-    /// all parts that do.
+    /// Effective mass against which a part pushes, all its points together; the mean of the fingers if they
+    /// touch the object, else of all parts that do.
     fn mass_in_contact_kg(&self) -> Option<f64> {
         let points = self.contact_points();
         let is_finger = |part: Part| matches!(part, Part::LeftFinger | Part::RightFinger);

@@ -102,8 +102,8 @@ fn fingers_press_as_hard_as_they_are_told() {
     }
 }
 
-/// A finger sinks into the ball by F/k and hardly into a bottle, whatever drives it. The bottle is bounded by the highest frequency of
-/// contacts.
+/// A finger sinks into the ball by F/k and hardly into a bottle, whatever drives it. The bottle is bounded by
+/// the highest frequency of contacts.
 #[test]
 #[expect(clippy::print_stdout, reason = "the figure of docs/reference/checks.md")]
 fn what_is_squeezed_is_as_stiff_as_its_file_says() {

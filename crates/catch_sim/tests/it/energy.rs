@@ -36,8 +36,9 @@ fn world(settings: WorldSettings, on_arm: bool, object: &ThrownObject, draws: &m
     World::new(settings, mount, &gripper, 0.1, object, &release)
 }
 
-/// Without motors no contact gives energy, for any restitution. What is left at 1 is the first order of the engine's rotation within the
-/// step of an impact: a third of it with half the step. One sweep over the points would give up to 15 %.
+/// Without motors no contact gives energy, for any restitution. What is left at 1 is the first order of the
+/// engine's rotation within the step of an impact: a third of it with half the step. One sweep over the
+/// points would give up to 15 %.
 #[test]
 #[expect(clippy::print_stdout, reason = "the figure of docs/reference/checks.md")]
 fn no_contact_gives_energy() {
@@ -69,7 +70,8 @@ fn no_contact_gives_energy() {
     assert!(below < 1e-3 && at_one < 0.035, "{below}, {at_one}");
 }
 
-/// The change of the momentum across the fingers is the sum of their counted forces, in each step of a contact; so is that of a finger.
+/// The change of the momentum across the fingers is the sum of their counted forces, in each step of a
+/// contact; so is that of a finger.
 #[test]
 fn forces_of_fingers_are_all_that_the_object_feels_across_them() {
     let gripper = setting::gripper();
@@ -115,8 +117,9 @@ fn forces_of_fingers_are_all_that_the_object_feels_across_them() {
     assert!(worst < 0.01, "{worst} of the largest impulse");
 }
 
-/// What is thrown at the mirror image of a place moves as in a mirror, through contacts too: a ball exactly, and a bottle, whose several
-/// points the engine solves in an order that has no mirror image, within 3 % of its way.
+/// What is thrown at the mirror image of a place moves as in a mirror, through contacts too: a ball exactly,
+/// and a bottle, whose several points the engine solves in an order that has no mirror image, within 3 % of
+/// its way.
 #[test]
 fn a_mirrored_throw_goes_a_mirrored_way() {
     let gripper = setting::gripper();

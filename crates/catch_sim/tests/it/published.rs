@@ -101,8 +101,8 @@ fn what_turns_about_another_centre_of_mass_keeps_it_on_its_parabola() {
     assert!((world.state().X_WO.rotation.angle_to(&start.X_WO.rotation)) > 0.5);
 }
 
-/// What is predicted from one sample of a tumbling bottle whose centre of mass lies 87 mm from O: the origin of O, from its velocity there,
-/// by `coasted` and from the release on by `FreeFlight`.
+/// What is predicted from one sample of a tumbling bottle whose centre of mass lies 87 mm from O: the origin
+/// of O, from its velocity there, by `coasted` and from the release on by `FreeFlight`.
 #[test]
 fn free_flight_is_that_of_the_centre_of_mass() {
     let published = setting::object("pill_bottle").as_published().unwrap();

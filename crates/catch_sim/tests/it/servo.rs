@@ -76,8 +76,8 @@ fn a_fast_motion_is_followed_within_a_tenth_of_a_millimetre() {
     assert!(clearance > 0.0 && truth.servo.min_floor_clearance_m.unwrap() > 0.0, "{clearance}");
 }
 
-/// The fast motion by encoders of 17 bits a turn, a cycle old: rms and largest error of any joint in mrad, and the worst of what the brain
-/// is told.
+/// The fast motion by encoders of 17 bits a turn, a cycle old: rms and largest error of any joint in mrad,
+/// and the worst of what the brain is told.
 #[test]
 #[expect(clippy::print_stdout, reason = "the figure of docs/explanation/physics.md")]
 fn encoders_cost_little_tracking_and_no_stability() {
