@@ -121,10 +121,10 @@ impl Description {
         let worlds: Vec<Node> = root.children("world").collect();
         let models: Vec<Node> =
             root.children("model").chain(worlds.into_iter().flat_map(|it| it.children("model"))).collect();
-        let names = || models.iter().map(|it| it.attribute("name").unwrap_or_default()).collect::<Vec<_>>().join(", ");
+        let names: Vec<&str> = models.iter().map(|it| it.attribute("name").unwrap_or_default()).collect();
         let mut description = Self {
             file: file.to_owned(),
-            name: models.first().and_then(|it| it.attribute("name")).unwrap_or_default().to_owned(),
+            name: names.first().copied().unwrap_or_default().to_owned(),
             root: String::new(),
             links: Default::default(),
             joints: Default::default(),
@@ -140,7 +140,7 @@ impl Description {
             _ => Err(InputError::new(
                 file,
                 "sdf",
-                format!("{} models: {}", models.len(), names()),
+                format!("{} models: {}", models.len(), names.join(", ")),
                 "a file with one of them",
             )),
         }

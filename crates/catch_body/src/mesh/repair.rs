@@ -402,9 +402,13 @@ mod tests {
         let Repaired { mesh, repairs } = repaired(&hollow, &LIMITS).unwrap();
         assert!((mesh.volume() - (1e-3 - 1.25e-4)).abs() < 1e-12 && repairs.is_empty());
         // A part that sticks out is a part, and what it shares with the other is told; one beside it shares nothing.
-        for (to, crossing) in
-            [([0.04, 0.0, 0.0], 1), ([0.09, 0.03, 0.0], 0), ([0.03, 0.03, 0.03], 1), ([0.02, 0.06, 0.0], 1)]
-        {
+        for (to, crossing) in [
+            ([0.04, 0.0, 0.0], 1),
+            ([0.09, 0.03, 0.0], 0),
+            ([0.075, 0.0, 0.01], 0),
+            ([0.03, 0.03, 0.03], 1),
+            ([0.02, 0.06, 0.0], 1),
+        ] {
             let mut apart = cube(0.1);
             apart.merge(&cube(0.05).translated(&Vector3::from(to)));
             let Repaired { mesh, repairs } = repaired(&apart, &LIMITS).unwrap();

@@ -118,7 +118,10 @@ fn enters(surface: &[[Point3<f64>; 3]], closed: &[[Point3<f64>; 3]], of_closed: 
     let tried = (MOST_PAIRS / closed.len().max(1)).max(1);
     let sampled = || near.iter().step_by(near.len().div_ceil(tried).max(1));
     sampled().any(|corners| {
-        let middle = Point3::from((corners[0].coords + corners[1].coords + corners[2].coords) / 3.0);
+        // A little inside of its own shell, as faces of two shells may lie on each other.
+        let [a, b, c] = corners;
+        let inwards = (c - a).cross(&(b - a)).try_normalize(0.0).unwrap_or_default();
+        let middle = Point3::from((a.coords + b.coords + c.coords) / 3.0) + inwards * (1e-6 * (b - a).norm());
         let inside = closed.iter().map(|it| solid_angle(&middle, it)).sum::<f64>() / (4.0 * PI);
         let edges = [[0, 1], [1, 2], [2, 0]];
         inside > 0.75 || edges.iter().any(|&[i, j]| closed.iter().any(|it| pierces([corners[i], corners[j]], it)))

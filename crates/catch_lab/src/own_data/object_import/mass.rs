@@ -29,7 +29,8 @@ impl Stated {
     pub fn of(inertia: Option<Inertia>, solid: &TriangleMesh, mass_kg: Option<f64>) -> Self {
         let mut stated = Self { mass_kg: 0.0, assumed: None, com: None, about_com: None, findings: Vec::new() };
         let believable = |it: &f64| quantity::THROWN_MASS_KG.contains(*it);
-        let of_file = inertia.map(|it| it.mass);
+        // Sums of parts have more digits than anybody stated.
+        let of_file = inertia.map(|it| (it.mass * 1e9).round() / 1e9);
         stated.mass_kg = mass_kg.or(of_file.filter(believable)).unwrap_or_else(|| {
             let range = quantity::THROWN_MASS_KG;
             let of_volume = (ASSUMED_KGPM3 * solid.volume()).clamp(range.least, range.most);
