@@ -23,7 +23,7 @@ use crate::screen;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 The track is a CSV file of t,x,y,z or t,x,y,z,qx,qy,qz,qw in seconds and metres; a header may
-stand above it, in this order; rows with gaps or NaN are left out. What is called the end is the
+name them in any order; rows with gaps or NaN are left out. What is called the end is the
 last time in the file, seen or not. Gravity is 9.81 m/s² against the axis named by --up. What is
 printed is in the track's own axes and clock; covariances are of (position, velocity).
 
