@@ -153,7 +153,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
         }
         // An object whose model cannot be brought to lie on what is seen in some images is not the one.
         let seen = self.candidates.iter().enumerate().filter(|(_, it)| it.images > 0 && it.images + 1 >= most);
-        let best = explained::best(seen.map(|(i, it)| (i, it.explained))).unwrap_or(self.active);
+        let best = explained::best(&seen.map(|(i, it)| (i, it.explained))).unwrap_or(self.active);
         self.active = best;
         self.enter(Phase::Catching, observation.time_s);
         self.candidates[best].bot.act_on(observation, newest[best], probe)

@@ -30,7 +30,7 @@ const FOLDS: usize = 5;
 /// Scales of the fitted weights that are tried. At one the cost of how well a catch holds varies among the
 /// plans of an object as much as with the weights in use.
 const SCALES: [f64; 3] = [0.5, 1.0, 2.0];
-/// Groups of throws, by their chance, whose rate is compared with it.
+/// Groups of throws, by their probability, whose rate is compared with it.
 const GROUPS: usize = 6;
 
 const LEGEND: &str = "A ridge logistic regression of *caught* on the cost terms of the executed catch, with an intercept for each object. \
@@ -45,7 +45,7 @@ that are scaled to a standard deviation of one, and 0.1 on intercepts.
 
 A *weight* is the negative of its coefficient, scaled. At scale 1 the weighted sum varies among the plans of an object as much as with the weights \
 in use. The scale is the one by which most is caught of the next seed's throws of the same objects. AUC is the fraction of pairs of a catch \
-and a miss of one object that are in the right order. One is of chances by a model of the other objects (five folds), one of the cost by the \
+and a miss of one object that are in the right order. One is of probabilities by a model of the other objects (five folds), one of the cost by the \
 weights in use. The last table has objects that are in no other table, thrown alike with both weights (the seed after the next). Its \
 interval is that of a paired difference, of 95 %.
 
@@ -64,7 +64,7 @@ pub fn run(options: &Options) -> Result<Findings> {
     let thrown = Batch { draws_weights: true, ..batch("fitted", 0, today) }.run(&training, folder)?;
     let observations: Vec<Observation> = thrown.iter().filter_map(Observation::of).collect();
     let model = Model::fit(&observations.iter().collect::<Vec<_>>())?;
-    let chances = cross_validated(&observations, FOLDS)?;
+    let probabilities = cross_validated(&observations, FOLDS)?;
     let unit = spread(&observations, &today) / spread(&observations, &model.weights(1.0));
 
     let mut scales = Table::new("Scales, on training objects", &["scale", "throws", "caught, %"]);
@@ -85,8 +85,8 @@ pub fn run(options: &Options) -> Result<Findings> {
         legend: LEGEND,
         tables: vec![
             weights_table(&model, &today, &fitted),
-            objects_table(&thrown, &observations, &chances, &today),
-            calibration_table(&observations, &chances),
+            objects_table(&thrown, &observations, &probabilities, &today),
+            calibration_table(&observations, &probabilities),
             scales,
             compared,
         ],
@@ -146,7 +146,7 @@ fn weights_table(model: &Model, today: &Weights, fitted: &Weights) -> Table {
 
 /// What was thrown of each object, and how well its catches are told from its misses by a model that has not
 /// seen it.
-fn objects_table(thrown: &[Throw], observations: &[Observation], chances: &[f64], today: &Weights) -> Table {
+fn objects_table(thrown: &[Throw], observations: &[Observation], probabilities: &[f64], today: &Weights) -> Table {
     let columns = [
         "object",
         "throws",
@@ -164,7 +164,7 @@ fn objects_table(thrown: &[Throw], observations: &[Observation], chances: &[f64]
             let one = |(i, it): &(usize, &Observation)| (score(*i, &it.terms), it.caught);
             ordered_pairs(&of_object.iter().map(one).collect::<Vec<_>>())
         };
-        let both = [scored(&|i, _| chances[i]), scored(&|_, terms| -weights::cost(today, terms))];
+        let both = [scored(&|i, _| probabilities[i]), scored(&|_, terms| -weights::cost(today, terms))];
         for (sum, (right, pairs)) in all.iter_mut().zip(both) {
             *sum = (sum.0 + right, sum.1 + pairs);
         }
@@ -184,12 +184,13 @@ fn objects_table(thrown: &[Throw], observations: &[Observation], chances: &[f64]
 }
 
 /// Chances of objects that a model has not seen, and what came of them.
-fn calibration_table(observations: &[Observation], chances: &[f64]) -> Table {
-    let mut table = Table::new("Calibration of chances, objects left out", &["throws", "mean chance, %", "caught, %"]);
-    let mut order: Vec<usize> = (0..chances.len()).collect();
-    order.sort_by(|a, b| chances[*a].total_cmp(&chances[*b]));
+fn calibration_table(observations: &[Observation], probabilities: &[f64]) -> Table {
+    let mut table =
+        Table::new("Calibration of probabilities, objects left out", &["throws", "mean probability, %", "caught, %"]);
+    let mut order: Vec<usize> = (0..probabilities.len()).collect();
+    order.sort_by(|a, b| probabilities[*a].total_cmp(&probabilities[*b]));
     for group in order.chunks(order.len().div_ceil(GROUPS).max(1)) {
-        let mean = group.iter().map(|&i| chances[i]).sum::<f64>() / group.len() as f64;
+        let mean = group.iter().map(|&i| probabilities[i]).sum::<f64>() / group.len() as f64;
         let caught = group.iter().filter(|&&i| observations[i].caught).count();
         let entries = [Entry::Count(group.len()), Entry::Number(Some(100.0 * mean)), percent(caught, group.len())];
         table.rows.push(entries.to_vec());

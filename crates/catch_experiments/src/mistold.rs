@@ -43,8 +43,11 @@ const SCENARIOS: [(&str, u64); 2] = [("honest", 5), ("lab", 2)];
 /// A change of a setup before anything is prepared.
 type Change = fn(&mut Setup, f64);
 
+/// Values that a belief takes, by their names.
+type Values = &'static [(&'static str, f64)];
+
 /// Each belief with the values that it takes.
-const BELIEFS: &[(&str, &[(&str, f64)], Change)] = &[
+const BELIEFS: &[(&str, Values, Change)] = &[
     ("drag", &[("× 0.5", 0.5), ("× 2", 2.0)], |it, by| it.known_object.figures.drag_per_m *= by),
     ("depth noise", &[("× 0.5", 0.5), ("× 2", 2.0)], |it, by| each_sheet(it, |sheet| sheet.subpixel_px *= by)),
     ("common fraction", &[("0", 0.0), ("1", 1.0)], |it, to| each_sheet(it, |sheet| sheet.common_fraction = to)),
@@ -61,7 +64,7 @@ const BELIEFS: &[(&str, &[(&str, f64)], Change)] = &[
         it.scenario.brain.trajectory_prediction.spin_prior_sd_radps *= by;
     }),
     ("camera rotations", &[("σ × 0.5", 0.5), ("σ × 2", 2.0)], |it, by| {
-        it.scenario.brain.perception.camera_sd_rad *= by
+        it.scenario.brain.perception.camera_sd_rad *= by;
     }),
     ("gripper latency", &[("− 5 ms", -0.005), ("+ 5 ms", 0.005)], |it, by| {
         it.scenario.brain.control.gripper_latency_s = Some(it.gripper.drive.latency_s + by);

@@ -310,7 +310,7 @@ impl Recorder {
         let without;
         let observation = if images_left_out {
             self.images_until_s.get_or_insert(*time_s);
-            without = Observation { time_s: *time_s, arm: arm.clone(), gripper: gripper.clone(), frames: Vec::new() };
+            without = Observation { time_s: *time_s, arm: arm.clone(), gripper: *gripper, frames: Vec::new() };
             &without
         } else {
             observation

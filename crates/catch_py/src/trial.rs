@@ -7,6 +7,7 @@ use catch_lab::{
     pages::catch_page,
     recording::{playback::Playback, recorded_throw::record},
     scenario::setup::Setup,
+    whole_file,
 };
 use pyo3::{
     exceptions::{PyOSError, PyRuntimeError},
@@ -85,7 +86,7 @@ impl Trial {
             let unwritten = |fault| PyOSError::new_err(format!("a temporary file: {fault}"));
             let folder = tempfile::tempdir().map_err(unwritten)?;
             let path = folder.path().join("throw.catch");
-            fs::write(&path, &self.recording).map_err(unwritten)?;
+            whole_file::write(&path, &self.recording).map_err(input_fault)?;
             Ok(catch_page::page(&Playback::read(&path).map_err(input_fault)?))
         })
     }

@@ -77,7 +77,7 @@ pub(super) type Placed<'a> = (Node<'a>, Pose, Option<&'a str>);
 impl<'a> Reader<'a> {
     fn new(file: &'a str, root: Node<'a>) -> Result<Self, InputError> {
         let compilers: Vec<Node> = root.children("compiler").collect();
-        let compiler = |name| compilers.iter().filter_map(|it| it.attribute(name)).last();
+        let compiler = |name| compilers.iter().filter_map(|it| it.attribute(name)).next_back();
         let mut reader = Self {
             file,
             in_degrees: compiler("angle") != Some("radian"),

@@ -197,9 +197,7 @@ impl<'d> Node<'d> {
             Some(attribute) => self.part().is_attribute && attribute == self.name(),
             None => !self.part().is_attribute && (*name == "*" || *name == self.name()),
         };
-        harmless
-            .iter()
-            .any(|(parent, names)| (*parent == "*" || *parent == above) && names.iter().any(|it| is_this(it)))
+        harmless.iter().any(|(parent, names)| (*parent == "*" || *parent == above) && names.iter().any(&is_this))
     }
 
     /// Says that nobody asked for it, and what would be read in its place.

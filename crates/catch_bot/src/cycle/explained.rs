@@ -37,7 +37,7 @@ impl Explained {
 
 /// The number of the object that explains its images best. All are compared by points or all by silhouettes:
 /// by what tells of more images of the object of which it tells least, and by silhouettes where both do.
-pub fn best(objects: impl Iterator<Item = (usize, Explained)> + Clone) -> Option<usize> {
+pub fn best(objects: &(impl Iterator<Item = (usize, Explained)> + Clone)) -> Option<usize> {
     let images = |of: fn(&Explained) -> &Mismatches| objects.clone().map(|(_, it)| of(&it).images).min();
     let by_points = images(|it| &it.points) > images(|it| &it.silhouette);
     let mean = |it: &Explained| if by_points { it.points.mean() } else { it.silhouette.mean() };
@@ -81,7 +81,7 @@ mod tests {
                 }
             }
             let explained = objects.map(|it| it.2);
-            assert_eq!(best(explained.into_iter().enumerate()), Some(thrown), "{explained:?}");
+            assert_eq!(best(&explained.into_iter().enumerate()), Some(thrown), "{explained:?}");
             assert!(on_points > 0 && on_both > 0, "{on_points} {on_both}: all of one kind");
         }
     }
@@ -97,10 +97,10 @@ mod tests {
         };
         let right = explained(&[4.0; 5], &[1.0]);
         let wrong = explained(&[60.0; 5], &[0.5, 3.0, 3.0, 3.0, 3.0]);
-        assert_eq!(best([wrong, right].into_iter().enumerate()), Some(1));
+        assert_eq!(best(&[wrong, right].into_iter().enumerate()), Some(1));
         // Where depths tell no shape there are silhouettes alone.
         let (right, wrong) = (explained(&[], &[1.0; 5]), explained(&[], &[2.0; 5]));
-        assert_eq!(best([wrong, right].into_iter().enumerate()), Some(1));
-        assert_eq!(best(std::iter::empty()), None);
+        assert_eq!(best(&[wrong, right].into_iter().enumerate()), Some(1));
+        assert_eq!(best(&std::iter::empty()), None);
     }
 }

@@ -44,7 +44,7 @@ impl Observation {
     }
 }
 
-/// How the chance of a catch depends on its terms, with an intercept for each object.
+/// How the probability of a catch depends on its terms, with an intercept for each object.
 #[derive(Debug)]
 pub struct Model {
     /// Change of the log-odds per unit of each feature; at most zero for those with weights.
@@ -85,8 +85,8 @@ impl Model {
         })
     }
 
-    /// The chance that an object is caught of which nothing was seen.
-    pub fn chance(&self, observation: &Observation) -> f64 {
+    /// The probability that an object is caught of which nothing was seen.
+    pub fn probability(&self, observation: &Observation) -> f64 {
         let features = observation.features();
         logistic(self.intercept + self.coefficients.iter().zip(&features).map(|(b, x)| b * x).sum::<f64>())
     }
@@ -111,7 +111,7 @@ fn moments(observations: &[&Observation]) -> ([f64; FEATURES], [f64; FEATURES]) 
     (mean, sd)
 }
 
-/// The chance of each observation by a model of the other folds' objects: every object is in one of `folds`,
+/// The probability of each observation by a model of the other folds' objects: every object is in one of `folds`,
 /// in the order of their names.
 ///
 /// # Errors
@@ -120,15 +120,15 @@ pub fn cross_validated(observations: &[Observation], folds: usize) -> Result<Vec
     let names: BTreeMap<&str, ()> = observations.iter().map(|it| (it.object.as_str(), ())).collect();
     let fold_of: BTreeMap<&str, usize> = names.keys().enumerate().map(|(i, name)| (*name, i % folds)).collect();
     let fold = |it: &Observation| fold_of[it.object.as_str()];
-    let mut chances = vec![0.0; observations.len()];
+    let mut probabilities = vec![0.0; observations.len()];
     for left_out in 0..folds {
         let others: Vec<&Observation> = observations.iter().filter(|it| fold(it) != left_out).collect();
         let model = Model::fit(&others)?;
-        for (chance, it) in chances.iter_mut().zip(observations).filter(|(_, it)| fold(it) == left_out) {
-            *chance = model.chance(it);
+        for (probability, it) in probabilities.iter_mut().zip(observations).filter(|(_, it)| fold(it) == left_out) {
+            *probability = model.probability(it);
         }
     }
-    Ok(chances)
+    Ok(probabilities)
 }
 
 /// Pairs of a catch and a miss: how many in which the catch has the higher score, ties half, and how many
@@ -188,13 +188,14 @@ mod tests {
     }
 
     #[test]
-    fn objects_that_were_left_out_are_ordered_and_their_chances_right_on_average() {
+    fn objects_that_were_left_out_are_ordered_and_their_probabilities_right_on_average() {
         let observations = observations(6_000);
-        let chances = cross_validated(&observations, 5).unwrap();
-        let scored: Vec<(f64, bool)> = chances.iter().zip(&observations).map(|(p, it)| (*p, it.caught)).collect();
+        let probabilities = cross_validated(&observations, 5).unwrap();
+        let scored: Vec<(f64, bool)> = probabilities.iter().zip(&observations).map(|(p, it)| (*p, it.caught)).collect();
         let (right, pairs) = ordered_pairs(&scored);
         assert!(right / pairs as f64 > 0.75, "{}", right / pairs as f64);
-        let (expected, seen) = (chances.iter().sum::<f64>(), observations.iter().filter(|it| it.caught).count() as f64);
+        let (expected, seen) =
+            (probabilities.iter().sum::<f64>(), observations.iter().filter(|it| it.caught).count() as f64);
         assert!((expected - seen).abs() / 6_000.0 < 0.03, "{expected} {seen}");
     }
 

@@ -197,7 +197,7 @@ impl LeRobotDataset {
     }
 
     fn write_json(&self, name: &str, document: &Value) -> Result<(), InputError> {
-        self.file(name, |file| write!(file, "{document:#}\n"))
+        self.file(name, |file| writeln!(file, "{document:#}"))
     }
 
     fn file(&self, name: &str, write: impl FnOnce(&mut File) -> std::io::Result<()>) -> Result<(), InputError> {

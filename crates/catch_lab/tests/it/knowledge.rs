@@ -43,7 +43,7 @@ fn numbers(path: &str, value: &Value, found: &mut Vec<(String, [Value; 3])>) {
             }
         }
         Value::Float(value) => {
-            found.push((path.to_owned(), [0.5 * value, 0.9 * value, 0.7 * value + 0.01].map(Value::Float)))
+            found.push((path.to_owned(), [0.5 * value, 0.9 * value, 0.7 * value + 0.01].map(Value::Float)));
         }
         Value::Integer(value) => found.push((path.to_owned(), [value + 1, value - 1, 2 * value].map(Value::Integer))),
         _ => {}

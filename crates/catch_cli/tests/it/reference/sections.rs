@@ -130,7 +130,7 @@ pub const FILES: &[Section] = &[
     of("Robot: poses", "catch_body/src/robot_file.rs", "PosesFields"),
     of("Robot: joints.NAME", "catch_body/src/robot_file.rs", "JointFields"),
     of("Robot: joints.NAME.velocity_by_position", "catch_body/src/velocity_table.rs", "VelocityFields"),
-    of("Robot: links.NAME", "catch_body/src/robot_file.rs", "LinkFields"),
+    of("Robot: links.NAME", "catch_body/src/robot_file/inertia.rs", "LinkFields"),
     of("Robot: collision", "catch_body/src/robot_file.rs", "CollisionFields"),
     of("Robot: collision.capsules", "catch_body/src/robot_file.rs", "CapsuleFields"),
     of("Gripper", "catch_body/src/gripper.rs", "Gripper"),

@@ -194,8 +194,8 @@ impl Mutator {
 /// Where the part ends that begins with a bracket or a tag.
 fn end_of_part(text: &str, start: usize) -> Option<usize> {
     let rest = &text[start..];
-    if rest.starts_with('<') {
-        let name = rest[1..].split(|it: char| !(it.is_alphanumeric() || it == '_')).next()?;
+    if let Some(tag) = rest.strip_prefix('<') {
+        let name = tag.split(|it: char| !(it.is_alphanumeric() || it == '_')).next()?;
         let head = rest.find('>')? + 1;
         let close = format!("</{name}>");
         let end = if rest[..head].ends_with("/>") { head } else { rest.find(&close)? + close.len() };
