@@ -164,8 +164,11 @@ pub const FILES: &[Section] = &[
 ];
 
 /// Strict structs that are no file of a user.
-pub const ELSEWHERE: &[(&str, &str)] =
-    &[("catch_bot/src/preparation.rs", "Config"), ("catch_lab/src/evaluation/published.rs", "PublishedRate")];
+pub const ELSEWHERE: &[(&str, &str)] = &[
+    ("catch_bot/src/preparation.rs", "Config"),
+    ("catch_cell/src/knowledge.rs", "ObjectFile"),
+    ("catch_lab/src/evaluation/published.rs", "PublishedRate"),
+];
 
 /// What ends up in tables: statuses of the brain, reasons of the referee, and what a robot controller says.
 pub const STATUSES: &[Section] = &[
