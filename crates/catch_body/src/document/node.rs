@@ -199,7 +199,7 @@ impl<'d> Node<'d> {
         };
         harmless
             .iter()
-            .any(|(parent, names)| (*parent == "*" || *parent == above) && names.iter().any(|it| is_this(it)))
+            .any(|(parent, names)| (*parent == "*" || *parent == above) && names.iter().any(&is_this))
     }
 
     /// Says that nobody asked for it, and what would be read in its place.
