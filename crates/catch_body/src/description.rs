@@ -26,7 +26,8 @@ pub use chain::{Body, Chain, ChainJoint, Fingers, Selection};
 
 /// Sides of the polygons that stand for circles.
 const SIDES: u32 = 32;
-/// How often the triangles of an ellipsoid are divided in four, and how much larger they stand so that the ellipsoid is within.
+/// How often the triangles of an ellipsoid are divided in four, and how much larger they stand so that the
+/// ellipsoid is within.
 const BALL_DIVISIONS: u32 = 4;
 const BALL_WIDER: f64 = 1.001;
 
@@ -126,7 +127,8 @@ pub struct TreeJoint {
     pub damping: f64,
     /// Rotor inertia, reflected to the joint, in kg·m².
     pub rotor_inertia: Option<f64>,
-    /// What drives it, if it does not move on its own: the name of another joint, or of a body with which it is part of a loop.
+    /// What drives it, if it does not move on its own: the name of another joint, or of a body with which it
+    /// is part of a loop.
     pub mimics: Option<String>,
 }
 
@@ -172,7 +174,8 @@ impl TreeJoint {
 }
 
 impl Geometry {
-    /// Mass properties in the link's frame, filled with `density_kgpm3`; `None` for a mesh, which is in a file of its own.
+    /// Mass properties in the link's frame, filled with `density_kgpm3`; `None` for a mesh, which is in a
+    /// file of its own.
     pub fn filled(&self, density_kgpm3: f64) -> Option<Inertia> {
         // Masses, and the moments of each about its own centre of mass, as textbooks have them.
         let tau = std::f64::consts::TAU;

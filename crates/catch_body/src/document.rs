@@ -1,8 +1,9 @@
 //! Documents of any format as one tree that remembers what its reader asked for.
 //!
-//! A reader asks for elements, attributes and keys by their names. When it is done, [`Document::finish`] walks the tree once more: what
-//! nobody asked for and what stands in no list of harmless names is a fault with its place. So nothing is dropped in silence, in
-//! whatever format ([XML](Document::from_xml), [JSON](Document::from_json), [YAML](Document::from_yaml), [columns](Document::from_columns)).
+//! A reader asks for elements, attributes and keys by their names. When it is done, [`Document::finish`]
+//! walks the tree once more: what nobody asked for and what stands in no list of harmless names is a fault
+//! with its place. So nothing is dropped in silence, in whatever format ([XML](Document::from_xml),
+//! [JSON](Document::from_json), [YAML](Document::from_yaml), [columns](Document::from_columns)).
 
 mod node;
 mod xml;
@@ -25,7 +26,8 @@ const MOST_FAULTS: usize = 12;
 /// Stands for no part.
 const NONE: u32 = u32::MAX;
 
-/// Names that say nothing to this program, by the name of what they stand in; `*` is any, and attributes begin with `@`.
+/// Names that say nothing to this program, by the name of what they stand in; `*` is any, and attributes
+/// begin with `@`.
 pub type Harmless = &'static [(&'static str, &'static [&'static str])];
 
 /// A parsed file, and what was asked of it.
@@ -123,7 +125,8 @@ impl Document {
         Ok(())
     }
 
-    /// The columns of a table as a tree: an entry for each name of a header, whose text is the column's number from zero.
+    /// The columns of a table as a tree: an entry for each name of a header, whose text is the column's
+    /// number from zero.
     ///
     /// # Errors
     /// A name twice.

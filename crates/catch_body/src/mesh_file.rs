@@ -14,7 +14,8 @@ pub use ply::PlyFile;
 /// The largest mesh file that is read. A scan of a thrown object has some megabytes at most.
 pub const MAX_FILE_BYTES: usize = 64 << 20;
 
-/// Triangles of a file at most, instances counted each time, and of all files of one thing: a scan of a thrown object has some 100,000.
+/// Triangles of a file at most, instances counted each time, and of all files of one thing: a scan of a
+/// thrown object has some 100,000.
 pub const MOST_TRIANGLES: usize = 1_500_000;
 
 /// The thinnest solid that is accepted: its volume as a fraction of the cube of its longest side.

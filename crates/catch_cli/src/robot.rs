@@ -38,7 +38,7 @@ enum RobotCommand {
 The arm is the serial chain of revolute joints in the description: fixed joints are folded, fingers are
 taken off. Capsules are fitted around the shapes of its links, for which meshes are looked for as
 `package://` and relative paths say, in the folders above the description. Limits in a joint_limits.yaml
-beside it and its own: the narrower counts. What no file says is assumed, and marked so in robot.toml, where
+beside it only narrow what it states. What no file says is assumed, and marked so in robot.toml, where
 `catchingbot check` lists it.
 
 Example:

@@ -137,7 +137,8 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// The mass properties of a geom; a mesh that states its mass is a point, as its moments are those of a file. `None` if nothing is known.
+/// The mass properties of a geom; a mesh that states its mass is a point, as its moments are those of a file.
+/// `None` if nothing is known.
 fn mass_of(geometry: &Geometry, mass: Option<f64>, density: f64) -> Option<Inertia> {
     let unit = geometry.filled(1.0);
     match (unit, mass) {

@@ -1,8 +1,10 @@
-//! Elements and attributes of MuJoCo's model files that change neither an arm nor the shape and the mass of an object.
+//! Elements and attributes of MuJoCo's model files that change neither an arm nor the shape and the mass of
+//! an object.
 
 use crate::document::Harmless;
 
-/// They draw, sense, simulate, or say how contacts and controllers behave. Geoms of the world itself stand around the arm.
+/// They draw, sense, simulate, or say how contacts and controllers behave. Geoms of the world itself stand
+/// around the arm.
 pub(super) const HARMLESS: Harmless = &[
     ("mujoco", &["option", "size", "visual", "statistic", "custom", "sensor", "keyframe", "contact", "tendon"]),
     ("compiler", &["@texturedir", "@usethread", "@convexhull", "@exactmeshinertia", "@alignfree", "@saveinertial"]),

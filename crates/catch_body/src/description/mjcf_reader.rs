@@ -27,7 +27,8 @@ impl Description {
     /// Reads a MuJoCo model; the world is its root.
     ///
     /// # Errors
-    /// If it is no MJCF, includes other files, has an element whose numbers make no sense, or one that is not read.
+    /// If it is no MJCF, includes other files, has an element whose numbers make no sense, or one that is not
+    /// read.
     pub fn from_mjcf(file: &str, text: &str) -> Result<Self, InputError> {
         let document = Document::from_xml(file, text, EXPECTED)?;
         let root = document.root();
@@ -71,13 +72,14 @@ pub(super) struct Reader<'a> {
     joints: BTreeMap<String, Vec<TreeJoint>>,
 }
 
-/// An element within a body, with the pose of the frames around it in the body, and the class of what names none.
+/// An element within a body, with the pose of the frames around it in the body, and the class of what names
+/// none.
 pub(super) type Placed<'a> = (Node<'a>, Pose, Option<&'a str>);
 
 impl<'a> Reader<'a> {
     fn new(file: &'a str, root: Node<'a>) -> Result<Self, InputError> {
         let compilers: Vec<Node> = root.children("compiler").collect();
-        let compiler = |name| compilers.iter().filter_map(|it| it.attribute(name)).next_back();
+        let compiler = |name| compilers.iter().filter_map(|it| it.attribute(name)).reduce(|_, last| last);
         let mut reader = Self {
             file,
             in_degrees: compiler("angle") != Some("radian"),

@@ -106,11 +106,12 @@ const HARMLESS: Harmless = &[
 ];
 
 impl Description {
-    /// Reads the links of the model in an SDF file, each in its own frame, those of models within it as `model::link`. Joints, and where
-    /// links stand, are not read.
+    /// Reads the links of the model in an SDF file, each in its own frame, those of models within it as
+    /// `model::link`. Joints, and where links stand, are not read.
     ///
     /// # Errors
-    /// If it is no SDF, has not one model with a link, a number out of its range, or an element that is not known.
+    /// If it is no SDF, has not one model with a link, a number out of its range, or an element that is not
+    /// known.
     pub fn from_sdf(file: &str, text: &str) -> Result<Self, InputError> {
         let document = Document::from_xml(file, text, EXPECTED)?;
         let fault = |found: String| InputError::new(file, "sdf", found, EXPECTED);
@@ -209,7 +210,8 @@ fn inertia(node: Node, link: &str, parts: &Parts) -> Result<Option<Inertia>, Inp
     Ok(Some(Inertia { mass, com: Point3::origin(), about_com }.transformed(&X_LC)))
 }
 
-/// The mass properties of a link's collisions, each filled with its density, all together as heavy as is stated.
+/// The mass properties of a link's collisions, each filled with its density, all together as heavy as is
+/// stated.
 fn filled(node: Node, parts: &Parts, density: f64, mass: Option<f64>) -> Result<Option<Inertia>, InputError> {
     let mut whole: Option<Inertia> = None;
     for (shape, own) in parts {

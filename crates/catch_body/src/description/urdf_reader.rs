@@ -11,7 +11,8 @@ use crate::{
 
 /// Numbers that some files give as zero, or without bound, where nobody knows them.
 const ANY_NUMBER: Quantity = Quantity { least: -f64::MAX, most: f64::MAX, unit: "" };
-/// Masses and moments of whatever a file describes; what an arm can have is asked of the links that it consists of.
+/// Masses and moments of whatever a file describes; what an arm can have is asked of the links that it
+/// consists of.
 const NOT_NEGATIVE: Quantity = Quantity { least: 0.0, most: f64::MAX, unit: "" };
 /// Extents of a shape.
 const EXTENT_M: Quantity = Quantity { least: 0.0, most: 1e4, unit: "m" };
@@ -137,7 +138,8 @@ fn unused_axis(element: &Element) -> Result<Unit<Vector3<f64>>, InputError> {
     Ok(Vector3::x_axis())
 }
 
-/// The range that all bounds of a joint leave, whether or not there is anything between them; `None` if it states no bound.
+/// The range that all bounds of a joint leave, whether or not there is anything between them; `None` if it
+/// states no bound.
 fn range(element: &Element, kind: &str, limit: Option<&Element>) -> Result<Option<[f64; 2]>, InputError> {
     let number = |of: Option<&Element>, name| of.map_or(Ok(None), |it| it.optional(name, ANY_NUMBER));
     let hard = [number(limit, "lower")?, number(limit, "upper")?];

@@ -15,7 +15,8 @@ const DEEPEST: usize = 400;
 const MOST_UNDECLARED: usize = 20;
 
 impl Document {
-    /// A document of XML; `expected` says what it should be. Prefixes that nobody declares are taken as they stand.
+    /// A document of XML; `expected` says what it should be. Prefixes that nobody declares are taken as they
+    /// stand.
     ///
     /// # Errors
     /// If it is no XML, or has too many attributes or elements.

@@ -1,4 +1,5 @@
-//! YAML as a document, as far as files of settings go: mappings and lists in block and flow notation, quotes, comments, `null`.
+//! YAML as a document, as far as files of settings go: mappings and lists in block and flow notation, quotes,
+//! comments, `null`.
 //!
 //! Anchors, aliases and merged keys are refused. A tag stays in front of its value.
 
@@ -295,7 +296,7 @@ fn quoted(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use super::{super::Node, *};
 
     /// The same content in block and in flow notation.
     #[test]
@@ -307,14 +308,14 @@ mod tests {
             let document = Document::from_yaml("a.yaml", text).unwrap();
             let a = document.root().child("a").unwrap();
             assert_eq!((a.child("b").unwrap().text(), a.child("c d").unwrap().text()), ("1", "x # y"), "{text}");
-            let items: Vec<&str> = a.child("list").unwrap().items().map(super::super::node::Node::text).collect();
+            let items: Vec<&str> = a.child("list").unwrap().items().map(Node::text).collect();
             assert_eq!(items, ["1", "2.5"], "{text}");
             assert!(document.root().child("e").unwrap().is_null());
             document.finish(&[]).unwrap();
         }
         let items = "- a: 1\n  b: 2\n-\n  a: 3\n- - 4\n";
         let document = Document::from_yaml("a.yaml", items).unwrap();
-        let places: Vec<String> = document.root().items().map(super::super::node::Node::place).collect();
+        let places: Vec<String> = document.root().items().map(Node::place).collect();
         assert_eq!(places, ["line 1: [0]", "line 3: [1]", "line 5: [2]"]);
         assert!(Document::from_yaml("a.yaml", "").unwrap().root().is_null());
     }

@@ -401,7 +401,8 @@ mod tests {
         hollow.merge(&within);
         let Repaired { mesh, repairs } = repaired(&hollow, &LIMITS).unwrap();
         assert!((mesh.volume() - (1e-3 - 1.25e-4)).abs() < 1e-12 && repairs.is_empty());
-        // A part that sticks out is a part, and what it shares with the other is told; one beside it shares nothing.
+        // A part that sticks out is a part, and what it shares with the other is told; one beside it shares
+        // nothing.
         for (to, crossing) in [
             ([0.04, 0.0, 0.0], 1),
             ([0.09, 0.03, 0.0], 0),

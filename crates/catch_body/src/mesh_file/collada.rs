@@ -1,7 +1,7 @@
 //! Reads the triangles of COLLADA files, as descriptions of robots use them for surfaces.
 //!
-//! Geometries are placed by the nodes of the scene, in the file's unit; materials, animations and what the scene does not show are left
-//! aside.
+//! Geometries are placed by the nodes of the scene, in the file's unit; materials, animations and what the
+//! scene does not show are left aside.
 
 use std::collections::HashMap;
 
@@ -25,7 +25,8 @@ const NUMBER: Quantity = Quantity { least: -1e12, most: 1e12, unit: "" };
 /// Metres per unit.
 const METRES: Quantity = Quantity { least: 1e-9, most: 1e9, unit: "m" };
 
-/// What draws, moves or is said about a mesh. Its upward axis changes nothing: descriptions of robots mean the coordinates as they stand.
+/// What draws, moves or is said about a mesh. Its upward axis changes nothing: descriptions of robots mean
+/// the coordinates as they stand.
 const HARMLESS: Harmless = &[
     (
         "COLLADA",
@@ -208,6 +209,14 @@ impl<'a> Reader<'a> {
         Ok(soup)
     }
 
+    /// The source of the places of the vertices that an input means.
+    fn positions_of(&self, vertex: Node<'a>) -> Result<Node<'a>, InputError> {
+        let vertices = self.target(vertex, "source")?;
+        let mut places = vertices.children("input").filter(|it| it.attribute("semantic") == Some("POSITION"));
+        let places = places.next().ok_or_else(|| vertex.fault("vertices without positions", EXPECTED))?;
+        self.target(places, "source")
+    }
+
     fn primitive(
         &self,
         primitive: Node<'a>,
@@ -216,20 +225,10 @@ impl<'a> Reader<'a> {
         positions: &mut HashMap<&'a str, Vec<[f64; 3]>>,
     ) -> Result<(), InputError> {
         let fault = |found: &str| primitive.fault(found, EXPECTED);
-        let inputs: Vec<(Node, &str, usize)> = primitive
-            .children("input")
-            .map(|it| {
-                let (_, _) = (it.attribute("set"), it.attribute("source"));
-                let offset = it.attribute("offset").and_then(|it| it.parse().ok()).unwrap_or(0);
-                (it, it.attribute("semantic").unwrap_or_default(), offset)
-            })
-            .collect();
+        let inputs: Vec<(Node, &str, usize)> = primitive.children("input").map(input_of).collect();
         let stride = inputs.iter().map(|it| it.2).max().unwrap_or(0).saturating_add(1);
         let vertex = inputs.iter().find(|it| it.1 == "VERTEX").ok_or_else(|| fault("faces without vertices"))?;
-        let vertices = self.target(vertex.0, "source")?;
-        let mut places = vertices.children("input").filter(|it| it.attribute("semantic") == Some("POSITION"));
-        let source = places.next().ok_or_else(|| fault("vertices without positions"))?;
-        let source = self.target(source, "source")?;
+        let source = self.positions_of(vertex.0)?;
         let id = source.attribute("id").unwrap_or_default();
         if !positions.contains_key(id) {
             positions.insert(id, read_positions(source)?);
@@ -271,6 +270,13 @@ impl<'a> Reader<'a> {
         }
         Ok(())
     }
+}
+
+/// An input of a primitive, its semantic, and its offset among the numbers of a corner.
+fn input_of(node: Node<'_>) -> (Node<'_>, &str, usize) {
+    let (_, _) = (node.attribute("set"), node.attribute("source"));
+    let offset = node.attribute("offset").and_then(|it| it.parse().ok()).unwrap_or(0);
+    (node, node.attribute("semantic").unwrap_or_default(), offset)
 }
 
 /// The places of a source, as its accessor says.

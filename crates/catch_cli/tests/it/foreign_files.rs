@@ -1,6 +1,8 @@
-//! Files as other programs write them, in `foreign_files/`: each is read as it is meant, or refused with what is not read.
+//! Files as other programs write them, in `foreign_files/`: each is read as it is meant, or refused with what
+//! is not read.
 //!
-//! Volumes, extents and centres of mass are those of trimesh, poses, masses and ranges of arms those of MuJoCo and urdfdom.
+//! Volumes, extents and centres of mass are those of trimesh, poses, masses and ranges of arms those of
+//! MuJoCo and urdfdom.
 
 use std::{fs, path::Path};
 

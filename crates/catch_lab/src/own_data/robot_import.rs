@@ -90,15 +90,8 @@ impl ImportedRobot {
         let shapes: Result<Vec<BodyShape>, _> = bodies.map(|body| BodyShape::of(file, body, &mut meshes)).collect();
         let mut shapes = shapes?;
         assume_shapes(&chain, &mut shapes);
-        let dof = chain.joints.len();
-        let acceleration = per_joint(&options.max_acceleration, dof, "--max-acceleration")?;
-        let rotor_inertia = per_joint(&options.rotor_inertia, dof, "--rotor-inertia")?;
-        let jerk = per_joint(&options.max_jerk, dof, "--max-jerk")?;
-        let joints = chain.joints.iter().enumerate().map(|(i, joint)| {
-            let given = GivenValues { acceleration: acceleration[i], rotor_inertia: rotor_inertia[i], jerk: jerk[i] };
-            JointValues::of(&name, joint, &limits_of(&limits, &joint.joint.name), &given)
-        });
-        let joints: Vec<JointValues> = joints.collect::<Result<_, _>>()?;
+        let joints = joint_values(&name, &chain, &limits, options)?;
+        let dof = joints.len();
         let middle: Vec<f64> = joints.iter().map(|it| f64::midpoint(it.range.value[0], it.range.value[1])).collect();
         let file_name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let mut draft = Draft {
@@ -237,6 +230,24 @@ fn read_limits(
         Err(InputError::new(&path, format!("joint_limits.{key}"), "a joint that is not there", expected))
     })?;
     Ok(limits)
+}
+
+/// What the joints of an arm may do, of all that is stated and given; `file` is the description.
+fn joint_values(
+    file: &str,
+    chain: &Chain,
+    limits: &BTreeMap<String, JointLimitFields>,
+    options: &ImportOptions,
+) -> Result<Vec<JointValues>, InputError> {
+    let dof = chain.joints.len();
+    let acceleration = per_joint(&options.max_acceleration, dof, "--max-acceleration")?;
+    let rotor_inertia = per_joint(&options.rotor_inertia, dof, "--rotor-inertia")?;
+    let jerk = per_joint(&options.max_jerk, dof, "--max-jerk")?;
+    let joints = chain.joints.iter().enumerate().map(|(i, joint)| {
+        let given = GivenValues { acceleration: acceleration[i], rotor_inertia: rotor_inertia[i], jerk: jerk[i] };
+        JointValues::of(file, joint, &limits_of(limits, &joint.joint.name), &given)
+    });
+    joints.collect()
 }
 
 /// One value for each joint.

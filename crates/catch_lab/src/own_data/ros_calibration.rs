@@ -183,10 +183,12 @@ pub fn camera_info_yaml(name: &str, camera: &CameraModel) -> String {
     )
 }
 
-/// The pose X_BC of a camera in the robot's base that `easy_handeye2` found, or `easy_handeye`; `base_link` is the name of the base.
+/// The pose X_BC of a camera in the robot's base that `easy_handeye2` found, or `easy_handeye`; `base_link`
+/// is the name of the base.
 ///
 /// # Errors
-/// A file that cannot be read, a camera on the robot's hand, frames that are others, a field that is missing, or a quaternion that is none.
+/// A file that cannot be read, a camera on the robot's hand, frames that are others, a field that is missing,
+/// or a quaternion that is none.
 pub fn read_hand_eye(path: &Path, base_link: &str) -> Result<Pose, InputError> {
     let (file, text) = read(path, "a readable result of easy_handeye2")?;
     hand_eye(&file, &text, base_link)

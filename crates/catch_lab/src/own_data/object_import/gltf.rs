@@ -60,7 +60,8 @@ const OF_MATERIALS: [&str; 5] = ["KHR_materials_", "KHR_texture_", "EXT_texture_
 /// Reads the bytes of a file; `file` names it in errors, and `load` reads what lies beside it.
 ///
 /// # Errors
-/// If it is no glTF 2.0, has what changes its shape and is not read, refers to what is not there, or has no triangle.
+/// If it is no glTF 2.0, has what changes its shape and is not read, refers to what is not there, or has no
+/// triangle.
 pub fn read(
     file: &str,
     bytes: &[u8],

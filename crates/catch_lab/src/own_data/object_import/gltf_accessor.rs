@@ -115,7 +115,8 @@ impl Layout {
         };
         let length = width * self.columns;
         let stride = stride.unwrap_or(length);
-        // A row may begin again and again at one place, so the length of the buffer does not bound their number.
+        // A row may begin again and again at one place, so the length of the buffer does not bound their
+        // number.
         let mut numbers = Vec::with_capacity(count.min(bytes.len() + 1) * self.columns);
         for row in 0..count {
             let first = start.saturating_add(row.saturating_mul(stride));

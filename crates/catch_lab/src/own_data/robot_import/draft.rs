@@ -81,7 +81,8 @@ pub struct GivenValues {
 }
 
 impl JointValues {
-    /// What is given by hand comes first; of what `joint_limits.yaml` and the description state, the narrower; the rest is assumed.
+    /// What is given by hand comes first; of what `joint_limits.yaml` and the description state, the
+    /// narrower; the rest is assumed.
     ///
     /// # Errors
     /// A range that is none, or in other units; `file` is the description.
@@ -122,7 +123,8 @@ impl JointValues {
     }
 }
 
-/// What all bounds that anybody states leave of a joint's range; where there is none, a whole turn is assumed.
+/// What all bounds that anybody states leave of a joint's range; where there is none, a whole turn is
+/// assumed.
 fn range_of(file: &str, joint: &TreeJoint, limits: &JointLimitFields) -> Result<Stated<[f64; 2]>, InputError> {
     let field = || format!("joint {}: limit", joint.name);
     let described = joint.range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
@@ -174,7 +176,8 @@ impl Draft {
         let mut parent = &base.links[0];
         for (joint, values) in self.chain.joints.iter().zip(&self.joints) {
             let child = &joint.body.links[0];
-            // Other readers need all attributes; which of the values are assumed stands in robot.toml, which goes before them.
+            // Other readers need all attributes; which of the values are assumed stands in robot.toml, which
+            // goes before them.
             let [lower, upper] = values.range.value;
             let kind = if [lower, upper] == [-ENDLESS_RAD, ENDLESS_RAD] { "continuous" } else { "revolute" };
             let range =

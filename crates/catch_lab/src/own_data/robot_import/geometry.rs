@@ -34,7 +34,8 @@ pub struct BodyShape {
 }
 
 impl BodyShape {
-    /// Reads the shapes of a body, those for collisions if there are any, and fits capsules; `file` is the description.
+    /// Reads the shapes of a body, those for collisions if there are any, and fits capsules; `file` is the
+    /// description.
     ///
     /// # Errors
     /// If it has more shapes or triangles than are read.

@@ -1,6 +1,7 @@
 //! Reads `joint_limits.yaml`, the file beside a robot's description in which MoveIt and drivers keep what URDF cannot say.
 //!
-//! The tag `!degrees` in front of a number is understood, `null` is what is not given, and a limit only narrows what others state.
+//! The tag `!degrees` in front of a number is understood, `null` is what is not given, and a limit only
+//! narrows what others state.
 
 use std::collections::BTreeMap;
 
