@@ -96,7 +96,7 @@ fn a_bad_place_is_wrong_input_whoever_writes_there() {
     let taken = folder.path().to_str().unwrap();
     for arguments in [
         &["catch", "--out", &within("")][..],
-        &["catch", "--out", taken],
+        &["catch", "--scenario", "paper", "--out", taken],
         &["eval", "--trials", "1", "--out", &within("e")],
         &["suite", "run", "catch-2026.2", "--trials", "1", "--out", &within("s")],
         &["export", "--trials", "1", "--lerobot", &within("l")],
