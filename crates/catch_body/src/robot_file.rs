@@ -336,7 +336,7 @@ fn revolute_joint(files: &RobotFiles, urdf: &Urdf, joint: &Element, extra: &Robo
     })?;
     Ok(Joint {
         name: name.to_owned(),
-        X_PL: joint.origin()?,
+        X_PL: joint.origin(quantity::OFFSET_M)?,
         axis: joint.axis()?,
         limits,
         velocity_table: match &fields.velocity_by_position {

@@ -32,7 +32,7 @@ pub(super) struct LinkFields {
 /// The inertia that the URDF states.
 pub(super) fn link_inertia(link: &Element) -> Result<Inertia, InputError> {
     let inertial = link.required("inertial")?;
-    let inertia = inertial.inertia(quantity::PART_MASS_KG, quantity::INERTIA_KGM2)?;
+    let inertia = inertial.inertia([quantity::PART_MASS_KG, quantity::INERTIA_KGM2, quantity::OFFSET_M])?;
     if !inertia.is_of_a_body() {
         let found = format!("principal moments {:?}", inertia.about_com.symmetric_eigenvalues().as_slice());
         return Err(inertial.fault("inertia", found, OF_A_BODY));

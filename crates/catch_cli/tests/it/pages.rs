@@ -194,7 +194,7 @@ fn new_files_are_right_as_they_are() {
         }
     }
     assert_eq!(catchingbot(&["new", "object", "../evil", "--out", out]).status.code(), Some(2));
-    let object = folder.path().join("my_object.toml");
+    let object = folder.path().join("my_object");
     let document = record(folder.path(), &["--object", object.to_str().unwrap(), "--html"]);
     assert_eq!(document["scene"]["object"], "my_object");
 }

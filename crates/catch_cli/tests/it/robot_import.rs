@@ -222,7 +222,11 @@ fn what_cannot_be_imported_is_refused_and_nothing_is_written() {
     }
     fs::create_dir(&out).unwrap();
     let output = catchingbot(&["robot", "import", file, "--out", out_text]);
-    assert!(stderr(&output).contains("expected a folder that does not exist yet"), "{}", stderr(&output));
+    assert!(
+        stderr(&output).contains("which is already there, expected another place: nothing is overwritten"),
+        "{}",
+        stderr(&output)
+    );
     let output = catchingbot(&["--robot", file]);
     assert!(stderr(&output).contains("catchingbot robot import"), "{}", stderr(&output));
 }

@@ -217,7 +217,7 @@ mod tests {
             ("t,x,y,z,qx,qy,qz\n0,1,2,3,0,0,0\n", "line 1"),
             ("frame,x,y,z\n0,1,2,3\n", "line 1"),
             ("t,x,x,z\n0,1,2,3\n", "line 1: found the column `x` twice"),
-            ("0;1;2;3\n0.1;1;2;3\n", "rows"),
+            ("0;1;2;3\n0.1;1;2;3\n", "line 1: 0;1;2;3: found the column"),
             ("0,1,2,3\n1,1,2,3,0,0,0,1\n", "line 2"),
             ("0,1,2,3\n1,a,2,3\n", "line 2"),
             ("1,1,2,3\n0.5,1,2,3\n", "line 2"),

@@ -167,6 +167,7 @@ pub const FILES: &[Section] = &[
 pub const ELSEWHERE: &[(&str, &str)] = &[
     ("catch_bot/src/preparation.rs", "Config"),
     ("catch_cell/src/knowledge.rs", "ObjectFile"),
+    ("catch_experiments/src/grasp_weights/training_objects.rs", "TrainingObject"),
     ("catch_lab/src/evaluation/published.rs", "PublishedRate"),
 ];
 
