@@ -168,6 +168,7 @@ pub const ELSEWHERE: &[(&str, &str)] = &[
     ("catch_bot/src/preparation.rs", "Config"),
     ("catch_cell/src/knowledge.rs", "ObjectFile"),
     ("catch_experiments/src/grasp_weights/training_objects.rs", "TrainingObject"),
+    ("catch_experiments/src/grasp_weights/training_objects.rs", "Prism"),
     ("catch_lab/src/evaluation/published.rs", "PublishedRate"),
 ];
 
