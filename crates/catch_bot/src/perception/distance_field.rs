@@ -23,8 +23,7 @@ pub(super) struct OrientedPoints<'a> {
     pub smoothing_m: f64,
 }
 
-/// Margin of the coarse grid around the cloud: 10 cm, from where registration still finds its way (the start may be off by
-/// that much).
+/// Margin of the coarse grid around the cloud: registration still finds its way from 10 cm off.
 const COARSE_MARGIN_M: f64 = 0.1;
 /// Cells of a grid at most: those of a ball of 0.23 m at 2.5 mm.
 const MOST_CELLS: f64 = 1e6;
@@ -114,8 +113,7 @@ impl Grid {
     fn around(cloud: &OrientedPoints<'_>, near: &PointGrid, spacing_m: f64, margin_m: f64) -> Self {
         let (low, high) = bounds(cloud.points);
         let lowest = low - Vector3::repeat(margin_m);
-        let cells = ((high - lowest) + Vector3::repeat(margin_m)) / spacing_m;
-        let spacing_m = spacing_m * (cells.product() / MOST_CELLS).cbrt().max(1.0);
+        let spacing_m = spacing_m.max(((high - lowest).add_scalar(margin_m).product() / MOST_CELLS).cbrt());
         let nodes = std::array::from_fn(|axis| ((high[axis] + margin_m - lowest[axis]) / spacing_m) as usize + 2);
         let mut grid = Self { lowest, spacing_m, per_m: 1.0 / spacing_m, nodes, values: Vec::new() };
         let nearest = grid.nearest_points(cloud.points);
