@@ -250,7 +250,7 @@ mod tests {
     fn what_nobody_asks_for_is_told_with_its_place() {
         let text = "<a>\n  <b name=\"one\" x=\"1\" id=\"7\">\n    <c/>\n  </b>\n  <b name=\"two\"/>\n  <note><deep/></note>\n</a>";
         let document = Document::from_xml("a.xml", text, "an a").unwrap();
-        let harmless: Harmless = &[("*", &["@id", "note"])];
+        let harmless: Harmless = &[("*", &["@id", "note"]), ("note", &["@*"])];
         let first = document.root().child("b").unwrap();
         assert_eq!((first.attribute("name"), first.attribute("y")), (Some("one"), None));
         let faults = document.finish(&[harmless]).unwrap_err().all();

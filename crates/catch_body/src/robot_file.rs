@@ -353,7 +353,7 @@ fn revolute_joint(files: &RobotFiles, urdf: &Urdf, joint: &Element, extra: &Robo
     })?;
     Ok(Joint {
         name: name.to_owned(),
-        X_PL: joint.origin()?,
+        X_PL: joint.origin(quantity::OFFSET_M)?,
         axis: joint.axis()?,
         limits,
         velocity_table: match &fields.velocity_by_position {
@@ -372,7 +372,7 @@ fn revolute_joint(files: &RobotFiles, urdf: &Urdf, joint: &Element, extra: &Robo
 
 fn link_inertia(link: &Element) -> Result<Inertia, InputError> {
     let inertial = link.required("inertial")?;
-    let inertia = inertial.inertia(quantity::PART_MASS_KG, quantity::INERTIA_KGM2)?;
+    let inertia = inertial.inertia([quantity::PART_MASS_KG, quantity::INERTIA_KGM2, quantity::OFFSET_M])?;
     if !inertia.is_of_a_body() {
         let found = format!("principal moments {:?}", inertia.about_com.symmetric_eigenvalues().as_slice());
         return Err(inertial.fault("inertia", found, OF_A_BODY));

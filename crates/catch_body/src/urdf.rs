@@ -19,17 +19,34 @@ use crate::{
 /// What a file should be.
 const EXPECTED: &str = "a URDF description of a robot";
 
-/// What only draws, simulates or drives the robot.
+/// What only draws, simulates or drives the robot, says something twice, or what all readers of URDF pass over.
 pub(crate) const HARMLESS: Harmless = &[
-    ("robot", &["material", "gazebo", "transmission", "ros2_control", "sensor", "mujoco", "@version"]),
-    ("link", &["sensor", "gazebo", "self_collision_checking", "@type"]),
+    (
+        "robot",
+        &[
+            "material",
+            "gazebo",
+            "transmission",
+            "ros2_control",
+            "sensor",
+            "mujoco",
+            "frame",
+            "create",
+            "parameter",
+            "@version",
+        ],
+    ),
+    ("link", &["sensor", "gazebo", "self_collision_checking", "gravity", "origin", "@type"]),
     ("visual", &["material", "texture", "meta", "gazebo", "@name"]),
     ("collision", &["material", "verbose", "contact_coefficients", "gazebo", "@name", "@group"]),
-    ("contact", &["*"]),
-    ("lateral_friction", &["*"]),
+    ("contact", &["*", "@*"]),
+    ("lateral_friction", &["@*"]),
     ("inertial", &["@name"]),
     ("mesh", &["@name"]),
-    ("joint", &["calibration", "hardwareInterface", "gazebo", "sensor"]),
+    ("joint", &["calibration", "hardwareInterface", "gazebo", "sensor", "traits", "controller_gains", "anchor"]),
+    ("axis", &["@rpy"]),
+    ("geometry", &["@name"]),
+    ("inertia", &["@iyx", "@izx", "@izy"]),
     ("dynamics", &["@friction", "@spring_reference", "@spring_stiffness"]),
     ("safety_controller", &["@k_position", "@k_velocity"]),
     ("mimic", &["@multiplier", "@offset"]),
@@ -254,15 +271,15 @@ impl<'a> Element<'a> {
         vector.ok_or_else(|| self.fault(name, format!("`{text}`"), format!("three numbers, each {range}")))
     }
 
-    /// The pose in the child `<origin>`; the identity where there is none.
+    /// The pose in the child `<origin>`, whose offset has a range; the identity where there is none.
     ///
     /// # Errors
     /// As [`vector`](Self::vector).
-    pub fn origin(&self) -> Result<Pose, InputError> {
+    pub fn origin(&self, offset_m: Quantity) -> Result<Pose, InputError> {
         let Some(origin) = self.child("origin")? else { return Ok(Pose::identity()) };
         let or_zero =
             |name: &'static str, range| if origin.has(name) { origin.vector(name, range) } else { Ok([0.0; 3]) };
-        let (xyz, [roll, pitch, yaw]) = (or_zero("xyz", quantity::OFFSET_M)?, or_zero("rpy", quantity::ANGLE_RAD)?);
+        let (xyz, [roll, pitch, yaw]) = (or_zero("xyz", offset_m)?, or_zero("rpy", quantity::ANGLE_RAD)?);
         Ok(Pose::from_parts(Translation3::from(xyz), UnitQuaternion::from_euler_angles(roll, pitch, yaw)))
     }
 
@@ -279,10 +296,10 @@ impl<'a> Element<'a> {
     /// The mass properties that an `<inertial>` states, in its link's frame.
     ///
     /// # Errors
-    /// What is missing, no number or out of the ranges of a mass and of a moment.
-    pub fn inertia(&self, mass_kg: Quantity, moment_kgm2: Quantity) -> Result<Inertia, InputError> {
+    /// What is missing, no number or out of the ranges of a mass, a moment and an offset.
+    pub fn inertia(&self, [mass_kg, moment_kgm2, offset_m]: [Quantity; 3]) -> Result<Inertia, InputError> {
         let mass = self.required("mass")?.number("value", mass_kg)?;
-        let X_LC = self.origin()?;
+        let X_LC = self.origin(offset_m)?;
         let inertia = self.required("inertia")?;
         let moment = |name: &'static str| inertia.number(name, moment_kgm2);
         let (xx, yy, zz) = (moment("ixx")?, moment("iyy")?, moment("izz")?);

@@ -25,7 +25,9 @@ impl<'a> Reader<'a> {
         let mut of_geoms = Some(Vec::new());
         for placed in self.within(body, "geom", class)? {
             let (geom, _, class) = placed;
-            let touches = ["contype", "conaffinity"].iter().any(|it| self.attribute(geom, class, it) != Some("0"));
+            // Both are asked for, whatever the first one says.
+            let groups = ["contype", "conaffinity"].map(|it| self.attribute(geom, class, it));
+            let touches = groups.iter().any(|it| *it != Some("0"));
             let said = self.attribute(geom, class, "friction");
             let mass = self.numbers::<1>(geom, class, "mass")?.map(|[it]| it);
             let density = self.numbers::<1>(geom, class, "density")?.map_or(WATER_KGPM3, |[it]| it);
@@ -116,7 +118,9 @@ impl<'a> Reader<'a> {
             return Err(geom.fault(format!("a {kind} around a mesh"), "the mesh, or a shape with sizes"));
         }
         let missing = || geom.fault(format!("the mesh {name}"), "the name of a mesh with a file in <asset>");
-        let asset = *self.meshes.get(name).ok_or_else(missing)?;
+        let (asset, is_used) = self.meshes.get(name).ok_or_else(missing)?;
+        is_used.set(true);
+        let asset = *asset;
         let named = asset.attribute("file").ok_or_else(missing)?;
         let scale: Vector3<f64> = self.numbers::<3>(asset, None, "scale")?.unwrap_or([1.0; 3]).into();
         // A vertex v of the file is at scale · R⁻¹·(v − p).

@@ -2,7 +2,10 @@
 //!
 //! What it does not read it refuses, as MuJoCo's compiler makes of one attribute what no other can guess.
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::{
+    cell::Cell,
+    collections::{BTreeMap, HashMap, HashSet},
+};
 
 use nalgebra::{Quaternion, Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
 
@@ -61,7 +64,8 @@ pub(super) struct Reader<'a> {
     pub(super) masses: FromGeoms,
     pub(super) mesh_folder: String,
     classes: Classes<'a>,
-    pub(super) meshes: HashMap<String, Node<'a>>,
+    /// By name, and whether a geom shows them.
+    pub(super) meshes: HashMap<String, (Node<'a>, Cell<bool>)>,
     /// Highest torques by the names of joints.
     efforts: HashMap<&'a str, f64>,
     /// By the joint that is driven, the one that drives it.
@@ -108,7 +112,7 @@ impl<'a> Reader<'a> {
             };
             let name = mesh.attribute("name").map(str::to_owned).or_else(|| mesh.attribute("file").and_then(stem));
             let name = name.ok_or_else(|| mesh.fault("no file", "a mesh in a file of its own"))?;
-            reader.meshes.insert(name, mesh);
+            reader.meshes.insert(name, (mesh, Cell::new(false)));
         }
         reader.read_actuators(root)?;
         for equality in root.children("equality") {
@@ -225,6 +229,8 @@ impl<'a> Reader<'a> {
                 self.body(body, "world", (X_WF, class), 0)?;
             }
         }
+        // What no geom shows is not looked at.
+        self.meshes.values().filter(|(_, is_used)| !is_used.get()).for_each(|(mesh, _)| mesh.leave_out());
         Ok(Description {
             file: self.file.to_owned(),
             name: root.attribute("model").unwrap_or_default().to_owned(),
@@ -385,13 +391,14 @@ mod tests {
     const ARM: &str = r#"<mujoco model="arm"><compiler angle="degree" meshdir="assets"/>
       <default><default class="a"><joint axis="0 1 0" range="-90 90" armature="0.1" damping="2"/>
         <geom type="capsule" size="0.05 0.1"/><position forcerange="-40 50"/></default></default>
-      <asset><mesh file="tube.stl" scale="0.001 0.001 0.001"/></asset>
-      <worldbody><body name="base" childclass="a"><geom type="mesh" mesh="tube" contype="0" conaffinity="0"/>
+      <asset><mesh file="tube.stl" scale="0.001 0.001 0.001"/><mesh name="unused" file="other.stl"/></asset>
+      <worldbody><body name="base" childclass="a"><geom type="mesh" mesh="tube" contype="0" conaffinity="0"/><geom contype="1" conaffinity="1" size="0.01 0.01"/>
         <body name="one" pos="0 0 0.3" euler="0 0 90"><inertial mass="2" pos="0 0 0.1" diaginertia="0.02 0.02 0.01"/>
           <joint name="j1" pos="0.1 0 0"/><geom/>
           <body name="two" pos="0 0 0.4"><joint name="j2" range="-3 3"/>
             <body name="three" pos="0 0 0.2"><joint name="j3" axis="0 0 1"/><site name="tool" pos="0 0 0.1"/></body></body>
       </body></body></worldbody>
+      <equality><joint name="e" joint1="f1" joint2="f2" solref="0.01 1"/><weld name="w" body1="f" body2="g" active="false"/></equality>
       <actuator><position class="a" joint="j1"/><motor joint="j2" ctrlrange="-1 1" gear="25"/></actuator></mujoco>"#;
 
     #[test]

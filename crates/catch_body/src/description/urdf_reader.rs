@@ -14,6 +14,8 @@ const ANY_NUMBER: Quantity = Quantity { least: -f64::MAX, most: f64::MAX, unit: 
 /// Masses and moments of whatever a file describes; what an arm can have is asked of the links that it
 /// consists of.
 const NOT_NEGATIVE: Quantity = Quantity { least: 0.0, most: f64::MAX, unit: "" };
+/// Offsets, likewise.
+const OFFSET_M: Quantity = Quantity { least: -1e4, most: 1e4, unit: "m" };
 /// Extents of a shape.
 const EXTENT_M: Quantity = Quantity { least: 0.0, most: 1e4, unit: "m" };
 /// Factors on the axes of a mesh; a mirrored one has a negative factor.
@@ -57,7 +59,9 @@ fn read(file: &str, text: &str) -> Result<Description, InputError> {
 
 fn link(element: &Element) -> Result<Link, InputError> {
     let inertia = match element.child("inertial")? {
-        Some(inertial) if weighs_something(&inertial)? => Some(inertial.inertia(NOT_NEGATIVE, ANY_NUMBER)?),
+        Some(inertial) if weighs_something(&inertial)? => {
+            Some(inertial.inertia([NOT_NEGATIVE, ANY_NUMBER, OFFSET_M])?)
+        }
         Some(nothing) => {
             nothing.leave_out();
             None
@@ -92,7 +96,7 @@ fn geometry(element: &Element) -> Result<Geometry, InputError> {
         let scale = if mesh.has("scale") { mesh.vector("scale", MESH_SCALE)?.into() } else { Vector3::repeat(1.0) };
         Shape::Mesh { file: mesh.text("filename")?.to_owned(), scale }
     };
-    Ok(Geometry { X_LS: element.origin()?, shape })
+    Ok(Geometry { X_LS: element.origin(OFFSET_M)?, shape })
 }
 
 fn joint(urdf: &Urdf, element: &Element) -> Result<TreeJoint, InputError> {
@@ -118,14 +122,14 @@ fn joint(urdf: &Urdf, element: &Element) -> Result<TreeJoint, InputError> {
             }
         },
         child: child.to_owned(),
-        X_PL: element.origin()?,
+        X_PL: element.origin(OFFSET_M)?,
         axis: if kind == "fixed" { unused_axis(element)? } else { element.axis()? },
         range: range(element, kind, limit.as_ref())?,
         velocity: number("velocity")?.filter(|it| *it > 0.0),
         acceleration: either("acceleration", "drake:acceleration")?,
         jerk: either("jerk", "drake:jerk")?,
         effort: number("effort")?.filter(|it| *it > 0.0),
-        damping: dynamics.map_or(Ok(0.0), |it| it.number("damping", quantity::DAMPING_NMSPRAD))?,
+        damping: dynamics.map_or(Ok(0.0), |it| it.number("damping", NOT_NEGATIVE))?,
         rotor_inertia: None,
         mimics: mimic.map(|it| it.text("joint").map(str::to_owned)).transpose()?,
     })

@@ -194,12 +194,10 @@ impl<'d> Node<'d> {
     pub(super) fn is_harmless(self, harmless: Harmless) -> bool {
         let above = self.above().map_or("", |it| &self.document.names[it.kind() as usize]);
         let is_this = |name: &&str| match name.strip_prefix('@') {
-            Some(attribute) => self.part().is_attribute && attribute == self.name(),
+            Some(attribute) => self.part().is_attribute && (attribute == "*" || attribute == self.name()),
             None => !self.part().is_attribute && (*name == "*" || *name == self.name()),
         };
-        harmless
-            .iter()
-            .any(|(parent, names)| (*parent == "*" || *parent == above) && names.iter().any(&is_this))
+        harmless.iter().any(|(parent, names)| (*parent == "*" || *parent == above) && names.iter().any(&is_this))
     }
 
     /// Says that nobody asked for it, and what would be read in its place.

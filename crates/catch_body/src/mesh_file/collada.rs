@@ -70,7 +70,7 @@ const HARMLESS: Harmless = &[
     ("polygons", POLYGONS),
     ("tristrips", POLYGONS),
     ("trifans", POLYGONS),
-    ("*", &["extra", "asset", "@id", "@sid", "@name"]),
+    ("*", &["extra", "asset", "@id", "@sid", "@name", "@xsi:schemaLocation"]),
 ];
 const POLYGONS: &[&str] = &["@count", "@material"];
 

@@ -2,7 +2,11 @@
 //!
 //! Lengths are in metres and y points up, as the format says; what is read has z up, as descriptions of robots mean such files.
 
-use std::{borrow::Cow, collections::HashMap, rc::Rc};
+use std::{
+    borrow::Cow,
+    collections::{HashMap, HashSet},
+    rc::Rc,
+};
 
 use base64::{Engine, prelude::BASE64_STANDARD};
 use catch_body::{
@@ -89,6 +93,7 @@ pub fn read(
     let mut reader = Reader {
         file,
         nodes: list("nodes"),
+        shown: HashSet::new(),
         meshes: list("meshes"),
         buffers,
         known: HashMap::new(),
@@ -156,6 +161,8 @@ fn unescaped(uri: &str) -> String {
 struct Reader<'a> {
     file: &'a str,
     nodes: Vec<Node<'a>>,
+    /// Numbers of the nodes that are shown.
+    shown: HashSet<usize>,
     meshes: Vec<Node<'a>>,
     buffers: Buffers<'a>,
     /// Primitives that were read, by mesh, primitive and weights of its morph targets.
@@ -205,6 +212,8 @@ impl<'a> Reader<'a> {
             return Err(fault("nodes without end".into(), "at most some thousand, each in one other"));
         }
         let node = *self.nodes.get(number).ok_or_else(|| fault(format!("node {number}"), "a node that is there"))?;
+        self.shown.insert(number);
+        passed_over(node);
         let X_PN = match node.child("matrix") {
             Some(matrix) => Matrix4::from_column_slice(&matrix.numbers::<16>(NUMBER)?),
             None => {
@@ -221,6 +230,7 @@ impl<'a> Reader<'a> {
         if let Some(number) = node.child("mesh").map(index).transpose()? {
             let missing = || fault(format!("mesh {number}"), "a mesh that is there");
             let mesh = *self.meshes.get(number).ok_or_else(missing)?;
+            passed_over(mesh);
             let own = mesh.child("weights").map(weights_of).transpose()?;
             let weights = weights.or(own).unwrap_or_default();
             let primitives = mesh.child("primitives").into_iter().flat_map(Node::items);
@@ -263,8 +273,13 @@ impl<'a> Reader<'a> {
 
     /// The triangles of a primitive with the vertices that they have, moved by its morph targets.
     fn primitive(&self, primitive: Node<'a>, weights: &[f64]) -> Result<TriangleMesh, InputError> {
+        passed_over(primitive);
         let mode = primitive.child("mode").map(index).transpose()?.unwrap_or(4);
-        let position = primitive.child("attributes").and_then(|it| it.child("POSITION"));
+        let attributes = primitive.child("attributes");
+        // Names of one's own begin so, as the format says.
+        let own = attributes.into_iter().flat_map(Node::elements).filter(|it| it.name().starts_with('_'));
+        own.for_each(Node::leave_out);
+        let position = attributes.and_then(|it| it.child("POSITION"));
         let Some(position) = position.filter(|_| (4..=6).contains(&mode)) else {
             // Points and lines are no surface.
             primitive.leave_out();
@@ -317,8 +332,15 @@ impl<'a> Reader<'a> {
                 mesh.leave_out();
             }
         }
+        let unseen = self.nodes.iter().enumerate().filter(|(i, _)| !self.shown.contains(i));
+        unseen.for_each(|(_, node)| node.leave_out());
         self.buffers.leave_out_unused();
     }
+}
+
+/// Extensions are asked for, so that each of them is harmless or a fault.
+fn passed_over(node: Node) {
+    node.child("extensions");
 }
 
 fn weights_of(node: Node) -> Result<Vec<f64>, InputError> {
@@ -382,6 +404,18 @@ mod tests {
                 .replace("\"nodes\": [{\"mesh\": 0}]", nodes)
         };
         assert_eq!(corners(without), [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]]);
+    }
+
+    #[test]
+    fn what_is_not_shown_is_not_looked_at() {
+        let more = |it: &str| {
+            it.replace(
+                "\"nodes\": [{\"mesh\": 0}]",
+                "\"nodes\": [{\"mesh\": 0, \"extensions\": {\"KHR_lights_punctual\": {}}}, {\"mesh\": 1, \"skin\": 2}]",
+            )
+            .replace("\"NORMAL\": 1}", "\"NORMAL\": 1, \"_BATCHID\": 1}")
+        };
+        assert_eq!(corners(more).len(), 3);
     }
 
     #[test]

@@ -179,7 +179,8 @@ impl Draft {
             // Other readers need all attributes; which of the values are assumed stands in robot.toml, which
             // goes before them.
             let [lower, upper] = values.range.value;
-            let kind = if [lower, upper] == [-ENDLESS_RAD, ENDLESS_RAD] { "continuous" } else { "revolute" };
+            let is_endless = values.range.assumed.is_some() && [lower, upper] == [-ENDLESS_RAD, ENDLESS_RAD];
+            let kind = if is_endless { "continuous" } else { "revolute" };
             let range =
                 if kind == "revolute" { format!(" lower=\"{lower}\" upper=\"{upper}\"") } else { String::new() };
             let (velocity, effort) = (values.velocity.value, values.torque.value);
