@@ -8,7 +8,7 @@ use catch_cell::Setpoint;
 use catch_lab::scenario::{
     brain::Method,
     catch_plan,
-    setup::{Choice, DEFAULT_SCENARIO, Setup as LabSetup},
+    setup::{Choice, Setup as LabSetup},
 };
 use numpy::{PyArray1, PyArray2};
 use pyo3::{
@@ -58,7 +58,7 @@ const MOST_THREADS: u64 = catch_lab::evaluation::MOST_THREADS as u64;
 #[pymethods]
 impl Setup {
     #[new]
-    #[pyo3(signature = (scenario=DEFAULT_SCENARIO, *, robot=None, gripper=None, workcell=None, object=None, throw=None, method=None, settings=None))]
+    #[pyo3(signature = (scenario="honest", *, robot=None, gripper=None, workcell=None, object=None, throw=None, method=None, settings=None))]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn new(
         py: Python<'_>,

@@ -127,7 +127,7 @@ def test_a_batch_sees_the_scenes_of_a_single_arm():
 
 
 def test_a_batch_gives_the_bytes_of_single_arms():
-    setup = cb.Setup("paper", object="banana", throw="near_sampled")
+    setup = cb.Setup(object="banana", throw="near_sampled")
     rng = np.random.default_rng(1)
     actions = rng.uniform(-1, 1, (400, 8)).astype(np.float32)
 
