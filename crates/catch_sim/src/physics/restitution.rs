@@ -2,8 +2,8 @@
 //!
 //! The engine lets contacts end without rebound. It can make them rebound, but by one sweep over the contacts
 //! after a step: of two points that meet in the same step the second one undoes part of what the first was
-//! given, or adds to it. Two fingers that meet a ball then rebound too slowly, and a bottle that meets the hand
-//! at two points gains up to 15 % of its energy. Here the sweeps go on until all points agree (Gauss–Seidel on
+//! given, or adds to it. Two fingers that meet a ball then rebound too slowly, and a bottle thrown at
+//! the hand gains up to 15 % of energy. Here the sweeps go on until all points agree (Gauss–Seidel on
 //! the normal velocities, impulses that only push).
 //!
 //! Only points that begin to push in the same step count. With one restitution for all of them no energy is

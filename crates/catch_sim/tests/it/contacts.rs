@@ -129,7 +129,7 @@ fn what_is_squeezed_is_as_stiff_as_its_file_says() {
     }
 }
 
-/// Nothing convex is held without friction; a banana has dents.
+/// A ball and a bottle are not held without friction. A banana of several convex parts is, and is left out.
 #[test]
 fn without_friction_everything_falls() {
     for (name, width_m) in [("tennis_ball", 0.068), ("pill_bottle", 0.052)] {
