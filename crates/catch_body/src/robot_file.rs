@@ -8,7 +8,6 @@ use serde::Deserialize;
 pub use crate::urdf::ignored_elements;
 use crate::{
     InputError,
-    document::Harmless,
     pose::PoseFields,
     quantity,
     robot::{Inertia, Joint, JointLimits, MAX_JOINTS, Robot},
@@ -168,7 +167,7 @@ impl Robot {
         let urdf = Urdf::read(&document)?;
         let extra: RobotFile = InputError::parse_toml(files.toml_file, files.toml)?;
         let (base_link, joints) = serial_chain(files, &urdf, &extra)?;
-        document.finish(&[urdf::HARMLESS, IN_TOML])?;
+        document.finish(&[urdf::HARMLESS, urdf::IN_TOML])?;
 
         let link_names: Vec<&str> =
             std::iter::once(base_link.as_str()).chain(joints.iter().map(|it| it.link_name.as_str())).collect();
@@ -394,12 +393,6 @@ fn stated_inertia(files: &RobotFiles, link: &str, fields: &LinkFields) -> Result
     Err(InputError::new(files.toml_file, format!("links.{link}.inertia_kgm2"), found, OF_A_BODY))
 }
 
-/// What `robot.toml` says in place of the URDF, and what needs no shape beside its capsules.
-const IN_TOML: Harmless = &[
-    ("link", &["visual", "collision", "contact", "inertial"]),
-    ("joint", &["limit"]),
-    ("limit", &["@lower", "@upper", "@velocity", "@effort"]),
-];
 /// More capsules are refused: each pair costs time in every clearance.
 const MOST_CAPSULES: usize = 128;
 /// What the moments of inertia of a body are.
