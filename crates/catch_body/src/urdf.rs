@@ -33,6 +33,7 @@ pub(crate) const HARMLESS: Harmless = &[
             "frame",
             "create",
             "parameter",
+            "collision_filter_group",
             "@version",
         ],
     ),
