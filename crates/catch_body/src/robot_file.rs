@@ -11,7 +11,6 @@ use inertia::{LinkFields, link_inertia, stated_inertia};
 
 use crate::{
     InputError,
-    document::Harmless,
     pose::PoseFields,
     quantity,
     robot::{Joint, JointLimits, MAX_JOINTS, Robot},
@@ -151,7 +150,7 @@ impl Robot {
         let urdf = Urdf::read(&document)?;
         let extra: RobotFile = InputError::parse_toml(files.toml_file, files.toml)?;
         let (base_link, joints) = serial_chain(files, &urdf, &extra)?;
-        document.finish(&[urdf::HARMLESS, IN_TOML])?;
+        document.finish(&[urdf::HARMLESS, urdf::IN_TOML])?;
 
         let link_names: Vec<&str> =
             std::iter::once(base_link.as_str()).chain(joints.iter().map(|it| it.link_name.as_str())).collect();
@@ -353,12 +352,6 @@ fn revolute_joint(files: &RobotFiles, urdf: &Urdf, joint: &Element, extra: &Robo
     })
 }
 
-/// What `robot.toml` says in place of the URDF, and what needs no shape beside its capsules.
-const IN_TOML: Harmless = &[
-    ("link", &["visual", "collision", "contact", "inertial"]),
-    ("joint", &["limit"]),
-    ("limit", &["@lower", "@upper", "@velocity", "@effort"]),
-];
 /// More capsules are refused: each pair costs time in every clearance.
 const MOST_CAPSULES: usize = 128;
 

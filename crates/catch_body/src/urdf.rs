@@ -33,21 +33,34 @@ pub(crate) const HARMLESS: Harmless = &[
             "frame",
             "create",
             "parameter",
+            "collision_filter_group",
             "@version",
         ],
     ),
     ("link", &["sensor", "gazebo", "self_collision_checking", "gravity", "origin", "@type"]),
-    ("visual", &["material", "texture", "meta", "gazebo", "@name"]),
+    ("visual", &["material", "texture", "meta", "gazebo", "@name", "@group"]),
     ("collision", &["material", "verbose", "contact_coefficients", "gazebo", "@name", "@group"]),
     ("contact", &["*", "@*"]),
     ("lateral_friction", &["@*"]),
     ("inertial", &["@name"]),
     ("mesh", &["@name"]),
-    ("joint", &["calibration", "hardwareInterface", "gazebo", "sensor", "traits", "controller_gains", "anchor"]),
+    (
+        "joint",
+        &[
+            "calibration",
+            "hardwareInterface",
+            "gazebo",
+            "sensor",
+            "traits",
+            "controller_gains",
+            "anchor",
+            "joint_properties",
+        ],
+    ),
     ("axis", &["@rpy"]),
     ("geometry", &["@name"]),
     ("inertia", &["@iyx", "@izx", "@izy"]),
-    ("dynamics", &["@friction", "@spring_reference", "@spring_stiffness"]),
+    ("dynamics", &["@D", "@K", "@mu_coulomb", "@mu_viscous", "@friction", "@spring_reference", "@spring_stiffness"]),
     ("safety_controller", &["@k_position", "@k_velocity"]),
     ("mimic", &["@multiplier", "@offset"]),
     (
@@ -61,6 +74,13 @@ pub(crate) const HARMLESS: Harmless = &[
             "drake:declare_convex",
         ],
     ),
+];
+
+/// What `robot.toml` says in place of the URDF, and what needs no shape beside its capsules.
+pub(crate) const IN_TOML: Harmless = &[
+    ("link", &["visual", "collision", "contact", "inertial"]),
+    ("joint", &["limit"]),
+    ("limit", &["@lower", "@upper", "@velocity", "@effort"]),
 ];
 
 /// Parses a URDF file; `file` names it in errors.

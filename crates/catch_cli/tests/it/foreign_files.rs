@@ -163,6 +163,10 @@ fn what_is_not_read_of_a_thing_is_refused_or_told() {
     for (source, expected) in [
         ("53-gltf-instancing/thing.gltf", "extensionsRequired: found EXT_mesh_gpu_instancing"),
         ("62-mjcf-object-inline-mesh/thing.xml", "mesh m"),
+        ("130-depth-inverse-poses/scan", "of what some images show where others see nothing"),
+        ("bounds/dae_vertices_without_faces-a.dae", "no triangles"),
+        ("bounds/gltf_points_without_end-a.gltf", "nodes without end"),
+        ("bounds/gltf_vertices_merged-a.gltf", "more triangles in all that is shown"),
         ("64-sdf-include/thing.sdf", "found <include>"),
         ("64-sdf-submesh/thing.sdf", "found <submesh>"),
         ("64-sdf-two-models/thing.sdf", "found 2 models: ground, can"),

@@ -171,7 +171,8 @@ fn an_sdf_with_a_gltf_mesh_stands_as_its_simulator_has_it() {
 }
 
 /// A cloud of points in millimetres, without faces, with normals if wanted.
-fn cloud(mesh: &TriangleMesh, with_normals: bool) -> String {
+/// A cloud upon a mesh; normals as long as is said, inwards below zero.
+fn cloud(mesh: &TriangleMesh, normals: Option<f64>) -> String {
     let mut rows = Vec::new();
     for [a, b, c] in mesh.all_corners() {
         let Some(normal) = (b - a).cross(&(c - a)).try_normalize(1e-9) else { continue };
@@ -179,11 +180,12 @@ fn cloud(mesh: &TriangleMesh, with_normals: bool) -> String {
         for (i, j) in (0..steps).flat_map(|i| (0..steps - i).map(move |j| (i, j))) {
             let fraction = |k: u32| (f64::from(k) + 1.0 / 3.0) / f64::from(steps);
             let p = a + (b - a) * fraction(i) + (c - a) * fraction(j);
-            let normal = if with_normals { format!(" {} {} {}", normal.x, normal.y, normal.z) } else { String::new() };
+            let normal = normals.map(|it| normal * it).map(|it| format!(" {} {} {}", it.x, it.y, it.z));
+            let normal = normal.unwrap_or_default();
             rows.push(format!("{} {} {}{normal}", p.x, p.y, p.z));
         }
     }
-    let names = if with_normals { &["x", "y", "z", "nx", "ny", "nz"][..] } else { &["x", "y", "z"] };
+    let names = if normals.is_some() { &["x", "y", "z", "nx", "ny", "nz"][..] } else { &["x", "y", "z"] };
     let properties: String = names.iter().map(|it| format!("property float {it}\n")).collect();
     let count = rows.len();
     format!("ply\nformat ascii 1.0\nelement vertex {count}\n{properties}end_header\n{}\n", rows.join("\n"))
@@ -192,13 +194,14 @@ fn cloud(mesh: &TriangleMesh, with_normals: bool) -> String {
 #[test]
 fn a_scan_without_faces_becomes_an_object() {
     let folder = tempfile::tempdir().unwrap();
-    for with_normals in [true, false] {
-        let source = folder.path().join(format!("scan_{with_normals}.ply"));
-        fs::write(&source, cloud(&bottle(), with_normals)).unwrap();
-        let (said, object) = imported(&source, &folder.path().join(format!("{with_normals}.toml")), &["--mass", "0.1"]);
+    for (i, normals) in [Some(1.0), None, Some(0.0), Some(-127.0)].into_iter().enumerate() {
+        let source = folder.path().join(format!("scan_{i}.ply"));
+        fs::write(&source, cloud(&bottle(), normals)).unwrap();
+        let (said, object) = imported(&source, &folder.path().join(format!("object_{i}.toml")), &["--mass", "0.1"]);
         let findings = findings(&said);
         assert!(findings.contains("a cloud of") && findings.contains("millimetres, guessed"), "{findings}");
-        assert_eq!(findings.contains("no normals"), !with_normals, "{findings}");
+        assert_eq!(findings.contains("no normals"), normals.is_none_or(|it| it == 0.0), "{findings}");
+        assert_eq!(findings.contains("face inwards: turned"), normals.is_some_and(|it| it < 0.0), "{findings}");
         let volume = object.mesh.volume() / (bottle().volume() * 1e-9);
         assert!((volume - 1.0).abs() < 0.03, "{volume}: {findings}");
         // The bottom stands as far below the centre of mass as that of the true mesh does.

@@ -149,7 +149,7 @@ impl Columns {
         let place = |names| find(names).map(|it| it.text().parse().unwrap_or_default());
         let found: Option<Vec<usize>> = PLACES.iter().map(|it| place(it)).collect();
         let turned: Vec<Option<usize>> = ROTATION.iter().map(|it| place(it)).collect();
-        document.finish(&[])?;
+        document.finish(&[]).map_err(|fault| InputError { expected: EXPECTED.to_owned(), ..fault })?;
         let wrong = || InputError::new(file, format!("line {line}"), format!("columns {}", header.join(",")), EXPECTED);
         let mut columns = found.ok_or_else(wrong)?;
         match turned.iter().flatten().count() {
@@ -217,7 +217,10 @@ mod tests {
             ("t,x,y,z,qx,qy,qz\n0,1,2,3,0,0,0\n", "line 1"),
             ("frame,x,y,z\n0,1,2,3\n", "line 1"),
             ("t,x,x,z\n0,1,2,3\n", "line 1: found the column `x` twice"),
-            ("0;1;2;3\n0.1;1;2;3\n", "line 1: 0;1;2;3: found the column"),
+            (
+                "0;1;2;3\n0.1;1;2;3\n",
+                "line 1: 0;1;2;3: found the column `0;1;2;3`, which is not read, expected t,x,y,z",
+            ),
             ("0,1,2,3\n1,1,2,3,0,0,0,1\n", "line 2"),
             ("0,1,2,3\n1,a,2,3\n", "line 2"),
             ("1,1,2,3\n0.5,1,2,3\n", "line 2"),

@@ -50,7 +50,8 @@ pub fn parse(file: &str, bytes: &[u8], meshes: bool) -> Result<CloudFile, InputE
             on_surface(&mesh)
         }
         _ => return Err(InputError::new(file, "extension", format!("`{extension}`"), formats)),
-    };
+    }
+    .with_directions();
     if cloud.points.is_empty() {
         return Err(InputError::new(file, "points", "none with finite coordinates", "one or more"));
     }
@@ -93,13 +94,26 @@ impl CloudFile {
             return Err(format!("{:e}", p.coords.amax()));
         }
         if let (Some(normals), Some(normal)) = (&mut self.normals, normal) {
-            if !(normal.norm() > 0.5 && normal.norm() < 2.0) {
-                return Ok(());
-            }
-            normals.push(normal.normalize());
+            // The direction counts; zero, and what is no number, is none.
+            normals.push(normal.try_normalize(0.0).filter(|it| it.norm().is_finite()).unwrap_or_default());
         }
         self.points.push(p);
         Ok(())
+    }
+
+    /// Without normals if none of them has a direction, else without the points of those that have none.
+    fn with_directions(mut self) -> Self {
+        let Some(normals) = self.normals.take() else { return self };
+        let has_one: Vec<bool> = normals.iter().map(|it| *it != Vector3::zeros()).collect();
+        if !has_one.contains(&true) {
+            return self;
+        }
+        let kept = |i: &usize| has_one[*i];
+        let (points, all) = (&self.points, 0..normals.len());
+        Self {
+            points: all.clone().filter(kept).map(|i| points[i]).collect(),
+            normals: Some(all.filter(kept).map(|i| normals[i]).collect()),
+        }
     }
 }
 

@@ -22,10 +22,22 @@ pub(super) fn surface(file: &str, mut cloud: CloudFile, scale: f64) -> Result<(T
     if cloud.normals.is_none() {
         findings.push("the cloud has no normals: the surface is taken to face away from the middle everywhere".into());
     }
+    if face_inwards(&cloud) {
+        findings.push("the normals face inwards: turned".into());
+        cloud.normals.iter_mut().flatten().for_each(|it| *it = -*it);
+    }
     cloud.points.iter_mut().for_each(|it| it.coords *= scale);
     let cloud = thinned(cloud);
     let reference = reference_model(cloud, file)?;
     between(file, &reference, scale, findings)
+}
+
+/// Whether the normals of a cloud all around something face its inside: by the divergence theorem Σ n·(p − c) is three times a volume.
+fn face_inwards(cloud: &CloudFile) -> bool {
+    let (low, high) = bounds(&cloud.points);
+    let centre = (low + high) / 2.0;
+    let pairs = cloud.points.iter().zip(cloud.normals.iter().flatten());
+    pairs.map(|(p, normal)| normal.dot(&(p.coords - centre))).sum::<f64>() < 0.0
 }
 
 /// The surface of a scanned object, in its own unit of `scale` metres, with what was found so far.
