@@ -23,7 +23,9 @@ use crate::screen;
 The reference should show the object from all sides: a mesh, or a cloud with normals. Normals of a
 cloud without any are taken to point away from its middle, which is right for objects that bulge
 everywhere. Printed is X_CR, which takes points of the reference into the cloud's frame; what an
-object looks the same under cannot be seen and is left as it is. Lengths in metres.
+object looks the same under cannot be seen and is left as it is. The pose is `registered` only if no
+other explains the points as well, and if a stated --noise explains how far they are off. Lengths in
+metres.
 
 Examples:
   catchingbot register --cloud seen.ply --reference thing.obj
@@ -32,10 +34,10 @@ pub struct RegisterArguments {
     /// Cloud in which the object is looked for: .ply, .pcd or .xyz
     #[arg(long, value_name = "FILE")]
     cloud: PathBuf,
-    /// What the object looks like: a cloud, an .obj or .stl mesh, or an object as `catch --object` takes it
+    /// What the object looks like: a cloud, an .obj, .stl or .ply mesh, or an object as `catch --object` takes it
     #[arg(long, value_name = "NAME|FILE")]
     reference: PathBuf,
-    /// How far off the cloud's points are, as a standard deviation
+    /// How far off the cloud's points are, as a standard deviation; without it any residual counts as noise
     #[arg(long, value_name = "M", default_value_t = 0.0, allow_negative_numbers = true)]
     noise: f64,
     /// Print one JSON document
@@ -53,7 +55,8 @@ struct PoseDocument {
 #[allow(non_snake_case)]
 struct Document {
     version: &'static str,
-    /// `registered`, `degenerate` where the cloud leaves a direction of the pose open, or what was missing.
+    /// `registered`, `degenerate` where other poses explain the cloud as well, `implausible` where its stated noise does not explain how far
+    /// the points are off, or what was missing.
     status: serde_json::Value,
     X_CR: Option<PoseDocument>,
     /// Inverse covariance of (rotation vector, position) in the cloud's axes.
@@ -93,7 +96,11 @@ pub fn run(arguments: &RegisterArguments) -> anyhow::Result<()> {
     screen::fact("points", &document.points.to_string())?;
     screen::fact("symmetry of the object", found.symmetry)?;
     if found.status == RegistrationStatus::Degenerate {
-        let why = "the points agree with many poses: a plane, a line or a point alone shows too little";
+        let why = "the points agree with many poses: a patch of a plane, of a ball or of a can's side shows too little";
+        screen::fact("why", why)?;
+    }
+    if found.status == RegistrationStatus::Implausible {
+        let why = "the nearest pose leaves the points farther off than --noise: another object, a mirrored cloud, other units?";
         screen::fact("why", why)?;
     }
     if document.X_CR.is_none() {

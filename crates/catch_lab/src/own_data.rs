@@ -9,6 +9,7 @@ mod mesh_paths;
 mod object_check;
 pub mod object_import;
 pub mod planner_cases;
+mod registration_evidence;
 pub mod robot_import;
 pub mod ros_calibration;
 pub mod templates;

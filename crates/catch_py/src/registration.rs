@@ -29,7 +29,8 @@ pub struct RegisteredPose {
 
 #[pymethods]
 impl RegisteredPose {
-    /// `registered`, `degenerate` where the cloud leaves a direction of the pose open, or what was missing.
+    /// `registered`, `degenerate` where other poses explain the cloud as well, `implausible` where its stated noise does not explain how far
+    /// the points are off, or what was missing.
     #[getter]
     fn status(&self) -> String {
         name_of(self.found.status)

@@ -1,7 +1,7 @@
 //! Registration without a prior: from all around.
 
 use catch_body::Pose;
-use nalgebra::{Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Point3, Translation3, UnitQuaternion, Vector3};
 
 use super::{
     PerceptionStatus, Symmetry,
@@ -54,6 +54,21 @@ impl Registration<'_> {
             best = self.best_of(&finalists, scene, with_silhouette);
         }
         self.register(scene, &best.ok_or(PerceptionStatus::NotConverged)?.X_WO, with_silhouette)
+    }
+
+    /// Where registrations end that start in each of the 24 rotations of the cube, with the middle of the scene in the middle of the
+    /// reference or at each of `anchors` of its surface: what the scene could be.
+    pub fn hypotheses<'a>(
+        &'a self,
+        scene: &'a mut SceneCloud,
+        anchors: &'a [Point3<f64>],
+    ) -> impl Iterator<Item = Fit> + 'a {
+        let middle_W = scene.centroid().coords;
+        let starts = (0..24).map(rotation_of_cube).flat_map(move |R_WO| {
+            let at = move |p_O: Vector3<f64>| Pose::from_parts((middle_W - R_WO * p_O).into(), R_WO);
+            std::iter::once(at(Vector3::zeros())).chain(anchors.iter().map(move |it| at(it.coords)))
+        });
+        starts.filter_map(|X_WO| self.register(scene, &X_WO, false).ok())
     }
 
     /// The orientations that a part of the scene speaks for most.

@@ -97,6 +97,14 @@ const ORDERS: [f64; 6] = [8.0, 6.0, 5.0, 4.0, 3.0, 2.0];
 const NEARLY_EQUAL: f64 = 0.15;
 /// Axes that are tried between two.
 const STEPS: u32 = 36;
+/// Directions that are tried where every axis could be one: 7° apart.
+const DIRECTIONS: u32 = 400;
+/// Axes of one order that are looked at: a cube has four of the third.
+const MOST_AXES: usize = 7;
+/// Axes nearer than this, in radians, are one: those of a cube are 0.6 apart or more.
+const APART: f64 = 0.3;
+/// How exactly an axis is found, in radians.
+const FINEST_STEP: f64 = 2e-3;
 /// Angles that a turn is tried by: none divides a full turn, so prisms are not taken for cylinders.
 const TRIAL_ANGLES: [f64; 5] = [0.4, 0.9, 1.7, 2.3, 3.0];
 
@@ -127,9 +135,9 @@ impl Symmetry {
             [false, false, false] => {
                 let rotations =
                     |axis: &Unit<Vector3<f64>>| ORDERS.map(|order| UnitQuaternion::from_axis_angle(axis, TAU / order));
-                // Of each axis the highest order.
                 let axes = Self::distinct(principal, &eigen.eigenvalues.into(), &mean_square);
                 let is_confused = |turn: &UnitQuaternion<f64>| mean_square(*turn) <= confused_m * confused_m;
+                // Of each axis the highest order.
                 let highest = axes.iter().filter_map(|axis| rotations(axis).into_iter().find(is_confused));
                 let group = RotationGroup::generated(highest);
                 // Inertia from the second moment: J = tr(S)·1 − S.
@@ -148,15 +156,20 @@ impl Symmetry {
         }
     }
 
-    /// Principal axes that are not arbitrary. Where two principal moments are nearly equal, as those of a prism, one of both is the axis
-    /// about which half a turn changes least.
+    /// Axes of rotations that may leave an object as it looks, where its principal axes are arbitrary: where two principal moments are
+    /// nearly equal, as those of a prism, one of both is the axis about which half a turn changes least; where all three are, as those
+    /// of a cube or a tetrahedron, axes are looked for all around.
     fn distinct(
         principal: [Unit<Vector3<f64>>; 3],
         moments: &[f64; 3],
         mean_square: &impl Fn(UnitQuaternion<f64>) -> f64,
-    ) -> [Unit<Vector3<f64>>; 3] {
+    ) -> Vec<Unit<Vector3<f64>>> {
         let is_near = |(i, j): &(usize, usize)| (moments[*i] / moments[*j] - 1.0).abs() < NEARLY_EQUAL;
-        let Some((i, j)) = [(0, 1), (1, 2), (2, 0)].into_iter().find(is_near) else { return principal };
+        let mut near = [(0, 1), (1, 2), (2, 0)].into_iter().filter(is_near);
+        let Some((i, j)) = near.next() else { return principal.into() };
+        if near.count() == 2 {
+            return Self::all_around(mean_square);
+        }
         let axis = |step: u32| {
             let (sin, cos) = (PI * f64::from(step) / f64::from(STEPS)).sin_cos();
             Unit::new_normalize(principal[i].into_inner() * cos + principal[j].into_inner() * sin)
@@ -166,7 +179,54 @@ impl Symmetry {
         let least =
             (0..STEPS).min_by(|a, b| changes[*a as usize].total_cmp(&changes[*b as usize])).map_or(principal[i], axis);
         let third = principal[3 - i - j];
-        [least, Unit::new_normalize(third.cross(&least)), third]
+        vec![least, Unit::new_normalize(third.cross(&least)), third]
+    }
+
+    /// The axes about which a third of a turn, and a half, changes least: the groups of tetrahedron, cube and octahedron are made by those.
+    fn all_around(mean_square: &impl Fn(UnitQuaternion<f64>) -> f64) -> Vec<Unit<Vector3<f64>>> {
+        // Evenly spread over half a sphere (Fibonacci's lattice).
+        let golden = PI * (3.0 - 5.0_f64.sqrt());
+        let direction = |i: u32| {
+            let z = 1.0 - (f64::from(i) + 0.5) / f64::from(DIRECTIONS);
+            let (sin, cos) = (golden * f64::from(i)).sin_cos();
+            Vector3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + Vector3::z() * z
+        };
+        let mut axes: Vec<Unit<Vector3<f64>>> = Vec::new();
+        for order in [3.0, 2.0] {
+            let changed = |axis: &Vector3<f64>| {
+                mean_square(UnitQuaternion::from_axis_angle(&Unit::new_normalize(*axis), TAU / order))
+            };
+            let mut tried: Vec<(f64, Vector3<f64>)> =
+                (0..DIRECTIONS).map(direction).map(|axis| (changed(&axis), axis)).collect();
+            tried.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let mut chosen: Vec<Vector3<f64>> = Vec::new();
+            for (least, axis) in tried {
+                if chosen.len() < MOST_AXES && chosen.iter().all(|it| it.dot(&axis).abs() < APART.cos()) {
+                    chosen.push(Self::nearest_minimum(axis, least, &changed));
+                }
+            }
+            axes.extend(chosen.into_iter().map(Unit::new_normalize));
+        }
+        axes
+    }
+
+    /// Compass search from an axis for one that changes less (Hooke and Jeeves, 1961).
+    fn nearest_minimum(
+        mut axis: Vector3<f64>,
+        mut least: f64,
+        changed: &impl Fn(&Vector3<f64>) -> f64,
+    ) -> Vector3<f64> {
+        let mut step = APART / 4.0;
+        while step > FINEST_STEP {
+            let across = axis.cross(&if axis.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() }).normalize();
+            let aside = [across, axis.cross(&across)].into_iter().flat_map(|it| [it, -it]);
+            let tried = aside.map(|it| (axis + it * step).normalize()).map(|it| (changed(&it), it));
+            match tried.min_by(|a, b| a.0.total_cmp(&b.0)).filter(|it| it.0 < least) {
+                Some(better) => (least, axis) = better,
+                None => step /= 2.0,
+            }
+        }
+        axis
     }
 
     /// The symmetry that the object would have if its two ends looked alike.

@@ -2,7 +2,10 @@
 
 use std::path::Path;
 
-use catch_body::{InputError, TriangleMesh, mesh_file::mesh_from_bytes};
+use catch_body::{
+    InputError, TriangleMesh,
+    mesh_file::{PlyFile, mesh_from_bytes, triangles_from_bytes},
+};
 use catch_sim::object::check_length;
 use nalgebra::{Point3, Vector3};
 
@@ -20,8 +23,8 @@ pub struct CloudFile {
 /// Spacing of the points that are laid upon a mesh, in metres.
 const MESH_SPACING_M: f64 = 0.001;
 
-/// Reads a cloud by its extension: `.ply`, `.pcd`, `.xyz`, `.txt` or `.csv`; with `meshes` also `.obj` and `.stl`, on whose
-/// surface points are laid.
+/// Reads a cloud by its extension: `.ply`, `.pcd`, `.xyz`, `.txt` or `.csv`; with `meshes` also `.obj`, `.stl` and `.ply` with
+/// faces, on whose surface points are laid.
 ///
 /// # Errors
 /// A file that cannot be read, that is not what its extension says or that has no point.
@@ -39,11 +42,15 @@ pub fn parse(file: &str, bytes: &[u8], meshes: bool) -> Result<CloudFile, InputE
     let formats = formats(meshes);
     let extension = Path::new(file).extension().and_then(|it| it.to_str()).unwrap_or_default().to_ascii_lowercase();
     let cloud = match extension.as_str() {
-        "ply" => parse_ply(file, bytes)?,
+        "ply" if !meshes || PlyFile::from_bytes(file, bytes)?.triangles.is_empty() => parse_ply(file, bytes)?,
         "pcd" => parse_pcd(file, bytes)?,
         "xyz" | "txt" | "csv" => parse_xyz(file, bytes)?,
-        "obj" | "stl" if meshes => {
-            let mesh = mesh_from_bytes(file, bytes, 1.0)?;
+        "ply" | "obj" | "stl" if meshes => {
+            let mesh = if extension == "ply" {
+                triangles_from_bytes(file, bytes)?.swap_remove(0)
+            } else {
+                mesh_from_bytes(file, bytes, 1.0)?
+            };
             let advice =
                 "a mesh in millimetres needs an object file with `scale = 0.001`, or `catchingbot object import`";
             check_length(file, "the mesh", mesh.aabb().size.max(), advice)?;
@@ -59,7 +66,7 @@ pub fn parse(file: &str, bytes: &[u8], meshes: bool) -> Result<CloudFile, InputE
 }
 
 fn formats(meshes: bool) -> &'static str {
-    if meshes { "a .ply, .pcd or .xyz cloud or an .obj or .stl mesh" } else { "a .ply, .pcd or .xyz cloud" }
+    if meshes { "a .ply, .pcd or .xyz cloud or an .obj, .stl or .ply mesh" } else { "a .ply, .pcd or .xyz cloud" }
 }
 
 /// Points laid evenly upon a mesh, by a grid on each triangle.

@@ -7,10 +7,13 @@ use catch_bot::perception::{
     self, Config, Fit, PerceptionStatus, ReferenceModel, SceneCloud, Symmetry, point_cloud::ScenePoint,
 };
 use catch_sim::object::check_length;
-use nalgebra::{Matrix6, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix6, Point3, UnitQuaternion, Vector3, distance};
 use serde::{Deserialize, Serialize};
 
-use super::cloud_file::{self, CloudFile};
+use super::{
+    cloud_file::{self, CloudFile},
+    registration_evidence::{Evidence, SAME_RADII, away_m},
+};
 use crate::assets::{Asset, Kind, Origin};
 
 /// How far a registration got.
@@ -19,8 +22,10 @@ use crate::assets::{Asset, Kind, Origin};
 pub enum RegistrationStatus {
     /// The pose is known.
     Registered,
-    /// The cloud leaves a direction of the pose open.
+    /// The cloud leaves a direction of the pose open, or other poses explain it as well.
     Degenerate,
+    /// The best pose leaves the points farther from the surface than their stated noise explains.
+    Implausible,
     /// What was missing.
     #[serde(untagged)]
     Unregistered(PerceptionStatus),
@@ -39,31 +44,6 @@ pub struct Registration {
     pub residual_m: Option<f64>,
     /// Under what the reference looks the same: `none`, `half_turn`, `finite` (another finite group), `axis` or `sphere`.
     pub symmetry: &'static str,
-}
-
-/// Brings a reference onto a cloud of points, each with the same standard deviation in metres along every axis; all orientations are tried.
-fn register_cloud(points: &[Point3<f64>], sd_m: f64, reference: &ReferenceModel) -> Result<Fit, PerceptionStatus> {
-    if reference.points.is_empty() {
-        return Err(PerceptionStatus::NoReference);
-    }
-    let mut scene = SceneCloud::default();
-    let finite = points.iter().filter(|point| point.iter().all(|value| value.is_finite()));
-    // No direction is noisier than the others: all of the noise is the model's.
-    scene.points.extend(finite.map(|p_W| ScenePoint {
-        p_W: *p_W,
-        per_depth_W: Vector3::zeros(),
-        depth_sd_m: 0.0,
-        image: 0,
-    }));
-    let config = Config::default();
-    match scene.points.len() {
-        0 => return Err(PerceptionStatus::NoPoints),
-        few if few < config.min_points => return Err(PerceptionStatus::TooFewPoints),
-        _ => {}
-    }
-    let config = Config { model_sd_m: config.model_sd_m.hypot(sd_m), ..config };
-    let registration = perception::Registration { reference, config: &config };
-    registration.register_globally(&mut scene, &mut SceneCloud::default(), &UnitQuaternion::identity())
 }
 
 /// Looks for `reference` in a cloud whose points have the standard deviation `noise_m`.
@@ -91,13 +71,10 @@ fn register_cloud(points: &[Point3<f64>], sd_m: f64, reference: &ReferenceModel)
 /// ```
 pub fn register(points: &[Point3<f64>], noise_m: f64, reference: &ReferenceModel) -> Registration {
     let found = register_cloud(points, noise_m, reference);
-    let is_determined = |it: &Fit| worst_sd_m(&it.information, reference) <= MOST_SD * reference.radius_m;
-    let status = match &found {
-        Ok(fit) if is_determined(fit) => RegistrationStatus::Registered,
-        Ok(_) => RegistrationStatus::Degenerate,
-        Err(status) => RegistrationStatus::Unregistered(*status),
+    let (status, fit) = match found {
+        Ok((fit, status)) => (status, Some(fit)),
+        Err(status) => (RegistrationStatus::Unregistered(status), None),
     };
-    let fit = found.ok();
     let pose = fit.as_ref().filter(|_| status == RegistrationStatus::Registered).map(|it| it.X_WO);
     Registration {
         status,
@@ -115,6 +92,88 @@ pub fn register(points: &[Point3<f64>], noise_m: f64, reference: &ReferenceModel
         },
     }
 }
+
+/// Brings a reference onto a cloud of points, each with the same standard deviation in metres along every axis; all orientations are tried.
+fn register_cloud(
+    points: &[Point3<f64>],
+    noise_m: f64,
+    reference: &ReferenceModel,
+) -> Result<(Fit, RegistrationStatus), PerceptionStatus> {
+    if reference.points.is_empty() {
+        return Err(PerceptionStatus::NoReference);
+    }
+    let points: Vec<Point3<f64>> = points.iter().copied().filter(|it| it.iter().all(|x| x.is_finite())).collect();
+    let config = Config::default();
+    match points.len() {
+        0 => return Err(PerceptionStatus::NoPoints),
+        few if few < config.min_points => return Err(PerceptionStatus::TooFewPoints),
+        _ => {}
+    }
+    let config = Config { model_sd_m: model_sd_m(reference, &config).hypot(noise_m), ..config };
+    let registration = perception::Registration { reference, config: &config };
+    let every = |most: usize| points.iter().step_by(points.len().div_ceil(most));
+    let (mut fewest, mut few, mut all) = (scene(every(MOST_TRIED)), scene(every(MOST_COMPARED)), scene(points.iter()));
+    let square =
+        |points: &[ScenePoint], it: &Fit| Evidence::mean_square(points, &it.X_WO, config.model_sd_m, reference);
+    let anchors = spread(&reference.points, ANCHORS);
+    let mut tried: Vec<Fit> = registration.hypotheses(&mut fewest, &anchors).collect();
+    tried.sort_by(|a, b| square(&fewest.points, a).total_cmp(&square(&fewest.points, b)));
+    let mut hypotheses: Vec<Fit> = Vec::new();
+    for it in &tried {
+        if hypotheses.len() < FINALISTS
+            && hypotheses.iter().all(|known| away_m(reference, &known.X_WO, &it.X_WO) > SAME_RADII * reference.radius_m)
+        {
+            hypotheses.push(*it);
+        }
+    }
+    hypotheses = hypotheses.iter().filter_map(|it| registration.register(&mut few, &it.X_WO, false).ok()).collect();
+    hypotheses.extend(registration.register_globally(&mut few, &mut fewest, &UnitQuaternion::identity()).ok());
+    let start = hypotheses.iter().min_by(|a, b| square(&few.points, a).total_cmp(&square(&few.points, b)));
+    let start = start.ok_or(PerceptionStatus::NotConverged)?;
+    let fit = registration.register(&mut all, &start.X_WO, false)?;
+    let status = Evidence::new(&few, &fit, &registration).status(&hypotheses, noise_m);
+    Ok((fit, status))
+}
+
+/// Points as a scene. No direction is noisier than the others: all of the noise is the model's.
+fn scene<'a>(points: impl Iterator<Item = &'a Point3<f64>>) -> SceneCloud {
+    let mut scene = SceneCloud::default();
+    let seen = |p_W: &Point3<f64>| ScenePoint { p_W: *p_W, per_depth_W: Vector3::zeros(), depth_sd_m: 0.0, image: 0 };
+    scene.points.extend(points.map(seen));
+    scene
+}
+
+/// How far a reference's own points are from its surface, which is smooth and on a grid: what even a cloud without noise leaves.
+fn model_sd_m(reference: &ReferenceModel, config: &Config) -> f64 {
+    let step = reference.scanned.len().div_ceil(MOST_COMPARED).max(1);
+    let (mut squares_m2, mut count) = (0.0, 0.0);
+    for point in reference.scanned.iter().step_by(step) {
+        squares_m2 += reference.distance.at(point).0.powi(2);
+        count += 1.0;
+    }
+    (squares_m2 / f64::max(count, 1.0)).sqrt().max(config.model_sd_m)
+}
+
+/// Points of a surface that are far from each other: each is the farthest from those before it.
+fn spread(points: &[Point3<f64>], count: usize) -> Vec<Point3<f64>> {
+    let mut chosen = Vec::new();
+    let mut away_m = vec![f64::INFINITY; points.len()];
+    while let Some(farthest) =
+        (0..points.len()).max_by(|a, b| away_m[*a].total_cmp(&away_m[*b])).filter(|_| chosen.len() < count)
+    {
+        chosen.push(points[farthest]);
+        away_m.iter_mut().zip(points).for_each(|(it, point)| *it = it.min(distance(point, &points[farthest])));
+    }
+    chosen
+}
+
+/// Points that poses are tried on, and compared on, at most.
+const MOST_TRIED: usize = 100;
+const MOST_COMPARED: usize = 400;
+/// Places of the surface at which the middle of a cloud may be.
+const ANCHORS: usize = 14;
+/// Tried poses that are compared.
+const FINALISTS: usize = 12;
 
 /// The surface of a reference: that of an object by name or file, about its centre of mass, or of a cloud or mesh. `asked_by` is the file and
 /// field that name it.
@@ -149,34 +208,12 @@ pub fn reference_model(scan: CloudFile, file: &str) -> Result<ReferenceModel, In
     let step = scan.points.len().div_ceil(MOST_POINTS).max(1);
     let points: Vec<Point3<f64>> = scan.points.into_iter().step_by(step).collect();
     let outwards: Vec<Vector3<f64>> = outwards.into_iter().step_by(step).collect();
-    let reference = ReferenceModel::from_points(&points, &outwards, &Config::default());
+    let mut reference = ReferenceModel::from_points(&points, &outwards, &Config::default());
     if reference.points.is_empty() || !reference.radius_m.is_finite() {
         return Err(too_few(points.len()));
     }
+    reference.scanned = points.iter().map(|p_R| reference.X_RO.inverse_transform_point(p_R)).collect();
     Ok(reference)
-}
-
-/// A pose whose uncertainty is larger than this many radii of the object in some direction is none.
-const MOST_SD: f64 = 0.5;
-
-/// The largest standard deviation of a pose in any direction that can be seen, rotations taken at the object's radius.
-///
-/// With the lever r the information of (rotation, position) is diag(1/r, 1)·I·diag(1/r, 1), in 1/m². A rotation under which the
-/// object looks the same has none, so its smallest eigenvalues are left aside: one for an axis, three for a sphere.
-fn worst_sd_m(information: &Matrix6<f64>, reference: &ReferenceModel) -> f64 {
-    let unseen = match reference.symmetry {
-        Symmetry::Finite { .. } => 0,
-        Symmetry::Axis { .. } => 1,
-        Symmetry::Sphere => 3,
-    };
-    let scale = Matrix6::from_fn(|i, j| match (i == j, i < 3) {
-        (true, true) => 1.0 / reference.radius_m,
-        (true, false) => 1.0,
-        _ => 0.0,
-    });
-    let mut eigenvalues: Vec<f64> = (scale * information * scale).symmetric_eigenvalues().iter().copied().collect();
-    eigenvalues.sort_by(f64::total_cmp);
-    1.0 / eigenvalues[unseen].max(0.0).sqrt()
 }
 
 /// Fewer points than this do not make a reference.

@@ -17,6 +17,7 @@ mod play;
 mod prose;
 mod random_chains;
 mod referee;
+mod registration;
 mod robot_controller;
 mod search_passes;
 mod source;

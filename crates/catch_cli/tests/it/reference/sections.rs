@@ -176,6 +176,7 @@ pub const ELSEWHERE: &[(&str, &str)] = &[
 pub const STATUSES: &[Section] = &[
     of("Why a throw was not caught", "catch_lab/src/referee/reason.rs", "Reason"),
     of("Status of a tick", "catch_bot/src/control/decision.rs", "Status"),
+    of("What a registration of a cloud found", "catch_lab/src/own_data/cloud_registration.rs", "RegistrationStatus"),
     of("Why no pose was found", "catch_bot/src/perception/mod.rs", "PerceptionStatus"),
     of("Why no flight was found", "catch_bot/src/trajectory_prediction/mod.rs", "PredictionStatus"),
     of("Why no catch was planned", "catch_bot/src/trajectory_optimization/mod.rs", "PlanningFailure"),
