@@ -11,7 +11,7 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 use crate::{
     Findings, Options,
-    near_rigs::{rigs, setup},
+    near_rates::{rigs, setup},
     parallel,
     results::{Entry, Table},
     spread::{percent, quantiles},

@@ -8,22 +8,18 @@ mod arms;
 mod as_published;
 mod calibration;
 mod catch_rates;
-mod centre_of_mass;
 mod figures;
 mod finding;
 mod flights;
 mod grasp_weights;
 mod grippers;
-mod holding;
 mod logistic_regression;
 mod mistold;
 mod near_rates;
-mod near_rigs;
 mod objects;
 mod parallel;
 mod pushed_cameras;
 mod rates;
-mod reachability;
 mod recorded_throws;
 mod reliability;
 mod results;
@@ -105,12 +101,6 @@ const EXPERIMENTS: &[Experiment] = &[
         run: stage_times::run,
     },
     Experiment {
-        name: "near-rigs",
-        about: "in how many images rigs of a few near cameras see the object",
-        trials: 100,
-        run: near_rigs::run,
-    },
-    Experiment {
         name: "near-rates",
         about: "how often rigs of a few near cameras let the built-in arm catch",
         trials: 400,
@@ -133,12 +123,6 @@ const EXPERIMENTS: &[Experiment] = &[
         about: "how well near cameras are calibrated on the arm, from 50 mm and 5° off",
         trials: 20,
         run: calibration::run,
-    },
-    Experiment {
-        name: "reachability",
-        about: "how many random throws the oracle calls within reach",
-        trials: 1000,
-        run: reachability::run,
     },
     Experiment {
         name: "catch-rates",
@@ -177,12 +161,6 @@ const EXPERIMENTS: &[Experiment] = &[
         run: objects::run,
     },
     Experiment {
-        name: "centre-of-mass",
-        about: "what a centre of mass beside that of uniform density costs, and what estimating it in flight is worth",
-        trials: 60,
-        run: centre_of_mass::run,
-    },
-    Experiment {
         name: "reliability",
         about: "how many positions lie in the ellipsoids that predictions claim, simulated, and recorded with --tracks",
         trials: 60,
@@ -199,12 +177,6 @@ const EXPERIMENTS: &[Experiment] = &[
         about: "what a wrong belief of the brain costs, one at a time, on the same throws",
         trials: 150,
         run: mistold::run,
-    },
-    Experiment {
-        name: "holding",
-        about: "logistic regression of the outcome of honest throws on what each catch was like",
-        trials: 100,
-        run: holding::run,
     },
     Experiment {
         name: "grasp-weights",

@@ -3,12 +3,14 @@
 use std::collections::BTreeMap;
 
 use anyhow::Result;
-use catch_lab::{assets::Kind, statistics::wilson95};
+use catch_lab::{
+    assets::Kind,
+    scenario::setup::{Choice, Setup},
+    statistics::wilson95,
+};
 
 use crate::{
-    Findings, Options,
-    near_rigs::{rigs, setup},
-    rates,
+    Findings, Options, rates,
     results::{Entry, Table},
     spread::percent,
 };
@@ -17,6 +19,33 @@ const LEGEND: &str = "The scenario honest with random throws and one to four nea
 far the cameras are from where they are believed to stand: 0.2 mm along and 0.2 mrad about each axis (standard deviations), which is no less than \
 [calibration on the arm](calibration.md) leaves. The brain lets corrections use up to 0.97 of what each joint can still reach \
 (`replan.reach_fractions`), as in honest-aero. The rate *caught* is of all throws, also of those out of reach, with its interval (Wilson, 95 %).";
+
+/// The built-in ones of near stereo cameras around the arm.
+pub fn rigs() -> impl Iterator<Item = String> {
+    (1..=4).map(|cameras| format!("d435_{cameras}"))
+}
+
+/// What near cameras change of the scenario honest: they run freely, without labels, calibrated to what calibration on the arm leaves. Where the
+/// object flies is known late, so corrections take what reach single joints have left.
+pub const SETTINGS: [&str; 8] = [
+    "camera=d435",
+    "arena.free_running_cameras=true",
+    "arena.depth.model=\"near_stereo\"",
+    "arena.depth.calibration_sd_m=0.0002",
+    "arena.depth.calibration_sd_rad=0.0002",
+    "brain.perception.camera_sd_rad=0.0",
+    "brain.trajectory_prediction.systematic_sd_m=0.0003",
+    "brain.trajectory_optimization.replan.reach_fractions=[0.97, 0.9, 0.8]",
+];
+
+/// The scenario honest with one of them.
+pub fn setup(rig: &str, object: &str, settings: &[&str]) -> Result<Setup> {
+    let rig = format!("flight_rig=\"{rig}\"");
+    let settings: Vec<String> =
+        [rig.as_str()].iter().chain(&SETTINGS).chain(settings).map(|&it| it.to_owned()).collect();
+    let choice = Choice { scenario: Some("honest"), object: Some(object), settings: &settings, ..Choice::default() };
+    Ok(Setup::load(&choice)?)
+}
 
 /// Every rig with every object.
 pub fn run(options: &Options) -> Result<Findings> {

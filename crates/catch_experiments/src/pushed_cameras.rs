@@ -12,7 +12,7 @@ use catch_sim::random_streams::{Draws, Stream};
 
 use crate::{
     Findings, Options,
-    near_rigs::{rigs, setup},
+    near_rates::{rigs, setup},
     parallel,
     results::{Entry, Table},
     spread::{median, percent},

@@ -9,7 +9,7 @@ use catch_lab::assets::Kind;
 use crate::{
     Findings, Options,
     flights::{Condition, look, noises_and_labels},
-    near_rigs,
+    near_rates,
     results::{Entry, Table},
     spread::quantiles,
 };
@@ -45,7 +45,7 @@ impl Probe for CpuWatch {
 
 /// Two near cameras that run freely, without labels.
 fn near() -> Condition {
-    let settings = ["flight_rig=\"d435_2\""].into_iter().chain(near_rigs::SETTINGS).collect();
+    let settings = ["flight_rig=\"d435_2\""].into_iter().chain(near_rates::SETTINGS).collect();
     Condition { labels: vec!["two near cameras of 848×480", "no"], scenario: "honest", throws: &["random"], settings }
 }
 
