@@ -45,7 +45,7 @@ impl Config {
         let prediction = &mut self.trajectory_prediction;
         prediction.drag_prior_per_m.get_or_insert(object.drag_per_m);
         prediction.drag_prior_sd_per_m.get_or_insert(object.drag_sd_per_m);
-        prediction.com_sd_m = prediction.com_sd_m.or(object.com_sd_m);
+        prediction.com_sd_m.get_or_insert(object.com_sd_m);
         let grasping = &mut self.grasp_selection;
         grasping.restitution = grasping.restitution.or(object.restitution);
         let planning = &mut self.trajectory_optimization;

@@ -39,16 +39,21 @@ pub struct ObjectFigures {
     /// Expected coefficient of restitution against the gripper, 0 to 1, if anything is known of it.
     #[serde(default, deserialize_with = "quantity::fraction")]
     pub restitution: Option<f64>,
-    /// Standard deviation in metres of each coordinate of its centre of mass about that of uniform density; zero, as left out, if its
-    /// density is uniform. Otherwise it is estimated in flight, as far as the spin shows it.
-    #[serde(default, deserialize_with = "quantity::error_m")]
-    pub com_sd_m: Option<f64>,
+    /// Standard deviation in metres of each coordinate of its centre of mass about that of uniform density; 2 mm if nobody says. It is
+    /// estimated in flight, as far as the spin shows it.
+    #[serde(default = "typical_com_sd_m", deserialize_with = "quantity::error_m")]
+    pub com_sd_m: f64,
+}
+
+/// Of an object whose density nobody has looked into: a claim of zero costs catches of all that are not uniform.
+fn typical_com_sd_m() -> f64 {
+    0.002
 }
 
 impl Default for ObjectFigures {
     /// Of things that people throw, drag constants are from 0.01 to 0.1 1/m.
     fn default() -> Self {
-        Self { drag_per_m: 0.04, drag_sd_per_m: 0.02, mass_kg: None, restitution: None, com_sd_m: None }
+        Self { drag_per_m: 0.04, drag_sd_per_m: 0.02, mass_kg: None, restitution: None, com_sd_m: typical_com_sd_m() }
     }
 }
 

@@ -82,7 +82,7 @@ pub struct Config {
     pub palm_braking_distance_m: f64,
     /// What comes back from the palm as fast as it came must be held before it gets there; what comes back slowly may be held on
     /// its way back, when all of it is between the fingers. The way is [`Config::palm_braking_distance_m`] less this times 1/e − 1, in
-    /// metres, e being [`Config::restitution`], at least 0.25; it may be negative.
+    /// metres, e being [`Config::restitution`], at least 0.3; it may be negative.
     pub palm_rebound_distance_m: f64,
     /// How the object is expected to bounce off the gripper: its coefficient of restitution, 0 to 1; a typical 0.5 if it is not
     /// set.
@@ -209,8 +209,8 @@ impl Config {
 
 /// How objects bounce of which nothing is known.
 const TYPICAL_RESTITUTION: f64 = 0.5;
-/// What bounces less than this does not stay any longer, but falls.
-const SOFTEST: f64 = 0.25;
+/// What is said to bounce less than this is taken to bounce so much: touched still later it would be gone if it bounced after all.
+const SOFTEST: f64 = 0.3;
 
 /// A way of holding the object, fixed to the object.
 #[derive(Debug, Clone, PartialEq)]

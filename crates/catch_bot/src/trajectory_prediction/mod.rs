@@ -64,7 +64,7 @@ pub struct Config {
     /// Error that successive poses have in common, which grows with the distance from the arm. None by default, as in the paper's simulator.
     pub correlated_error: CorrelatedError,
     /// Standard deviation in metres of each coordinate by which the centre of mass may be beside that of the reference model, whose density is
-    /// uniform; zero if it is not set.
+    /// uniform; as the object's file says if it is not set.
     pub com_sd_m: Option<f64>,
     /// Forces that depend on orientation and spin. None are expected by default.
     pub aerodynamics: AerodynamicPrior,
