@@ -5,10 +5,6 @@
 
 mod arm_in_tree;
 mod chain;
-mod mjcf_classes;
-mod mjcf_geoms;
-mod mjcf_harmless;
-mod mjcf_reader;
 mod sdf_reader;
 mod urdf_reader;
 

@@ -54,8 +54,6 @@ enum Format {
 enum State {
     Unread,
     Read,
-    /// Its attributes are read where other elements of its name are asked for them.
-    ForOthers,
     LeftOut,
 }
 
@@ -205,8 +203,7 @@ impl Document {
                     continue;
                 }
                 match child.part().state.get() {
-                    State::Read | State::ForOthers => waiting.push(child),
-                    _ if node.part().state.get() == State::ForOthers && self.is_asked_elsewhere(node, child) => {}
+                    State::Read => waiting.push(child),
                     _ if faults.len() < MOST_FAULTS => faults.push(Err::<(), _>(child.unread())),
                     _ => {}
                 }
@@ -225,13 +222,6 @@ impl Document {
             waiting.extend(node.parts().filter(|it| !it.is_harmless(harmless)));
         }
         None
-    }
-
-    /// Whether elements of the name of `node` are asked for what `child` is, or none is asked for anything.
-    fn is_asked_elsewhere(&self, node: Node, child: Node) -> bool {
-        let asked = self.asked.borrow();
-        let mut names = asked.iter().filter(|(at, _)| *at == node.kind()).map(|(_, name)| *name).peekable();
-        names.peek().is_none() || names.any(|it| it == child.name())
     }
 }
 

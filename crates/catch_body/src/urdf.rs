@@ -37,6 +37,8 @@ pub(crate) const HARMLESS: Harmless = &[
             "@version",
         ],
     ),
+    ("transmission", &["*", "@*"]),
+    ("actuator", &["*", "@*"]),
     ("link", &["sensor", "gazebo", "self_collision_checking", "gravity", "origin", "@type"]),
     ("visual", &["material", "texture", "meta", "gazebo", "@name", "@group"]),
     ("collision", &["material", "verbose", "contact_coefficients", "gazebo", "@name", "@group"]),
@@ -113,6 +115,7 @@ pub(crate) struct Urdf<'a> {
     joints: BTreeMap<&'a str, Vec<Element<'a>>>,
     /// Links that some joint moves.
     children: HashSet<&'a str>,
+    transmissions: Vec<Element<'a>>,
 }
 
 impl<'a> Urdf<'a> {
@@ -123,7 +126,11 @@ impl<'a> Urdf<'a> {
     pub fn read(document: &'a Document) -> Result<Self, InputError> {
         let (file, root) = (document.file(), document.root());
         let name = root.attribute("name").unwrap_or_default().to_owned();
-        let mut urdf = Self { name, links: BTreeMap::new(), joints: BTreeMap::new(), children: HashSet::new() };
+        let transmissions = root.children("transmission").enumerate();
+        let transmissions =
+            transmissions.map(|(i, node)| Element { file, node, path: format!("transmission {}", i + 1) }).collect();
+        let mut urdf =
+            Self { name, links: BTreeMap::new(), joints: BTreeMap::new(), children: HashSet::new(), transmissions };
         let mut names = HashSet::new();
         for node in root.children("link").chain(root.children("joint")) {
             let kind = node.name();
@@ -161,6 +168,11 @@ impl<'a> Urdf<'a> {
     /// The joints whose parent is `link`.
     pub fn joints_of(&self, link: &str) -> &[Element<'a>] {
         self.joints.get(link).map_or(&[], Vec::as_slice)
+    }
+
+    /// What drives joints.
+    pub fn transmissions(&self) -> &[Element<'a>] {
+        &self.transmissions
     }
 
     /// The link of this name.

@@ -45,7 +45,7 @@ Example:
   catchingbot robot import kortex_description/robots/gen3.urdf --out gen3
   catchingbot --robot gen3")]
 pub struct ImportArguments {
-    /// A URDF file, or a MuJoCo model (MJCF)
+    /// A URDF file
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// Folder for robot.urdf, robot.toml and capsules.html; it must not exist yet

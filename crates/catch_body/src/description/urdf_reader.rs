@@ -21,6 +21,9 @@ const EXTENT_M: Quantity = Quantity { least: 0.0, most: 1e4, unit: "m" };
 /// Factors on the axes of a mesh; a mirrored one has a negative factor.
 const MESH_SCALE: Quantity = Quantity { least: -1000.0, most: 1000.0, unit: "m per unit" };
 
+/// Turns of a motor for one of its joint; backwards is negative.
+const GEAR_RATIO: Quantity = Quantity { least: -1e5, most: 1e5, unit: "" };
+
 impl Description {
     /// Reads a URDF file.
     ///
@@ -53,8 +56,26 @@ fn read(file: &str, text: &str) -> Result<Description, InputError> {
             description.joints.insert(name.to_owned(), joints);
         }
     }
+    for (joint, rotor_inertia) in rotor_inertias(&urdf)? {
+        let of_joint = description.joints.values_mut().flatten().filter(|it| it.name == joint);
+        of_joint.for_each(|it| it.rotor_inertia = Some(rotor_inertia));
+    }
     document.finish(&[urdf::HARMLESS])?;
     Ok(description)
+}
+
+/// Rotor inertias that transmissions state as Drake reads them, reflected to their joints.
+fn rotor_inertias<'a>(urdf: &Urdf<'a>) -> Result<Vec<(&'a str, f64)>, InputError> {
+    let mut all = Vec::new();
+    for transmission in urdf.transmissions() {
+        let Some(actuator) = transmission.child("actuator")? else { continue };
+        let Some(rotor) = actuator.child("drake:rotor_inertia")? else { continue };
+        let gear = actuator.child("drake:gear_ratio")?;
+        let ratio = gear.map_or(Ok(1.0), |it| it.number("value", GEAR_RATIO))?;
+        let joint = transmission.required("joint")?.text("name")?;
+        all.push((joint, rotor.number("value", NOT_NEGATIVE)? * ratio * ratio));
+    }
+    Ok(all)
 }
 
 fn link(element: &Element) -> Result<Link, InputError> {
@@ -184,6 +205,24 @@ mod tests {
         assert_eq!(read_range(soft), Some([-1.0, 2.0]));
         assert_eq!(read_range("type=\"continuous\"><limit lower=\"0\" upper=\"0\" effort=\"1\"/>"), None);
         assert_eq!(read_range("type=\"continuous\"><limit lower=\"-1\" upper=\"2\"/>"), Some([-1.0, 2.0]));
+    }
+
+    /// As Drake reads them, among what other programs say of a transmission.
+    #[test]
+    fn rotor_inertias_are_reflected_to_their_joints() {
+        let text = arm("type=\"revolute\"><axis xyz=\"0 0 1\"/>");
+        let rotor = |rotor: &str| {
+            let transmission = format!(
+                "<transmission name=\"t\"><type>a</type><joint name=\"j\"/><actuator name=\"m\"><drake:rotor_inertia \
+                 {rotor}/><drake:gear_ratio value=\"-50\"/></actuator></transmission></robot>"
+            );
+            Description::from_urdf("a.urdf", &text.replace("</robot>", &transmission))
+        };
+        let of = |description: Description| description.joints["l"][0].rotor_inertia;
+        assert_eq!(of(rotor("value=\"4e-4\"").unwrap()), Some(4e-4 * 2500.0));
+        assert_eq!(of(Description::from_urdf("a.urdf", &text).unwrap()), None);
+        let fault = rotor("").unwrap_err().to_string();
+        assert!(fault.contains("transmission 1: actuator drake:rotor_inertia value: found nothing"), "{fault}");
     }
 
     #[test]

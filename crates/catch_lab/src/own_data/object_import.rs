@@ -1,4 +1,4 @@
-//! Makes an object of this project from what people have: a mesh, a point cloud or the depth images of a scan, or the link of a description in SDF, URDF or MJCF.
+//! Makes an object of this project from what people have: a mesh, a point cloud or the depth images of a scan, or the link of a description in SDF or URDF.
 //!
 //! The surface is repaired where that is safe, its unit is guessed where no file says it, and mass properties that no body of
 //! that shape can have are left out. Each of these is told.

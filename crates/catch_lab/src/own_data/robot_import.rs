@@ -24,7 +24,7 @@ use catch_body::{
 };
 use nalgebra::{Point3, Translation3};
 
-use super::mesh_files::MeshFiles;
+use super::{mesh_files::MeshFiles, model_of_mujoco};
 use crate::{assets::COMMAND_LINE, bounded_file::FileKind, pages::robot_page};
 use draft::{DENSITY_KGPM3, Draft, GivenValues, JointValues, assumed_inertia, is_joint, limits_of, rounded};
 use geometry::BodyShape;
@@ -76,9 +76,9 @@ impl ImportedRobot {
     /// What is wrong with the description or with the options: no serial arm, more than one, numbers out of their ranges.
     pub fn read(file: &Path, options: &ImportOptions, gripper: &Gripper) -> Result<Self, InputError> {
         let name = file.display().to_string();
-        let text = FileKind::text("a description of a robot, URDF or MJCF").read_text(file)?;
+        let text = FileKind::text("a description of a robot, URDF").read_text(file)?;
         let description = match root_element(&text) {
-            Some("mujoco") => Description::from_mjcf(&name, &text)?,
+            Some("mujoco") => return Err(model_of_mujoco(&name)),
             _ => Description::from_urdf(&name, &text)?,
         };
         let selection = Selection { base: options.base.as_deref(), tip: options.tip.as_deref() };

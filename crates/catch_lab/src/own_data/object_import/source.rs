@@ -22,6 +22,7 @@ use crate::{
         cloud_file,
         mesh_files::{MeshFiles, located},
         mesh_paths::resolve,
+        model_of_mujoco,
     },
 };
 
@@ -103,11 +104,11 @@ impl Source {
             return Ok(Self { file, named, surface, in_metres, findings, ..Self::default() });
         }
         let file = path.display().to_string();
-        let text = FileKind::text("a description of an object, SDF, URDF or MJCF").read_text(&path)?;
+        let text = FileKind::text("a description of an object, SDF or URDF").read_text(&path)?;
         // Some files declare a version of XML that never was.
         let text = text.replacen("<?xml version=\"0.0\"", "<?xml version=\"1.0\"", 1);
         let description = match root_element(&text) {
-            Some("mujoco") => Description::from_mjcf(&file, &text)?,
+            Some("mujoco") => return Err(model_of_mujoco(&file)),
             Some("sdf") => Description::from_sdf(&file, &text)?,
             _ => Description::from_urdf(&file, &text)?,
         };
@@ -246,7 +247,7 @@ fn within(folder: &Path) -> Result<PathBuf, InputError> {
             }
         }
     }
-    let expected = "a folder with an SDF, URDF or MJCF file, with a mesh, or with depth images and their rig.toml";
+    let expected = "a folder with an SDF or URDF file, with a mesh, or with depth images and their rig.toml";
     Err(InputError::new(folder.display(), "the folder", "no such file", expected))
 }
 
