@@ -20,7 +20,7 @@ use crate::{
 const EXPECTED: &str = "a URDF description of a robot";
 
 /// What only draws, simulates or drives the robot, says something twice, or what all readers of URDF pass over.
-pub(crate) const HARMLESS: Harmless = &[
+pub const HARMLESS: Harmless = &[
     (
         "robot",
         &[
@@ -79,7 +79,7 @@ pub(crate) const HARMLESS: Harmless = &[
 ];
 
 /// What `robot.toml` says in place of the URDF, and what needs no shape beside its capsules.
-pub(crate) const IN_TOML: Harmless = &[
+pub const IN_TOML: Harmless = &[
     ("link", &["visual", "collision", "contact", "inertial"]),
     ("joint", &["limit"]),
     ("limit", &["@lower", "@upper", "@velocity", "@effort"]),
@@ -89,7 +89,7 @@ pub(crate) const IN_TOML: Harmless = &[
 ///
 /// # Errors
 /// If it is no XML, no URDF, or still has elements or expressions of xacro.
-pub(crate) fn parse(file: &str, text: &str) -> Result<Document, InputError> {
+pub fn parse(file: &str, text: &str) -> Result<Document, InputError> {
     let document = Document::from_xml(file, text, EXPECTED)?;
     let root = document.root();
     if root.name() != "robot" {
@@ -106,7 +106,7 @@ pub(crate) fn parse(file: &str, text: &str) -> Result<Document, InputError> {
 }
 
 /// The links and joints of a URDF file.
-pub(crate) struct Urdf<'a> {
+pub struct Urdf<'a> {
     /// Name of the robot.
     pub name: String,
     /// By name.
@@ -211,7 +211,7 @@ pub fn ignored_elements(text: &str) -> Vec<String> {
 
 /// An element, and what errors call it.
 #[derive(Clone)]
-pub(crate) struct Element<'a> {
+pub struct Element<'a> {
     file: &'a str,
     node: Node<'a>,
     path: String,

@@ -12,7 +12,6 @@ use catch_lab::{
     VERSION,
     recording::{
         MOST_UNPACKED_BYTES,
-        playback::Playback,
         recorded_throw::{RecordedThrow, record},
         timeline::{Entry, Event},
     },
@@ -25,6 +24,7 @@ use catch_lab::{
     whole_file::make_writable,
 };
 use catch_sim::ThrowConditions;
+use catch_view::playback::Playback;
 use clap::Args;
 use serde::Serialize;
 

@@ -22,11 +22,13 @@ use catch_lab::{
         summary_table,
         trial_table::PARQUET_FILE,
     },
-    export::plots,
-    pages::report_page::{self, MOST_MISSES, Report},
     scenario::{Scenario, setup::Setup},
     trial::stopwatch::{StageTimes, Stopwatch},
     whole_file,
+};
+use catch_view::{
+    export::plots,
+    pages::report_page::{self, MOST_MISSES, Report},
 };
 use clap::Args;
 use comfy_table::Table;

@@ -14,11 +14,11 @@ use catch_lab::{
         summary_table,
         trial_table::PARQUET_FILE,
     },
-    pages::report_page::{self, Report},
     study::{Outline, StepSummary},
     trial::stopwatch::Stopwatch,
     whole_file,
 };
+use catch_view::pages::report_page::{self, Report};
 use clap::Args;
 
 use super::{

@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use catch_body::InputError;
-use catch_lab::{assets::Kind, own_data::templates, whole_file::write_new};
+use catch_import::templates;
+use catch_lab::{assets::Kind, whole_file::write_new};
 use clap::{Args, ValueEnum};
 
 use crate::screen;

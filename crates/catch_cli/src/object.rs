@@ -3,12 +3,8 @@
 use std::path::PathBuf;
 
 use catch_body::InputError;
-use catch_lab::{
-    VERSION,
-    assets::COMMAND_LINE,
-    own_data::object_import::{ImportOptions, ImportedObject},
-    whole_file::write_new,
-};
+use catch_import::object_import::{ImportOptions, ImportedObject};
+use catch_lab::{VERSION, assets::COMMAND_LINE, whole_file::write_new};
 use clap::{Args, Subcommand};
 use serde::Serialize;
 

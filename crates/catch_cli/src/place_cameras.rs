@@ -12,11 +12,11 @@ use catch_lab::{
     VERSION,
     assets::COMMAND_LINE,
     camera_placement::{Config, PlacementStudy, Score, quantile_m},
-    pages::placement_page::{self, CameraView},
     scenario::setup::Setup,
     whole_file::{check_new, write_new},
 };
 use catch_sim::cameras::{Readout, Renderer, Scene};
+use catch_view::pages::placement_page::{self, CameraView};
 use clap::Args;
 use serde::Serialize;
 

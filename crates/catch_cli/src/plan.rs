@@ -8,7 +8,7 @@ use catch_cell::arm::Setpoint;
 use catch_lab::{
     VERSION,
     assets::COMMAND_LINE,
-    own_data::planner_cases::{self, PlannerCase},
+    planner_cases::{self, PlannerCase},
     statistics::{median, quantile, sorted},
 };
 use catch_paper::posed::{PosedCatch, PosedPlanner};

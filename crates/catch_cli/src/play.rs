@@ -6,13 +6,13 @@ use catch_body::InputError;
 use catch_lab::{
     VERSION,
     assets::{COMMAND_LINE, Kind},
-    pages::{self, packed::text_in_html},
     play::{EarlyEnd, Life, Play, PlayRow},
     referee::Row,
     scenario::{Scenario, setup::Setup},
     statistics::wilson95,
     whole_file,
 };
+use catch_view::pages::{self, packed::text_in_html};
 use clap::Args;
 use comfy_table::{CellAlignment, Table, presets::NOTHING};
 use serde::Serialize;

@@ -14,13 +14,15 @@ use catch_lab::{
         Evaluation,
         results::{self, REPORT_FILE},
     },
-    export::plots,
-    pages::report_page::{self, MOST_MISSES_OF_A_STEP},
     study::{
         ObjectSummary, Outline, Step, StepSummary, Study,
         throw_grid::{GridPoint, ThrowGrid},
     },
     whole_file,
+};
+use catch_view::{
+    export::plots,
+    pages::report_page::{self, MOST_MISSES_OF_A_STEP},
 };
 use serde::Serialize;
 

@@ -203,7 +203,11 @@ impl Asset {
         Self::built_in(kind, kind.names().first().copied().unwrap_or_default())
     }
 
-    pub(crate) fn built_in(kind: Kind, name: &str) -> Result<Self, InputError> {
+    /// The built-in asset of this name.
+    ///
+    /// # Errors
+    /// If there is none.
+    pub fn built_in(kind: Kind, name: &str) -> Result<Self, InputError> {
         let folder = Path::new(kind.plural());
         let own = folder.join(name).join(kind.main_file());
         let path = if BUILT_IN.get_file(&own).is_some() { own } else { folder.join(format!("{name}.toml")) };

@@ -8,13 +8,10 @@
 pub mod cell_recorder;
 mod consistency;
 pub mod gripper_latency;
-pub mod playback;
-pub mod points;
 mod reader;
 pub mod recorded_surface;
 pub mod recorded_throw;
 pub mod replay;
-pub mod surfaces;
 pub mod throw_times;
 pub mod timeline;
 

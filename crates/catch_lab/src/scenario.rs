@@ -132,7 +132,7 @@ impl Scenario {
     ///
     /// # Errors
     /// What is no value out of its range.
-    pub(crate) fn with_faults(asset: &Asset) -> Result<(Self, Vec<InputError>), InputError> {
+    pub fn with_faults(asset: &Asset) -> Result<(Self, Vec<InputError>), InputError> {
         let (scenario, mut faults): (Self, _) = InputError::from_table(&asset.file, inheritance::extended(asset)?)?;
         faults.extend(scenario.faults(&asset.file));
         Ok((scenario, faults))

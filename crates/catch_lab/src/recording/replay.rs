@@ -88,7 +88,7 @@ pub fn replay(path: &Path) -> Result<Replay, InputError> {
 }
 
 /// What errors call the texts in a recording.
-pub(crate) const RECORDED: SourceNames = SourceNames {
+pub const RECORDED: SourceNames = SourceNames {
     robot_urdf: "robot.urdf in the recording",
     robot_toml: "robot.toml in the recording",
     gripper_toml: "gripper.toml in the recording",
@@ -96,7 +96,10 @@ pub(crate) const RECORDED: SourceNames = SourceNames {
 };
 
 /// The brain as it was before the recorded throw.
-pub(crate) fn brain_of(cell: &RecordedCell) -> Result<ChosenBrain, InputError> {
+///
+/// # Errors
+/// A recorded text or setting from which no brain can be made.
+pub fn brain_of(cell: &RecordedCell) -> Result<ChosenBrain, InputError> {
     let (mut robot, gripper) = cell.sources.parse(&RECORDED)?;
     robot.ready_q = robot.checked_pose("the recording", "ready_rad", &cell.ready_rad)?;
     let (config, cameras) = (cell.brain.config(), cell.cameras.clone());

@@ -105,7 +105,7 @@ fn worked_out(robot: &Robot) -> ReachMap {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::own_data::planner_cases;
+    use crate::planner_cases;
 
     #[test]
     fn a_map_is_stored_once_and_read_only_if_it_is_whole() {

@@ -167,7 +167,7 @@ impl Setup {
     }
 
     /// Widths of object and gripper, and what is wrong with the candidates.
-    pub(crate) fn why_without_grasps(&self, grasps: &GraspSet) -> String {
+    pub fn why_without_grasps(&self, grasps: &GraspSet) -> String {
         let margin_m = self.scenario.brain.grasp_selection.approach_margin_m;
         let lengths_m = [self.object.mesh.aabb().size.min(), self.gripper.max_width_m, margin_m];
         let [narrowest_mm, opening_mm, margin_mm] = lengths_m.map(|it| it * 1e3);

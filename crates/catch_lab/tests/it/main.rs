@@ -10,7 +10,6 @@ mod circles;
 mod controls;
 mod frames;
 mod knowledge;
-mod mutations;
 mod numerical_failures;
 mod planning;
 mod play;

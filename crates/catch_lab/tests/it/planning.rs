@@ -16,7 +16,7 @@ use catch_bot::{
 };
 use catch_cell::{ArmTrajectory, LimitKind, Setpoint, executor::PeakRatios};
 use catch_lab::{
-    own_data::planner_cases,
+    planner_cases,
     scenario::{
         brain::BrainSettings,
         setup::{Choice, Setup},
