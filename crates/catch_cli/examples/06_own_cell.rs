@@ -19,10 +19,8 @@ use catch_cell::{
     CameraModel, Cell, CellFault, Command, DataSheet, DepthFrame, Executor, ExecutorConfig, GraspState, GripperMove,
     GripperQueue, GripperState, KnownObject, ObjectFigures, Observation, reference_scan, rig_from_toml, run,
 };
-use catch_lab::{
-    recording::{RecordedCell, cell_recorder::CellRecorder},
-    scenario::sources::{SourceNames, Sources},
-};
+use catch_recording::sources::{SourceNames, Sources};
+use catch_recording::{RecordedCell, cell_recorder::CellRecorder};
 use nalgebra::{Point3, Vector3};
 
 const RADIUS_M: f64 = 0.0336;

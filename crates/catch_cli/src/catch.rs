@@ -10,18 +10,18 @@ use anyhow::Context;
 use catch_cell::LimitViolation;
 use catch_lab::{
     VERSION,
-    recording::{
-        MOST_UNPACKED_BYTES,
-        recorded_throw::{RecordedThrow, record},
-        timeline::{Entry, Event},
-    },
+    recording::recorded_throw::{RecordedThrow, record},
     referee::{Measures, Verdict, reason::Reason},
     scenario::{
         Scenario,
         setup::{Scene, Setup},
     },
     trial::stopwatch::{StageTimes, Stopwatch},
-    whole_file::make_writable,
+};
+use catch_recording::whole_file::make_writable;
+use catch_recording::{
+    MOST_UNPACKED_BYTES,
+    timeline::{Entry, Event},
 };
 use catch_sim::ThrowConditions;
 use catch_view::playback::Playback;

@@ -13,7 +13,6 @@ use anyhow::Context;
 use catch_body::InputError;
 use catch_lab::{
     VERSION,
-    assets::COMMAND_LINE,
     evaluation::{
         Cell, Evaluation, Identity, MOST_THREADS, Row,
         cell_summary::CellSummary,
@@ -24,8 +23,8 @@ use catch_lab::{
     },
     scenario::{Scenario, setup::Setup},
     trial::stopwatch::{StageTimes, Stopwatch},
-    whole_file,
 };
+use catch_recording::whole_file::{self, COMMAND_LINE};
 use catch_view::{
     export::plots,
     pages::report_page::{self, MOST_MISSES, Report},

@@ -15,8 +15,8 @@ use catch_lab::{
         flight_learning::{self, broad},
         flight_misses::{Misses, QUANTILES, Reliability, Seen, Throw},
     },
-    whole_file,
 };
+use catch_recording::whole_file;
 use clap::Args;
 use serde::Serialize;
 

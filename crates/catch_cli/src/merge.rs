@@ -7,7 +7,6 @@ use std::{
 
 use catch_body::InputError;
 use catch_lab::{
-    assets::COMMAND_LINE,
     evaluation::{
         Identity, Row,
         results::{self, REPORT_FILE},
@@ -16,8 +15,8 @@ use catch_lab::{
     },
     study::{Outline, StepSummary},
     trial::stopwatch::Stopwatch,
-    whole_file,
 };
+use catch_recording::whole_file::{self, COMMAND_LINE};
 use catch_view::pages::report_page::{self, Report};
 use clap::Args;
 

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use catch_body::InputError;
 use catch_import::templates;
-use catch_lab::{assets::Kind, whole_file::write_new};
+use catch_lab::assets::Kind;
+use catch_recording::whole_file::write_new;
 use clap::{Args, ValueEnum};
 
 use crate::screen;

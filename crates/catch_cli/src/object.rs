@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use catch_body::InputError;
 use catch_import::object_import::{ImportOptions, ImportedObject};
-use catch_lab::{VERSION, assets::COMMAND_LINE, whole_file::write_new};
+use catch_lab::VERSION;
+use catch_recording::whole_file::{COMMAND_LINE, write_new};
 use clap::{Args, Subcommand};
 use serde::Serialize;
 

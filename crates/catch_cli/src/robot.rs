@@ -11,8 +11,8 @@ use catch_lab::{
     VERSION,
     reachability::ready::{Corridor, Ready},
     scenario::setup::{Choice, Setup},
-    whole_file::{self, check_new, unfinished_folder},
 };
+use catch_recording::whole_file::{self, check_new, unfinished_folder};
 use catch_view::pages::robot_page;
 use clap::{Args, Subcommand};
 use serde::Serialize;

@@ -21,10 +21,10 @@ use catch_lab::{
     scenario::{
         Scenario,
         setup::{Choice, Setup},
-        sources::{SourceNames, Sources},
     },
     study::Study,
 };
+use catch_recording::sources::{SourceNames, Sources};
 
 /// What a check found.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use catch_body::{InputError, TriangleMesh, mesh_file::mesh_from_bytes};
 use catch_sim::object::check_length;
 use nalgebra::{Point3, Vector3};
 
-use catch_lab::bounded_file::FileKind;
+use catch_recording::bounded_file::FileKind;
 
 /// Points and, where the file has them, the surface's outward normals there.
 #[derive(Debug, Clone, PartialEq, Default)]

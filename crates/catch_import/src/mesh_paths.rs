@@ -23,7 +23,8 @@ pub fn resolve(file: &Path, named: &str) -> Option<PathBuf> {
     let (package, rest) = path.split_once('/')?;
     let folders = || folder.ancestors().take(MOST_FOLDERS_UP);
     let is_package = |folder: &Path| {
-        let manifest = catch_lab::bounded_file::FileKind::toml("a manifest").read_text(&folder.join("package.xml"));
+        let manifest =
+            catch_recording::bounded_file::FileKind::toml("a manifest").read_text(&folder.join("package.xml"));
         manifest.is_ok_and(|text| text.contains(&format!("<name>{package}</name>")))
     };
     let by_name = folders()

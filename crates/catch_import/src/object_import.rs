@@ -20,7 +20,7 @@ use crate::{
     mesh_repair::{RepairLimits, repaired},
     simplification::simplified,
 };
-use catch_lab::assets::COMMAND_LINE;
+use catch_recording::whole_file::COMMAND_LINE;
 use draft::Draft;
 use source::Source;
 

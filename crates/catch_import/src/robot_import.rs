@@ -25,7 +25,7 @@ use catch_body::{
 use nalgebra::{Point3, Translation3};
 
 use super::{mesh_files::MeshFiles, model_of_mujoco};
-use catch_lab::{assets::COMMAND_LINE, bounded_file::FileKind};
+use catch_recording::{bounded_file::FileKind, whole_file::COMMAND_LINE};
 use draft::{DENSITY_KGPM3, Draft, GivenValues, JointValues, assumed_inertia, is_joint, limits_of, rounded};
 use geometry::BodyShape;
 use joint_limits::JointLimitFields;

@@ -14,7 +14,7 @@ use catch_body::{
 use catch_cell::CameraModel;
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 
-use catch_lab::bounded_file::FileKind;
+use catch_recording::bounded_file::FileKind;
 
 /// Focal lengths along both axes that differ by more than this are not those of square pixels.
 const SQUARE: f64 = 0.005;

@@ -9,9 +9,10 @@ use rand_pcg::Pcg64;
 
 use super::cloud_file::{CloudFile, on_surface};
 use catch_lab::{
-    assets::{Asset, COMMAND_LINE, Kind, Origin},
+    assets::{Asset, Kind, Origin},
     scenario::{Scenario, setup::DEFAULT_SCENARIO},
 };
+use catch_recording::whole_file::COMMAND_LINE;
 
 const TRUTH: &str = include_str!("templates/truth.toml");
 const KNOWN: &str = include_str!("templates/known.toml");

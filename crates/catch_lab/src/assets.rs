@@ -13,15 +13,10 @@ use catch_cell::ObjectFigures;
 use catch_sim::{Throw, ThrownObject};
 use include_dir::{Dir, include_dir};
 
-use crate::{
-    bounded_file::{FileKind, as_spelt},
-    flights::recorded_throws,
-};
+use crate::flights::recorded_throws;
+use catch_recording::bounded_file::{FileKind, as_spelt};
 
 static BUILT_IN: Dir = include_dir!("$CARGO_MANIFEST_DIR/../../assets");
-
-/// What errors call the place where the program's arguments stand.
-pub const COMMAND_LINE: &str = "command line";
 
 /// What can be named.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -39,14 +39,13 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`bounded_file`] | files of users: regular ones of a limited size |
 //! | [`flights`] | recorded tracks and the flights through them, their aerodynamics, learned from throws; recorded tracks as throws |
 //! | [`assets`] | what is built in or named by a file |
-//! | [`scenario`] | everything that trials share: [`scenario::setup`] reads what a scenario names, [`scenario::brain`] makes the brain |
+//! | [`scenario`] | everything that trials share: [`scenario::setup`] reads what a scenario names |
 //! | [`trial`] | one throw: arena and brain tick by tick |
 //! | [`reachability`] | what the arm could have reached: oracle, proofs, waiting poses |
 //! | [`referee`] | the only place where truth meets score |
-//! | [`recording`] | a throw on disk, also of a real cell: story, replay, what is measured with it |
+//! | [`recording`] | a throw on disk with its truth: story, replay, what is measured with it |
 //! | [`evaluation`] | many trials: rows on disk, statistics, tables |
 //! | [`study`] | evaluations of many variants of a scenario |
 //! | [`suite`] | frozen benchmarks |
@@ -67,7 +66,6 @@ mod pages_for_people {
 }
 
 pub mod assets;
-pub mod bounded_file;
 pub mod camera_placement;
 pub mod evaluation;
 pub mod flights;
@@ -83,7 +81,6 @@ pub mod study;
 pub mod suite;
 
 pub mod trial;
-pub mod whole_file;
 
 /// Version of this program, as every result carries it.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");

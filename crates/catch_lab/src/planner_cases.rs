@@ -16,13 +16,13 @@ use nalgebra::{Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3
 use serde_json::{Map, Value};
 
 use crate::{
-    assets::{Asset, COMMAND_LINE, Kind, Origin},
+    assets::{Asset, Kind, Origin},
+    scenario::{Scenario, setup::DEFAULT_SCENARIO},
+};
+use catch_recording::{
     bounded_file::FileKind,
-    scenario::{
-        Scenario,
-        setup::DEFAULT_SCENARIO,
-        sources::{SourceNames, Sources},
-    },
+    sources::{SourceNames, Sources},
+    whole_file::COMMAND_LINE,
 };
 
 /// How far, in metres, grasp centre and object may be apart in a file.

@@ -7,7 +7,7 @@ use catch_import::{
     cloud_file::CloudFile,
     cloud_registration::{self, Registration},
 };
-use catch_lab::assets::COMMAND_LINE;
+use catch_recording::whole_file::COMMAND_LINE;
 use numpy::{PyArray2, ToPyArray};
 use pyo3::{prelude::*, types::PyString};
 

@@ -6,8 +6,8 @@ use catch_lab::{
     evaluation::{self, Row},
     recording::recorded_throw::record,
     scenario::setup::Setup,
-    whole_file,
 };
+use catch_recording::whole_file;
 use catch_view::{pages::catch_page, playback::Playback};
 use pyo3::{
     exceptions::{PyOSError, PyRuntimeError},

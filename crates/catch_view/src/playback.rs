@@ -9,21 +9,20 @@ use catch_sim::TruthSample;
 use nalgebra::Point3;
 
 use catch_lab::{
-    recording::{
-        Ending, GroundTruth, Header, Part, RecordedTick, RecordingReader, replay::brain_of, throw_times::ThrowTimes,
-    },
+    recording::{GroundTruth, LabReader, Simulation, throw_times::ThrowTimes},
     referee::sample_at,
 };
+use catch_recording::{Ending, Header, Part, RecordedTick, replay::brain_of};
 
 /// Everything that is known of one throw.
 #[derive(Debug)]
 pub struct Playback {
     /// What was known before the throw.
-    pub header: Header,
+    pub header: Header<Simulation>,
     /// The brain's ticks.
     pub ticks: Vec<RecordedTick>,
     /// What is known afterwards.
-    pub ending: Ending,
+    pub ending: Ending<GroundTruth>,
     /// The arm.
     pub robot: Robot,
     /// The gripper.
@@ -79,7 +78,7 @@ impl Playback {
     /// # Errors
     /// A file that is no recording, or not a complete one.
     pub fn read(path: &Path) -> Result<Self, InputError> {
-        let mut reader = RecordingReader::open(path)?;
+        let mut reader = LabReader::open(path)?;
         let mut ticks = Vec::new();
         let ending = loop {
             match reader.next_part()? {
@@ -89,7 +88,7 @@ impl Playback {
         };
         let header = reader.header;
         let known = brain_of(&header.cell)?.known().clone();
-        let (robot, gripper) = header.cell.sources.parse(&catch_lab::recording::replay::RECORDED)?;
+        let (robot, gripper) = header.cell.sources.parse(&catch_recording::replay::RECORDED)?;
         Ok(Self { header, ticks, ending, robot, gripper, known, times: ThrowTimes::read(path) })
     }
 

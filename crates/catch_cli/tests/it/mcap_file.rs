@@ -8,7 +8,7 @@ use std::{
 
 use base64::{Engine, prelude::BASE64_STANDARD};
 use catch_body::Pose;
-use catch_lab::scenario::sources::SourceNames;
+use catch_recording::sources::SourceNames;
 use catch_view::{export::mcap_file, playback::Playback};
 use nalgebra::{Point3, Quaternion, Translation3, UnitQuaternion};
 use prost_reflect::{DescriptorPool, DynamicMessage, Kind, SerializeOptions};

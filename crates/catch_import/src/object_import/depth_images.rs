@@ -11,7 +11,8 @@ use catch_cell::{CameraModel, DepthFrame, ReferenceScan, rig_from_toml};
 use nalgebra::Point3;
 
 use super::scan;
-use catch_lab::{bounded_file::FileKind, png};
+use catch_lab::png;
+use catch_recording::bounded_file::FileKind;
 
 /// The file that makes a folder of images a scan: poses in the frame R, whose origin is in or near the object.
 pub(super) const RIG: &str = "rig.toml";

@@ -19,7 +19,7 @@ use crate::{
     mesh_paths::resolve,
     model_of_mujoco,
 };
-use catch_lab::{assets::COMMAND_LINE, bounded_file::FileKind};
+use catch_recording::{bounded_file::FileKind, whole_file::COMMAND_LINE};
 
 /// Endings of the files of which a folder may have one, the most telling first.
 const ENDINGS: [&[&str]; 9] =

@@ -11,7 +11,7 @@ use catch_body::{InputError, TriangleMesh, shape::Capsule};
 use nalgebra::{Point3, Vector3};
 
 use super::super::mesh_files::{MeshFiles, located};
-use catch_lab::bounded_file::FileKind;
+use catch_recording::bounded_file::FileKind;
 
 /// Shapes of one body at most.
 const MOST_SHAPES: usize = 200;

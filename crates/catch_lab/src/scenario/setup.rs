@@ -26,9 +26,10 @@ pub use knowledge::Knowledge;
 use parts::{Parts, Place};
 
 use crate::{
-    assets::{Asset, COMMAND_LINE, Kind, Origin},
-    scenario::{Clock, Scenario, brain::Method, sources::Sources},
+    assets::{Asset, Kind, Origin},
+    scenario::{Clock, Scenario},
 };
+use catch_recording::{brain::Method, sources::Sources, whole_file::COMMAND_LINE};
 
 /// What somebody asks for: a scenario, and what is to be different from its file.
 #[derive(Debug, Clone, Copy, Default)]

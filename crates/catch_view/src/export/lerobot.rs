@@ -22,13 +22,11 @@ use self::{
     statistics::Statistics,
 };
 use catch_lab::{
-    VERSION,
-    assets::COMMAND_LINE,
-    png, referee,
+    VERSION, png, referee,
     scenario::setup::Setup,
     trial::{Episode, StateSnapshot, stopwatch::Stopwatch},
-    whole_file::replace,
 };
+use catch_recording::whole_file::{COMMAND_LINE, replace};
 
 /// Version of the format.
 const FORMAT: &str = "v3.0";

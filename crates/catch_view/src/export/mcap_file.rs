@@ -41,7 +41,7 @@ use crate::{
     playback::{MotionSample, Playback},
     points::points_of,
 };
-use catch_lab::recording::{Header, RecordedTick};
+use catch_recording::{Header, RecordedTick};
 use messages::{
     CameraCalibration, DESCRIPTORS, FLOAT32, FrameTransform, FrameTransforms, INFO, JointState, JointStates, Log,
     PackedElementField, PointCloud, PoseInFrame, RawImage, SceneUpdate, nanoseconds, pose, rotation, time, vector,

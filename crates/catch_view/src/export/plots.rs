@@ -11,8 +11,8 @@ use catch_lab::{
         published::{published_rate, published_rates},
     },
     statistics::sorted,
-    whole_file,
 };
+use catch_recording::whole_file;
 
 type Failure = Box<dyn Error>;
 /// What is drawn on.

@@ -8,7 +8,7 @@ use catch_cell::{CameraModel, KnownObject};
 use catch_sim::random_streams::{Stream, seed_for};
 
 use super::{CHECKED, Setup, calibration::CalibratedCameras};
-use crate::scenario::{
+use catch_recording::{
     brain::{BrainSettings, ChosenBrain},
     reach_map,
 };

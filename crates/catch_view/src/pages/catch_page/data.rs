@@ -10,12 +10,8 @@ use crate::{
     playback::{MotionSample, Playback},
     surfaces::surfaces,
 };
-use catch_lab::{
-    VERSION,
-    recording::{RecordedTick, throw_times::TickTimes},
-    referee::reason::Reason,
-    scenario::setup::Scene,
-};
+use catch_lab::{VERSION, recording::throw_times::TickTimes, referee::reason::Reason, scenario::setup::Scene};
+use catch_recording::RecordedTick;
 
 use super::{points::PackedPoints, surfaces::PackedSurface};
 

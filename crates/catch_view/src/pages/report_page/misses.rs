@@ -8,8 +8,8 @@ use crate::{pages::catch_page, playback::Playback};
 use catch_lab::{
     evaluation::{Evaluation, Row},
     recording::recorded_throw::record,
-    whole_file,
 };
+use catch_recording::whole_file;
 
 /// Misses of an evaluation that get a page, the first ones.
 pub const MOST_MISSES: usize = 20;

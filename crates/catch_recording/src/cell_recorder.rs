@@ -9,13 +9,13 @@ use catch_bot::Report;
 use catch_cell::{Command, Observation};
 
 use crate::{
-    recording::{Ending, RecordedCell, Recorder, timeline::Timeline},
-    trial::Tick,
+    recording::{Ending, RecordedCell, Recorder, Tick},
+    timeline::Timeline,
 };
 
 /// Records a run of [`catch_cell::run`], called from its recorder.
 ///
-/// [`replay`](crate::recording::replay) builds the brain again from the [`RecordedCell`], whose stages are those that its settings choose.
+/// [`replay`](crate::replay) builds the brain again from the [`RecordedCell`], whose stages are those that its settings choose.
 pub struct CellRecorder {
     recorder: Recorder,
     timeline: Timeline,
@@ -32,7 +32,7 @@ impl CellRecorder {
             return Err(io::Error::new(io::ErrorKind::InvalidInput, fault));
         }
         let title = name.replace('_', " ");
-        Ok(Self { recorder: Recorder::begin(folder, name, title, cell, None)?, timeline: Timeline::default() })
+        Ok(Self { recorder: Recorder::begin::<()>(folder, name, title, cell, None)?, timeline: Timeline::default() })
     }
 
     /// Adds a tick. Without a report the brain is recorded as one that has seen nothing.
@@ -41,7 +41,7 @@ impl CellRecorder {
     /// If it cannot be written.
     pub fn tick(&mut self, observation: &Observation, command: &Command, report: Option<&Report>) -> io::Result<()> {
         let tick = Tick { observation, command, report };
-        self.timeline.ticked(&tick, None);
+        self.timeline.ticked(&tick);
         self.recorder.ticked(&tick)
     }
 
@@ -51,6 +51,6 @@ impl CellRecorder {
     /// # Errors
     /// If it cannot be written.
     pub fn finish(self) -> io::Result<PathBuf> {
-        self.recorder.finish(&Ending { timeline: self.timeline.into_entries(), ground_truth: None })
+        self.recorder.finish(&Ending::<()> { timeline: self.timeline.into_entries(), ground_truth: None })
     }
 }

@@ -10,8 +10,8 @@ use std::{
 use catch_body::InputError;
 use tempfile::{Builder, NamedTempFile, TempDir};
 
-use crate::assets::COMMAND_LINE;
-
+/// What errors call the place where the program's arguments stand.
+pub const COMMAND_LINE: &str = "command line";
 /// What would help where nothing can be written.
 const PLACE: &str = "a place that can be written to";
 /// What would help where something is already.

@@ -58,7 +58,7 @@ impl Sources {
 ///
 /// # Errors
 /// Names the obstacle that it stands in.
-pub(super) fn check_waits_clear(robot: &Robot, gripper: &Gripper, file: &str) -> Result<(), InputError> {
+pub fn check_waits_clear(robot: &Robot, gripper: &Gripper, file: &str) -> Result<(), InputError> {
     let X_WL = robot.link_poses(&robot.ready_q);
     for obstacle in &robot.obstacles {
         let alone = Robot { obstacles: vec![obstacle.clone()], ..robot.clone() };

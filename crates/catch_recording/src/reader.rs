@@ -3,42 +3,71 @@
 use std::{
     fs::File,
     io::{self, BufReader, Read, Take},
+    marker::PhantomData,
     path::Path,
 };
 
 use catch_body::InputError;
 use flate2::read::GzDecoder;
-use serde::{Deserialize, de::DeserializeOwned};
+use serde::{
+    Deserialize,
+    de::{DeserializeOwned, IgnoredAny},
+};
 
-use super::{Ending, FORMAT, FORMAT_VERSION, Header, Preamble, RecordedTick, consistency};
-use crate::bounded_file::FileKind;
+use crate::{
+    bounded_file::FileKind,
+    consistency,
+    recording::{Ending, FORMAT, FORMAT_VERSION, Header, MOST_UNPACKED_BYTES, RecordedTick},
+};
 
 /// What every reader wants.
 const EXPECTED: &str = "a recording written by `catchingbot catch` or by a cell's recorder (*.catch)";
-/// Bytes of an unpacked recording at most.
-pub const MOST_UNPACKED_BYTES: u64 = 1 << 30;
 
-/// Reads a recording, tick by tick.
-pub struct RecordingReader {
+/// A part of a recording that the tick loop of a cell does not write, such as the truth of a simulation.
+///
+/// Who does not care for it reads [`IgnoredAny`].
+pub trait Channel: DeserializeOwned {
+    /// Whether its values fit together; `file` is the recording.
+    ///
+    /// # Errors
+    /// What does not fit.
+    fn check(&self, _file: &str) -> Result<(), InputError> {
+        Ok(())
+    }
+}
+
+impl Channel for IgnoredAny {}
+
+/// What the headers of all versions have: whether the rest can be read is known before it is.
+#[derive(Deserialize)]
+struct Preamble {
+    format: String,
+    format_version: u32,
+    version: String,
+}
+
+/// Reads a recording, tick by tick. `S` is read of what a simulation says of itself, `T` of what only it knows.
+pub struct RecordingReader<S = IgnoredAny, T = IgnoredAny> {
     file: String,
     input: Input,
     /// When the last tick was.
     last_s: Option<f64>,
     /// What was known before the throw.
-    pub header: Header,
+    pub header: Header<S>,
+    truth: PhantomData<T>,
 }
 
 /// What follows the header.
 #[derive(Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Part {
+pub enum Part<T> {
     /// The next tick.
     Tick(Box<RecordedTick>),
     /// The end; nothing follows.
-    Ending(Box<Ending>),
+    Ending(Box<Ending<T>>),
 }
 
-impl RecordingReader {
+impl<S: Channel, T: Channel> RecordingReader<S, T> {
     /// Opens a recording and reads its header.
     ///
     /// # Errors
@@ -54,16 +83,16 @@ impl RecordingReader {
             return Err(InputError::new(&file, "format_version", found, FORMAT_VERSION));
         }
         let mut input = open(path)?;
-        let header: Header = read(&file, &mut input, false)?;
-        consistency::header(&file, &header)?;
-        Ok(Self { file, input, last_s: None, header })
+        let header: Header<S> = read(&file, &mut input, false)?;
+        consistency::cell(&file, &header.cell)?;
+        Ok(Self { file, input, last_s: None, header, truth: PhantomData })
     }
 
     /// The next part of the recording.
     ///
     /// # Errors
     /// If the file ends before its ending or is damaged.
-    pub fn next_part(&mut self) -> Result<Part, InputError> {
+    pub fn next_part(&mut self) -> Result<Part<T>, InputError> {
         let part = read(&self.file, &mut self.input, false)?;
         match &part {
             Part::Tick(tick) => {
@@ -71,7 +100,7 @@ impl RecordingReader {
                 self.last_s = Some(tick.observation.time_s);
                 return Ok(part);
             }
-            Part::Ending(ending) => consistency::ending(&self.file, ending)?,
+            Part::Ending(ending) => ending.ground_truth.iter().try_for_each(|it| it.check(&self.file))?,
         }
         // Reading on to the end checks the checksum, too.
         let rest = io::copy(&mut self.input.by_ref().take(1), &mut io::sink());
@@ -123,4 +152,29 @@ fn read<T: DeserializeOwned>(file: &str, input: &mut Input, first: bool) -> Resu
             (false, false) => InputError::new(file, "the file", fault, "an undamaged recording"),
         }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use flate2::{Compression, GzBuilder};
+
+    /// The first format had neither trajectories with identifiers nor headers like these.
+    #[test]
+    fn an_old_recording_is_refused_by_its_version() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("old.catch");
+        let mut out = GzBuilder::new().write(File::create(&path).unwrap(), Compression::fast());
+        let header = serde_json::json!({
+            "format": FORMAT, "format_version": 3, "version": "0.0.9", "scenario": "something else"
+        });
+        rmp_serde::encode::write_named(&mut out, &header).unwrap();
+        out.finish().unwrap();
+        let fault = RecordingReader::<IgnoredAny, IgnoredAny>::open(&path).err().unwrap().to_string();
+        assert!(
+            fault.contains("format_version: found 3, written by version 0.0.9")
+                && fault.contains(&FORMAT_VERSION.to_string()),
+            "{fault}"
+        );
+    }
 }

@@ -3,7 +3,7 @@
 use catch_body::InputError;
 use catch_cell::{CameraModel, DepthFrame};
 
-use super::{Ending, Header, RecordedTick};
+use crate::recording::{RecordedCell, RecordedTick};
 
 /// From the first to the last instant of a recording at most, in seconds.
 const MOST_DURATION_S: f64 = 1e5;
@@ -11,8 +11,8 @@ const MOST_DURATION_S: f64 = 1e5;
 const MOST_AHEAD_S: f64 = 100.0;
 
 /// Whether the reference scan is one of its cameras.
-pub fn header(file: &str, header: &Header) -> Result<(), InputError> {
-    let scan = &header.cell.reference_scan;
+pub fn cell(file: &str, cell: &RecordedCell) -> Result<(), InputError> {
+    let scan = &cell.reference_scan;
     let mut frames = scan.frames.iter().enumerate();
     frames.try_for_each(|(i, it)| frame(file, &format!("cell.reference_scan.frames[{i}]"), it, &scan.cameras))
 }
@@ -40,25 +40,6 @@ pub fn tick(file: &str, tick: &RecordedTick, last_s: Option<f64>, cameras: &[Cam
             Err(InputError::new(file, "tick.report.plan.catch_s", catch_s, expected))
         }
     }
-}
-
-/// Whether the true states follow each other.
-pub fn ending(file: &str, ending: &Ending) -> Result<(), InputError> {
-    let samples = ending.ground_truth.iter().flat_map(|it| &it.truth.samples);
-    let mut last_s: Option<f64> = None;
-    for (i, sample) in samples.enumerate() {
-        if let Some(last_s) = last_s.filter(|last_s| !(0.0..=1.0).contains(&(sample.time_s - last_s))) {
-            let field = format!("ending.ground_truth.truth.samples[{i}].time_s");
-            return Err(InputError::new(
-                file,
-                field,
-                sample.time_s,
-                format!("a time within a second after {last_s} s"),
-            ));
-        }
-        last_s = Some(sample.time_s);
-    }
-    Ok(())
 }
 
 fn frame(file: &str, path: &str, frame: &DepthFrame, cameras: &[CameraModel]) -> Result<(), InputError> {

@@ -1,10 +1,9 @@
 //! The story of a throw: what happened when, as it happens.
 
 use catch_bot::perception::CameraStatus;
-use catch_sim::{Truth, TruthSample};
 use serde::{Deserialize, Serialize};
 
-use crate::{referee::Verdict, trial::Tick};
+use crate::recording::Tick;
 
 /// What can happen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -64,41 +63,23 @@ pub struct Entry {
     pub detail: String,
 }
 
-/// Follows a trial and tells its story.
+/// Follows a brain and tells its story.
 #[derive(Debug, Default)]
 pub struct Timeline {
     entries: Vec<Entry>,
     /// Replans since the last entry; they are told as one.
     replans: Option<Entry>,
-    samples_seen: usize,
     /// What is known of the cameras.
     cameras: Vec<CameraStatus>,
     seen: bool,
     predicted: bool,
     planned: bool,
     closing: bool,
-    touched: bool,
 }
 
 impl Timeline {
-    /// Takes note of a tick; returns what can be told now. Without the true motion so far neither throw nor contact is told.
-    pub fn ticked(&mut self, tick: &Tick, truth: Option<&Truth>) -> &[Entry] {
-        let told = self.entries.len();
-        let samples = truth.map_or(&[][..], |truth| &truth.samples);
-        if let Some(sample) = samples.first().filter(|_| self.entries.is_empty()) {
-            self.tell(sample.time_s, Event::Thrown, thrown(sample));
-        }
-        self.follow_brain(tick);
-        let mut new = samples[self.samples_seen..].iter();
-        if let Some(sample) = new.find(|sample| sample.contact.gripper() && !self.touched) {
-            self.touched = true;
-            self.tell(sample.time_s, Event::Contact, touched_by(sample));
-        }
-        self.samples_seen = samples.len();
-        &self.entries[told..]
-    }
-
-    fn follow_brain(&mut self, tick: &Tick) {
+    /// Takes note of what the brain did in a tick.
+    pub fn ticked(&mut self, tick: &Tick) {
         let Some(report) = tick.report else { return };
         let now = tick.observation.time_s;
         self.cameras.resize(report.cameras.len(), CameraStatus::Good);
@@ -137,16 +118,6 @@ impl Timeline {
         }
     }
 
-    /// The end of the story.
-    pub fn ended(&mut self, verdict: &Verdict, end_s: f64) -> &[Entry] {
-        let told = self.entries.len();
-        match verdict.reason {
-            None => self.tell(end_s, Event::Held, "squeezed, at rest in the hand, and shaken".to_owned()),
-            Some(reason) => self.tell(end_s, Event::Missed, reason.to_string()),
-        }
-        &self.entries[told..]
-    }
-
     /// The whole story, without an end where that is unknown.
     pub fn into_entries(mut self) -> Vec<Entry> {
         self.entries.extend(self.replans.take());
@@ -158,23 +129,9 @@ impl Timeline {
         &self.entries
     }
 
-    fn tell(&mut self, time_s: f64, event: Event, detail: String) {
+    /// Adds what happened.
+    pub fn tell(&mut self, time_s: f64, event: Event, detail: String) {
         self.entries.extend(self.replans.take());
         self.entries.push(Entry { time_s, event, count: None, detail });
     }
-}
-
-fn thrown(sample: &TruthSample) -> String {
-    let p_WO = sample.X_WO.translation.vector;
-    format!("{:.2} m/s, {:.2} m from the arm's axis", sample.V_WO.linear.norm(), p_WO.x.hypot(p_WO.y))
-}
-
-fn touched_by(sample: &TruthSample) -> String {
-    let parts = [
-        (sample.contact.left_finger, "left finger"),
-        (sample.contact.right_finger, "right finger"),
-        (sample.contact.palm, "palm"),
-    ];
-    let parts: Vec<&str> = parts.iter().filter(|(touches, _)| *touches).map(|&(_, name)| name).collect();
-    parts.join(" and ")
 }
