@@ -9,7 +9,8 @@ use catch_bot::Report;
 use catch_cell::{Command, Observation};
 
 use crate::{
-    recording::{Ending, RecordedCell, Recorder, Tick},
+    recording::{Ending, RecordedCell, Recorder},
+    tick::Tick,
     timeline::Timeline,
 };
 

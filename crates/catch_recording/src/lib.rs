@@ -19,11 +19,13 @@ mod reader;
 mod recording;
 pub mod replay;
 pub mod sources;
+mod tick;
 pub mod timeline;
 pub mod whole_file;
 
 pub use reader::{Channel, Part, RecordingReader};
 pub use recording::{
     EXTENSION, Ending, FORMAT, FORMAT_VERSION, Header, MOST_UNPACKED_BYTES, ROOM_WITHOUT_IMAGES, RecordedCell,
-    RecordedPlan, RecordedReport, RecordedTick, Recorder, Tick,
+    RecordedPlan, RecordedReport, RecordedTick, Recorder,
 };
+pub use tick::Tick;

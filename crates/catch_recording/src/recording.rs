@@ -18,6 +18,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     brain::BrainSettings,
     sources::Sources,
+    tick::Tick,
     timeline::Entry,
     whole_file::{Unfinished, sweep_out},
 };
@@ -33,20 +34,9 @@ pub const MOST_UNPACKED_BYTES: u64 = 1 << 30;
 /// Ending of the files' names.
 pub const EXTENSION: &str = "catch";
 
-/// One decision of the brain.
-#[derive(Debug, Clone, Copy)]
-pub struct Tick<'a> {
-    /// What it saw.
-    pub observation: &'a Observation,
-    /// What it wants.
-    pub command: &'a Command,
-    /// What it tells of its state.
-    pub report: Option<&'a Report>,
-}
-
-/// What is known before anything is sensed. `S` is what only a simulation says of itself.
+/// What is known before anything is sensed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Header<S> {
+pub struct Header<Simulation> {
     /// Always `catchingbot recording`.
     pub format: String,
     /// Version of the format; older programs cannot read a higher one.
@@ -58,7 +48,7 @@ pub struct Header<S> {
     /// What the brain is made from.
     pub cell: RecordedCell,
     /// Which throw of which scenario; `None` for a real cell.
-    pub simulation: Option<S>,
+    pub simulation: Option<Simulation>,
 }
 
 /// What a brain knows of its cell: enough to build the same brain again.
@@ -128,13 +118,13 @@ pub struct RecordedPlan {
     pub object_width_m: f64,
 }
 
-/// What is known afterwards. `T` is what only a simulation knows.
+/// What is known afterwards.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Ending<T> {
+pub struct Ending<GroundTruth> {
     /// The story.
     pub timeline: Vec<Entry>,
     /// What only a simulation knows; `None` for a real cell.
-    pub ground_truth: Option<T>,
+    pub ground_truth: Option<GroundTruth>,
 }
 
 impl From<&Report> for RecordedReport {

@@ -3,7 +3,7 @@
 use catch_bot::perception::CameraStatus;
 use serde::{Deserialize, Serialize};
 
-use crate::recording::Tick;
+use crate::tick::Tick;
 
 /// What can happen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
