@@ -19,8 +19,11 @@ use catch_cell::{
     CameraModel, Cell, CellFault, Command, DataSheet, DepthFrame, Executor, ExecutorConfig, GraspState, GripperMove,
     GripperQueue, GripperState, KnownObject, ObjectFigures, Observation, reference_scan, rig_from_toml, run,
 };
-use catch_recording::sources::{SourceNames, Sources};
-use catch_recording::{RecordedCell, cell_recorder::CellRecorder};
+use catch_recording::{
+    RecordedCell,
+    cell_recorder::CellRecorder,
+    sources::{SourceNames, Sources},
+};
 use nalgebra::{Point3, Vector3};
 
 const RADIUS_M: f64 = 0.0336;

@@ -18,10 +18,10 @@ use catch_lab::{
     },
     trial::stopwatch::{StageTimes, Stopwatch},
 };
-use catch_recording::whole_file::make_writable;
 use catch_recording::{
     MOST_UNPACKED_BYTES,
     timeline::{Entry, Event},
+    whole_file::make_writable,
 };
 use catch_sim::ThrowConditions;
 use catch_view::playback::Playback;

@@ -9,8 +9,10 @@ use std::{
 
 use catch_body::InputError;
 use catch_lab::evaluation::results::REPORT_FILE;
-use catch_recording::EXTENSION;
-use catch_recording::whole_file::{self, COMMAND_LINE, make_writable};
+use catch_recording::{
+    EXTENSION,
+    whole_file::{self, COMMAND_LINE, make_writable},
+};
 use catch_view::{
     export::{mcap_file, urdf},
     pages::catch_page,

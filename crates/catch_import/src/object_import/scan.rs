@@ -2,12 +2,10 @@
 
 use std::collections::HashSet;
 
-use crate::isosurface::isosurface;
+use crate::{cloud_file::CloudFile, cloud_registration::reference_model, isosurface::isosurface};
 use catch_body::{InputError, TriangleMesh, shape::Cuboid};
 use catch_bot::perception::ReferenceModel;
 use nalgebra::{Point3, Vector3};
-
-use crate::{cloud_file::CloudFile, cloud_registration::reference_model};
 
 /// Edge of the cubes in which the surface is looked for, in metres.
 const SPACING_M: f64 = 0.0015;

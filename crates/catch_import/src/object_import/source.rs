@@ -6,19 +6,17 @@ use std::{
 };
 
 use crate::{
+    cloud_file,
     description::{Description, Geometry, Link, Shape},
+    mesh_files::{MeshFiles, located},
+    mesh_paths::resolve,
+    model_of_mujoco,
     surface_file::triangles_from_bytes,
 };
 use catch_body::{InputError, TriangleMesh, document::root_element, robot::Inertia};
 use nalgebra::{Point3, Vector3};
 
 use super::{depth_images, gltf, hulls_m3, scan, unit_of};
-use crate::{
-    cloud_file,
-    mesh_files::{MeshFiles, located},
-    mesh_paths::resolve,
-    model_of_mujoco,
-};
 use catch_recording::{bounded_file::FileKind, whole_file::COMMAND_LINE};
 
 /// Endings of the files of which a folder may have one, the most telling first.

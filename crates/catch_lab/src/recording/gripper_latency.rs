@@ -17,8 +17,7 @@ use crate::{
     recording::LabReader,
     statistics::{quantile, sorted},
 };
-use catch_recording::whole_file::COMMAND_LINE;
-use catch_recording::{Part, replay::RECORDED};
+use catch_recording::{Part, replay::RECORDED, whole_file::COMMAND_LINE};
 
 /// Fingers are at rest while the width changes by no more, in metres.
 const REST_M: f64 = 2e-4;
