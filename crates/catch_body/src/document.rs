@@ -2,12 +2,11 @@
 //!
 //! A reader asks for elements, attributes and keys by their names. When it is done, [`Document::finish`]
 //! walks the tree once more: what nobody asked for and what stands in no list of harmless names is a fault
-//! with its place. So nothing is dropped in silence, in whatever format ([XML](Document::from_xml),
-//! [JSON](Document::from_json), [YAML](Document::from_yaml), [columns](Document::from_columns)).
+//! with its place. So nothing is dropped in silence, in whatever format: [XML](Document::from_xml),
+//! [columns](Document::from_columns), and what another reader [adds](Document::add) part by part.
 
 mod node;
 mod xml;
-mod yaml;
 
 use std::{
     cell::{Cell, RefCell},
@@ -20,11 +19,11 @@ pub use node::Node;
 pub use xml::root_element;
 
 /// Elements, attributes, keys and items of a document at most.
-const MOST_PARTS: usize = 2_000_000;
+pub const MOST_PARTS: usize = 2_000_000;
 /// Faults of one document that are told at once.
 const MOST_FAULTS: usize = 12;
 /// Stands for no part.
-const NONE: u32 = u32::MAX;
+pub const NONE: u32 = u32::MAX;
 
 /// Names that say nothing to this program, by the name of what they stand in; `*` is any, and attributes
 /// begin with `@`.
@@ -42,11 +41,14 @@ pub struct Document {
     asked: RefCell<BTreeSet<(u32, &'static str)>>,
 }
 
+/// The notation of a file, which decides how errors name its parts.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Format {
+pub enum Format {
+    /// Elements and attributes.
     Xml,
-    Json,
-    Yaml,
+    /// Keys and values.
+    Keys,
+    /// A table with a header.
     Columns,
 }
 
@@ -54,8 +56,6 @@ enum Format {
 enum State {
     Unread,
     Read,
-    /// Its attributes are read where other elements of its name are asked for them.
-    ForOthers,
     LeftOut,
 }
 
@@ -74,7 +74,8 @@ struct Part {
 }
 
 impl Document {
-    fn new(file: &str, format: Format) -> Self {
+    /// A document without a part; the first that is added is its root.
+    pub fn new(file: &str, format: Format) -> Self {
         Self {
             file: file.to_owned(),
             format,
@@ -83,46 +84,6 @@ impl Document {
             parts: Vec::new(),
             asked: RefCell::default(),
         }
-    }
-
-    /// A document of JSON.
-    ///
-    /// # Errors
-    /// If it is no JSON, or has too many parts.
-    pub fn from_json(file: &str, bytes: &[u8]) -> Result<Self, InputError> {
-        // What separates values, so that their number is bounded before memory is taken for them.
-        if bytes.iter().filter(|it| matches!(it, b',' | b'[' | b'{')).count() > MOST_PARTS {
-            return Err(too_many(file));
-        }
-        let value: serde_json::Value = serde_json::from_slice(bytes)
-            .map_err(|fault| InputError::new(file, "content", fault, "a document of JSON"))?;
-        let mut document = Self::new(file, Format::Json);
-        let root = document.add(NONE, "", 0)?;
-        document.add_json(root, value)?;
-        Ok(document)
-    }
-
-    fn add_json(&mut self, part: u32, value: serde_json::Value) -> Result<(), InputError> {
-        use serde_json::Value;
-        match value {
-            Value::Object(entries) => {
-                for (key, value) in entries {
-                    let child = self.add(part, &key, 0)?;
-                    self.add_json(child, value)?;
-                }
-            }
-            Value::Array(items) => {
-                self.parts[part as usize].is_list = true;
-                for value in items {
-                    let child = self.add(part, "", 0)?;
-                    self.add_json(child, value)?;
-                }
-            }
-            Value::Null => {}
-            Value::String(text) => self.parts[part as usize].text = text.into(),
-            other => self.parts[part as usize].text = other.to_string().into(),
-        }
-        Ok(())
     }
 
     /// The columns of a table as a tree: an entry for each name of a header, whose text is the column's
@@ -144,8 +105,11 @@ impl Document {
         Ok(document)
     }
 
-    /// Adds a part behind the last child of `parent`.
-    fn add(&mut self, parent: u32, name: &str, line: u32) -> Result<u32, InputError> {
+    /// Adds a part behind the last child of `parent`, which is [`NONE`] for the root; its number.
+    ///
+    /// # Errors
+    /// If there are too many.
+    pub fn add(&mut self, parent: u32, name: &str, line: u32) -> Result<u32, InputError> {
         if self.parts.len() >= MOST_PARTS {
             return Err(too_many(&self.file));
         }
@@ -181,6 +145,21 @@ impl Document {
         Ok(index)
     }
 
+    /// Gives a part its text.
+    pub fn set_text(&mut self, part: u32, text: &str) {
+        self.parts[part as usize].text = text.into();
+    }
+
+    /// Says whether a part is a list, whose items have no name.
+    pub fn set_list(&mut self, part: u32, is_list: bool) {
+        self.parts[part as usize].is_list = is_list;
+    }
+
+    /// Names of what was added to a part.
+    pub fn names_in(&self, part: u32) -> impl Iterator<Item = &str> {
+        Node { document: self, index: part }.parts().map(Node::name)
+    }
+
     /// The outermost element, which is asked for.
     pub fn root(&self) -> Node<'_> {
         self.parts[0].state.set(State::Read);
@@ -205,8 +184,7 @@ impl Document {
                     continue;
                 }
                 match child.part().state.get() {
-                    State::Read | State::ForOthers => waiting.push(child),
-                    _ if node.part().state.get() == State::ForOthers && self.is_asked_elsewhere(node, child) => {}
+                    State::Read => waiting.push(child),
                     _ if faults.len() < MOST_FAULTS => faults.push(Err::<(), _>(child.unread())),
                     _ => {}
                 }
@@ -226,13 +204,6 @@ impl Document {
         }
         None
     }
-
-    /// Whether elements of the name of `node` are asked for what `child` is, or none is asked for anything.
-    fn is_asked_elsewhere(&self, node: Node, child: Node) -> bool {
-        let asked = self.asked.borrow();
-        let mut names = asked.iter().filter(|(at, _)| *at == node.kind()).map(|(_, name)| *name).peekable();
-        names.peek().is_none() || names.any(|it| it == child.name())
-    }
 }
 
 fn too_many(file: &str) -> InputError {
@@ -242,10 +213,6 @@ fn too_many(file: &str) -> InputError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::quantity::Quantity;
-
-    const ANY: Quantity = Quantity { least: -1e9, most: 1e9, unit: "" };
-
     #[test]
     fn what_nobody_asks_for_is_told_with_its_place() {
         let text = "<a>\n  <b name=\"one\" x=\"1\" id=\"7\">\n    <c/>\n  </b>\n  <b name=\"two\"/>\n  <note><deep/></note>\n</a>";
@@ -270,13 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn json_and_columns_are_trees_too() {
-        let document = Document::from_json("a.gltf", br#"{"a": [{"b": 1, "c": [1, 2.5]}], "d": null}"#).unwrap();
-        let item = document.root().child("a").unwrap().items().next().unwrap();
-        assert_eq!(item.child("c").unwrap().numbers::<2>(ANY).unwrap(), [1.0, 2.5]);
-        assert!(document.root().child("d").unwrap().is_null());
-        let fault = document.finish(&[]).unwrap_err().to_string();
-        assert_eq!(fault, "a.gltf: a[0].b: found `b`, which is not read, expected without it; what is read in a: c");
+    fn columns_are_a_tree_too() {
         let columns = Document::from_columns("a.csv", 1, &["t", "w"]).unwrap();
         assert_eq!(columns.root().child("t").unwrap().text(), "0");
         assert!(columns.finish(&[]).unwrap_err().to_string().contains("line 1: w: found the column `w`"));

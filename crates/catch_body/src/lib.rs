@@ -19,9 +19,7 @@
 //! assert!(ball.is_closed() && (inertia.about_com[(0, 0)] / (0.4 * 0.06 * 0.03 * 0.03) - 1.0).abs() < 0.01);
 //! ```
 
-pub mod capsule_fit;
 pub mod clearance;
-pub mod description;
 pub mod document;
 pub mod dynamics;
 pub mod gripper;
@@ -38,7 +36,7 @@ pub mod robot_file;
 pub mod shape;
 pub mod stated;
 mod toml_input;
-mod urdf;
+pub mod urdf;
 pub mod velocity_table;
 pub mod workcell;
 

@@ -1,11 +1,5 @@
 //! Triangle meshes: the shapes of thrown objects and of the arm, and what follows from a shape.
 
-mod edges;
-mod hole_filling;
-mod isosurface;
-pub mod repair;
-mod shells;
-pub mod simplification;
 mod solids;
 
 use std::collections::HashMap;
@@ -129,7 +123,7 @@ impl TriangleMesh {
     }
 
     /// Leaves out vertices that are a corner of no triangle.
-    pub(crate) fn drop_unused_vertices(&mut self) {
+    pub fn drop_unused_vertices(&mut self) {
         let mut number = vec![u32::MAX; self.vertices.len()];
         let mut used = Vec::new();
         for corner in self.triangles.iter_mut().flatten() {
@@ -144,7 +138,7 @@ impl TriangleMesh {
     }
 
     /// The same surface with its triangles turned so that they face outwards.
-    pub(crate) fn facing_outwards(mut self) -> Self {
+    pub fn facing_outwards(mut self) -> Self {
         if self.volume() < 0.0 {
             for triangle in &mut self.triangles {
                 triangle.swap(1, 2);

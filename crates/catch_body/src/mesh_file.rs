@@ -1,15 +1,11 @@
-//! Reads meshes from OBJ and STL files, and surfaces from COLLADA and PLY files, too.
+//! Reads meshes from OBJ and STL files.
 
-mod collada;
 mod obj;
-mod ply;
 mod stl;
 
 use nalgebra::Point3;
 
 use crate::{InputError, mesh::TriangleMesh};
-
-pub use ply::PlyFile;
 
 /// The largest mesh file that is read. A scan of a thrown object has some megabytes at most.
 pub const MAX_FILE_BYTES: usize = 64 << 20;
@@ -32,52 +28,12 @@ const LEAST_FILLING: f64 = 1e-9;
 /// vertex, holes, or no volume.
 pub fn mesh_from_bytes(file: &str, bytes: &[u8], scale: f64) -> Result<TriangleMesh, InputError> {
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
-    for (points, faces) in read_groups(file, bytes, scale, false)? {
+    for (points, faces) in read_groups(file, bytes, scale)? {
         let first = vertices.len() as u32;
         vertices.extend(points);
         triangles.extend(faces.iter().map(|face| face.map(|index| index + first)));
     }
     solid(file, welded(&vertices, &triangles, scale))
-}
-
-/// Reads a surface in the unit of its file, or in metres where that states its unit; nothing is asked of it but finite vertices.
-///
-/// The extension of `file` says which format the bytes have: `.obj`, `.stl` or `.dae` (COLLADA).
-///
-/// # Errors
-/// If the bytes are not a mesh of that format, or have no triangle, numbers that are not finite or indices without a vertex.
-pub fn surface_from_bytes(file: &str, bytes: &[u8]) -> Result<TriangleMesh, InputError> {
-    let mut surface = TriangleMesh::default();
-    for (points, faces) in read_groups(file, bytes, 1.0, true)? {
-        surface.merge(&welded(&points, &faces, 1.0));
-    }
-    if surface.triangles.is_empty() {
-        return Err(InputError::new(file, "faces", "no triangles", "a surface"));
-    }
-    Ok(surface)
-}
-
-/// Reads the triangles of each group of an OBJ file as they stand there, in its unit or in metres where it states one: nothing is welded,
-/// nothing repaired. Other files are one group.
-///
-/// The extension of `file` says which format the bytes have: `.obj`, `.stl`, `.ply` or `.dae` (COLLADA). The caller limits their number.
-///
-/// # Errors
-/// If the bytes are not a mesh of that format, or have no triangle, numbers that are not finite or indices without a vertex.
-pub fn triangles_from_bytes(file: &str, bytes: &[u8]) -> Result<Vec<TriangleMesh>, InputError> {
-    let groups = if extension(file) == "ply" {
-        let PlyFile { vertices, triangles, .. } = PlyFile::from_bytes(file, bytes)?;
-        vec![(vertices, triangles)]
-    } else {
-        groups_of(file, bytes, true)?
-    };
-    let mesh = |(vertices, triangles): Soup| TriangleMesh {
-        vertices: vertices.into_iter().map(Point3::from).collect(),
-        triangles,
-    };
-    let groups: Vec<TriangleMesh> = checked(file, groups)?.into_iter().map(mesh).collect();
-    let none = groups.iter().all(|it| it.triangles.is_empty());
-    if none { Err(InputError::new(file, "faces", "no triangles", "a surface")) } else { Ok(groups) }
 }
 
 /// Reads the vertices of each group of an OBJ file, in metres; an STL file is one group. Nothing is asked of the faces.
@@ -86,7 +42,7 @@ pub fn triangles_from_bytes(file: &str, bytes: &[u8]) -> Result<Vec<TriangleMesh
 /// If the bytes are not a mesh of that format, or a group has no triangle, or numbers that are not finite, or indices without a
 /// vertex.
 pub fn groups_from_bytes(file: &str, bytes: &[u8], scale: f64) -> Result<Vec<Vec<Point3<f64>>>, InputError> {
-    let groups = read_groups(file, bytes, scale, false)?;
+    let groups = read_groups(file, bytes, scale)?;
     if groups.is_empty() {
         return Err(InputError::new(file, "faces", "no triangles", "the surface of a solid"));
     }
@@ -95,35 +51,37 @@ pub fn groups_from_bytes(file: &str, bytes: &[u8], scale: f64) -> Result<Vec<Vec
 }
 
 /// The groups of a file that is not too large, their numbers finite and their indices within range.
-fn read_groups(file: &str, bytes: &[u8], scale: f64, with_collada: bool) -> Result<Vec<Soup>, InputError> {
+fn read_groups(file: &str, bytes: &[u8], scale: f64) -> Result<Vec<Soup>, InputError> {
     InputError::positive(file, "scale", scale)?;
     if bytes.len() > MAX_FILE_BYTES {
         let expected = format!("a mesh file of at most {} MiB", MAX_FILE_BYTES >> 20);
         return Err(InputError::new(file, "size", format!("{} MiB", bytes.len() >> 20), expected));
     }
-    checked(file, groups_of(file, bytes, with_collada)?)
+    checked(file, groups_of(file, bytes)?)
 }
 
 /// The extension of a file's name in lower case.
-fn extension(file: &str) -> String {
+pub fn extension(file: &str) -> String {
     file.rsplit_once('.').map(|(_, extension)| extension.to_ascii_lowercase()).unwrap_or_default()
 }
 
-/// The groups of a file.
-fn groups_of(file: &str, bytes: &[u8], with_collada: bool) -> Result<Vec<Soup>, InputError> {
+/// The groups of an OBJ file as they stand there; an STL file is one group.
+///
+/// # Errors
+/// If the bytes are not a mesh of that format.
+pub fn groups_of(file: &str, bytes: &[u8]) -> Result<Vec<Soup>, InputError> {
     match extension(file).as_str() {
         "obj" => obj::read(file, bytes),
         "stl" => Ok(vec![stl::read(file, bytes)?]),
-        "dae" if with_collada => Ok(vec![collada::read(file, bytes)?]),
-        extension => {
-            let expected = if with_collada { "a mesh: .obj, .stl or .dae" } else { "a mesh: .obj or .stl" };
-            Err(InputError::new(file, "extension", extension, expected))
-        }
+        extension => Err(InputError::new(file, "extension", extension, "a mesh: .obj or .stl")),
     }
 }
 
 /// Groups whose numbers are finite and whose indices are within range.
-fn checked(file: &str, groups: Vec<Soup>) -> Result<Vec<Soup>, InputError> {
+///
+/// # Errors
+/// The first number or index that is not.
+pub fn checked(file: &str, groups: Vec<Soup>) -> Result<Vec<Soup>, InputError> {
     for (vertices, triangles) in &groups {
         for (i, vertex) in vertices.iter().enumerate() {
             if !vertex.iter().all(|value| value.is_finite()) {
@@ -139,10 +97,10 @@ fn checked(file: &str, groups: Vec<Soup>) -> Result<Vec<Soup>, InputError> {
 }
 
 /// Vertices and triangles as a file has them.
-type Soup = (Vec<[f64; 3]>, Vec<[u32; 3]>);
+pub type Soup = (Vec<[f64; 3]>, Vec<[u32; 3]>);
 
 /// Joins vertices that lie at the same place, drops triangles that are left without three corners, and scales.
-fn welded(vertices: &[[f64; 3]], triangles: &[[u32; 3]], scale: f64) -> TriangleMesh {
+pub fn welded(vertices: &[[f64; 3]], triangles: &[[u32; 3]], scale: f64) -> TriangleMesh {
     let mut places = std::collections::HashMap::new();
     let mut mesh = TriangleMesh::default();
     let merged: Vec<u32> = vertices

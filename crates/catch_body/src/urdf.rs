@@ -20,7 +20,7 @@ use crate::{
 const EXPECTED: &str = "a URDF description of a robot";
 
 /// What only draws, simulates or drives the robot, says something twice, or what all readers of URDF pass over.
-pub(crate) const HARMLESS: Harmless = &[
+pub const HARMLESS: Harmless = &[
     (
         "robot",
         &[
@@ -37,6 +37,8 @@ pub(crate) const HARMLESS: Harmless = &[
             "@version",
         ],
     ),
+    ("transmission", &["*", "@*"]),
+    ("actuator", &["*", "@*"]),
     ("link", &["sensor", "gazebo", "self_collision_checking", "gravity", "origin", "@type"]),
     ("visual", &["material", "texture", "meta", "gazebo", "@name", "@group"]),
     ("collision", &["material", "verbose", "contact_coefficients", "gazebo", "@name", "@group"]),
@@ -77,7 +79,7 @@ pub(crate) const HARMLESS: Harmless = &[
 ];
 
 /// What `robot.toml` says in place of the URDF, and what needs no shape beside its capsules.
-pub(crate) const IN_TOML: Harmless = &[
+pub const IN_TOML: Harmless = &[
     ("link", &["visual", "collision", "contact", "inertial"]),
     ("joint", &["limit"]),
     ("limit", &["@lower", "@upper", "@velocity", "@effort"]),
@@ -87,7 +89,7 @@ pub(crate) const IN_TOML: Harmless = &[
 ///
 /// # Errors
 /// If it is no XML, no URDF, or still has elements or expressions of xacro.
-pub(crate) fn parse(file: &str, text: &str) -> Result<Document, InputError> {
+pub fn parse(file: &str, text: &str) -> Result<Document, InputError> {
     let document = Document::from_xml(file, text, EXPECTED)?;
     let root = document.root();
     if root.name() != "robot" {
@@ -104,7 +106,7 @@ pub(crate) fn parse(file: &str, text: &str) -> Result<Document, InputError> {
 }
 
 /// The links and joints of a URDF file.
-pub(crate) struct Urdf<'a> {
+pub struct Urdf<'a> {
     /// Name of the robot.
     pub name: String,
     /// By name.
@@ -113,6 +115,7 @@ pub(crate) struct Urdf<'a> {
     joints: BTreeMap<&'a str, Vec<Element<'a>>>,
     /// Links that some joint moves.
     children: HashSet<&'a str>,
+    transmissions: Vec<Element<'a>>,
 }
 
 impl<'a> Urdf<'a> {
@@ -123,7 +126,11 @@ impl<'a> Urdf<'a> {
     pub fn read(document: &'a Document) -> Result<Self, InputError> {
         let (file, root) = (document.file(), document.root());
         let name = root.attribute("name").unwrap_or_default().to_owned();
-        let mut urdf = Self { name, links: BTreeMap::new(), joints: BTreeMap::new(), children: HashSet::new() };
+        let transmissions = root.children("transmission").enumerate();
+        let transmissions =
+            transmissions.map(|(i, node)| Element { file, node, path: format!("transmission {}", i + 1) }).collect();
+        let mut urdf =
+            Self { name, links: BTreeMap::new(), joints: BTreeMap::new(), children: HashSet::new(), transmissions };
         let mut names = HashSet::new();
         for node in root.children("link").chain(root.children("joint")) {
             let kind = node.name();
@@ -163,6 +170,11 @@ impl<'a> Urdf<'a> {
         self.joints.get(link).map_or(&[], Vec::as_slice)
     }
 
+    /// What drives joints.
+    pub fn transmissions(&self) -> &[Element<'a>] {
+        &self.transmissions
+    }
+
     /// The link of this name.
     pub fn link(&self, name: &str) -> Option<&Element<'a>> {
         self.links.get(name)
@@ -199,7 +211,7 @@ pub fn ignored_elements(text: &str) -> Vec<String> {
 
 /// An element, and what errors call it.
 #[derive(Clone)]
-pub(crate) struct Element<'a> {
+pub struct Element<'a> {
     file: &'a str,
     node: Node<'a>,
     path: String,

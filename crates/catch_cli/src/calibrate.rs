@@ -14,17 +14,16 @@ use catch_calibration::{
     overlay::overlays,
 };
 use catch_cell::{CameraModel, rig_to_toml};
+use catch_import::ros_calibration::{read_camera_info, read_hand_eye};
 use catch_lab::{
     VERSION,
-    assets::COMMAND_LINE,
-    own_data::ros_calibration::{read_camera_info, read_hand_eye},
-    pages::calibration_page::{self, CameraSection},
     scenario::setup::{
         Choice, Setup,
         calibration::{self, ArenaSession, CalibratedCameras, calibrated_cameras},
     },
-    whole_file::{self, check_new, make_writable, unfinished_folder, write_new},
 };
+use catch_recording::whole_file::{self, COMMAND_LINE, check_new, make_writable, unfinished_folder, write_new};
+use catch_view::pages::calibration_page::{self, CameraSection};
 use clap::Args;
 use serde::Serialize;
 

@@ -10,21 +10,21 @@ use anyhow::Context;
 use catch_cell::LimitViolation;
 use catch_lab::{
     VERSION,
-    recording::{
-        MOST_UNPACKED_BYTES,
-        playback::Playback,
-        recorded_throw::{RecordedThrow, record},
-        timeline::{Entry, Event},
-    },
+    recording::recorded_throw::{RecordedThrow, record},
     referee::{Measures, Verdict, reason::Reason},
     scenario::{
         Scenario,
         setup::{Scene, Setup},
     },
     trial::stopwatch::{StageTimes, Stopwatch},
+};
+use catch_recording::{
+    MOST_UNPACKED_BYTES,
+    timeline::{Entry, Event},
     whole_file::make_writable,
 };
 use catch_sim::ThrowConditions;
+use catch_view::playback::Playback;
 use clap::Args;
 use serde::Serialize;
 

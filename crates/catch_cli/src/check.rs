@@ -6,10 +6,8 @@ use std::{
 };
 
 use catch_body::InputError;
-use catch_lab::{
-    VERSION,
-    own_data::check::{Checked, check},
-};
+use catch_import::check::{Checked, check};
+use catch_lab::VERSION;
 use clap::Args;
 use serde::Serialize;
 

@@ -13,7 +13,6 @@ use anyhow::Context;
 use catch_body::InputError;
 use catch_lab::{
     VERSION,
-    assets::COMMAND_LINE,
     evaluation::{
         Cell, Evaluation, Identity, MOST_THREADS, Row,
         cell_summary::CellSummary,
@@ -22,11 +21,13 @@ use catch_lab::{
         summary_table,
         trial_table::PARQUET_FILE,
     },
-    export::plots,
-    pages::report_page::{self, MOST_MISSES, Report},
     scenario::{Scenario, setup::Setup},
     trial::stopwatch::{StageTimes, Stopwatch},
-    whole_file,
+};
+use catch_recording::whole_file::{self, COMMAND_LINE};
+use catch_view::{
+    export::plots,
+    pages::report_page::{self, MOST_MISSES, Report},
 };
 use clap::Args;
 use comfy_table::Table;

@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use catch_lab::{VERSION, export::lerobot::LeRobotDataset, scenario::setup::Setup};
+use catch_lab::{VERSION, scenario::setup::Setup};
+use catch_view::export::lerobot::LeRobotDataset;
 use clap::Args;
 use serde::Serialize;
 

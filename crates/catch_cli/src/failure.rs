@@ -3,7 +3,8 @@
 use std::{error::Error, io, process::ExitCode};
 
 use catch_body::InputError;
-use catch_lab::{VERSION, assets::COMMAND_LINE};
+use catch_lab::VERSION;
+use catch_recording::whole_file::COMMAND_LINE;
 use clap::error::ContextKind;
 use serde::Serialize;
 

@@ -7,16 +7,16 @@ use std::{
 
 use anyhow::Context;
 use catch_body::InputError;
-use catch_lab::flights::aerodynamics::FlightPrior;
 use catch_lab::{
     VERSION,
     evaluation::summary_table::plain,
     flights::{
+        aerodynamics::FlightPrior,
         flight_learning::{self, broad},
         flight_misses::{Misses, QUANTILES, Reliability, Seen, Throw},
     },
-    whole_file,
 };
+use catch_recording::whole_file;
 use clap::Args;
 use serde::Serialize;
 

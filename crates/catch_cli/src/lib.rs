@@ -44,11 +44,9 @@ use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
 
 use catch_lab::{
     VERSION,
-    scenario::{
-        brain::Method,
-        setup::{Choice, DEFAULT_SCENARIO},
-    },
+    scenario::setup::{Choice, DEFAULT_SCENARIO},
 };
+use catch_recording::brain::Method;
 
 use failure::Failure;
 

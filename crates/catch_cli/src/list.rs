@@ -3,7 +3,8 @@
 use std::{collections::BTreeMap, path::PathBuf};
 
 use catch_body::InputError;
-use catch_lab::assets::{Asset, COMMAND_LINE, KNOWN_FILE, Kind, Origin, nearest};
+use catch_lab::assets::{Asset, KNOWN_FILE, Kind, Origin, nearest};
+use catch_recording::whole_file::COMMAND_LINE;
 use clap::Args;
 
 use crate::screen::{self, FAINT, STRONG};

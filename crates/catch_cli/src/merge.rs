@@ -7,18 +7,17 @@ use std::{
 
 use catch_body::InputError;
 use catch_lab::{
-    assets::COMMAND_LINE,
     evaluation::{
         Identity, Row,
         results::{self, REPORT_FILE},
         summary_table,
         trial_table::PARQUET_FILE,
     },
-    pages::report_page::{self, Report},
     study::{Outline, StepSummary},
     trial::stopwatch::Stopwatch,
-    whole_file,
 };
+use catch_recording::whole_file::{self, COMMAND_LINE};
+use catch_view::pages::report_page::{self, Report};
 use clap::Args;
 
 use super::{

@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use catch_body::InputError;
-use catch_lab::{assets::Kind, own_data::templates, whole_file::write_new};
+use catch_import::templates;
+use catch_lab::assets::Kind;
+use catch_recording::whole_file::write_new;
 use clap::{Args, ValueEnum};
 
 use crate::screen;

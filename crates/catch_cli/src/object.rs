@@ -3,12 +3,9 @@
 use std::path::PathBuf;
 
 use catch_body::InputError;
-use catch_lab::{
-    VERSION,
-    assets::COMMAND_LINE,
-    own_data::object_import::{ImportOptions, ImportedObject},
-    whole_file::write_new,
-};
+use catch_import::object_import::{ImportOptions, ImportedObject};
+use catch_lab::VERSION;
+use catch_recording::whole_file::{COMMAND_LINE, write_new};
 use clap::{Args, Subcommand};
 use serde::Serialize;
 
@@ -33,7 +30,7 @@ enum ObjectCommand {
 A mesh (OBJ, STL, PLY, COLLADA, glTF, GLB) becomes the object's shape, and so does the surface
 of a point cloud all around it (PLY without faces, PCD, XYZ; in metres or millimetres, best with
 outward normals) and of depth images (a folder with 16-bit PNG files in millimetres, and in its
-rig.toml a camera for each); of a description (SDF, URDF, MJCF) its link with a shape does, with mass,
+rig.toml a camera for each); of a description (SDF, URDF) its link with a shape does, with mass,
 centre of mass, inertia, friction and collision shapes. Vertices are welded, holes filled and
 triangles turned where that is safe; each repair is told, and a defect that is left is located.
 What no file says is assumed, and says so in the object's file.

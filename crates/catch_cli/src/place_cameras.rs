@@ -10,13 +10,12 @@ use catch_body::{InputError, Pose};
 use catch_cell::{CameraModel, rig_to_toml};
 use catch_lab::{
     VERSION,
-    assets::COMMAND_LINE,
     camera_placement::{Config, PlacementStudy, Score, quantile_m},
-    pages::placement_page::{self, CameraView},
     scenario::setup::Setup,
-    whole_file::{check_new, write_new},
 };
+use catch_recording::whole_file::{COMMAND_LINE, check_new, write_new};
 use catch_sim::cameras::{Readout, Renderer, Scene};
+use catch_view::pages::placement_page::{self, CameraView};
 use clap::Args;
 use serde::Serialize;
 

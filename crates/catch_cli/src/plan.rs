@@ -7,11 +7,11 @@ use catch_bot::trajectory_optimization::{Config, MotionPlanner, PlanningFailure,
 use catch_cell::arm::Setpoint;
 use catch_lab::{
     VERSION,
-    assets::COMMAND_LINE,
-    own_data::planner_cases::{self, PlannerCase},
+    planner_cases::{self, PlannerCase},
     statistics::{median, quantile, sorted},
 };
 use catch_paper::posed::{PosedCatch, PosedPlanner};
+use catch_recording::whole_file::COMMAND_LINE;
 use clap::Args;
 use nalgebra::Point3;
 use serde::Serialize;

@@ -5,14 +5,14 @@ use std::{fmt::Write as _, path::PathBuf};
 use catch_body::InputError;
 use catch_lab::{
     VERSION,
-    assets::{COMMAND_LINE, Kind},
-    pages::{self, packed::text_in_html},
+    assets::Kind,
     play::{EarlyEnd, Life, Play, PlayRow},
     referee::Row,
     scenario::{Scenario, setup::Setup},
     statistics::wilson95,
-    whole_file,
 };
+use catch_recording::whole_file::{self, COMMAND_LINE};
+use catch_view::pages::{self, packed::text_in_html};
 use clap::Args;
 use comfy_table::{CellAlignment, Table, presets::NOTHING};
 use serde::Serialize;

@@ -5,13 +5,13 @@ use std::path::PathBuf;
 use catch_body::{InputError, quantity};
 use catch_lab::{
     VERSION,
-    assets::COMMAND_LINE,
     flights::{
         flight_learning,
         flight_prediction::{self, DRAG_PER_M, Flight, FlightModel, FlightState, Known, LEAST_SIGHTINGS, NoFlight},
         track_file,
     },
 };
+use catch_recording::whole_file::COMMAND_LINE;
 use clap::{Args, ValueEnum};
 use nalgebra::{Unit, Vector3};
 use serde::Serialize;

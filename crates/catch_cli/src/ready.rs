@@ -3,10 +3,10 @@
 use catch_body::InputError;
 use catch_lab::{
     VERSION,
-    assets::COMMAND_LINE,
     reachability::ready::Corridor,
     scenario::{Scenario, setup::Setup},
 };
+use catch_recording::whole_file::COMMAND_LINE;
 use clap::Args;
 use serde::Serialize;
 

@@ -3,14 +3,12 @@
 use std::path::PathBuf;
 
 use catch_body::quantity;
-use catch_lab::{
-    VERSION,
-    assets::COMMAND_LINE,
-    own_data::{
-        cloud_file,
-        cloud_registration::{self, RegistrationStatus},
-    },
+use catch_import::{
+    cloud_file,
+    cloud_registration::{self, RegistrationStatus},
 };
+use catch_lab::VERSION;
+use catch_recording::whole_file::COMMAND_LINE;
 use clap::Args;
 use nalgebra::Matrix6;
 use serde::Serialize;

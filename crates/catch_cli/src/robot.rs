@@ -6,13 +6,14 @@ use std::{
 };
 
 use catch_body::{InputError, JointVector};
+use catch_import::robot_import::{ImportOptions, ImportedRobot};
 use catch_lab::{
     VERSION,
-    own_data::robot_import::{ImportOptions, ImportedRobot},
     reachability::ready::{Corridor, Ready},
     scenario::setup::{Choice, Setup},
-    whole_file::{self, check_new, unfinished_folder},
 };
+use catch_recording::whole_file::{self, check_new, unfinished_folder};
+use catch_view::pages::robot_page;
 use clap::{Args, Subcommand};
 use serde::Serialize;
 
@@ -45,7 +46,7 @@ Example:
   catchingbot robot import kortex_description/robots/gen3.urdf --out gen3
   catchingbot --robot gen3")]
 pub struct ImportArguments {
-    /// A URDF file, or a MuJoCo model (MJCF)
+    /// A URDF file
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// Folder for robot.urdf, robot.toml and capsules.html; it must not exist yet
@@ -157,9 +158,15 @@ fn import(arguments: &ImportArguments) -> anyhow::Result<()> {
     write("robot.toml", imported.toml())?;
     let reach = if arguments.no_ready { None } else { Some(choose_ready_pose(arguments, folder, &mut imported)?) };
     write("robot.toml", imported.toml())?;
-    write("capsules.html", imported.page())?;
+    write("capsules.html", page(&imported))?;
     fs::rename(folder, out).map_err(|it| InputError::unwritten(out.display(), &it, "a folder that can be written"))?;
     tell(arguments, &imported, reach)
+}
+
+/// The page that shows the capsules over the shapes of the links.
+fn page(imported: &ImportedRobot) -> String {
+    let shapes = imported.shapes().iter().map(|it| (&it.surface, &it.capsules[..]));
+    robot_page::page(&imported.robot, shapes, imported.coverage())
 }
 
 /// Searches for the best waiting pose, and tries it on other throws.

@@ -9,18 +9,19 @@ use anyhow::Context;
 use catch_body::InputError;
 use catch_lab::{
     VERSION,
-    assets::COMMAND_LINE,
     evaluation::{
         Evaluation,
         results::{self, REPORT_FILE},
     },
-    export::plots,
-    pages::report_page::{self, MOST_MISSES_OF_A_STEP},
     study::{
         ObjectSummary, Outline, Step, StepSummary, Study,
         throw_grid::{GridPoint, ThrowGrid},
     },
-    whole_file,
+};
+use catch_recording::whole_file::{self, COMMAND_LINE};
+use catch_view::{
+    export::plots,
+    pages::report_page::{self, MOST_MISSES_OF_A_STEP},
 };
 use serde::Serialize;
 

@@ -11,13 +11,14 @@ use anyhow::Context;
 use catch_body::InputError;
 use catch_lab::{
     VERSION,
-    assets::COMMAND_LINE,
-    bounded_file::FileKind,
     evaluation::{MOST_THREADS, Row, cell_summary::CellSummary, summary_table::plain},
-    scenario::brain::Method,
     statistics::wilson95,
     suite::{Catcher, Suite, rows_sha256},
-    whole_file,
+};
+use catch_recording::{
+    bounded_file::FileKind,
+    brain::Method,
+    whole_file::{self, COMMAND_LINE},
 };
 use clap::{Args, Subcommand, ValueEnum};
 use serde::{Deserialize, Serialize};

@@ -8,13 +8,15 @@ use std::{
 };
 
 use catch_body::InputError;
-use catch_lab::{
-    assets::COMMAND_LINE,
-    evaluation::results::REPORT_FILE,
+use catch_lab::evaluation::results::REPORT_FILE;
+use catch_recording::{
+    EXTENSION,
+    whole_file::{self, COMMAND_LINE, make_writable},
+};
+use catch_view::{
     export::{mcap_file, urdf},
     pages::catch_page,
-    recording::{EXTENSION, playback::Playback},
-    whole_file::{self, make_writable},
+    playback::Playback,
 };
 use clap::Args;
 
@@ -79,7 +81,7 @@ impl FileArguments {
 
 #[cfg(feature = "gif")]
 fn gif(playback: &Playback) -> anyhow::Result<Vec<u8>> {
-    Ok(catch_lab::export::gif_picture::gif(playback)?)
+    Ok(catch_view::export::gif_picture::gif(playback)?)
 }
 
 #[cfg(not(feature = "gif"))]

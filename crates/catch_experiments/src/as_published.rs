@@ -5,14 +5,12 @@ use anyhow::{Context, Result};
 use catch_lab::{
     evaluation::published::published_rates,
     referee::{self, Measures, Verdict},
-    scenario::{
-        brain::Method,
-        setup::{Choice, Setup},
-    },
+    scenario::setup::{Choice, Setup},
     statistics::{paired95, wilson95},
     study::Study,
     trial,
 };
+use catch_recording::brain::Method;
 use catch_sim::Throw;
 use serde::Deserialize;
 

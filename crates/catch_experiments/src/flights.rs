@@ -5,11 +5,9 @@ use anyhow::Result;
 use catch_cell::{Brain, Cell, Command, Observation, PixelWindow};
 use catch_lab::{
     assets::Kind,
-    scenario::{
-        brain::ChosenBrain,
-        setup::{Choice, Setup},
-    },
+    scenario::setup::{Choice, Setup},
 };
+use catch_recording::brain::ChosenBrain;
 use catch_sim::{Truth, TruthSample};
 use nalgebra::Vector3;
 

@@ -10,8 +10,8 @@ use std::{
 
 use anyhow::{Context, Result, bail};
 use catch_bot::perception::Symmetry;
+use catch_import::object_import::{ImportOptions, ImportedObject};
 use catch_lab::{
-    own_data::object_import::{ImportOptions, ImportedObject},
     referee::{self, Verdict, reason::Reason},
     scenario::setup::{Choice, Setup},
     trial::{self, Trial},

@@ -13,15 +13,10 @@ use catch_cell::ObjectFigures;
 use catch_sim::{Throw, ThrownObject};
 use include_dir::{Dir, include_dir};
 
-use crate::{
-    bounded_file::{FileKind, as_spelt},
-    flights::recorded_throws,
-};
+use crate::flights::recorded_throws;
+use catch_recording::bounded_file::{FileKind, as_spelt};
 
 static BUILT_IN: Dir = include_dir!("$CARGO_MANIFEST_DIR/../../assets");
-
-/// What errors call the place where the program's arguments stand.
-pub const COMMAND_LINE: &str = "command line";
 
 /// What can be named.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -203,7 +198,11 @@ impl Asset {
         Self::built_in(kind, kind.names().first().copied().unwrap_or_default())
     }
 
-    pub(crate) fn built_in(kind: Kind, name: &str) -> Result<Self, InputError> {
+    /// The built-in asset of this name.
+    ///
+    /// # Errors
+    /// If there is none.
+    pub fn built_in(kind: Kind, name: &str) -> Result<Self, InputError> {
         let folder = Path::new(kind.plural());
         let own = folder.join(name).join(kind.main_file());
         let path = if BUILT_IN.get_file(&own).is_some() { own } else { folder.join(format!("{name}.toml")) };

@@ -16,7 +16,8 @@ use catch_body::{InputError, Pose, dynamics, pose::look_at, quantity, ray_cast::
 use catch_cell::{CameraModel, DataSheet};
 use nalgebra::{Matrix3, Matrix6, Point3, Vector3};
 
-use crate::{assets::COMMAND_LINE, scenario::setup::Setup};
+use crate::scenario::setup::Setup;
+use catch_recording::whole_file::COMMAND_LINE;
 
 /// Standard deviation of the centre of an object's image, in pixels: what bleeding edges leave, whatever the number of pixels. Chosen.
 pub const LATERAL_PX: f64 = 0.3;

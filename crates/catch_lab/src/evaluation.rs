@@ -28,11 +28,11 @@ use crate::{
     referee::{self, Verdict},
     scenario::{
         Scenario,
-        brain::ObservedBrain,
         setup::{Scene, Setup},
     },
     trial::{self, stopwatch::Stopwatch},
 };
+use catch_recording::brain::ObservedBrain;
 
 pub use crate::referee::Row;
 

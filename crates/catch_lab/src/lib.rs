@@ -1,4 +1,4 @@
-//! CatchingBot's lab: trials, their referee, their recordings, and what they look like.
+//! CatchingBot's lab: trials, their referee, their recordings, evaluations of many.
 //!
 //! # Where to begin
 //!
@@ -19,11 +19,11 @@
 //! ```
 //!
 //! The tutorial `docs/tutorial/your-first-throw.md` starts with the
-//! program; the numbered examples in `crates/catch_lab/examples` do the same as a library:
+//! program; the numbered examples in `crates/catch_cli/examples` do the same as a library:
 //!
 //! | example | shows | uses |
 //! |---|---|---|
-//! | `01_first_throw` | a throw, its story, its page | [`scenario::setup`], [`recording::recorded_throw`], [`pages::catch_page`] |
+//! | `01_first_throw` | a throw, its story, its page | [`scenario::setup`], [`recording::recorded_throw`], `catch_view` |
 //! | `02_own_object` | an object from an OBJ file | [`scenario::setup::Choice`] |
 //! | `03_own_scenario` | a changed scenario, and how often it still catches | [`scenario`], [`evaluation`] |
 //! | `04_own_brain` | another brain in the same arena | [`catch_cell::Brain`], [`catch_cell::Cell`] |
@@ -39,23 +39,20 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`bounded_file`] | files of users: regular ones of a limited size |
 //! | [`flights`] | recorded tracks and the flights through them, their aerodynamics, learned from throws; recorded tracks as throws |
 //! | [`assets`] | what is built in or named by a file |
-//! | [`scenario`] | everything that trials share: [`scenario::setup`] reads what a scenario names, [`scenario::brain`] makes the brain |
+//! | [`scenario`] | everything that trials share: [`scenario::setup`] reads what a scenario names |
 //! | [`trial`] | one throw: arena and brain tick by tick |
 //! | [`reachability`] | what the arm could have reached: oracle, proofs, waiting poses |
 //! | [`referee`] | the only place where truth meets score |
-//! | [`recording`] | a throw on disk, also of a real cell: story, playback, replay, what is measured with it |
+//! | [`recording`] | a throw on disk with its truth: story, replay, what is measured with it |
 //! | [`evaluation`] | many trials: rows on disk, statistics, tables |
 //! | [`study`] | evaluations of many variants of a scenario |
 //! | [`suite`] | frozen benchmarks |
 //! | [`play`] | many throws in one life |
 //! | [`scenario::setup::calibration`] | where cameras stand, from what they see of the arm |
 //! | [`camera_placement`] | where cameras tell most about throws |
-//! | [`pages`] | throws, evaluations and studies in the browser |
-//! | `export` | the same for other tools; each format is a feature: `mcap`, `gif`, `plots` (and `parquet` for the rows of evaluations) |
-//! | [`own_data`] | users' files: templates, checks, clouds, catches to plan |
+//! | [`planner_cases`] | catches to plan, from a file |
 
 /// The blocks of Rust in the pages for people, as doctests.
 #[cfg(doctest)]
@@ -69,13 +66,10 @@ mod pages_for_people {
 }
 
 pub mod assets;
-pub mod bounded_file;
 pub mod camera_placement;
 pub mod evaluation;
-pub mod export;
 pub mod flights;
-pub mod own_data;
-pub mod pages;
+pub mod planner_cases;
 pub mod play;
 pub mod png;
 pub mod reachability;
@@ -87,7 +81,6 @@ pub mod study;
 pub mod suite;
 
 pub mod trial;
-pub mod whole_file;
 
 /// Version of this program, as every result carries it.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");

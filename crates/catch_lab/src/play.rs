@@ -20,13 +20,10 @@ use crate::{
         self, HELD_UNTIL_S, Row,
         faulty_cameras::{FaultyCamera, faulty_cameras},
     },
-    scenario::{
-        Scenario,
-        brain::{BrainSettings, ChosenCycle},
-        setup::Setup,
-    },
+    scenario::{Scenario, setup::Setup},
     trial::{self, EndWatch, StateSnapshot, Trial, stopwatch::Stopwatch},
 };
+use catch_recording::brain::{BrainSettings, ChosenCycle};
 
 /// How long the arm may take to become ready again before it counts as stuck, in seconds of the cell's clock; the thrower's own
 /// pause does not count.

@@ -23,7 +23,7 @@ use impact::impact;
 pub use measures::{LEADS_S, Measures};
 use reason::Reason;
 use samples::{is_squeezed, relative_velocity, sample_before};
-pub(crate) use samples::{sample_at, undisturbed_position};
+pub use samples::{sample_at, undisturbed_position};
 
 /// From the first contact on: when the object has to be held, and until when.
 const HELD_FROM_S: f64 = 0.5;

@@ -1,22 +1,17 @@
 //! Scenarios: everything that a set of trials shares, in one file.
 
-pub mod brain;
 pub mod catch_plan;
 pub mod flight_rig;
 mod inheritance;
-pub mod reach_map;
 pub mod setup;
-pub mod sources;
 
 use catch_body::{Gripper, InputError, quantity, robot::LimitScale};
 use catch_bot::settings::{SettingError, Settings};
 use catch_sim::ArenaConfig;
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    assets::{Asset, COMMAND_LINE, Kind, nearest},
-    scenario::brain::BrainSettings,
-};
+use crate::assets::{Asset, Kind, nearest};
+use catch_recording::{brain::BrainSettings, whole_file::COMMAND_LINE};
 
 /// What it costs to compute a command.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -132,7 +127,7 @@ impl Scenario {
     ///
     /// # Errors
     /// What is no value out of its range.
-    pub(crate) fn with_faults(asset: &Asset) -> Result<(Self, Vec<InputError>), InputError> {
+    pub fn with_faults(asset: &Asset) -> Result<(Self, Vec<InputError>), InputError> {
         let (scenario, mut faults): (Self, _) = InputError::from_table(&asset.file, inheritance::extended(asset)?)?;
         faults.extend(scenario.faults(&asset.file));
         Ok((scenario, faults))
@@ -320,8 +315,8 @@ fn fields<'a>(path: &str, value: &'a toml::Value, found: &mut Vec<(String, &'a t
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenario::brain::Method;
     use crate::scenario::setup::{Choice, Setup};
+    use catch_recording::brain::Method;
 
     fn set(settings: &[&str]) -> Result<Scenario, InputError> {
         let settings: Vec<String> = settings.iter().map(|&it| it.to_owned()).collect();

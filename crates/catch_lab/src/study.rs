@@ -305,7 +305,7 @@ impl Overlay {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenario::brain::Method;
+    use catch_recording::brain::Method;
 
     fn load(name: &str) -> Study {
         Study::load(name, ("test", "name")).unwrap()

@@ -11,12 +11,13 @@ use serde::Deserialize;
 use sha2::{Digest, Sha256};
 
 use crate::{
-    assets::{self, COMMAND_LINE, Kind, nearest},
+    assets::{self, Kind, nearest},
     evaluation::{BrainFactory, Cell, Evaluation, Row},
-    scenario::{
-        brain::{Method, ObservedBrain},
-        setup::{Choice, Setup},
-    },
+    scenario::setup::{Choice, Setup},
+};
+use catch_recording::{
+    brain::{Method, ObservedBrain},
+    whole_file::COMMAND_LINE,
 };
 
 /// Folder of the suites among the built-in files.

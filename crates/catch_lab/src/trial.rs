@@ -13,11 +13,11 @@ use catch_sim::{Arena, Truth, TruthSample};
 use crate::{
     scenario::{
         Clock,
-        brain::ObservedBrain,
         setup::{Setup, throw_check::LONGEST_FLIGHT_S},
     },
     trial::stopwatch::Stopwatch,
 };
+use catch_recording::{Tick, brain::ObservedBrain};
 
 /// From the first contact with the gripper on: how long until the world shakes.
 const DISTURBANCE_AFTER_S: f64 = 1.0;
@@ -29,17 +29,6 @@ pub const PAPER_LOOKS_AT_S: f64 = 0.875;
 const AFTER_FLOOR_S: f64 = 0.2;
 /// The same after it has met the arm or an obstacle, by way of which nothing is caught.
 const AFTER_DEFLECTION_S: f64 = 1.0;
-
-/// One decision of the brain.
-#[derive(Debug, Clone, Copy)]
-pub struct Tick<'a> {
-    /// What it saw.
-    pub observation: &'a Observation,
-    /// What it wants.
-    pub command: &'a Command,
-    /// What it tells of its state.
-    pub report: Option<&'a Report>,
-}
 
 /// State snapshot of the brain at one time.
 #[derive(Debug, Clone)]

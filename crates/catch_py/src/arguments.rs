@@ -3,7 +3,7 @@
 use std::fmt::Display;
 
 use catch_body::{InputError, JointVector};
-use catch_lab::assets::COMMAND_LINE;
+use catch_recording::whole_file::COMMAND_LINE;
 use nalgebra::Point3;
 use numpy::{PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::{

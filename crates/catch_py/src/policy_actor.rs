@@ -6,9 +6,10 @@ use catch_body::JointVector;
 use catch_bot::Report;
 use catch_cell::{ArmTrajectory, BSpline, Brain as _, Command, GripperMove, Observation, Setpoint, TrajectoryId};
 use catch_lab::{
-    scenario::{brain::ChosenBrain, setup::Setup},
+    scenario::setup::Setup,
     trial::{StateSnapshot, residual::ResidualMotion, steering::Steering, stopwatch::Stopwatch},
 };
+use catch_recording::brain::ChosenBrain;
 
 use crate::policy_view::{SeenArray, row};
 

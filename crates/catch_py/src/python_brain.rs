@@ -7,7 +7,8 @@ use std::sync::{
 
 use catch_bot::Report;
 use catch_cell::{Brain, Command, Observation, Probe};
-use catch_lab::{evaluation::BrainFactory, scenario::brain::ObservedBrain};
+use catch_lab::evaluation::BrainFactory;
+use catch_recording::brain::ObservedBrain;
 use pyo3::{call::PyCallArgs, exceptions::PyTypeError, prelude::*};
 
 use crate::{command, observation};

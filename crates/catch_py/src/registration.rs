@@ -3,13 +3,11 @@
 use std::path::PathBuf;
 
 use catch_body::quantity;
-use catch_lab::{
-    assets::COMMAND_LINE,
-    own_data::{
-        cloud_file::CloudFile,
-        cloud_registration::{self, Registration},
-    },
+use catch_import::{
+    cloud_file::CloudFile,
+    cloud_registration::{self, Registration},
 };
+use catch_recording::whole_file::COMMAND_LINE;
 use numpy::{PyArray2, ToPyArray};
 use pyo3::{prelude::*, types::PyString};
 

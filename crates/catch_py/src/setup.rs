@@ -6,10 +6,10 @@ use catch_body::JointVector;
 use catch_bot::trajectory_optimization::Start;
 use catch_cell::Setpoint;
 use catch_lab::scenario::{
-    brain::Method,
     catch_plan,
     setup::{Choice, Setup as LabSetup},
 };
+use catch_recording::brain::Method;
 use numpy::{PyArray1, PyArray2};
 use pyo3::{
     exceptions::{PyRuntimeError, PyTypeError},

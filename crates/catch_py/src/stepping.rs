@@ -9,9 +9,10 @@ use catch_cell::Brain as _;
 use catch_lab::{
     evaluation::{self, Row},
     referee,
-    scenario::{brain::ChosenBrain, setup::Setup},
+    scenario::setup::Setup,
     trial::{Episode, StateSnapshot, stopwatch::Stopwatch},
 };
+use catch_recording::brain::ChosenBrain;
 use pyo3::{
     exceptions::{PyRuntimeError, PyTypeError},
     prelude::*,

@@ -4,11 +4,11 @@ use std::fs;
 
 use catch_lab::{
     evaluation::{self, Row},
-    pages::catch_page,
-    recording::{playback::Playback, recorded_throw::record},
+    recording::recorded_throw::record,
     scenario::setup::Setup,
-    whole_file,
 };
+use catch_recording::whole_file;
+use catch_view::{pages::catch_page, playback::Playback};
 use pyo3::{
     exceptions::{PyOSError, PyRuntimeError},
     prelude::*,

@@ -74,11 +74,6 @@ impl<'d> Node<'d> {
         self.document.asked.borrow_mut().insert((self.kind(), name));
     }
 
-    /// Says that it holds values for other elements of its name: what they are asked for is read here, too.
-    pub fn stands_for_others(self) {
-        self.part().state.set(State::ForOthers);
-    }
-
     fn named(self, name: &'static str, is_attribute: bool) -> impl Iterator<Item = Self> {
         self.ask(name);
         let number = self.document.by_name.get(name).copied();
@@ -115,11 +110,6 @@ impl<'d> Node<'d> {
     /// Whether there is an attribute of this name, which is asked for by this.
     pub fn has(self, name: &'static str) -> bool {
         self.attribute(name).is_some()
-    }
-
-    /// Its attributes, names and values, none of which is asked for by this.
-    pub fn raw_attributes(self) -> impl Iterator<Item = (&'d str, &'d str)> {
-        self.parts().filter(|it| it.part().is_attribute).map(|it| (it.name(), &*it.part().text))
     }
 
     /// It and all elements within it, none of which is asked for by this.

@@ -4,10 +4,8 @@ use std::path::{Path, PathBuf};
 
 use catch_calibration::{Calibration, CalibrationStatus, CameraCalibration, Residuals};
 use catch_cell::{CameraModel, RigCalibration, rig_to_toml};
-use catch_lab::{
-    own_data::ros_calibration::{camera_info_yaml, hand_eye_yaml},
-    scenario::setup::Setup,
-};
+use catch_import::ros_calibration::{camera_info_yaml, hand_eye_yaml};
+use catch_lab::scenario::setup::Setup;
 
 use super::{CalibrateArguments, status};
 

@@ -19,7 +19,7 @@ case "$*" in
     "build --release" | "test --workspace --release" | "install --locked --path crates/catch_cli") ;;
     "run --release") exec catchingbot ;;
     "run --release -- "*) shift 3; exec catchingbot "$@" ;;
-    "run --release --example "*) test -f "crates/catch_lab/examples/$4.rs" ;;
+    "run --release --example "*) test -f "crates/catch_cli/examples/$4.rs" ;;
     *) echo "cargo $*: the runner of documented commands does not know this" >&2; exit 1 ;;
 esac
 "#;

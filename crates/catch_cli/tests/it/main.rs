@@ -13,6 +13,7 @@ mod honest;
 mod inputs;
 mod mcap_file;
 mod mutated_files;
+mod mutations;
 mod nothing_lost;
 mod object_import;
 mod own_data;

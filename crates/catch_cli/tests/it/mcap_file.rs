@@ -8,7 +8,8 @@ use std::{
 
 use base64::{Engine, prelude::BASE64_STANDARD};
 use catch_body::Pose;
-use catch_lab::{export::mcap_file, recording::playback::Playback, scenario::sources::SourceNames};
+use catch_recording::sources::SourceNames;
+use catch_view::{export::mcap_file, playback::Playback};
 use nalgebra::{Point3, Quaternion, Translation3, UnitQuaternion};
 use prost_reflect::{DescriptorPool, DynamicMessage, Kind, SerializeOptions};
 use serde_json::Value;

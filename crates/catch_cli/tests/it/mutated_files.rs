@@ -9,9 +9,6 @@
 
 #![allow(clippy::print_stdout, reason = "tests tell what they measured")]
 
-#[path = "../../../catch_lab/tests/it/mutations/mutator.rs"]
-mod mutator;
-
 use std::{
     fs,
     path::{Path, PathBuf},
@@ -21,7 +18,7 @@ use std::{
 use serde_json::Value;
 
 use crate::catchingbot;
-use mutator::Mutator;
+use crate::mutations::mutator::Mutator;
 
 /// CPU seconds and KiB of memory after which the system ends the program.
 const MOST_CPU_S: u32 = 60;

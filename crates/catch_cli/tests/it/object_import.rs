@@ -3,9 +3,9 @@
 use std::{fmt::Write, fs, path::Path};
 
 use catch_body::{TriangleMesh, mesh::TubeRing};
+use catch_import::cloud_file;
 use catch_lab::{
     assets::{Asset, Kind},
-    own_data::cloud_file,
     png,
 };
 use catch_sim::ThrownObject;

@@ -2,7 +2,7 @@
 
 use std::{fs, path::Path};
 
-use catch_lab::{pages::catch_page, recording::playback::Playback};
+use catch_view::{pages::catch_page, playback::Playback};
 use serde_json::Value;
 
 use crate::{catchingbot, stderr, stdout};

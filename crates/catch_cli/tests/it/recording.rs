@@ -2,16 +2,14 @@
 
 use std::{fs, path::Path};
 
-use catch_lab::{
-    export::mcap_file,
-    recording::{playback::Playback, replay},
-};
+use catch_lab::recording::replay;
+use catch_view::{export::mcap_file, playback::Playback};
 use serde_json::Value;
 
 use crate::{catchingbot, stderr, stdout};
 
 #[expect(dead_code, reason = "an example has a main function")]
-#[path = "../../../catch_lab/examples/06_own_cell.rs"]
+#[path = "../../examples/06_own_cell.rs"]
 mod own_cell;
 
 fn document(arguments: &[&str]) -> Value {
@@ -58,7 +56,7 @@ fn a_recording_without_ground_truth_is_viewed_replayed_and_converted() {
     assert!(["/tf", "/object/seen", "/object/predicted"].iter().all(|it| topics.iter().any(|topic| topic == it)));
     assert!(!topics.iter().any(|topic| topic == "/object/true"));
     #[cfg(feature = "gif")]
-    assert!(catch_lab::export::gif_picture::gif(&playback).unwrap().len() > 1_000);
+    assert!(catch_view::export::gif_picture::gif(&playback).unwrap().len() > 1_000);
 }
 
 /// A cell's clock may be that of the day; pages count from the beginning of the recording.
@@ -68,7 +66,7 @@ fn a_page_counts_from_the_first_observation() {
     let mut playback = Playback::read(&own_cell::record(folder.path()).unwrap()).unwrap();
     playback.ticks.drain(..20);
     assert!((playback.start_s() - 0.2).abs() < 1e-9);
-    let data = serde_json::to_value(catch_lab::pages::catch_page::PageData::of(&playback)).unwrap();
+    let data = serde_json::to_value(catch_view::pages::catch_page::PageData::of(&playback)).unwrap();
     assert!((data["end_s"].as_f64().unwrap() - (playback.end_s() - 0.2)).abs() < 1e-9);
     let sensed = playback.motion_at(0.5).unwrap();
     assert!((sensed.time_s - 0.5).abs() < 1e-9 && sensed.X_WO.is_none());

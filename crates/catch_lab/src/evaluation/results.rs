@@ -14,11 +14,10 @@ use std::{
 
 use catch_body::InputError;
 
-use crate::{
-    assets::COMMAND_LINE,
+use crate::evaluation::{Evaluation, Identity, Row, summary_table, trial_table};
+use catch_recording::{
     bounded_file::FileKind,
-    evaluation::{Evaluation, Identity, Row, summary_table, trial_table},
-    whole_file::{self, make_writable},
+    whole_file::{self, COMMAND_LINE, make_writable},
 };
 
 /// Name of the file with one row per trial.

@@ -12,7 +12,8 @@ use std::{
 use catch_body::InputError;
 use serde_json::{Map, Value};
 
-use crate::{evaluation::Row, referee::LEADS_S, whole_file::replace};
+use crate::{evaluation::Row, referee::LEADS_S};
+use catch_recording::whole_file::replace;
 
 #[cfg(feature = "parquet")]
 mod parquet_file;

@@ -10,7 +10,7 @@ use catch_bot::settings::Settings;
 
 use super::aerodynamics::{FlightPrior, Noise, PARAMETERS, ParameterCovariance, ParameterVector};
 use super::flight_misses::{Miss, Misses, Seen, Throw, in_parallel, misses, quantile};
-use crate::bounded_file::FileKind;
+use catch_recording::bounded_file::FileKind;
 
 /// Iterations of expectation maximization.
 const ITERATIONS: usize = 3;

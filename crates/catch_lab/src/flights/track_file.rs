@@ -9,7 +9,7 @@ use catch_body::{InputError, document::Document};
 use nalgebra::{Point3, Quaternion, UnitQuaternion};
 
 use super::track::TrackSample;
-use crate::bounded_file::FileKind;
+use catch_recording::bounded_file::FileKind;
 
 /// What was seen at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]

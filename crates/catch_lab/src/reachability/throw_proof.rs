@@ -273,7 +273,7 @@ fn narrow(row: &[f64; UNKNOWNS], rest: Interval, unknowns: &mut [Interval; UNKNO
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::own_data::planner_cases;
+    use crate::planner_cases;
     use catch_bot::trajectory_optimization::Config;
     use proptest::prelude::*;
 

@@ -14,10 +14,10 @@ use catch_cell::{Command, GripperQueue};
 use serde::Serialize;
 
 use crate::{
-    assets::COMMAND_LINE,
-    recording::{Part, RecordingReader, replay::RECORDED},
+    recording::LabReader,
     statistics::{quantile, sorted},
 };
+use catch_recording::{Part, replay::RECORDED, whole_file::COMMAND_LINE};
 
 /// Fingers are at rest while the width changes by no more, in metres.
 const REST_M: f64 = 2e-4;
@@ -117,7 +117,7 @@ struct RecordedMoves {
 
 impl RecordedMoves {
     fn read(path: &Path) -> Result<Self, InputError> {
-        let mut reader = RecordingReader::open(path)?;
+        let mut reader = LabReader::open(path)?;
         let cell = &reader.header.cell;
         let (_, gripper) = cell.sources.parse(&RECORDED)?;
         let fingers = cell.brain.grasp_selection.closing(&gripper);

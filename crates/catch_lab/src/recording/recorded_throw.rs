@@ -5,15 +5,11 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use catch_recording::{Ending, Recorder, timeline::Entry};
 use catch_sim::ThrowConditions;
 
 use crate::{
-    recording::{
-        Ending, GroundTruth, Recorder,
-        recorded_surface::RecordedSurface,
-        throw_times::ThrowTimes,
-        timeline::{Entry, Timeline},
-    },
+    recording::{self, GroundTruth, recorded_surface::RecordedSurface, story::Story, throw_times::ThrowTimes},
     referee::{self, Verdict},
     scenario::setup::Setup,
     trial::{self, stopwatch::Stopwatch},
@@ -47,7 +43,7 @@ pub fn record(
     folder: &Path,
     tell: &mut dyn FnMut(&Entry) -> io::Result<()>,
 ) -> io::Result<RecordedThrow> {
-    keep(Recorder::create(folder, setup, &setup.scene(seed, index))?, setup, seed, index, tell)
+    keep(recording::begin(folder, setup, &setup.scene(seed, index))?, setup, seed, index, tell)
 }
 
 /// Throws once, and ends a recording with what came of it.
@@ -58,10 +54,10 @@ fn keep(
     index: u64,
     tell: &mut dyn FnMut(&Entry) -> io::Result<()>,
 ) -> io::Result<RecordedThrow> {
-    let mut timeline = Timeline::default();
+    let mut timeline = Story::default();
     let trial = trial::run(setup, seed, index, &mut |tick, truth| {
         recorder.ticked(tick)?;
-        timeline.ticked(tick, Some(truth)).iter().try_for_each(&mut *tell)
+        timeline.ticked(tick, truth).iter().try_for_each(&mut *tell)
     })?;
     let verdict = referee::judge(setup, &trial);
     let end_s = trial.truth.samples.last().map_or(0.0, |sample| sample.time_s);
@@ -74,7 +70,7 @@ fn keep(
     let com_O = referee::true_com_O(setup);
     let ground_truth =
         Some(GroundTruth { truth: trial.truth, verdict: verdict.clone(), surface, com_O, undisturbed_m });
-    let timeline = timeline.entries().to_vec();
+    let timeline = timeline.into_entries();
     let ending = Ending { timeline, ground_truth };
     let images_until_s = recorder.images_until_s();
     let recording = recorder.finish(&ending)?;
@@ -93,10 +89,10 @@ fn keep(
 mod tests {
     use super::*;
     use crate::{
-        pages::catch_page,
-        recording::{ROOM_WITHOUT_IMAGES, playback::Playback, replay::replay},
+        recording::{LabReader, replay::replay},
         scenario::setup::Choice,
     };
+    use catch_recording::{Part, ROOM_WITHOUT_IMAGES, RecordedTick};
     use flate2::read::GzDecoder;
     use std::{fs::File, io::Read};
 
@@ -105,30 +101,32 @@ mod tests {
     fn what_is_written_can_be_read() {
         let folder = tempfile::tempdir().unwrap();
         let setup = Setup::load(&Choice::default()).unwrap();
-        let mut recorder = Recorder::create(folder.path(), &setup, &setup.scene(1, 0)).unwrap();
-        recorder.room = ROOM_WITHOUT_IMAGES + recorder.out.bytes + 1_000_000;
-        let room = recorder.room;
+        let mut recorder = recording::begin(folder.path(), &setup, &setup.scene(1, 0)).unwrap();
+        let room = recorder.leave_room(ROOM_WITHOUT_IMAGES + 1_000_000);
         let thrown = keep(recorder, &setup, 1, 0, &mut |_| Ok(())).unwrap();
         let until_s = thrown.images_until_s.unwrap();
         let mut unpacked = Vec::new();
         GzDecoder::new(File::open(&thrown.recording).unwrap()).read_to_end(&mut unpacked).unwrap();
         assert!(unpacked.len() as u64 <= room);
-        let playback = Playback::read(&thrown.recording).unwrap();
-        let first = playback.ticks.iter().find(|tick| tick.images_left_out).unwrap();
+        let mut reader = LabReader::open(&thrown.recording).unwrap();
+        let mut ticks: Vec<RecordedTick> = Vec::new();
+        while let Part::Tick(tick) = reader.next_part().unwrap() {
+            ticks.push(*tick);
+        }
+        let first = ticks.iter().find(|tick| tick.images_left_out).unwrap();
         assert_eq!(first.observation.time_s, until_s);
-        assert!(first.observation.frames.is_empty() && !playback.ticks[0].images_left_out);
-        assert!(catch_page::page(&playback).contains("</html>"));
+        assert!(first.observation.frames.is_empty() && !ticks[0].images_left_out);
         let replay = replay(&thrown.recording).unwrap();
         assert_eq!((replay.images_until_s, replay.identical), (Some(until_s), true));
-        assert!(replay.ticks > 0 && replay.ticks < playback.ticks.len(), "{}", replay.ticks);
+        assert!(replay.ticks > 0 && replay.ticks < ticks.len(), "{}", replay.ticks);
     }
 
     #[test]
     fn what_no_reader_would_take_is_not_written() {
         let folder = tempfile::tempdir().unwrap();
         let setup = Setup::load(&Choice::default()).unwrap();
-        let mut recorder = Recorder::create(folder.path(), &setup, &setup.scene(1, 0)).unwrap();
-        recorder.room = recorder.out.bytes + 10_000;
+        let mut recorder = recording::begin(folder.path(), &setup, &setup.scene(1, 0)).unwrap();
+        recorder.leave_room(10_000);
         let fault = keep(recorder, &setup, 1, 0, &mut |_| Ok(())).unwrap_err();
         assert_eq!(fault.kind(), io::ErrorKind::FileTooLarge);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);

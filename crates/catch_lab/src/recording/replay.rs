@@ -1,18 +1,12 @@
-//! Replays: the brain on recorded observations. Does it still want the same, bit for bit?
+//! Replays of recordings, with the outcome of the recorded trial.
 
-use std::{path::Path, sync::Arc};
+use std::path::Path;
 
 use catch_body::InputError;
-use catch_bot::{Preparation, settings::SettingError};
-use catch_cell::{Brain, Command};
+use catch_recording::replay::{Difference, compare};
 use serde::Serialize;
-use serde_json::Value;
 
-use crate::{
-    VERSION,
-    recording::{Ending, Part, RecordedCell, RecordingReader},
-    scenario::{brain::ChosenBrain, reach_map, setup::Scene, sources::SourceNames},
-};
+use crate::{VERSION, recording::LabReader, scenario::setup::Scene};
 
 /// What came of a replay.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -37,120 +31,23 @@ pub struct Replay {
     pub caught: Option<bool>,
 }
 
-/// Where a replay first departs from its recording.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Difference {
-    /// Time of the tick.
-    pub time_s: f64,
-    /// Path of the first value that differs, such as `arm.spline.knots_s[3]`.
-    pub field: String,
-    /// What stands in the recording.
-    pub recorded: Value,
-    /// What came now.
-    pub replayed: Value,
-}
-
 /// Replays a recording.
 ///
 /// # Errors
 /// If the file cannot be read to its end.
 pub fn replay(path: &Path) -> Result<Replay, InputError> {
-    let mut reader = RecordingReader::open(path)?;
-    let mut brain = brain_of(&reader.header.cell)?;
-    let (mut ticks, mut difference, mut images_until_s) = (0, None, None);
-    let ending: Box<Ending> = loop {
-        match reader.next_part()? {
-            Part::Tick(tick) if tick.images_left_out || images_until_s.is_some() => {
-                images_until_s.get_or_insert(tick.observation.time_s);
-            }
-            Part::Tick(tick) => {
-                let command = brain.tick(&tick.observation, &mut ());
-                ticks += 1;
-                if difference.is_none() {
-                    difference = first_difference(tick.observation.time_s, &tick.command, &command);
-                }
-            }
-            Part::Ending(ending) => break ending,
-        }
-    };
+    let mut reader = LabReader::open(path)?;
+    let compared = compare(&mut reader)?;
     let header = reader.header;
     Ok(Replay {
         version: VERSION.to_owned(),
         recorded_version: header.version,
         title: header.title,
         scene: header.simulation.map(|it| it.scene),
-        ticks,
-        images_until_s,
-        identical: difference.is_none(),
-        difference,
-        caught: ending.ground_truth.map(|it| it.verdict.caught),
+        ticks: compared.ticks,
+        images_until_s: compared.images_until_s,
+        identical: compared.difference.is_none(),
+        difference: compared.difference,
+        caught: compared.ending.ground_truth.map(|it| it.verdict.caught),
     })
-}
-
-/// What errors call the texts in a recording.
-pub(crate) const RECORDED: SourceNames = SourceNames {
-    robot_urdf: "robot.urdf in the recording",
-    robot_toml: "robot.toml in the recording",
-    gripper_toml: "gripper.toml in the recording",
-    workcell_toml: "workcell.toml in the recording",
-};
-
-/// The brain as it was before the recorded throw.
-pub(crate) fn brain_of(cell: &RecordedCell) -> Result<ChosenBrain, InputError> {
-    let (mut robot, gripper) = cell.sources.parse(&RECORDED)?;
-    robot.ready_q = robot.checked_pose("the recording", "ready_rad", &cell.ready_rad)?;
-    let (config, cameras) = (cell.brain.config(), cell.cameras.clone());
-    let fault =
-        |it: SettingError| InputError::new("the recording", format!("brain.{}", it.field), it.found, it.expected);
-    let reach_map = reach_map::of(&robot);
-    let known = Preparation::new(config, robot, gripper, cameras, &cell.reference_scan, reach_map).map_err(fault)?;
-    cell.brain.brain(Arc::new(known), cell.brain.seed).map_err(fault)
-}
-
-/// Compares two commands bit for bit: as equal numbers, −0 and 0 would pass.
-fn first_difference(time_s: f64, recorded: &Command, replayed: &Command) -> Option<Difference> {
-    let bytes = |command: &Command| rmp_serde::to_vec_named(command).unwrap_or_default();
-    if bytes(recorded) == bytes(replayed) {
-        return None;
-    }
-    let value = |command: &Command| serde_json::to_value(command).unwrap_or_default();
-    let (field, recorded, replayed) = first_differing_value(String::new(), value(recorded), value(replayed))
-        .unwrap_or_else(|| ("the sign of a zero or a NaN".to_owned(), Value::Null, Value::Null));
-    Some(Difference { time_s, field, recorded, replayed })
-}
-
-fn first_differing_value(path: String, one: Value, two: Value) -> Option<(String, Value, Value)> {
-    match (one, two) {
-        (Value::Object(one), Value::Object(mut two)) => one.into_iter().find_map(|(key, value)| {
-            let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
-            first_differing_value(path, value, two.remove(&key).unwrap_or_default())
-        }),
-        (Value::Array(one), Value::Array(two)) if one.len() == two.len() => (one.into_iter().zip(two).enumerate())
-            .find_map(|(i, (one, two))| first_differing_value(format!("{path}[{i}]"), one, two)),
-        (one, two) => (one != two).then_some((path, one, two)),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use catch_cell::GripperMove;
-
-    fn command(width_m: f64) -> Command {
-        let closing = GripperMove { start_s: 0.5, width_m, speed_mps: 0.4, force_n: 80.0 };
-        Command { gripper: Some(vec![closing; 2]), ..Command::default() }
-    }
-
-    #[test]
-    fn the_first_difference_is_named() {
-        assert_eq!(first_difference(0.1, &command(0.03), &command(0.03)), None);
-        let difference = first_difference(0.1, &command(0.03), &command(0.04)).unwrap();
-        assert_eq!(difference.field, "gripper[0].width_m");
-        assert_eq!((difference.recorded, difference.replayed), (0.03.into(), 0.04.into()));
-    }
-
-    #[test]
-    fn the_sign_of_zero_is_a_difference() {
-        assert!(first_difference(0.1, &command(0.0), &command(-0.0)).is_some());
-    }
 }

@@ -8,11 +8,8 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    bounded_file::FileKind,
-    trial::{Trial, stopwatch::StageTimes},
-    whole_file::Unfinished,
-};
+use crate::trial::{Trial, stopwatch::StageTimes};
+use catch_recording::{bounded_file::FileKind, whole_file::Unfinished};
 
 /// Wall times of one throw.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

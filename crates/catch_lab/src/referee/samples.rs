@@ -26,7 +26,7 @@ pub(super) fn relative_velocity(sample: &TruthSample, object: &ThrownObject) -> 
 }
 
 /// The sample nearest to `time_s`; the last one for times beyond it.
-pub(crate) fn sample_at(truth: &Truth, time_s: f64) -> Option<&TruthSample> {
+pub fn sample_at(truth: &Truth, time_s: f64) -> Option<&TruthSample> {
     let next = truth.samples.partition_point(|sample| sample.time_s < time_s - 0.5e-3);
     truth.samples.get(next.min(truth.samples.len().checked_sub(1)?))
 }
@@ -39,7 +39,7 @@ pub(super) fn sample_before(truth: &Truth, time_s: f64) -> Option<&TruthSample> 
 
 /// Where the object's O would have been at `time_s` if nothing had touched it: from its last free state on without air, which does nothing in
 /// the milliseconds that this bridges.
-pub(crate) fn undisturbed_position(truth: &Truth, object: &ThrownObject, time_s: f64) -> Option<Point3<f64>> {
+pub fn undisturbed_position(truth: &Truth, object: &ThrownObject, time_s: f64) -> Option<Point3<f64>> {
     let free_until = truth.samples.iter().position(|sample| sample.contact.any()).unwrap_or(truth.samples.len());
     let free = &truth.samples[..free_until];
     let next = free.partition_point(|sample| sample.time_s < time_s - 0.5e-3);

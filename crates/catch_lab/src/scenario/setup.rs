@@ -26,9 +26,10 @@ pub use knowledge::Knowledge;
 use parts::{Parts, Place};
 
 use crate::{
-    assets::{Asset, COMMAND_LINE, Kind, Origin},
-    scenario::{Clock, Scenario, brain::Method, sources::Sources},
+    assets::{Asset, Kind, Origin},
+    scenario::{Clock, Scenario},
 };
+use catch_recording::{brain::Method, sources::Sources, whole_file::COMMAND_LINE};
 
 /// What somebody asks for: a scenario, and what is to be different from its file.
 #[derive(Debug, Clone, Copy, Default)]
@@ -167,7 +168,7 @@ impl Setup {
     }
 
     /// Widths of object and gripper, and what is wrong with the candidates.
-    pub(crate) fn why_without_grasps(&self, grasps: &GraspSet) -> String {
+    pub fn why_without_grasps(&self, grasps: &GraspSet) -> String {
         let margin_m = self.scenario.brain.grasp_selection.approach_margin_m;
         let lengths_m = [self.object.mesh.aabb().size.min(), self.gripper.max_width_m, margin_m];
         let [narrowest_mm, opening_mm, margin_mm] = lengths_m.map(|it| it * 1e3);

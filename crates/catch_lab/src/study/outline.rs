@@ -6,11 +6,8 @@ use catch_body::InputError;
 use serde::{Deserialize, Serialize};
 
 use super::throw_grid::{GridPoint, ThrowGrid};
-use crate::{
-    bounded_file::FileKind,
-    evaluation::{Identity, Row, cell_summary::CellSummary},
-    whole_file,
-};
+use crate::evaluation::{Identity, Row, cell_summary::CellSummary};
+use catch_recording::{bounded_file::FileKind, whole_file};
 
 /// A study without its scenarios, as it lies beside the folders of its steps; each of those has a description of its own.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

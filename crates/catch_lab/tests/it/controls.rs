@@ -4,12 +4,10 @@ use catch_bot::Report;
 use catch_cell::{Brain, Cell, Command, Observation, Probe};
 use catch_lab::{
     referee,
-    scenario::{
-        brain::ObservedBrain,
-        setup::{Choice, Setup},
-    },
+    scenario::setup::{Choice, Setup},
     trial,
 };
+use catch_recording::brain::ObservedBrain;
 use catch_sim::Arena;
 
 const SEED: u64 = 5;

@@ -5,12 +5,10 @@ use std::{fs, path::Path};
 use catch_bot::Config;
 use catch_cell::Cell;
 use catch_lab::{
-    scenario::{
-        brain::BrainSettings,
-        setup::{Choice, Setup},
-    },
+    scenario::setup::{Choice, Setup},
     trial,
 };
+use catch_recording::brain::BrainSettings;
 use catch_sim::Truth;
 use toml::Value;
 

@@ -16,14 +16,12 @@ use catch_bot::{
 };
 use catch_cell::{ArmTrajectory, LimitKind, Setpoint, executor::PeakRatios};
 use catch_lab::{
-    own_data::planner_cases,
-    scenario::{
-        brain::BrainSettings,
-        setup::{Choice, Setup},
-    },
+    planner_cases,
+    scenario::setup::{Choice, Setup},
     trial,
 };
 use catch_paper::posed::{PosedPlanner, Target};
+use catch_recording::brain::BrainSettings;
 use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;

@@ -18,15 +18,48 @@ const CRATES: &[(&str, &[&str])] = &[
     ("catch_calibration", &["catch_body", "catch_cell", "catch_bot"]),
     ("catch_paper", &["catch_body", "catch_cell", "catch_bot"]),
     ("catch_sim", &["catch_body", "catch_cell"]),
-    ("catch_lab", &["catch_body", "catch_cell", "catch_bot", "catch_calibration", "catch_paper", "catch_sim"]),
+    ("catch_recording", &["catch_body", "catch_cell", "catch_bot", "catch_paper"]),
+    (
+        "catch_lab",
+        &["catch_body", "catch_cell", "catch_bot", "catch_calibration", "catch_paper", "catch_recording", "catch_sim"],
+    ),
+    ("catch_import", &["catch_body", "catch_cell", "catch_bot", "catch_recording", "catch_sim", "catch_lab"]),
+    (
+        "catch_view",
+        &["catch_body", "catch_cell", "catch_bot", "catch_calibration", "catch_recording", "catch_sim", "catch_lab"],
+    ),
     (
         "catch_cli",
-        &["catch_body", "catch_cell", "catch_bot", "catch_calibration", "catch_paper", "catch_sim", "catch_lab"],
+        &[
+            "catch_body",
+            "catch_cell",
+            "catch_bot",
+            "catch_calibration",
+            "catch_paper",
+            "catch_recording",
+            "catch_sim",
+            "catch_lab",
+            "catch_import",
+            "catch_view",
+        ],
     ),
-    ("catch_py", &["catch_body", "catch_cell", "catch_bot", "catch_lab"]),
+    (
+        "catch_py",
+        &["catch_body", "catch_cell", "catch_bot", "catch_recording", "catch_lab", "catch_import", "catch_view"],
+    ),
     (
         "catch_experiments",
-        &["catch_body", "catch_cell", "catch_bot", "catch_calibration", "catch_paper", "catch_sim", "catch_lab"],
+        &[
+            "catch_body",
+            "catch_cell",
+            "catch_bot",
+            "catch_calibration",
+            "catch_paper",
+            "catch_recording",
+            "catch_sim",
+            "catch_lab",
+            "catch_import",
+        ],
     ),
 ];
 
@@ -55,9 +88,13 @@ const WITHOUT_CIRCLES: &[&str] = &[
     "catch_bot/src/control",
     "catch_calibration/src",
     "catch_paper/src",
+    "catch_recording/src",
     "catch_sim/src",
     "catch_lab/src",
+    "catch_import/src",
+    "catch_view/src",
     "catch_cli/src",
+    "catch_experiments/src",
     "catch_py/src",
 ];
 
@@ -92,10 +129,10 @@ fn the_brain_and_the_simulator_never_meet() {
     }
 }
 
-/// What a driver of a real arm builds on, and the brain, need no physics engine.
+/// What a driver of a real arm builds on and records with, and the brain, need no physics engine.
 #[test]
 fn no_physics_engine_stands_below_the_contract() {
-    for name in ["catch_cell", "catch_bot"] {
+    for name in ["catch_cell", "catch_bot", "catch_recording"] {
         let tree = Command::new(env!("CARGO"))
             .args(["tree", "--package", name, "--edges", "normal", "--prefix", "none", "--offline"])
             .current_dir(root())
@@ -242,8 +279,9 @@ fn the_brain_reads_no_clock_and_no_file() {
 /// A kill or a full disk leaves no half of a file, whoever wrote it.
 #[test]
 fn files_are_written_in_one_place() {
-    for folder in ["crates/catch_lab/src", "crates/catch_cli/src", "crates/catch_py/src"] {
-        for path in rust_files(folder).iter().filter(|path| !path.ends_with("whole_file.rs") && !is_test_file(path)) {
+    let crates = ["recording", "lab", "import", "view", "cli", "py"];
+    for folder in crates.map(|it| format!("crates/catch_{it}/src")) {
+        for path in rust_files(&folder).iter().filter(|path| !path.ends_with("whole_file.rs") && !is_test_file(path)) {
             let text = without_test_modules(&read(path));
             for word in ["fs::write(", "File::create(", "File::create_new("] {
                 assert!(!text.contains(word), "{}: {word}; use whole_file", path.display());

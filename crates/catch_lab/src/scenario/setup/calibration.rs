@@ -21,7 +21,8 @@ use catch_sim::{
 use nalgebra::{Matrix3, Matrix6, Point3, UnitQuaternion, Vector3};
 
 use super::{Knowledge, Setup};
-use crate::{assets::COMMAND_LINE, scenario::CalibrationSettings};
+use crate::scenario::CalibrationSettings;
+use catch_recording::whole_file::COMMAND_LINE;
 
 /// Where the thrown object lies, out of the cameras' range.
 const OUT_OF_SIGHT_M: [f64; 3] = [45.0, 45.0, 0.3];

@@ -8,7 +8,7 @@ use catch_cell::{CameraModel, KnownObject};
 use catch_sim::random_streams::{Stream, seed_for};
 
 use super::{CHECKED, Setup, calibration::CalibratedCameras};
-use crate::scenario::{
+use catch_recording::{
     brain::{BrainSettings, ChosenBrain},
     reach_map,
 };
@@ -62,7 +62,7 @@ impl Setup {
     }
 
     /// The brain's settings in one scene, but for what a calibration says.
-    pub(crate) fn uncalibrated_config(&self, seed: u64, index: u64) -> BrainSettings {
+    pub fn uncalibrated_config(&self, seed: u64, index: u64) -> BrainSettings {
         self.knowledge().config(None, seed, index)
     }
 

@@ -8,11 +8,12 @@ use catch_sim::{ArenaConfig, Throw, ThrownObject, depth_noise::DepthConfig};
 
 use super::Choice;
 use crate::{
-    assets::{Asset, COMMAND_LINE, Kind, Origin},
-    scenario::{
-        Scenario, flight_rig,
-        sources::{self, SourceNames, Sources},
-    },
+    assets::{Asset, Kind, Origin},
+    scenario::{Scenario, flight_rig},
+};
+use catch_recording::{
+    sources::{self, SourceNames, Sources},
+    whole_file::COMMAND_LINE,
 };
 
 /// Where a scenario stands: what errors call it, and where the files that it names are looked for.

@@ -1,0 +1,244 @@
+//! Checks of a user's files: what kind of file is it, and what is wrong with it?
+
+use std::path::{Path, PathBuf};
+
+use catch_body::{
+    Gripper, InputError,
+    robot_file::ignored_elements,
+    stated::{Assumption, assumptions},
+    workcell::Workcell,
+};
+
+use catch_cell::DataSheet;
+
+use super::{
+    gripper_check,
+    object_check::{Examined, examine},
+};
+
+use catch_lab::{
+    assets::{Asset, KNOWN_FILE, Kind},
+    scenario::{
+        Scenario,
+        setup::{Choice, Setup},
+    },
+    study::Study,
+};
+use catch_recording::sources::{SourceNames, Sources};
+
+/// What a check found.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Checked {
+    /// What the file describes, if that can be told.
+    pub kind: Option<Kind>,
+    /// All faults found.
+    pub faults: Vec<InputError>,
+    /// What somebody who wrote the file may want to know of it, a line each.
+    pub notes: Vec<String>,
+}
+
+/// Fields that only one kind of file has.
+const TELLTALES: [(&str, Kind); 17] = [
+    ("overlay", Kind::Study),
+    ("throw_grid", Kind::Study),
+    ("objects", Kind::Study),
+    ("extends", Kind::Scenario),
+    ("flight_rig", Kind::Scenario),
+    ("arena", Kind::Scenario),
+    ("gripper_mount", Kind::Robot),
+    ("finger_mass_kg", Kind::Gripper),
+    ("truth", Kind::Object),
+    ("motion", Kind::Throw),
+    ("boxes", Kind::Workcell),
+    ("capsules", Kind::Workcell),
+    ("uv_sphere", Kind::Rig),
+    ("cameras", Kind::Rig),
+    ("subpixel_px", Kind::Camera),
+    ("constant_m", Kind::Camera),
+    ("common_fraction", Kind::Camera),
+];
+
+/// Checks one file.
+pub fn check(path: &Path) -> Checked {
+    let path = described_file(path);
+    // Every kind of file is read in the same way; which kind it is only shows afterwards.
+    let asset = match Asset::on_disk(Kind::Scenario, &path) {
+        Ok(asset) => asset,
+        Err(InputError { file, field, found, expected, .. }) => {
+            // "at most 1 MiB: …", "a regular file: …"
+            let limit = expected.split_once(": ").map(|(limit, _)| format!("{limit}: ")).unwrap_or_default();
+            let expected = format!(
+                "{limit}a readable file: a scenario, robot, gripper, workcell, object, throw, camera, rig or study"
+            );
+            return Checked::unreadable(InputError::new(file, field, found, expected));
+        }
+    };
+    let table: toml::Table = match InputError::parse_toml(&asset.file, &asset.text) {
+        Ok(table) => table,
+        Err(fault) => return Checked::unreadable(fault),
+    };
+    let kind = TELLTALES.iter().find(|(field, _)| table.contains_key(*field)).map(|&(_, kind)| kind);
+    // A thing in a folder of its own bears the folder's name.
+    let asset = kind.map_or(Ok(asset.clone()), |kind| Asset::on_disk(kind, &path)).unwrap_or(asset);
+    let mut examined = Examined::default();
+    let faults = match kind {
+        Some(kind) => {
+            let mut faults = faults_of(kind, &asset);
+            if kind == Kind::Object && faults.is_empty() {
+                examined = examine(&asset);
+                let not_held = examined.not_held.take();
+                faults.extend(not_held.map(|it| InputError::new(&asset.file, "object", it, "one that can be held")));
+            }
+            faults
+        }
+        None => {
+            let fields: Vec<&str> = table.keys().map(String::as_str).collect();
+            let found = if fields.is_empty() { "nothing".to_owned() } else { format!("fields {}", fields.join(", ")) };
+            let expected = "the fields of a scenario, robot, gripper, workcell, object, throw, camera, rig or study (`catchingbot list --show NAME` prints one)";
+            vec![InputError::new(&asset.file, "the file", found, expected)]
+        }
+    };
+    let notes = match kind {
+        Some(Kind::Object) => notes_of_object(&asset).into_iter().chain(examined.notes).collect(),
+        Some(Kind::Robot) => notes_of_robot(&asset),
+        Some(Kind::Scenario | Kind::Workcell) => notes_of_name(&asset, &table),
+        Some(Kind::Gripper) => {
+            let margins = Gripper::from_toml(&asset.file, &asset.text).map(|it| gripper_check::notes(&it));
+            notes_of_name(&asset, &table).into_iter().chain(margins.unwrap_or_default()).collect()
+        }
+        _ => Vec::new(),
+    };
+    Checked { kind, faults, notes }
+}
+
+impl Checked {
+    fn unreadable(fault: InputError) -> Self {
+        Self { kind: None, faults: vec![fault], notes: Vec::new() }
+    }
+}
+
+/// What is assumed of a robot, and what its URDF says that nothing reads.
+fn notes_of_robot(asset: &Asset) -> Vec<String> {
+    let mut notes = notes_of_assumptions(asset);
+    let ignored = asset.read_text_beside("robot.urdf").map(|(_, urdf)| ignored_elements(&urdf)).unwrap_or_default();
+    if !ignored.is_empty() {
+        notes.push(format!("robot.urdf: ignored are {}", ignored.join(", ")));
+    }
+    notes
+}
+
+/// Values that nobody published, those with the same reason together.
+fn notes_of_assumptions(asset: &Asset) -> Vec<String> {
+    let mut by_reason: Vec<(String, Vec<String>)> = Vec::new();
+    for Assumption { field, reason } in assumptions(&asset.file, &asset.text) {
+        match by_reason.iter_mut().find(|(known, _)| *known == reason) {
+            Some((_, fields)) => fields.push(field),
+            None => by_reason.push((reason, vec![field])),
+        }
+    }
+    let note = |(reason, fields): (String, Vec<String>)| format!("assumed: {}: {reason}", fields.join(", "));
+    by_reason.into_iter().map(note).collect()
+}
+
+/// A name in the file that is not the one by which things are called.
+fn notes_of_name(asset: &Asset, table: &toml::Table) -> Vec<String> {
+    let name = table.get("name").and_then(toml::Value::as_str).filter(|name| *name != asset.name);
+    let note = |name: &str| format!("name = \"{name}\" is ignored: it is called `{}`, as its file is", asset.name);
+    name.map(note).into_iter().collect()
+}
+
+/// As what an object collides; nothing for one that cannot be read.
+fn notes_of_object(asset: &Asset) -> Vec<String> {
+    let Ok(object) = asset.thrown_object() else { return Vec::new() };
+    let parts = match object.parts.len() {
+        1 => "1 convex part".to_owned(),
+        count => format!("{count} convex parts"),
+    };
+    vec![format!(
+        "volume {:.1} cm³; its convex hull has {:.2} times that; it collides as {parts} of {:.2} times that",
+        object.mesh.volume() * 1e6,
+        object.hull_volume_ratio(),
+        object.parts_volume_ratio()
+    )]
+}
+
+/// A robot may be called by its folder or its URDF, an object by its folder or its `known.toml`; what is checked is the file that says
+/// most, and what that stands beside.
+fn described_file(path: &Path) -> PathBuf {
+    let (robot, object) = ("robot.toml", "truth.toml");
+    if path.is_dir() {
+        let file = [object, robot].map(|it| path.join(it)).into_iter().find(|it| it.is_file());
+        return file.unwrap_or_else(|| path.join(robot));
+    }
+    if path.extension().is_some_and(|it| it == "urdf") {
+        path.with_file_name(robot)
+    } else if path.ends_with(KNOWN_FILE) {
+        path.with_file_name(object)
+    } else {
+        path.to_path_buf()
+    }
+}
+
+fn faults_of(kind: Kind, asset: &Asset) -> Vec<InputError> {
+    let (file, text) = (&asset.file, &asset.text);
+    let result = match kind {
+        Kind::Scenario => return faults_of_scenario(asset),
+        Kind::Robot => asset.read_text_beside("robot.urdf").and_then(|(urdf_file, robot_urdf)| {
+            let gripper = Asset::any_built_in(Kind::Gripper)?;
+            let sources = Sources {
+                robot_urdf,
+                robot_toml: text.clone(),
+                gripper_toml: gripper.text,
+                workcell_toml: None,
+                limit_scale: Default::default(),
+            };
+            sources
+                .parse(&SourceNames {
+                    robot_urdf: &urdf_file,
+                    robot_toml: file,
+                    gripper_toml: &gripper.file,
+                    workcell_toml: "",
+                })
+                .map(drop)
+        }),
+        Kind::Gripper => Gripper::from_toml(file, text).map(drop),
+        Kind::Object => InputError::first_of([asset.thrown_object().map(drop), asset.known_figures().map(drop)]),
+        Kind::Camera => DataSheet::from_toml(file, text).map(drop),
+        Kind::Throw => asset.throw().map(drop),
+        Kind::Workcell => Workcell::from_toml(file, text).map(drop),
+        Kind::Rig => catch_cell::rig_from_toml(file, text).map(drop),
+        Kind::Study => Study::of(asset.clone()).and_then(|study| {
+            let objects = study.objects();
+            // Whatever a step names is read.
+            study.steps.iter().try_for_each(|step| study.cells(step, &Choice::default(), &objects[..1]).map(drop))
+        }),
+    };
+    result.err().into_iter().flat_map(InputError::all).collect()
+}
+
+/// A scenario's own faults and those of all the files that it names.
+fn faults_of_scenario(asset: &Asset) -> Vec<InputError> {
+    let (scenario, mut faults) = match Scenario::with_faults(asset) {
+        Ok(parsed) => parsed,
+        Err(fault) => return fault.all(),
+    };
+    for (kind, field, name) in scenario.parts() {
+        match Asset::find(kind, name, &asset.origin, (&asset.file, field)) {
+            Ok(part) => faults.extend(faults_of(kind, &part)),
+            Err(fault) => faults.push(fault),
+        }
+    }
+    if faults.is_empty() {
+        // Each part is right; they may still not fit together.
+        faults = held(asset, Setup::of_asset(asset, &Choice::default()));
+    }
+    faults
+}
+
+/// Whether the object of a setup can be held.
+fn held(asset: &Asset, setup: Result<Setup, InputError>) -> Vec<InputError> {
+    let held = setup.map(|setup| {
+        setup.without_grasps().map(|widths| InputError::new(&asset.file, "object", widths, "one that can be held"))
+    });
+    held.unwrap_or_else(Some).into_iter().collect()
+}

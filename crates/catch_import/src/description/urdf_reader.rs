@@ -1,0 +1,244 @@
+//! Reads URDF files leniently: what is missing stays unknown, what is there must be right.
+
+use nalgebra::{Unit, Vector3};
+
+use super::{Description, Geometry, JointKind, Link, Shape, TreeJoint};
+use catch_body::{
+    InputError,
+    quantity::{self, Quantity},
+    urdf::{self, Element, Urdf},
+};
+
+/// Numbers that some files give as zero, or without bound, where nobody knows them.
+const ANY_NUMBER: Quantity = Quantity { least: -f64::MAX, most: f64::MAX, unit: "" };
+/// Masses and moments of whatever a file describes; what an arm can have is asked of the links that it
+/// consists of.
+const NOT_NEGATIVE: Quantity = Quantity { least: 0.0, most: f64::MAX, unit: "" };
+/// Offsets, likewise.
+const OFFSET_M: Quantity = Quantity { least: -1e4, most: 1e4, unit: "m" };
+/// Extents of a shape.
+const EXTENT_M: Quantity = Quantity { least: 0.0, most: 1e4, unit: "m" };
+/// Factors on the axes of a mesh; a mirrored one has a negative factor.
+const MESH_SCALE: Quantity = Quantity { least: -1000.0, most: 1000.0, unit: "m per unit" };
+
+/// Turns of a motor for one of its joint; backwards is negative.
+const GEAR_RATIO: Quantity = Quantity { least: -1e5, most: 1e5, unit: "" };
+
+impl Description {
+    /// Reads a URDF file.
+    ///
+    /// # Errors
+    /// If it is no URDF, or has elements of xacro; an element without its name, a number out of its range.
+    pub fn from_urdf(file: &str, text: &str) -> Result<Self, InputError> {
+        read(file, text)
+    }
+}
+
+fn read(file: &str, text: &str) -> Result<Description, InputError> {
+    let document = urdf::parse(file, text)?;
+    let urdf = Urdf::read(&document)?;
+    let roots = urdf.roots();
+    let [root] = roots[..] else {
+        let found = format!("{} links without a parent", roots.len());
+        return Err(InputError::new(file, "link", found, "one base link"));
+    };
+    let mut description = Description {
+        file: file.to_owned(),
+        name: urdf.name.clone(),
+        root: root.to_owned(),
+        links: Default::default(),
+        joints: Default::default(),
+    };
+    for (name, element) in urdf.links() {
+        description.links.insert(name.to_owned(), link(element)?);
+        let joints = urdf.joints_of(name).iter().map(|it| joint(&urdf, it)).collect::<Result<Vec<_>, _>>()?;
+        if !joints.is_empty() {
+            description.joints.insert(name.to_owned(), joints);
+        }
+    }
+    for (joint, rotor_inertia) in rotor_inertias(&urdf)? {
+        let of_joint = description.joints.values_mut().flatten().filter(|it| it.name == joint);
+        of_joint.for_each(|it| it.rotor_inertia = Some(rotor_inertia));
+    }
+    document.finish(&[urdf::HARMLESS])?;
+    Ok(description)
+}
+
+/// Rotor inertias that transmissions state as Drake reads them, reflected to their joints.
+fn rotor_inertias<'a>(urdf: &Urdf<'a>) -> Result<Vec<(&'a str, f64)>, InputError> {
+    let mut all = Vec::new();
+    for transmission in urdf.transmissions() {
+        let Some(actuator) = transmission.child("actuator")? else { continue };
+        let Some(rotor) = actuator.child("drake:rotor_inertia")? else { continue };
+        let gear = actuator.child("drake:gear_ratio")?;
+        let ratio = gear.map_or(Ok(1.0), |it| it.number("value", GEAR_RATIO))?;
+        let joint = transmission.required("joint")?.text("name")?;
+        all.push((joint, rotor.number("value", NOT_NEGATIVE)? * ratio * ratio));
+    }
+    Ok(all)
+}
+
+fn link(element: &Element) -> Result<Link, InputError> {
+    let inertia = match element.child("inertial")? {
+        Some(inertial) if weighs_something(&inertial)? => {
+            Some(inertial.inertia([NOT_NEGATIVE, ANY_NUMBER, OFFSET_M])?)
+        }
+        Some(nothing) => {
+            nothing.leave_out();
+            None
+        }
+        None => None,
+    };
+    let shapes = |name| element.children(name).map(|it| geometry(&it)).collect::<Result<Vec<_>, _>>();
+    let contact = element.child("contact")?.map(|it| it.child("lateral_friction")).transpose()?.flatten();
+    let friction = contact.map(|it| it.number("value", quantity::FRICTION)).transpose()?;
+    Ok(Link { inertia, friction, collisions: shapes("collision")?, visuals: shapes("visual")? })
+}
+
+fn weighs_something(inertial: &Element) -> Result<bool, InputError> {
+    // Frames without a body get the least mass that some simulator takes.
+    Ok(inertial.required("mass")?.number("value", NOT_NEGATIVE)? >= quantity::PART_MASS_KG.least)
+}
+
+fn geometry(element: &Element) -> Result<Geometry, InputError> {
+    let geometry = element.required("geometry")?;
+    let shape = if let Some(it) = geometry.child("box")? {
+        Shape::Cuboid(it.vector("size", EXTENT_M)?.into())
+    } else if let Some(it) = geometry.child("cylinder")? {
+        Shape::Cylinder { radius_m: it.number("radius", EXTENT_M)?, length_m: it.number("length", EXTENT_M)? }
+    } else if let Some(it) = geometry.child("capsule")? {
+        Shape::Capsule { radius_m: it.number("radius", EXTENT_M)?, length_m: it.number("length", EXTENT_M)? }
+    } else if let Some(it) = geometry.child("sphere")? {
+        Shape::Sphere(it.number("radius", EXTENT_M)?)
+    } else {
+        let mesh = geometry.child("mesh")?.ok_or_else(|| {
+            geometry.fault("shape", "none that is known", "<box>, <cylinder>, <capsule>, <sphere> or <mesh>")
+        })?;
+        let scale = if mesh.has("scale") { mesh.vector("scale", MESH_SCALE)?.into() } else { Vector3::repeat(1.0) };
+        Shape::Mesh { file: mesh.text("filename")?.to_owned(), scale }
+    };
+    Ok(Geometry { X_LS: element.origin(OFFSET_M)?, shape })
+}
+
+fn joint(urdf: &Urdf, element: &Element) -> Result<TreeJoint, InputError> {
+    let child = element.required("child")?.text("link")?;
+    if urdf.link(child).is_none() {
+        return Err(element.fault("child link", child, "the name of a link"));
+    }
+    let kind = element.text("type")?;
+    let limit = element.child("limit")?;
+    let number = |name| limit.as_ref().map_or(Ok(None), |it| it.optional(name, NOT_NEGATIVE));
+    let either = |one, other| Ok::<_, InputError>(number(one)?.or(number(other)?).filter(|it| *it > 0.0));
+    let dynamics = element.child("dynamics")?.filter(|it| it.has("damping"));
+    let mimic = element.child("mimic")?;
+    Ok(TreeJoint {
+        name: element.text("name")?.to_owned(),
+        kind: match kind {
+            "fixed" => JointKind::Fixed,
+            "revolute" | "continuous" => JointKind::Revolute,
+            "prismatic" => JointKind::Prismatic,
+            "floating" | "planar" => JointKind::Other,
+            kind => {
+                return Err(element.fault("type", kind, "fixed, revolute, continuous, prismatic, floating or planar"));
+            }
+        },
+        child: child.to_owned(),
+        X_PL: element.origin(OFFSET_M)?,
+        axis: if kind == "fixed" { unused_axis(element)? } else { element.axis()? },
+        range: range(element, kind, limit.as_ref())?,
+        velocity: number("velocity")?.filter(|it| *it > 0.0),
+        acceleration: either("acceleration", "drake:acceleration")?,
+        jerk: either("jerk", "drake:jerk")?,
+        effort: number("effort")?.filter(|it| *it > 0.0),
+        damping: dynamics.map_or(Ok(0.0), |it| it.number("damping", NOT_NEGATIVE))?,
+        rotor_inertia: None,
+        mimics: mimic.map(|it| it.text("joint").map(str::to_owned)).transpose()?,
+    })
+}
+
+fn unused_axis(element: &Element) -> Result<Unit<Vector3<f64>>, InputError> {
+    if let Some(axis) = element.child("axis")? {
+        axis.leave_out();
+    }
+    Ok(Vector3::x_axis())
+}
+
+/// The range that all bounds of a joint leave, whether or not there is anything between them; `None` if it
+/// states no bound.
+fn range(element: &Element, kind: &str, limit: Option<&Element>) -> Result<Option<[f64; 2]>, InputError> {
+    let number = |of: Option<&Element>, name| of.map_or(Ok(None), |it| it.optional(name, ANY_NUMBER));
+    let hard = [number(limit, "lower")?, number(limit, "upper")?];
+    let safety = element.child("safety_controller")?;
+    let soft = [number(safety.as_ref(), "soft_lower_limit")?, number(safety.as_ref(), "soft_upper_limit")?];
+    // A bound that is left out is zero, as the format says; zero twice is what some files write for none.
+    let pair = |bounds: [Option<f64>; 2]| bounds.map(|it| it.unwrap_or(0.0));
+    let has_hard = limit.is_some() && (kind != "continuous" || pair(hard) != [0.0; 2]);
+    let hard = Some(pair(hard)).filter(|_| has_hard && matches!(kind, "revolute" | "continuous" | "prismatic"));
+    let soft = Some(pair(soft)).filter(|it| *it != [0.0; 2]);
+    let all = [hard, soft].into_iter().flatten();
+    Ok(all.reduce(|[a, b], [c, d]| [a.max(c), b.min(d)]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn arm(joint: &str) -> String {
+        format!(
+            "<robot name=\"a\"><link name=\"l\"><!-- <xacro:if value=\"${{x}}\"> --></link><link name=\"m\"/>\
+             <joint name=\"j\" {joint}<parent link=\"l\"/><child link=\"m\"/></joint></robot>"
+        )
+    }
+
+    fn read_range(joint: &str) -> Option<[f64; 2]> {
+        Description::from_urdf("a.urdf", &arm(joint)).unwrap().joints["l"][0].range
+    }
+
+    #[test]
+    fn a_bound_that_is_left_out_is_zero() {
+        let range = |limit: &str| read_range(&format!("type=\"revolute\"><limit {limit}/>"));
+        assert_eq!(range("upper=\"1.4\""), Some([0.0, 1.4]));
+        assert_eq!(range("lower=\"-1.4\""), Some([-1.4, 0.0]));
+        assert_eq!(range("lower=\"2\" upper=\"-2\""), Some([2.0, -2.0]));
+        assert_eq!(range("effort=\"3\""), Some([0.0, 0.0]));
+        let soft = "type=\"revolute\"><limit lower=\"-2\" upper=\"2\"/><safety_controller soft_lower_limit=\"-1\" soft_upper_limit=\"3\"/>";
+        assert_eq!(read_range(soft), Some([-1.0, 2.0]));
+        assert_eq!(read_range("type=\"continuous\"><limit lower=\"0\" upper=\"0\" effort=\"1\"/>"), None);
+        assert_eq!(read_range("type=\"continuous\"><limit lower=\"-1\" upper=\"2\"/>"), Some([-1.0, 2.0]));
+    }
+
+    /// As Drake reads them, among what other programs say of a transmission.
+    #[test]
+    fn rotor_inertias_are_reflected_to_their_joints() {
+        let text = arm("type=\"revolute\"><axis xyz=\"0 0 1\"/>");
+        let rotor = |rotor: &str| {
+            let transmission = format!(
+                "<transmission name=\"t\"><type>a</type><joint name=\"j\"/><actuator name=\"m\"><drake:rotor_inertia \
+                 {rotor}/><drake:gear_ratio value=\"-50\"/></actuator></transmission></robot>"
+            );
+            Description::from_urdf("a.urdf", &text.replace("</robot>", &transmission))
+        };
+        let of = |description: Description| description.joints["l"][0].rotor_inertia;
+        assert_eq!(of(rotor("value=\"4e-4\"").unwrap()), Some(4e-4 * 2500.0));
+        assert_eq!(of(Description::from_urdf("a.urdf", &text).unwrap()), None);
+        let fault = rotor("").unwrap_err().to_string();
+        assert!(fault.contains("transmission 1: actuator drake:rotor_inertia value: found nothing"), "{fault}");
+    }
+
+    #[test]
+    fn what_is_not_read_is_refused_with_its_place() {
+        let dollar = "type=\"revolute\"><axis xyz=\"0 0 ${z}\"/>";
+        let shapes = "<visual><geometry><box size=\"1 1 1\"/><sphere radius=\"1\"/></geometry></visual>";
+        let two = arm("type=\"fixed\">").replace("<link name=\"m\"/>", &format!("<link name=\"m\">{shapes}</link>"));
+        for (text, expected) in [
+            (arm("type=\"revolute\"><limits upper=\"1\"/>"), "joint j.limits: found <limits>, which is not read"),
+            (arm("type=\"revolute\"><limit uper=\"1\"/>"), "what is read in limit: acceleration"),
+            (arm(dollar), "found `0 0 ${z}`, expected a URDF without xacro"),
+            (arm("type=\"fixed\"><xacro:if value=\"1\"/>"), "found <xacro:if>"),
+            (two, "geometry.sphere: found <sphere>"),
+        ] {
+            let fault = Description::from_urdf("a.urdf", &text).unwrap_err().to_string();
+            assert!(fault.contains(expected), "{fault}");
+        }
+    }
+}

@@ -1,0 +1,441 @@
+//! Mesh repair: from triangles as files have them to the closed surface of a solid.
+//!
+//! Only what is safe is repaired, and each repair is told; what is left open is located.
+
+mod edges;
+mod hole_filling;
+mod shells;
+
+use std::fmt;
+
+use nalgebra::{Point3, Vector3};
+
+use catch_body::TriangleMesh;
+use edges::{Edges, Side};
+use shells::{crossing, drop_specks, face_outwards};
+
+/// How far a repair may go.
+#[derive(Debug, Clone, Copy)]
+pub struct RepairLimits {
+    /// The widest hole that is filled, in metres.
+    pub largest_hole_m: f64,
+}
+
+/// The closed surface of a solid, and what was done to get it.
+#[derive(Debug, Clone)]
+pub struct Repaired {
+    /// Closed, its triangles facing outwards.
+    pub mesh: TriangleMesh,
+    /// One entry for each kind of repair, in the order in which they were made.
+    pub repairs: Vec<Repair>,
+}
+
+/// Something that was done to a surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Repair {
+    /// Vertices that lie this close to each other became one.
+    Welded {
+        /// The distance in metres.
+        tolerance_m: f64,
+        /// How many vertices went away.
+        vertices: usize,
+    },
+    /// Triangles without three corners, or there twice, were left out.
+    Dropped(usize),
+    /// Triangles were turned so that neighbours face the same way.
+    Turned(usize),
+    /// Shells that were inside out were turned.
+    ShellsTurned(usize),
+    /// Shells inside another one, or specks beside the solid, were left out.
+    ShellsDropped(usize),
+    /// Shells that cross another one stay; what they have in common counts twice.
+    ShellsCross(usize),
+    /// Holes were filled.
+    Filled {
+        /// How many.
+        holes: usize,
+        /// Width of the widest in metres.
+        widest_m: f64,
+    },
+}
+
+impl fmt::Display for Repair {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Welded { tolerance_m, vertices } => {
+                write!(f, "vertices welded, each within {:.4} mm of another one: {vertices}", tolerance_m * 1e3)
+            }
+            Self::Dropped(count) => write!(f, "triangles left out, without area or there twice: {count}"),
+            Self::Turned(count) => write!(f, "triangles turned to face as their neighbours do: {count}"),
+            Self::ShellsTurned(count) => write!(f, "shells turned, which were inside out: {count}"),
+            Self::ShellsDropped(count) => write!(f, "shells left out, within another one or specks: {count}"),
+            Self::ShellsCross(count) => {
+                write!(
+                    f,
+                    "shells that cross another one, whose common volume counts twice (unite them before): {count}"
+                )
+            }
+            Self::Filled { holes, widest_m } => write!(f, "holes filled: {holes}, the widest {:.1} mm", widest_m * 1e3),
+        }
+    }
+}
+
+/// Why a surface encloses no solid.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Defect {
+    /// It has no triangle.
+    Empty,
+    /// A hole that is too wide to be filled.
+    Hole {
+        /// Middle of its rim.
+        centre: Point3<f64>,
+        /// Its width in metres.
+        width_m: f64,
+        /// How many holes there are of this kind.
+        count: usize,
+    },
+    /// An edge at which sides differ in number.
+    Edge {
+        /// Its middle.
+        at: Point3<f64>,
+        /// How many edges there are of this kind.
+        count: usize,
+    },
+    /// It encloses no volume.
+    Flat,
+}
+
+impl fmt::Display for Defect {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mm = |p: &Point3<f64>| format!("[{:.1}, {:.1}, {:.1}] mm", p.x * 1e3, p.y * 1e3, p.z * 1e3);
+        match self {
+            Self::Empty => write!(f, "no triangles"),
+            Self::Hole { centre, width_m, count } => {
+                let others = if *count > 1 { format!("{count} wide holes, the widest of") } else { "a hole of".into() };
+                write!(f, "{others} {:.1} mm around {}", width_m * 1e3, mm(centre))
+            }
+            Self::Edge { at, count } => {
+                write!(f, "{count} edges where surfaces meet that bound no solid, one at {}", mm(at))
+            }
+            Self::Flat => write!(f, "a surface without a volume"),
+        }
+    }
+}
+
+/// Vertices this close are one, as fractions of the longest side; the first with which the surface is closed.
+const WELDING: [f64; 3] = [0.0, 1e-5, 2e-4];
+/// A shell smaller than this fraction of the longest side, and open, is a speck.
+const SPECK: f64 = 0.02;
+/// The thinnest solid: its volume as a fraction of the cube of its longest side.
+const LEAST_FILLING: f64 = 1e-6;
+
+/// Repairs a surface.
+///
+/// # Errors
+/// What cannot be repaired, located.
+pub fn repaired(soup: &TriangleMesh, limits: &RepairLimits) -> Result<Repaired, Defect> {
+    let size_m = soup.aabb().size.max();
+    let mut best: Option<(usize, Welded)> = None;
+    let mut distinct = 0;
+    for fraction in WELDING {
+        let welded = Welded::new(soup, fraction * size_m, distinct);
+        distinct = distinct.max(welded.mesh.vertices.len());
+        let open = Edges::of(&welded.mesh.triangles).open().count();
+        if best.as_ref().is_none_or(|(least, _)| open < *least) {
+            best = Some((open, welded));
+        }
+        if open == 0 {
+            break;
+        }
+    }
+    let Some((open, Welded { mut mesh, repairs })) = best else { return Err(Defect::Empty) };
+    let mut repairs: Vec<Repair> = repairs.into_iter().flatten().collect();
+    if mesh.triangles.is_empty() {
+        return Err(Defect::Empty);
+    }
+
+    let (mut shell_of, turned) = orient(&mut mesh.triangles);
+    repairs.extend((turned > 0).then_some(Repair::Turned(turned)));
+    let mut dropped = 0;
+    if open > 0 {
+        dropped = drop_specks(&mut mesh, shell_of, SPECK * size_m);
+        let filled = hole_filling::fill(&mut mesh, limits.largest_hole_m);
+        repairs.extend((filled.holes > 0).then_some(Repair::Filled { holes: filled.holes, widest_m: filled.widest_m }));
+        if let Some((centre, width_m)) = filled.widest_left {
+            return Err(Defect::Hole { centre, width_m, count: filled.left });
+        }
+        shell_of = orient(&mut mesh.triangles).0;
+    }
+    let (shells_turned, within) = face_outwards(&mut mesh, &shell_of);
+    let open: Vec<(u32, u32)> = unbalanced(&mesh.triangles);
+    if let Some(&(a, b)) = open.first() {
+        let at = nalgebra::center(&mesh.vertices[a as usize], &mesh.vertices[b as usize]);
+        return Err(Defect::Edge { at, count: open.len() });
+    }
+    repairs.extend((shells_turned > 0).then_some(Repair::ShellsTurned(shells_turned)));
+    repairs.extend((dropped + within > 0).then_some(Repair::ShellsDropped(dropped + within)));
+    if within > 0 {
+        shell_of = orient(&mut mesh.triangles).0;
+    }
+    let crossing = crossing(&mesh, &shell_of);
+    repairs.extend((crossing > 0).then_some(Repair::ShellsCross(crossing)));
+    mesh.drop_unused_vertices();
+    let volume_m3 = mesh.volume();
+    if volume_m3.is_finite() && volume_m3 > LEAST_FILLING * size_m.powi(3) {
+        Ok(Repaired { mesh, repairs })
+    } else {
+        Err(Defect::Flat)
+    }
+}
+
+/// A surface whose vertices are welded.
+struct Welded {
+    mesh: TriangleMesh,
+    repairs: [Option<Repair>; 2],
+}
+
+impl Welded {
+    /// Welds vertices that lie within a tolerance; the file has `distinct` different ones, zero if that is not known yet.
+    fn new(soup: &TriangleMesh, tolerance_m: f64, distinct: usize) -> Self {
+        let (of_vertex, vertices) = places(&soup.vertices, tolerance_m);
+        let merged = distinct.saturating_sub(vertices.len());
+        let corners = soup.triangles.iter().map(|triangle| triangle.map(|vertex| of_vertex[vertex as usize]));
+        let triangles = without_doubles(corners.collect());
+        let dropped = soup.triangles.len() - triangles.len();
+        let repairs = [
+            (merged > 0).then_some(Repair::Welded { tolerance_m, vertices: merged }),
+            (dropped > 0).then_some(Repair::Dropped(dropped)),
+        ];
+        Self { mesh: TriangleMesh { vertices, triangles }, repairs }
+    }
+}
+
+/// For each point the number of its place, and the places: points within `tolerance_m` of an earlier place are there.
+fn places(points: &[Point3<f64>], tolerance_m: f64) -> (Vec<u32>, Vec<Point3<f64>>) {
+    // Along a direction that is no edge of anything few points lie side by side.
+    let along = Vector3::new(0.374_1, 0.541_3, 0.752_9);
+    let mut order: Vec<(f64, u32)> = points.iter().zip(0..).map(|(it, i)| (it.coords.dot(&along), i)).collect();
+    order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let mut first_at = vec![u32::MAX; points.len()];
+    for (k, &(at, i)) in order.iter().enumerate() {
+        if first_at[i as usize] != u32::MAX {
+            continue;
+        }
+        first_at[i as usize] = i;
+        let near = order[k + 1..].iter().take_while(|(other, _)| other - at <= tolerance_m);
+        for &(_, j) in near {
+            let is_free = first_at[j as usize] == u32::MAX;
+            if is_free && (points[j as usize] - points[i as usize]).norm_squared() <= tolerance_m * tolerance_m {
+                first_at[j as usize] = i;
+            }
+        }
+    }
+    let (mut number, mut kept) = (vec![u32::MAX; points.len()], Vec::new());
+    let of_point = first_at.iter().map(|&first| {
+        let place = &mut number[first as usize];
+        if *place == u32::MAX {
+            *place = kept.len() as u32;
+            kept.push(points[first as usize]);
+        }
+        *place
+    });
+    (of_point.collect(), kept)
+}
+
+/// Triangles with three corners, each once; a surface that is there from both sides everywhere is kept from one.
+fn without_doubles(mut triangles: Vec<[u32; 3]>) -> Vec<[u32; 3]> {
+    triangles.retain(|[a, b, c]| a != b && b != c && c != a);
+    // Corners in rising order, and whether an odd permutation leads there.
+    let key = |&[a, b, c]: &[u32; 3]| {
+        let mut sorted = [a, b, c];
+        sorted.sort_unstable();
+        let at = sorted.iter().position(|it| *it == a).unwrap_or(0);
+        (sorted, sorted[(at + 1) % 3] != b)
+    };
+    let mut order: Vec<([u32; 3], bool, u32)> = triangles
+        .iter()
+        .zip(0..)
+        .map(|(it, i)| {
+            let (sorted, odd) = key(it);
+            (sorted, odd, i)
+        })
+        .collect();
+    order.sort_unstable();
+    let (mut keep, mut pairs) = (vec![false; triangles.len()], 0);
+    for alike in order.chunk_by(|a, b| a.0 == b.0) {
+        let odd = alike.iter().filter(|it| it.1).count();
+        let majority = 2 * odd > alike.len();
+        if 2 * odd == alike.len() {
+            pairs += alike.len();
+        } else if let Some((_, _, i)) = alike.iter().find(|it| it.1 == majority) {
+            keep[*i as usize] = true;
+        }
+    }
+    if pairs == triangles.len() {
+        for alike in order.chunk_by(|a, b| a.0 == b.0) {
+            keep[alike[0].2 as usize] = true;
+        }
+    }
+    let mut kept = keep.into_iter();
+    triangles.retain(|_| kept.next().unwrap_or(false));
+    triangles
+}
+
+/// Edges along which more triangles run in one direction than in the other.
+fn unbalanced(triangles: &[[u32; 3]]) -> Vec<(u32, u32)> {
+    let runs_up = |side: u32, low: u32| triangles[side as usize / 3][side as usize % 3] == low;
+    let is_unbalanced =
+        |group: &&[Side]| 2 * group.iter().filter(|(low, _, side)| runs_up(*side, *low)).count() != group.len();
+    Edges::of(triangles).groups().filter(is_unbalanced).map(|it| (it[0].0, it[0].1)).collect()
+}
+
+/// Turns triangles so that neighbours face the same way; for each the number of its shell, and how many were turned.
+///
+/// Neighbours share an edge that no third triangle has. Of each shell the smaller part is turned.
+fn orient(triangles: &mut [[u32; 3]]) -> (Vec<u32>, usize) {
+    const NONE: u32 = u32::MAX;
+    let mut neighbour = vec![NONE; 3 * triangles.len()];
+    for group in Edges::of(triangles).groups() {
+        if let [(_, _, one), (_, _, other)] = *group {
+            neighbour[one as usize] = other;
+            neighbour[other as usize] = one;
+        }
+    }
+    let start_of = |triangles: &[[u32; 3]], side: u32| triangles[side as usize / 3][side as usize % 3];
+    let (mut shell_of, mut is_turned) = (vec![NONE; triangles.len()], vec![false; triangles.len()]);
+    let (mut shells, mut turned) = (0, 0);
+    for first in 0..triangles.len() {
+        if shell_of[first] != NONE {
+            continue;
+        }
+        let mut members = vec![first];
+        shell_of[first] = shells;
+        let mut next = 0;
+        while let Some(&triangle) = members.get(next) {
+            next += 1;
+            for side in 3 * triangle as u32..3 * triangle as u32 + 3 {
+                let other = neighbour[side as usize];
+                if other == NONE || shell_of[other as usize / 3] != NONE {
+                    continue;
+                }
+                let same_direction = start_of(triangles, side) == start_of(triangles, other);
+                let other_triangle = other as usize / 3;
+                shell_of[other_triangle] = shells;
+                is_turned[other_triangle] = is_turned[triangle] != same_direction;
+                members.push(other_triangle);
+            }
+        }
+        let count = members.iter().filter(|it| is_turned[**it]).count();
+        let turn = 2 * count <= members.len();
+        for triangle in members.iter().copied().filter(|it| is_turned[*it] == turn) {
+            triangles[triangle].swap(1, 2);
+        }
+        turned += count.min(members.len() - count);
+        shells += 1;
+    }
+    (shell_of, turned)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use catch_body::shape::Cuboid;
+
+    const LIMITS: RepairLimits = RepairLimits { largest_hole_m: 0.02 };
+
+    fn cube(size_m: f64) -> TriangleMesh {
+        TriangleMesh::cuboid(&Cuboid { centre: Point3::origin(), size: Vector3::repeat(size_m) })
+    }
+
+    /// Each triangle with corners of its own, moved by up to `noise_m`.
+    fn soup(mesh: &TriangleMesh, noise_m: f64) -> TriangleMesh {
+        let mut soup = TriangleMesh::default();
+        for (i, corners) in mesh.all_corners().enumerate() {
+            let vertices = corners.map(|it| it + Vector3::repeat(noise_m * ((i % 3) as f64 - 1.0))).to_vec();
+            soup.merge(&TriangleMesh { vertices, triangles: vec![[0, 1, 2]] });
+        }
+        soup
+    }
+
+    #[test]
+    fn a_clean_solid_needs_no_repair() {
+        let sphere = TriangleMesh::sphere(0.05, 3);
+        let Repaired { mesh, repairs } = repaired(&sphere, &LIMITS).unwrap();
+        assert_eq!((mesh.volume(), repairs), (sphere.volume(), vec![]));
+    }
+
+    #[test]
+    fn seams_are_welded_and_triangles_turned() {
+        let sphere = TriangleMesh::sphere(0.05, 3);
+        let mut broken = soup(&sphere, 1e-7);
+        broken.triangles.iter_mut().step_by(7).for_each(|it| it.swap(0, 1));
+        broken.triangles.push(broken.triangles[5]);
+        let Repaired { mesh, repairs } = repaired(&broken, &LIMITS).unwrap();
+        assert!(mesh.is_closed() && (mesh.volume() / sphere.volume() - 1.0).abs() < 1e-4);
+        assert!(matches!(repairs[..], [Repair::Welded { .. }, Repair::Dropped(1), Repair::Turned(_)]), "{repairs:?}");
+    }
+
+    #[test]
+    fn small_holes_are_filled_and_wide_ones_located() {
+        let sphere = TriangleMesh::sphere(0.05, 4);
+        let without = |z: f64| {
+            let keeps = |it: &&[u32; 3]| it.iter().any(|vertex| sphere.vertices[*vertex as usize].z < z);
+            TriangleMesh { triangles: sphere.triangles.iter().filter(keeps).copied().collect(), ..sphere.clone() }
+        };
+        let Repaired { mesh, repairs } = repaired(&without(0.0495), &LIMITS).unwrap();
+        assert!(mesh.is_closed() && (mesh.volume() / sphere.volume() - 1.0).abs() < 0.01);
+        assert!(matches!(repairs[..], [Repair::Filled { holes: 1, .. }]), "{repairs:?}");
+        let defect = repaired(&without(0.03), &LIMITS).unwrap_err();
+        let Defect::Hole { centre, width_m, count: 1 } = defect else { panic!("{defect}") };
+        assert!((centre - Point3::new(0.0, 0.0, 0.03)).norm() < 0.004 && (0.06..0.08).contains(&width_m), "{defect}");
+    }
+
+    #[test]
+    fn cavities_stay_and_what_is_inside_goes() {
+        let mut hollow = cube(0.1);
+        let mut within = cube(0.05);
+        hollow.merge(&within);
+        let Repaired { mesh, repairs } = repaired(&hollow, &LIMITS).unwrap();
+        assert_eq!((mesh.triangles.len(), &repairs[..]), (12, &[Repair::ShellsDropped(1)][..]));
+        within.triangles.iter_mut().for_each(|it| it.swap(0, 1));
+        let mut hollow = cube(0.1);
+        hollow.merge(&within);
+        let Repaired { mesh, repairs } = repaired(&hollow, &LIMITS).unwrap();
+        assert!((mesh.volume() - (1e-3 - 1.25e-4)).abs() < 1e-12 && repairs.is_empty());
+        // A part that sticks out is a part, and what it shares with the other is told; one beside it shares
+        // nothing.
+        for (to, crossing) in [
+            ([0.04, 0.0, 0.0], 1),
+            ([0.09, 0.03, 0.0], 0),
+            ([0.075, 0.0, 0.01], 0),
+            ([0.03, 0.03, 0.03], 1),
+            ([0.02, 0.06, 0.0], 1),
+        ] {
+            let mut apart = cube(0.1);
+            apart.merge(&cube(0.05).translated(&Vector3::from(to)));
+            let Repaired { mesh, repairs } = repaired(&apart, &LIMITS).unwrap();
+            assert_eq!(
+                (mesh.triangles.len(), &repairs[..]),
+                (24, &vec![Repair::ShellsCross(2); crossing][..]),
+                "{to:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn what_is_no_solid_is_told() {
+        let mut fin = cube(0.1);
+        let tip = fin.vertices.len() as u32;
+        fin.vertices.push(Point3::new(0.0, 0.0, 0.3));
+        let [a, b, _] = fin.triangles[0];
+        fin.triangles.push([a, b, tip]);
+        for (mesh, expected) in [
+            (TriangleMesh::default(), "no triangles"),
+            (TriangleMesh { triangles: cube(0.1).triangles[..2].to_vec(), ..cube(0.1) }, "a hole of"),
+        ] {
+            let defect = repaired(&mesh, &LIMITS).unwrap_err().to_string();
+            assert!(defect.contains(expected), "{defect}");
+        }
+        assert!(repaired(&fin, &RepairLimits { largest_hole_m: 0.0 }).is_err());
+    }
+}

@@ -1,0 +1,89 @@
+//! The surface of an object of which there is only a scan, a point cloud without faces.
+
+use std::collections::HashSet;
+
+use crate::{cloud_file::CloudFile, cloud_registration::reference_model, isosurface::isosurface};
+use catch_body::{InputError, TriangleMesh, shape::Cuboid};
+use catch_bot::perception::ReferenceModel;
+use nalgebra::{Point3, Vector3};
+
+/// Edge of the cubes in which the surface is looked for, in metres.
+const SPACING_M: f64 = 0.0015;
+/// How far beyond the thinned points of a model, on both sides together, the surface may be.
+const ROOM_M: f64 = 0.01;
+
+/// The surface where the signed distance of the cloud is zero, in the cloud's own unit of `scale` metres, and what was found on the way.
+///
+/// # Errors
+/// Too few points, lengths that nothing to throw has, or points between which there is no inside.
+pub(super) fn surface(file: &str, mut cloud: CloudFile, scale: f64) -> Result<(TriangleMesh, Vec<String>), InputError> {
+    let mut findings = vec![format!("{file}: a cloud of {} points", cloud.points.len())];
+    if cloud.normals.is_none() {
+        findings.push("the cloud has no normals: the surface is taken to face away from the middle everywhere".into());
+    }
+    if face_inwards(&cloud) {
+        findings.push("the normals face inwards: turned".into());
+        cloud.normals.iter_mut().flatten().for_each(|it| *it = -*it);
+    }
+    cloud.points.iter_mut().for_each(|it| it.coords *= scale);
+    let cloud = thinned(cloud);
+    let reference = reference_model(cloud, file)?;
+    between(file, &reference, scale, findings)
+}
+
+/// Whether the normals of a cloud all around something face its inside: by the divergence theorem Σ n·(p − c) is three times a volume.
+fn face_inwards(cloud: &CloudFile) -> bool {
+    let (low, high) = bounds(&cloud.points);
+    let centre = (low + high) / 2.0;
+    let pairs = cloud.points.iter().zip(cloud.normals.iter().flatten());
+    pairs.map(|(p, normal)| normal.dot(&(p.coords - centre))).sum::<f64>() < 0.0
+}
+
+/// The surface of a scanned object, in its own unit of `scale` metres, with what was found so far.
+///
+/// # Errors
+/// No inside.
+pub(super) fn between(
+    file: &str,
+    reference: &ReferenceModel,
+    scale: f64,
+    mut findings: Vec<String>,
+) -> Result<(TriangleMesh, Vec<String>), InputError> {
+    let to_O = reference.X_RO.translation.vector;
+    let (low, high) = bounds(&reference.points);
+    let around = Cuboid { centre: ((low + high) / 2.0).into(), size: high - low + Vector3::repeat(ROOM_M) };
+    let mut mesh = TriangleMesh::default();
+    if !reference.points.is_empty() {
+        mesh = isosurface(&around, SPACING_M, |p_O| reference.distance.at(p_O).0);
+    }
+    if mesh.triangles.is_empty() || mesh.volume() <= 0.0 {
+        let expected = "points all around a solid, best with normals nx, ny and nz that point outwards";
+        return Err(InputError::new(file, "points", "no inside between them", expected));
+    }
+    findings.push(format!("the surface between them has {} triangles", mesh.triangles.len()));
+    mesh.vertices.iter_mut().for_each(|it| it.coords = (it.coords + to_O) / scale);
+    Ok((mesh, findings))
+}
+
+/// One point per cube of the edge [`SPACING_M`]: where points lie much closer than others their noise would bend the surface.
+fn thinned(cloud: CloudFile) -> CloudFile {
+    let mut known = HashSet::new();
+    let cube = |it: &Point3<f64>| <[i64; 3]>::from(it.coords.map(|value| (value / SPACING_M).floor() as i64));
+    let kept: Vec<usize> = (0..cloud.points.len()).filter(|i| known.insert(cube(&cloud.points[*i]))).collect();
+    CloudFile {
+        points: kept.iter().map(|&i| cloud.points[i]).collect(),
+        normals: cloud.normals.map(|normals| kept.iter().map(|&i| normals[i]).collect()),
+    }
+}
+
+/// The longest side of the box around a cloud, in its unit.
+pub(super) fn length(cloud: &CloudFile) -> f64 {
+    let (low, high) = bounds(&cloud.points);
+    (high - low).max()
+}
+
+/// The corners of the box around points.
+fn bounds(points: &[Point3<f64>]) -> (Vector3<f64>, Vector3<f64>) {
+    let none = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
+    points.iter().fold(none, |(low, high), it| (low.inf(&it.coords), high.sup(&it.coords)))
+}

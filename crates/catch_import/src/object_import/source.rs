@@ -1,0 +1,326 @@
+//! What an object is imported from: the triangles of a mesh, or a link with all that its description says of it.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use crate::{
+    cloud_file,
+    description::{Description, Geometry, Link, Shape},
+    mesh_files::{MeshFiles, located},
+    mesh_paths::resolve,
+    model_of_mujoco,
+    surface_file::triangles_from_bytes,
+};
+use catch_body::{InputError, TriangleMesh, document::root_element, robot::Inertia};
+use nalgebra::{Point3, Vector3};
+
+use super::{depth_images, gltf, hulls_m3, scan, unit_of};
+use catch_recording::{bounded_file::FileKind, whole_file::COMMAND_LINE};
+
+/// Endings of the files of which a folder may have one, the most telling first.
+const ENDINGS: [&[&str]; 9] =
+    [&["sdf"], &["urdf"], &["xml", "mjcf"], &["glb"], &["gltf"], &["obj"], &["ply"], &["stl", "dae"], &["pcd", "xyz"]];
+/// Files of a folder that are looked at.
+const MOST_FILES: usize = 10_000;
+/// Shapes of a link at most.
+const MOST_SHAPES: usize = 500;
+/// Most convex parts of an object.
+const MOST_PARTS: usize = 64;
+/// Collision shapes fill the object if their volume is that many times its own.
+const PARTS_FILL: [f64; 2] = [0.8, 1.35];
+/// A part is convex if its hull has no more than this many times its own volume.
+const CONVEX: f64 = 1.1;
+/// They stick out of the box around it by no more than this fraction of its longest side.
+const STICKS_OUT: f64 = 0.05;
+/// In no direction do they end farther from where the object ends, in metres: fingers touch what collides.
+const ENDS_OFF_M: f64 = 0.001;
+/// Directions in which that is looked at.
+const DIRECTIONS: usize = 200;
+/// The most bytes of a mesh: some millions of triangles.
+const MESH: FileKind = FileKind {
+    expected: "a mesh: .obj, .stl, .ply, .dae, .gltf or .glb, or a cloud: .ply, .pcd or .xyz",
+    most_bytes: 64 << 20,
+};
+
+/// The head of a PLY file is no longer.
+const MOST_HEADER_BYTES: usize = 100_000;
+
+/// What was found to import.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Source {
+    /// What errors call the file.
+    pub file: String,
+    /// Name of the file, and of the link.
+    pub named: String,
+    /// The surface as its files have it, in the frame of the link or of the mesh.
+    pub surface: TriangleMesh,
+    /// Whether it is in metres, by its format.
+    pub in_metres: bool,
+    /// What the description says of the mass.
+    pub inertia: Option<Inertia>,
+    /// Coulomb friction coefficient.
+    pub friction: Option<f64>,
+    /// Shapes for collisions, if they are others than the surface.
+    parts: Vec<TriangleMesh>,
+    /// What a reader may want to know.
+    pub findings: Vec<String>,
+}
+
+impl Source {
+    /// Reads a file, or the one of a folder that says most; `scale` is in metres per unit, if it is known.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn read(path: &Path, link: Option<&str>, scale: Option<f64>) -> Result<Self, InputError> {
+        if path.join(depth_images::RIG).is_file() {
+            let (surface, findings) = depth_images::surface(path, scale)?;
+            let (file, named) = (path.display().to_string(), format!("depth images of {}", path.display()));
+            return Ok(Self { file, named, surface, in_metres: true, findings, ..Self::default() });
+        }
+        let path = if path.is_dir() { within(path)? } else { path.to_path_buf() };
+        let named = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        if !["sdf", "urdf", "xml", "mjcf"].contains(&ending(&path).as_str()) {
+            let file = path.display().to_string();
+            let bytes = MESH.read(&path)?;
+            if is_cloud(&path, &bytes) {
+                let cloud = cloud_file::parse(&file, &bytes, false)?;
+                let scale = scale.unwrap_or_else(|| unit_of(scan::length(&cloud)).map_or(1.0, |(_, scale)| scale));
+                let (surface, findings) = scan::surface(&file, cloud, scale)?;
+                return Ok(Self { file, named, surface, findings, ..Self::default() });
+            }
+            drop(bytes);
+            let (groups, in_metres) = groups(&path)?;
+            let surface = merged(groups);
+            let findings = vec![format!("{file}: {} triangles", surface.triangles.len())];
+            return Ok(Self { file, named, surface, in_metres, findings, ..Self::default() });
+        }
+        let file = path.display().to_string();
+        let text = FileKind::text("a description of an object, SDF or URDF").read_text(&path)?;
+        // Some files declare a version of XML that never was.
+        let text = text.replacen("<?xml version=\"0.0\"", "<?xml version=\"1.0\"", 1);
+        let description = match root_element(&text) {
+            Some("mujoco") => return Err(model_of_mujoco(&file)),
+            Some("sdf") => Description::from_sdf(&file, &text)?,
+            _ => Description::from_urdf(&file, &text)?,
+        };
+        let (name, link) = chosen(&description, link)?;
+        Self::of_link(&path, &named, name, link)
+    }
+
+    fn of_link(path: &Path, named: &str, name: &str, link: &Link) -> Result<Self, InputError> {
+        let mut source = Self {
+            file: path.display().to_string(),
+            named: format!("link {name} of {named}"),
+            in_metres: true,
+            inertia: link.inertia,
+            friction: link.friction,
+            ..Self::default()
+        };
+        let shapes = link.visuals.len() + link.collisions.len();
+        if shapes > MOST_SHAPES {
+            let (field, expected) = (format!("link {name}"), format!("at most {MOST_SHAPES}"));
+            return Err(InputError::new(&source.file, field, format!("{shapes} shapes"), expected));
+        }
+        let mut faults = Vec::new();
+        let mut meshes =
+            MeshFiles::new(|named| groups(&located(path, named, MESH.expected)?).map(|(groups, _)| groups));
+        let mut read = |shapes: &[Geometry]| -> Result<Vec<TriangleMesh>, InputError> {
+            let mut all = Vec::new();
+            for shape in shapes {
+                match placed(shape, &mut meshes) {
+                    Ok(groups) => {
+                        meshes.count(&source.file, &groups)?;
+                        all.extend(groups);
+                    }
+                    Err(fault) => faults.push(fault),
+                }
+            }
+            Ok(all)
+        };
+        let (visuals, collisions) = (read(&link.visuals)?, read(&link.collisions)?);
+        source.findings.extend(faults.iter().map(|it| format!("not read: {it}")));
+        let of_visuals = !visuals.is_empty();
+        source.surface = merged(if of_visuals { visuals } else { collisions.clone() });
+        if source.surface.triangles.is_empty() {
+            let none = || InputError::new(&source.file, format!("link {name}"), "no shape", "a visual or a collision");
+            return Err(faults.into_iter().next().unwrap_or_else(none));
+        }
+        let (count, from) = (source.surface.triangles.len(), if of_visuals { "visual" } else { "collision" });
+        source.findings.insert(0, format!("{}: {count} triangles of its {from} shape", source.named));
+        source.parts = collisions;
+        Ok(source)
+    }
+
+    /// Makes it larger.
+    pub fn scale(&mut self, scale: f64) {
+        let meshes = std::iter::once(&mut self.surface).chain(&mut self.parts);
+        meshes.flat_map(|it| &mut it.vertices).for_each(|it| it.coords *= scale);
+    }
+
+    /// The collision shapes, if they fill the solid and little more.
+    ///
+    /// # Errors
+    /// A sentence that says why they are not used; an empty list is no error.
+    pub fn usable_parts(&self, solid: &TriangleMesh) -> Result<Vec<TriangleMesh>, String> {
+        let bounds = solid.aabb();
+        let most = bounds.size / 2.0 + Vector3::repeat(STICKS_OUT * bounds.size.max());
+        let is_within =
+            |p: &Point3<f64>| (p - bounds.centre).abs().zip_fold(&most, true, |all, at, most| all && at <= most);
+        let solids: Vec<TriangleMesh> = self
+            .parts
+            .iter()
+            .filter(|it| hulls_m3(std::slice::from_ref(it)) > 1e-6 * solid.volume())
+            .cloned()
+            .collect();
+        if solids.is_empty() {
+            return Ok(solids);
+        }
+        if solids.len() > MOST_PARTS || !solids.iter().flat_map(|it| &it.vertices).all(is_within) {
+            return Err("the collision shapes are not where the surface is, so it is cut into convex parts anew".into());
+        }
+        // Other programs collide with a mesh as it is, not with its hull.
+        if solids.iter().any(|it| hulls_m3(std::slice::from_ref(it)) > CONVEX * it.volume().abs()) {
+            return Err("the collision shapes are not convex, so the surface is cut into convex parts anew".into());
+        }
+        let ratio = hulls_m3(&solids) / solid.volume();
+        if !(PARTS_FILL[0]..=PARTS_FILL[1]).contains(&ratio) {
+            return Err(format!(
+                "the collision shapes fill {ratio:.2} times the object, so it is cut into convex parts anew"
+            ));
+        }
+        let off_m = ends_off_m(&solids, solid);
+        if off_m <= ENDS_OFF_M {
+            return Ok(solids);
+        }
+        let off_mm = off_m * 1e3;
+        Err(format!(
+            "the collision shapes end {off_mm:.1} mm from where the surface does, so it is cut into convex parts anew"
+        ))
+    }
+}
+
+/// How far from each other, at most in any direction, the parts and the solid end.
+fn ends_off_m(parts: &[TriangleMesh], solid: &TriangleMesh) -> f64 {
+    let end = |mesh: &TriangleMesh, direction: &Vector3<f64>| {
+        mesh.vertices.iter().map(|it| it.coords.dot(direction)).fold(f64::NEG_INFINITY, f64::max)
+    };
+    let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+    let off = (0..DIRECTIONS).map(|i| {
+        let z = 1.0 - 2.0 * (i as f64 + 0.5) / DIRECTIONS as f64;
+        let (sin, cos) = (golden * i as f64).sin_cos();
+        let direction = Vector3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + Vector3::z() * z;
+        let of_parts = parts.iter().map(|it| end(it, &direction)).fold(f64::NEG_INFINITY, f64::max);
+        (of_parts - end(solid, &direction)).abs()
+    });
+    off.fold(0.0, f64::max)
+}
+
+/// The file of a folder that says most.
+fn within(folder: &Path) -> Result<PathBuf, InputError> {
+    let unreadable =
+        |fault: std::io::Error| InputError::new(folder.display(), "the folder", fault, "a readable folder");
+    let mut files: Vec<PathBuf> = fs::read_dir(folder)
+        .map_err(unreadable)?
+        .take(MOST_FILES)
+        .filter_map(|it| it.ok().map(|it| it.path()))
+        .filter(|it| it.is_file())
+        .collect();
+    files.sort();
+    for endings in ENDINGS {
+        let found: Vec<&PathBuf> = files.iter().filter(|it| endings.contains(&ending(it).as_str())).collect();
+        match &found[..] {
+            [] => {}
+            [one] => return Ok((*one).clone()),
+            all => {
+                let names: Vec<_> = all.iter().take(10).filter_map(|it| it.file_name()?.to_str()).collect();
+                let found = format!("{} files: {}", all.len(), names.join(", "));
+                return Err(InputError::new(folder.display(), "the folder", found, "one of them as FILE"));
+            }
+        }
+    }
+    let expected = "a folder with an SDF or URDF file, with a mesh, or with depth images and their rig.toml";
+    Err(InputError::new(folder.display(), "the folder", "no such file", expected))
+}
+
+fn ending(path: &Path) -> String {
+    path.extension().and_then(|it| it.to_str()).unwrap_or_default().to_ascii_lowercase()
+}
+
+/// The link that is meant: the only one with a shape, or the one that was named.
+fn chosen<'a>(description: &'a Description, named: Option<&str>) -> Result<(&'a str, &'a Link), InputError> {
+    let has_shape = |(_, link): &(&String, &Link)| !link.visuals.is_empty() || !link.collisions.is_empty();
+    let links: Vec<(&String, &Link)> = description.links.iter().filter(has_shape).collect();
+    let names = || links.iter().take(20).map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
+    if let Some(named) = named {
+        let found = links.iter().find(|(name, _)| *name == named);
+        let missing = || InputError::new(COMMAND_LINE, "--link", format!("`{named}`"), format!("one of {}", names()));
+        return found.map(|(name, link)| (name.as_str(), *link)).ok_or_else(missing);
+    }
+    match links[..] {
+        [(name, link)] => Ok((name, link)),
+        [] => Err(InputError::new(&description.file, "link", "none with a shape", "a visual or a collision")),
+        _ => {
+            let found = format!("{} with shapes: {}", links.len(), names());
+            Err(InputError::new(&description.file, "link", found, "one of them as `--link NAME`"))
+        }
+    }
+}
+
+/// Whether a file has points without faces.
+fn is_cloud(path: &Path, bytes: &[u8]) -> bool {
+    match ending(path).as_str() {
+        "pcd" | "xyz" => true,
+        "ply" => {
+            let head = String::from_utf8_lossy(&bytes[..bytes.len().min(MOST_HEADER_BYTES)]);
+            let mut lines = head.lines().take_while(|it| it.trim() != "end_header");
+            !lines.any(|it| {
+                let words: Vec<&str> = it.split_whitespace().collect();
+                matches!(words[..], ["element", "face" | "tristrips", count] if count != "0")
+            })
+        }
+        _ => false,
+    }
+}
+
+/// The groups of a mesh file, and whether they are in metres by its format.
+fn groups(path: &Path) -> Result<(Vec<TriangleMesh>, bool), InputError> {
+    let file = path.display().to_string();
+    let bytes = MESH.read(path)?;
+    match ending(path).as_str() {
+        "gltf" | "glb" => {
+            let folder = path.parent().unwrap_or(Path::new(""));
+            let load = |name: &str| match resolve(path, name) {
+                Some(found) => MESH.read(&found),
+                None => MESH.read(&folder.join(name)),
+            };
+            Ok((vec![gltf::read(&file, &bytes, &load)?], true))
+        }
+        "dae" => Ok((triangles_from_bytes(&file, &bytes)?, true)),
+        "obj" | "stl" | "ply" => Ok((triangles_from_bytes(&file, &bytes)?, false)),
+        other => Err(InputError::new(file, "extension", format!("`{other}`"), MESH.expected)),
+    }
+}
+
+fn merged(groups: Vec<TriangleMesh>) -> TriangleMesh {
+    let mut groups = groups.into_iter();
+    let mut all = groups.next().unwrap_or_default();
+    groups.for_each(|it| all.merge(&it));
+    all
+}
+
+/// A shape of a link as meshes in the link's frame, the groups of a mesh file apart.
+fn placed<F>(geometry: &Geometry, meshes: &mut MeshFiles<F>) -> Result<Vec<TriangleMesh>, InputError>
+where
+    F: Fn(&str) -> Result<Vec<TriangleMesh>, InputError>,
+{
+    let Shape::Mesh { file: named, scale } = &geometry.shape else {
+        return Ok(geometry.surface().into_iter().collect());
+    };
+    let mut groups = (*meshes.get(named)?).clone();
+    for vertex in groups.iter_mut().flat_map(|it| &mut it.vertices) {
+        *vertex = geometry.X_LS * Point3::from(vertex.coords.component_mul(scale));
+    }
+    Ok(groups)
+}

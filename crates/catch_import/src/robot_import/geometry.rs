@@ -1,0 +1,134 @@
+//! The shapes of a described robot's bodies, and capsules around them.
+
+use std::path::Path;
+
+use crate::{
+    capsule_fit,
+    description::{Body, Geometry, Shape},
+    surface_file::surface_from_bytes,
+};
+use catch_body::{InputError, TriangleMesh, shape::Capsule};
+use nalgebra::{Point3, Vector3};
+
+use super::super::mesh_files::{MeshFiles, located};
+use catch_recording::bounded_file::FileKind;
+
+/// Shapes of one body at most.
+const MOST_SHAPES: usize = 200;
+/// Whatever is larger is no part of an arm, or in other units.
+const MOST_EXTENT_M: f64 = 3.0;
+/// Capsules are written with so many steps per metre.
+const STEPS_PER_M: f64 = 1e4;
+
+/// The shape of a body.
+#[derive(Debug, Clone, Default)]
+pub struct BodyShape {
+    /// Its surface in the body's frame; empty if nothing is known.
+    pub surface: TriangleMesh,
+    /// Capsules that hold it.
+    pub capsules: Vec<Capsule>,
+    /// Why they are assumed, if they are.
+    pub assumed: Option<String>,
+    /// What could not be read.
+    pub unread: Vec<InputError>,
+}
+
+impl BodyShape {
+    /// Reads the shapes of a body, those for collisions if there are any, and fits capsules; `file` is the
+    /// description.
+    ///
+    /// # Errors
+    /// If it has more shapes or triangles than are read.
+    pub(crate) fn of<F>(file: &Path, body: &Body, meshes: &mut MeshFiles<F>) -> Result<Self, InputError>
+    where
+        F: Fn(&str) -> Result<Vec<TriangleMesh>, InputError>,
+    {
+        let mut shape = Self::default();
+        let file = file.display().to_string();
+        for shapes in [&body.collisions, &body.visuals] {
+            if shapes.len() > MOST_SHAPES {
+                let found = format!("{} shapes", shapes.len());
+                return Err(InputError::new(
+                    &file,
+                    format!("link {}", body.links[0]),
+                    found,
+                    format!("at most {MOST_SHAPES}"),
+                ));
+            }
+            for geometry in shapes {
+                match surface(geometry, meshes) {
+                    Ok(surface) => {
+                        meshes.count(&file, std::slice::from_ref(&surface))?;
+                        shape.surface.merge(&surface);
+                    }
+                    Err(fault) => shape.unread.push(fault),
+                }
+            }
+            if !shape.surface.triangles.is_empty() {
+                break;
+            }
+        }
+        shape.capsules = capsule_fit::enclosing_capsules(&shape.surface).iter().map(rounded_outwards).collect();
+        Ok(shape)
+    }
+
+    /// Whether each triangle of the surface is inside one of the capsules.
+    pub fn is_inside(&self) -> bool {
+        self.surface.all_corners().all(|corners| {
+            self.capsules.iter().any(|it| corners.iter().all(|corner| it.distance_to_point(corner) <= 0.0))
+        })
+    }
+
+    /// How far the surface reaches in a direction from the origin of its frame, in metres.
+    pub fn reach(&self, direction: &Vector3<f64>) -> Option<f64> {
+        self.surface.vertices.iter().map(|it| it.coords.dot(direction)).max_by(f64::total_cmp)
+    }
+
+    /// A capsule from the body's origin to where it goes on, for a body whose shape is unknown.
+    pub fn assume_capsule(&mut self, to: Point3<f64>, radius_m: f64) {
+        let unread = self.unread.first().map(|it| format!(" ({}: {})", it.file, it.found)).unwrap_or_default();
+        self.capsules = vec![rounded_outwards(&Capsule { from: Point3::origin(), to, radius: radius_m })];
+        self.assumed =
+            Some(format!("no shape of this link can be read{unread}: from its joint to the next, {radius_m} m around"));
+    }
+}
+
+/// The capsule with numbers of few digits that holds `capsule`.
+fn rounded_outwards(capsule: &Capsule) -> Capsule {
+    let round = |point: &Point3<f64>| point.map(|value| (value * STEPS_PER_M).round() / STEPS_PER_M);
+    let (from, to) = (round(&capsule.from), round(&capsule.to));
+    let moved = (from - capsule.from).norm().max((to - capsule.to).norm());
+    Capsule { from, to, radius: ((capsule.radius + moved) * STEPS_PER_M).ceil() / STEPS_PER_M }
+}
+
+/// The surface of the mesh that a description names.
+pub fn read_mesh(file: &Path, named: &str) -> Result<Vec<TriangleMesh>, InputError> {
+    let expected = "a mesh of the description: STL, OBJ or COLLADA (.dae)";
+    let path = located(file, named, expected)?;
+    let bytes = FileKind::geometry(expected).read(&path)?;
+    Ok(vec![surface_from_bytes(&path.display().to_string(), &bytes)?])
+}
+
+/// The surface of a shape in its body's frame.
+fn surface<F>(geometry: &Geometry, meshes: &mut MeshFiles<F>) -> Result<TriangleMesh, InputError>
+where
+    F: Fn(&str) -> Result<Vec<TriangleMesh>, InputError>,
+{
+    let surface = match &geometry.shape {
+        Shape::Mesh { file: named, scale } => {
+            let mut surface = meshes.get(named)?.first().cloned().unwrap_or_default();
+            for vertex in &mut surface.vertices {
+                *vertex = geometry.X_LS * Point3::from(vertex.coords.component_mul(scale));
+            }
+            surface
+        }
+        _ => geometry.surface().unwrap_or_default(),
+    };
+    let extent_m = surface.aabb().size.max();
+    if extent_m.is_finite() && extent_m <= MOST_EXTENT_M {
+        return Ok(surface);
+    }
+    let named = if let Shape::Mesh { file, .. } = &geometry.shape { file } else { "a shape" };
+    let expected = format!("at most {MOST_EXTENT_M} m: a part of an arm, in metres (`scale=\"0.001 0.001 0.001\"`)");
+    Err(InputError::new(named, "extent", format!("{extent_m} m"), expected))
+}

@@ -1,0 +1,154 @@
+//! Reads `joint_limits.yaml`, the file beside a robot's description in which MoveIt and drivers keep what URDF cannot say.
+//!
+//! The tag `!degrees` in front of a number is understood, `null` is what is not given, and a limit only
+//! narrows what others state.
+
+use std::collections::BTreeMap;
+
+use catch_body::{
+    InputError,
+    document::{Harmless, Node},
+    quantity,
+    quantity::Quantity,
+};
+
+use crate::yaml;
+
+/// Limits of a joint; `None` where the file has none.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct JointLimitFields {
+    /// Lowest position.
+    pub lower: Option<f64>,
+    /// Highest position.
+    pub upper: Option<f64>,
+    /// Highest speed.
+    pub velocity: Option<f64>,
+    /// Highest acceleration.
+    pub acceleration: Option<f64>,
+    /// Highest jerk.
+    pub jerk: Option<f64>,
+    /// Highest torque.
+    pub effort: Option<f64>,
+}
+
+/// What says nothing about a joint's limits.
+const HARMLESS: Harmless =
+    &[("", &["default_velocity_scaling_factor", "default_acceleration_scaling_factor", "cartesian_limits"])];
+
+/// Limits by the names of their joints, wherever in the document `joint_limits` stands.
+///
+/// # Errors
+/// A line that is no YAML, a number that is none or out of its range, a key that is not known.
+pub fn read(file: &str, text: &str) -> Result<BTreeMap<String, JointLimitFields>, InputError> {
+    let document = yaml::document(file, text)?;
+    let mut all = BTreeMap::new();
+    let mut waiting = vec![document.root()];
+    while let Some(node) = waiting.pop() {
+        for limits in node.children("joint_limits") {
+            for joint in limits.elements() {
+                all.insert(joint.name().to_owned(), of_joint(joint.read())?);
+            }
+        }
+        // Parameters of nodes have names around them: `/**: ros__parameters: robot_description_planning: …`.
+        waiting.extend(
+            node.elements()
+                .filter(|it| it.name() != "joint_limits" && !it.is_list())
+                .filter(|it| holds_limits(*it))
+                .map(Node::read),
+        );
+    }
+    document.finish(&[HARMLESS])?;
+    Ok(all)
+}
+
+fn holds_limits(node: Node) -> bool {
+    node.descendants().any(|it| it.name() == "joint_limits")
+}
+
+fn of_joint(joint: Node) -> Result<JointLimitFields, InputError> {
+    let value = |key| joint.child(key).filter(|it| !it.is_null());
+    let has = |key| value(key).is_none_or(|it| matches!(&*it.text().to_lowercase(), "true" | "yes" | "on"));
+    let number = |has: bool, key, range: Quantity| {
+        let Some(node) = value(key).filter(|_| has) else { return Ok(None) };
+        let (text, factor) = match node.text().strip_prefix("!degrees") {
+            Some(degrees) => (degrees.trim(), std::f64::consts::PI / 180.0),
+            None => (node.text(), 1.0),
+        };
+        let number = text.parse::<f64>().ok().map(|it| it * factor).filter(|it| range.contains(*it));
+        number.map(Some).ok_or_else(|| node.fault(format!("`{}`", node.text()), range))
+    };
+    let has_position = has("has_position_limits");
+    let has_soft = value("has_soft_limits").is_some() && has("has_soft_limits");
+    let range = quantity::JOINT_POSITION_RAD;
+    let narrowed = |one: Option<f64>, other: Option<f64>, pick: fn(f64, f64) -> f64| {
+        [one, other].into_iter().flatten().reduce(pick)
+    };
+    let (lower, upper) = (number(has_position, "min_position", range)?, number(has_position, "max_position", range)?);
+    let soft = [number(has_soft, "soft_lower_limit", range)?, number(has_soft, "soft_upper_limit", range)?];
+    if has("angle_wraparound") && value("angle_wraparound").is_some() && (lower.is_some() || upper.is_some()) {
+        return Err(joint.fault("angle_wraparound beside limits of the position", "one of both"));
+    }
+    if has_soft {
+        // Gains of the controller that keeps them.
+        let (_, _) = (value("k_position"), value("k_velocity"));
+    }
+    let acceleration = number(has("has_acceleration_limits"), "max_acceleration", quantity::JOINT_ACCELERATION_RADPS2)?;
+    let deceleration = number(has("has_deceleration_limits"), "max_deceleration", quantity::JOINT_ACCELERATION_RADPS2)?;
+    Ok(JointLimitFields {
+        lower: narrowed(lower, soft[0], f64::max),
+        upper: narrowed(upper, soft[1], f64::min),
+        velocity: number(has("has_velocity_limits"), "max_velocity", quantity::JOINT_VELOCITY_RADPS)?,
+        acceleration: narrowed(acceleration, deceleration, f64::min),
+        jerk: number(has("has_jerk_limits"), "max_jerk", quantity::JOINT_JERK_RADPS3)?,
+        effort: number(has("has_effort_limits"), "max_effort", quantity::TORQUE_NM)?,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn limits_of_both_forms_are_read() {
+        let text = "# limits\ndefault_velocity_scaling_factor: 0.1\njoint_limits:\n  joint_1:  # the first\n    \
+            has_velocity_limits: true\n    max_velocity: 2.5\n    has_acceleration_limits: false\n    \
+            max_acceleration: 7\n  'joint_2':\n    max_acceleration: !degrees 180.0\n    max_effort: 40\n    \
+            min_position: -1.5\n    max_jerk: 5e2\n";
+        let limits = read("joint_limits.yaml", text).unwrap();
+        let first = JointLimitFields { velocity: Some(2.5), ..Default::default() };
+        assert_eq!(limits["joint_1"], first);
+        let second = limits["joint_2"];
+        assert!((second.acceleration.unwrap() - std::f64::consts::PI).abs() < 1e-12);
+        assert_eq!((second.effort, second.lower, second.jerk), (Some(40.0), Some(-1.5), Some(500.0)));
+        assert!(read("none.yaml", "").unwrap().is_empty());
+    }
+
+    #[test]
+    fn faults_are_told_with_their_line() {
+        for (text, expected) in [
+            (
+                "joint_limits:\n  a:\n    max_velocity: fast",
+                "line 3: joint_limits.a.max_velocity: found `fast`, expected 0.001 to",
+            ),
+            ("joint_limits:\n  a:\n    max_velocity: -1", "line 3: joint_limits.a.max_velocity: found `-1`"),
+            (
+                "joint_limits:\n  a:\n    max_speed: 1",
+                "line 3: joint_limits.a.max_speed: found `max_speed`, which is not read",
+            ),
+            ("{a: 1}", "line 1: a: found `a`, which is not read"),
+        ] {
+            let fault = read("joint_limits.yaml", text).unwrap_err().to_string();
+            assert!(fault.contains(expected), "{fault}");
+        }
+    }
+
+    #[test]
+    fn what_yaml_allows_is_read() {
+        let text = "/**:\n  ros__parameters:\n    robot_description_planning:\n      joint_limits:\n        a: {has_velocity_limits: true, max_velocity: 2.0}\n        \
+            b:\n          max_velocity: null\n          max_position: 1\n          max_acceleration: ~\n        c: {max_acceleration: 4, max_deceleration: 3}\n";
+        let limits = read("joint_limits.yaml", text).unwrap();
+        assert_eq!(limits["a"], JointLimitFields { velocity: Some(2.0), ..Default::default() });
+        assert_eq!(limits["b"], JointLimitFields { upper: Some(1.0), ..Default::default() });
+        assert_eq!(limits["c"], JointLimitFields { acceleration: Some(3.0), ..Default::default() });
+    }
+}

@@ -1,0 +1,307 @@
+//! Reads PLY files, text or binary: vertices, their normals, and the polygons between them.
+
+use std::ops::Range;
+
+use catch_body::{InputError, mesh_file::MOST_TRIANGLES};
+
+/// Elements of one kind at most.
+const MOST_ROWS: usize = 20_000_000;
+/// Elements with no surface in them, which are passed over.
+const HARMLESS: [&str; 3] = ["edge", "camera", "material"];
+/// A header is no longer.
+const MOST_HEADER_BYTES: usize = 100_000;
+
+/// What a PLY file holds.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct PlyFile {
+    /// Places in the unit of the file.
+    pub vertices: Vec<[f64; 3]>,
+    /// Normals of the vertices, where the file has them.
+    pub normals: Option<Vec<[f64; 3]>>,
+    /// Triangles; polygons are cut into fans.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// How numbers are written.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Encoding {
+    Text,
+    LittleEndian,
+    BigEndian,
+}
+
+/// The type of a number.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Number {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+struct Property {
+    name: String,
+    /// The type of a list's length, if it is one.
+    length: Option<Number>,
+    of: Number,
+}
+
+struct Element {
+    name: String,
+    rows: usize,
+    properties: Vec<Property>,
+}
+
+impl PlyFile {
+    /// Reads a file; `file` names it in errors.
+    ///
+    /// # Errors
+    /// If it is no PLY file, ends early, or has vertices without x, y and z.
+    pub fn from_bytes(file: &str, bytes: &[u8]) -> Result<Self, InputError> {
+        let fault = |field: &str, found: &str, expected: &str| InputError::new(file, field, found, expected);
+        let head = &bytes[..bytes.len().min(MOST_HEADER_BYTES)];
+        // A comment may have the word, too.
+        let (mut end, mut body) = (None, &[][..]);
+        let mut at = 0;
+        while let Some(length) = head[at..].iter().position(|it| *it == b'\n') {
+            let line = head[at..at + length].trim_ascii();
+            if line == b"end_header" {
+                (end, body) = (Some(at), &bytes[at + length + 1..]);
+                break;
+            }
+            at += length + 1;
+        }
+        let end = end.filter(|_| bytes.starts_with(b"ply"));
+        let end = end.ok_or_else(|| fault("header", "no PLY header", "`ply` … `end_header`"))?;
+        let (encoding, elements) = header(file, &String::from_utf8_lossy(&bytes[..end]))?;
+        let mut numbers = Numbers { encoding, body, at: 0 };
+        let mut ply = Self::default();
+        for element in &elements {
+            for row in 0..element.rows {
+                let too_few = || {
+                    let expected = format!("the {} of the header", element.rows);
+                    InputError::new(file, format!("rows of {}", element.name), row, expected)
+                };
+                ply.row(element, &mut numbers).ok_or_else(too_few)?;
+                if ply.triangles.len() > MOST_TRIANGLES {
+                    return Err(fault("faces", "more triangles", &format!("at most {MOST_TRIANGLES}")));
+                }
+            }
+            if element.name == "vertex" && ply.vertices.len() != element.rows {
+                return Err(fault("element vertex", "no x, y or z", "properties x, y and z"));
+            }
+        }
+        Ok(ply)
+    }
+
+    /// Reads one row of an element; `None` if there is none.
+    fn row(&mut self, element: &Element, numbers: &mut Numbers) -> Option<()> {
+        let (mut place, mut normal) = ([None; 3], [None; 3]);
+        for property in &element.properties {
+            let Some(length) = property.length else {
+                let value = numbers.next(property.of)?;
+                match property.name.as_str() {
+                    "x" | "y" | "z" => place[usize::from(property.name.as_bytes()[0] - b'x')] = Some(value),
+                    "nx" | "ny" | "nz" => normal[usize::from(property.name.as_bytes()[1] - b'x')] = Some(value),
+                    _ => {}
+                }
+                continue;
+            };
+            let count = numbers.next(length).filter(|it| (0.0..=MOST_ROWS as f64).contains(it))? as usize;
+            let is_surface = matches!(property.name.as_str(), "vertex_indices" | "vertex_index");
+            let mut corners = Vec::new();
+            for _ in 0..count {
+                let value = numbers.next(property.of)?;
+                if is_surface {
+                    // What is no index is beyond all vertices; a strip ends with −1.
+                    corners.push(if (0.0..f64::from(u32::MAX)).contains(&value) { value as u32 } else { u32::MAX });
+                }
+            }
+            match element.name.as_str() {
+                "face" => self.triangles.extend((2..corners.len()).map(|i| [corners[0], corners[i - 1], corners[i]])),
+                "tristrips" => corners.split(|it| *it == u32::MAX).for_each(|it| self.triangles.extend(strip(it))),
+                _ => {}
+            }
+        }
+        if element.name == "vertex" {
+            if let [Some(x), Some(y), Some(z)] = place {
+                self.vertices.push([x, y, z]);
+            }
+            if let [Some(x), Some(y), Some(z)] = normal {
+                self.normals.get_or_insert_default().push([x, y, z]);
+            }
+        }
+        Some(())
+    }
+}
+
+/// The triangles of a strip, all facing one way.
+pub(super) fn strip(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> {
+    corners.windows(3).enumerate().map(|(i, it)| if i % 2 == 0 { [it[0], it[1], it[2]] } else { [it[1], it[0], it[2]] })
+}
+
+/// Encoding and elements, as the lines of a header say.
+fn header(file: &str, text: &str) -> Result<(Encoding, Vec<Element>), InputError> {
+    let fault = |field: &str, found: &str, expected: &str| InputError::new(file, field, found, expected);
+    let number = |name: &str| {
+        let number = match name {
+            "char" | "int8" => Number::I8,
+            "uchar" | "uint8" => Number::U8,
+            "short" | "int16" => Number::I16,
+            "ushort" | "uint16" => Number::U16,
+            "int" | "int32" => Number::I32,
+            "uint" | "uint32" => Number::U32,
+            "float" | "float32" => Number::F32,
+            "double" | "float64" => Number::F64,
+            _ => return Err(fault("property", name, "char, short, int, float or double")),
+        };
+        Ok(number)
+    };
+    let (mut encoding, mut elements) = (None, Vec::<Element>::new());
+    for line in text.lines() {
+        match line.split_whitespace().collect::<Vec<_>>()[..] {
+            ["format", "ascii", _] => encoding = Some(Encoding::Text),
+            ["format", "binary_little_endian", _] => encoding = Some(Encoding::LittleEndian),
+            ["format", "binary_big_endian", _] => encoding = Some(Encoding::BigEndian),
+            ["element", name, count] => {
+                let rows = count.parse().ok().filter(|it| *it <= MOST_ROWS);
+                let rows = rows.ok_or_else(|| fault("element", line, &format!("at most {MOST_ROWS} rows")))?;
+                elements.push(Element { name: name.to_owned(), rows, properties: Vec::new() });
+            }
+            ["property", ref kind @ .., name] => {
+                let (length, of) = match kind {
+                    ["list", length, of] => (Some(number(length)?), number(of)?),
+                    [of] => (None, number(of)?),
+                    _ => return Err(fault("property", line, "a type and a name")),
+                };
+                let element = elements.last_mut().ok_or_else(|| fault("property", line, "an element before"))?;
+                element.properties.push(Property { name: name.to_owned(), length, of });
+            }
+            ["ply"] | ["comment" | "obj_info" | "format", ..] | [] => {}
+            _ => return Err(fault("header", line, "format, comment, element or property")),
+        }
+    }
+    for element in &elements {
+        let is_surface = matches!(element.name.as_str(), "face" | "tristrips");
+        let has_list = element.properties.iter().any(|it| matches!(&*it.name, "vertex_indices" | "vertex_index"));
+        if is_surface && element.rows > 0 && !has_list {
+            return Err(fault(&format!("element {}", element.name), "no vertex_indices", "a list of vertices"));
+        }
+        if !is_surface && element.name != "vertex" && element.rows > 0 && !HARMLESS.contains(&&*element.name) {
+            return Err(fault("element", &element.name, "vertex, face or tristrips: no other element is read"));
+        }
+    }
+    // A row without properties takes no bytes, so their number would be bounded by nothing.
+    elements.retain(|it| !it.properties.is_empty());
+    let encoding = encoding.ok_or_else(|| fault("format", "none that is known", "ascii or binary"))?;
+    Ok((encoding, elements))
+}
+
+/// The numbers of a body, one after the other.
+struct Numbers<'a> {
+    encoding: Encoding,
+    body: &'a [u8],
+    at: usize,
+}
+
+impl Numbers<'_> {
+    fn next(&mut self, kind: Number) -> Option<f64> {
+        if self.encoding == Encoding::Text {
+            let rest = &self.body[self.at..];
+            let start = rest.iter().position(|it| !it.is_ascii_whitespace())?;
+            let length = rest[start..].iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len() - start);
+            let word: Range<usize> = start..start + length;
+            self.at += word.end;
+            return std::str::from_utf8(&rest[word]).ok()?.parse().ok();
+        }
+        let big = self.encoding == Encoding::BigEndian;
+        Some(match kind {
+            Number::I8 => f64::from(self.bytes::<1>(big)?[0] as i8),
+            Number::U8 => f64::from(self.bytes::<1>(big)?[0]),
+            Number::I16 => f64::from(i16::from_le_bytes(self.bytes(big)?)),
+            Number::U16 => f64::from(u16::from_le_bytes(self.bytes(big)?)),
+            Number::I32 => f64::from(i32::from_le_bytes(self.bytes(big)?)),
+            Number::U32 => f64::from(u32::from_le_bytes(self.bytes(big)?)),
+            Number::F32 => f64::from(f32::from_le_bytes(self.bytes(big)?)),
+            Number::F64 => f64::from_le_bytes(self.bytes(big)?),
+        })
+    }
+
+    /// The next bytes, the lowest first.
+    fn bytes<const N: usize>(&mut self, big_endian: bool) -> Option<[u8; N]> {
+        let mut bytes: [u8; N] = self.body.get(self.at..self.at + N)?.try_into().ok()?;
+        self.at += N;
+        if big_endian {
+            bytes.reverse();
+        }
+        Some(bytes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HEADER: &str = "ply\nformat ascii 1.0\ncomment a square\nelement vertex 4\nproperty float x\nproperty float y\n\
+        property double z\nproperty uchar red\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
+
+    #[test]
+    fn text_and_binary_are_the_same_square() {
+        let text = HEADER.to_owned() + "0 0 0 9\n1 0 0 9\n1 1 0 9\n0 1 0.5 9\n4 0 1 2 3\n";
+        let ply = PlyFile::from_bytes("a.ply", text.as_bytes()).unwrap();
+        assert_eq!((ply.vertices[3], &ply.triangles[..]), ([0.0, 1.0, 0.5], &[[0, 1, 2], [0, 2, 3]][..]));
+        for (encoding, big) in [("binary_little_endian", false), ("binary_big_endian", true)] {
+            let mut bytes = HEADER.replace("ascii", encoding).into_bytes();
+            let mut add = |mut number: Vec<u8>| {
+                if big {
+                    number.reverse();
+                }
+                bytes.extend(number);
+            };
+            for [x, y, z] in &ply.vertices {
+                add((*x as f32).to_le_bytes().to_vec());
+                add((*y as f32).to_le_bytes().to_vec());
+                add(z.to_le_bytes().to_vec());
+                add(vec![9]);
+            }
+            add(vec![4]);
+            (0..4i32).for_each(|index| add(index.to_le_bytes().to_vec()));
+            assert_eq!(PlyFile::from_bytes("a.ply", &bytes).unwrap(), ply);
+        }
+    }
+
+    #[test]
+    fn broken_files_are_named() {
+        let text = HEADER.to_owned() + "0 0 0 9\n1 0 0 9\n1 1 0 9\n0 1 0.5 9\n4 0 1 2 3\n";
+        for (text, expected) in [
+            (text.replace("4 0 1 2 3\n", "4 0 1\n"), "rows of face: found 0"),
+            (text.replace("vertex 4", "vertex 99999999999"), "element: found"),
+            (text.replace("property float y", "property float q"), "no x, y or z"),
+            (text.replace("uchar red", "colour red"), "property: found colour"),
+            (text.replace("ascii", "zip"), "format: "),
+            ("ply\n".to_owned(), "no PLY header"),
+            (text.replace("element face", "element patch"), "element: found patch"),
+            (text.replace("vertex_indices", "corners"), "element face: found no vertex_indices"),
+            (text.replace("comment a square", "colour a square"), "header: found colour a square"),
+        ] {
+            let fault = PlyFile::from_bytes("a.ply", text.as_bytes()).unwrap_err().to_string();
+            assert!(fault.contains(expected), "{fault}");
+        }
+    }
+
+    #[test]
+    fn comments_may_say_anything_and_strips_are_surfaces() {
+        let body = "0 0 0 9\n1 0 0 9\n1 1 0 9\n0 1 0.5 9\n";
+        let text = HEADER.replace("a square", "before end_header") + body + "4 0 1 2 3\n";
+        let ply = PlyFile::from_bytes("a.ply", text.as_bytes()).unwrap();
+        assert_eq!(ply.triangles, [[0, 1, 2], [0, 2, 3]]);
+        let strips =
+            HEADER.replace("face", "tristrips").replace("uchar int", "int int") + body + "8 0 1 3 2 -1 0 1 2\n";
+        let ply = PlyFile::from_bytes("a.ply", strips.as_bytes()).unwrap();
+        assert_eq!(ply.triangles, [[0, 1, 3], [3, 1, 2], [0, 1, 2]]);
+    }
+}

@@ -1,0 +1,5 @@
+//! Tests of what users bring.
+
+#![allow(non_snake_case)]
+
+mod registration;

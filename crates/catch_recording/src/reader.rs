@@ -1,0 +1,180 @@
+//! Reads recordings.
+
+use std::{
+    fs::File,
+    io::{self, BufReader, Read, Take},
+    marker::PhantomData,
+    path::Path,
+};
+
+use catch_body::InputError;
+use flate2::read::GzDecoder;
+use serde::{
+    Deserialize,
+    de::{DeserializeOwned, IgnoredAny},
+};
+
+use crate::{
+    bounded_file::FileKind,
+    consistency,
+    recording::{Ending, FORMAT, FORMAT_VERSION, Header, MOST_UNPACKED_BYTES, RecordedTick},
+};
+
+/// What every reader wants.
+const EXPECTED: &str = "a recording written by `catchingbot catch` or by a cell's recorder (*.catch)";
+
+/// A part of a recording that the tick loop of a cell does not write, such as the truth of a simulation.
+///
+/// Who does not care for it reads [`IgnoredAny`].
+pub trait Channel: DeserializeOwned {
+    /// Whether its values fit together; `file` is the recording.
+    ///
+    /// # Errors
+    /// What does not fit.
+    fn check(&self, _file: &str) -> Result<(), InputError> {
+        Ok(())
+    }
+}
+
+impl Channel for IgnoredAny {}
+
+/// What the headers of all versions have: whether the rest can be read is known before it is.
+#[derive(Deserialize)]
+struct Preamble {
+    format: String,
+    format_version: u32,
+    version: String,
+}
+
+/// Reads a recording, tick by tick. `S` is read of what a simulation says of itself, `T` of what only it knows.
+pub struct RecordingReader<S = IgnoredAny, T = IgnoredAny> {
+    file: String,
+    input: Input,
+    /// When the last tick was.
+    last_s: Option<f64>,
+    /// What was known before the throw.
+    pub header: Header<S>,
+    truth: PhantomData<T>,
+}
+
+/// What follows the header.
+#[derive(Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Part<T> {
+    /// The next tick.
+    Tick(Box<RecordedTick>),
+    /// The end; nothing follows.
+    Ending(Box<Ending<T>>),
+}
+
+impl<S: Channel, T: Channel> RecordingReader<S, T> {
+    /// Opens a recording and reads its header.
+    ///
+    /// # Errors
+    /// If there is no such file, it is not a recording, or a recording of another version.
+    pub fn open(path: &Path) -> Result<Self, InputError> {
+        let file = path.display().to_string();
+        let Preamble { format, format_version, version } = read(&file, &mut open(path)?, true)?;
+        if format != FORMAT {
+            return Err(InputError::new(&file, "format", format, FORMAT));
+        }
+        if format_version != FORMAT_VERSION {
+            let found = format!("{format_version}, written by version {version}");
+            return Err(InputError::new(&file, "format_version", found, FORMAT_VERSION));
+        }
+        let mut input = open(path)?;
+        let header: Header<S> = read(&file, &mut input, false)?;
+        consistency::cell(&file, &header.cell)?;
+        Ok(Self { file, input, last_s: None, header, truth: PhantomData })
+    }
+
+    /// The next part of the recording.
+    ///
+    /// # Errors
+    /// If the file ends before its ending or is damaged.
+    pub fn next_part(&mut self) -> Result<Part<T>, InputError> {
+        let part = read(&self.file, &mut self.input, false)?;
+        match &part {
+            Part::Tick(tick) => {
+                consistency::tick(&self.file, tick, self.last_s, &self.header.cell.cameras)?;
+                self.last_s = Some(tick.observation.time_s);
+                return Ok(part);
+            }
+            Part::Ending(ending) => ending.ground_truth.iter().try_for_each(|it| it.check(&self.file))?,
+        }
+        // Reading on to the end checks the checksum, too.
+        let rest = io::copy(&mut self.input.by_ref().take(1), &mut io::sink());
+        if rest.as_ref().is_ok_and(|&bytes| bytes == 0) {
+            return Ok(part);
+        }
+        let found = rest.map_or_else(|fault| fault.to_string(), |_| "more data after its end".to_owned());
+        Err(InputError::new(&self.file, "the file", found, "the end of the recording"))
+    }
+}
+
+/// An unpacked recording, as far as it may go.
+type Input = BufReader<Take<GzDecoder<BufReader<File>>>>;
+
+/// Opens a packed recording.
+fn open(path: &Path) -> Result<Input, InputError> {
+    let packed = FileKind::recorded(EXPECTED).open(path)?;
+    Ok(BufReader::new(GzDecoder::new(BufReader::new(packed)).take(MOST_UNPACKED_BYTES)))
+}
+
+/// Reads the next part; of a file that is no recording the `first` one cannot be read.
+fn read<T: DeserializeOwned>(file: &str, input: &mut Input, first: bool) -> Result<T, InputError> {
+    let read = serde_path_to_error::deserialize(&mut rmp_serde::Deserializer::new(&mut *input));
+    read.map_err(|fault: serde_path_to_error::Error<rmp_serde::decode::Error>| {
+        if input.get_ref().limit() == 0 {
+            let expected = format!("a recording of at most {} MiB unpacked", MOST_UNPACKED_BYTES >> 20);
+            return InputError::new(file, "size", "more", expected);
+        }
+        let field = fault.path().to_string();
+        let fault = fault.into_inner();
+        let cut_off = match &fault {
+            rmp_serde::decode::Error::InvalidMarkerRead(fault) | rmp_serde::decode::Error::InvalidDataRead(fault) => {
+                fault.kind() == io::ErrorKind::UnexpectedEof
+            }
+            _ => false,
+        };
+        let is_in_field = field.contains(|it: char| it.is_alphabetic());
+        match (first, cut_off) {
+            (false, false) if is_in_field => {
+                let said = fault.to_string();
+                let (found, expected) = said.split_once(", expected ").unwrap_or((&said, "a value of another kind"));
+                let found = found.trim_start_matches("invalid value: ").trim_start_matches("found ");
+                InputError::new(file, field, found, expected)
+            }
+            (true, false) => InputError::new(file, "the file", "something else", EXPECTED),
+            (_, true) => {
+                InputError::new(file, "the file", "an end too early", "a complete recording; this one was cut off")
+            }
+            (false, false) => InputError::new(file, "the file", fault, "an undamaged recording"),
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use flate2::{Compression, GzBuilder};
+
+    /// The first format had neither trajectories with identifiers nor headers like these.
+    #[test]
+    fn an_old_recording_is_refused_by_its_version() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("old.catch");
+        let mut out = GzBuilder::new().write(File::create(&path).unwrap(), Compression::fast());
+        let header = serde_json::json!({
+            "format": FORMAT, "format_version": 3, "version": "0.0.9", "scenario": "something else"
+        });
+        rmp_serde::encode::write_named(&mut out, &header).unwrap();
+        out.finish().unwrap();
+        let fault = RecordingReader::<IgnoredAny, IgnoredAny>::open(&path).err().unwrap().to_string();
+        assert!(
+            fault.contains("format_version: found 3, written by version 0.0.9")
+                && fault.contains(&FORMAT_VERSION.to_string()),
+            "{fault}"
+        );
+    }
+}

@@ -1,0 +1,284 @@
+//! The format of recordings, and what writes them.
+
+use std::{
+    io::{self, BufWriter, Write},
+    ops::Not,
+    path::{Path, PathBuf},
+};
+
+use catch_body::{JointVector, Pose, quantity};
+use catch_bot::{
+    Report, Status, control::GripperPlan, grasp_selection::Approach, perception::ObjectPose,
+    trajectory_prediction::FlightTrajectory,
+};
+use catch_cell::{CameraModel, Command, DepthFrame, Observation, ReferenceScan};
+use flate2::{Compression, GzBuilder, write::GzEncoder};
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    brain::BrainSettings,
+    sources::Sources,
+    tick::Tick,
+    timeline::Entry,
+    whole_file::{Unfinished, sweep_out},
+};
+
+/// What every recording begins with.
+pub const FORMAT: &str = "catchingbot recording";
+/// Changes whenever older programs could not read the file.
+pub const FORMAT_VERSION: u32 = 5;
+/// Version of this program, as every recording carries it.
+const VERSION: &str = env!("CARGO_PKG_VERSION");
+/// Bytes of an unpacked recording at most.
+pub const MOST_UNPACKED_BYTES: u64 = 1 << 30;
+/// Ending of the files' names.
+pub const EXTENSION: &str = "catch";
+
+/// What is known before anything is sensed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Header<Simulation> {
+    /// Always `catchingbot recording`.
+    pub format: String,
+    /// Version of the format; older programs cannot read a higher one.
+    pub format_version: u32,
+    /// Version of the program that wrote it.
+    pub version: String,
+    /// What it is a recording of, for people.
+    pub title: String,
+    /// What the brain is made from.
+    pub cell: RecordedCell,
+    /// Which throw of which scenario; `None` for a real cell.
+    pub simulation: Option<Simulation>,
+}
+
+/// What a brain knows of its cell: enough to build the same brain again.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecordedCell {
+    /// The brain's settings as it was given them.
+    pub brain: BrainSettings,
+    /// Texts of robot and gripper.
+    pub sources: Sources,
+    /// Joint positions in which the arm waits.
+    #[serde(deserialize_with = "quantity::angle_rad")]
+    pub ready_rad: Vec<f64>,
+    /// The cameras as the brain believes them to be.
+    pub cameras: Vec<CameraModel>,
+    /// What it knows of the object's shape.
+    pub reference_scan: ReferenceScan,
+}
+
+/// One tick of the brain.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecordedTick {
+    /// What it saw.
+    pub observation: Observation,
+    /// What it wanted.
+    pub command: Command,
+    /// State snapshots of the brain.
+    pub report: RecordedReport,
+    /// Whether images that the brain saw are not in the recording, which has no room for more.
+    #[serde(default)]
+    pub images_left_out: bool,
+}
+
+/// State snapshot of the brain. The plan's motion is in the command of the tick that made it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecordedReport {
+    /// How far it got.
+    pub status: Status,
+    /// The newest pose of the object.
+    pub pose: Option<ObjectPose>,
+    /// The predicted flight.
+    pub flight: Option<FlightTrajectory>,
+    /// Where, when and how it means to catch.
+    pub plan: Option<RecordedPlan>,
+    /// Closing of the gripper.
+    pub closing: Option<GripperPlan>,
+}
+
+/// A plan without its motion.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecordedPlan {
+    /// When the object is at the grasp centre.
+    #[serde(deserialize_with = "quantity::clock_s")]
+    pub catch_s: f64,
+    /// How the object comes into the gripper.
+    pub approach: Approach,
+    /// Pose of the gripper then.
+    #[serde(deserialize_with = "quantity::pose")]
+    pub X_WG: Pose,
+    /// Joint positions then, in radians.
+    #[serde(deserialize_with = "quantity::joint_rad")]
+    pub q: JointVector,
+    /// Fraction of the object's velocity at which the gripper moves along.
+    pub speed_fraction: f64,
+    /// Opening before the catch.
+    pub aperture_m: f64,
+    /// Width of the object between the fingers.
+    pub object_width_m: f64,
+}
+
+/// What is known afterwards.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Ending<GroundTruth> {
+    /// The story.
+    pub timeline: Vec<Entry>,
+    /// What only a simulation knows; `None` for a real cell.
+    pub ground_truth: Option<GroundTruth>,
+}
+
+impl From<&Report> for RecordedReport {
+    fn from(report: &Report) -> Self {
+        let plan = report.plan.as_ref().map(|plan| RecordedPlan {
+            catch_s: plan.catch_s,
+            approach: plan.approach,
+            X_WG: plan.X_WG,
+            q: plan.q,
+            speed_fraction: plan.speed_fraction,
+            aperture_m: plan.aperture_m,
+            object_width_m: plan.grasp.object_width_m,
+        });
+        Self { status: report.status, pose: report.pose, flight: report.flight.clone(), plan, closing: report.closing }
+    }
+}
+
+#[derive(Serialize)]
+#[serde(rename_all = "snake_case")]
+enum Written<'a, T> {
+    Tick {
+        observation: &'a Observation,
+        command: &'a Command,
+        report: &'a RecordedReport,
+        #[serde(skip_serializing_if = "Not::not")]
+        images_left_out: bool,
+    },
+    Ending(&'a Ending<T>),
+}
+
+/// Writes a recording tick by tick. The file appears under its name when it is complete, not before.
+pub struct Recorder {
+    path: PathBuf,
+    out: Counted,
+    /// Bytes that an unpacked recording may have.
+    room: u64,
+    /// When the first image was left out.
+    images_until_s: Option<f64>,
+}
+
+/// What is written, counted before it is packed.
+struct Counted {
+    /// Numbers come one by one, and the encoder clears a buffer at each call: they are gathered first.
+    packed: BufWriter<GzEncoder<BufWriter<Unfinished>>>,
+    bytes: u64,
+}
+
+impl Write for Counted {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.packed.write(bytes)?;
+        self.bytes += written as u64;
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.packed.flush()
+    }
+}
+
+/// Bytes of an unpacked recording that are no image's: enough for the states and the story of any throw.
+pub const ROOM_WITHOUT_IMAGES: u64 = 64 << 20;
+
+/// Most bytes that an image takes: five for a depth, one for a pixel of the mask, and some for the rest.
+fn most_bytes(frame: &DepthFrame) -> u64 {
+    6 * frame.depth_m.len() as u64 + 1000
+}
+
+impl Recorder {
+    /// Begins a recording called `name`, a file name without ending.
+    ///
+    /// # Errors
+    /// If the folder or the file cannot be written.
+    pub fn begin<S: Serialize>(
+        folder: &Path,
+        name: &str,
+        title: String,
+        cell: RecordedCell,
+        simulation: Option<S>,
+    ) -> io::Result<Self> {
+        let path = folder.join(format!("{name}.{EXTENSION}"));
+        let unfinished = Unfinished::beside(&path)?;
+        sweep_out(folder)?;
+        let out = GzBuilder::new().write(BufWriter::new(unfinished), Compression::fast());
+        let out = Counted { packed: BufWriter::with_capacity(1 << 16, out), bytes: 0 };
+        let mut recorder = Self { path, out, room: MOST_UNPACKED_BYTES, images_until_s: None };
+        recorder.write(&Header {
+            format: FORMAT.to_owned(),
+            format_version: FORMAT_VERSION,
+            version: VERSION.to_owned(),
+            title,
+            cell,
+            simulation,
+        })?;
+        Ok(recorder)
+    }
+
+    /// Adds a tick, without its images where a reader would find the recording too large with them.
+    ///
+    /// # Errors
+    /// If it cannot be written, or no reader would take it even without images.
+    pub fn ticked(&mut self, tick: &Tick) -> io::Result<()> {
+        let Tick { observation, command, report } = *tick;
+        // A brain that tells nothing is recorded as one that has seen nothing.
+        let report = report.map_or_else(|| (&Report::default()).into(), RecordedReport::from);
+        let images: u64 = observation.frames.iter().map(most_bytes).sum();
+        let images_left_out = images > 0 && self.out.bytes + images + ROOM_WITHOUT_IMAGES > self.room;
+        let Observation { time_s, arm, gripper, .. } = observation;
+        let without;
+        let observation = if images_left_out {
+            self.images_until_s.get_or_insert(*time_s);
+            without = Observation { time_s: *time_s, arm: arm.clone(), gripper: *gripper, frames: Vec::new() };
+            &without
+        } else {
+            observation
+        };
+        let report = &report;
+        let tick: Written<()> = Written::Tick { observation, command, report, images_left_out };
+        self.write(&tick)
+    }
+
+    /// Leaves room for so many more bytes, unpacked, than are written; how many there may be in all.
+    pub fn leave_room(&mut self, bytes: u64) -> u64 {
+        self.room = self.out.bytes + bytes;
+        self.room
+    }
+
+    /// When the first image was left out for want of room; `None` where all are recorded.
+    pub fn images_until_s(&self) -> Option<f64> {
+        self.images_until_s
+    }
+
+    /// Adds the ending and gives the file its name, which is returned.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn finish<T: Serialize>(mut self, ending: &Ending<T>) -> io::Result<PathBuf> {
+        self.write(&Written::Ending(ending))?;
+        let packed = self.out.packed.into_inner().map_err(io::IntoInnerError::into_error)?.finish()?;
+        packed.into_inner().map_err(io::IntoInnerError::into_error)?.replace(&self.path)?;
+        Ok(self.path)
+    }
+
+    fn write(&mut self, value: &impl Serialize) -> io::Result<()> {
+        rmp_serde::encode::write_named(&mut self.out, value).map_err(|fault| match fault {
+            rmp_serde::encode::Error::InvalidValueWrite(write) => write.into(),
+            other => io::Error::other(other),
+        })?;
+        if self.out.bytes > self.room {
+            let most = self.room >> 20;
+            return Err(io::Error::new(
+                io::ErrorKind::FileTooLarge,
+                format!("more than the {most} MiB of a recording"),
+            ));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,242 @@
+//! Ray-cast, shaded images of a throw.
+
+use catch_body::{
+    Pose, Robot,
+    ray_cast::{ArmSurface, RayCaster},
+};
+use catch_cell::{CameraModel, PixelWindow};
+use nalgebra::{Matrix3, Point2, Point3, Vector3};
+
+use super::{
+    camera::beside_the_flight,
+    palette::{Colour, OBJECT, grey},
+};
+use crate::playback::{MotionSample, Playback};
+
+const SKY: f64 = 0.93;
+const FLOOR: f64 = 0.89;
+const GRID: f64 = 0.80;
+/// Brightness of a shadow over that of the floor around it.
+const SHADOW: f64 = 0.80;
+const LINK: f64 = 0.95;
+const HOUSING: f64 = 0.30;
+const FINGER: f64 = 0.42;
+/// Rays per pixel and direction where bodies meet.
+const FINE: usize = 3;
+
+/// A line through the scene.
+#[derive(Debug, Clone)]
+pub struct Line {
+    /// Its points in W.
+    pub path: Vec<Point3<f64>>,
+    /// Its colour.
+    pub colour: Colour,
+    /// Its width in pixels.
+    pub width_px: f64,
+}
+
+/// What all images of a throw share.
+#[derive(Debug)]
+pub struct Shader {
+    camera: CameraModel,
+    arm: ArmSurface,
+    object: Option<RayCaster>,
+    sun: Vector3<f64>,
+    robot: Robot,
+}
+
+/// A body at an instant.
+struct Body<'a> {
+    X_WB: Pose,
+    R_BW: Matrix3<f64>,
+    /// Where the camera is.
+    p_BC: Point3<f64>,
+    /// Centre of a ball that holds the body; its radius is the caster's.
+    centre_W: Point3<f64>,
+    /// The pixels that it may cover.
+    window: PixelWindow,
+    caster: &'a RayCaster,
+    colour: Colour,
+}
+
+/// What a pixel shows.
+#[derive(Clone, Copy)]
+struct Seen {
+    colour: Colour,
+    /// Along the ray, in multiples of its direction, which is the depth; infinite for floor and sky.
+    depth_m: f64,
+    /// Which body, or none.
+    body: usize,
+}
+
+impl Shader {
+    /// Prepares the surfaces and chooses where the camera stands.
+    pub fn new(playback: &Playback, width_px: u16, height_px: u16) -> Self {
+        Self {
+            camera: beside_the_flight(playback, width_px, height_px),
+            arm: ArmSurface::new(&playback.robot, &playback.gripper),
+            object: playback.ground_truth().map(|it| RayCaster::new(&it.surface.mesh())),
+            sun: Vector3::new(0.35, -0.35, 0.87).normalize(),
+            robot: playback.robot.clone(),
+        }
+    }
+
+    /// One image, row by row.
+    pub fn image(&self, sample: &MotionSample, lines: &[Line]) -> Vec<Colour> {
+        let X_WL = self.robot.link_poses(&sample.q);
+        let parts: Vec<(Pose, &RayCaster)> = self.arm.parts(&X_WL, sample.width_m).collect();
+        let links = parts.len().saturating_sub(3);
+        let mut bodies: Vec<Body> = parts
+            .into_iter()
+            .enumerate()
+            .map(|(i, (X_WB, caster))| {
+                let brightness = if i < links {
+                    LINK
+                } else if i == links {
+                    HOUSING
+                } else {
+                    FINGER
+                };
+                self.body(X_WB, caster, grey(brightness))
+            })
+            .collect();
+        let object = sample.X_WO.zip(self.object.as_ref());
+        bodies.extend(object.map(|(X_WO, caster)| self.body(X_WO, caster, OBJECT)));
+
+        let window = self.camera.full_window();
+        let (width, count) = (window.width as usize, window.area());
+        let centres: Vec<Seen> = (0..count).map(|pixel| self.look(&bodies, &window.pixel_centre(pixel))).collect();
+        let mut colours: Vec<Colour> = (0..count)
+            .map(|pixel| {
+                let neighbours = [pixel.wrapping_sub(1), pixel + 1, pixel.wrapping_sub(width), pixel + width];
+                let meets = |&at: &usize| centres.get(at).is_some_and(|it| it.body != centres[pixel].body);
+                if neighbours.iter().any(meets) { self.finely(&bodies, pixel) } else { centres[pixel].colour }
+            })
+            .collect();
+        for line in lines {
+            self.draw(line, &centres, &mut colours);
+        }
+        colours
+    }
+
+    fn body<'a>(&self, X_WB: Pose, caster: &'a RayCaster, colour: Colour) -> Body<'a> {
+        let centre_W = X_WB * caster.centre();
+        let centre_C = self.camera.X_WC.inverse_transform_point(&centre_W);
+        Body {
+            X_WB,
+            R_BW: X_WB.rotation.inverse().to_rotation_matrix().into_inner(),
+            p_BC: X_WB.inverse_transform_point(&self.camera.X_WC.translation.vector.into()),
+            centre_W,
+            window: self.camera.window_around(&centre_C, caster.radius()),
+            caster,
+            colour,
+        }
+    }
+
+    /// A pixel's mean colour.
+    fn finely(&self, bodies: &[Body], pixel: usize) -> Colour {
+        let centre = self.camera.full_window().pixel_centre(pixel);
+        let offset = |i: usize| (i as f64 + 0.5) / FINE as f64 - 0.5;
+        let mut sum = [0.0; 3];
+        for i in 0..FINE * FINE {
+            let uv = Point2::new(centre.x + offset(i % FINE), centre.y + offset(i / FINE));
+            let colour = self.look(bodies, &uv).colour;
+            sum = [0, 1, 2].map(|c| sum[c] + colour[c] / (FINE * FINE) as f64);
+        }
+        sum
+    }
+
+    /// What lies behind a point of the image.
+    fn look(&self, bodies: &[Body], uv: &Point2<f64>) -> Seen {
+        let origin = Point3::from(self.camera.X_WC.translation.vector);
+        let direction = self.camera.X_WC.rotation * self.camera.back_project(uv, 1.0).coords;
+        let mut seen = Seen { colour: [0.0; 3], depth_m: f64::INFINITY, body: usize::MAX };
+        let mut normal = Vector3::z();
+        for (i, body) in bodies.iter().enumerate().filter(|(_, body)| contains(&body.window, uv)) {
+            if let Some((t, normal_B)) = body.caster.cast_to_face(&body.p_BC, &(body.R_BW * direction), seen.depth_m) {
+                seen = Seen { depth_m: t, body: i, ..seen };
+                normal = body.R_BW.tr_mul(&normal_B);
+            }
+        }
+        seen.colour = match bodies.get(seen.body) {
+            Some(body) => self.lit(body, &normal, &direction.normalize()),
+            None => self.background(bodies, &origin, &direction),
+        };
+        seen
+    }
+
+    /// A surface in the light of sky and sun.
+    fn lit(&self, body: &Body, normal: &Vector3<f64>, direction: &Vector3<f64>) -> Colour {
+        let half = (self.sun - direction).normalize();
+        let light = 0.56 + 0.14 * normal.z + 0.36 * normal.dot(&self.sun).max(0.0);
+        let shine = 0.12 * normal.dot(&half).max(0.0).powi(40);
+        body.colour.map(|value| (value * light + shine).min(1.0))
+    }
+
+    /// Floor with its grid and the shadows on it, or sky.
+    fn background(&self, bodies: &[Body], origin: &Point3<f64>, direction: &Vector3<f64>) -> Colour {
+        let t = -origin.z / direction.z;
+        if !(t > 0.0 && t.is_finite()) {
+            return grey(SKY);
+        }
+        let p_W = origin + direction * t;
+        let away_m = p_W.x.hypot(p_W.y);
+        let fade = 1.0 - ((away_m - 1.5) / 4.0).clamp(0.0, 1.0);
+        // Lines 12 mm wide every half metre, as far as they cover a pixel's part of the floor.
+        let pixel_m = t / self.camera.focal_px * (direction.norm() / direction.z.abs()).sqrt();
+        let from_line = |value: f64| ((value * 2.0).round() / 2.0 - value).abs();
+        let cover =
+            |value: f64| ((0.006 + pixel_m / 2.0 - from_line(value)) / pixel_m).clamp(0.0, (0.012 / pixel_m).min(1.0));
+        let floor = FLOOR + (GRID - FLOOR) * cover(p_W.x).max(cover(p_W.y));
+        let blocked = |body: &Body| {
+            let offset = body.centre_W - p_W;
+            let miss = offset - self.sun * offset.dot(&self.sun);
+            miss.norm_squared() <= body.caster.radius().powi(2)
+                && body.caster.cast(&body.X_WB.inverse_transform_point(&p_W), &(body.R_BW * self.sun)).is_some()
+        };
+        let shadow = if bodies.iter().any(blocked) { SHADOW } else { 1.0 };
+        grey(SKY + (floor * shadow - SKY) * fade.max(if shadow < 1.0 { 0.4 } else { 0.0 }))
+    }
+
+    /// Draws a line where nothing is before it.
+    fn draw(&self, line: &Line, seen: &[Seen], colours: &mut [Colour]) {
+        let project = |p_W: &Point3<f64>| {
+            let p_C = self.camera.X_WC.inverse_transform_point(p_W);
+            self.camera.project(&p_C).map(|uv| (uv, p_C.z))
+        };
+        let window = self.camera.full_window();
+        let mut cover = vec![0.0_f64; seen.len()];
+        for pair in line.path.windows(2) {
+            let (Some((a, depth)), Some((b, _))) = (project(&pair[0]), project(&pair[1])) else { continue };
+            let reach = line.width_px / 2.0 + 1.0;
+            let cut = |value: f64, most: u32| value.clamp(0.0, f64::from(most)) as usize;
+            let rows = cut(a.y.min(b.y) - reach, window.height)..cut(a.y.max(b.y) + reach + 1.0, window.height);
+            for row in rows {
+                for column in cut(a.x.min(b.x) - reach, window.width)..cut(a.x.max(b.x) + reach + 1.0, window.width) {
+                    let pixel = row * window.width as usize + column;
+                    let fraction = (reach - 0.5 - distance(&window.pixel_centre(pixel), &a, &b)).clamp(0.0, 1.0);
+                    if seen[pixel].depth_m > depth {
+                        cover[pixel] = cover[pixel].max(fraction);
+                    }
+                }
+            }
+        }
+        for (colour, fraction) in colours.iter_mut().zip(cover) {
+            *colour = [0, 1, 2].map(|c| colour[c] + (line.colour[c] - colour[c]) * fraction);
+        }
+    }
+}
+
+/// Whether a window holds a point of the image, or nearly.
+fn contains(window: &PixelWindow, uv: &Point2<f64>) -> bool {
+    let within =
+        |value: f64, first: u32, count: u32| (f64::from(first) - 1.0..=f64::from(first + count) + 1.0).contains(&value);
+    window.area() > 0 && within(uv.x, window.left, window.width) && within(uv.y, window.top, window.height)
+}
+
+/// Distance of a point from a piece of a line.
+fn distance(point: &Point2<f64>, a: &Point2<f64>, b: &Point2<f64>) -> f64 {
+    let along = b - a;
+    let s = ((point - a).dot(&along) / along.norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+    (point - (a + along * s)).norm()
+}
