@@ -67,7 +67,7 @@ impl Config {
         // moves an object by up to d·σ, along one of the two axes that an image tells of; n cameras that look from all around average it
         // to d·σ/√(2n) along each.
         let rolled = perception.camera_sd_rad / (2.0 * cameras.len().max(1) as f64).sqrt();
-        prediction.correlated_error.sd_per_m.get_or_insert(rolled);
+        prediction.correlated_sd_per_m.get_or_insert(rolled);
         self
     }
 }
@@ -116,7 +116,7 @@ impl Preparation {
         reach_map: Option<Arc<ReachMap>>,
     ) -> Result<Self, SettingError> {
         config.check()?;
-        let reference = Arc::new(ReferenceModel::from_scan(reference_scan, &config.perception));
+        let reference = Arc::new(ReferenceModel::from_scan(reference_scan));
         let grasps = Arc::new(GraspSet::sample(&reference, &gripper, &config.grasp_selection));
         let arm_surface = ArmSurface::new(&robot, &gripper);
         let X_WL = robot.link_poses(&robot.ready_q);

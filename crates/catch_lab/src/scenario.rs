@@ -364,11 +364,11 @@ mod tests {
         brain.perception.depth_common_fraction = Some(0.5);
         brain.trajectory_prediction.drag_prior_per_m = Some(0.0);
         brain.trajectory_prediction.drag_prior_sd_per_m = Some(0.0);
-        brain.trajectory_prediction.correlated_error.sd_per_m = Some(0.0);
+        brain.trajectory_prediction.correlated_sd_per_m = Some(0.0);
         brain.grasp_selection.restitution = Some(0.5);
         brain.grasp_selection.closing_speed_mps = Some(1.0);
         brain.grasp_selection.closing_acceleration_mps2 = Some(1.0);
-        brain.grasp_selection.turns_rad = vec![0.1];
+        brain.trajectory_optimization.reach_fractions = vec![0.9];
         assert_eq!(brain.faults(), []);
         let whole = toml::Value::try_from(&brain).unwrap();
         let mut all = Vec::new();

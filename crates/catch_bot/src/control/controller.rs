@@ -10,6 +10,10 @@ use crate::{
     trajectory_prediction::FlightTrajectory,
 };
 
+/// Plans are not changed any more in the last seconds before the catch. The paper's code stops 0.2 s before; corrections are small enough by
+/// then to go on.
+const COMMIT_S: f64 = 0.05;
+
 /// What is under way: the running plan, the closing of the gripper, and what was sent for them.
 #[derive(Debug, Clone)]
 pub struct Controller {
@@ -51,14 +55,14 @@ impl Controller {
 
     /// Whether it is too late to change anything.
     pub fn is_committed(&self, now_s: f64) -> bool {
-        self.plan.as_ref().is_some_and(|plan| now_s > plan.catch_s - self.config.commit_s)
+        self.plan.as_ref().is_some_and(|plan| now_s > plan.catch_s - COMMIT_S)
     }
 
     /// Learns what became of the trajectories. If the running plan was rejected or lost, the one before it is
     /// running again, and the gripper closes for that one on `flight`. If there is none it does not close,
     /// and opens where it has begun to.
     pub fn acknowledge(&mut self, observation: &Observation, flight: Option<&FlightTrajectory>) {
-        if !self.sent.acknowledge(&observation.arm, self.config.lost_after_s) {
+        if !self.sent.acknowledge(&observation.arm) {
             return;
         }
         let now_s = observation.time_s;

@@ -26,20 +26,10 @@ use catch_body::{Gripper, Pose, Robot};
 pub struct Config {
     /// Time from an observation until a command takes effect, in seconds: new motions start that much later.
     pub expected_latency_s: f64,
-    /// A trajectory that does not execute this long after its start, by the arm's own clock, has been lost on its way, in seconds:
-    /// longer than time stamps are off and the robot controller lags.
-    pub lost_after_s: f64,
     /// Time from the start of a gripper move until the fingers move, in seconds; the gripper's own if nothing is said.
     pub gripper_latency_s: Option<f64>,
     /// Force of closing in N per finger; the gripper's own limit if it is lower.
     pub closing_force_n: f64,
-    /// Plans are not changed any more in the last seconds before the catch. The paper's code stops 0.2 s before; corrections
-    /// are small enough by then to go on.
-    pub commit_s: f64,
-    /// A plan that cannot be adjusted is kept while the object is expected within this distance of its grasp centre, in metres.
-    pub tolerated_miss_m: f64,
-    /// And while its orientation differs by less than this, in radians.
-    pub tolerated_miss_rad: f64,
     /// A catch whose cost of holding has risen by this much, as the flight is known better, is given up for one that costs that
     /// much less.
     pub switching_hysteresis: f64,
@@ -47,43 +37,27 @@ pub struct Config {
 
 impl Default for Config {
     fn default() -> Self {
-        Self {
-            expected_latency_s: 0.01,
-            lost_after_s: 0.02,
-            gripper_latency_s: None,
-            closing_force_n: 80.0,
-            commit_s: 0.05,
-            tolerated_miss_m: 0.006,
-            tolerated_miss_rad: 0.03,
-            switching_hysteresis: 0.5,
-        }
+        Self { expected_latency_s: 0.01, gripper_latency_s: None, closing_force_n: 80.0, switching_hysteresis: 0.5 }
     }
 }
 
 impl Settings for Config {
     fn faults(&self) -> Vec<SettingError> {
         Faults::default()
-            .values(
-                &DURATION_S,
-                [
-                    ("expected_latency_s", self.expected_latency_s),
-                    ("commit_s", self.commit_s),
-                    ("lost_after_s", self.lost_after_s),
-                ],
-            )
+            .values(&DURATION_S, [("expected_latency_s", self.expected_latency_s)])
             .options(&DURATION_S, [("gripper_latency_s", self.gripper_latency_s)])
             .values(
                 &NOT_NEGATIVE,
-                [
-                    ("closing_force_n", self.closing_force_n),
-                    ("tolerated_miss_m", self.tolerated_miss_m),
-                    ("tolerated_miss_rad", self.tolerated_miss_rad),
-                    ("switching_hysteresis", self.switching_hysteresis),
-                ],
+                [("closing_force_n", self.closing_force_n), ("switching_hysteresis", self.switching_hysteresis)],
             )
             .all()
     }
 }
+
+/// A plan that cannot be adjusted is kept while the object is expected within this distance of its grasp centre, in metres.
+const TOLERATED_MISS_M: f64 = 0.006;
+/// And while its orientation differs by less than this, in radians.
+const TOLERATED_MISS_RAD: f64 = 0.03;
 
 /// When the gripper closes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -131,9 +105,9 @@ pub fn closing(
 }
 
 /// Whether a plan whose motion cannot be changed any more still meets the object, for which the gripper would have to be at `X_WG`.
-pub fn is_still_good(plan: &CatchPlan, X_WG: &Pose, gripper: &Gripper, config: &Config) -> bool {
+pub fn is_still_good(plan: &CatchPlan, X_WG: &Pose, gripper: &Gripper) -> bool {
     let missed_by = (X_WG * gripper.grasp_centre() - plan.X_WG * gripper.grasp_centre()).norm();
-    missed_by < config.tolerated_miss_m && X_WG.rotation.angle_to(&plan.X_WG.rotation) < config.tolerated_miss_rad
+    missed_by < TOLERATED_MISS_M && X_WG.rotation.angle_to(&plan.X_WG.rotation) < TOLERATED_MISS_RAD
 }
 
 /// The time of the smallest distance within 30 ms of a guess, by golden-section search: object and gripper pass each other

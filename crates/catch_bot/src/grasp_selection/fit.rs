@@ -10,6 +10,14 @@ use crate::perception::ReferenceModel;
 /// Surface points this close to the outermost one count as touched by a finger.
 const CONTACT_DEPTH_M: f64 = 0.003;
 
+/// Free space between the object and the palm, in metres.
+const PALM_MARGIN_M: f64 = 0.006;
+/// "Strength": the grasp's axis may miss the centre of mass by this much (the paper's code).
+const MAX_STRENGTH_M: f64 = 0.03;
+/// The fingers' faces must meet the surface at most this far from its normal, in radians: the cone of a friction coefficient of 0.4, the lowest
+/// that is expected.
+const MAX_CONTACT_ANGLE_RAD: f64 = 0.38;
+
 /// Why a gripper cannot hold an object at one place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum GraspFailure {
@@ -61,10 +69,10 @@ pub fn fit_gripper(
     // Back off until the palm is clear: nothing may come nearer to it than the margin.
     let half_housing = [gripper.body_size_m[0] / 2.0, gripper.body_size_m[2] / 2.0];
     let X_GO = place(Vector3::zeros()).inverse();
-    let over_palm = |p: &Point3<f64>| p.x.abs() < half_housing[0] && p.z.abs() < half_housing[1] + config.palm_margin_m;
+    let over_palm = |p: &Point3<f64>| p.x.abs() < half_housing[0] && p.z.abs() < half_housing[1] + PALM_MARGIN_M;
     let lowest =
         reference.points.iter().map(|point| X_GO * point).filter(over_palm).map(|p| p.y).fold(f64::INFINITY, f64::min);
-    let backed_off = (gripper.palm_y_m() + config.palm_margin_m - lowest).max(0.0);
+    let backed_off = (gripper.palm_y_m() + PALM_MARGIN_M - lowest).max(0.0);
 
     // What lies between the fingers, and its middle along the closing direction.
     let X_GO = place(Vector3::new(0.0, -backed_off, 0.0)).inverse();
@@ -94,7 +102,7 @@ pub fn fit_gripper(
     let centre = X_GO * Point3::origin();
     let strength_m = centre.x.hypot(centre.z);
     let overhang_m = overhang_m(&X_GO, gripper);
-    if strength_m > config.max_strength_m || overhang_m > config.max_overhang_m {
+    if strength_m > MAX_STRENGTH_M || overhang_m > config.max_overhang_m {
         return Err(GraspFailure::OffCentre);
     }
 
@@ -112,7 +120,7 @@ pub fn fit_gripper(
             .fold((Vector3::zeros(), 0), |(sum, count), (_, normal)| (sum + normal, count + 1));
         if count == 0 { 0.0 } else { sum.normalize().x * side }
     };
-    if squareness(1.0).min(squareness(-1.0)) < config.max_contact_angle_rad.cos() {
+    if squareness(1.0).min(squareness(-1.0)) < MAX_CONTACT_ANGLE_RAD.cos() {
         return Err(GraspFailure::Slanted);
     }
 

@@ -23,8 +23,6 @@ pub struct Weights {
     pub overhang: f64,
     /// On the object's width between the fingers, per 100 mm: narrow parts are usually its long sides, which hold it better.
     pub width: f64,
-    /// On 1 − comfort.
-    pub comfort: f64,
     /// On passing through the gap instead of flying toward the palm, which gives four times the time to close.
     pub pass_through: f64,
     /// The fraction of the velocity that may point at a finger; grasps with more are dropped.
@@ -40,13 +38,15 @@ impl Default for Weights {
             strength: 5.0,
             overhang: 6.0,
             width: 22.0,
-            comfort: 0.2,
             pass_through: 6.0,
             max_sideways: 0.3,
             max_from_behind: 0.3,
         }
     }
 }
+
+/// Weight on 1 − comfort.
+const COMFORT: f64 = 0.2;
 
 impl Weights {
     /// The cost of how an object comes in, by the parts of the direction of its velocity relative to the gripper that point at a
@@ -66,7 +66,6 @@ impl Settings for Weights {
                     ("strength", self.strength),
                     ("overhang", self.overhang),
                     ("width", self.width),
-                    ("comfort", self.comfort),
                     ("pass_through", self.pass_through),
                 ],
             )
@@ -131,7 +130,7 @@ pub fn rank(
     let still_cost = weights.strength * grasp.strength_m / 0.03
         + weights.overhang * grasp.overhang_m / 0.03
         + weights.width * grasp.object_width_m / 0.1
-        + weights.comfort * (1.0 - comfort);
+        + COMFORT * (1.0 - comfort);
     RankedGrasp { index, X_WG, approach, cost: still_cost + weights.of_direction(sideways, along), still_cost }
 }
 

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     AerodynamicForces, Config, FlightTrajectory,
+    correlated_error::CorrelatedSums,
     process_noise::{add_product, after_impulse, lost_square},
 };
 use crate::{
@@ -178,7 +179,7 @@ pub(super) fn refine(
         by
     };
     rows.clear();
-    rows.reserve(config.fit_window);
+    rows.reserve(config.considered.fit_window);
     // Backward from the newest pose, by the trapezoid rule: the velocity along the flight as it was fitted.
     let mut v = flight.v_WOcm;
     let mut tumbling = flight.tumbling();
@@ -227,7 +228,7 @@ pub(super) fn refine(
     let mut scale = 1.0;
     for pass in 0..=PASSES {
         let (mut H, mut g) = (SMatrix::<f64, N, N>::zeros(), SVector::<f64, N>::zeros());
-        let mut correlated = config.correlated_error.sums().filter(|_| pass == PASSES);
+        let mut correlated = CorrelatedSums::of(config.correlated_sd_per_m).filter(|_| pass == PASSES);
         let mut older_s = None;
         for row in rows.iter().rev() {
             if let Some(older_s) = older_s.replace(row.age_s) {

@@ -23,7 +23,7 @@ struct Bench {
 impl Bench {
     fn new() -> Self {
         let (shape, config) = (Shape::banana(), Config::default());
-        let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(&shape, 100), &config));
+        let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(&shape, 100)));
         let X_WO = synthetic::pose_in_flight(&mut Normal::new(2));
         Self { cameras: synthetic::flight_rig(), shape, reference, config, X_WO }
     }
@@ -172,7 +172,7 @@ fn a_cloud_of_one_point_is_too_few() {
     assert_eq!(bench.find(&frames, Some(&bench.X_WO)), Err(PerceptionStatus::TooFewPoints));
     assert_eq!(bench.find(&frames, None), Err(PerceptionStatus::TooFewPoints));
     assert_eq!(
-        ReferenceModel::from_points(&[Point3::origin()], &[Vector3::z()], &bench.config),
+        ReferenceModel::from_points(&[Point3::origin()], &[Vector3::z()]),
         ReferenceModel::default()
     );
     let nothing = Arc::new(ReferenceModel::default());

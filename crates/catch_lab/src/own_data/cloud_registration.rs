@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use catch_body::{InputError, Pose};
 use catch_bot::perception::{
-    self, Config, Fit, PerceptionStatus, ReferenceModel, SceneCloud, Symmetry, point_cloud::ScenePoint,
+    self, Config, Fit, MIN_POINTS, MODEL_SD_M, PerceptionStatus, ReferenceModel, SceneCloud, Symmetry, point_cloud::ScenePoint,
 };
 use catch_sim::object::check_length;
 use nalgebra::{Matrix6, Point3, UnitQuaternion, Vector3};
@@ -58,11 +58,10 @@ fn register_cloud(points: &[Point3<f64>], sd_m: f64, reference: &ReferenceModel)
     let config = Config::default();
     match scene.points.len() {
         0 => return Err(PerceptionStatus::NoPoints),
-        few if few < config.min_points => return Err(PerceptionStatus::TooFewPoints),
+        few if few < MIN_POINTS => return Err(PerceptionStatus::TooFewPoints),
         _ => {}
     }
-    let config = Config { model_sd_m: config.model_sd_m.hypot(sd_m), ..config };
-    let registration = perception::Registration { reference, config: &config };
+    let registration = perception::Registration { reference, config: &config, model_sd_m: MODEL_SD_M.hypot(sd_m) };
     registration.register_globally(&mut scene, &mut SceneCloud::default(), &UnitQuaternion::identity())
 }
 
@@ -70,7 +69,7 @@ fn register_cloud(points: &[Point3<f64>], sd_m: f64, reference: &ReferenceModel)
 ///
 /// ```
 /// use catch_body::Pose;
-/// use catch_bot::perception::{Config, ReferenceModel};
+/// use catch_bot::perception::ReferenceModel;
 /// use catch_lab::own_data::cloud_registration::register;
 /// use nalgebra::{Point3, Vector3};
 ///
@@ -82,7 +81,7 @@ fn register_cloud(points: &[Point3<f64>], sd_m: f64, reference: &ReferenceModel)
 /// let points: Vec<Point3<f64>> =
 ///     surface.clone().map(|n| Point3::new(0.02 * n.x, 0.03 * n.y, 0.05 * n.z)).collect();
 /// let outward: Vec<Vector3<f64>> = surface.map(|n| Vector3::new(n.x / 0.02, n.y / 0.03, n.z / 0.05).normalize()).collect();
-/// let reference = ReferenceModel::from_points(&points, &outward, &Config::default());
+/// let reference = ReferenceModel::from_points(&points, &outward);
 /// let X_CR = Pose::new(Vector3::new(0.4, -0.2, 1.0), Vector3::new(0.2, 0.1, -0.3));
 /// let cloud: Vec<Point3<f64>> = points.iter().step_by(7).map(|point| X_CR * point).collect();
 ///
@@ -149,7 +148,7 @@ pub fn reference_model(scan: CloudFile, file: &str) -> Result<ReferenceModel, In
     let step = scan.points.len().div_ceil(MOST_POINTS).max(1);
     let points: Vec<Point3<f64>> = scan.points.into_iter().step_by(step).collect();
     let outwards: Vec<Vector3<f64>> = outwards.into_iter().step_by(step).collect();
-    let reference = ReferenceModel::from_points(&points, &outwards, &Config::default());
+    let reference = ReferenceModel::from_points(&points, &outwards);
     if reference.points.is_empty() || !reference.radius_m.is_finite() {
         return Err(too_few(points.len()));
     }

@@ -100,11 +100,11 @@ impl BrainSettings {
     /// A setting that is out of its range.
     pub fn stages(&self, known: &Preparation, seed: u64) -> Result<ChosenStages, SettingError> {
         let Config { perception, trajectory_prediction, .. } = known.config().clone();
-        let paper = self.paper_method.clone();
+        let paper = self.paper_method;
         let estimator: Box<dyn PoseEstimator + Send> = match self.pose_estimation.unwrap_or(self.method) {
             Method::Ours => Box::new(known.pose_estimator()),
             Method::Paper => Box::new(IcpEstimator::new(
-                paper.registration.clone(),
+                paper.registration,
                 perception,
                 known.reference().clone(),
                 known.workspace().clone(),
@@ -114,21 +114,18 @@ impl BrainSettings {
             Method::Ours => Box::new(known.flight_predictor(seed)),
             Method::Paper => {
                 let symmetry = known.reference().symmetry;
-                Box::new(RansacPredictor::new(trajectory_prediction, &paper.prediction, symmetry, seed))
+                Box::new(RansacPredictor::new(trajectory_prediction, paper.prediction, symmetry, seed))
             }
         };
-        Ok((estimator, predictor, self.catch_planner(known, seed)?))
+        Ok((estimator, predictor, self.catch_planner(known, seed)))
     }
 
     /// The planner that the settings choose; it draws at random from `seed`.
-    ///
-    /// # Errors
-    /// A setting that is out of its range.
-    pub fn catch_planner(&self, known: &Preparation, seed: u64) -> Result<Box<dyn CatchPlanner + Send>, SettingError> {
-        Ok(match self.catch_planning.unwrap_or(self.method) {
+    pub fn catch_planner(&self, known: &Preparation, seed: u64) -> Box<dyn CatchPlanner + Send> {
+        match self.catch_planning.unwrap_or(self.method) {
             Method::Ours => Box::new(known.catch_planner()),
-            Method::Paper => Box::new(PaperPlanner::new(self.paper_method.clone(), known, seed)?),
-        })
+            Method::Paper => Box::new(PaperPlanner::new(self.paper_method, known, seed)),
+        }
     }
 }
 
@@ -151,7 +148,7 @@ impl From<Config> for BrainSettings {
 
 impl Settings for BrainSettings {
     fn faults(&self) -> Vec<SettingError> {
-        let others = Faults::default().table("paper_method", &self.paper_method).table("cycle", &self.cycle);
+        let others = Faults::default().table("cycle", &self.cycle);
         self.config().faults().into_iter().chain(others.all()).collect()
     }
 }
