@@ -19,9 +19,7 @@ use catch_bot::{
     grasp_selection::{self, GraspSet},
     perception::{self, DepthNoise, PoseEstimator, ReferenceModel, SdfEstimator, Symmetry, View, Workspace},
     trajectory_optimization::{CatchSearch, Incoming, Start, failure_counter::FailureCounter, retarget::Correction},
-    trajectory_prediction::{
-        self, AerodynamicPrior, FlightPredictor, FlightTrajectory, InformationFit, ProcessNoise,
-    },
+    trajectory_prediction::{self, AerodynamicPrior, FlightPredictor, FlightTrajectory, InformationFit, ProcessNoise},
 };
 use inputs::{Images, arm};
 use nalgebra::Vector3;

@@ -31,6 +31,8 @@ const MAX_FLIGHT_MPS: f64 = 30.0;
 const MAX_GAP_S: f64 = 0.1;
 /// From the catch on: how long the fingers are given to close upon the object, in seconds.
 const SQUEEZE_S: f64 = 0.3;
+/// How long the gripper is given to open, and the object to fall out of it, in seconds.
+const RELEASE_S: f64 = 0.5;
 /// Fingers that have closed to less than this fraction of the object's width hold nothing.
 const MIN_HELD_FRACTION: f64 = 0.5;
 /// How often the motions of one phase are sent at most: one that is rejected again and again never will be accepted.
@@ -212,7 +214,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
     fn place(&mut self, observation: &Observation) -> Command {
         let now_s = observation.time_s;
         if self.has_released {
-            if now_s > self.since_s + self.config.release_s {
+            if now_s > self.since_s + RELEASE_S {
                 self.enter(Phase::Returning, now_s);
             }
             return Command::default();
@@ -323,8 +325,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Candidate<E, P, C> {
         if !flies {
             (self.images, self.explained) = (0, Explained::default());
             // What rests is no help in finding it again once it has been thrown.
-            let is_new =
-                before.is_none_or(|(_, before_W)| (p_WO - before_W).norm() > MIN_FLIGHT_MPS * MAX_GAP_S);
+            let is_new = before.is_none_or(|(_, before_W)| (p_WO - before_W).norm() > MIN_FLIGHT_MPS * MAX_GAP_S);
             self.bot.tracker.keep_newest(usize::from(is_new));
             self.rests = !is_new;
         } else {

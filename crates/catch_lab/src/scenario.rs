@@ -2,6 +2,7 @@
 
 pub mod brain;
 pub mod catch_plan;
+mod depth_errors;
 pub mod flight_rig;
 mod inheritance;
 pub mod reach_map;
@@ -10,7 +11,7 @@ pub mod sources;
 
 use catch_body::{Gripper, InputError, quantity, robot::LimitScale};
 use catch_bot::settings::{SettingError, Settings};
-use catch_sim::ArenaConfig;
+use catch_sim::{ArenaConfig, GripperDriveKind};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -133,7 +134,9 @@ impl Scenario {
     /// # Errors
     /// What is no value out of its range.
     pub(crate) fn with_faults(asset: &Asset) -> Result<(Self, Vec<InputError>), InputError> {
-        let (scenario, mut faults): (Self, _) = InputError::from_table(&asset.file, inheritance::extended(asset)?)?;
+        let mut table = inheritance::extended(asset)?;
+        depth_errors::fill_in(&mut table, &asset.file)?;
+        let (scenario, mut faults): (Self, _) = InputError::from_table(&asset.file, table)?;
         faults.extend(scenario.faults(&asset.file));
         Ok((scenario, faults))
     }
@@ -199,6 +202,7 @@ impl Scenario {
             None => table.remove(field),
         };
         let file = fault(String::new()).file;
+        depth_errors::fill_in(&mut tree, &file)?;
         let (changed, faults) = InputError::from_table(&file, tree)
             .map_err(|it| InputError { expected: format!("{}{hint}", it.expected), ..it })?;
         InputError::first_of(faults.into_iter().map(Err::<(), _>))?;
@@ -225,7 +229,7 @@ impl Scenario {
     /// # Errors
     /// If it does not: every catch would come too late.
     pub(crate) fn check_closing(&self, file: &str, gripper: &Gripper, gripper_file: &str) -> Result<(), InputError> {
-        if self.arena.gripper.real().is_none() {
+        if self.arena.gripper != GripperDriveKind::Real {
             return Ok(());
         }
         let grasping = &self.brain.grasp_selection;
@@ -331,8 +335,8 @@ mod tests {
 
     #[test]
     fn single_fields_can_be_changed() {
-        let scenario = set(&["arena.restitution_scale = 0.5", "brain.method=paper", "arena.substeps=8"]).unwrap();
-        assert_eq!((scenario.arena.restitution_scale, scenario.arena.substeps), (0.5, 8));
+        let scenario = set(&["arena.restitution_scale = 0.5", "brain.method=paper", "arena.substeps_alone=8"]).unwrap();
+        assert_eq!((scenario.arena.restitution_scale, scenario.arena.substeps_alone), (0.5, 8));
         assert_eq!(scenario.brain.method, Method::Paper);
         assert!(scenario.name.starts_with("paper+arena.restitution_scale=0.5+"), "{}", scenario.name);
     }
@@ -434,7 +438,7 @@ mod tests {
             ("arina.friction=1", "arena"),
             ("arena.friction=-1", "arena.friction"),
             ("arena.friction=much", "a number or { min"),
-            ("arena.substeps=many", "expected a whole number"),
+            ("arena.substeps_alone=many", "expected a whole number"),
             ("arena.frictoin=0.3", "did you mean `arena.friction`?"),
             ("friction=0.3", "did you mean `arena.friction`?"),
             ("brain.grasp_selection.closing_speed_mps=0", "brain.grasp_selection.closing_speed_mps"),

@@ -91,10 +91,7 @@ pub fn select(
         let strength_m = (centroid - frame.point).cross(&y).norm();
         let discomfort = 1.0 - comfort(&X_WG, base);
         let misalignment = 1.0 - direction_W.dot(&(X_WG * Vector3::z())).abs();
-        if strength_m > MAX_STRENGTH_M
-            || discomfort > MAX_DISCOMFORT
-            || misalignment > MAX_MISALIGNMENT
-        {
+        if strength_m > MAX_STRENGTH_M || discomfort > MAX_DISCOMFORT || misalignment > MAX_MISALIGNMENT {
             continue;
         }
         let cost = STRENGTH_WEIGHT * strength_m + discomfort + misalignment;

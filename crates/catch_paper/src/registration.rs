@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 use catch_body::Pose;
 use catch_bot::perception::{
-    self, Fit, GATE_M, MAX_RESIDUAL_M, MODEL_SD_M, ObjectFinder, ObjectPose, PerceptionStatus, PoseEstimator, Prior, ReferenceModel, Registration,
-    SceneCloud, Symmetry, View, Workspace,
+    self, Fit, GATE_M, MAX_RESIDUAL_M, MODEL_SD_M, ObjectFinder, ObjectPose, PerceptionStatus, PoseEstimator, Prior,
+    ReferenceModel, Registration, SceneCloud, Symmetry, View, Workspace,
 };
 use catch_bot::settings::{SettingError, Settings};
 use nalgebra::{Matrix3, Matrix6, Point3, Rotation3, Translation3, UnitQuaternion, Vector3, Vector6};
@@ -94,8 +94,7 @@ impl IcpEstimator {
 impl PoseEstimator for IcpEstimator {
     fn estimate(&mut self, view: &View<'_>, prior: Prior) -> Result<ObjectPose, PerceptionStatus> {
         let Self { config, hierarchy, finder, last_X_WO } = self;
-        let prior =
-            if config.as_published { Prior::Pose(last_X_WO.unwrap_or(Pose::identity())) } else { prior };
+        let prior = if config.as_published { Prior::Pose(last_X_WO.unwrap_or(Pose::identity())) } else { prior };
         let mut found = finder.find(view, prior, |Registration { reference, .. }, scene, X_WO| {
             Icp { config, reference, hierarchy }.register(scene, X_WO)
         })?;

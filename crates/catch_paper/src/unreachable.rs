@@ -113,11 +113,7 @@ impl Proof<'_> {
 
 /// What is missing between the velocities that the grasp centre can have within `bounds` and those along the object's: the
 /// shortest difference s·v − J_v·q̇.
-pub fn shortfall(
-    jacobian: &Jacobian,
-    v_WO: &Vector3<f64>,
-    bounds: &[Interval; MAX_JOINTS],
-) -> Option<Vector3<f64>> {
+pub fn shortfall(jacobian: &Jacobian, v_WO: &Vector3<f64>, bounds: &[Interval; MAX_JOINTS]) -> Option<Vector3<f64>> {
     const S: usize = MAX_JOINTS;
     let linear = jacobian.fixed_rows::<3>(3);
     let mut A = SMatrix::<f64, 3, MAX_VARIABLES>::zeros();

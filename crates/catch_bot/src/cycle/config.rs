@@ -12,19 +12,16 @@ pub struct CycleConfig {
     pub give_up_s: f64,
     /// How long an object is held after the catch, in seconds.
     pub hold_s: f64,
-    /// How long the gripper is given to open, and the object to fall out of it, in seconds.
-    pub release_s: f64,
 }
 
 impl Default for CycleConfig {
     fn default() -> Self {
-        Self { give_up_s: 1.5, hold_s: 1.6, release_s: 0.5 }
+        Self { give_up_s: 1.5, hold_s: 1.6 }
     }
 }
 
 impl Settings for CycleConfig {
     fn faults(&self) -> Vec<SettingError> {
-        let values = [("give_up_s", self.give_up_s), ("hold_s", self.hold_s), ("release_s", self.release_s)];
-        Faults::default().values(&DURATION_S, values).all()
+        Faults::default().values(&DURATION_S, [("give_up_s", self.give_up_s), ("hold_s", self.hold_s)]).all()
     }
 }

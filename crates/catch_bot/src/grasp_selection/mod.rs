@@ -234,12 +234,7 @@ impl GraspSet {
     }
 
     /// The same with a sampling of one's own.
-    pub fn sample_as(
-        sampling: &Sampling<'_>,
-        reference: &ReferenceModel,
-        gripper: &Gripper,
-        config: &Config,
-    ) -> Self {
+    pub fn sample_as(sampling: &Sampling<'_>, reference: &ReferenceModel, gripper: &Gripper, config: &Config) -> Self {
         let mut rng = Pcg64::seed_from_u64(SEED);
         let (mut grasps, mut failures) = (Vec::new(), BTreeMap::new());
         // A ball looks the same from everywhere.

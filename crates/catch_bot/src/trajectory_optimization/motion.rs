@@ -53,10 +53,7 @@ impl LimitScaling {
 impl MotionPlanner {
     /// Where this much does, a plan leaves room for replans.
     pub(super) fn replan_scaling(&self) -> LimitScaling {
-        LimitScaling {
-            velocity: REPLAN_VELOCITY_SCALING,
-            acceleration: REPLAN_ACCELERATION_SCALING,
-        }
+        LimitScaling { velocity: REPLAN_VELOCITY_SCALING, acceleration: REPLAN_ACCELERATION_SCALING }
     }
 
     /// On the move it may use all there is.

@@ -86,8 +86,7 @@ impl CatchSearch {
     /// The same grasp a little sooner or later, where the arm is in time and the object can come in.
     pub fn shifted(&self, to: &Correction) -> Option<CatchPlan> {
         let Correction { start, incoming, plan, .. } = *to;
-        let in_time =
-            |later_s: &&f64| **later_s > 0.0 || plan.catch_s + **later_s > start.time_s + MIN_LEAD_S;
+        let in_time = |later_s: &&f64| **later_s > 0.0 || plan.catch_s + **later_s > start.time_s + MIN_LEAD_S;
         let scaling = self.motion.moving_scaling();
         SHIFTS_S.iter().filter(in_time).find_map(|later_s| {
             let correction = Correction::new(start, incoming, plan, plan.catch_s + later_s);

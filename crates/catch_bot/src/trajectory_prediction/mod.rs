@@ -254,8 +254,7 @@ impl InformationFit {
         let Self { config, symmetry, seed, fit: fitting, ransac: sampling, .. } = self;
         let window = config.sampled(poses).ok_or(PredictionStatus::TooFewPoses)?;
         let fitted = &poses[poses.len() - config.considered.fit_window.min(poses.len())..];
-        let enough =
-            |inliers: usize| inliers >= 3 && inliers as f64 >= MIN_INLIER_FRACTION * window.len() as f64;
+        let enough = |inliers: usize| inliers >= 3 && inliers as f64 >= MIN_INLIER_FRACTION * window.len() as f64;
         let known = previous.and_then(|it| fit::fit(fitted, it, symmetry, config, fitting).ok());
         let known = known.filter(|(_, agreeing)| enough(*agreeing)).map(|(flight, _)| flight);
         if let Some(known) = &known

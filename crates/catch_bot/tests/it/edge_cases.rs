@@ -171,10 +171,7 @@ fn a_cloud_of_one_point_is_too_few() {
     frames[0].mask.iter_mut().flatten().enumerate().for_each(|(i, mask)| *mask = i == first);
     assert_eq!(bench.find(&frames, Some(&bench.X_WO)), Err(PerceptionStatus::TooFewPoints));
     assert_eq!(bench.find(&frames, None), Err(PerceptionStatus::TooFewPoints));
-    assert_eq!(
-        ReferenceModel::from_points(&[Point3::origin()], &[Vector3::z()]),
-        ReferenceModel::default()
-    );
+    assert_eq!(ReferenceModel::from_points(&[Point3::origin()], &[Vector3::z()]), ReferenceModel::default());
     let nothing = Arc::new(ReferenceModel::default());
     let found = bench.find_with(&nothing, &frames, None);
     assert_eq!(found, Err(PerceptionStatus::NoReference));

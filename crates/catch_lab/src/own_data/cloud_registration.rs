@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use catch_body::{InputError, Pose};
 use catch_bot::perception::{
-    self, Config, Fit, MIN_POINTS, MODEL_SD_M, PerceptionStatus, ReferenceModel, SceneCloud, Symmetry, point_cloud::ScenePoint,
+    self, Config, Fit, MIN_POINTS, MODEL_SD_M, PerceptionStatus, ReferenceModel, SceneCloud, Symmetry,
+    point_cloud::ScenePoint,
 };
 use catch_sim::object::check_length;
 use nalgebra::{Matrix6, Point3, UnitQuaternion, Vector3};

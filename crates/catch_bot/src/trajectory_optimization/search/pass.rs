@@ -9,7 +9,8 @@ use super::{
     candidate::{Candidate, CatchTimeSample},
     frontier::{Frontier, Node, Stage},
     settings::{
-        COMFORT, DELAY, FAILURE_PENALTY, LATEST_CATCH_S, MAX_MOTION_TRIALS, MAX_VELOCITY_TRIALS, NEARBY_S, REACH_FRACTION,
+        COMFORT, DELAY, FAILURE_PENALTY, LATEST_CATCH_S, MAX_MOTION_TRIALS, MAX_VELOCITY_TRIALS, NEARBY_S,
+        REACH_FRACTION,
     },
 };
 use crate::{
