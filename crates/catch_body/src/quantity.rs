@@ -354,6 +354,20 @@ quantities! {
     fraction FRACTION = 0.0 to 1.0 "";
     /// Fractions by which something is drawn around its mean, below one.
     spread SPREAD = 0.0 to 0.99 "";
+    /// Weights of a choice.
+    weight WEIGHT = 0.0 to 1000000000.0 "";
+    /// Cosines.
+    cosine COSINE = -1.0 to 1.0 "";
+    /// Fractions of a limit that a plan may use.
+    limit_scaling LIMIT_SCALING = 0.01 to 1.0 "";
+    /// Distances that are kept free.
+    clearance_m CLEARANCE_M = 0.001 to 1.0 "m";
+    /// Work of a search.
+    work WORK = 1.0 to 100000.0 "";
+    /// Densities of white noise of an acceleration.
+    noise_density NOISE_DENSITY = 0.0 to 1000.0 "";
+    /// Times within a life of many throws.
+    phase_s PHASE_S = 0.0 to 10.0 "s";
     /// Factors.
     factor FACTOR = 0.0 to 1000.0 "";
     /// Metres per unit of a file.

@@ -3,7 +3,7 @@
 mod config;
 mod explained;
 
-use catch_body::JointVector;
+use catch_body::{InputError, JointVector};
 use catch_cell::{
     ArmTrajectory, Brain, Command, GraspState, GripperMove, GripperState, Observation, PixelWindow, Probe, TrajectoryId,
 };
@@ -14,7 +14,6 @@ use crate::{
     control::{CatchPlanner, opening},
     grasp_selection::Grasp,
     perception::{ObjectPose, PoseEstimator, camera_offsets::MIN_CAMERAS},
-    settings::{SettingError, Settings},
     trajectory_optimization::CatchPlan,
     trajectory_prediction::FlightPredictor,
 };
@@ -112,9 +111,9 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
         config: CycleConfig,
         place_q: JointVector,
         mut bots: Vec<CatchingBot<E, P, C>>,
-    ) -> Result<Self, SettingError> {
+    ) -> Result<Self, InputError> {
         assert!(!bots.is_empty(), "a brain needs to know an object");
-        config.check()?;
+        InputError::check_settings("settings of the cycle", &config)?;
         bots.iter_mut().for_each(|it| it.tracker.compares_cameras = it.known.cameras().len() >= MIN_CAMERAS);
         let candidate = |bot| Candidate { bot, explained: Explained::default(), images: 0, seen: None, rests: false };
         let candidates = bots.into_iter().map(candidate).collect();

@@ -16,7 +16,7 @@ use crate::{
 const LEGEND: &str = "The scenario honest with random throws and one to four near stereo cameras that run freely, without labels. Each throw draws how \
 far the cameras are from where they are believed to stand: 0.2 mm along and 0.2 mrad about each axis (standard deviations), which is no less than \
 [calibration on the arm](calibration.md) leaves. The brain lets corrections use up to 0.97 of what each joint can still reach \
-(`replan.reach_fractions`), as in honest-aero. The rate *caught* is of all throws, also of those out of reach, with its interval (Wilson, 95 %).";
+(`reach_fractions`), as in honest-aero. The rate *caught* is of all throws, also of those out of reach, with its interval (Wilson, 95 %).";
 
 /// Every rig with every object.
 pub fn run(options: &Options) -> Result<Findings> {

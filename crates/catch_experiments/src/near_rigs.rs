@@ -27,7 +27,7 @@ pub const SETTINGS: [&str; 8] = [
     "arena.depth.calibration_sd_rad=0.0002",
     "brain.perception.camera_sd_rad=0.0",
     "brain.trajectory_prediction.systematic_sd_m=0.0003",
-    "brain.trajectory_optimization.replan.reach_fractions=[0.97, 0.9, 0.8]",
+    "brain.trajectory_optimization.reach_fractions=[0.97, 0.9, 0.8]",
 ];
 
 /// The scenario honest with one of them.

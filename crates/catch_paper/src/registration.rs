@@ -11,7 +11,6 @@ use catch_bot::perception::{
     self, Fit, GATE_M, MAX_RESIDUAL_M, MODEL_SD_M, ObjectFinder, ObjectPose, PerceptionStatus, PoseEstimator, Prior,
     ReferenceModel, Registration, SceneCloud, Symmetry, View, Workspace,
 };
-use catch_bot::settings::{SettingError, Settings};
 use nalgebra::{Matrix3, Matrix6, Point3, Rotation3, Translation3, UnitQuaternion, Vector3, Vector6};
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::math::Vector;
@@ -75,19 +74,15 @@ pub struct IcpEstimator {
 
 impl IcpEstimator {
     /// For a known object. The workspace holds the buffers, best those of [`Workspace::before_flight`].
-    ///
-    /// # Errors
-    /// A setting that is out of its range.
     pub fn new(
         config: Config,
         perception: perception::Config,
         reference: Arc<ReferenceModel>,
         workspace: Workspace,
-    ) -> Result<Self, SettingError> {
-        perception.check()?;
+    ) -> Self {
         let hierarchy = Arc::new(hierarchy(config.points(&reference)));
         let finder = ObjectFinder::new(perception, reference, workspace).with_gate_m(config.gate_m());
-        Ok(Self { config, hierarchy, finder, last_X_WO: None })
+        Self { config, hierarchy, finder, last_X_WO: None }
     }
 }
 

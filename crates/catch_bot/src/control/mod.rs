@@ -14,43 +14,33 @@ pub use time_grid_search::TimeGridSearch;
 
 use crate::{
     grasp_selection::{self, Fingers, Grasp},
-    settings::{DURATION_S, Faults, NOT_NEGATIVE, SettingError, Settings},
     trajectory_optimization::CatchPlan,
     trajectory_prediction::FlightTrajectory,
 };
-use catch_body::{Gripper, Pose, Robot};
+use catch_body::{Gripper, Pose, Robot, quantity};
 
 /// Settings of control.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
     /// Time from an observation until a command takes effect, in seconds: new motions start that much later.
+    #[serde(deserialize_with = "quantity::latency_s")]
     pub expected_latency_s: f64,
     /// Time from the start of a gripper move until the fingers move, in seconds; the gripper's own if nothing is said.
+    #[serde(deserialize_with = "quantity::latency_s")]
     pub gripper_latency_s: Option<f64>,
     /// Force of closing in N per finger; the gripper's own limit if it is lower.
+    #[serde(deserialize_with = "quantity::force_n")]
     pub closing_force_n: f64,
     /// A catch whose cost of holding has risen by this much, as the flight is known better, is given up for one that costs that
     /// much less.
+    #[serde(deserialize_with = "quantity::weight")]
     pub switching_hysteresis: f64,
 }
 
 impl Default for Config {
     fn default() -> Self {
         Self { expected_latency_s: 0.01, gripper_latency_s: None, closing_force_n: 80.0, switching_hysteresis: 0.5 }
-    }
-}
-
-impl Settings for Config {
-    fn faults(&self) -> Vec<SettingError> {
-        Faults::default()
-            .values(&DURATION_S, [("expected_latency_s", self.expected_latency_s)])
-            .options(&DURATION_S, [("gripper_latency_s", self.gripper_latency_s)])
-            .values(
-                &NOT_NEGATIVE,
-                [("closing_force_n", self.closing_force_n), ("switching_hysteresis", self.switching_hysteresis)],
-            )
-            .all()
     }
 }
 

@@ -4,30 +4,36 @@
 //! the object does not move toward a finger: its velocity must lie in the plane of approach (y) and gap (z). In that plane it
 //! may pass through the gap or fly toward the palm, but not come from behind.
 
-use catch_body::Pose;
+use catch_body::{Pose, quantity};
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::Grasp;
-use crate::settings::{Faults, NOT_NEGATIVE, SettingError, Settings};
 
 /// How much each heuristic counts. All terms are costs between 0 and about 1.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Weights {
     /// On the fraction of the velocity that points at a finger, |v̂·x_G|.
+    #[serde(deserialize_with = "quantity::weight")]
     pub catchability: f64,
     /// On the distance of the centre of mass from the gripper's axis, per 30 mm.
+    #[serde(deserialize_with = "quantity::weight")]
     pub strength: f64,
     /// On how much farther from the palm than the grasp centre the centre of mass is, per 30 mm.
+    #[serde(deserialize_with = "quantity::weight")]
     pub overhang: f64,
     /// On the object's width between the fingers, per 100 mm: narrow parts are usually its long sides, which hold it better.
+    #[serde(deserialize_with = "quantity::weight")]
     pub width: f64,
     /// On passing through the gap instead of flying toward the palm, which gives four times the time to close.
+    #[serde(deserialize_with = "quantity::weight")]
     pub pass_through: f64,
     /// The fraction of the velocity that may point at a finger; grasps with more are dropped.
+    #[serde(deserialize_with = "quantity::cosine")]
     pub max_sideways: f64,
     /// The fraction of the velocity that may come from behind the palm.
+    #[serde(deserialize_with = "quantity::cosine")]
     pub max_from_behind: f64,
 }
 
@@ -53,24 +59,6 @@ impl Weights {
     /// finger and away from the palm.
     pub fn of_direction(&self, sideways: f64, along: f64) -> f64 {
         self.catchability * sideways + self.pass_through * (1.0 + along)
-    }
-}
-
-impl Settings for Weights {
-    fn faults(&self) -> Vec<SettingError> {
-        Faults::default()
-            .values(
-                &NOT_NEGATIVE,
-                [
-                    ("catchability", self.catchability),
-                    ("strength", self.strength),
-                    ("overhang", self.overhang),
-                    ("width", self.width),
-                    ("pass_through", self.pass_through),
-                ],
-            )
-            .values(&(-1.0..=1.0), [("max_sideways", self.max_sideways), ("max_from_behind", self.max_from_behind)])
-            .all()
     }
 }
 

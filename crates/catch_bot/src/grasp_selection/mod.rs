@@ -12,16 +12,13 @@ pub mod heuristics;
 
 use std::collections::BTreeMap;
 
-use catch_body::{DriveControl, Gripper, Pose, shape::Cuboid};
+use catch_body::{DriveControl, Gripper, Pose, quantity, shape::Cuboid};
 use nalgebra::{Point3, Rotation3, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    perception::{ReferenceModel, Symmetry},
-    settings::{FRACTION, Faults, NOT_NEGATIVE, POSITIVE, SettingError, Settings},
-};
+use crate::perception::{ReferenceModel, Symmetry};
 pub use closing::{Closing, Fingers};
 use darboux::darboux_frame;
 pub use fit::GraspFailure;
@@ -32,28 +29,37 @@ pub use heuristics::{Approach, RankedGrasp};
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
     /// The centre of mass may be this much farther from the palm than the grasp centre: a long object that flies toward the palm end first.
+    #[serde(deserialize_with = "quantity::error_m")]
     pub max_overhang_m: f64,
     /// Free space on each side between the object and the open fingers, in metres, for the prediction's uncertainty. Where the gripper does
     /// not open so far there is less, not less than the approach margin.
+    #[serde(deserialize_with = "quantity::error_m")]
     pub finger_margin_m: f64,
     /// What must be left of it while the object comes in, in metres.
+    #[serde(deserialize_with = "quantity::error_m")]
     pub approach_margin_m: f64,
     /// Speed of closing in m/s, the fingers relative to each other; the gripper's own limit if nothing is said.
+    #[serde(deserialize_with = "quantity::drive_speed_mps")]
     pub closing_speed_mps: Option<f64>,
     /// How fast they gather it, in m/s²; likewise.
+    #[serde(deserialize_with = "quantity::drive_acceleration_mps2")]
     pub closing_acceleration_mps2: Option<f64>,
     /// The fingers should touch the object when its centre still has this far to go across them to the grasp centre, in metres: the
     /// way on which they brake it.
+    #[serde(deserialize_with = "quantity::error_m")]
     pub finger_braking_distance_m: f64,
     /// The same for what flies along the fingers toward the palm, from which it would bounce: fingers that close slowly should
     /// touch it as soon as it is between them.
+    #[serde(deserialize_with = "quantity::error_m")]
     pub palm_braking_distance_m: f64,
     /// What comes back from the palm as fast as it came must be held before it gets there; what comes back slowly may be held on
     /// its way back, when all of it is between the fingers. The way is [`Config::palm_braking_distance_m`] less this times 1/e − 1, in
     /// metres, e being [`Config::restitution`], at least 0.25; it may be negative.
+    #[serde(deserialize_with = "quantity::error_m")]
     pub palm_rebound_distance_m: f64,
     /// How the object is expected to bounce off the gripper: its coefficient of restitution, 0 to 1; a typical 0.5 if it is not
     /// set.
+    #[serde(deserialize_with = "quantity::fraction")]
     pub restitution: Option<f64>,
     /// Weights of the heuristics.
     pub weights: heuristics::Weights,
@@ -73,33 +79,6 @@ impl Default for Config {
             restitution: None,
             weights: heuristics::Weights::default(),
         }
-    }
-}
-
-impl Settings for Config {
-    fn faults(&self) -> Vec<SettingError> {
-        Faults::default()
-            .values(
-                &NOT_NEGATIVE,
-                [
-                    ("max_overhang_m", self.max_overhang_m),
-                    ("finger_margin_m", self.finger_margin_m),
-                    ("approach_margin_m", self.approach_margin_m),
-                    ("finger_braking_distance_m", self.finger_braking_distance_m),
-                    ("palm_braking_distance_m", self.palm_braking_distance_m),
-                    ("palm_rebound_distance_m", self.palm_rebound_distance_m),
-                ],
-            )
-            .options(
-                &POSITIVE,
-                [
-                    ("closing_speed_mps", self.closing_speed_mps),
-                    ("closing_acceleration_mps2", self.closing_acceleration_mps2),
-                ],
-            )
-            .options(&FRACTION, [("restitution", self.restitution)])
-            .table("weights", &self.weights)
-            .all()
     }
 }
 

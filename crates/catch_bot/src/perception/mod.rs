@@ -29,14 +29,11 @@ pub(crate) mod synthetic;
 mod view;
 mod viewpoint;
 
-use std::ops::RangeInclusive;
-
-use catch_body::Pose;
+use catch_body::{Pose, quantity};
 use catch_cell::CameraModel;
 use nalgebra::Matrix6;
 use serde::{Deserialize, Serialize};
 
-use crate::settings::{FRACTION, Faults, NOT_NEGATIVE, SettingError, Settings};
 pub use camera_health::CameraStatus;
 pub use distance_field::DistanceField;
 pub use estimator::{GATE_M, ObjectFinder, PoseEstimator, SdfEstimator};
@@ -47,9 +44,6 @@ pub use segmentation::Surroundings;
 pub use symmetry::{RotationGroup, Symmetry};
 pub use view::{Prior, View};
 
-/// Widths of depth edges that can be.
-const EDGE_PX: RangeInclusive<f64> = 0.0..=8.0;
-
 /// Settings of perception.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -58,15 +52,18 @@ pub struct Config {
     pub depth_noise: Option<DepthNoise>,
     /// Standard deviation in radians by which cameras may be turned about each axis from how they are said to stand: they are
     /// aligned on the arm that they see. Zero where they are known exactly.
+    #[serde(deserialize_with = "quantity::error_rad")]
     pub camera_sd_rad: f64,
     /// Whether the cameras see the floor, the plane z = 0; not, if it is not set.
     pub floor_visible: Option<bool>,
     /// Whether depths may be missing where there is something; not, if it is not set.
     pub depth_dropout: Option<bool>,
     /// Fraction of the depth noise's variance that all pixels of one image have in common; none if it is not set.
+    #[serde(deserialize_with = "quantity::fraction")]
     pub depth_common_fraction: Option<f64>,
     /// How many pixels beside a depth edge may show something else than what is there, because stereo matches windows; none if it is not
     /// set.
+    #[serde(deserialize_with = "quantity::edge_px")]
     pub depth_edge_px: Option<u32>,
 }
 
@@ -99,23 +96,6 @@ impl Config {
 
     fn edge_px(&self) -> u32 {
         self.depth_edge_px.unwrap_or_default()
-    }
-}
-
-impl Settings for Config {
-    fn faults(&self) -> Vec<SettingError> {
-        Faults::default()
-            .values(&NOT_NEGATIVE, [("camera_sd_rad", self.camera_sd_rad)])
-            .options(
-                &NOT_NEGATIVE,
-                [
-                    ("depth_noise.constant_m", self.depth_noise.map(|it| it.constant_m)),
-                    ("depth_noise.quadratic_per_m", self.depth_noise.map(|it| it.quadratic_per_m)),
-                ],
-            )
-            .options(&FRACTION, [("depth_common_fraction", self.depth_common_fraction)])
-            .options(&EDGE_PX, [("depth_edge_px", self.depth_edge_px.map(f64::from))])
-            .all()
     }
 }
 

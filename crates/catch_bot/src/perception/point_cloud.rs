@@ -1,6 +1,6 @@
 //! From pixels to points in W that belong to the object.
 
-use catch_body::Pose;
+use catch_body::{Pose, quantity};
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};
 use nalgebra::{Point2, Point3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -19,8 +19,10 @@ use super::{
 #[serde(default, deny_unknown_fields)]
 pub struct DepthNoise {
     /// c in metres.
+    #[serde(deserialize_with = "quantity::error_m")]
     pub constant_m: f64,
     /// q in 1/m.
+    #[serde(deserialize_with = "quantity::inverse_depth_per_m")]
     pub quadratic_per_m: f64,
 }
 

@@ -26,13 +26,12 @@ pub mod terminal_velocity;
 
 use std::sync::Arc;
 
-use catch_body::{Gripper, JointVector, Pose, Robot, clearance::ArmClearance, shape::Cuboid};
+use catch_body::{Gripper, JointVector, Pose, Robot, clearance::ArmClearance, quantity, shape::Cuboid};
 use catch_cell::{BSpline, Setpoint};
 use serde::{Deserialize, Serialize};
 
 use crate::{
     grasp_selection::{self, Approach, Grasp, GraspSet},
-    settings::{FRACTION, Faults, LIMIT_SCALE, NOT_NEGATIVE, OBJECT_MASS_KG, SettingError, Settings},
     trajectory_prediction::FlightTrajectory,
 };
 use failure_counter::FailureCounter;
@@ -45,22 +44,30 @@ use reach_map::ReachMap;
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
     /// Plans stay this far from the ends of the joints' ranges, in radians, so that an impact cannot push a joint out.
+    #[serde(deserialize_with = "quantity::error_rad")]
     pub position_margin_rad: f64,
     /// Fraction of the velocity limits that plans may use.
+    #[serde(deserialize_with = "quantity::limit_scaling")]
     pub velocity_scaling: f64,
     /// Fraction of the velocity limits that a joint may have at the catch: the impact of a banana adds up to 5 %.
+    #[serde(deserialize_with = "quantity::limit_scaling")]
     pub terminal_velocity_scaling: f64,
     /// What the object weighs in kg, if that is known: by how much its impact makes the joints faster is kept free for it.
+    #[serde(deserialize_with = "quantity::thrown_mass_kg")]
     pub object_mass_kg: Option<f64>,
     /// Fraction of the torque limits that a plan may use.
+    #[serde(deserialize_with = "quantity::limit_scaling")]
     pub torque_scaling: f64,
     /// The arm keeps this far from itself and from the floor, in metres.
+    #[serde(deserialize_with = "quantity::clearance_m")]
     pub clearance_m: f64,
     /// The work of all search passes at one image, in units of 1 to 2 µs.
+    #[serde(deserialize_with = "quantity::work")]
     pub max_work: usize,
     /// Fractions of its reachability interval that each joint may use where the arm cannot make a correction as a whole: what a joint at
     /// the end of its interval cannot do, the others do. Also where the approach is not free with the whole correction.
     /// None by default: where corrections are late and large it pays.
+    #[serde(deserialize_with = "quantity::fraction")]
     pub reach_fractions: Vec<f64>,
     /// Weights of the choice among reachable catches.
     pub weights: search::Weights,
@@ -79,28 +86,6 @@ impl Default for Config {
             reach_fractions: Vec::new(),
             weights: search::Weights::default(),
         }
-    }
-}
-
-impl Settings for Config {
-    fn faults(&self) -> Vec<SettingError> {
-        Faults::default()
-            .values(&NOT_NEGATIVE, [("position_margin_rad", self.position_margin_rad)])
-            .values(
-                &LIMIT_SCALE,
-                [
-                    ("velocity_scaling", self.velocity_scaling),
-                    ("terminal_velocity_scaling", self.terminal_velocity_scaling),
-                    ("torque_scaling", self.torque_scaling),
-                ],
-            )
-            // Motions are followed in steps as long as the clearance that is left.
-            .values(&(1e-3..=1.0), [("clearance_m", self.clearance_m)])
-            .options(&OBJECT_MASS_KG, [("object_mass_kg", self.object_mass_kg)])
-            .counts([("max_work", self.max_work)])
-            .lists(&FRACTION, [("reach_fractions", &self.reach_fractions[..])])
-            .table("weights", &self.weights)
-            .all()
     }
 }
 

@@ -13,6 +13,7 @@ mod process_noise;
 pub mod ransac;
 mod tumbling;
 
+use catch_body::quantity;
 use nalgebra::{Matrix6, SMatrix, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -24,28 +25,31 @@ pub use process_noise::ProcessNoise;
 use ransac::Sampling;
 pub use tumbling::inertia_per_kg;
 
-use crate::{
-    perception::{ObjectPose, Symmetry},
-    settings::{Faults, NOT_NEGATIVE, SettingError, Settings},
-};
+use crate::perception::{ObjectPose, Symmetry};
 
 /// Settings of trajectory prediction.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
     /// Drag constant k that is expected, in 1/m; zero if it is not set.
+    #[serde(deserialize_with = "quantity::drag_per_m")]
     pub drag_prior_per_m: Option<f64>,
     /// Its standard deviation. Zero, as in the paper's simulator: there is no drag, or exactly as much as expected; so it is if it is not set.
+    #[serde(deserialize_with = "quantity::drag_per_m")]
     pub drag_prior_sd_per_m: Option<f64>,
     /// Standard deviation of each component of the angular velocity around zero before anything is seen, rad/s.
+    #[serde(deserialize_with = "quantity::speed_radps")]
     pub spin_prior_sd_radps: f64,
     /// Error in metres that all poses have in common, at the arm and away from it (calibration of the cameras).
+    #[serde(deserialize_with = "quantity::error_m")]
     pub systematic_sd_m: f64,
     /// Standard deviation of an error that successive poses have in common, in metres for each metre between the pose and the origin of W,
     /// where the arm stands. It is that of `perception.camera_sd_rad` if it is not set.
+    #[serde(deserialize_with = "quantity::fraction")]
     pub correlated_sd_per_m: Option<f64>,
     /// Standard deviation in metres of each coordinate by which the centre of mass may be beside that of the reference model, whose density is
     /// uniform; zero if it is not set.
+    #[serde(deserialize_with = "quantity::error_m")]
     pub com_sd_m: Option<f64>,
     /// Forces that depend on orientation and spin. None are expected by default.
     pub aerodynamics: AerodynamicPrior,
@@ -90,28 +94,6 @@ impl Default for Considered {
     /// since each adds information.
     fn default() -> Self {
         Self { first_after: 6, window: 30, fit_window: 100, inlier_m: 0.01 }
-    }
-}
-
-impl Settings for Config {
-    fn faults(&self) -> Vec<SettingError> {
-        Faults::default()
-            .values(
-                &NOT_NEGATIVE,
-                [("spin_prior_sd_radps", self.spin_prior_sd_radps), ("systematic_sd_m", self.systematic_sd_m)],
-            )
-            .table("aerodynamics", &self.aerodynamics)
-            .table("process_noise", &self.process_noise)
-            .options(
-                &NOT_NEGATIVE,
-                [
-                    ("drag_prior_per_m", self.drag_prior_per_m),
-                    ("drag_prior_sd_per_m", self.drag_prior_sd_per_m),
-                    ("correlated_sd_per_m", self.correlated_sd_per_m),
-                    ("com_sd_m", self.com_sd_m),
-                ],
-            )
-            .all()
     }
 }
 

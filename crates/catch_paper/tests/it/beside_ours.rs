@@ -36,7 +36,7 @@ fn icp_gives_the_pose_less_well_than_the_distance_field() {
         let reference = Arc::new(synthetic::reference(&shape, 200));
         let config = perception::Config::default;
         let settings = registration::Config::default();
-        let mut icp = IcpEstimator::new(settings, config(), reference.clone(), Workspace::default()).unwrap();
+        let mut icp = IcpEstimator::new(settings, config(), reference.clone(), Workspace::default());
         let mut ours = SdfEstimator::new(config(), reference.clone(), Workspace::default());
         let icp = errors(&mut icp, &shape, &reference);
         let ours = errors(&mut ours, &shape, &reference);
@@ -56,7 +56,7 @@ fn icp_starts_from_the_origin_if_it_starts_from_its_last_pose() {
     let reference = Arc::new(synthetic::reference(&shape, 200));
     let settings = registration::Config { as_published: true };
     let perception = perception::Config::default();
-    let mut icp = IcpEstimator::new(settings, perception, reference.clone(), Workspace::default()).unwrap();
+    let mut icp = IcpEstimator::new(settings, perception, reference.clone(), Workspace::default());
     let cameras = synthetic::flight_rig();
     let mut normal = Normal::new(1);
     let X_WO = synthetic::pose_in_flight(&mut normal);

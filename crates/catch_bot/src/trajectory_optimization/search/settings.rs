@@ -1,28 +1,23 @@
 //! What the search weighs, and how far it goes.
 
+use catch_body::quantity;
 use serde::{Deserialize, Serialize};
-
-use crate::settings::{Faults, NOT_NEGATIVE, SettingError, Settings};
 
 /// Weights of the choice among catches that the arm can reach. All terms are costs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Weights {
     /// On the object's speed relative to the gripper, per m/s: what passes the fingers slowly stays.
+    #[serde(deserialize_with = "quantity::weight")]
     pub speed: f64,
     /// On the gripper's angular speed, per rad/s.
+    #[serde(deserialize_with = "quantity::weight")]
     pub spin: f64,
 }
 
 impl Default for Weights {
     fn default() -> Self {
         Self { speed: 1.4, spin: 0.3 }
-    }
-}
-
-impl Settings for Weights {
-    fn faults(&self) -> Vec<SettingError> {
-        Faults::default().values(&NOT_NEGATIVE, [("speed", self.speed), ("spin", self.spin)]).all()
     }
 }
 
