@@ -28,6 +28,8 @@ const MIN_FLIGHT_MPS: f64 = 0.5;
 const MAX_FLIGHT_MPS: f64 = 30.0;
 /// Longest time between two images of one flight, in seconds.
 const MAX_GAP_S: f64 = 0.1;
+/// An object that has been followed for so long without a plan is not caught any more, in seconds.
+const GIVE_UP_S: f64 = 1.5;
 /// From the catch on: how long the fingers are given to close upon the object, in seconds.
 const SQUEEZE_S: f64 = 0.3;
 /// How long the gripper is given to open, and the object to fall out of it, in seconds.
@@ -185,7 +187,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
                 let holds = is_held(&observation.gripper, plan);
                 self.enter(if holds { Phase::Holding } else { Phase::Returning }, now_s);
             }
-            None if now_s > self.since_s + self.config.give_up_s => self.enter(Phase::Returning, now_s),
+            None if now_s > self.since_s + GIVE_UP_S => self.enter(Phase::Returning, now_s),
             _ => {}
         }
         command

@@ -107,14 +107,11 @@ pub struct CalibrationSettings {
     /// Poses of the arm, at most.
     #[serde(deserialize_with = "quantity::poses")]
     pub poses: usize,
-    /// Flights of the object that refine it afterwards.
-    #[serde(deserialize_with = "quantity::flights")]
-    pub flights: usize,
 }
 
 impl Default for CalibrationSettings {
     fn default() -> Self {
-        Self { position_sd_m: 0.005, rotation_sd_deg: 0.3, poses: 12, flights: 0 }
+        Self { position_sd_m: 0.005, rotation_sd_deg: 0.3, poses: 12 }
     }
 }
 

@@ -5,19 +5,15 @@ mod decision;
 pub mod sent_plans;
 mod time_grid_search;
 
-use catch_cell::{GripperMove, GripperState};
+use catch_cell::GripperMove;
 use serde::{Deserialize, Serialize};
 
 pub use controller::Controller;
 pub use decision::{CatchPlanner, Decision, Progress, Situation, Status};
 pub use time_grid_search::TimeGridSearch;
 
-use crate::{
-    grasp_selection::{self, Fingers, Grasp},
-    trajectory_optimization::CatchPlan,
-    trajectory_prediction::FlightTrajectory,
-};
-use catch_body::{Gripper, Pose, Robot, quantity};
+use crate::trajectory_optimization::CatchPlan;
+use catch_body::{Gripper, Pose, quantity};
 
 /// Settings of control.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -59,39 +55,6 @@ pub struct GripperPlan {
     pub contact_s: f64,
     /// Speed of closing in m/s, the fingers relative to each other.
     pub speed_mps: f64,
-}
-
-/// When to close so that both fingers touch the object when its centre passes the grasp centre of the moving gripper, or shortly
-/// before. `fingers` is what the gripper reports of itself at `now_s`.
-pub fn closing(
-    (now_s, fingers): (f64, &GripperState),
-    plan: &CatchPlan,
-    flight: &FlightTrajectory,
-    robot: &Robot,
-    gripper: &Gripper,
-    grasping: &grasp_selection::Config,
-    config: &Config,
-) -> GripperPlan {
-    let held = plan.grasp.X_OG * gripper.grasp_centre();
-    let local_flight = flight.local_flight_at(plan.catch_s);
-    let X_WG = |time_s: f64| robot.gripper_pose(&plan.trajectory.setpoint(time_s).q);
-    let distance = |time_s: f64| (local_flight.pose_at(time_s) * held - X_WG(time_s) * gripper.grasp_centre()).norm();
-    let closest_s = closest(plan.catch_s, distance);
-    let contact_s =
-        closest_s - grasping.contact_lead_s(&local_flight.velocity_in(X_WG, &held), &plan.grasp.centre_past_G(gripper));
-    let CatchPlan { aperture_m, grasp: Grasp { object_width_m, .. }, .. } = *plan;
-    let latency_s = config.gripper_latency_s.unwrap_or(gripper.drive.latency_s);
-    let closing = grasping.closing(gripper);
-    let close_s = contact_s - closing.duration_s(aperture_m - object_width_m);
-    let stand_s = now_s + latency_s + closing.duration_s((aperture_m - fingers.width_m).abs());
-    let close_s = if stand_s <= close_s {
-        close_s
-    } else {
-        // The fingers may still be on their way to the aperture when they have to close.
-        let fingers = Fingers { width_m: fingers.width_m, rate_mps: fingers.speed_mps };
-        now_s + closing.wait_s(fingers, aperture_m, object_width_m, contact_s - now_s)
-    };
-    GripperPlan { start_s: close_s - latency_s, contact_s, speed_mps: closing.speed_mps }
 }
 
 /// Whether a plan whose motion cannot be changed any more still meets the object, for which the gripper would have to be at `X_WG`.

@@ -7,9 +7,6 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CycleConfig {
-    /// An object that has been followed for so long without a plan is not caught any more, in seconds.
-    #[serde(deserialize_with = "quantity::phase_s")]
-    pub give_up_s: f64,
     /// How long an object is held after the catch, in seconds.
     #[serde(deserialize_with = "quantity::phase_s")]
     pub hold_s: f64,
@@ -17,6 +14,6 @@ pub struct CycleConfig {
 
 impl Default for CycleConfig {
     fn default() -> Self {
-        Self { give_up_s: 1.5, hold_s: 1.6 }
+        Self { hold_s: 1.6 }
     }
 }

@@ -107,19 +107,7 @@ pub fn fit_gripper(
     }
 
     // Both faces must meet the surface squarely enough for friction to hold.
-    let half_width = object_width_m / 2.0;
-    let squareness = |side: f64| {
-        let (sum, count) = reference
-            .points
-            .iter()
-            .zip(&reference.normals)
-            .map(|(point, normal)| (X_GO * point, X_GO * normal))
-            .filter(|(p, _)| {
-                p.z.abs() < half_gap && p.y > 0.0 && p.y < reach && side * p.x > half_width - CONTACT_DEPTH_M
-            })
-            .fold((Vector3::zeros(), 0), |(sum, count), (_, normal)| (sum + normal, count + 1));
-        if count == 0 { 0.0 } else { sum.normalize().x * side }
-    };
+    let squareness = |side: f64| squareness(reference, gripper, &X_GO, object_width_m, side);
     if squareness(1.0).min(squareness(-1.0)) < MAX_CONTACT_ANGLE_RAD.cos() {
         return Err(GraspFailure::Slanted);
     }
@@ -137,6 +125,22 @@ pub fn fit_gripper(
     }
     let held_G = held_box(&reference.points, &X_GO);
     Ok(Grasp { X_OG, object_width_m, aperture_m, strength_m, overhang_m, held_G })
+}
+
+/// How squarely the finger on one `side` (−1, 1) meets the surface of an object of this width at `X_GO`: the cosine of the angle between its face and
+/// the mean normal of what it touches, zero where that is nothing.
+fn squareness(reference: &ReferenceModel, gripper: &Gripper, X_GO: &Pose, width_m: f64, side: f64) -> f64 {
+    let (half_gap, reach) = (gripper.finger_size_m[2] / 2.0, gripper.fingertip_y_m());
+    let (sum, count) = reference
+        .points
+        .iter()
+        .zip(&reference.normals)
+        .map(|(point, normal)| (X_GO * point, X_GO * normal))
+        .filter(|(p, _)| {
+            p.z.abs() < half_gap && p.y > 0.0 && p.y < reach && side * p.x > width_m / 2.0 - CONTACT_DEPTH_M
+        })
+        .fold((Vector3::zeros(), 0), |(sum, count), (_, normal)| (sum + normal, count + 1));
+    if count == 0 { 0.0 } else { sum.normalize().x * side }
 }
 
 /// How much farther from the palm than the grasp centre an object's centre of mass is.

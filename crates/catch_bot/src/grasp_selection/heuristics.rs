@@ -87,50 +87,55 @@ pub struct RankedGrasp {
     pub still_cost: f64,
 }
 
-/// Whether a grasp with these closing and approaching directions in O can catch an object that flies along `v_O`: it must
-/// neither move toward a finger nor come from behind.
-pub fn can_catch([closing_O, approach_O]: &[Vector3<f64>; 2], v_O: &Vector3<f64>, weights: &Weights) -> bool {
-    closing_O.dot(v_O).abs() <= weights.max_sideways && approach_O.dot(v_O) <= weights.max_from_behind
+/// An object that passes: its pose, along which direction in O it flies, where the arm stands, and what counts.
+#[derive(Debug, Clone, Copy)]
+pub struct Passing<'a> {
+    X_WO: &'a Pose,
+    v_O: Vector3<f64>,
+    base: &'a Point3<f64>,
+    weights: &'a Weights,
 }
 
-/// Places a grasp with these closing and approaching directions in O on an object in pose `X_WO` that flies along `v_O`, and
-/// sums its heuristics.
-///
-/// `base` is where the arm stands.
-pub fn rank(
-    index: usize,
-    grasp: &Grasp,
-    [closing_O, approach_O]: &[Vector3<f64>; 2],
-    X_WO: &Pose,
-    v_O: &Vector3<f64>,
-    base: &Point3<f64>,
-    weights: &Weights,
-) -> RankedGrasp {
-    let X_WG = X_WO * grasp.X_OG;
-    let (sideways, along) = (closing_O.dot(v_O).abs(), approach_O.dot(v_O));
-    let through_gap = (1.0 - sideways * sideways - along * along).max(0.0).sqrt();
-    let approach = if -along >= through_gap { Approach::TowardPalm } else { Approach::ThroughGap };
-    // "Comfort": the gripper points away from the axis of the base (paper, III-C), here as a cosine.
-    let outward = X_WG.translation.vector - base.coords;
-    let comfort = Vector3::new(outward.x, outward.y, 0.0)
-        .try_normalize(1e-6)
-        .map_or(0.0, |outward| (X_WO.rotation * approach_O).dot(&outward));
-    let still_cost = weights.strength * grasp.strength_m / 0.03
-        + weights.overhang * grasp.overhang_m / 0.03
-        + weights.width * grasp.object_width_m / 0.1
-        + COMFORT * (1.0 - comfort);
-    RankedGrasp { index, X_WG, approach, cost: still_cost + weights.of_direction(sideways, along), still_cost }
-}
+impl<'a> Passing<'a> {
+    /// At `X_WO`, with the velocity `v_WO` in W; `base` is where the arm stands.
+    pub fn new(X_WO: &'a Pose, v_WO: &Vector3<f64>, base: &'a Point3<f64>, weights: &'a Weights) -> Self {
+        let v_O = X_WO.rotation.inverse_transform_vector(v_WO).try_normalize(1e-6).unwrap_or_default();
+        Self { X_WO, v_O, base, weights }
+    }
 
-/// Places a single grasp on an object in pose `X_WO` that flies at `v_WO`.
-pub fn rank_alone(
-    index: usize,
-    grasp: &Grasp,
-    X_WO: &Pose,
-    v_WO: &Vector3<f64>,
-    base: &Point3<f64>,
-    weights: &Weights,
-) -> RankedGrasp {
-    let v_O = X_WO.rotation.inverse_transform_vector(v_WO).try_normalize(1e-6).unwrap_or_default();
-    rank(index, grasp, &[grasp.X_OG * Vector3::x(), grasp.X_OG * Vector3::y()], X_WO, &v_O, base, weights)
+    /// Whether it moves at all.
+    pub fn moves(&self) -> bool {
+        self.v_O != Vector3::zeros()
+    }
+
+    /// Whether a grasp with these closing and approaching directions in O can catch it: it must neither move toward a finger nor come
+    /// from behind.
+    pub fn can_be_caught(&self, [closing_O, approach_O]: &[Vector3<f64>; 2]) -> bool {
+        closing_O.dot(&self.v_O).abs() <= self.weights.max_sideways
+            && approach_O.dot(&self.v_O) <= self.weights.max_from_behind
+    }
+
+    /// Places a grasp with these closing and approaching directions in O on the object, and sums its heuristics.
+    pub fn rank(&self, index: usize, grasp: &Grasp, [closing_O, approach_O]: &[Vector3<f64>; 2]) -> RankedGrasp {
+        let Self { X_WO, v_O, base, weights } = self;
+        let X_WG = *X_WO * grasp.X_OG;
+        let (sideways, along) = (closing_O.dot(v_O).abs(), approach_O.dot(v_O));
+        let through_gap = (1.0 - sideways * sideways - along * along).max(0.0).sqrt();
+        let approach = if -along >= through_gap { Approach::TowardPalm } else { Approach::ThroughGap };
+        // "Comfort": the gripper points away from the axis of the base (paper, III-C), here as a cosine.
+        let outward = X_WG.translation.vector - base.coords;
+        let comfort = Vector3::new(outward.x, outward.y, 0.0)
+            .try_normalize(1e-6)
+            .map_or(0.0, |outward| (X_WO.rotation * approach_O).dot(&outward));
+        let still_cost = weights.strength * grasp.strength_m / 0.03
+            + weights.overhang * grasp.overhang_m / 0.03
+            + weights.width * grasp.object_width_m / 0.1
+            + COMFORT * (1.0 - comfort);
+        RankedGrasp { index, X_WG, approach, cost: still_cost + weights.of_direction(sideways, along), still_cost }
+    }
+
+    /// The same for a single grasp.
+    pub fn rank_alone(&self, index: usize, grasp: &Grasp) -> RankedGrasp {
+        self.rank(index, grasp, &[grasp.X_OG * Vector3::x(), grasp.X_OG * Vector3::y()])
+    }
 }

@@ -22,7 +22,7 @@ use crate::perception::{ReferenceModel, Symmetry};
 pub use closing::{Closing, Fingers};
 use darboux::darboux_frame;
 pub use fit::GraspFailure;
-pub use heuristics::{Approach, RankedGrasp};
+pub use heuristics::{Approach, Passing, RankedGrasp};
 
 /// Settings of grasp selection.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -280,19 +280,20 @@ impl GraspSet {
         config: &Config,
         may_reach: impl Fn(&Pose) -> bool,
     ) -> (Vec<RankedGrasp>, bool) {
-        let Some(v_O) = X_WO.rotation.inverse_transform_vector(v_WO).try_normalize(1e-6) else {
+        let passing = Passing::new(X_WO, v_WO, base, &config.weights);
+        if !passing.moves() {
             return (Vec::new(), false);
-        };
+        }
         let mut any = false;
         let mut ranked: Vec<RankedGrasp> = self
             .grasps
             .iter()
             .zip(&self.axes)
             .enumerate()
-            .filter(|(_, (_, axes))| heuristics::can_catch(axes, &v_O, &config.weights))
+            .filter(|(_, (_, axes))| passing.can_be_caught(axes))
             .inspect(|_| any = true)
             .filter(|(_, (grasp, _))| may_reach(&grasp.X_OG))
-            .map(|(index, (grasp, axes))| heuristics::rank(index, grasp, axes, X_WO, &v_O, base, &config.weights))
+            .map(|(index, (grasp, axes))| passing.rank(index, grasp, axes))
             .collect();
         let better = |a: &RankedGrasp, b: &RankedGrasp| a.cost.total_cmp(&b.cost).then(a.index.cmp(&b.index));
         if ranked.len() > KEPT {

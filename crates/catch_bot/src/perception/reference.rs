@@ -10,6 +10,8 @@ use super::{
     symmetry::Symmetry,
 };
 
+/// Error of the model itself, in metres: a point is off by this even without noise.
+pub const MODEL_SD_M: f64 = 0.0002;
 /// Points of a scan closer than this to each other are thinned, in metres: nearly all points of a scan with 200×150 pixels per camera are kept,
 /// and the work for denser ones is bounded.
 const REFERENCE_SPACING_M: f64 = 0.0015;

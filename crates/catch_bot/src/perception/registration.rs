@@ -12,6 +12,7 @@ use super::{
     Config, PerceptionStatus, ReferenceModel,
     normal_equations::{CommonError, MEAN_SQUARE, NormalEquations, Sums},
     point_cloud::{PointResidual, SceneCloud, ScenePoint},
+    reference::MODEL_SD_M,
     silhouette::Silhouette,
 };
 
@@ -72,8 +73,6 @@ struct Scales {
     silhouette: f64,
 }
 
-/// Error of the reference itself, in metres: a point is off by this even without noise.
-pub const MODEL_SD_M: f64 = 0.0002;
 /// Fewer points than this give no pose.
 pub const MIN_POINTS: usize = 6;
 /// Largest root mean square distance of the points from the reference that is believed, in metres, beside three standard deviations of the

@@ -13,7 +13,7 @@ use super::{
     edge_growth::EdgeGrowth,
     normal_distribution::inverse_mills,
     normal_equations::{CommonError, OUTLIER_SD, Sums},
-    registration::MODEL_SD_M,
+    reference::MODEL_SD_M,
     segmentation::Label,
     viewpoint::Viewpoint,
 };

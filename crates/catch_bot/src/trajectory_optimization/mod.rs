@@ -59,7 +59,7 @@ pub struct Config {
     #[serde(deserialize_with = "quantity::limit_scaling")]
     pub torque_scaling: f64,
     /// The arm keeps this far from itself and from the floor, in metres.
-    #[serde(deserialize_with = "quantity::clearance_m")]
+    #[serde(deserialize_with = "quantity::size_m")]
     pub clearance_m: f64,
     /// The work of all search passes at one image, in units of 1 to 2 µs.
     #[serde(deserialize_with = "quantity::work")]

@@ -13,7 +13,7 @@ use super::{
     swept_volume::Entering,
 };
 use crate::{
-    grasp_selection::{Grasp, heuristics},
+    grasp_selection::{Grasp, Passing},
     trajectory_prediction::LocalFlight,
 };
 
@@ -176,8 +176,8 @@ impl CatchSearch {
         let LocalFlight { time_s: catch_s, X_WO, V_WO, .. } = *local_flight;
         let q = posture.q;
         let base = Point3::from(self.motion.robot.X_WB.translation.vector);
-        let still_cost =
-            heuristics::rank_alone(0, grasp, &X_WO, &V_WO.linear, &base, &incoming.config.weights).still_cost;
+        let passing = Passing::new(&X_WO, &V_WO.linear, &base, &incoming.config.weights);
+        let still_cost = passing.rank_alone(0, grasp).still_cost;
         let point_to_point = self.motion.point_to_point((start, incoming), local_flight, X_WG, &q, scaling);
         let point_to_point = PointToPoint { weights: plan.weights, ..point_to_point };
         let joints = self.motion.reaches(start, catch_s - start.time_s, scaling);

@@ -189,3 +189,38 @@ fn poses_that_make_no_flight_give_a_status() {
     pose.capture_s = f64::NAN;
     assert!(flight_of(&vec![pose; 20]).is_err());
 }
+
+/// A setting made in code is refused as one of a file is, wherever it stands.
+#[test]
+fn settings_out_of_range_are_named() {
+    assert_eq!(catch_bot::Config { seed: u64::MAX, ..Default::default() }.check(), Ok(()));
+    let fault = |change: fn(&mut catch_bot::Config)| {
+        let mut config = catch_bot::Config::default();
+        change(&mut config);
+        config.check().unwrap_err().to_string()
+    };
+    for (found, expected) in [
+        (
+            fault(|it| it.control.closing_force_n = -1.0),
+            "settings of the brain: control.closing_force_n: found -1, expected 0.01 to 100000 N",
+        ),
+        (
+            fault(|it| it.perception.camera_sd_rad = f64::NAN),
+            "settings of the brain: perception.camera_sd_rad: found nan, expected a finite number",
+        ),
+        (
+            fault(|it| it.trajectory_optimization.reach_fractions = vec![0.9, 2.0]),
+            "settings of the brain: trajectory_optimization.reach_fractions[1]: found 2, expected 0 to 1",
+        ),
+        (
+            fault(|it| it.trajectory_optimization.max_work = 0),
+            "settings of the brain: trajectory_optimization.max_work: found 0, expected 1 to 100000",
+        ),
+        (
+            fault(|it| it.grasp_selection.restitution = Some(1.5)),
+            "settings of the brain: grasp_selection.restitution: found 1.5, expected 0 to 1",
+        ),
+    ] {
+        assert_eq!(found, expected);
+    }
+}

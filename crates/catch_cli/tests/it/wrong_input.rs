@@ -255,7 +255,7 @@ fn arguments_that_cannot_be_right_say_what_would_be() {
         (&["eval", "--study", "ablation", "--set", "arena.friction=1"], &["--study", "--set"]),
         (&["eval", "--study", "ablatoin"], &["--study", "did you mean `ablation`?"]),
         (&["catch", "--set", "brain.trajectory_optimization.velocity_scaling=1.5"], &["velocity_scaling", "0.01 to 1"]),
-        (&["catch", "--set", "brain.trajectory_optimization.clearance_m=0"], &["clearance_m", "0.001 to 1"]),
+        (&["catch", "--set", "brain.trajectory_optimization.clearance_m=0"], &["clearance_m", "0.001 to 2 m"]),
         (&["catch", "--set", "arena.step_s=1e-9"], &["arena.step_s", "0.00001 to 0.002"]),
     ] {
         let said = complaint(arguments);

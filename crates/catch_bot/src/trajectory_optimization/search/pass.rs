@@ -14,7 +14,7 @@ use super::{
     },
 };
 use crate::{
-    grasp_selection::{RankedGrasp, heuristics},
+    grasp_selection::{Passing, RankedGrasp},
     trajectory_optimization::{
         CatchPlan, CatchSearch, MIN_LEAD_S, PlanningFailure,
         point_to_point::PointToPoint,
@@ -256,8 +256,8 @@ impl<'a, 's> Pass<'a, 's> {
                 let LocalFlight { X_WO, V_WO, .. } = sample.local_flight;
                 self.samples.push(sample);
                 for &index in &close {
-                    let (grasp, weights) = (&incoming.grasps.grasps[index], &incoming.config.weights);
-                    self.add(heuristics::rank_alone(index, grasp, &X_WO, &V_WO.linear, &base, weights));
+                    let passing = Passing::new(&X_WO, &V_WO.linear, &base, &incoming.config.weights);
+                    self.add(passing.rank_alone(index, &incoming.grasps.grasps[index]));
                 }
             }
         }
