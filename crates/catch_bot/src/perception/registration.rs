@@ -75,8 +75,7 @@ struct Scales {
 
 /// Fewer points than this give no pose.
 pub const MIN_POINTS: usize = 6;
-/// Largest root mean square distance of the points from the reference that is believed, in metres, beside three standard deviations of the
-/// depth noise that is expected: wrong orientations left 6 mm and more.
+/// Largest root mean square residual that is believed, in metres, beside three standard deviations of depth noise: wrong orientations left 6 mm.
 pub const MAX_RESIDUAL_M: f64 = 0.005;
 /// Most iterations of one registration.
 const MAX_ITERATIONS: usize = 20;
@@ -84,9 +83,8 @@ const MAX_ITERATIONS: usize = 20;
 const STEP_TOLERANCE_M: f64 = 2e-6;
 /// Or when a step is shorter than this fraction of the pose's standard deviation.
 const STEP_TOLERANCE_SD: f64 = 0.1;
-/// Standard deviations that every pose has at least, because points of one frame err together: metres, and radians.
-const POSITION_FLOOR_M: f64 = 5e-5;
-const ROTATION_FLOOR_RAD: f64 = 1e-3;
+/// Standard deviations in radians and metres that every pose has at least, because points of one frame err together.
+const FLOOR_SD: [f64; 2] = [1e-3, 5e-5];
 
 /// Registration of a reference onto scenes.
 #[derive(Debug, Clone, Copy)]
@@ -394,7 +392,7 @@ fn in_world(information: &Matrix6<f64>, X_WO: &Pose) -> Matrix6<f64> {
 /// also holds where H has no inverse.
 fn with_floor(information: &Matrix6<f64>) -> Matrix6<f64> {
     // No `powi`: of constants compilers may make another last bit.
-    let [turn, shift] = [ROTATION_FLOOR_RAD, POSITION_FLOOR_M].map(|sd| 1.0 / (sd * sd));
+    let [turn, shift] = FLOOR_SD.map(|sd| 1.0 / (sd * sd));
     let floor = Matrix6::from_diagonal(&Vector6::new(turn, turn, turn, shift, shift, shift));
     let Some(factor) = (information + floor).cholesky() else { return Matrix6::zeros() };
     let remaining = information - information * factor.solve(information);
