@@ -343,7 +343,7 @@ mod tests {
                 "brain.control.switching_hysteresis: found nan, expected a finite number",
             ),
             ("brain.perception.camera_sd_rad=inf", "brain.perception.camera_sd_rad: found inf"),
-            ("brain.grasp_selection.turns_rad=[0.5, nan]", "turns_rad[1]"),
+            ("brain.trajectory_optimization.reach_fractions=[0.5, nan]", "reach_fractions[1]"),
             ("ready_rad=[0, 0, 0, 0, 0, 0, inf]", "ready_rad[6]: found inf, expected a finite number"),
             ("brain.trajectory_optimization.velocity_scaling=1.5", "0.01 to 1"),
             ("brain.seed=7", "--seed"),

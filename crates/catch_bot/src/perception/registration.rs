@@ -102,9 +102,7 @@ impl<'a> Registration<'a> {
     pub fn new(reference: &'a ReferenceModel, config: &'a Config) -> Self {
         Self { reference, config, model_sd_m: MODEL_SD_M }
     }
-}
 
-impl Registration<'_> {
     /// Brings the reference from `X_WO` onto the scene's points, and if wanted its silhouette onto theirs.
     ///
     /// # Errors

@@ -353,7 +353,7 @@ fn patches_of_the_object_give_no_depth() {
     let fraction = 0.3;
     let centre = Point3::new(1.2, 1.0, 0.8);
     let rig = [Vector3::x(), Vector3::y(), Vector3::new(0.3, 0.2, 1.0)]
-        .map(|away| CameraModel::with_field_of_view(look_at(&(centre + away), &centre), 120, 120, 0.3));
+        .map(|away| CameraModel::with_field_of_view(look_at(&(centre + away), &centre), 120, 120, 0.1));
     let (X_WL, renderer) = (iiwa().link_poses(&JointVector::zeros()), renderer(&long_object(), false));
     let X_WO = Pose::translation(centre.x, centre.y, centre.z);
     let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: 0.11, X_WO: &X_WO };
