@@ -272,8 +272,6 @@ quantities! {
     part_mass_kg PART_MASS_KG = 0.000001 to 1000.0 "kg";
     /// Masses of what is thrown.
     thrown_mass_kg THROWN_MASS_KG = 0.001 to 5.0 "kg";
-    /// Masses that may be left out of account.
-    added_mass_kg ADDED_MASS_KG = 0.0 to 1000.0 "kg";
     /// Times on the clock of a cell.
     clock_s CLOCK_S = -1e11 to 1e11 "s";
     /// Poses in or around a cell.
@@ -312,8 +310,6 @@ quantities! {
     stiffness_npm STIFFNESS_NPM = 1.0 to 1000000000.0 "N/m";
     /// Torques of joints.
     torque_nm TORQUE_NM = 0.001 to 100000.0 "N·m";
-    /// Damping of drives.
-    damping_nspm DAMPING_NSPM = 0.0 to 1000000.0 "N·s/m";
     /// Gains of a joint's controller.
     gain GAIN = 0.0 to 1000000.0 "";
     /// Viscous damping of joints.
@@ -330,8 +326,6 @@ quantities! {
     spin_radps SPIN_RADPS = -200.0 to 200.0 "rad/s";
     /// Magnitudes of the same.
     speed_radps SPEED_RADPS = 0.0 to 200.0 "rad/s";
-    /// Errors of an angular velocity.
-    error_radps ERROR_RADPS = 0.0 to 10.0 "rad/s";
     /// Velocities of joints.
     joint_velocity_radps JOINT_VELOCITY_RADPS = 0.001 to 1000.0 "rad/s";
     /// Velocities of joints with their direction.
@@ -354,6 +348,18 @@ quantities! {
     fraction FRACTION = 0.0 to 1.0 "";
     /// Fractions by which something is drawn around its mean, below one.
     spread SPREAD = 0.0 to 0.99 "";
+    /// Weights of a choice.
+    weight WEIGHT = 0.0 to 1000000000.0 "";
+    /// Cosines.
+    cosine COSINE = -1.0 to 1.0 "";
+    /// Fractions of a limit that a plan may use.
+    limit_scaling LIMIT_SCALING = 0.01 to 1.0 "";
+    /// Work of a search.
+    work WORK = 1.0 to 100000.0 "";
+    /// Densities of white noise of an acceleration.
+    noise_density NOISE_DENSITY = 0.0 to 1000.0 "";
+    /// Times within a life of many throws.
+    phase_s PHASE_S = 0.0 to 10.0 "s";
     /// Factors.
     factor FACTOR = 0.0 to 1000.0 "";
     /// Metres per unit of a file.

@@ -5,7 +5,10 @@ mod node;
 
 use std::fmt::{self, Display};
 
-use serde::de::{DeserializeOwned, Error, Expected, Unexpected};
+use serde::{
+    Serialize,
+    de::{DeserializeOwned, Error, Expected, Unexpected},
+};
 use toml::Value;
 
 use crate::InputError;
@@ -62,6 +65,16 @@ impl InputError {
                 _ => return Err(Self { also: faults.split_off(1).into(), ..faults.remove(0) }),
             }
         }
+    }
+
+    /// Whether settings that were made in code could stand in a file, every number within its range; `name` takes the place of the file.
+    ///
+    /// # Errors
+    /// As [`parse_toml`](Self::parse_toml).
+    pub fn check_settings<T: Serialize + DeserializeOwned>(name: &str, settings: &T) -> Result<(), Self> {
+        let table = toml::Table::try_from(settings).map_err(|fault| Self::new(name, "settings", fault, "a table"))?;
+        let (_, faults) = Self::from_table::<T>(name, table)?;
+        Self::first_of(faults.into_iter().map(Err::<(), _>))
     }
 }
 

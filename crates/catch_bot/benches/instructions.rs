@@ -19,9 +19,7 @@ use catch_bot::{
     grasp_selection::{self, GraspSet},
     perception::{self, DepthNoise, PoseEstimator, ReferenceModel, SdfEstimator, Symmetry, View, Workspace},
     trajectory_optimization::{CatchSearch, Incoming, Start, failure_counter::FailureCounter, retarget::Correction},
-    trajectory_prediction::{
-        self, AerodynamicPrior, CorrelatedError, FlightPredictor, FlightTrajectory, InformationFit, ProcessNoise,
-    },
+    trajectory_prediction::{self, AerodynamicPrior, FlightPredictor, FlightTrajectory, InformationFit, ProcessNoise},
 };
 use inputs::{Images, arm};
 use nalgebra::Vector3;
@@ -76,7 +74,7 @@ fn perceive(noise: Noise, masks: bool, tracked: bool, before: usize) {
     let depth_noise = Some(DepthNoise { constant_m, quadratic_per_m });
     let config = perception::Config { depth_noise, ..Default::default() };
     let shape = Shape::banana();
-    let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(&shape, 64), &config));
+    let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(&shape, 64)));
     let Images { cameras, mut frames, prior } = Images::new(&shape, &reference, noise);
     frames.iter_mut().filter(|_| !masks).for_each(|frame| frame.mask = None);
     let view = View { frames: &frames, cameras: &cameras, ..View::default() };
@@ -90,7 +88,7 @@ fn perceive(noise: Noise, masks: bool, tracked: bool, before: usize) {
 
 /// A flight from thirty poses and the flight before.
 fn predict_flight(shape: &Shape, symmetry: Option<Symmetry>, config: &trajectory_prediction::Config) {
-    let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(shape, 32), &perception::Config::default()));
+    let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(shape, 32)));
     let poses = inputs::poses(shape, &reference);
     let symmetry = symmetry.unwrap_or(reference.symmetry);
     let mut fit = InformationFit::new(config.clone(), symmetry, 1);
@@ -100,14 +98,12 @@ fn predict_flight(shape: &Shape, symmetry: Option<Symmetry>, config: &trajectory
 
 /// Drag that is known about.
 fn told() -> trajectory_prediction::Config {
-    // A refit alone: these poses, whose noise nobody told, err more than they say and would be sampled anew as well.
-    trajectory_prediction::Config { drag_prior_sd_per_m: Some(0.02), max_error_scale: 1e3, ..Default::default() }
+    trajectory_prediction::Config { drag_prior_sd_per_m: Some(0.02), ..Default::default() }
 }
 
 /// And an error that successive poses have in common.
 fn expected() -> trajectory_prediction::Config {
-    let correlated_error = CorrelatedError { sd_per_m: Some(3e-4), ..Default::default() };
-    trajectory_prediction::Config { correlated_error, ..told() }
+    trajectory_prediction::Config { correlated_sd_per_m: Some(3e-4), ..told() }
 }
 
 /// And forces that depend on orientation and spin.
@@ -126,7 +122,7 @@ fn with_forces() -> trajectory_prediction::Config {
 /// A catch of the paper's near throw, or its replan after the flight has changed by 5 mm.
 fn plan(again: bool) {
     let search = CatchSearch::new(arm::planner(|_| {}), None);
-    let reference = ReferenceModel::from_scan(&synthetic::scan(&Shape::banana(), 64), &perception::Config::default());
+    let reference = ReferenceModel::from_scan(&synthetic::scan(&Shape::banana(), 64));
     let config = grasp_selection::Config::default();
     let grasps = GraspSet::sample(&reference, search.motion().gripper(), &config);
     let flight = inputs::near_throw();

@@ -22,7 +22,7 @@ use synthetic::{Noise, Shape};
 fn tracking(criterion: &mut Criterion) {
     let config = Config::default();
     for (name, shape) in Shape::all() {
-        let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(&shape, 200), &config));
+        let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(&shape, 200)));
         for noise in [Noise::Clean, Noise::Constant(0.002), Noise::Stereo7] {
             let Images { cameras, frames, prior } = Images::new(&shape, &reference, noise);
             let view = View { frames: &frames, cameras: &cameras, ..View::default() };
@@ -39,7 +39,7 @@ fn tracking(criterion: &mut Criterion) {
 /// A new flight from 30 poses, the last flight given or not.
 fn prediction(criterion: &mut Criterion) {
     let shape = Shape::banana();
-    let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(&shape, 200), &Config::default()));
+    let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(&shape, 200)));
     let poses = inputs::poses(&shape, &reference);
     let config = trajectory_prediction::Config { drag_prior_sd_per_m: Some(0.02), ..Default::default() };
     let mut fit = InformationFit::new(config, reference.symmetry, 1);
@@ -57,7 +57,7 @@ fn reference(criterion: &mut Criterion) {
     for (name, shape) in Shape::all() {
         let scan = synthetic::scan(&shape, 200);
         criterion.bench_function(&format!("reference/{name}"), |bencher| {
-            bencher.iter(|| ReferenceModel::from_scan(&scan, &Config::default()));
+            bencher.iter(|| ReferenceModel::from_scan(&scan));
         });
     }
 }

@@ -10,7 +10,7 @@ mod synthetic;
 
 use catch_bot::{
     grasp_selection::{self, GraspSet},
-    perception::{self, ReferenceModel},
+    perception::ReferenceModel,
     trajectory_optimization::{CatchSearch, Incoming, Start, failure_counter::FailureCounter, retarget::Correction},
     trajectory_prediction::FlightTrajectory,
 };
@@ -25,7 +25,7 @@ fn everything(criterion: &mut Criterion) {
     let start = at_rest(search.motion(), &inputs::READY, 0.07);
     let config = grasp_selection::Config::default();
     for (name, shape) in Shape::all() {
-        let reference = ReferenceModel::from_scan(&synthetic::scan(&shape, 200), &perception::Config::default());
+        let reference = ReferenceModel::from_scan(&synthetic::scan(&shape, 200));
         let grasps = GraspSet::sample(&reference, search.motion().gripper(), &config);
         let flight = inputs::near_throw();
         let failures = FailureCounter::default();

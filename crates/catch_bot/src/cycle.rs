@@ -3,7 +3,7 @@
 mod config;
 mod explained;
 
-use catch_body::JointVector;
+use catch_body::{InputError, JointVector};
 use catch_cell::{
     ArmTrajectory, Brain, Command, GraspState, GripperMove, GripperState, Observation, PixelWindow, Probe, TrajectoryId,
 };
@@ -14,13 +14,32 @@ use crate::{
     control::{CatchPlanner, opening},
     grasp_selection::Grasp,
     perception::{ObjectPose, PoseEstimator, camera_offsets::MIN_CAMERAS},
-    settings::{SettingError, Settings},
     trajectory_optimization::CatchPlan,
     trajectory_prediction::FlightPredictor,
 };
 pub use config::CycleConfig;
 use explained::Explained;
 
+/// Images after which an object in flight is told from the others: with the first one nothing has moved yet.
+const IDENTIFY_IMAGES: usize = 3;
+/// What moves slower does not fly, in m/s.
+const MIN_FLIGHT_MPS: f64 = 0.5;
+/// What seems faster has been exchanged for another object, in m/s.
+const MAX_FLIGHT_MPS: f64 = 30.0;
+/// Longest time between two images of one flight, in seconds.
+const MAX_GAP_S: f64 = 0.1;
+/// An object that has been followed for so long without a plan is not caught any more, in seconds.
+const GIVE_UP_S: f64 = 1.5;
+/// From the catch on: how long the fingers are given to close upon the object, in seconds.
+const SQUEEZE_S: f64 = 0.3;
+/// How long the gripper is given to open, and the object to fall out of it, in seconds.
+const RELEASE_S: f64 = 0.5;
+/// Fingers that have closed to less than this fraction of the object's width hold nothing.
+const MIN_HELD_FRACTION: f64 = 0.5;
+/// How often the motions of one phase are sent at most: one that is rejected again and again never will be accepted.
+const MAX_SENT: usize = 20;
+/// How long a motion may be overdue before it is sent anew, in seconds.
+const MAX_OVERDUE_S: f64 = 0.05;
 /// Two images less than this apart tell no speed, in seconds.
 const LEAST_SPAN_S: f64 = 0.005;
 
@@ -94,9 +113,9 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
         config: CycleConfig,
         place_q: JointVector,
         mut bots: Vec<CatchingBot<E, P, C>>,
-    ) -> Result<Self, SettingError> {
+    ) -> Result<Self, InputError> {
         assert!(!bots.is_empty(), "a brain needs to know an object");
-        config.check()?;
+        InputError::check_settings("settings of the cycle", &config)?;
         bots.iter_mut().for_each(|it| it.tracker.compares_cameras = it.known.cameras().len() >= MIN_CAMERAS);
         let candidate = |bot| Candidate { bot, explained: Explained::default(), images: 0, seen: None, rests: false };
         let candidates = bots.into_iter().map(candidate).collect();
@@ -137,18 +156,18 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
     fn wait(&mut self, observation: &Observation, probe: &mut dyn Probe) -> Command {
         let last = self.active;
         let mut newest = vec![None; self.candidates.len()];
-        newest[last] = self.candidates[last].look(observation, &self.config);
+        newest[last] = self.candidates[last].look(observation);
         let rests = newest[last].is_some() && self.candidates[last].rests;
         for (i, candidate) in self.candidates.iter_mut().enumerate().filter(|(i, _)| *i != last) {
             if rests {
                 candidate.forget();
             } else {
-                newest[i] = candidate.look(observation, &self.config);
+                newest[i] = candidate.look(observation);
             }
         }
         probe.stage_ended("perception");
         let most = self.candidates.iter().map(|it| it.images).max().unwrap_or(0);
-        if most < self.config.identify_images {
+        if most < IDENTIFY_IMAGES {
             return Command::default();
         }
         // An object whose model cannot be brought to lie on what is seen in some images is not the one.
@@ -164,11 +183,11 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
         let bot = &mut self.candidates[self.active].bot;
         let command = bot.tick(observation, probe);
         match bot.controller.plan() {
-            Some(plan) if now_s > plan.catch_s + self.config.squeeze_s && now_s > plan.trajectory.end_s() => {
-                let holds = self.config.is_held(&observation.gripper, plan);
+            Some(plan) if now_s > plan.catch_s + SQUEEZE_S && now_s > plan.trajectory.end_s() => {
+                let holds = is_held(&observation.gripper, plan);
                 self.enter(if holds { Phase::Holding } else { Phase::Returning }, now_s);
             }
-            None if now_s > self.since_s + self.config.give_up_s => self.enter(Phase::Returning, now_s),
+            None if now_s > self.since_s + GIVE_UP_S => self.enter(Phase::Returning, now_s),
             _ => {}
         }
         command
@@ -185,7 +204,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
     fn hold(&mut self, observation: &Observation) -> Command {
         let plan = self.candidates[self.active].bot.controller.plan();
         let caught_s = plan.map_or(self.since_s, |plan| plan.catch_s);
-        if !plan.is_some_and(|plan| self.config.is_held(&observation.gripper, plan)) {
+        if !plan.is_some_and(|plan| is_held(&observation.gripper, plan)) {
             self.enter(Phase::Returning, observation.time_s);
         } else if observation.time_s > caught_s + self.config.hold_s {
             self.enter(Phase::Placing, observation.time_s);
@@ -196,7 +215,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
     fn place(&mut self, observation: &Observation) -> Command {
         let now_s = observation.time_s;
         if self.has_released {
-            if now_s > self.since_s + self.config.release_s {
+            if now_s > self.since_s + RELEASE_S {
                 self.enter(Phase::Returning, now_s);
             }
             return Command::default();
@@ -249,7 +268,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
         let (now_s, arm) = (observation.time_s, &observation.arm);
         if let Some(motion) = self.motion {
             let is_lost = arm.rejected.iter().any(|it| it.id == motion.id)
-                || (arm.executing != Some(motion.id) && now_s > motion.start_s + self.config.max_overdue_s);
+                || (arm.executing != Some(motion.id) && now_s > motion.start_s + MAX_OVERDUE_S);
             if !is_lost {
                 return if now_s > motion.end_s { Progress::Arrived } else { Progress::Going(Command::default()) };
             }
@@ -264,7 +283,7 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
         // Straight, else by way of a pose that is known to be clear.
         let vias = [None, Some(planner.robot().ready_q), Some(self.place_q)];
         let mut ways = vias.iter().filter_map(|via| planner.rest_to_rest(start_s, &from, via.as_ref(), to, held));
-        let Some(spline) = ways.next().filter(|_| self.sent < self.config.max_sent) else { return Progress::NoWay };
+        let Some(spline) = ways.next().filter(|_| self.sent < MAX_SENT) else { return Progress::NoWay };
         self.sent += 1;
         let id = bot.controller.next_id();
         self.motion = Some(Motion { id, start_s, end_s: spline.end_s() });
@@ -272,12 +291,10 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> CatchingCycle<E, P, 
     }
 }
 
-impl CycleConfig {
-    /// Whether the fingers stand where the object of the plan keeps them apart. A gripper's own word does not do: one that squeezes
-    /// a soft object further says that it has lost it.
-    fn is_held(&self, gripper: &GripperState, plan: &CatchPlan) -> bool {
-        gripper.grasp == GraspState::Holding || gripper.width_m > self.min_held_fraction * plan.grasp.object_width_m
-    }
+/// Whether the fingers stand where the object of the plan keeps them apart. A gripper's own word does not do: one that squeezes
+/// a soft object further says that it has lost it.
+fn is_held(gripper: &GripperState, plan: &CatchPlan) -> bool {
+    gripper.grasp == GraspState::Holding || gripper.width_m > MIN_HELD_FRACTION * plan.grasp.object_width_m
 }
 
 /// How far a motion got.
@@ -292,7 +309,7 @@ enum Progress {
 
 impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Candidate<E, P, C> {
     /// Takes in new images. What rests, and what was somewhere else a moment ago, begins anew.
-    fn look(&mut self, observation: &Observation, config: &CycleConfig) -> Option<ObjectPose> {
+    fn look(&mut self, observation: &Observation) -> Option<ObjectPose> {
         self.bot.controller.acknowledge(observation, self.bot.flight.as_ref());
         let pose = self.bot.perceive(observation)?;
         // Images of cameras that run freely come in any order, and so close to each other that they tell no speed.
@@ -304,13 +321,12 @@ impl<E: PoseEstimator, P: FlightPredictor, C: CatchPlanner> Candidate<E, P, C> {
         let flies = before.is_some_and(|(before_s, before_W)| {
             let span_s = pose.capture_s - before_s;
             let speed_mps = (p_WO - before_W).norm() / span_s;
-            span_s < config.max_gap_s && (config.min_flight_mps..config.max_flight_mps).contains(&speed_mps)
+            span_s < MAX_GAP_S && (MIN_FLIGHT_MPS..MAX_FLIGHT_MPS).contains(&speed_mps)
         });
         if !flies {
             (self.images, self.explained) = (0, Explained::default());
             // What rests is no help in finding it again once it has been thrown.
-            let is_new =
-                before.is_none_or(|(_, before_W)| (p_WO - before_W).norm() > config.min_flight_mps * config.max_gap_s);
+            let is_new = before.is_none_or(|(_, before_W)| (p_WO - before_W).norm() > MIN_FLIGHT_MPS * MAX_GAP_S);
             self.bot.tracker.keep_newest(usize::from(is_new));
             self.rests = !is_new;
         } else {

@@ -12,7 +12,8 @@
 //! several objects):
 //!
 //! ```
-//! use catch_bot::{CatchingBot, Config, Status, settings::SettingError};
+//! use catch_body::InputError;
+//! use catch_bot::{CatchingBot, Config, Status};
 //! use catch_cell::{Brain, CameraModel, Command, KnownObject, Observation};
 //!
 //! /// What the brain wants after one observation, and how far it got.
@@ -22,7 +23,7 @@
 //!     cameras: Vec<CameraModel>,
 //!     object: &KnownObject,
 //!     observation: &Observation,
-//! ) -> Result<(Command, Status), SettingError> {
+//! ) -> Result<(Command, Status), InputError> {
 //!     let mut brain = CatchingBot::new(Config::default(), robot, gripper, cameras, object)?;
 //!     let command = brain.tick(observation, &mut ());
 //!     Ok((command, brain.report().status))
@@ -37,19 +38,17 @@ pub mod cycle;
 pub mod grasp_selection;
 pub mod perception;
 mod preparation;
-pub mod settings;
 mod tracker;
 pub mod trajectory_optimization;
 pub mod trajectory_prediction;
 
 use std::sync::Arc;
 
-use catch_body::{Gripper, Robot};
+use catch_body::{Gripper, InputError, Robot};
 use catch_cell::{Brain, CameraModel, Command, KnownObject, Observation, PixelWindow, Probe};
 
 use control::{CatchPlanner, Controller, GripperPlan, Situation, TimeGridSearch};
 use perception::{CameraStatus, ObjectPose, PoseEstimator, SdfEstimator, camera_offsets::CameraOffset};
-use settings::SettingError;
 use tracker::Tracker;
 use trajectory_optimization::{CatchPlan, reach_map::ReachMap};
 use trajectory_prediction::{FlightPredictor, FlightTrajectory, InformationFit};
@@ -114,7 +113,7 @@ impl CatchingBot {
         gripper: Gripper,
         cameras: Vec<CameraModel>,
         object: &KnownObject,
-    ) -> Result<Self, SettingError> {
+    ) -> Result<Self, InputError> {
         let seed = config.seed;
         let reach_map = ReachMap::serves(&robot).then(|| Arc::new(ReachMap::new(&robot)));
         let config = config.given(&object.figures, &cameras);

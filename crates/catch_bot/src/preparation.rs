@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use catch_body::{Gripper, Robot, ray_cast::ArmSurface};
+use catch_body::{Gripper, InputError, Robot, ray_cast::ArmSurface};
 use catch_cell::{CameraModel, DataSheet, ObjectFigures, ReferenceScan};
 use serde::{Deserialize, Serialize};
 
@@ -13,7 +13,6 @@ use crate::{
         self, DepthNoise, ReferenceModel, SdfEstimator, Surroundings, camera_alignment::CameraAlignment,
         camera_health::CameraHealth,
     },
-    settings::{Faults, SettingError, Settings},
     trajectory_optimization::{self, CatchSearch, MotionPlanner, reach_map::ReachMap},
     trajectory_prediction::{self, InformationFit},
 };
@@ -37,6 +36,15 @@ pub struct Config {
 }
 
 impl Config {
+    /// Whether every setting is within the range that it has in files.
+    ///
+    /// # Errors
+    /// Those that are not.
+    pub fn check(&self) -> Result<(), InputError> {
+        // Seeds have no range, and files no numbers that large.
+        InputError::check_settings("settings of the brain", &Self { seed: 0, ..self.clone() })
+    }
+
     /// These settings with what is known beforehand wherever they say nothing themselves: of the object, how much the air brakes it, how it
     /// bounces, what it weighs and where its centre of mass may be; of the cameras, what their data sheets say. Where these differ, the
     /// worst counts.
@@ -67,20 +75,8 @@ impl Config {
         // moves an object by up to d·σ, along one of the two axes that an image tells of; n cameras that look from all around average it
         // to d·σ/√(2n) along each.
         let rolled = perception.camera_sd_rad / (2.0 * cameras.len().max(1) as f64).sqrt();
-        prediction.correlated_error.sd_per_m.get_or_insert(rolled);
+        prediction.correlated_sd_per_m.get_or_insert(rolled);
         self
-    }
-}
-
-impl Settings for Config {
-    fn faults(&self) -> Vec<SettingError> {
-        Faults::default()
-            .table("perception", &self.perception)
-            .table("trajectory_prediction", &self.trajectory_prediction)
-            .table("grasp_selection", &self.grasp_selection)
-            .table("trajectory_optimization", &self.trajectory_optimization)
-            .table("control", &self.control)
-            .all()
     }
 }
 
@@ -114,9 +110,9 @@ impl Preparation {
         cameras: Vec<CameraModel>,
         reference_scan: &ReferenceScan,
         reach_map: Option<Arc<ReachMap>>,
-    ) -> Result<Self, SettingError> {
+    ) -> Result<Self, InputError> {
         config.check()?;
-        let reference = Arc::new(ReferenceModel::from_scan(reference_scan, &config.perception));
+        let reference = Arc::new(ReferenceModel::from_scan(reference_scan));
         let grasps = Arc::new(GraspSet::sample(&reference, &gripper, &config.grasp_selection));
         let arm_surface = ArmSurface::new(&robot, &gripper);
         let X_WL = robot.link_poses(&robot.ready_q);

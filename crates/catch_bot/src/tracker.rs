@@ -7,7 +7,7 @@ use catch_cell::{CameraModel, DepthFrame, Observation, PixelWindow};
 
 use crate::{
     perception::{
-        CameraStatus, ObjectPose, PoseEstimator, Surroundings, View, camera_alignment::CameraAlignment,
+        CameraStatus, GATE_M, ObjectPose, PoseEstimator, Surroundings, View, camera_alignment::CameraAlignment,
         camera_health::CameraHealth, camera_offsets::CameraOffset,
     },
     preparation::Preparation,
@@ -18,6 +18,8 @@ use crate::{
 const SENSED: usize = 64;
 /// Images that were taken within this time are registered together, once it is known how the object moves.
 const TOGETHER_S: f64 = 0.01;
+/// An object that has not been seen for this long is looked for everywhere, in seconds.
+const LOST_AFTER_S: f64 = 0.05;
 /// Poses that are remembered, more than any prediction looks back at.
 const POSES: usize = 1024;
 
@@ -178,14 +180,13 @@ impl Tracker {
         flight: &FlightTrajectory,
         known: &Preparation,
     ) -> Option<Vec<PixelWindow>> {
-        let lost_after_s = known.config().perception.lost_after_s;
-        self.unlabelled_s.filter(|newest_s| *newest_s <= flight.time_s + lost_after_s)?;
+        self.unlabelled_s.filter(|newest_s| *newest_s <= flight.time_s + LOST_AFTER_S)?;
         let mut sensed_s = self.sensed.iter().rev().map(|sensed| sensed.time_s);
         let period_s = sensed_s.next().zip(sensed_s.next()).map_or(0.0, |(now_s, before_s)| now_s - before_s);
         let next_s = observation.time_s + period_s;
         let (p_WO, v_WO) = (flight.pose_at(next_s).translation.vector, flight.twist_at(next_s).linear);
         let uncertainty_m = 3.0 * flight.position_sd_at(next_s) + v_WO.norm() * period_s;
-        let radius_m = known.reference().radius_m + known.config().perception.gate_m + uncertainty_m;
+        let radius_m = known.reference().radius_m + GATE_M + uncertainty_m;
         let window = |(camera, left_out): (&CameraModel, &bool)| match left_out {
             true => PixelWindow::default(),
             false => camera.window_around(&camera.X_WC.inverse_transform_point(&p_WO.into()), radius_m),
@@ -297,11 +298,9 @@ mod tests {
             toml: include_str!("../../../assets/robots/iiwa14/robot.toml"),
         };
         let gripper = Gripper::from_toml("gripper.toml", include_str!("../../../assets/grippers/wsg50.toml")).unwrap();
-        let mut config = Config::default();
-        config.grasp_selection.samples = 1;
         let scan = synthetic::scan(&synthetic::Shape::ball(), 40);
         let robot = Robot::from_files(&files).unwrap();
-        Preparation::new(config, robot, gripper, synthetic::flight_rig(), &scan, None).unwrap()
+        Preparation::new(Config::default(), robot, gripper, synthetic::flight_rig(), &scan, None).unwrap()
     }
 
     /// Also where no pose is found, which a turn by the number of poses would not outlast.

@@ -11,10 +11,7 @@ use catch_lab::scenario::setup::{
     Choice, Setup,
     calibration::{self, ArenaSession},
 };
-use catch_sim::{
-    depth_noise::DepthModel,
-    random_streams::{Draws, Stream},
-};
+use catch_sim::random_streams::{Draws, Stream};
 use nalgebra::{UnitQuaternion, Vector6};
 
 use crate::{
@@ -26,6 +23,8 @@ use crate::{
 /// How far off each camera is believed to stand, in a random direction and about a random axis.
 const OFF_M: f64 = 0.05;
 const OFF_DEG: f64 = 5.0;
+/// The part of the disparity's error of `near_stereo` that all pixels of an image have in common, 0.08 px·√½.
+const COMMON_PX: f64 = 0.08 * std::f64::consts::FRAC_1_SQRT_2;
 /// How far its clock is off, uniformly to both sides.
 const CLOCK_OFF_S: f64 = 0.01;
 /// What the arm does not know of itself in the cases beside, and the images have to tell.
@@ -156,11 +155,10 @@ fn row(condition: Condition, times: &[f64], cameras: &[&Outcome]) -> Vec<Entry> 
 }
 
 fn setup(condition: Condition) -> Result<Setup> {
-    let common = DepthModel::NearStereo.stereo().map(|it| it.subpixel_px * it.common_fraction.sqrt());
-    let model = match (condition.wrong, common) {
+    let model = match condition.wrong {
         // The part that each pixel has by itself is added afterwards.
-        (Wrong::Noise, Some(px)) => format!(
-            "{{ stereo = {{ baseline_m = 0.05, subpixel_px = {px}, common_fraction = 1.0, dropout_fraction = 0.02, \
+        Wrong::Noise => format!(
+            "{{ stereo = {{ baseline_m = 0.05, subpixel_px = {COMMON_PX}, common_fraction = 1.0, dropout_fraction = 0.02, \
              grazing_rad = [1.2217304763960306, 1.4835298641951802], edge_px = 2, bleed_fraction = 0.25, flying_fraction = 0.1, \
              range_m = [0.2, 10.0] }} }}"
         ),

@@ -18,7 +18,7 @@ use crate::{
 const LEGEND: &str = "The scenario honest with random throws and one to four near stereo cameras that run freely, without labels. Each throw draws how \
 far the cameras are from where they are believed to stand: 0.2 mm along and 0.2 mrad about each axis (standard deviations), which is no less than \
 [calibration on the arm](calibration.md) leaves. The brain lets corrections use up to 0.97 of what each joint can still reach \
-(`replan.reach_fractions`), as in honest-aero. The rate *caught* is of all throws, also of those out of reach, with its interval (Wilson, 95 %).";
+(`reach_fractions`), as in honest-aero. The rate *caught* is of all throws, also of those out of reach, with its interval (Wilson, 95 %).";
 
 /// The built-in ones of near stereo cameras around the arm.
 pub fn rigs() -> impl Iterator<Item = String> {
@@ -35,7 +35,7 @@ pub const SETTINGS: [&str; 8] = [
     "arena.depth.calibration_sd_rad=0.0002",
     "brain.perception.camera_sd_rad=0.0",
     "brain.trajectory_prediction.systematic_sd_m=0.0003",
-    "brain.trajectory_optimization.replan.reach_fractions=[0.97, 0.9, 0.8]",
+    "brain.trajectory_optimization.reach_fractions=[0.97, 0.9, 0.8]",
 ];
 
 /// The scenario honest with one of them.

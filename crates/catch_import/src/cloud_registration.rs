@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use catch_body::{InputError, Pose};
 use catch_bot::perception::{
-    self, Config, Fit, PerceptionStatus, ReferenceModel, SceneCloud, Symmetry, point_cloud::ScenePoint,
+    self, Config, Fit, MIN_POINTS, MODEL_SD_M, PerceptionStatus, ReferenceModel, SceneCloud, Symmetry,
+    point_cloud::ScenePoint,
 };
 use catch_sim::object::check_length;
 use nalgebra::{Matrix6, Point3, UnitQuaternion, Vector3, distance};
@@ -50,8 +51,8 @@ pub struct Registration {
 ///
 /// ```
 /// use catch_body::Pose;
-/// use catch_bot::perception::{Config, ReferenceModel};
-/// use crate::cloud_registration::register;
+/// use catch_bot::perception::ReferenceModel;
+/// use catch_import::cloud_registration::register;
 /// use nalgebra::{Point3, Vector3};
 ///
 /// // An ellipsoid of 4, 6 and 10 cm as a reference with its outward directions, and a part of it turned and moved.
@@ -62,7 +63,7 @@ pub struct Registration {
 /// let points: Vec<Point3<f64>> =
 ///     surface.clone().map(|n| Point3::new(0.02 * n.x, 0.03 * n.y, 0.05 * n.z)).collect();
 /// let outward: Vec<Vector3<f64>> = surface.map(|n| Vector3::new(n.x / 0.02, n.y / 0.03, n.z / 0.05).normalize()).collect();
-/// let reference = ReferenceModel::from_points(&points, &outward, &Config::default());
+/// let reference = ReferenceModel::from_points(&points, &outward);
 /// let X_CR = Pose::new(Vector3::new(0.4, -0.2, 1.0), Vector3::new(0.2, 0.1, -0.3));
 /// let cloud: Vec<Point3<f64>> = points.iter().step_by(7).map(|point| X_CR * point).collect();
 ///
@@ -106,15 +107,14 @@ fn register_cloud(
     let config = Config::default();
     match points.len() {
         0 => return Err(PerceptionStatus::NoPoints),
-        few if few < config.min_points => return Err(PerceptionStatus::TooFewPoints),
+        few if few < MIN_POINTS => return Err(PerceptionStatus::TooFewPoints),
         _ => {}
     }
-    let config = Config { model_sd_m: model_sd_m(reference, &config).hypot(noise_m), ..config };
-    let registration = perception::Registration { reference, config: &config };
+    let model_sd_m = model_sd_m(reference).hypot(noise_m);
+    let registration = perception::Registration { reference, config: &config, model_sd_m };
     let every = |most: usize| points.iter().step_by(points.len().div_ceil(most));
     let (mut fewest, mut few, mut all) = (scene(every(MOST_TRIED)), scene(every(MOST_COMPARED)), scene(points.iter()));
-    let square =
-        |points: &[ScenePoint], it: &Fit| Evidence::mean_square(points, &it.X_WO, config.model_sd_m, reference);
+    let square = |points: &[ScenePoint], it: &Fit| Evidence::mean_square(points, &it.X_WO, model_sd_m, reference);
     let anchors = spread(&reference.points, ANCHORS);
     let mut tried: Vec<Fit> = registration.hypotheses(&mut fewest, &anchors).collect();
     tried.sort_by(|a, b| square(&fewest.points, a).total_cmp(&square(&fewest.points, b)));
@@ -144,14 +144,14 @@ fn scene<'a>(points: impl Iterator<Item = &'a Point3<f64>>) -> SceneCloud {
 }
 
 /// How far a reference's own points are from its surface, which is smooth and on a grid: what even a cloud without noise leaves.
-fn model_sd_m(reference: &ReferenceModel, config: &Config) -> f64 {
+fn model_sd_m(reference: &ReferenceModel) -> f64 {
     let step = reference.scanned.len().div_ceil(MOST_COMPARED).max(1);
     let (mut squares_m2, mut count) = (0.0, 0.0);
     for point in reference.scanned.iter().step_by(step) {
         squares_m2 += reference.distance.at(point).0.powi(2);
         count += 1.0;
     }
-    (squares_m2 / f64::max(count, 1.0)).sqrt().max(config.model_sd_m)
+    (squares_m2 / f64::max(count, 1.0)).sqrt().max(MODEL_SD_M)
 }
 
 /// Points of a surface that are far from each other: each is the farthest from those before it.
@@ -208,7 +208,7 @@ pub fn reference_model(scan: CloudFile, file: &str) -> Result<ReferenceModel, In
     let step = scan.points.len().div_ceil(MOST_POINTS).max(1);
     let points: Vec<Point3<f64>> = scan.points.into_iter().step_by(step).collect();
     let outwards: Vec<Vector3<f64>> = outwards.into_iter().step_by(step).collect();
-    let mut reference = ReferenceModel::from_points(&points, &outwards, &Config::default());
+    let mut reference = ReferenceModel::from_points(&points, &outwards);
     if reference.points.is_empty() || !reference.radius_m.is_finite() {
         return Err(too_few(points.len()));
     }

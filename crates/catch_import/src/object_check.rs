@@ -2,7 +2,7 @@
 
 use catch_bot::{
     grasp_selection::GraspSet,
-    perception::{Config as PerceptionConfig, ReferenceModel, Symmetry},
+    perception::{ReferenceModel, Symmetry},
 };
 use catch_cell::ReferenceScan;
 use catch_sim::ThrownObject;
@@ -28,22 +28,20 @@ const CENTRE_OFF_M: f64 = 0.002;
 /// Looks at an object as each built-in scenario shows it to the brain.
 pub(super) fn examine(asset: &Asset) -> Examined {
     let mut examined = Examined::default();
-    let mut models: Vec<(ReferenceScan, PerceptionConfig, ReferenceModel)> = Vec::new();
+    let mut models: Vec<(ReferenceScan, ReferenceModel)> = Vec::new();
     let mut counts = Vec::new();
     for scenario in Kind::Scenario.names() {
         let choice = Choice { scenario: Some(scenario), object: Some(&asset.file), ..Choice::default() };
         // A scenario that asks for more than the file has is none for it.
         let Ok(setup) = Setup::load(&choice) else { continue };
         let config = setup.uncalibrated_config(0, 0).config();
-        let known = models.iter().position(|(scan, perception, _)| {
-            is_same(scan, &setup.known_object.scan) && *perception == config.perception
-        });
+        let known = models.iter().position(|(scan, _)| is_same(scan, &setup.known_object.scan));
         let index = known.unwrap_or_else(|| {
-            let model = ReferenceModel::from_scan(&setup.known_object.scan, &config.perception);
-            models.push((setup.known_object.scan.clone(), config.perception.clone(), model));
+            let model = ReferenceModel::from_scan(&setup.known_object.scan);
+            models.push((setup.known_object.scan.clone(), model));
             models.len() - 1
         });
-        let reference = &models[index].2;
+        let reference = &models[index].1;
         if scenario == DEFAULT_SCENARIO {
             examined.notes.extend(notes_of_model(&setup.object, reference));
         }

@@ -38,7 +38,7 @@ const WEAK_DIRECTIONS: usize = 3;
 impl<'a> Evidence<'a> {
     /// The evidence of a scene's points for `fit`.
     pub fn new(scene: &SceneCloud, fit: &'a Fit, registration: &'a perception::Registration<'a>) -> Self {
-        let stated_m = registration.config.model_sd_m;
+        let stated_m = registration.model_sd_m;
         let square = |sd_m: f64| Self::mean_square(&scene.points, &fit.X_WO, sd_m, registration.reference);
         let sd_m = stated_m * square(stated_m).max(1.0).sqrt();
         Self { scene: scene.clone(), fit, registration, sd_m, mean_square: square(sd_m) }
@@ -53,7 +53,7 @@ impl<'a> Evidence<'a> {
 
     /// The status that the pose has earned, among `hypotheses` at which other registrations ended. Noise of zero is none stated.
     pub fn status(&mut self, hypotheses: &[Fit], noise_m: f64) -> RegistrationStatus {
-        if noise_m > 0.0 && self.fit.residual_m > EXPLAINED * self.registration.config.model_sd_m {
+        if noise_m > 0.0 && self.fit.residual_m > EXPLAINED * self.registration.model_sd_m {
             return RegistrationStatus::Implausible;
         }
         if self.is_open() || hypotheses.iter().any(|it| self.is_another(&it.X_WO)) || self.slides() {

@@ -1,13 +1,13 @@
 //! Scenarios: everything that a set of trials shares, in one file.
 
 pub mod catch_plan;
+mod depth_errors;
 pub mod flight_rig;
 mod inheritance;
 pub mod setup;
 
 use catch_body::{Gripper, InputError, quantity, robot::LimitScale};
-use catch_bot::settings::{SettingError, Settings};
-use catch_sim::ArenaConfig;
+use catch_sim::{ArenaConfig, GripperDriveKind};
 use serde::{Deserialize, Serialize};
 
 use crate::assets::{Asset, Kind, nearest};
@@ -102,14 +102,11 @@ pub struct CalibrationSettings {
     /// Poses of the arm, at most.
     #[serde(deserialize_with = "quantity::poses")]
     pub poses: usize,
-    /// Flights of the object that refine it afterwards.
-    #[serde(deserialize_with = "quantity::flights")]
-    pub flights: usize,
 }
 
 impl Default for CalibrationSettings {
     fn default() -> Self {
-        Self { position_sd_m: 0.005, rotation_sd_deg: 0.3, poses: 12, flights: 0 }
+        Self { position_sd_m: 0.005, rotation_sd_deg: 0.3, poses: 12 }
     }
 }
 
@@ -128,7 +125,9 @@ impl Scenario {
     /// # Errors
     /// What is no value out of its range.
     pub fn with_faults(asset: &Asset) -> Result<(Self, Vec<InputError>), InputError> {
-        let (scenario, mut faults): (Self, _) = InputError::from_table(&asset.file, inheritance::extended(asset)?)?;
+        let mut table = inheritance::extended(asset)?;
+        depth_errors::fill_in(&mut table, &asset.file)?;
+        let (scenario, mut faults): (Self, _) = InputError::from_table(&asset.file, table)?;
         faults.extend(scenario.faults(&asset.file));
         Ok((scenario, faults))
     }
@@ -151,8 +150,6 @@ impl Scenario {
             let expected = "zero beside a table [calibration], whose cameras stand where their rig says";
             faults.push(InputError::new(file, "arena.depth.calibration_sd_m and calibration_sd_rad", found, expected));
         }
-        let of_brain = |it: SettingError| InputError::new(file, format!("brain.{}", it.field), it.found, it.expected);
-        faults.extend(self.brain.faults().into_iter().map(of_brain));
         faults
     }
 
@@ -194,6 +191,7 @@ impl Scenario {
             None => table.remove(field),
         };
         let file = fault(String::new()).file;
+        depth_errors::fill_in(&mut tree, &file)?;
         let (changed, faults) = InputError::from_table(&file, tree)
             .map_err(|it| InputError { expected: format!("{}{hint}", it.expected), ..it })?;
         InputError::first_of(faults.into_iter().map(Err::<(), _>))?;
@@ -220,7 +218,7 @@ impl Scenario {
     /// # Errors
     /// If it does not: every catch would come too late.
     pub(crate) fn check_closing(&self, file: &str, gripper: &Gripper, gripper_file: &str) -> Result<(), InputError> {
-        if self.arena.gripper.real().is_none() {
+        if self.arena.gripper != GripperDriveKind::Real {
             return Ok(());
         }
         let grasping = &self.brain.grasp_selection;
@@ -326,8 +324,8 @@ mod tests {
 
     #[test]
     fn single_fields_can_be_changed() {
-        let scenario = set(&["arena.restitution_scale = 0.5", "brain.method=paper", "arena.substeps=8"]).unwrap();
-        assert_eq!((scenario.arena.restitution_scale, scenario.arena.substeps), (0.5, 8));
+        let scenario = set(&["arena.restitution_scale = 0.5", "brain.method=paper", "arena.substeps_alone=8"]).unwrap();
+        assert_eq!((scenario.arena.restitution_scale, scenario.arena.substeps_alone), (0.5, 8));
         assert_eq!(scenario.brain.method, Method::Paper);
         assert!(scenario.name.starts_with("paper+arena.restitution_scale=0.5+"), "{}", scenario.name);
     }
@@ -340,7 +338,7 @@ mod tests {
                 "brain.control.switching_hysteresis: found nan, expected a finite number",
             ),
             ("brain.perception.camera_sd_rad=inf", "brain.perception.camera_sd_rad: found inf"),
-            ("brain.grasp_selection.turns_rad=[0.5, nan]", "turns_rad[1]"),
+            ("brain.trajectory_optimization.reach_fractions=[0.5, nan]", "reach_fractions[1]"),
             ("ready_rad=[0, 0, 0, 0, 0, 0, inf]", "ready_rad[6]: found inf, expected a finite number"),
             ("brain.trajectory_optimization.velocity_scaling=1.5", "0.01 to 1"),
             ("brain.seed=7", "--seed"),
@@ -350,32 +348,30 @@ mod tests {
         }
     }
 
-    /// Each number among the brain's settings has a range.
+    /// Each number among the settings has a range.
     #[test]
-    fn every_setting_of_the_brain_is_checked() {
-        let mut brain = BrainSettings::default();
+    fn every_number_is_checked() {
+        let more = ["calibration={}", "arena.person={ nearest_m = 2, speed_mps = 1 }", "arena.friction=0.5"];
+        let mut scenario = set(&more).unwrap();
+        let brain = &mut scenario.brain;
         brain.perception.depth_noise = Some(Default::default());
-        (brain.perception.floor_visible, brain.perception.depth_dropout) = (Some(true), Some(true));
-        brain.perception.depth_common_fraction = Some(0.5);
-        brain.trajectory_prediction.drag_prior_per_m = Some(0.0);
-        brain.trajectory_prediction.drag_prior_sd_per_m = Some(0.0);
-        brain.trajectory_prediction.correlated_error.sd_per_m = Some(0.0);
+        (brain.perception.depth_common_fraction, brain.perception.depth_edge_px) = (Some(0.5), Some(2));
+        brain.trajectory_prediction.correlated_sd_per_m = Some(0.0);
+        brain.trajectory_prediction.com_sd_m = Some(0.0);
         brain.grasp_selection.restitution = Some(0.5);
-        brain.grasp_selection.closing_speed_mps = Some(1.0);
-        brain.grasp_selection.closing_acceleration_mps2 = Some(1.0);
-        brain.grasp_selection.turns_rad = vec![0.1];
-        assert_eq!(brain.faults(), []);
-        let whole = toml::Value::try_from(&brain).unwrap();
+        brain.trajectory_optimization.object_mass_kg = Some(0.1);
+        brain.trajectory_optimization.reach_fractions = vec![0.9];
+        let whole = toml::Value::try_from(&scenario).unwrap();
         let mut all = Vec::new();
         fields("", &whole, &mut all);
-        let (mut values, mut counts) = (0, 0);
-        for (path, value) in all {
+        let mut checked = 0;
+        for (path, value) in all.iter().filter(|(path, _)| path != "brain.seed") {
             let wrong = match value {
-                toml::Value::Float(_) => toml::Value::Float(f64::NAN),
-                toml::Value::Integer(_) if !path.ends_with("seed") => toml::Value::Integer(0),
+                toml::Value::Float(_) => toml::Value::Float(1e300),
+                toml::Value::Integer(_) => toml::Value::Integer(1_000_000_000),
                 _ => continue,
             };
-            (values, counts) = (values + usize::from(wrong.is_float()), counts + usize::from(wrong.is_integer()));
+            checked += 1;
             let mut spoilt = whole.clone();
             let keys = path.replace('[', ".").replace(']', "");
             let at = keys.split('.').fold(&mut spoilt, |at, key| match key.parse::<usize>() {
@@ -383,10 +379,14 @@ mod tests {
                 Err(_) => &mut at[key],
             });
             *at = wrong;
-            let faults = spoilt.try_into::<BrainSettings>().unwrap().faults();
-            assert!(faults.iter().any(|fault| fault.field == path), "{path} may be anything: {faults:?}");
+            let toml::Value::Table(spoilt) = spoilt else { panic!("a table") };
+            let faults = match InputError::from_table::<Scenario>("s.toml", spoilt) {
+                Ok((scenario, faults)) => faults.into_iter().chain(scenario.faults("s.toml")).collect(),
+                Err(fault) => fault.all(),
+            };
+            assert!(faults.iter().any(|fault| fault.field.starts_with(path)), "{path} may be anything: {faults:?}");
         }
-        assert!(values > 80 && counts > 15, "{values} {counts}");
+        assert!(checked > 90, "{checked}");
     }
 
     #[test]
@@ -429,7 +429,7 @@ mod tests {
             ("arina.friction=1", "arena"),
             ("arena.friction=-1", "arena.friction"),
             ("arena.friction=much", "a number or { min"),
-            ("arena.substeps=many", "expected a whole number"),
+            ("arena.substeps_alone=many", "expected a whole number"),
             ("arena.frictoin=0.3", "did you mean `arena.friction`?"),
             ("friction=0.3", "did you mean `arena.friction`?"),
             ("brain.grasp_selection.closing_speed_mps=0", "brain.grasp_selection.closing_speed_mps"),

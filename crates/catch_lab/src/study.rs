@@ -354,9 +354,8 @@ mod tests {
         aero.arena.aerodynamics = honest.arena.aerodynamics;
         let (prediction, of_honest) = (&mut aero.brain.trajectory_prediction, &honest.brain.trajectory_prediction);
         (prediction.process_noise, prediction.aerodynamics) = (of_honest.process_noise, of_honest.aerodynamics);
-        let (replan, of_honest) =
-            (&mut aero.brain.trajectory_optimization.replan, &honest.brain.trajectory_optimization.replan);
-        replan.reach_fractions.clone_from(&of_honest.reach_fractions);
+        let (planning, of_honest) = (&mut aero.brain.trajectory_optimization, &honest.brain.trajectory_optimization);
+        planning.reach_fractions.clone_from(&of_honest.reach_fractions);
         (aero.name, aero.description) = (honest.name.clone(), honest.description.clone());
         assert_eq!(aero, honest);
     }

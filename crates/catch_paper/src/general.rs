@@ -3,7 +3,7 @@
 
 use catch_body::JointVector;
 use catch_bot::trajectory_optimization::{
-    MotionPlanner, Start,
+    MAX_SPEED_FRACTION, MotionPlanner, Start,
     motion::{LimitScaling, ROUNDING},
     posture::Posture,
     reachability::fraction_used,
@@ -52,7 +52,7 @@ pub fn catch_at(planner: &MotionPlanner, start: &Start, target: &Target) -> Opti
             fraction: None,
             tolerance: Tolerance::NONE,
         }],
-        speed_fraction: [0.0, config.max_speed_fraction],
+        speed_fraction: [0.0, MAX_SPEED_FRACTION],
         comfortable_q: Some(robot.comfortable_q),
         comfort_weight: COMFORT_WEIGHT,
         speed_weight: 1.0,
@@ -72,7 +72,7 @@ pub fn catch_at(planner: &MotionPlanner, start: &Start, target: &Target) -> Opti
         let q = found.spline.control_points[found.spline.knots_s.len() - DEGREE - 2];
         let (posture, speed_fraction) = (Posture { q, elbow: None }, found.speed_fraction);
         best = Some(PosedCatch { posture, speed_fraction, spline: found.spline });
-        if speed_fraction >= GOOD_ENOUGH * config.max_speed_fraction {
+        if speed_fraction >= GOOD_ENOUGH * MAX_SPEED_FRACTION {
             break;
         }
     }

@@ -4,7 +4,6 @@
 use std::collections::BTreeMap;
 
 use catch_body::{Gripper, Pose};
-use catch_bot::settings::{Faults, NOT_NEGATIVE, SettingError, Settings};
 use catch_bot::{
     grasp_selection::{
         Grasp,
@@ -19,74 +18,38 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
-/// Settings of the paper's grasp selection. All figures are the code's.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+/// Settings of the paper's grasp selection.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// Points that are drawn.
-    pub samples: usize,
-    /// Neighbourhood of a Darboux frame, in metres. On a cloud of 2.5 mm spacing it holds few points, so that the principal
-    /// directions are those of noise; that, too, is the paper's method.
-    pub darboux_radius_m: f64,
     /// Whether surface and normals are estimated from all points of the scan (code): their means in cubes of 2.5 mm, and the direction in
     /// which 30 neighbours extend least. Half of these normals point inwards, and no grasp comes from there. Else those of our own
     /// reference are taken.
     pub estimates_normals: bool,
-    /// The gripper's origin is this far from the surface, in metres.
-    pub standoff_m: f64,
-    /// The same for the banana. The code knows it by its name; here what is longer than `long_radius_m` counts as one.
-    pub long_standoff_m: f64,
-    /// Distance of the farthest point from the centre of mass, in metres, beyond which an object counts as long.
-    pub long_radius_m: f64,
-    /// "Strength": the centroid's largest distance from the gripper's y axis, in metres.
-    pub max_strength_m: f64,
-    /// Largest 1 − "comfort".
-    pub max_discomfort: f64,
-    /// Largest 1 − "catchability".
-    pub max_misalignment: f64,
-    /// Weight of "strength" in the cost, per metre. The text says that "catchability" weighs most, but the code has this weight
-    /// and 1 for both others; the code is followed.
-    pub strength_weight: f64,
 }
 
-impl Default for Config {
-    fn default() -> Self {
-        Self {
-            samples: 2000,
-            darboux_radius_m: 0.002,
-            estimates_normals: false,
-            standoff_m: 0.05,
-            long_standoff_m: 0.04,
-            long_radius_m: 0.06,
-            max_strength_m: 0.03,
-            max_discomfort: 0.4,
-            max_misalignment: 0.1,
-            strength_weight: 10.0,
-        }
-    }
-}
+// The figures of the authors' code.
 
-impl Settings for Config {
-    fn faults(&self) -> Vec<SettingError> {
-        Faults::default()
-            .counts([("samples", self.samples)])
-            .values(
-                &NOT_NEGATIVE,
-                [
-                    ("darboux_radius_m", self.darboux_radius_m),
-                    ("standoff_m", self.standoff_m),
-                    ("long_standoff_m", self.long_standoff_m),
-                    ("long_radius_m", self.long_radius_m),
-                    ("max_strength_m", self.max_strength_m),
-                    ("max_discomfort", self.max_discomfort),
-                    ("max_misalignment", self.max_misalignment),
-                    ("strength_weight", self.strength_weight),
-                ],
-            )
-            .all()
-    }
-}
-
+/// Points that are drawn.
+const SAMPLES: usize = 2000;
+/// Neighbourhood of a Darboux frame, in metres. On a cloud of 2.5 mm spacing it holds few points, so that the principal directions are those of
+/// noise; that, too, is the paper's method.
+const DARBOUX_RADIUS_M: f64 = 0.002;
+/// The gripper's origin is this far from the surface, in metres.
+const STANDOFF_M: f64 = 0.05;
+/// The same for the banana. The code knows it by its name; here what is longer than [`LONG_RADIUS_M`] counts as one.
+const LONG_STANDOFF_M: f64 = 0.04;
+/// Distance of the farthest point from the centre of mass, in metres, beyond which an object counts as long.
+const LONG_RADIUS_M: f64 = 0.06;
+/// "Strength": the centroid's largest distance from the gripper's y axis, in metres.
+const MAX_STRENGTH_M: f64 = 0.03;
+/// Largest 1 − "comfort".
+const MAX_DISCOMFORT: f64 = 0.4;
+/// Largest 1 − "catchability".
+const MAX_MISALIGNMENT: f64 = 0.1;
+/// Weight of "strength" in the cost, per metre. The text says that "catchability" weighs most, but the code has this weight and 1 for both
+/// others; the code is followed.
+const STRENGTH_WEIGHT: f64 = 10.0;
 /// The part of the gap that must not be empty when the fingers close: halves along x and z, and its ends along y, in metres
 /// (code).
 const CLOSING_REGION_M: [f64; 4] = [0.05, 0.00625, 0.05, 0.1125];
@@ -109,14 +72,14 @@ pub fn select(
     let X_WO = flight.pose_at(catch_s);
     let direction_W = flight.twist_at(catch_s).linear.try_normalize(1e-6)?;
     let centroid = Point3::from(points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / points.len() as f64);
-    let is_long = reference.radius_m > config.long_radius_m;
-    let standoff_m = if is_long { config.long_standoff_m } else { config.standoff_m };
+    let is_long = reference.radius_m > LONG_RADIUS_M;
+    let standoff_m = if is_long { LONG_STANDOFF_M } else { STANDOFF_M };
 
     let mut rng = Pcg64::seed_from_u64(seed);
     let mut best: Option<(f64, Pose, f64)> = None;
-    for _ in 0..config.samples {
+    for _ in 0..SAMPLES {
         let index = rng.random_range(0..points.len());
-        let frame = darboux_frame(points, normals, index, config.darboux_radius_m);
+        let frame = darboux_frame(points, normals, index, DARBOUX_RADIUS_M);
         // The gripper looks along the inward normal (y) and closes in the direction of most curvature (x); the object passes
         // along that of least curvature (z).
         let (x, y) = (frame.principal[1], -frame.normal);
@@ -128,13 +91,10 @@ pub fn select(
         let strength_m = (centroid - frame.point).cross(&y).norm();
         let discomfort = 1.0 - comfort(&X_WG, base);
         let misalignment = 1.0 - direction_W.dot(&(X_WG * Vector3::z())).abs();
-        if strength_m > config.max_strength_m
-            || discomfort > config.max_discomfort
-            || misalignment > config.max_misalignment
-        {
+        if strength_m > MAX_STRENGTH_M || discomfort > MAX_DISCOMFORT || misalignment > MAX_MISALIGNMENT {
             continue;
         }
-        let cost = config.strength_weight * strength_m + discomfort + misalignment;
+        let cost = STRENGTH_WEIGHT * strength_m + discomfort + misalignment;
         if best.as_ref().is_none_or(|(least, ..)| cost < *least) && fits(points, gripper, &X_OG) {
             best = Some((cost, X_OG, strength_m));
         }

@@ -18,7 +18,7 @@
 //! /// A brain that predicts flights as the paper does, and does all else its own way.
 //! fn brain(known: Arc<Preparation>, seed: u64) -> CatchingBot<SdfEstimator, RansacPredictor, TimeGridSearch> {
 //!     let settings = known.config().trajectory_prediction.clone();
-//!     let predictor = RansacPredictor::new(settings, &Config::default().prediction, known.reference().symmetry, seed);
+//!     let predictor = RansacPredictor::new(settings, Config::default().prediction, known.reference().symmetry, seed);
 //!     let (estimator, planner) = (known.pose_estimator(), known.catch_planner());
 //!     CatchingBot::with_stages(known, estimator, predictor, planner)
 //! }
@@ -37,7 +37,6 @@ pub mod registration;
 pub mod sqp;
 pub mod unreachable;
 
-use catch_bot::settings::{DURATION_S, Faults, LIMIT_SCALE, NOT_NEGATIVE, PERIOD_S, SettingError, Settings};
 use serde::{Deserialize, Serialize};
 
 pub use planner::PaperPlanner;
@@ -45,7 +44,7 @@ pub use prediction::RansacPredictor;
 pub use registration::IcpEstimator;
 
 /// Settings of the paper's method.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
     /// Settings of the registration, III-B.
@@ -56,49 +55,4 @@ pub struct Config {
     pub grasp: grasp::Config,
     /// Settings of III-D.
     pub motion: motion::Config,
-    /// The object is within reach between these distances from the axis of the base, in metres (code).
-    pub reach_m: [f64; 2],
-    /// Times after the first sighting among which it is sought when it comes within reach and leaves it, in seconds (code).
-    pub sought_s: [f64; 2],
-    /// How many such times (code).
-    pub sought: usize,
-    /// The catch is at this fraction of the sum of both times (code: just before the middle).
-    pub catch_time_fraction: f64,
-    /// Time between plans, in seconds (code).
-    pub period_s: f64,
-    /// Plans are not changed any more in the last seconds before the catch (code).
-    pub freeze_s: f64,
-}
-
-impl Default for Config {
-    fn default() -> Self {
-        Self {
-            registration: registration::Config::default(),
-            prediction: prediction::SamplingConfig::default(),
-            grasp: grasp::Config::default(),
-            motion: motion::Config::default(),
-            reach_m: [0.42, 0.75],
-            sought_s: [0.5, 1.0],
-            sought: 20,
-            catch_time_fraction: 0.475,
-            period_s: 0.025,
-            freeze_s: 0.2,
-        }
-    }
-}
-
-impl Settings for Config {
-    fn faults(&self) -> Vec<SettingError> {
-        Faults::default()
-            .lists(&NOT_NEGATIVE, [("reach_m", &self.reach_m[..])])
-            .lists(&DURATION_S, [("sought_s", &self.sought_s[..])])
-            .counts([("sought", self.sought)])
-            .values(&LIMIT_SCALE, [("catch_time_fraction", self.catch_time_fraction)])
-            .values(&PERIOD_S, [("period_s", self.period_s)])
-            .values(&DURATION_S, [("freeze_s", self.freeze_s)])
-            .table("registration", &self.registration)
-            .table("grasp", &self.grasp)
-            .table("motion", &self.motion)
-            .all()
-    }
 }

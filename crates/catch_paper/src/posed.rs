@@ -9,7 +9,7 @@
 use catch_body::{JointVector, MAX_JOINTS, Pose, robot::Jacobian};
 use catch_bot::grasp_selection;
 use catch_bot::trajectory_optimization::{
-    CatchSplines, MotionPlanner, PlanningFailure, Start,
+    CatchSplines, MAX_SPEED_FRACTION, MotionPlanner, PlanningFailure, Start,
     failure_counter::FailureCounter,
     motion::{LimitScaling, ROUNDING},
     point_to_point::PointToPoint,
@@ -72,7 +72,7 @@ pub struct PosedPlanner {
 impl PosedPlanner {
     /// Over the motions that can be generated.
     pub fn new(motion: MotionPlanner) -> Self {
-        let splines = CatchSplines::new(&[1.0; 10], false, motion.config());
+        let splines = CatchSplines::new(&[1.0; 10], false);
         Self { motion, splines }
     }
 
@@ -221,7 +221,7 @@ impl Task<'_> {
 
     /// The motion to a posture at the highest speed fraction, if the arm need not exhaust its limits for it.
     fn easily(&self, posture: &Posture) -> Option<PosedCatch> {
-        let enough = self.planner.config().max_speed_fraction * (1.0 - GOOD_ENOUGH);
+        let enough = MAX_SPEED_FRACTION * (1.0 - GOOD_ENOUGH);
         let terminal_velocity = self
             .optimistic(&posture.q, EASY_FRACTION)
             .filter(|terminal_velocity| terminal_velocity.speed_fraction >= enough)?;

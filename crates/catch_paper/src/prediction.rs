@@ -4,13 +4,13 @@ use catch_bot::{
     perception::{ObjectPose, Symmetry},
     trajectory_prediction::{
         Config, FlightPredictor, FlightTrajectory, PredictionStatus,
-        ransac::{self, Rotation, TieBreak},
+        ransac::{self, Rotation, SAMPLES, Sampling, TieBreak},
     },
 };
 use serde::{Deserialize, Serialize};
 
 /// Settings of the paper's prediction.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SamplingConfig {
     /// Whether of flights with as many inliers that is taken from which the sum of distances and angles is the least (code), not
@@ -32,18 +32,18 @@ impl Default for SamplingConfig {
 pub struct RansacPredictor {
     config: Config,
     symmetry: Symmetry,
-    ties: TieBreak,
+    sampling: Sampling,
     seed: u64,
     scratch: ransac::Scratch,
 }
 
 impl RansacPredictor {
-    /// For an object of some symmetry; poses are sampled at random by `seed`, always as many as [`Config::samples`] says.
-    pub fn new(mut config: Config, sampling: &SamplingConfig, symmetry: Symmetry, seed: u64) -> Self {
-        config.max_samples = config.samples;
-        let symmetry = if sampling.knows_symmetry { symmetry } else { Symmetry::default() };
-        let ties = if sampling.ties_by_sum { TieBreak::Sum } else { TieBreak::MeanSquare };
-        Self { config, symmetry, ties, seed, scratch: ransac::Scratch::default() }
+    /// For an object of some symmetry; poses are sampled at random by `seed`, always [`SAMPLES`] pairs of them.
+    pub fn new(config: Config, settings: SamplingConfig, symmetry: Symmetry, seed: u64) -> Self {
+        let symmetry = if settings.knows_symmetry { symmetry } else { Symmetry::default() };
+        let ties = if settings.ties_by_sum { TieBreak::Sum } else { TieBreak::MeanSquare };
+        let sampling = Sampling { rotation: Rotation::Constant, ties, most: SAMPLES };
+        Self { config, symmetry, sampling, seed, scratch: ransac::Scratch::default() }
     }
 }
 
@@ -54,8 +54,7 @@ impl FlightPredictor for RansacPredictor {
         _: Option<&FlightTrajectory>,
     ) -> Result<FlightTrajectory, PredictionStatus> {
         let window = self.config.sampled(poses).ok_or(PredictionStatus::TooFewPoses)?;
-        let method = (Rotation::Constant, self.ties);
-        ransac::best_flight(window, &self.symmetry, method, &self.config, self.seed, &mut self.scratch)
+        ransac::best_flight(window, &self.symmetry, self.sampling, &self.config, self.seed, &mut self.scratch)
     }
 }
 
@@ -90,7 +89,7 @@ mod tests {
         let spin = |knows_symmetry: bool| {
             let symmetry = Symmetry::Axis { axis, reversible: false, axial_inertia: 1.0 };
             let sampling = SamplingConfig { knows_symmetry, ..SamplingConfig::default() };
-            let mut predictor = RansacPredictor::new(Config::default(), &sampling, symmetry, 1);
+            let mut predictor = RansacPredictor::new(Config::default(), sampling, symmetry, 1);
             predictor.predict(&poses, None).unwrap().w_WO
         };
         assert!(spin(true).norm() < 1e-6 && (spin(false) - axis.scale(2.0)).norm() < 1e-6);

@@ -8,10 +8,9 @@ use std::sync::Arc;
 
 use catch_body::Pose;
 use catch_bot::perception::{
-    self, Fit, ObjectFinder, ObjectPose, PerceptionStatus, PoseEstimator, Prior, ReferenceModel, Registration,
-    SceneCloud, Symmetry, View, Workspace,
+    self, Fit, GATE_M, MAX_RESIDUAL_M, MODEL_SD_M, ObjectFinder, ObjectPose, PerceptionStatus, PoseEstimator, Prior,
+    ReferenceModel, Registration, SceneCloud, Symmetry, View, Workspace,
 };
-use catch_bot::settings::{FRACTION, Faults, NOT_NEGATIVE, SettingError, Settings};
 use nalgebra::{Matrix3, Matrix6, Point3, Rotation3, Translation3, UnitQuaternion, Vector3, Vector6};
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::math::Vector;
@@ -19,50 +18,47 @@ use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode};
 use serde::{Deserialize, Serialize};
 
 /// Settings of the registration.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// Iterations at most.
-    pub max_iterations: usize,
-    /// It has converged when a step is shorter than this in metres, at the object's surface.
-    pub tolerance_m: f64,
-    /// Or when the mean distance of the pairs changes by less than this fraction, if that is set (code).
-    pub relative_tolerance: Option<f64>,
-    /// Whether it starts from the last pose that it found (code), not from the predicted one (text). At first that is the scan's own
-    /// frame at the world's origin, far from the object and turned against it.
-    pub starts_from_last_pose: bool,
-    /// Whether an object that looks the same from all sides keeps the orientation of the scan (code, for the ball).
-    pub drops_rotation: bool,
-    /// Whether pairs are sought among all points of the scan (code), not among those of our own, thinner reference.
-    pub uses_whole_scan: bool,
+    /// Whether it is that of the authors' code, not that of the text. The code starts from the last pose that it found, at first from the scan's own
+    /// frame at the world's origin, far from the object and turned against it; pairs all points with all of the scan; goes on until the
+    /// mean distance of the pairs settles; takes whatever comes out; and keeps the orientation of the scan for an object that
+    /// looks the same from all sides.
+    pub as_published: bool,
 }
+
+/// How a registration ends, and what it believes.
+#[derive(Debug, Clone, Copy)]
+struct Ending {
+    /// Iterations at most.
+    iterations: usize,
+    /// Largest root mean square distance that is believed, in metres, beside three standard deviations of the depth noise.
+    residual_m: f64,
+}
+
+/// It has converged when a step is shorter than this in metres, at the object's surface.
+const TOLERANCE_M: f64 = 1e-5;
+/// Or when the mean distance of the pairs changes by less than this fraction (code).
+const RELATIVE_TOLERANCE: f64 = 1e-5;
+/// All points of the images count, however far from the last pose (code).
+const ANYWHERE_M: f64 = 3.0;
 
 impl Config {
     fn points<'a>(&self, reference: &'a ReferenceModel) -> &'a [Point3<f64>] {
-        if self.uses_whole_scan { &reference.scanned } else { &reference.points }
+        if self.as_published { &reference.scanned } else { &reference.points }
     }
-}
 
-impl Default for Config {
-    fn default() -> Self {
-        Self {
-            max_iterations: 50,
-            tolerance_m: 1e-5,
-            relative_tolerance: None,
-            starts_from_last_pose: false,
-            drops_rotation: false,
-            uses_whole_scan: false,
+    fn gate_m(&self) -> f64 {
+        if self.as_published { ANYWHERE_M } else { GATE_M }
+    }
+
+    fn ending(&self) -> Ending {
+        if self.as_published {
+            Ending { iterations: 1000, residual_m: 1.0 }
+        } else {
+            Ending { iterations: 50, residual_m: MAX_RESIDUAL_M }
         }
-    }
-}
-
-impl Settings for Config {
-    fn faults(&self) -> Vec<SettingError> {
-        Faults::default()
-            .counts([("max_iterations", self.max_iterations)])
-            .values(&NOT_NEGATIVE, [("tolerance_m", self.tolerance_m)])
-            .options(&FRACTION, [("relative_tolerance", self.relative_tolerance)])
-            .all()
     }
 }
 
@@ -78,31 +74,26 @@ pub struct IcpEstimator {
 
 impl IcpEstimator {
     /// For a known object. The workspace holds the buffers, best those of [`Workspace::before_flight`].
-    ///
-    /// # Errors
-    /// A setting that is out of its range.
     pub fn new(
         config: Config,
         perception: perception::Config,
         reference: Arc<ReferenceModel>,
         workspace: Workspace,
-    ) -> Result<Self, SettingError> {
-        config.check()?;
-        perception.check()?;
+    ) -> Self {
         let hierarchy = Arc::new(hierarchy(config.points(&reference)));
-        Ok(Self { config, hierarchy, finder: ObjectFinder::new(perception, reference, workspace), last_X_WO: None })
+        let finder = ObjectFinder::new(perception, reference, workspace).with_gate_m(config.gate_m());
+        Self { config, hierarchy, finder, last_X_WO: None }
     }
 }
 
 impl PoseEstimator for IcpEstimator {
     fn estimate(&mut self, view: &View<'_>, prior: Prior) -> Result<ObjectPose, PerceptionStatus> {
         let Self { config, hierarchy, finder, last_X_WO } = self;
-        let prior =
-            if config.starts_from_last_pose { Prior::Pose(last_X_WO.unwrap_or(Pose::identity())) } else { prior };
-        let mut found = finder.find(view, prior, |Registration { reference, config: perception }, scene, X_WO| {
-            Icp { config, perception, reference, hierarchy }.register(scene, X_WO)
+        let prior = if config.as_published { Prior::Pose(last_X_WO.unwrap_or(Pose::identity())) } else { prior };
+        let mut found = finder.find(view, prior, |Registration { reference, .. }, scene, X_WO| {
+            Icp { config, reference, hierarchy }.register(scene, X_WO)
         })?;
-        if config.drops_rotation && finder.reference().symmetry == Symmetry::Sphere {
+        if config.as_published && finder.reference().symmetry == Symmetry::Sphere {
             // What is dropped takes no part in where the object is: it turns about its own centre.
             found.X_WO.rotation = UnitQuaternion::identity();
         }
@@ -137,7 +128,6 @@ fn vector(point: &Point3<f64>) -> Vector {
 /// What a registration works with.
 struct Icp<'a> {
     config: &'a Config,
-    perception: &'a perception::Config,
     reference: &'a ReferenceModel,
     hierarchy: &'a Bvh,
 }
@@ -145,13 +135,14 @@ struct Icp<'a> {
 impl Icp<'_> {
     /// Brings the reference from `X_WO` onto the scene's points, point to point.
     fn register(&self, scene: &SceneCloud, X_WO: &Pose) -> Result<Fit, PerceptionStatus> {
-        let Self { config, perception, reference, hierarchy } = *self;
+        let Self { config, reference, hierarchy } = *self;
+        let ending = config.ending();
         let mut X_WO = *X_WO;
         let (points, count) = (config.points(reference), scene.points.len() as f64);
         let mut iterations = 0;
         let mut converged = false;
         let (mut squares, mut distance_m) = (0.0, f64::INFINITY);
-        while iterations < config.max_iterations && !converged {
+        while iterations < ending.iterations && !converged {
             iterations += 1;
             // Sums over all pairs: means, and the covariance Σ (o − ō)(w − w̄)ᵀ = Σ o·wᵀ − n·ō·w̄ᵀ.
             let (mut mean_O, mut mean_W, mut products) = (Vector3::zeros(), Vector3::zeros(), Matrix3::zeros());
@@ -177,19 +168,20 @@ impl Icp<'_> {
             let length =
                 (moved.translation.vector - origin).norm() + R_WO.angle_to(&X_WO.rotation) * reference.radius_m;
             let before_m = std::mem::replace(&mut distance_m, distances / count);
-            converged = match config.relative_tolerance {
-                Some(fraction) => (before_m - distance_m).abs() < fraction * distance_m,
-                None => length < config.tolerance_m,
+            converged = if config.as_published {
+                (before_m - distance_m).abs() < RELATIVE_TOLERANCE * distance_m
+            } else {
+                length < TOLERANCE_M
             };
             X_WO = moved;
         }
         let residual_m = (squares / count).sqrt();
         let finite = X_WO.to_homogeneous().iter().all(|value| value.is_finite());
-        if !finite || residual_m > perception.max_residual_m + 3.0 * mean_noise(scene) {
+        if !finite || residual_m > ending.residual_m + 3.0 * mean_noise(scene) {
             return Err(PerceptionStatus::NotConverged);
         }
         // Each pair tells of all three coordinates as much as it is off by.
-        let along = count / residual_m.max(perception.model_sd_m).powi(2);
+        let along = count / residual_m.max(MODEL_SD_M).powi(2);
         let turn = along * reference.radius_m.powi(2) / 3.0;
         let observable = X_WO.rotation.to_rotation_matrix() * reference.symmetry.observable();
         let mut information = Matrix6::from_diagonal(&Vector6::new(0.0, 0.0, 0.0, along, along, along));
@@ -201,7 +193,7 @@ impl Icp<'_> {
             residual_m,
             noise_m: mean_noise(scene),
             silhouette_residual_m: None,
-            points_mismatch: Some((residual_m / perception.model_sd_m.max(1e-6)).powi(2)),
+            points_mismatch: Some((residual_m / MODEL_SD_M).powi(2)),
             silhouette_mismatch: None,
             robust_cost: count * residual_m.max(1e-9).ln(),
             iterations,

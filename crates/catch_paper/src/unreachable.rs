@@ -7,6 +7,7 @@ use catch_body::{
     robot::Jacobian,
 };
 use catch_bot::trajectory_optimization::{
+    MAX_SPEED_FRACTION,
     posture::{PostureFinder, first_seven},
     quadratic_program::{Hessian, MAX_VARIABLES, Row, Square, Variables},
     reachability::Interval,
@@ -88,8 +89,7 @@ impl Proof<'_> {
             bounds[i] = Interval { low: at(-turn).low - 1e-9, high: at(*turn).high + 1e-9 };
         }
         let jacobian = self.task.jacobian(&q);
-        let most = self.task.planner.config().max_speed_fraction;
-        let Some(lambda) = shortfall(&jacobian, &self.task.target.v_WO, &bounds, most) else { return false };
+        let Some(lambda) = shortfall(&jacobian, &self.task.target.v_WO, &bounds) else { return false };
         let X_WL = robot.link_poses(&q);
         let grasp_centre: Point3<f64> = self.task.target.X_WG * self.task.planner.gripper().grasp_centre();
         let mut reached = 0.0;
@@ -107,18 +107,13 @@ impl Proof<'_> {
             let Interval { low, high } = bounds[i];
             reached += (along * low).max(along * high) + varied * lambda.norm() * low.abs().max(high.abs());
         }
-        reached < (most * lambda.dot(&self.task.target.v_WO)).min(0.0)
+        reached < (MAX_SPEED_FRACTION * lambda.dot(&self.task.target.v_WO)).min(0.0)
     }
 }
 
 /// What is missing between the velocities that the grasp centre can have within `bounds` and those along the object's: the
 /// shortest difference s·v − J_v·q̇.
-pub fn shortfall(
-    jacobian: &Jacobian,
-    v_WO: &Vector3<f64>,
-    bounds: &[Interval; MAX_JOINTS],
-    max_speed_fraction: f64,
-) -> Option<Vector3<f64>> {
+pub fn shortfall(jacobian: &Jacobian, v_WO: &Vector3<f64>, bounds: &[Interval; MAX_JOINTS]) -> Option<Vector3<f64>> {
     const S: usize = MAX_JOINTS;
     let linear = jacobian.fixed_rows::<3>(3);
     let mut A = SMatrix::<f64, 3, MAX_VARIABLES>::zeros();
@@ -127,7 +122,7 @@ pub fn shortfall(
     let H = A.transpose() * A + Square::identity() * 1e-6;
     let rows: [Row; S + 1] = std::array::from_fn(|i| Row::new(Variables::ith(i, 1.0)));
     let limits: [_; S + 1] =
-        std::array::from_fn(|i| bounds.get(i).map_or([0.0, max_speed_fraction], |it| [it.low, it.high]));
+        std::array::from_fn(|i| bounds.get(i).map_or([0.0, MAX_SPEED_FRACTION], |it| [it.low, it.high]));
     let x = Hessian::new(&H)?.minimize(&Variables::zeros(), &rows, &limits, 0).ok()?;
     Some(-A * x)
 }

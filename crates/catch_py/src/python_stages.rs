@@ -29,8 +29,7 @@ pub fn factory(predictor: Option<Maker>, planner: Option<Maker>) -> BrainFactory
     BrainFactory::new(move |setup, seed, index| {
         let (known, settings) = (setup.known_for(seed), setup.brain_config(seed, index));
         let seed_of_brain = settings.seed;
-        let stages = settings.stages(&known, seed_of_brain);
-        let (estimator, ours, planning) = stages.expect("settings are checked when a scenario is read");
+        let (estimator, ours, planning) = settings.stages(&known, seed_of_brain);
         let predictor: Box<dyn FlightPredictor + Send> = match &predictor {
             None => ours,
             Some(maker) => Box::new(PythonPredictor(maker.make(seed, index))),

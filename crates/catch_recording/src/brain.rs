@@ -11,7 +11,6 @@ use catch_bot::{
     cycle::{CatchingCycle, CycleConfig},
     grasp_selection, perception,
     perception::PoseEstimator,
-    settings::{Faults, SettingError, Settings},
     trajectory_optimization, trajectory_prediction,
     trajectory_prediction::FlightPredictor,
 };
@@ -86,49 +85,40 @@ impl BrainSettings {
     }
 
     /// A brain of the stages that the settings choose; it draws at random from `seed`.
-    ///
-    /// # Errors
-    /// A setting that is out of its range.
-    pub fn brain(&self, known: Arc<Preparation>, seed: u64) -> Result<ChosenBrain, SettingError> {
-        let (estimator, predictor, planner) = self.stages(&known, seed)?;
-        Ok(CatchingBot::with_stages(known, estimator, predictor, planner))
+    pub fn brain(&self, known: Arc<Preparation>, seed: u64) -> ChosenBrain {
+        let (estimator, predictor, planner) = self.stages(&known, seed);
+        CatchingBot::with_stages(known, estimator, predictor, planner)
     }
 
     /// These stages one by one.
-    ///
-    /// # Errors
-    /// A setting that is out of its range.
-    pub fn stages(&self, known: &Preparation, seed: u64) -> Result<ChosenStages, SettingError> {
+    pub fn stages(&self, known: &Preparation, seed: u64) -> ChosenStages {
         let Config { perception, trajectory_prediction, .. } = known.config().clone();
-        let paper = self.paper_method.clone();
+        let paper = self.paper_method;
         let estimator: Box<dyn PoseEstimator + Send> = match self.pose_estimation.unwrap_or(self.method) {
             Method::Ours => Box::new(known.pose_estimator()),
             Method::Paper => Box::new(IcpEstimator::new(
-                paper.registration.clone(),
+                paper.registration,
                 perception,
                 known.reference().clone(),
                 known.workspace().clone(),
-            )?),
+            )),
         };
         let predictor: Box<dyn FlightPredictor + Send> = match self.flight_prediction.unwrap_or(self.method) {
             Method::Ours => Box::new(known.flight_predictor(seed)),
             Method::Paper => {
                 let symmetry = known.reference().symmetry;
-                Box::new(RansacPredictor::new(trajectory_prediction, &paper.prediction, symmetry, seed))
+                Box::new(RansacPredictor::new(trajectory_prediction, paper.prediction, symmetry, seed))
             }
         };
-        Ok((estimator, predictor, self.catch_planner(known, seed)?))
+        (estimator, predictor, self.catch_planner(known, seed))
     }
 
     /// The planner that the settings choose; it draws at random from `seed`.
-    ///
-    /// # Errors
-    /// A setting that is out of its range.
-    pub fn catch_planner(&self, known: &Preparation, seed: u64) -> Result<Box<dyn CatchPlanner + Send>, SettingError> {
-        Ok(match self.catch_planning.unwrap_or(self.method) {
+    pub fn catch_planner(&self, known: &Preparation, seed: u64) -> Box<dyn CatchPlanner + Send> {
+        match self.catch_planning.unwrap_or(self.method) {
             Method::Ours => Box::new(known.catch_planner()),
-            Method::Paper => Box::new(PaperPlanner::new(self.paper_method.clone(), known, seed)?),
-        })
+            Method::Paper => Box::new(PaperPlanner::new(self.paper_method, known, seed)),
+        }
     }
 }
 
@@ -146,13 +136,6 @@ impl From<Config> for BrainSettings {
             control,
             ..Self::default()
         }
-    }
-}
-
-impl Settings for BrainSettings {
-    fn faults(&self) -> Vec<SettingError> {
-        let others = Faults::default().table("paper_method", &self.paper_method).table("cycle", &self.cycle);
-        self.config().faults().into_iter().chain(others.all()).collect()
     }
 }
 

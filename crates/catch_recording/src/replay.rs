@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use catch_body::InputError;
-use catch_bot::{Preparation, settings::SettingError};
+use catch_bot::Preparation;
 use catch_cell::{Brain, Command};
 use serde::Serialize;
 use serde_json::Value;
@@ -83,10 +83,10 @@ pub fn brain_of(cell: &RecordedCell) -> Result<ChosenBrain, InputError> {
     robot.ready_q = robot.checked_pose("the recording", "ready_rad", &cell.ready_rad)?;
     let (config, cameras) = (cell.brain.config(), cell.cameras.clone());
     let fault =
-        |it: SettingError| InputError::new("the recording", format!("brain.{}", it.field), it.found, it.expected);
+        |it: InputError| InputError { file: "the recording".to_owned(), field: format!("brain.{}", it.field), ..it };
     let reach_map = reach_map::of(&robot);
     let known = Preparation::new(config, robot, gripper, cameras, &cell.reference_scan, reach_map).map_err(fault)?;
-    cell.brain.brain(Arc::new(known), cell.brain.seed).map_err(fault)
+    Ok(cell.brain.brain(Arc::new(known), cell.brain.seed))
 }
 
 /// Compares two commands bit for bit: as equal numbers, −0 and 0 would pass.

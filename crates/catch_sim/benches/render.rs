@@ -47,13 +47,13 @@ fn render(criterion: &mut Criterion) {
     let object = TriangleMesh::sphere(0.0336, 4);
     let far = rig(include_str!("../../../assets/rigs/paper_flight.toml"));
     let near = rig(include_str!("../../../assets/rigs/d435_4.toml"));
+    let stereo = |text| DepthModel::Stereo(toml::from_str(text).expect("the built-in figures are right"));
     let models = [
         ("20 perfect", &far, DepthModel::Perfect),
         ("20 gaussian", &far, DepthModel::Gaussian(GaussianNoise { sd_m: 0.002 })),
-        ("20 kinect", &far, DepthModel::Kinect),
-        ("20 stereo7", &far, DepthModel::Stereo7),
-        ("20 stereo7c", &far, DepthModel::Stereo7c),
-        ("4 near_stereo", &near, DepthModel::NearStereo),
+        ("20 stereo7", &far, stereo(include_str!("../../../assets/depth_errors/stereo7.toml"))),
+        ("20 stereo7c", &far, stereo(include_str!("../../../assets/depth_errors/stereo7c.toml"))),
+        ("4 near_stereo", &near, stereo(include_str!("../../../assets/depth_errors/near_stereo.toml"))),
     ];
 
     let X_WL = robot.link_poses(&robot.ready_q);

@@ -13,11 +13,11 @@ use disturbance::Disturbance;
 use crate::{
     cameras::Scene,
     conditions::Conditions,
-    config::{ArenaConfig, GripperTrigger},
+    config::{ArenaConfig, GripperDriveKind, GripperTrigger},
     encoders::Encoders,
     equipment::{Equipment, Shared},
     free_flight::Air,
-    gripper_drive::GripperDrive,
+    gripper_drive::{DRIVE_MASS_KG, GripperDrive},
     physics::{ContactForces, Loads, Mount, World, WorldSettings, WorldState, carried},
     random_streams::{Draws, Stream},
     sensors::Sensors,
@@ -29,6 +29,12 @@ use crate::{
 
 /// An object that is released nearer to something than this, in metres, is in its contact.
 const RELEASE_GAP_M: f64 = 1e-3;
+/// Solver substeps per step: at 4 the outcome of a catch agrees with MuJoCo in 62 of 63 cases.
+const SUBSTEPS: usize = 4;
+/// The paper's sensor in the gripper sees an object whose origin is this near the gripper's, and this near along z of the gripper, the direction
+/// in which it passes, in metres (the authors' code). It does not look at how far aside that is.
+const SENSED_WITHIN_M: f64 = 0.25;
+const SENSED_ALONG_Z_M: f64 = 0.01;
 /// While the object is farther than this from arm, gripper and floor the physics takes fewer substeps, in metres: what the
 /// fastest object and the fastest gripper do not cover in ten steps.
 const ALONE_M: f64 = 0.15;
@@ -69,10 +75,10 @@ impl Arena {
         let true_robot = conditions.true_robot(robot);
         let settings = WorldSettings {
             step_s: config.step_s,
-            substeps: config.substeps,
+            substeps: SUBSTEPS,
             friction: conditions.friction,
             restitution: conditions.restitution,
-            drive_mass_kg: config.gripper.real().map_or(0.0, |drive| drive.drive_mass_kg),
+            drive_mass_kg: if config.gripper == GripperDriveKind::Real { DRIVE_MASS_KG } else { 0.0 },
         };
         let mount = Mount::Arm { robot: &true_robot, q: ready_q };
         let world = World::new(settings, mount, gripper, gripper.max_width_m, object, release);
@@ -86,7 +92,7 @@ impl Arena {
                 config.robot_controller.clone(),
                 Draws::new(Stream::RobotController, seed, index),
             ),
-            drive: GripperDrive::of_kind(&config.gripper, gripper, gripper.max_width_m, &mut gripper_draws),
+            drive: GripperDrive::of_kind(config.gripper, gripper, gripper.max_width_m, &mut gripper_draws),
             sensors: Sensors::new(config, cameras, seed, index),
             conditions,
             true_robot,
@@ -216,7 +222,7 @@ impl Arena {
             if let Some(trajectory) = command.arm {
                 self.servo.receive(&trajectory, at_s);
             }
-            if let (Some(moves), GripperTrigger::Command {}) = (command.gripper, self.config().gripper_trigger) {
+            if let (Some(moves), GripperTrigger::Command) = (command.gripper, self.config().gripper_trigger) {
                 self.drive.receive(&moves, at_s);
             }
             self.sensors.set_windows(command.windows);
@@ -231,10 +237,12 @@ impl Arena {
 
     /// Closes the fingers for good once the sensor in the gripper, if there is one, sees the object.
     fn trigger(&mut self, now_s: f64) {
-        let GripperTrigger::Proximity(sensor) = self.config().gripper_trigger else { return };
+        if self.config().gripper_trigger != GripperTrigger::Proximity {
+            return;
+        }
         let Some(last) = self.truth.samples.last().filter(|_| !self.has_triggered) else { return };
         let p_GO = last.X_WG.inverse_transform_point(&(last.X_WO * self.equipment.shared.object.origin_O));
-        if p_GO.coords.norm() < sensor.distance_m && p_GO.z.abs() < sensor.along_z_m {
+        if p_GO.coords.norm() < SENSED_WITHIN_M && p_GO.z.abs() < SENSED_ALONG_Z_M {
             self.has_triggered = true;
             self.drive.squeeze(now_s);
         }
@@ -242,8 +250,7 @@ impl Arena {
 
     /// Substeps of the step to come.
     fn substeps(&self) -> usize {
-        let config = self.config();
-        if self.is_alone { config.substeps_alone } else { config.substeps }
+        if self.is_alone { self.config().substeps_alone } else { SUBSTEPS }
     }
 
     /// Torque on a soft object by the fingers' patches, against its rotation about their normal; it stops the rotation at most. What

@@ -10,7 +10,7 @@ use nalgebra::{Translation3, Unit, UnitQuaternion, Vector3};
 
 use crate::{
     aerodynamics::Aerodynamics,
-    config::{ArenaConfig, DrawnWind, Wind},
+    config::ArenaConfig,
     object::ThrownObject,
     random_streams::{Draws, Stream},
 };
@@ -47,12 +47,6 @@ impl Conditions {
         let restitution = around(restitution, config.restitution_spread, &mut draws(Stream::Restitution));
         let drag_per_m = around(object.drag_per_m, config.drag_spread, &mut draws(Stream::Drag));
         let drag_per_m = if config.drag { drag_per_m } else { 0.0 };
-        let mut winds = draws(Stream::Wind);
-        let (speed, azimuth) = (winds.unit(), TAU * winds.unit());
-        let wind_mps = match config.wind {
-            Wind::Always(wind) => wind.into(),
-            Wind::Drawn(DrawnWind { max_mps }) => Vector3::new(azimuth.cos(), azimuth.sin(), 0.0) * (max_mps * speed),
-        };
         let mut spins = draws(Stream::Spin);
         let spin_radps = spins.direction().into_inner() * (config.max_spin_radps * spins.unit());
         let errors = &config.robot_errors;
@@ -69,7 +63,7 @@ impl Conditions {
                 &object.inertia_kgm2,
                 &mut draws(Stream::Aerodynamics),
             ),
-            wind_mps,
+            wind_mps: config.wind.into(),
             spin_radps,
             link_mass_ratio: std::array::from_fn(|_| around(1.0, errors.link_mass_spread, &mut masses)),
             X_MG: Pose::from_parts(Translation3::from(offset), turn),

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 pub use crate::drawn::{Between, Drawn};
 
-pub use gripper::{GripperDriveKind, GripperTrigger, PositionDrive, ProximitySensor, RealDrive};
+pub use gripper::{GripperDriveKind, GripperTrigger};
 
 use crate::{
     aerodynamics::AerodynamicsConfig, camera_faults::CameraFault, depth_noise::DepthConfig, person::PersonConfig,
@@ -18,17 +18,18 @@ use crate::{
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ArenaConfig {
-    /// How the gripper is driven.
+    /// How the gripper is driven. `ideal`: as strong as the real one, without limit of speed beyond the fingers' own inertia and without
+    /// latency. `real`: within the limits of its file, with the connection of its table `drive`. `position`: by the paper's
+    /// controllers, one for each finger, which jump to the commanded width whatever speed and force the command has.
     pub gripper: GripperDriveKind,
-    /// What makes the fingers close. By default the brain's commands.
+    /// What makes the fingers close. `command`: the brain's commands. `proximity`: a sensor in the gripper that sees where the object truly
+    /// is, as in the paper's simulator; commands are ignored.
     pub gripper_trigger: GripperTrigger,
     /// Whether objects have the shapes, the frames and the mass properties of the paper's simulator, which stand in the table
     /// `published` of their files. Off by default: inertias are wrong by factors of 10 to 10,000.
     pub published_bodies: bool,
     /// Whether the gripper has the moments of inertia and the fingertips that it has in the paper's simulator, if its file says so.
     pub published_gripper: bool,
-    /// Whether the arm's rotors have inertia.
-    pub rotors: bool,
     /// Coulomb friction coefficient of all contacts: a number, or `{ min, max }` from which every throw draws one. Default
     /// 0.667, to which the paper's simulator combines its materials; there is no sourced value for rubber on felt. An object whose
     /// own file has a friction coefficient keeps that.
@@ -46,8 +47,9 @@ pub struct ArenaConfig {
     pub drag_spread: f64,
     /// How the air acts besides that. Off by default.
     pub aerodynamics: AerodynamicsConfig,
-    /// How the air moves; it counts where there is drag.
-    pub wind: Wind,
+    /// Velocity of the air in W, in m/s; it counts where there is drag.
+    #[serde(deserialize_with = "quantity::wind_mps")]
+    pub wind: [f64; 3],
     /// Every throw spins about a random axis at a rate drawn uniformly up to this one, besides what the throw's own file says.
     /// None in the paper; people throw small things with up to 25 rad/s.
     #[serde(deserialize_with = "quantity::speed_radps")]
@@ -80,31 +82,10 @@ pub struct ArenaConfig {
     /// Time step of the physics and period of the servo. Default 1 ms.
     #[serde(deserialize_with = "quantity::step_s")]
     pub step_s: f64,
-    /// Solver substeps per step. At 4 the outcome of a catch agrees with MuJoCo in 62 of 63 cases.
-    #[serde(deserialize_with = "quantity::solver_steps")]
-    pub substeps: usize,
-    /// Substeps while the object is far from everything, when only the arm's tracking depends on them.
+    /// Solver substeps per step while the object is far from everything, when only the arm's tracking depends on them, of 4 else.
     /// Default 2: the tool still follows a fast motion within 0.1 mm.
     #[serde(deserialize_with = "quantity::solver_steps")]
     pub substeps_alone: usize,
-}
-
-/// How the air moves.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(untagged, expecting = "a velocity [x, y, z] in m/s or { max_mps = … }")]
-pub enum Wind {
-    /// With this velocity in W, in m/s.
-    Always([f64; 3]),
-    /// Along the floor, for every throw in a direction of its own and at a speed drawn uniformly up to this one.
-    Drawn(DrawnWind),
-}
-
-/// Bounds of a wind that is drawn.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct DrawnWind {
-    /// The highest speed.
-    pub max_mps: f64,
 }
 
 /// What the robot does not know of itself. All zero by default, as in the paper.
@@ -203,14 +184,13 @@ impl Default for ArenaConfig {
             gripper_trigger: GripperTrigger::default(),
             published_bodies: false,
             published_gripper: false,
-            rotors: true,
             friction: Drawn::Always(0.667),
             restitution_scale: 1.0,
             restitution_spread: 0.0,
             drag: false,
             drag_spread: 0.0,
             aerodynamics: AerodynamicsConfig::default(),
-            wind: Wind::Always([0.0; 3]),
+            wind: [0.0; 3],
             max_spin_radps: 0.0,
             robot_errors: RobotErrors::default(),
             robot_controller: RobotController::default(),
@@ -223,7 +203,6 @@ impl Default for ArenaConfig {
             free_running_cameras: false,
             latency_s: Drawn::Always(0.0),
             step_s: 1e-3,
-            substeps: 4,
             substeps_alone: 2,
         }
     }
@@ -236,14 +215,6 @@ impl ArenaConfig {
         let friction = self.friction.check_friction(file, &format!("{table}.friction"));
         let latency = self.latency_s.check(&quantity::LATENCY_S, file, &format!("{table}.latency_s"));
         let mut faults: Vec<InputError> = friction.err().into_iter().chain(latency.err()).collect();
-        let wind = |value: f64| quantity::WIND_MPS.check(file, format!("{table}.wind"), value).err();
-        faults.extend(match self.wind {
-            Wind::Always(velocity) => velocity.into_iter().find_map(wind),
-            Wind::Drawn(DrawnWind { max_mps }) => wind(max_mps).or_else(|| {
-                let expected = "a speed of zero or more";
-                (max_mps < 0.0).then(|| InputError::new(file, format!("{table}.wind.max_mps"), max_mps, expected))
-            }),
-        });
         let steps = 1.0 / self.frame_rate_hz / self.step_s;
         if !(steps >= 0.5 && (steps - steps.round()).abs() <= 1e-6 * steps) {
             let expected = "a rate whose interval is a whole number of steps (step_s)";
@@ -310,17 +281,14 @@ mod tests {
     #[test]
     fn an_empty_table_is_the_default_and_a_misspelt_field_a_fault() {
         assert_eq!(toml::from_str::<ArenaConfig>("").unwrap(), ArenaConfig::default());
-        let config: ArenaConfig = toml::from_str("friction = 0.5\ngripper = { kind = \"ideal\" }").unwrap();
+        let config: ArenaConfig = toml::from_str("friction = 0.5\ngripper = \"ideal\"").unwrap();
         assert_eq!(config.friction, Drawn::Always(0.5));
         assert!(toml::from_str::<ArenaConfig>("frictoin = 0.5").is_err());
-        let config: ArenaConfig =
-            toml::from_str("friction = { min = 0.4, max = 1.0 }\ngripper = { kind = \"real\" }").unwrap();
+        let config: ArenaConfig = toml::from_str("friction = { min = 0.4, max = 1.0 }\ngripper = \"real\"").unwrap();
         assert_eq!(config.friction.bounds(), [0.4, 1.0]);
-        assert_eq!(config.gripper, GripperDriveKind::Real(RealDrive::default()));
-        assert!(toml::from_str::<ArenaConfig>("gripper = { kind = \"real\", latncy_s = 0.1 }").is_err());
-        assert!(toml::from_str::<ArenaConfig>("gripper = { kind = \"ideal\", latency_s = 0.1 }").is_err());
+        assert_eq!(config.gripper, GripperDriveKind::Real);
+        assert!(toml::from_str::<ArenaConfig>("gripper = \"reel\"").is_err());
         assert!(toml::from_str::<ArenaConfig>("wind = [1.0, 2.0]").is_err());
-        assert!(toml::from_str::<ArenaConfig>("wind = { max_mps = 2.0 }").is_ok());
     }
 
     #[test]
@@ -339,12 +307,12 @@ mod tests {
             "max_spin_radps = 1e300",
             "latency_s = -1",
             "latency_s = { min = 0.01, max = 1 }",
-            "substeps = 0",
+            "substeps_alone = 0",
             "robot_errors.tool_position_m = 1e300",
             "aerodynamics.drag_anisotropy = 1.0",
             "aerodynamics.max_magnus = -0.1",
             "aerodynamics.max_spin_decay_per_s = inf",
-            "gripper = { kind = \"real\", drive_mass_kg = -1 }",
+            "wind = [1e300, 0.0, 0.0]",
         ] {
             let fault = read(text);
             let field = text.split([' ', '{']).next().unwrap();
@@ -353,9 +321,5 @@ mod tests {
         let latency_s = Drawn::Between(Between { min: 0.03, max: 0.02 });
         let fault = check(ArenaConfig { latency_s, ..Default::default() });
         assert!(fault.contains("arena.latency_s: found 0.03, expected a min that is not above the max"), "{fault}");
-        for wind in [Wind::Always([1e300, 0.0, 0.0]), Wind::Drawn(DrawnWind { max_mps: -1.0 })] {
-            let fault = check(ArenaConfig { wind, ..Default::default() });
-            assert!(fault.contains("arena.wind"), "{fault}");
-        }
     }
 }

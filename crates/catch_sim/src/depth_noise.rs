@@ -23,9 +23,6 @@ pub struct DepthConfig {
     /// which every throw draws. It is in patches that are fixed to the object.
     #[serde(deserialize_with = "quantity::fraction")]
     pub hole_fraction: Drawn,
-    /// Edge length of such a patch in metres. Default 2 cm.
-    #[serde(deserialize_with = "quantity::size_m")]
-    pub hole_size_m: f64,
     /// Depths are whole multiples of this, in metres: 1 mm for cameras that tell them as whole millimetres. Zero: any.
     #[serde(deserialize_with = "quantity::error_m")]
     pub step_m: f64,
@@ -49,7 +46,6 @@ impl Default for DepthConfig {
             lost_frame_fraction: 0.0,
             lost_frame_persistence: 0.0,
             hole_fraction: Drawn::Always(0.0),
-            hole_size_m: 0.02,
             step_m: 0.0,
             calibration_sd_m: 0.0,
             calibration_sd_rad: 0.0,
@@ -66,7 +62,7 @@ impl DepthConfig {
     }
 }
 
-/// The errors of a pixel's depth: one of the named models, or a table with figures of one's own.
+/// The errors of a pixel's depth: none, those of a file of `assets/depth_errors` by its name, or a table with figures of one's own.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DepthModel {
@@ -75,20 +71,8 @@ pub enum DepthModel {
     Perfect,
     /// The same standard deviation at every depth, each pixel by itself.
     Gaussian(GaussianNoise),
-    /// The first Kinect's axial noise, σ = 0.0012 + 0.0019·(z − 0.4)² in metres, each pixel by itself (Nguyen, Izadi & Lovell,
-    /// Modeling Kinect sensor noise for improved 3D reconstruction and tracking, 2012: surfaces that face the camera within
-    /// 60°).
-    Kinect,
-    /// Stereo with figures of one's own.
+    /// Those of a stereo camera.
     Stereo(StereoNoise),
-    /// Stereo with a baseline of 95 mm (a D455's) and 0.08 pixels of disparity error, each pixel by itself: 114 mm at 7 m from a
-    /// camera with a focal length of 362 pixels.
-    Stereo7,
-    /// The same with 90 % of the error's variance common to all pixels of one image, and 10 % of the pixels missing.
-    Stereo7c,
-    /// A small stereo camera near a robot: baseline 50 mm, 0.08 pixels, 0.2 to 10 m, half of the variance common, 2 % of the pixels missing
-    /// and all beyond 85° of incidence, edges that bleed and fly; see [`StereoNoise::near`].
-    NearStereo,
 }
 
 /// A constant standard deviation.
@@ -114,9 +98,6 @@ pub struct StereoNoise {
     /// Standard deviation of the disparity in pixels.
     #[serde(deserialize_with = "quantity::error_px")]
     pub subpixel_px: f64,
-    /// Disparities are whole multiples of this, in pixels. Zero: any.
-    #[serde(deserialize_with = "quantity::error_px")]
-    pub disparity_step_px: f64,
     /// Fraction of the disparity's variance that all pixels of one image have in common; the rest each pixel has by itself.
     #[serde(deserialize_with = "quantity::fraction")]
     pub common_fraction: f64,
@@ -142,12 +123,11 @@ pub struct StereoNoise {
 }
 
 impl Default for StereoNoise {
-    /// Bare stereo with the figures of `stereo7`.
+    /// Bare stereo with a baseline of 95 mm: 114 mm at 7 m from a camera with a focal length of 362 pixels.
     fn default() -> Self {
         Self {
             baseline_m: 0.095,
             subpixel_px: 0.08,
-            disparity_step_px: 0.0,
             common_fraction: 0.0,
             dropout_fraction: 0.0,
             grazing_rad: None,
@@ -163,28 +143,6 @@ impl Default for StereoNoise {
 pub(crate) const EDGE_JUMP_PX: f64 = 0.5;
 
 impl StereoNoise {
-    /// A small stereo camera with a projector, from the figures of an Intel RealSense D435 at 848×480.
-    ///
-    /// From its data sheet (Intel RealSense D400 series product family datasheet): a baseline of 50 mm and a range that begins at
-    /// about 0.2 m at this resolution and ends, by the maker's own word, at about 10 m. From the maker's guide to tuning: a
-    /// disparity error of 0.08 pixels when well tuned. There are no sourced figures for the rest, which are set to what
-    /// images of such cameras look like: half of the error's variance common, 2 % of the pixels missing and all of them between
-    /// 70° and 85° of incidence, and along edges two pixels wide a quarter bled and a tenth flying.
-    pub fn near() -> Self {
-        Self {
-            baseline_m: 0.05,
-            subpixel_px: 0.08,
-            disparity_step_px: 0.0,
-            common_fraction: 0.5,
-            dropout_fraction: 0.02,
-            grazing_rad: Some([70.0_f64.to_radians(), 85.0_f64.to_radians()]),
-            edge_px: 2,
-            bleed_fraction: 0.25,
-            flying_fraction: 0.1,
-            range_m: Some([0.2, 10.0]),
-        }
-    }
-
     /// How far around a pixel its measurement depends on other pixels.
     pub(crate) fn edge_reach_px(&self) -> u32 {
         if self.bleed_fraction + self.flying_fraction > 0.0 { self.edge_px } else { 0 }
@@ -197,17 +155,9 @@ impl StereoNoise {
 }
 
 impl DepthModel {
-    /// The figures of a stereo model, by whatever name it goes.
-    pub fn stereo(&self) -> Option<StereoNoise> {
-        match self {
-            Self::Perfect | Self::Gaussian(_) | Self::Kinect => None,
-            Self::Stereo(noise) => Some(noise.clone()),
-            Self::Stereo7 => Some(StereoNoise::default()),
-            Self::Stereo7c => {
-                Some(StereoNoise { common_fraction: 0.9, dropout_fraction: 0.1, ..StereoNoise::default() })
-            }
-            Self::NearStereo => Some(StereoNoise::near()),
-        }
+    /// The figures of a stereo camera.
+    pub fn stereo(&self) -> Option<&StereoNoise> {
+        if let Self::Stereo(noise) = self { Some(noise) } else { None }
     }
 
     /// Standard deviation of a depth `z_m`, measured by a camera with this focal length, in metres. For stereo to first order in
@@ -216,10 +166,7 @@ impl DepthModel {
         match self {
             Self::Perfect => 0.0,
             Self::Gaussian(noise) => noise.sd_m,
-            Self::Kinect => 0.0012 + 0.0019 * (z_m - 0.4).powi(2),
-            Self::Stereo(_) | Self::Stereo7 | Self::Stereo7c | Self::NearStereo => {
-                self.stereo().map_or(0.0, |stereo| stereo.inverse_depth_sd_per_m(focal_px) * z_m * z_m)
-            }
+            Self::Stereo(stereo) => stereo.inverse_depth_sd_per_m(focal_px) * z_m * z_m,
         }
     }
 }
@@ -256,28 +203,24 @@ mod tests {
     fn models_are_called_by_name_or_described() {
         let parse = |text: &str| toml::from_str::<DepthConfig>(text).map(|config| config.model);
         assert_eq!(parse("").unwrap(), DepthModel::Perfect);
-        assert_eq!(parse("model = \"stereo7c\"").unwrap(), DepthModel::Stereo7c);
+        assert_eq!(parse("model = \"perfect\"").unwrap(), DepthModel::Perfect);
         assert_eq!(
             parse("model = { gaussian = { sd_m = 0.002 } }").unwrap(),
             DepthModel::Gaussian(GaussianNoise { sd_m: 0.002 })
         );
-        let stereo = parse("[model.stereo]\nbaseline_m = 0.05").unwrap().stereo().unwrap();
-        assert_eq!(stereo, StereoNoise { baseline_m: 0.05, ..StereoNoise::default() });
+        let stereo = parse("[model.stereo]\nbaseline_m = 0.05").unwrap();
+        assert_eq!(*stereo.stereo().unwrap(), StereoNoise { baseline_m: 0.05, ..StereoNoise::default() });
         for text in ["model = \"stereo8\"", "model = { stereo = { base_m = 0.05 } }", "model = { gaussian = {} }"] {
             assert!(parse(text).is_err(), "{text}");
         }
     }
 
-    /// The figures of facts that everybody quotes: 114 mm at 7 m, and a D435's 2 % of 2 m at most.
+    /// What everybody quotes: 114 mm at 7 m.
     #[test]
-    fn named_models_have_their_figures() {
-        for model in [DepthModel::Stereo7, DepthModel::Stereo7c] {
-            assert!((model.sd_m(7.0, 362.0) - 0.114).abs() < 1e-4);
-            assert!((model.sd_m(3.5, 362.0) - 0.114 / 4.0).abs() < 1e-4);
-        }
-        assert!((DepthModel::Kinect.sd_m(1.4, 580.0) - 0.0031).abs() < 1e-12);
-        let near = DepthModel::NearStereo.sd_m(2.0, 433.0);
-        assert!((0.01..0.02).contains(&near), "{near}");
+    fn stereo_errs_by_the_square_of_the_distance() {
+        let stereo = DepthModel::Stereo(StereoNoise::default());
+        assert!((stereo.sd_m(7.0, 362.0) - 0.114).abs() < 1e-4);
+        assert!((stereo.sd_m(3.5, 362.0) - 0.114 / 4.0).abs() < 1e-4);
     }
 
     #[derive(Deserialize)]
@@ -297,7 +240,6 @@ mod tests {
             ("lost_frame_persistence = 2", "arena.depth.lost_frame_persistence"),
             ("hole_fraction = { min = 0.3, max = 0.2 }", "arena.depth.hole_fraction"),
             ("hole_fraction = 1.1", "arena.depth.hole_fraction"),
-            ("hole_size_m = 0.0", "arena.depth.hole_size_m"),
             ("step_m = -0.001", "arena.depth.step_m"),
             ("calibration_sd_m = -0.1", "arena.depth.calibration_sd_m"),
             ("calibration_sd_rad = nan", "arena.depth.calibration_sd_rad"),

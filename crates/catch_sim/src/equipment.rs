@@ -35,16 +35,13 @@ impl Equipment {
     /// Prepares a cell. `robot` comes without the gripper's mass; `config` has been checked; `cameras` are as calibrated.
     pub fn new(
         config: ArenaConfig,
-        mut robot: Robot,
+        robot: Robot,
         mut gripper: Gripper,
         object: ThrownObject,
         cameras: Vec<CameraModel>,
     ) -> Self {
         if config.published_gripper {
             gripper = gripper.as_published();
-        }
-        if !config.rotors {
-            robot.joints.iter_mut().for_each(|joint| joint.rotor_inertia = 0.0);
         }
         let shared = Shared {
             renderer: Renderer::new(&robot, &gripper, &object.mesh, config.floor_visible),

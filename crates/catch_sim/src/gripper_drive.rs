@@ -6,12 +6,20 @@ mod interface;
 use catch_body::{DriveControl, Gripper};
 use catch_cell::{GripperMove, GripperQueue, GripperState};
 
-use crate::{
-    config::{GripperDriveKind, PositionDrive, RealDrive},
-    random_streams::Draws,
-};
+use crate::{config::GripperDriveKind, random_streams::Draws};
 use grasp_watch::GraspWatch;
 use interface::{Interface, Ramp};
+
+/// Inertia of motor and gear of a real drive, reflected to each finger, in kg. Chosen, as no figure is published: it lets the fingers keep to
+/// their speed when something slips out from between them.
+pub const DRIVE_MASS_KG: f64 = 0.5;
+/// The most that a finger presses with in the authors' code, in N: half of what its controller gives both.
+const PUBLISHED_FORCE_N: f64 = 500.0;
+/// The width that open fingers are commanded there, in metres: beyond their stops.
+const PUBLISHED_OPEN_WIDTH_M: f64 = 1.0;
+/// The controller's cycle there, in seconds, by which it takes the rate of the commanded width: a jump is pushed after with all the force there
+/// is, one cycle later.
+const PUBLISHED_CYCLE_S: f64 = 1e-3;
 
 /// Position controller of each finger.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,6 +34,9 @@ impl Gains {
     /// As stiff as a controller at 1 kHz may be with fingers of 50 g: it follows within a millisecond, and a finger that is
     /// stopped by an object presses with all its force 2 ms later.
     pub const IDEAL: Self = Self { stiffness_npm: 10_000.0, damping_nspm: 40.0 };
+
+    /// Those of the authors' code.
+    pub const PUBLISHED: Self = Self { stiffness_npm: 2500.0, damping_nspm: 20.0 };
 
     /// The same for fingers that are lighter: what is stiff for 50 g is unstable at 1 kHz for 15 g.
     fn ideal(finger_mass_kg: f64) -> Self {
@@ -66,7 +77,7 @@ enum Law {
     /// At once, at any speed.
     Ideal,
     /// At once, with all the force there is; beyond the stops when open.
-    Position { open_width_m: f64, cycle_s: f64 },
+    Position,
     /// Through an interface, within the limits of the fingers.
     Real(Interface, Ramp),
 }
@@ -94,32 +105,29 @@ impl GripperDrive {
     }
 
     /// The drive that the gripper's file describes; `draws` decide where in its cycle it stands at t = 0.
-    pub fn real(gripper: &Gripper, width_m: f64, config: &RealDrive, draws: &mut Draws) -> Self {
-        let mass_kg = gripper.finger_mass_kg + config.drive_mass_kg;
+    pub fn real(gripper: &Gripper, width_m: f64, draws: &mut Draws) -> Self {
+        let mass_kg = gripper.finger_mass_kg + DRIVE_MASS_KG;
         let gains = Gains::critical(mass_kg, interface::BANDWIDTH_RADPS);
-        let interface = Interface::new(config, gripper, width_m, draws.unit());
+        let interface = Interface::new(gripper, width_m, draws.unit());
         let law = Law::Real(interface, Ramp::new(gripper, width_m, mass_kg));
         Self { law, ..Self::with_gains(gripper, width_m, gains) }
     }
 
     /// A controller for each finger that knows no limit of speed.
-    pub fn position(gripper: &Gripper, width_m: f64, config: &PositionDrive) -> Self {
-        let PositionDrive { stiffness_npm, damping_nspm, max_force_n, open_width_m, cycle_s } = *config;
-        let mut drive = Self::with_gains(gripper, width_m, Gains { stiffness_npm, damping_nspm });
-        drive.law = Law::Position { open_width_m, cycle_s };
-        drive.max_force_n = max_force_n;
+    pub fn position(gripper: &Gripper, width_m: f64) -> Self {
+        let mut drive = Self::with_gains(gripper, width_m, Gains::PUBLISHED);
+        drive.law = Law::Position;
+        drive.max_force_n = PUBLISHED_FORCE_N;
         drive.active.order = drive.as_driven(drive.active.order);
         drive
     }
 
     /// The drive that a scenario names.
-    pub fn of_kind(kind: &GripperDriveKind, gripper: &Gripper, width_m: f64, draws: &mut Draws) -> Self {
+    pub fn of_kind(kind: GripperDriveKind, gripper: &Gripper, width_m: f64, draws: &mut Draws) -> Self {
         match kind {
-            GripperDriveKind::Ideal {} => Self::new(gripper, width_m),
-            GripperDriveKind::Real(config) | GripperDriveKind::Wsg50(config) => {
-                Self::real(gripper, width_m, config, draws)
-            }
-            GripperDriveKind::Position(config) => Self::position(gripper, width_m, config),
+            GripperDriveKind::Ideal => Self::new(gripper, width_m),
+            GripperDriveKind::Real => Self::real(gripper, width_m, draws),
+            GripperDriveKind::Position => Self::position(gripper, width_m),
         }
     }
 
@@ -156,7 +164,7 @@ impl GripperDrive {
         let limit = order.force_n.min(self.max_force_n);
         let setpoint = match &mut self.law {
             Law::Ideal => self.active.jump(time_s),
-            Law::Position { cycle_s, .. } => self.active.jump_by_cycle(time_s, *cycle_s),
+            Law::Position => self.active.jump_by_cycle(time_s, PUBLISHED_CYCLE_S),
             // The controller's output is at its limit where the setpoint is this far ahead; it need not go further.
             Law::Real(_, ramp) => ramp.advance(time_s, &order, width_m, 2.0 * limit / stiffness_npm),
         };
@@ -177,7 +185,7 @@ impl GripperDrive {
 
     fn begin_due_moves(&mut self, time_s: f64, width_m: f64) {
         let begins_s = |sent_s: f64| match &self.law {
-            Law::Ideal | Law::Position { .. } => sent_s,
+            Law::Ideal | Law::Position => sent_s,
             Law::Real(interface, _) => interface.takes_effect_s(sent_s),
         };
         while let Some(order) = self.queue.take_due(time_s, begins_s) {
@@ -191,8 +199,8 @@ impl GripperDrive {
     fn as_driven(&self, order: GripperMove) -> GripperMove {
         let width_m = self.gripper.driven_width_m(order.width_m);
         let width_m = match self.law {
-            Law::Position { open_width_m, .. } if width_m >= self.gripper.max_width_m => open_width_m,
-            Law::Position { .. } => width_m,
+            Law::Position if width_m >= self.gripper.max_width_m => PUBLISHED_OPEN_WIDTH_M,
+            Law::Position => width_m,
             _ if self.gripper.drive.control == DriveControl::SpeedAndForce => return GripperMove { width_m, ..order },
             _ => width_m,
         };
@@ -212,9 +220,7 @@ impl GripperDrive {
     /// What the gripper reports of itself.
     pub fn state(&self, finger_m: [f64; 2], finger_mps: [f64; 2]) -> GripperState {
         match &self.law {
-            Law::Ideal | Law::Position { .. } => {
-                self.live_state(finger_m[0] + finger_m[1], finger_mps[0] + finger_mps[1])
-            }
+            Law::Ideal | Law::Position => self.live_state(finger_m[0] + finger_m[1], finger_mps[0] + finger_mps[1]),
             Law::Real(interface, _) => interface.reported(),
         }
     }

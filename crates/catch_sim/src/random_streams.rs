@@ -30,8 +30,6 @@ pub enum Stream {
     Restitution = 18,
     /// Drag.
     Drag = 19,
-    /// Wind.
-    Wind = 20,
     /// Masses of the arm's links.
     LinkMasses = 21,
     /// Where the gripper is really mounted.

@@ -208,7 +208,10 @@ mod tests {
     use catch_cell::{CameraModel, rig_from_toml};
 
     use super::*;
-    use crate::{depth_noise::DepthModel, drawn::Between};
+    use crate::{
+        depth_noise::{DepthModel, StereoNoise},
+        drawn::Between,
+    };
 
     /// Two cameras at 60 and 90 Hz for 20 s, looked at every 10 ms; frames with the times of their observations.
     fn frames(config: &ArenaConfig, index: u64) -> Vec<(f64, DepthFrame)> {
@@ -279,7 +282,7 @@ mod tests {
         let camera_faults = vec![CameraFault { camera: 0, kind, from_s: 0.05 }];
         let mut config = ArenaConfig { camera_faults, ..ArenaConfig::default() };
         if is_noisy {
-            config.depth.model = DepthModel::NearStereo;
+            config.depth.model = DepthModel::Stereo(StereoNoise::default());
         }
         let window = PixelWindow { left: 0, top: 0, width: 848, height: 480 };
         let seen = frames_of(&config, 0, 0.1, window);

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use catch_body::Pose;
 use catch_bot::{
-    perception::{Config, ObjectPose, PoseEstimator, Prior, ReferenceModel, SdfEstimator, View, Workspace},
+    perception::{Config, DepthNoise, ObjectPose, PoseEstimator, Prior, ReferenceModel, SdfEstimator, View, Workspace},
     trajectory_prediction::FlightTrajectory,
 };
 use catch_cell::{CameraModel, DepthFrame};
@@ -39,18 +39,23 @@ impl Images {
     }
 }
 
+/// Noise of their depths, in metres.
+const NOISE_M: f64 = 0.002;
+
 /// Thirty poses of an object in flight, 10 ms apart.
 pub fn poses(shape: &Shape, reference: &Arc<ReferenceModel>) -> Vec<ObjectPose> {
     let cameras = synthetic::flight_rig();
     let mut normal = Normal::new(1);
-    let mut estimator = SdfEstimator::new(Config::default(), reference.clone(), Workspace::default());
+    let depth_noise = Some(DepthNoise { constant_m: NOISE_M, quadratic_per_m: 0.0 });
+    let config = Config { depth_noise, ..Config::default() };
+    let mut estimator = SdfEstimator::new(config, reference.clone(), Workspace::default());
     let mut poses = Vec::new();
     for i in 0..30 {
         let time_s = 0.01 * f64::from(i);
         let p_WO = Vector3::new(2.6 - 2.9 * time_s, 2.6 - 4.0 * time_s, 0.5 + 3.6 * time_s - 4.905 * time_s * time_s);
         let X_WO = Pose::new(p_WO, Vector3::new(0.3, 2.0 * time_s, 0.1));
         let X_WR = X_WO * reference.X_RO.inverse();
-        let mut frames = synthetic::depth_frames(&cameras, shape, &X_WR, Noise::Constant(0.002), &mut normal);
+        let mut frames = synthetic::depth_frames(&cameras, shape, &X_WR, Noise::Constant(NOISE_M), &mut normal);
         frames.iter_mut().for_each(|frame| frame.capture_s = time_s);
         let view = View { frames: &frames, cameras: &cameras, ..View::default() };
         poses.extend(estimator.estimate(&view, Prior::Pose(X_WO)));

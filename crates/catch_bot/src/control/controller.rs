@@ -3,12 +3,16 @@
 use catch_body::{Gripper, Robot};
 use catch_cell::{Command, GripperMove, Observation, TrajectoryId};
 
-use super::{Config, Decision, GripperPlan, Progress, closing, gripper_moves, opening, sent_plans::SentPlans};
+use super::{Config, Decision, GripperPlan, Progress, closest, gripper_moves, opening, sent_plans::SentPlans};
 use crate::{
-    grasp_selection,
+    grasp_selection::{self, Fingers, Grasp},
     trajectory_optimization::{CatchPlan, Start},
     trajectory_prediction::FlightTrajectory,
 };
+
+/// Plans are not changed any more in the last seconds before the catch. The paper's code stops 0.2 s before; corrections are small enough by
+/// then to go on.
+const COMMIT_S: f64 = 0.05;
 
 /// What is under way: the running plan, the closing of the gripper, and what was sent for them.
 #[derive(Debug, Clone)]
@@ -51,14 +55,14 @@ impl Controller {
 
     /// Whether it is too late to change anything.
     pub fn is_committed(&self, now_s: f64) -> bool {
-        self.plan.as_ref().is_some_and(|plan| now_s > plan.catch_s - self.config.commit_s)
+        self.plan.as_ref().is_some_and(|plan| now_s > plan.catch_s - COMMIT_S)
     }
 
     /// Learns what became of the trajectories. If the running plan was rejected or lost, the one before it is
     /// running again, and the gripper closes for that one on `flight`. If there is none it does not close,
     /// and opens where it has begun to.
     pub fn acknowledge(&mut self, observation: &Observation, flight: Option<&FlightTrajectory>) {
-        if !self.sent.acknowledge(&observation.arm, self.config.lost_after_s) {
+        if !self.sent.acknowledge(&observation.arm) {
             return;
         }
         let now_s = observation.time_s;
@@ -86,9 +90,32 @@ impl Controller {
         Command { gripper: command.gripper.or(amended), ..command }
     }
 
+    /// When to close so that both fingers touch the object when its centre passes the grasp centre of the moving gripper, or shortly
+    /// before.
     fn closing_for(&self, observation: &Observation, plan: &CatchPlan, flight: &FlightTrajectory) -> GripperPlan {
-        let fingers = (observation.time_s, &observation.gripper);
-        closing(fingers, plan, flight, &self.robot, &self.gripper, &self.grasping, &self.config)
+        let Self { config, grasping, robot, gripper, .. } = self;
+        let (now_s, fingers) = (observation.time_s, &observation.gripper);
+        let held = plan.grasp.X_OG * gripper.grasp_centre();
+        let local_flight = flight.local_flight_at(plan.catch_s);
+        let X_WG = |time_s: f64| robot.gripper_pose(&plan.trajectory.setpoint(time_s).q);
+        let distance =
+            |time_s: f64| (local_flight.pose_at(time_s) * held - X_WG(time_s) * gripper.grasp_centre()).norm();
+        let closest_s = closest(plan.catch_s, distance);
+        let contact_s = closest_s
+            - grasping.contact_lead_s(&local_flight.velocity_in(X_WG, &held), &plan.grasp.centre_past_G(gripper));
+        let CatchPlan { aperture_m, grasp: Grasp { object_width_m, .. }, .. } = *plan;
+        let latency_s = config.gripper_latency_s.unwrap_or(gripper.drive.latency_s);
+        let closing = grasping.closing(gripper);
+        let close_s = contact_s - closing.duration_s(aperture_m - object_width_m);
+        let stand_s = now_s + latency_s + closing.duration_s((aperture_m - fingers.width_m).abs());
+        let close_s = if stand_s <= close_s {
+            close_s
+        } else {
+            // The fingers may still be on their way to the aperture when they have to close.
+            let fingers = Fingers { width_m: fingers.width_m, rate_mps: fingers.speed_mps };
+            now_s + closing.wait_s(fingers, aperture_m, object_width_m, contact_s - now_s)
+        };
+        GripperPlan { start_s: close_s - latency_s, contact_s, speed_mps: closing.speed_mps }
     }
 
     /// Where the arm will be when a motion that is planned now takes over. Encoders are noisy and a loaded arm sags; what it is

@@ -5,85 +5,45 @@ mod decision;
 pub mod sent_plans;
 mod time_grid_search;
 
-use catch_cell::{GripperMove, GripperState};
+use catch_cell::GripperMove;
 use serde::{Deserialize, Serialize};
 
 pub use controller::Controller;
 pub use decision::{CatchPlanner, Decision, Progress, Situation, Status};
 pub use time_grid_search::TimeGridSearch;
 
-use crate::{
-    grasp_selection::{self, Fingers, Grasp},
-    settings::{DURATION_S, Faults, NOT_NEGATIVE, SettingError, Settings},
-    trajectory_optimization::CatchPlan,
-    trajectory_prediction::FlightTrajectory,
-};
-use catch_body::{Gripper, Pose, Robot};
+use crate::trajectory_optimization::CatchPlan;
+use catch_body::{Gripper, Pose, quantity};
 
 /// Settings of control.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
     /// Time from an observation until a command takes effect, in seconds: new motions start that much later.
+    #[serde(deserialize_with = "quantity::latency_s")]
     pub expected_latency_s: f64,
-    /// A trajectory that does not execute this long after its start, by the arm's own clock, has been lost on its way, in seconds:
-    /// longer than time stamps are off and the robot controller lags.
-    pub lost_after_s: f64,
     /// Time from the start of a gripper move until the fingers move, in seconds; the gripper's own if nothing is said.
+    #[serde(deserialize_with = "quantity::latency_s")]
     pub gripper_latency_s: Option<f64>,
     /// Force of closing in N per finger; the gripper's own limit if it is lower.
+    #[serde(deserialize_with = "quantity::force_n")]
     pub closing_force_n: f64,
-    /// Plans are not changed any more in the last seconds before the catch. The paper's code stops 0.2 s before; corrections
-    /// are small enough by then to go on.
-    pub commit_s: f64,
-    /// A plan that cannot be adjusted is kept while the object is expected within this distance of its grasp centre, in metres.
-    pub tolerated_miss_m: f64,
-    /// And while its orientation differs by less than this, in radians.
-    pub tolerated_miss_rad: f64,
     /// A catch whose cost of holding has risen by this much, as the flight is known better, is given up for one that costs that
     /// much less.
+    #[serde(deserialize_with = "quantity::weight")]
     pub switching_hysteresis: f64,
 }
 
 impl Default for Config {
     fn default() -> Self {
-        Self {
-            expected_latency_s: 0.01,
-            lost_after_s: 0.02,
-            gripper_latency_s: None,
-            closing_force_n: 80.0,
-            commit_s: 0.05,
-            tolerated_miss_m: 0.006,
-            tolerated_miss_rad: 0.03,
-            switching_hysteresis: 0.5,
-        }
+        Self { expected_latency_s: 0.01, gripper_latency_s: None, closing_force_n: 80.0, switching_hysteresis: 0.5 }
     }
 }
 
-impl Settings for Config {
-    fn faults(&self) -> Vec<SettingError> {
-        Faults::default()
-            .values(
-                &DURATION_S,
-                [
-                    ("expected_latency_s", self.expected_latency_s),
-                    ("commit_s", self.commit_s),
-                    ("lost_after_s", self.lost_after_s),
-                ],
-            )
-            .options(&DURATION_S, [("gripper_latency_s", self.gripper_latency_s)])
-            .values(
-                &NOT_NEGATIVE,
-                [
-                    ("closing_force_n", self.closing_force_n),
-                    ("tolerated_miss_m", self.tolerated_miss_m),
-                    ("tolerated_miss_rad", self.tolerated_miss_rad),
-                    ("switching_hysteresis", self.switching_hysteresis),
-                ],
-            )
-            .all()
-    }
-}
+/// A plan that cannot be adjusted is kept while the object is expected within this distance of its grasp centre, in metres.
+const TOLERATED_MISS_M: f64 = 0.006;
+/// And while its orientation differs by less than this, in radians.
+const TOLERATED_MISS_RAD: f64 = 0.03;
 
 /// When the gripper closes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -97,43 +57,10 @@ pub struct GripperPlan {
     pub speed_mps: f64,
 }
 
-/// When to close so that both fingers touch the object when its centre passes the grasp centre of the moving gripper, or shortly
-/// before. `fingers` is what the gripper reports of itself at `now_s`.
-pub fn closing(
-    (now_s, fingers): (f64, &GripperState),
-    plan: &CatchPlan,
-    flight: &FlightTrajectory,
-    robot: &Robot,
-    gripper: &Gripper,
-    grasping: &grasp_selection::Config,
-    config: &Config,
-) -> GripperPlan {
-    let held = plan.grasp.X_OG * gripper.grasp_centre();
-    let local_flight = flight.local_flight_at(plan.catch_s);
-    let X_WG = |time_s: f64| robot.gripper_pose(&plan.trajectory.setpoint(time_s).q);
-    let distance = |time_s: f64| (local_flight.pose_at(time_s) * held - X_WG(time_s) * gripper.grasp_centre()).norm();
-    let closest_s = closest(plan.catch_s, distance);
-    let contact_s =
-        closest_s - grasping.contact_lead_s(&local_flight.velocity_in(X_WG, &held), &plan.grasp.centre_past_G(gripper));
-    let CatchPlan { aperture_m, grasp: Grasp { object_width_m, .. }, .. } = *plan;
-    let latency_s = config.gripper_latency_s.unwrap_or(gripper.drive.latency_s);
-    let closing = grasping.closing(gripper);
-    let close_s = contact_s - closing.duration_s(aperture_m - object_width_m);
-    let stand_s = now_s + latency_s + closing.duration_s((aperture_m - fingers.width_m).abs());
-    let close_s = if stand_s <= close_s {
-        close_s
-    } else {
-        // The fingers may still be on their way to the aperture when they have to close.
-        let fingers = Fingers { width_m: fingers.width_m, rate_mps: fingers.speed_mps };
-        now_s + closing.wait_s(fingers, aperture_m, object_width_m, contact_s - now_s)
-    };
-    GripperPlan { start_s: close_s - latency_s, contact_s, speed_mps: closing.speed_mps }
-}
-
 /// Whether a plan whose motion cannot be changed any more still meets the object, for which the gripper would have to be at `X_WG`.
-pub fn is_still_good(plan: &CatchPlan, X_WG: &Pose, gripper: &Gripper, config: &Config) -> bool {
+pub fn is_still_good(plan: &CatchPlan, X_WG: &Pose, gripper: &Gripper) -> bool {
     let missed_by = (X_WG * gripper.grasp_centre() - plan.X_WG * gripper.grasp_centre()).norm();
-    missed_by < config.tolerated_miss_m && X_WG.rotation.angle_to(&plan.X_WG.rotation) < config.tolerated_miss_rad
+    missed_by < TOLERATED_MISS_M && X_WG.rotation.angle_to(&plan.X_WG.rotation) < TOLERATED_MISS_RAD
 }
 
 /// The time of the smallest distance within 30 ms of a guess, by golden-section search: object and gripper pass each other

@@ -6,6 +6,10 @@ use catch_cell::{ArmState, ArmTrajectory, Setpoint, TrajectoryId};
 
 use crate::trajectory_optimization::CatchPlan;
 
+/// A trajectory that does not execute this long after its start, by the arm's own clock, has been lost on its way, in seconds: longer than
+/// time stamps are off and the robot controller lags.
+const LOST_AFTER_S: f64 = 0.02;
+
 /// The plans that are executed or will be, oldest first, each with the identifier of its trajectory.
 #[derive(Debug, Clone, Default)]
 pub struct SentPlans {
@@ -29,8 +33,8 @@ impl SentPlans {
     }
 
     /// Learns from the arm's state what became of the trajectories. A plan that was rejected or lost is dropped, and so are those
-    /// that went on from it. Returns whether any was. `lost_after_s` is [`Config::lost_after_s`](super::Config::lost_after_s).
-    pub fn acknowledge(&mut self, arm: &ArmState, lost_after_s: f64) -> bool {
+    /// that went on from it. Returns whether any was.
+    pub fn acknowledge(&mut self, arm: &ArmState) -> bool {
         // Identifiers must be higher than all before them, whoever used those.
         let told = arm.rejected.iter().map(|it| it.id).chain(arm.executing);
         self.last_id = told.map(|id| id.0).fold(self.last_id, u64::max);
@@ -40,7 +44,7 @@ impl SentPlans {
         let kept = self.plans.iter().position(|(id, _)| is_rejected(*id)).unwrap_or(before);
         self.plans.truncate(kept);
         let executing = self.plans.iter().position(|(id, _)| Some(*id) == arm.executing);
-        let is_due = |plan: &CatchPlan| plan.trajectory.start_s() + lost_after_s < arm.time_s;
+        let is_due = |plan: &CatchPlan| plan.trajectory.start_s() + LOST_AFTER_S < arm.time_s;
         // Where trajectories follow each other more quickly than observations, all up to the executing one were taken.
         let pending = executing.map_or(0, |at| at + 1);
         let kept = self.plans.iter().skip(pending).position(|(_, plan)| is_due(plan));

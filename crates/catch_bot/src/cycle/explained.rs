@@ -61,7 +61,7 @@ mod tests {
         // Bananas that differ in how much thinner one of their ends is.
         let shapes = [0.1, 0.4].map(Shape::bent);
         let references =
-            shapes.each_ref().map(|shape| Arc::new(ReferenceModel::from_scan(&synthetic::scan(shape, 100), &config)));
+            shapes.each_ref().map(|shape| Arc::new(ReferenceModel::from_scan(&synthetic::scan(shape, 100))));
         for (thrown, shape) in shapes.iter().enumerate() {
             let X_WO = synthetic::pose_in_flight(&mut Normal::new(7));
             let X_WR = X_WO * references[thrown].X_RO.inverse();

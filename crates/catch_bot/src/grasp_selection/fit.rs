@@ -10,6 +10,14 @@ use crate::perception::ReferenceModel;
 /// Surface points this close to the outermost one count as touched by a finger.
 const CONTACT_DEPTH_M: f64 = 0.003;
 
+/// Free space between the object and the palm, in metres.
+const PALM_MARGIN_M: f64 = 0.006;
+/// "Strength": the grasp's axis may miss the centre of mass by this much (the paper's code).
+const MAX_STRENGTH_M: f64 = 0.03;
+/// The fingers' faces must meet the surface at most this far from its normal, in radians: the cone of a friction coefficient of 0.4, the lowest
+/// that is expected.
+const MAX_CONTACT_ANGLE_RAD: f64 = 0.38;
+
 /// Why a gripper cannot hold an object at one place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum GraspFailure {
@@ -61,10 +69,10 @@ pub fn fit_gripper(
     // Back off until the palm is clear: nothing may come nearer to it than the margin.
     let half_housing = [gripper.body_size_m[0] / 2.0, gripper.body_size_m[2] / 2.0];
     let X_GO = place(Vector3::zeros()).inverse();
-    let over_palm = |p: &Point3<f64>| p.x.abs() < half_housing[0] && p.z.abs() < half_housing[1] + config.palm_margin_m;
+    let over_palm = |p: &Point3<f64>| p.x.abs() < half_housing[0] && p.z.abs() < half_housing[1] + PALM_MARGIN_M;
     let lowest =
         reference.points.iter().map(|point| X_GO * point).filter(over_palm).map(|p| p.y).fold(f64::INFINITY, f64::min);
-    let backed_off = (gripper.palm_y_m() + config.palm_margin_m - lowest).max(0.0);
+    let backed_off = (gripper.palm_y_m() + PALM_MARGIN_M - lowest).max(0.0);
 
     // What lies between the fingers, and its middle along the closing direction.
     let X_GO = place(Vector3::new(0.0, -backed_off, 0.0)).inverse();
@@ -94,25 +102,13 @@ pub fn fit_gripper(
     let centre = X_GO * Point3::origin();
     let strength_m = centre.x.hypot(centre.z);
     let overhang_m = overhang_m(&X_GO, gripper);
-    if strength_m > config.max_strength_m || overhang_m > config.max_overhang_m {
+    if strength_m > MAX_STRENGTH_M || overhang_m > config.max_overhang_m {
         return Err(GraspFailure::OffCentre);
     }
 
     // Both faces must meet the surface squarely enough for friction to hold.
-    let half_width = object_width_m / 2.0;
-    let squareness = |side: f64| {
-        let (sum, count) = reference
-            .points
-            .iter()
-            .zip(&reference.normals)
-            .map(|(point, normal)| (X_GO * point, X_GO * normal))
-            .filter(|(p, _)| {
-                p.z.abs() < half_gap && p.y > 0.0 && p.y < reach && side * p.x > half_width - CONTACT_DEPTH_M
-            })
-            .fold((Vector3::zeros(), 0), |(sum, count), (_, normal)| (sum + normal, count + 1));
-        if count == 0 { 0.0 } else { sum.normalize().x * side }
-    };
-    if squareness(1.0).min(squareness(-1.0)) < config.max_contact_angle_rad.cos() {
+    let squareness = |side: f64| squareness(reference, gripper, &X_GO, object_width_m, side);
+    if squareness(1.0).min(squareness(-1.0)) < MAX_CONTACT_ANGLE_RAD.cos() {
         return Err(GraspFailure::Slanted);
     }
 
@@ -129,6 +125,22 @@ pub fn fit_gripper(
     }
     let held_G = held_box(&reference.points, &X_GO);
     Ok(Grasp { X_OG, object_width_m, aperture_m, strength_m, overhang_m, held_G })
+}
+
+/// How squarely the finger on one `side` (−1, 1) meets the surface of an object of this width at `X_GO`: the cosine of the angle between its face and
+/// the mean normal of what it touches, zero where that is nothing.
+fn squareness(reference: &ReferenceModel, gripper: &Gripper, X_GO: &Pose, width_m: f64, side: f64) -> f64 {
+    let (half_gap, reach) = (gripper.finger_size_m[2] / 2.0, gripper.fingertip_y_m());
+    let (sum, count) = reference
+        .points
+        .iter()
+        .zip(&reference.normals)
+        .map(|(point, normal)| (X_GO * point, X_GO * normal))
+        .filter(|(p, _)| {
+            p.z.abs() < half_gap && p.y > 0.0 && p.y < reach && side * p.x > width_m / 2.0 - CONTACT_DEPTH_M
+        })
+        .fold((Vector3::zeros(), 0), |(sum, count), (_, normal)| (sum + normal, count + 1));
+    if count == 0 { 0.0 } else { sum.normalize().x * side }
 }
 
 /// How much farther from the palm than the grasp centre an object's centre of mass is.

@@ -4,32 +4,36 @@
 //! the object does not move toward a finger: its velocity must lie in the plane of approach (y) and gap (z). In that plane it
 //! may pass through the gap or fly toward the palm, but not come from behind.
 
-use catch_body::Pose;
+use catch_body::{Pose, quantity};
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::Grasp;
-use crate::settings::{Faults, NOT_NEGATIVE, SettingError, Settings};
 
 /// How much each heuristic counts. All terms are costs between 0 and about 1.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Weights {
     /// On the fraction of the velocity that points at a finger, |v̂·x_G|.
+    #[serde(deserialize_with = "quantity::weight")]
     pub catchability: f64,
     /// On the distance of the centre of mass from the gripper's axis, per 30 mm.
+    #[serde(deserialize_with = "quantity::weight")]
     pub strength: f64,
     /// On how much farther from the palm than the grasp centre the centre of mass is, per 30 mm.
+    #[serde(deserialize_with = "quantity::weight")]
     pub overhang: f64,
     /// On the object's width between the fingers, per 100 mm: narrow parts are usually its long sides, which hold it better.
+    #[serde(deserialize_with = "quantity::weight")]
     pub width: f64,
-    /// On 1 − comfort.
-    pub comfort: f64,
     /// On passing through the gap instead of flying toward the palm, which gives four times the time to close.
+    #[serde(deserialize_with = "quantity::weight")]
     pub pass_through: f64,
     /// The fraction of the velocity that may point at a finger; grasps with more are dropped.
+    #[serde(deserialize_with = "quantity::cosine")]
     pub max_sideways: f64,
     /// The fraction of the velocity that may come from behind the palm.
+    #[serde(deserialize_with = "quantity::cosine")]
     pub max_from_behind: f64,
 }
 
@@ -40,7 +44,6 @@ impl Default for Weights {
             strength: 5.0,
             overhang: 6.0,
             width: 22.0,
-            comfort: 0.2,
             pass_through: 6.0,
             max_sideways: 0.3,
             max_from_behind: 0.3,
@@ -48,30 +51,14 @@ impl Default for Weights {
     }
 }
 
+/// Weight on 1 − comfort.
+const COMFORT: f64 = 0.2;
+
 impl Weights {
     /// The cost of how an object comes in, by the parts of the direction of its velocity relative to the gripper that point at a
     /// finger and away from the palm.
     pub fn of_direction(&self, sideways: f64, along: f64) -> f64 {
         self.catchability * sideways + self.pass_through * (1.0 + along)
-    }
-}
-
-impl Settings for Weights {
-    fn faults(&self) -> Vec<SettingError> {
-        Faults::default()
-            .values(
-                &NOT_NEGATIVE,
-                [
-                    ("catchability", self.catchability),
-                    ("strength", self.strength),
-                    ("overhang", self.overhang),
-                    ("width", self.width),
-                    ("comfort", self.comfort),
-                    ("pass_through", self.pass_through),
-                ],
-            )
-            .values(&(-1.0..=1.0), [("max_sideways", self.max_sideways), ("max_from_behind", self.max_from_behind)])
-            .all()
     }
 }
 
@@ -100,50 +87,55 @@ pub struct RankedGrasp {
     pub still_cost: f64,
 }
 
-/// Whether a grasp with these closing and approaching directions in O can catch an object that flies along `v_O`: it must
-/// neither move toward a finger nor come from behind.
-pub fn can_catch([closing_O, approach_O]: &[Vector3<f64>; 2], v_O: &Vector3<f64>, weights: &Weights) -> bool {
-    closing_O.dot(v_O).abs() <= weights.max_sideways && approach_O.dot(v_O) <= weights.max_from_behind
+/// An object that passes: its pose, along which direction in O it flies, where the arm stands, and what counts.
+#[derive(Debug, Clone, Copy)]
+pub struct Passing<'a> {
+    X_WO: &'a Pose,
+    v_O: Vector3<f64>,
+    base: &'a Point3<f64>,
+    weights: &'a Weights,
 }
 
-/// Places a grasp with these closing and approaching directions in O on an object in pose `X_WO` that flies along `v_O`, and
-/// sums its heuristics.
-///
-/// `base` is where the arm stands.
-pub fn rank(
-    index: usize,
-    grasp: &Grasp,
-    [closing_O, approach_O]: &[Vector3<f64>; 2],
-    X_WO: &Pose,
-    v_O: &Vector3<f64>,
-    base: &Point3<f64>,
-    weights: &Weights,
-) -> RankedGrasp {
-    let X_WG = X_WO * grasp.X_OG;
-    let (sideways, along) = (closing_O.dot(v_O).abs(), approach_O.dot(v_O));
-    let through_gap = (1.0 - sideways * sideways - along * along).max(0.0).sqrt();
-    let approach = if -along >= through_gap { Approach::TowardPalm } else { Approach::ThroughGap };
-    // "Comfort": the gripper points away from the axis of the base (paper, III-C), here as a cosine.
-    let outward = X_WG.translation.vector - base.coords;
-    let comfort = Vector3::new(outward.x, outward.y, 0.0)
-        .try_normalize(1e-6)
-        .map_or(0.0, |outward| (X_WO.rotation * approach_O).dot(&outward));
-    let still_cost = weights.strength * grasp.strength_m / 0.03
-        + weights.overhang * grasp.overhang_m / 0.03
-        + weights.width * grasp.object_width_m / 0.1
-        + weights.comfort * (1.0 - comfort);
-    RankedGrasp { index, X_WG, approach, cost: still_cost + weights.of_direction(sideways, along), still_cost }
-}
+impl<'a> Passing<'a> {
+    /// At `X_WO`, with the velocity `v_WO` in W; `base` is where the arm stands.
+    pub fn new(X_WO: &'a Pose, v_WO: &Vector3<f64>, base: &'a Point3<f64>, weights: &'a Weights) -> Self {
+        let v_O = X_WO.rotation.inverse_transform_vector(v_WO).try_normalize(1e-6).unwrap_or_default();
+        Self { X_WO, v_O, base, weights }
+    }
 
-/// Places a single grasp on an object in pose `X_WO` that flies at `v_WO`.
-pub fn rank_alone(
-    index: usize,
-    grasp: &Grasp,
-    X_WO: &Pose,
-    v_WO: &Vector3<f64>,
-    base: &Point3<f64>,
-    weights: &Weights,
-) -> RankedGrasp {
-    let v_O = X_WO.rotation.inverse_transform_vector(v_WO).try_normalize(1e-6).unwrap_or_default();
-    rank(index, grasp, &[grasp.X_OG * Vector3::x(), grasp.X_OG * Vector3::y()], X_WO, &v_O, base, weights)
+    /// Whether it moves at all.
+    pub fn moves(&self) -> bool {
+        self.v_O != Vector3::zeros()
+    }
+
+    /// Whether a grasp with these closing and approaching directions in O can catch it: it must neither move toward a finger nor come
+    /// from behind.
+    pub fn can_be_caught(&self, [closing_O, approach_O]: &[Vector3<f64>; 2]) -> bool {
+        closing_O.dot(&self.v_O).abs() <= self.weights.max_sideways
+            && approach_O.dot(&self.v_O) <= self.weights.max_from_behind
+    }
+
+    /// Places a grasp with these closing and approaching directions in O on the object, and sums its heuristics.
+    pub fn rank(&self, index: usize, grasp: &Grasp, [closing_O, approach_O]: &[Vector3<f64>; 2]) -> RankedGrasp {
+        let Self { X_WO, v_O, base, weights } = self;
+        let X_WG = *X_WO * grasp.X_OG;
+        let (sideways, along) = (closing_O.dot(v_O).abs(), approach_O.dot(v_O));
+        let through_gap = (1.0 - sideways * sideways - along * along).max(0.0).sqrt();
+        let approach = if -along >= through_gap { Approach::TowardPalm } else { Approach::ThroughGap };
+        // "Comfort": the gripper points away from the axis of the base (paper, III-C), here as a cosine.
+        let outward = X_WG.translation.vector - base.coords;
+        let comfort = Vector3::new(outward.x, outward.y, 0.0)
+            .try_normalize(1e-6)
+            .map_or(0.0, |outward| (X_WO.rotation * approach_O).dot(&outward));
+        let still_cost = weights.strength * grasp.strength_m / 0.03
+            + weights.overhang * grasp.overhang_m / 0.03
+            + weights.width * grasp.object_width_m / 0.1
+            + COMFORT * (1.0 - comfort);
+        RankedGrasp { index, X_WG, approach, cost: still_cost + weights.of_direction(sideways, along), still_cost }
+    }
+
+    /// The same for a single grasp.
+    pub fn rank_alone(&self, index: usize, grasp: &Grasp) -> RankedGrasp {
+        self.rank(index, grasp, &[grasp.X_OG * Vector3::x(), grasp.X_OG * Vector3::y()])
+    }
 }

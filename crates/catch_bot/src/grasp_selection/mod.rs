@@ -12,156 +12,109 @@ pub mod heuristics;
 
 use std::collections::BTreeMap;
 
-use catch_body::{DriveControl, Gripper, Pose, shape::Cuboid};
+use catch_body::{DriveControl, Gripper, Pose, quantity, shape::Cuboid};
 use nalgebra::{Point3, Rotation3, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    perception::{ReferenceModel, Symmetry},
-    settings::{ANGLE_RAD, DURATION_S, FRACTION, Faults, NOT_NEGATIVE, POSITIVE, SettingError, Settings},
-};
+use crate::perception::{ReferenceModel, Symmetry};
 pub use closing::{Closing, Fingers};
 use darboux::darboux_frame;
 pub use fit::GraspFailure;
-pub use heuristics::{Approach, RankedGrasp};
+pub use heuristics::{Approach, Passing, RankedGrasp};
 
 /// Settings of grasp selection.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// Points of the cloud at which Darboux frames are tried at most. The paper draws 2,000 in every call; here they are drawn once,
-    /// and each frame is used in four orientations.
-    pub samples: usize,
-    /// Points of the cloud that are tried at least.
-    pub fewest_samples: usize,
-    /// Grasps with which sampling ends, turned ones aside, once the fewest points are tried. An object as large as the gripper opens can be held
-    /// at few places.
-    pub enough_grasps: usize,
-    /// Seed of the draw.
-    pub seed: u64,
-    /// Each grasp is also tried turned by these angles about the direction in which the fingers close, in radians: they meet the
-    /// surface as squarely, but come from elsewhere.
-    pub turns_rad: Vec<f64>,
-    /// Neighbourhood of a Darboux frame in metres. The paper's code has 2 mm on a cloud of 2.5 mm spacing; a wider one
-    /// keeps the noise of the scan out of the directions.
-    pub darboux_radius_m: f64,
-    /// "Strength": the grasp's axis may miss the centre of mass by this much. The paper's code allows 30 mm.
-    pub max_strength_m: f64,
-    /// And the centre of mass may be this much farther from the palm than the grasp centre: a long object that flies toward the
-    /// palm end first.
+    /// The centre of mass may be this much farther from the palm than the grasp centre: a long object that flies toward the palm end first.
+    #[serde(deserialize_with = "quantity::error_m")]
     pub max_overhang_m: f64,
-    /// The fingers' faces must meet the surface at most this far from its normal, in radians: the cone of a friction
-    /// coefficient of 0.4, the lowest that is expected.
-    pub max_contact_angle_rad: f64,
     /// Free space on each side between the object and the open fingers, in metres, for the prediction's uncertainty. Where the gripper does
     /// not open so far there is less, not less than the approach margin.
+    #[serde(deserialize_with = "quantity::error_m")]
     pub finger_margin_m: f64,
-    /// Fingers that need longer than this to close by the finger margin on both sides, in seconds, are slow: they wait nearer to the object,
-    /// so that less is left to close and the motion can be corrected for longer.
-    pub slow_closing_s: f64,
-    /// How near slow fingers wait: this many standard deviations of the predicted position along the direction of closing on each side, not
-    /// less than the approach margin nor more than the finger margin.
-    pub pre_closing_sd: f64,
     /// What must be left of it while the object comes in, in metres.
+    #[serde(deserialize_with = "quantity::error_m")]
     pub approach_margin_m: f64,
-    /// Free space between the object and the palm, in metres.
-    pub palm_margin_m: f64,
     /// Speed of closing in m/s, the fingers relative to each other; the gripper's own limit if nothing is said.
+    #[serde(deserialize_with = "quantity::drive_speed_mps")]
     pub closing_speed_mps: Option<f64>,
     /// How fast they gather it, in m/s²; likewise.
+    #[serde(deserialize_with = "quantity::drive_acceleration_mps2")]
     pub closing_acceleration_mps2: Option<f64>,
-    /// Time for the gripper to obey, in seconds: an opening that it could not have reached by then is not asked for any more.
-    pub settling_s: f64,
     /// The fingers should touch the object when its centre still has this far to go across them to the grasp centre, in metres: the
     /// way on which they brake it.
+    #[serde(deserialize_with = "quantity::error_m")]
     pub finger_braking_distance_m: f64,
     /// The same for what flies along the fingers toward the palm, from which it would bounce: fingers that close slowly should
     /// touch it as soon as it is between them.
+    #[serde(deserialize_with = "quantity::error_m")]
     pub palm_braking_distance_m: f64,
     /// What comes back from the palm as fast as it came must be held before it gets there; what comes back slowly may be held on
     /// its way back, when all of it is between the fingers. The way is [`Config::palm_braking_distance_m`] less this times 1/e − 1, in
     /// metres, e being [`Config::restitution`], at least 0.3; it may be negative.
+    #[serde(deserialize_with = "quantity::error_m")]
     pub palm_rebound_distance_m: f64,
     /// How the object is expected to bounce off the gripper: its coefficient of restitution, 0 to 1; a typical 0.5 if it is not
     /// set.
+    #[serde(deserialize_with = "quantity::fraction")]
     pub restitution: Option<f64>,
     /// Weights of the heuristics.
     pub weights: heuristics::Weights,
-    /// Grasps that are handed on for each catch time.
-    pub kept: usize,
 }
 
 impl Default for Config {
     fn default() -> Self {
         Self {
-            samples: 4000,
-            fewest_samples: 250,
-            enough_grasps: 250,
-            seed: 1,
-            turns_rad: vec![-1.05, -0.52, 0.52, 1.05, 1.57],
-            darboux_radius_m: 0.008,
-            max_strength_m: 0.03,
             max_overhang_m: 0.06,
-            max_contact_angle_rad: 0.38,
             finger_margin_m: 0.012,
-            slow_closing_s: 0.25,
-            pre_closing_sd: 3.0,
             approach_margin_m: 0.003,
-            palm_margin_m: 0.006,
             closing_speed_mps: None,
             closing_acceleration_mps2: None,
-            settling_s: 0.05,
             finger_braking_distance_m: 0.007,
             palm_braking_distance_m: 0.020,
             palm_rebound_distance_m: 0.025,
             restitution: None,
             weights: heuristics::Weights::default(),
-            kept: 60,
         }
     }
 }
 
-impl Settings for Config {
-    fn faults(&self) -> Vec<SettingError> {
-        Faults::default()
-            .counts([
-                ("samples", self.samples),
-                ("fewest_samples", self.fewest_samples),
-                ("enough_grasps", self.enough_grasps),
-                ("kept", self.kept),
-            ])
-            .values(
-                &NOT_NEGATIVE,
-                [
-                    ("darboux_radius_m", self.darboux_radius_m),
-                    ("max_strength_m", self.max_strength_m),
-                    ("max_overhang_m", self.max_overhang_m),
-                    ("max_contact_angle_rad", self.max_contact_angle_rad),
-                    ("finger_margin_m", self.finger_margin_m),
-                    ("pre_closing_sd", self.pre_closing_sd),
-                    ("approach_margin_m", self.approach_margin_m),
-                    ("palm_margin_m", self.palm_margin_m),
-                    ("finger_braking_distance_m", self.finger_braking_distance_m),
-                    ("palm_braking_distance_m", self.palm_braking_distance_m),
-                    ("palm_rebound_distance_m", self.palm_rebound_distance_m),
-                ],
-            )
-            .values(&DURATION_S, [("settling_s", self.settling_s), ("slow_closing_s", self.slow_closing_s)])
-            .options(
-                &POSITIVE,
-                [
-                    ("closing_speed_mps", self.closing_speed_mps),
-                    ("closing_acceleration_mps2", self.closing_acceleration_mps2),
-                ],
-            )
-            .options(&FRACTION, [("restitution", self.restitution)])
-            .lists(&ANGLE_RAD, [("turns_rad", &self.turns_rad[..])])
-            .table("weights", &self.weights)
-            .all()
-    }
+/// How the grasp candidates of an object are sampled.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sampling<'a> {
+    /// Points of the cloud at which Darboux frames are tried at most, each in four orientations.
+    pub most: usize,
+    /// Points that are tried at least.
+    pub fewest: usize,
+    /// Grasps with which sampling ends, rotated ones aside, once the fewest points are tried.
+    pub enough: usize,
+    /// Each grasp is also tried rotated by these angles about the direction in which the fingers close, in radians: they meet the surface as
+    /// squarely, but come from elsewhere.
+    pub turns_rad: &'a [f64],
 }
+
+impl Sampling<'static> {
+    /// The paper draws 2,000 points in every call; here they are drawn once. An object as large as the gripper opens can be held at few places.
+    pub const DEFAULT: Self =
+        Self { most: 4000, fewest: 250, enough: 250, turns_rad: &[-1.05, -0.52, 0.52, 1.05, 1.57] };
+}
+
+/// Seed of the draw.
+const SEED: u64 = 1;
+/// Neighbourhood of a Darboux frame in metres. The paper's code has 2 mm on a cloud of 2.5 mm spacing; a wider one keeps the noise of the
+/// scan out of the directions.
+const DARBOUX_RADIUS_M: f64 = 0.008;
+/// Grasps that are handed on for each catch time.
+pub const KEPT: usize = 60;
+/// Fingers that need longer than this to close by the finger margin on both sides, in seconds, are slow: they wait nearer to the object, so
+/// that less is left to close and the motion can be corrected for longer.
+const SLOW_CLOSING_S: f64 = 0.25;
+/// How near slow fingers wait: this many standard deviations of the predicted position along the direction of closing on each side, not
+/// less than the approach margin nor more than the finger margin.
+const PRE_CLOSING_SD: f64 = 3.0;
 
 impl Config {
     /// How the fingers close.
@@ -177,7 +130,7 @@ impl Config {
 
     /// Whether the fingers are slow.
     pub fn is_slow(&self, gripper: &Gripper) -> bool {
-        self.closing(gripper).duration_s(2.0 * self.finger_margin_m) > self.slow_closing_s
+        self.closing(gripper).duration_s(2.0 * self.finger_margin_m) > SLOW_CLOSING_S
     }
 
     /// How far on each side of an object slow fingers wait whose position along the direction of closing has this standard deviation; `None`
@@ -185,7 +138,7 @@ impl Config {
     pub fn pre_closing_margin_m(&self, gripper: &Gripper, sd_m: impl FnOnce() -> f64) -> Option<f64> {
         let can_wait = gripper.drive.control != DriveControl::TwoState;
         (self.is_slow(gripper) && can_wait)
-            .then(|| (self.pre_closing_sd * sd_m()).max(self.approach_margin_m).min(self.finger_margin_m))
+            .then(|| (PRE_CLOSING_SD * sd_m()).max(self.approach_margin_m).min(self.finger_margin_m))
     }
 
     /// The coefficient of restitution that is expected.
@@ -256,18 +209,23 @@ pub struct GraspSet {
 impl GraspSet {
     /// Samples Darboux frames on the reference cloud and keeps the grasps that fit, until there are enough.
     pub fn sample(reference: &ReferenceModel, gripper: &Gripper, config: &Config) -> Self {
-        let mut rng = Pcg64::seed_from_u64(config.seed);
+        Self::sample_as(&Sampling::DEFAULT, reference, gripper, config)
+    }
+
+    /// The same with a sampling of one's own.
+    pub fn sample_as(sampling: &Sampling<'_>, reference: &ReferenceModel, gripper: &Gripper, config: &Config) -> Self {
+        let mut rng = Pcg64::seed_from_u64(SEED);
         let (mut grasps, mut failures) = (Vec::new(), BTreeMap::new());
         // A ball looks the same from everywhere.
-        let turns_rad: &[f64] = if reference.symmetry == Symmetry::Sphere { &[] } else { &config.turns_rad };
-        let samples = if reference.points.is_empty() { 0 } else { config.samples };
+        let turns_rad: &[f64] = if reference.symmetry == Symmetry::Sphere { &[] } else { sampling.turns_rad };
+        let samples = if reference.points.is_empty() { 0 } else { sampling.most };
         let mut not_turned = 0;
         for sample in 0..samples {
-            if sample >= config.fewest_samples && not_turned >= config.enough_grasps {
+            if sample >= sampling.fewest && not_turned >= sampling.enough {
                 break;
             }
             let index = rng.random_range(0..reference.points.len());
-            let frame = darboux_frame(&reference.points, &reference.normals, index, config.darboux_radius_m);
+            let frame = darboux_frame(&reference.points, &reference.normals, index, DARBOUX_RADIUS_M);
             let [least, most] = frame.principal;
             for closing in [least, -least, most, -most] {
                 // The gripper looks along the inward normal (y) and closes along a principal direction (x).
@@ -322,24 +280,25 @@ impl GraspSet {
         config: &Config,
         may_reach: impl Fn(&Pose) -> bool,
     ) -> (Vec<RankedGrasp>, bool) {
-        let Some(v_O) = X_WO.rotation.inverse_transform_vector(v_WO).try_normalize(1e-6) else {
+        let passing = Passing::new(X_WO, v_WO, base, &config.weights);
+        if !passing.moves() {
             return (Vec::new(), false);
-        };
+        }
         let mut any = false;
         let mut ranked: Vec<RankedGrasp> = self
             .grasps
             .iter()
             .zip(&self.axes)
             .enumerate()
-            .filter(|(_, (_, axes))| heuristics::can_catch(axes, &v_O, &config.weights))
+            .filter(|(_, (_, axes))| passing.can_be_caught(axes))
             .inspect(|_| any = true)
             .filter(|(_, (grasp, _))| may_reach(&grasp.X_OG))
-            .map(|(index, (grasp, axes))| heuristics::rank(index, grasp, axes, X_WO, &v_O, base, &config.weights))
+            .map(|(index, (grasp, axes))| passing.rank(index, grasp, axes))
             .collect();
         let better = |a: &RankedGrasp, b: &RankedGrasp| a.cost.total_cmp(&b.cost).then(a.index.cmp(&b.index));
-        if ranked.len() > config.kept {
-            ranked.select_nth_unstable_by(config.kept, better);
-            ranked.truncate(config.kept);
+        if ranked.len() > KEPT {
+            ranked.select_nth_unstable_by(KEPT, better);
+            ranked.truncate(KEPT);
         }
         ranked.sort_unstable_by(better);
         (ranked, any)

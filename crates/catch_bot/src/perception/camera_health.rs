@@ -17,7 +17,7 @@ use super::{
     camera_offsets::{self, CameraOffset},
     detection::is_within,
     segmentation::Surroundings,
-    silhouette_shift::{SIGNIFICANT, Shift, ShiftHistory},
+    silhouette_shift::{DISPLACED_M, SIGNIFICANT, Shift, ShiftHistory},
 };
 
 /// How well a camera works.
@@ -156,7 +156,7 @@ impl CameraHealth {
         self.records.iter_mut().for_each(|it| it.shift.close());
         self.offsets.iter_mut().zip(offsets).for_each(|(it, offset)| it.add(offset));
         // Errors of the calibration of any camera make one seem to be off.
-        let bound_m = |it: &ArmEdges| config.displaced_m + SIGNIFICANT * config.camera_sd_rad * it.mean_depth_m();
+        let bound_m = |it: &ArmEdges| DISPLACED_M + SIGNIFICANT * config.camera_sd_rad * it.mean_depth_m();
         let most_m = self.edges.iter().map(bound_m).fold(0.0, f64::max);
         if let Some(camera) = camera_offsets::displaced(&mut self.offsets, most_m) {
             self.records[camera].is_off = true;

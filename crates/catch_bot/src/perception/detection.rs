@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use super::{
     Config, ReferenceModel,
-    segmentation::{Background, Surroundings, bleeding_px, threshold_m},
+    segmentation::{BACKGROUND_MARGIN_M, Background, Surroundings, bleeding_px, threshold_m},
     view::View,
 };
 
@@ -60,7 +60,7 @@ const MAX_BLOBS: usize = 96;
 /// A blob's box may be larger than the object's by this factor.
 const SLACK: f64 = 1.5;
 /// Arms whose links are nearer to where they wait than this, in metres and radians, are waiting: half of what
-/// [`Config::background_margin_m`] allows for.
+/// [`BACKGROUND_MARGIN_M`] allows for.
 const WAITING: f64 = 5e-3;
 /// Pixels that are looked at together.
 const RUN: usize = 32;
@@ -119,7 +119,7 @@ impl Detector {
         blobs.sort_by_key(|it| it.camera);
 
         // Each pair of rays that meet is tried; with one blob alone its own place.
-        let reach_m = reference.radius_m + config.background_margin_m;
+        let reach_m = reference.radius_m + BACKGROUND_MARGIN_M;
         let mut best: Option<(usize, usize, Point3<f64>)> = None;
         let mut offer = |place: Point3<f64>| {
             let (mut agreeing, mut pixels, mut last) = (0, 0, usize::MAX);

@@ -9,7 +9,8 @@ use super::{
     Config, ObjectPose, PerceptionStatus, ReferenceModel, Workspace,
     half_turns::{COMPARED_AFTER, HalfTurns},
     point_cloud::SceneCloud,
-    registration::{Fit, Registration},
+    registration::{Fit, MIN_POINTS, Registration},
+    silhouette::SILHOUETTE_ABOVE_M,
     view::{Prior, View},
 };
 
@@ -89,8 +90,8 @@ impl PoseEstimator for SdfEstimator {
             self.half_turns.reset();
             return Ok(found);
         };
-        let ObjectFinder { config, reference, workspace } = &mut self.finder;
-        let registration = Registration { reference, config };
+        let ObjectFinder { config, reference, workspace, .. } = &mut self.finder;
+        let registration = Registration::new(reference, config);
         // Costs compare where both rest on the same.
         let with_silhouette = fit.silhouette_residual_m.is_some();
         let register =
@@ -98,7 +99,7 @@ impl PoseEstimator for SdfEstimator {
         let other = self.half_turns.compare(&fit, register);
         let Some(other) = other else { return Ok(found) };
         self.turned_over = Some(fit.X_WO.inverse() * other.X_WO);
-        Ok(other.pose(view, config, false))
+        Ok(other.pose(view, false))
     }
 
     fn turned_over(&self) -> Option<Pose> {
@@ -107,9 +108,9 @@ impl PoseEstimator for SdfEstimator {
 
     fn estimate_aside(&mut self, view: &View<'_>, X_WO: &Pose) -> Option<ObjectPose> {
         self.finder.collect(view, Some(X_WO)).ok()?;
-        let ObjectFinder { config, reference, workspace } = &mut self.finder;
-        let fit = register_near(&Registration { reference, config }, view, &mut workspace.scene, X_WO).ok()?;
-        Some(fit.pose(view, config, false))
+        let ObjectFinder { config, reference, workspace, .. } = &mut self.finder;
+        let fit = register_near(&Registration::new(reference, config), view, &mut workspace.scene, X_WO).ok()?;
+        Some(fit.pose(view, false))
     }
 
     fn reset(&mut self) {
@@ -125,16 +126,22 @@ fn register_near(
     scene: &mut SceneCloud,
     X_WO: &Pose,
 ) -> Result<Fit, PerceptionStatus> {
-    let Registration { reference, config } = *registration;
-    let from_points_alone = scene.mean_noise_m() <= config.silhouette_above_m;
+    let Registration { reference, config, .. } = *registration;
+    let from_points_alone = scene.mean_noise_m() <= SILHOUETTE_ABOVE_M;
     let fit = registration.register(scene, X_WO, !from_points_alone);
-    let good = fit.as_ref().is_ok_and(|fit| fit.residual_m <= config.silhouette_above_m);
+    let good = fit.as_ref().is_ok_and(|fit| fit.residual_m <= SILHOUETTE_ABOVE_M);
     if good || !from_points_alone {
         return fit;
     }
     scene.collect_silhouette(view, reference, config);
     if scene.silhouette.is_empty() { fit } else { registration.register(scene, X_WO, true) }
 }
+
+/// Where a tracked pose explains the silhouette worse than this, the mean square of its rays' residuals in standard deviations, the object is
+/// registered from all around. Right poses have 0.5 to 2, wrong ones 3 to 7.
+const MAX_MISMATCH: f64 = 3.0;
+/// How far from the predicted position the object's pixels are looked for, in metres, beside its own size.
+pub const GATE_M: f64 = 0.05;
 
 /// A pose explains images much better than another if its mismatch is less than this fraction.
 const MUCH_BETTER: f64 = 0.6;
@@ -143,6 +150,8 @@ const MUCH_BETTER: f64 = 0.6;
 #[derive(Debug, Clone)]
 pub struct ObjectFinder {
     config: Config,
+    /// How far from where the object is expected its pixels are looked for, in metres, beside its own size.
+    gate_m: f64,
     reference: Arc<ReferenceModel>,
     workspace: Workspace,
 }
@@ -153,7 +162,13 @@ type Register<'a> = dyn FnMut(&Registration<'_>, &mut SceneCloud, &Pose) -> Resu
 impl ObjectFinder {
     /// For a known object. The workspace holds the buffers, best those of [`Workspace::before_flight`].
     pub fn new(config: Config, reference: Arc<ReferenceModel>, workspace: Workspace) -> Self {
-        Self { config, reference, workspace }
+        Self { config, gate_m: GATE_M, reference, workspace }
+    }
+
+    /// The same that looks for the object's pixels as far from the predicted position as this.
+    #[must_use]
+    pub fn with_gate_m(self, gate_m: f64) -> Self {
+        Self { gate_m, ..self }
     }
 
     /// The object as it is known.
@@ -195,14 +210,14 @@ impl ObjectFinder {
 
     /// Collects what may be the object where it is expected, and its silhouette where depths are noisy.
     fn collect(&mut self, view: &View<'_>, expected: Option<&Pose>) -> Result<(), PerceptionStatus> {
-        let Self { config, reference, workspace: Workspace { scene, .. } } = self;
-        scene.collect(view, reference, expected, config);
+        let Self { config, gate_m, reference, workspace: Workspace { scene, .. } } = self;
+        scene.collect(view, reference, expected.map(|X_WO| (X_WO, *gate_m)), config);
         match scene.points.len() {
             0 => return Err(PerceptionStatus::NoPoints),
-            few if few < config.min_points => return Err(PerceptionStatus::TooFewPoints),
+            few if few < MIN_POINTS => return Err(PerceptionStatus::TooFewPoints),
             _ => {}
         }
-        if scene.mean_noise_m() > config.silhouette_above_m {
+        if scene.mean_noise_m() > SILHOUETTE_ABOVE_M {
             scene.collect_silhouette(view, reference, config);
         }
         Ok(())
@@ -217,14 +232,14 @@ impl ObjectFinder {
     ) -> Result<ObjectPose, PerceptionStatus> {
         let expected = prior.pose();
         self.collect(view, expected)?;
-        let Self { config, reference, workspace: Workspace { scene, thinned, .. } } = self;
-        let registration = Registration { reference, config };
+        let Self { config, reference, workspace: Workspace { scene, thinned, .. }, .. } = self;
+        let registration = Registration::new(reference, config);
         let tracked = match prior {
             Prior::Pose(X_WO) => register(&registration, scene, X_WO).ok(),
             Prior::Place(_) | Prior::Anywhere => None,
         };
         let (fit, registered_globally) = match tracked {
-            Some(fit) if !fit.is_unexplained(config) => (fit, false),
+            Some(fit) if !fit.is_unexplained() => (fit, false),
             _ => {
                 if scene.silhouette.is_empty() {
                     scene.collect_silhouette(view, reference, config);
@@ -239,13 +254,13 @@ impl ObjectFinder {
                 }
             }
         };
-        Ok(fit.pose(view, config, registered_globally))
+        Ok(fit.pose(view, registered_globally))
     }
 }
 
 impl Fit {
-    fn is_unexplained(&self, config: &Config) -> bool {
-        self.silhouette_mismatch.is_some_and(|mismatch| mismatch > config.max_mismatch)
+    fn is_unexplained(&self) -> bool {
+        self.silhouette_mismatch.is_some_and(|mismatch| mismatch > MAX_MISMATCH)
     }
 
     /// By the silhouettes, without which nothing is found to be unexplained.
@@ -255,8 +270,8 @@ impl Fit {
     }
 
     /// The pose in the images. Where these are not explained, they tell that much less of it.
-    fn pose(&self, view: &View<'_>, config: &Config, registered_globally: bool) -> ObjectPose {
-        let told = self.silhouette_mismatch.filter(|it| *it > config.max_mismatch).map_or(1.0, f64::recip);
+    fn pose(&self, view: &View<'_>, registered_globally: bool) -> ObjectPose {
+        let told = self.silhouette_mismatch.filter(|it| *it > MAX_MISMATCH).map_or(1.0, f64::recip);
         ObjectPose {
             capture_s: view.capture_s(),
             X_WO: self.X_WO,

@@ -7,6 +7,7 @@ use super::{
     PerceptionStatus, Symmetry,
     point_cloud::SceneCloud,
     registration::{Fit, Registration},
+    silhouette::SILHOUETTE_ABOVE_M,
 };
 
 /// Points that the orientations are compared on: enough to tell them apart.
@@ -37,15 +38,14 @@ impl Registration<'_> {
     ) -> Result<Fit, PerceptionStatus> {
         thinned.thin_from(scene, TRIAL_POINTS);
         let has_silhouette = !scene.silhouette.is_empty();
-        let silhouette_above_m = self.config.silhouette_above_m;
         let is_blurred = |error_m: f64| has_silhouette && error_m > BLURRED_FRACTION * self.reference.inner_radius_m;
 
         let told_m = scene.mean_noise_m();
         let mut finalists = self.try_all(thinned, R_WO, is_blurred(told_m));
-        let mut with_silhouette = has_silhouette && told_m > silhouette_above_m;
+        let mut with_silhouette = has_silhouette && told_m > SILHOUETTE_ABOVE_M;
         let mut best = self.best_of(&finalists, scene, with_silhouette);
         // Points that nobody told to be noisy turn out to be: again with the silhouette.
-        if let Some(fit) = best.filter(|fit| !with_silhouette && has_silhouette && fit.residual_m > silhouette_above_m)
+        if let Some(fit) = best.filter(|fit| !with_silhouette && has_silhouette && fit.residual_m > SILHOUETTE_ABOVE_M)
         {
             if is_blurred(fit.residual_m) {
                 finalists = self.try_all(thinned, R_WO, true);

@@ -1,6 +1,6 @@
 //! From pixels to points in W that belong to the object.
 
-use catch_body::Pose;
+use catch_body::{Pose, quantity};
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};
 use nalgebra::{Point2, Point3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -19,8 +19,10 @@ use super::{
 #[serde(default, deny_unknown_fields)]
 pub struct DepthNoise {
     /// c in metres.
+    #[serde(deserialize_with = "quantity::error_m")]
     pub constant_m: f64,
     /// q in 1/m.
+    #[serde(deserialize_with = "quantity::inverse_depth_per_m")]
     pub quadratic_per_m: f64,
 }
 
@@ -96,8 +98,14 @@ impl SceneCloud {
     /// Collects the object's points from all images, in place of those collected before.
     ///
     /// A pixel is the object's if the image's mask says so; without a mask, if it lies in front of the surroundings and near
-    /// the predicted pose, which then must be given.
-    pub fn collect(&mut self, view: &View<'_>, reference: &ReferenceModel, prior: Option<&Pose>, config: &Config) {
+    /// the predicted pose, which then must be given: X_WO, and how far beside the object it may be, in metres.
+    pub fn collect(
+        &mut self,
+        view: &View<'_>,
+        reference: &ReferenceModel,
+        prior: Option<(&Pose, f64)>,
+        config: &Config,
+    ) {
         let View { cameras, surroundings, .. } = *view;
         self.points.clear();
         self.residuals.clear();
@@ -113,8 +121,9 @@ impl SceneCloud {
             if frame.depth_m.len() < frame.window.area() || !frame.capture_s.is_finite() {
                 continue;
             }
-            let in_image = prior.map(|X_WO| (X_WO, view.in_image(frame, X_WO)));
-            let expected = in_image.map(|(_, X_WO)| Expected::new(&X_WO, camera, reference.radius_m + config.gate_m));
+            let in_image = prior.map(|(X_WO, _)| (X_WO, view.in_image(frame, X_WO)));
+            let radius_m = reference.radius_m + prior.map_or(0.0, |(_, gate_m)| gate_m);
+            let expected = in_image.map(|(_, X_WO)| Expected::new(&X_WO, camera, radius_m));
             // What was seen of the object then is as if seen from there at the view's capture time.
             let moved = in_image.filter(|(X_WO, then)| **X_WO != *then);
             let X_WC = moved.map_or(camera.X_WC, |(X_WO, then)| X_WO * then.inverse() * camera.X_WC);

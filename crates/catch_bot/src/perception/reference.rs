@@ -5,11 +5,27 @@ use catch_cell::{CameraModel, DepthFrame, ReferenceScan};
 use nalgebra::{Matrix3, Matrix6, Point3, SymmetricEigen, Translation3, UnitQuaternion, Vector3, Vector6};
 
 use super::{
-    Config,
     distance_field::{DistanceField, OrientedPoints},
     neighbours::PointGrid,
     symmetry::Symmetry,
 };
+
+/// Error of the model itself, in metres: a point is off by this even without noise.
+pub const MODEL_SD_M: f64 = 0.0002;
+/// Points of a scan closer than this to each other are thinned, in metres: nearly all points of a scan with 200×150 pixels per camera are kept,
+/// and the work for denser ones is bounded.
+const REFERENCE_SPACING_M: f64 = 0.0015;
+/// Spacing of the points that are kept for choosing grasps, in metres: the voxels of the original.
+const GRASP_SPACING_M: f64 = 0.0025;
+/// Nodes of the signed distance field next to the surface, in metres.
+pub(super) const DISTANCE_GRID_M: f64 = 0.0025;
+/// Root mean square distance up to which a turned object counts as looking the same. Measured for turns by any angle: ≤ 0.3 mm on
+/// symmetric objects, ≥ 8 mm on others.
+const SYMMETRY_TOLERANCE_M: f64 = 0.0008;
+/// The same for single rotations, such as the quarter turns of a brick, as a fraction of the largest ball that fits into the object, where that
+/// is more: what differs by less is confused from one image to the next. Half of it counts for turns by any angle, so that a can with
+/// beads is round and a hexagonal prism is not.
+const CONFUSED_FRACTION: f64 = 0.08;
 
 /// The object as the brain knows it: its surface, its centre of mass and what it looks the same under.
 ///
@@ -39,26 +55,24 @@ pub struct ReferenceModel {
 
 impl ReferenceModel {
     /// Builds the model from a scan.
-    pub fn from_scan(scan: &ReferenceScan, config: &Config) -> Self {
+    pub fn from_scan(scan: &ReferenceScan) -> Self {
         let (all, seen) = scanned_points(scan);
-        let (points, seen) = thinned(&all, &seen, config.reference_spacing_m);
-        let mut model =
-            Self::with_free_space(&points, &seen, config, &|p_R, clearance_m| is_free(scan, p_R, clearance_m));
+        let (points, seen) = thinned(&all, &seen, REFERENCE_SPACING_M);
+        let mut model = Self::with_free_space(&points, &seen, &|p_R, clearance_m| is_free(scan, p_R, clearance_m));
         model.scanned = all.into_iter().map(|p_R| model.X_RO.inverse_transform_point(&p_R)).collect();
         model
     }
 
     /// Builds the model from surface points in R and, for each, a direction in which it could be seen.
-    pub fn from_points(points: &[Point3<f64>], towards_camera: &[Vector3<f64>], config: &Config) -> Self {
+    pub fn from_points(points: &[Point3<f64>], towards_camera: &[Vector3<f64>]) -> Self {
         let seen: Vec<Seen> = towards_camera.iter().map(|&it| Seen { towards_camera: it, facing: it }).collect();
-        Self::with_free_space(points, &seen, config, &|_, _| None)
+        Self::with_free_space(points, &seen, &|_, _| None)
     }
 
     /// As [`from_points`](Self::from_points); `is_free` tells of places in R, so far from any surface, whether they are outside.
     fn with_free_space(
         points: &[Point3<f64>],
         seen: &[Seen],
-        config: &Config,
         is_free: &dyn Fn(&Point3<f64>, f64) -> Option<bool>,
     ) -> Self {
         if points.len() < MIN_NEIGHBOURS {
@@ -71,7 +85,7 @@ impl ReferenceModel {
             return Self::default();
         }
         let cloud = OrientedPoints { points: &sharp, normals: &normals, smoothing_m: 1.5 * spacing_m };
-        let mut distance = DistanceField::new(&cloud, config.distance_grid_m);
+        let mut distance = DistanceField::new(&cloud, DISTANCE_GRID_M);
         distance.clear(is_free);
 
         let (volume_m3, centre, second_moment) = moments(&distance);
@@ -83,12 +97,11 @@ impl ReferenceModel {
             (point - patch.axis * height + to_O, normal)
         });
         let (points_O, normals): (Vec<_>, Vec<_>) = smooth.unzip();
-        let (points, normals) = bounded(&points_O, &normals, config.grasp_spacing_m);
+        let (points, normals) = bounded(&points_O, &normals, GRASP_SPACING_M);
         let radius_m = sharp_O.iter().map(|point| point.coords.norm()).fold(0.0, f64::max);
         let inner_radius_m = distance.deepest_m().max(1e-4);
-        let tolerance_m = config.symmetry_tolerance_m;
-        let confused_m = tolerance_m.max(config.confused_fraction * inner_radius_m);
-        let symmetry = Symmetry::find(&points, &distance, &second_moment, tolerance_m, confused_m);
+        let confused_m = SYMMETRY_TOLERANCE_M.max(CONFUSED_FRACTION * inner_radius_m);
+        let symmetry = Symmetry::find(&points, &distance, &second_moment, SYMMETRY_TOLERANCE_M, confused_m);
         let X_RO = Pose::from_parts(Translation3::from(centre.coords), UnitQuaternion::identity());
         let scanned = Vec::new();
         Self { points, normals, scanned, X_RO, radius_m, inner_radius_m, volume_m3, symmetry, distance }

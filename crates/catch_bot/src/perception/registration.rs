@@ -12,6 +12,7 @@ use super::{
     Config, PerceptionStatus, ReferenceModel,
     normal_equations::{CommonError, MEAN_SQUARE, NormalEquations, Sums},
     point_cloud::{PointResidual, SceneCloud, ScenePoint},
+    reference::MODEL_SD_M,
     silhouette::Silhouette,
 };
 
@@ -72,6 +73,19 @@ struct Scales {
     silhouette: f64,
 }
 
+/// Fewer points than this give no pose.
+pub const MIN_POINTS: usize = 6;
+/// Largest root mean square residual that is believed, in metres, beside three standard deviations of depth noise: wrong orientations left 6 mm.
+pub const MAX_RESIDUAL_M: f64 = 0.005;
+/// Most iterations of one registration.
+const MAX_ITERATIONS: usize = 20;
+/// A registration has converged when a step is shorter than this in metres, and at the object's surface.
+const STEP_TOLERANCE_M: f64 = 2e-6;
+/// Or when a step is shorter than this fraction of the pose's standard deviation.
+const STEP_TOLERANCE_SD: f64 = 0.1;
+/// Standard deviations in radians and metres that every pose has at least, because points of one frame err together.
+const FLOOR_SD: [f64; 2] = [1e-3, 5e-5];
+
 /// Registration of a reference onto scenes.
 #[derive(Debug, Clone, Copy)]
 pub struct Registration<'a> {
@@ -79,9 +93,16 @@ pub struct Registration<'a> {
     pub reference: &'a ReferenceModel,
     /// Settings.
     pub config: &'a Config,
+    /// Standard deviation in metres of a point's distance from the reference without noise of its depth.
+    pub model_sd_m: f64,
 }
 
-impl Registration<'_> {
+impl<'a> Registration<'a> {
+    /// Of points that are off by the reference's own error and the noise of their depths.
+    pub fn new(reference: &'a ReferenceModel, config: &'a Config) -> Self {
+        Self { reference, config, model_sd_m: MODEL_SD_M }
+    }
+
     /// Brings the reference from `X_WO` onto the scene's points, and if wanted its silhouette onto theirs.
     ///
     /// # Errors
@@ -92,14 +113,12 @@ impl Registration<'_> {
         X_WO: &Pose,
         with_silhouette: bool,
     ) -> Result<Fit, PerceptionStatus> {
-        let Self { reference, config } = *self;
-        let (fit, converged) = self.iterate(scene, X_WO, config.max_iterations, with_silhouette);
-        let limit_m = config.max_residual_m + 3.0 * fit.noise_m;
+        let (fit, converged) = self.iterate(scene, X_WO, MAX_ITERATIONS, with_silhouette);
+        let limit_m = MAX_RESIDUAL_M + 3.0 * fit.noise_m;
         // Depths that are off by as much as the object is large are noise, whatever was told; then the silhouette vouches for itself.
-        let is_noise = fit.residual_m > HOPELESS_RADII * reference.radius_m;
-        let outlined =
-            is_noise && fit.silhouette_residual_m.is_some_and(|residual_m| residual_m <= config.max_residual_m);
-        let believable = (fit.residual_m <= limit_m || outlined) && fit.points >= config.min_points;
+        let is_noise = fit.residual_m > HOPELESS_RADII * self.reference.radius_m;
+        let outlined = is_noise && fit.silhouette_residual_m.is_some_and(|residual_m| residual_m <= MAX_RESIDUAL_M);
+        let believable = (fit.residual_m <= limit_m || outlined) && fit.points >= MIN_POINTS;
         if converged && believable { Ok(fit) } else { Err(PerceptionStatus::NotConverged) }
     }
 
@@ -111,7 +130,7 @@ impl Registration<'_> {
         max_iterations: usize,
         with_silhouette: bool,
     ) -> (Fit, bool) {
-        let Self { reference, config } = *self;
+        let reference = self.reference;
         let noise_m = scene.mean_noise_m();
         let SceneCloud { points, silhouette, residuals, .. } = scene;
         let mut none = Silhouette::default();
@@ -121,7 +140,7 @@ impl Registration<'_> {
         let mut depths = Depths::new(points, residuals, shapeless_above_m);
         let mut X_WO = *start;
         let observable = reference.symmetry.observable();
-        silhouette.find(reference, &X_WO, config);
+        silhouette.find(reference, &X_WO);
         // With infinite scales nothing is an outlier: the typical residual at the start, so that a start that is off does not
         // turn everything to outliers.
         self.measure(&mut depths, &X_WO);
@@ -135,7 +154,7 @@ impl Registration<'_> {
         let mut on_rays = Sums::ZERO;
         let mut equations = NormalEquations::ZERO;
         let (mut converged, mut in_sd, mut moved_m, mut damping) = (false, f64::INFINITY, 0.0, 1.0);
-        let (mut iterations, mut last_step, mut tolerance_sd) = (0, Vector6::zeros(), config.step_tolerance_sd);
+        let (mut iterations, mut last_step, mut tolerance_sd) = (0, Vector6::zeros(), STEP_TOLERANCE_SD);
         while iterations < max_iterations && !converged {
             if iterations > 0 {
                 self.measure(&mut depths, &X_WO);
@@ -157,9 +176,9 @@ impl Registration<'_> {
             let length_m;
             (X_WO, length_m) = moved(&X_WO, &step, reference.radius_m);
             moved_m += length_m;
-            converged = length_m < config.step_tolerance_m || damping * in_sd < tolerance_sd;
+            converged = length_m < STEP_TOLERANCE_M || damping * in_sd < tolerance_sd;
             if !silhouette.is_empty() {
-                silhouette.follow(reference, &X_WO, moved_m, scales.silhouette, config);
+                silhouette.follow(reference, &X_WO, moved_m, scales.silhouette);
                 let scale = silhouette.typical_violation(scales.silhouette).max(1.0);
                 converged &= scale > 0.7 * scales.silhouette;
                 scales.silhouette = scale.max(LEAST_SHRINKING * scales.silhouette);
@@ -172,7 +191,7 @@ impl Registration<'_> {
         let (weight, has_shape) = (on_points.weight.max(1e-12), !depths.residuals.is_empty());
         let fit = Fit {
             X_WO,
-            information: in_world(&equations.projected(&observable).0, &X_WO, config),
+            information: in_world(&equations.projected(&observable).0, &X_WO),
             points: if has_shape { on_points.weight.round() as usize } else { depths.points.len() },
             residual_m: if has_shape { (on_points.squares_m2 / weight).sqrt() } else { noise_m },
             noise_m: if has_shape { (on_points.variances_m2 / weight).sqrt() } else { noise_m },
@@ -263,13 +282,13 @@ impl Registration<'_> {
     /// σ² = (σ_z·c)² + (σ_z²·(1 − c²)/2r)² + σ_model² with c = ∂r/∂z: noise moves the point along its ray, where the ray grazes
     /// the surface to second order only, by what a surface of the object's thickness r bends.
     fn measure(&self, depths: &mut Depths<'_>, X_WO: &Pose) {
-        let Self { reference, config } = *self;
+        let Self { reference, model_sd_m, .. } = *self;
         let R_OW = X_WO.rotation.to_rotation_matrix().transpose();
         for residual in &mut *depths.residuals {
             let point = &depths.points[residual.point];
             residual.p_O = (R_OW * (point.p_W.coords - X_WO.translation.vector)).into();
             (residual.distance_m, residual.n_O) = reference.distance.at(&residual.p_O);
-            let mut variance = config.model_sd_m * config.model_sd_m;
+            let mut variance = model_sd_m * model_sd_m;
             if point.depth_sd_m > 0.0 {
                 let along = residual.n_O.dot(&(R_OW * point.per_depth_W));
                 let depth_variance = point.depth_sd_m * point.depth_sd_m;
@@ -359,18 +378,19 @@ fn moved(X_WO: &Pose, step: &Vector6<f64>, radius_m: f64) -> (Pose, f64) {
 }
 
 /// Information on turns and shifts in O as one on turns and shifts in W, less what is never known better.
-fn in_world(information: &Matrix6<f64>, X_WO: &Pose, config: &Config) -> Matrix6<f64> {
+fn in_world(information: &Matrix6<f64>, X_WO: &Pose) -> Matrix6<f64> {
     let R_WO: Matrix3<f64> = *X_WO.rotation.to_rotation_matrix().matrix();
     let mut both = Matrix6::zeros();
     both.fixed_view_mut::<3, 3>(0, 0).copy_from(&R_WO);
     both.fixed_view_mut::<3, 3>(3, 3).copy_from(&R_WO);
-    with_floor(&(both * information * both.transpose()), config)
+    with_floor(&(both * information * both.transpose()))
 }
 
-/// The information that remains when an error of the configured size is added: (H⁻¹ + F)⁻¹ = H − H·(H + F⁻¹)⁻¹·H, which
+/// The information that remains when an error of such a size is added: (H⁻¹ + F)⁻¹ = H − H·(H + F⁻¹)⁻¹·H, which
 /// also holds where H has no inverse.
-fn with_floor(information: &Matrix6<f64>, config: &Config) -> Matrix6<f64> {
-    let [turn, shift] = [config.rotation_floor_rad, config.position_floor_m].map(|sd| sd.max(1e-9).powi(-2));
+fn with_floor(information: &Matrix6<f64>) -> Matrix6<f64> {
+    // No `powi`: of constants compilers may make another last bit.
+    let [turn, shift] = FLOOR_SD.map(|sd| 1.0 / (sd * sd));
     let floor = Matrix6::from_diagonal(&Vector6::new(turn, turn, turn, shift, shift, shift));
     let Some(factor) = (information + floor).cholesky() else { return Matrix6::zeros() };
     let remaining = information - information * factor.solve(information);
@@ -380,12 +400,12 @@ fn with_floor(information: &Matrix6<f64>, config: &Config) -> Matrix6<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::perception::synthetic;
+    use crate::perception::{reference::DISTANCE_GRID_M, synthetic};
 
     #[test]
     fn normal_equations_hold_the_derivative_of_the_distance() {
         let (reference, config) = (synthetic::reference(&synthetic::Shape::banana(), 200), Config::default());
-        let registration = Registration { reference: &reference, config: &config };
+        let registration = Registration::new(&reference, &config);
         let X_WO = Pose::new(Vector3::new(0.1, 0.2, 0.3), Vector3::new(0.4, -0.5, 0.6));
         let (mut squares, mut checked) = ([0.0_f64; 6], 0);
         for (point, normal) in reference.points.iter().zip(&reference.normals).step_by(37) {
@@ -403,10 +423,10 @@ mod tests {
             let distance = |X_WO: &Pose| measured(X_WO)[0].distance_m;
             let sums = registration.sum_points(&measured(&X_WO), f64::INFINITY);
             let (_, gradient) = sums.equations.projected(&Matrix3::identity());
-            let curvature = config.model_sd_m.powi(-2);
+            let curvature = MODEL_SD_M.powi(-2);
             for i in 0..6 {
                 // Wide enough to average over the cells of the grid, whose gradients disagree a little: one cell, a lever arm being 5 cm.
-                let half_m = config.distance_grid_m / 2.0;
+                let half_m = DISTANCE_GRID_M / 2.0;
                 let h = if i < 3 { half_m / 0.05 } else { half_m };
                 let at = |sign: f64| {
                     let mut step = Vector6::zeros();
@@ -440,7 +460,7 @@ mod tests {
         let points: Vec<ScenePoint> = facing.map(point).collect();
         let sd_m = |common_fraction: f64| {
             let config = Config { depth_common_fraction: Some(common_fraction), ..Config::default() };
-            let registration = Registration { reference: &reference, config: &config };
+            let registration = Registration::new(&reference, &config);
             let mut residuals = Vec::new();
             registration.measure(&mut Depths::new(&points, &mut residuals, f64::INFINITY), &Pose::identity());
             let sums = registration.sum_points(&residuals, f64::INFINITY);

@@ -159,9 +159,15 @@ fn body_m((centre_C, radius_m, X_BC, caster): &BodyInSight<'_>, ray_C: &Vector3<
     caster.cast_within(&origin, &(X_BC.rotation * ray_C), nearest_m).unwrap_or(nearest_m)
 }
 
+/// Standard deviations of depth noise by which a pixel must be nearer than what is known to be there. Of 2.4 million pixels 76 exceed four
+/// by noise alone, which are too few to hang together.
+const BACKGROUND_SD: f64 = 4.0;
+/// And metres beside that, for errors of the arm's model and of the cameras' calibration.
+pub(super) const BACKGROUND_MARGIN_M: f64 = 0.01;
+
 /// By how much a pixel must be nearer than what is known to be there: the depth noise there, and errors of the model.
 pub(super) fn threshold_m(depth_m: f64, config: &Config) -> f64 {
-    config.background_margin_m + config.background_sd * config.depth_sd_m(depth_m)
+    BACKGROUND_MARGIN_M + BACKGROUND_SD * config.depth_sd_m(depth_m)
 }
 
 /// How far beside an edge of the arm a pixel may show the arm: the width of edges, and a pixel for where the arm is not quite where it is
@@ -206,8 +212,7 @@ pub(super) fn label(
     let [left, top] = [part.left - frame.window.left, part.top - frame.window.top].map(|offset| offset as usize);
     let at = |x: usize, y: usize| f64::from(frame.depth_m[(top + y) * frame.window.width as usize + left + x]);
     let is_measured = |found_m: f64| found_m > 0.0 && found_m.is_finite();
-    let is_near =
-        |found_m: f64| (found_m - depth_m).abs() < reach_m + config.background_sd * config.depth_sd_m(found_m);
+    let is_near = |found_m: f64| (found_m - depth_m).abs() < reach_m + BACKGROUND_SD * config.depth_sd_m(found_m);
     let judge = |x: usize, y: usize| {
         let found_m = at(x, y);
         let uv = Point2::new(f64::from(part.left) + x as f64 + 0.5, f64::from(part.top) + y as f64 + 0.5);

@@ -9,10 +9,11 @@ use catch_cell::{CameraModel, PixelWindow};
 use nalgebra::{Point2, Point3, Vector3};
 
 use super::{
-    Config, ReferenceModel, Symmetry,
+    ReferenceModel, Symmetry,
     edge_growth::EdgeGrowth,
     normal_distribution::inverse_mills,
     normal_equations::{CommonError, OUTLIER_SD, Sums},
+    reference::MODEL_SD_M,
     segmentation::Label,
     viewpoint::Viewpoint,
 };
@@ -46,6 +47,12 @@ pub struct SilhouetteRay {
     seen_after_m: f64,
 }
 
+/// Standard deviation in pixels by which the object's silhouette in an image may be off: not by the pixels' size, which is allowed for, but by
+/// the mask's and the cameras' own errors.
+const SILHOUETTE_SD_PX: f64 = 0.015;
+/// Silhouettes are used once the points lie further than this from the reference, root mean square in metres: below it they would add
+/// nothing but time.
+pub(super) const SILHOUETTE_ABOVE_M: f64 = 0.001;
 /// Standard deviations by which a bound must be kept before it no longer matters.
 const IDLE_SD: f64 = 3.0;
 /// How far the object may move, and how much the silhouette's scale may grow, before all rays are asked again whether they matter.
@@ -97,10 +104,10 @@ impl SilhouetteRay {
         self.pixel_rad * self.along_m
     }
 
-    fn note(&mut self, moved_m: f64, edges: &[EdgeGrowth], config: &Config) {
+    fn note(&mut self, moved_m: f64, edges: &[EdgeGrowth]) {
         self.seen_after_m = moved_m;
         let in_image_m = edges[self.image].place_sd_px * self.pixel_rad * self.along_m;
-        self.sd_m = (in_image_m * in_image_m + config.model_sd_m * config.model_sd_m).sqrt();
+        self.sd_m = (in_image_m * in_image_m + MODEL_SD_M * MODEL_SD_M).sqrt();
     }
 
     /// Whether the bound is kept by so much that it does not matter after the object has moved by `moved_m`.
@@ -225,19 +232,19 @@ impl Silhouette {
     }
 
     /// Brings all rays to the object at `X_WO`, from scratch; all of them matter.
-    pub(super) fn find(&mut self, reference: &ReferenceModel, X_WO: &Pose, config: &Config) {
+    pub(super) fn find(&mut self, reference: &ReferenceModel, X_WO: &Pose) {
         let mut view = Viewpoint::new(X_WO);
         let mut neighbour: Option<SilhouetteRay> = None;
-        self.edges.iter_mut().for_each(|it| it.reset(config.silhouette_sd_px));
+        self.edges.iter_mut().for_each(|it| it.reset(SILHOUETTE_SD_PX));
         for ray in &mut self.rays {
             if view.is_elsewhere(&ray.p_WC) {
                 neighbour = None;
             }
             view.look_from(&ray.p_WC);
             ray.along_m = view.passing_m(&ray.direction_W);
-            ray.note(0.0, &self.edges, config);
+            ray.note(0.0, &self.edges);
             ray.find(reference, &view, neighbour.as_ref());
-            ray.note(0.0, &self.edges, config);
+            ray.note(0.0, &self.edges);
             neighbour = Some(*ray);
         }
         (self.moved_m, self.most_scale) = (0.0, f64::INFINITY);
@@ -255,14 +262,7 @@ impl Silhouette {
 
     /// Brings those rays to the object at `X_WO` that may matter after it has moved by `moved_m` in all since
     /// [`find`](Self::find).
-    pub(super) fn follow(
-        &mut self,
-        reference: &ReferenceModel,
-        X_WO: &Pose,
-        moved_m: f64,
-        scale: f64,
-        config: &Config,
-    ) {
+    pub(super) fn follow(&mut self, reference: &ReferenceModel, X_WO: &Pose, moved_m: f64, scale: f64) {
         if moved_m > self.moved_m + NEARBY_M || scale > self.most_scale {
             self.choose(moved_m, scale);
         }
@@ -272,7 +272,7 @@ impl Silhouette {
             if !ray.is_idle(moved_m, scale, &self.edges) {
                 view.look_from(&ray.p_WC);
                 ray.follow(reference, &view);
-                ray.note(moved_m, &self.edges, config);
+                ray.note(moved_m, &self.edges);
             }
         }
     }
@@ -430,10 +430,9 @@ mod tests {
     /// Where edges may grow, a ball that seems too large is no nearer.
     #[test]
     fn growth_is_told_from_nearness() {
-        let config = Config::default();
         let along = |edge_px: u32| {
             let (reference, mut silhouette) = grown(edge_px);
-            silhouette.find(&reference, &Pose::identity(), &config);
+            silhouette.find(&reference, &Pose::identity());
             for _ in 0..10 {
                 silhouette.sum(1.0);
             }

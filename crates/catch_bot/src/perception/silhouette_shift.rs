@@ -38,6 +38,8 @@ const MOST_IMAGES: f64 = 32.0;
 const MOST_BEFORE: f64 = 256.0;
 /// Standard deviation of what the silhouette in one image says, in pixels.
 const IMAGE_SD_PX: f64 = 0.2;
+/// How far a camera must seem to have moved, in metres, to count as displaced.
+pub(super) const DISPLACED_M: f64 = 0.008;
 /// Standard deviations by which anything must be off.
 pub(super) const SIGNIFICANT: f64 = 5.0;
 /// A camera that was displaced is right again when it is off by less than this fraction of the bounds.
@@ -101,7 +103,7 @@ impl ShiftHistory {
 
     /// Whether the images since lately are off by more than a fraction of what errors of a calibration allow.
     fn is_off(&self, fraction: f64, camera: &CameraModel, depth_m: f64, config: &Config) -> bool {
-        let apart_px = config.displaced_m * camera.focal_px / depth_m;
+        let apart_px = DISPLACED_M * camera.focal_px / depth_m;
         let turned_px = SIGNIFICANT * config.camera_sd_rad * camera.focal_px;
         let noise_px = IMAGE_SD_PX * SIGNIFICANT / self.now.images.sqrt();
         self.now.value.xy().norm() > fraction * (turned_px + apart_px + noise_px)
@@ -113,13 +115,13 @@ impl ShiftHistory {
         if before.images < MIN_IMAGES {
             return false;
         }
-        let apart_px = config.displaced_m * camera.focal_px / depth_m;
+        let apart_px = DISPLACED_M * camera.focal_px / depth_m;
         // Half of the noise may be common to an image.
         let common_m = config.depth_sd_m(depth_m) * config.depth_common_fraction.unwrap_or(0.0).sqrt();
         let noise = SIGNIFICANT * (now.images.recip() + before.images.recip()).sqrt();
         let change = now.value - before.value;
         change.xy().norm() > fraction * (apart_px + IMAGE_SD_PX * noise)
-            || change.z.abs() > fraction * (config.displaced_m + common_m * noise)
+            || change.z.abs() > fraction * (DISPLACED_M + common_m * noise)
     }
 }
 

@@ -64,16 +64,7 @@ impl JointSpline {
     /// # Panics
     /// With more spans than there is room for: the layouts are constants of this crate.
     pub fn new(spans: &[f64], ends: Ends, comfort_weight: f64, steady_end_weight: f64) -> Self {
-        let total: f64 = spans.iter().sum();
-        let mut knots = vec![0.0; DEGREE + 1];
-        let mut at = 0.0;
-        for span in spans {
-            at += span / total;
-            knots.push(at);
-        }
-        let last = knots.len() - 1;
-        knots[last] = 1.0;
-        knots.extend([1.0; DEGREE]);
+        let knots = clamped_knots(spans);
         let points = spans.len() + DEGREE;
         assert!(points <= MAX_POINTS, "too many spans");
 
@@ -83,28 +74,7 @@ impl JointSpline {
         let acceleration = differentiated(&velocity, &knots[1..knots.len() - 1], DEGREE - 1);
         let jerk = differentiated(&acceleration, &knots[2..knots.len() - 2], DEGREE - 2);
 
-        let mut cost = [[0.0; MAX_POINTS]; MAX_POINTS];
-        let mut comfort = [0.0; MAX_POINTS];
-        // Gauss–Legendre with four points per span integrates degree 7: exact for the square of a cubic.
-        const NODES: [(f64, f64); 4] = [
-            (-0.861_136_311_594_052_6, 0.347_854_845_137_453_9),
-            (-0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
-            (0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
-            (0.861_136_311_594_052_6, 0.347_854_845_137_453_9),
-        ];
-        for pair in knots[DEGREE..=points].windows(2) {
-            for (node, weight) in NODES {
-                let half = (pair[1] - pair[0]) / 2.0;
-                let (first, [values, _, second]) = basis(&knots, pair[0] + half * (1.0 + node));
-                for i in 0..=DEGREE {
-                    comfort[first + i] += comfort_weight * weight * half * values[i];
-                    for j in 0..=DEGREE {
-                        let product = second[i] * second[j] + comfort_weight * values[i] * values[j];
-                        cost[first + i][first + j] += weight * half * product;
-                    }
-                }
-            }
-        }
+        let (mut cost, comfort) = integrals(&knots, points, comfort_weight);
         if ends.end == EndKind::At {
             for combination in &acceleration[acceleration.len() - 2..] {
                 for i in 0..points {
@@ -130,28 +100,7 @@ impl JointSpline {
             hessian: Hessian::new(&Square::identity()).expect("the identity is positive definite"),
         };
         assert!(spline.free() <= MAX_VARIABLES, "too many spans");
-        let last = acceleration[acceleration.len() - 1];
-        let quantities = identity
-            .iter()
-            .map(|it| Bounded::new(*it, Quantity::Position))
-            .chain(velocity.iter().enumerate().map(|(i, it)| {
-                let is_last = ends.end != EndKind::Rest && i + LAST_VELOCITIES >= velocity.len();
-                Bounded::new(*it, if is_last { Quantity::LastVelocity } else { Quantity::Velocity })
-            }))
-            .chain(acceleration.iter().map(|it| Bounded::new(*it, Quantity::Acceleration)))
-            .chain((ends.end == EndKind::At).then(|| Bounded::new(last, Quantity::LastAcceleration)))
-            .chain(jerk.iter().map(|it| Bounded::new(*it, Quantity::Jerk)));
-        for quantity in quantities {
-            let row = Row::new(reduced(&quantity.combination, &spline));
-            // The lifted end of a spline at rest is one and the same point, bounded once.
-            if row.is_zero() {
-                spline.given.push(quantity);
-            } else {
-                spline.bounded.push(quantity);
-                spline.rows.push(row);
-            }
-        }
-        spline.rows_without_jerk = spline.bounded.iter().filter(|it| it.of != Quantity::Jerk).count();
+        spline.bound(&identity, &velocity, &acceleration, &jerk);
         spline.cost_rows = (0..spline.free()).map(|variable| spline.cost_row(variable)).collect();
         spline.pulls = (0..spline.free()).map(|variable| spline.lifted(variable).map(|i| comfort[i]).sum()).collect();
         let mut H = Square::identity();
@@ -163,6 +112,39 @@ impl JointSpline {
         }
         spline.hessian = Hessian::new(&H).expect("the cost of a spline is strictly convex");
         spline
+    }
+
+    /// Notes what the limits bound: the control points of the position and of its derivatives, those of the jerk last.
+    fn bound(
+        &mut self,
+        position: &[Combination],
+        velocity: &[Combination],
+        acceleration: &[Combination],
+        jerk: &[Combination],
+    ) {
+        let ends = self.ends;
+        let last = acceleration[acceleration.len() - 1];
+        let quantities = position
+            .iter()
+            .map(|it| Bounded::new(*it, Quantity::Position))
+            .chain(velocity.iter().enumerate().map(|(i, it)| {
+                let is_last = ends.end != EndKind::Rest && i + LAST_VELOCITIES >= velocity.len();
+                Bounded::new(*it, if is_last { Quantity::LastVelocity } else { Quantity::Velocity })
+            }))
+            .chain(acceleration.iter().map(|it| Bounded::new(*it, Quantity::Acceleration)))
+            .chain((ends.end == EndKind::At).then(|| Bounded::new(last, Quantity::LastAcceleration)))
+            .chain(jerk.iter().map(|it| Bounded::new(*it, Quantity::Jerk)));
+        for quantity in quantities {
+            let row = Row::new(reduced(&quantity.combination, self));
+            // The lifted end of a spline at rest is one and the same point, bounded once.
+            if row.is_zero() {
+                self.given.push(quantity);
+            } else {
+                self.bounded.push(quantity);
+                self.rows.push(row);
+            }
+        }
+        self.rows_without_jerk = self.bounded.iter().filter(|it| it.of != Quantity::Jerk).count();
     }
 
     /// Control points of the best motion of a joint over `duration_s`.
@@ -307,6 +289,53 @@ impl JointSpline {
         }
         points
     }
+}
+
+/// Knots from 0 to 1 of a spline that begins and ends in its control points, over spans of these relative lengths.
+fn clamped_knots(spans: &[f64]) -> Vec<f64> {
+    let total: f64 = spans.iter().sum();
+    let mut knots = vec![0.0; DEGREE + 1];
+    let mut at = 0.0;
+    for span in spans {
+        at += span / total;
+        knots.push(at);
+    }
+    let last = knots.len() - 1;
+    knots[last] = 1.0;
+    knots.extend([1.0; DEGREE]);
+    knots
+}
+
+/// Nodes and weights of Gauss–Legendre with four points, which integrates degree 7: exact for the square of a cubic.
+const NODES: [(f64, f64); 4] = [
+    (-0.861_136_311_594_052_6, 0.347_854_845_137_453_9),
+    (-0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
+    (0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
+    (0.861_136_311_594_052_6, 0.347_854_845_137_453_9),
+];
+
+/// ∫ (q″)² + λ·q² over the control points as a quadratic form, and ∫ λ·q as a linear one.
+fn integrals(
+    knots: &[f64],
+    points: usize,
+    comfort_weight: f64,
+) -> ([[f64; MAX_POINTS]; MAX_POINTS], [f64; MAX_POINTS]) {
+    let mut cost = [[0.0; MAX_POINTS]; MAX_POINTS];
+    let mut comfort = [0.0; MAX_POINTS];
+    for pair in knots[DEGREE..=points].windows(2) {
+        for (node, weight) in NODES {
+            let half = (pair[1] - pair[0]) / 2.0;
+            let (first, [values, _, second]) = basis(knots, pair[0] + half * (1.0 + node));
+            for i in 0..=DEGREE {
+                comfort[first + i] += comfort_weight * weight * half * values[i];
+                for j in 0..=DEGREE {
+                    let product = second[i] * second[j] + comfort_weight * values[i] * values[j];
+                    cost[first + i][first + j] += weight * half * product;
+                }
+            }
+        }
+    }
+    (cost, comfort)
 }
 
 /// A combination of control points as one of the free variables.

@@ -26,15 +26,12 @@ pub mod terminal_velocity;
 
 use std::sync::Arc;
 
-use catch_body::{Gripper, JointVector, Pose, Robot, clearance::ArmClearance, shape::Cuboid};
+use catch_body::{Gripper, JointVector, Pose, Robot, clearance::ArmClearance, quantity, shape::Cuboid};
 use catch_cell::{BSpline, Setpoint};
 use serde::{Deserialize, Serialize};
 
 use crate::{
     grasp_selection::{self, Approach, Grasp, GraspSet},
-    settings::{
-        DURATION_S, FRACTION, Faults, LIMIT_SCALE, NOT_NEGATIVE, OBJECT_MASS_KG, PERIOD_S, SettingError, Settings,
-    },
     trajectory_prediction::FlightTrajectory,
 };
 use failure_counter::FailureCounter;
@@ -46,120 +43,62 @@ use reach_map::ReachMap;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// Highest fraction of the object's velocity at which the gripper moves along (paper, III-D: 30 %).
-    pub max_speed_fraction: f64,
-    /// How the hand follows the object at the catch; that of the paper's method moves along its direction only.
-    pub following: terminal_velocity::Following,
-    /// Weight of keeping close to the comfortable pose, λ in [`joint_spline`]; the paper minimizes this distance alone.
-    pub comfort_weight: f64,
-    /// Weight of a steady velocity just before the catch, μ in [`joint_spline`], for the paper's pre-grasp constraints.
-    pub steady_end_weight: f64,
     /// Plans stay this far from the ends of the joints' ranges, in radians, so that an impact cannot push a joint out.
+    #[serde(deserialize_with = "quantity::error_rad")]
     pub position_margin_rad: f64,
     /// Fraction of the velocity limits that plans may use.
+    #[serde(deserialize_with = "quantity::limit_scaling")]
     pub velocity_scaling: f64,
     /// Fraction of the velocity limits that a joint may have at the catch: the impact of a banana adds up to 5 %.
+    #[serde(deserialize_with = "quantity::limit_scaling")]
     pub terminal_velocity_scaling: f64,
     /// What the object weighs in kg, if that is known: by how much its impact makes the joints faster is kept free for it.
+    #[serde(deserialize_with = "quantity::thrown_mass_kg")]
     pub object_mass_kg: Option<f64>,
-    /// Fraction of the velocity limits that a replan uses where that is enough, so that the next one keeps some room; the paper's
-    /// method uses no more from rest.
-    pub replan_velocity_scaling: f64,
-    /// The same for the acceleration limits.
-    pub replan_acceleration_scaling: f64,
     /// Fraction of the torque limits that a plan may use.
+    #[serde(deserialize_with = "quantity::limit_scaling")]
     pub torque_scaling: f64,
     /// The arm keeps this far from itself and from the floor, in metres.
+    #[serde(deserialize_with = "quantity::size_m")]
     pub clearance_m: f64,
-    /// Braking after the catch uses this fraction of the acceleration limits when its duration is chosen; the spline needs room
-    /// to ramp.
-    pub braking_acceleration_fraction: f64,
-    /// Shortest braking in seconds.
-    pub min_braking_s: f64,
-    /// Longest braking in seconds: no joint is faster at the catch than this allows. What is caught must be at rest 0.5 s after the
-    /// first contact, which may be a little before the catch.
-    pub max_braking_s: f64,
-    /// Distance between the catch times that are tried, in seconds.
-    pub time_step_s: f64,
-    /// A new search must leave at least this much time until the catch, in seconds.
-    pub min_lead_s: f64,
+    /// The work of all search passes at one image, in units of 1 to 2 µs.
+    #[serde(deserialize_with = "quantity::work")]
+    pub max_work: usize,
+    /// Fractions of its reachability interval that each joint may use where the arm cannot make a correction as a whole: what a joint at
+    /// the end of its interval cannot do, the others do. Also where the approach is not free with the whole correction.
+    /// None by default: where corrections are late and large it pays.
+    #[serde(deserialize_with = "quantity::fraction")]
+    pub reach_fractions: Vec<f64>,
     /// Weights of the choice among reachable catches.
     pub weights: search::Weights,
-    /// How long and how far catches are searched.
-    pub search: search::Config,
-    /// How a running catch may be changed.
-    pub replan: retarget::Config,
 }
 
 impl Default for Config {
     fn default() -> Self {
         Self {
-            max_speed_fraction: 0.3,
-            following: terminal_velocity::Following::default(),
-            comfort_weight: 0.02,
-            steady_end_weight: 0.002,
             position_margin_rad: 0.02,
             velocity_scaling: 0.98,
             terminal_velocity_scaling: 0.9,
             object_mass_kg: None,
-            replan_velocity_scaling: 0.95,
-            replan_acceleration_scaling: 0.9,
             torque_scaling: 0.95,
             clearance_m: 0.02,
-            braking_acceleration_fraction: 0.5,
-            min_braking_s: 0.2,
-            max_braking_s: 0.45,
-            time_step_s: 0.02,
-            min_lead_s: 0.12,
+            max_work: 4000,
+            reach_fractions: Vec::new(),
             weights: search::Weights::default(),
-            search: search::Config::default(),
-            replan: retarget::Config::default(),
         }
     }
 }
 
-impl Settings for Config {
-    fn faults(&self) -> Vec<SettingError> {
-        Faults::default()
-            .values(&FRACTION, [("max_speed_fraction", self.max_speed_fraction)])
-            .values(
-                &NOT_NEGATIVE,
-                [
-                    ("comfort_weight", self.comfort_weight),
-                    ("steady_end_weight", self.steady_end_weight),
-                    ("position_margin_rad", self.position_margin_rad),
-                ],
-            )
-            .values(
-                &LIMIT_SCALE,
-                [
-                    ("velocity_scaling", self.velocity_scaling),
-                    ("terminal_velocity_scaling", self.terminal_velocity_scaling),
-                    ("replan_velocity_scaling", self.replan_velocity_scaling),
-                    ("replan_acceleration_scaling", self.replan_acceleration_scaling),
-                    ("torque_scaling", self.torque_scaling),
-                    ("braking_acceleration_fraction", self.braking_acceleration_fraction),
-                ],
-            )
-            // Motions are followed in steps as long as the clearance that is left.
-            .values(&(1e-3..=1.0), [("clearance_m", self.clearance_m)])
-            .values(
-                &PERIOD_S,
-                [
-                    ("time_step_s", self.time_step_s),
-                    ("min_braking_s", self.min_braking_s),
-                    ("max_braking_s", self.max_braking_s),
-                ],
-            )
-            .values(&DURATION_S, [("min_lead_s", self.min_lead_s)])
-            .options(&OBJECT_MASS_KG, [("object_mass_kg", self.object_mass_kg)])
-            .table("following", &self.following)
-            .table("weights", &self.weights)
-            .table("search", &self.search)
-            .table("replan", &self.replan)
-            .all()
-    }
-}
+/// Highest fraction of the object's velocity at which the gripper moves along (paper, III-D: 30 %).
+pub const MAX_SPEED_FRACTION: f64 = 0.3;
+/// Weight of keeping close to the comfortable pose, λ in [`joint_spline`]; the paper minimizes this distance alone.
+const COMFORT_WEIGHT: f64 = 0.02;
+/// Weight of a steady velocity just before the catch, μ in [`joint_spline`], for the paper's pre-grasp constraints.
+const STEADY_END_WEIGHT: f64 = 0.002;
+/// Distance between the catch times that are tried, in seconds, if nobody asks for another.
+const TIME_STEP_S: f64 = 0.02;
+/// A new search must leave at least this much time until the catch, in seconds.
+const MIN_LEAD_S: f64 = 0.12;
 
 /// A catch: when, where and how the arm gets there.
 #[derive(Debug, Clone, PartialEq)]
@@ -262,11 +201,11 @@ pub struct CatchSplines {
 
 impl CatchSplines {
     /// With spans of these relative lengths; `start_acceleration` tells whether the acceleration at the start is given.
-    pub fn new(spans: &[f64], start_acceleration: bool, config: &Config) -> Self {
+    pub fn new(spans: &[f64], start_acceleration: bool) -> Self {
         let ends = |end| Ends { start_acceleration, end };
         Self {
-            at: JointSpline::new(spans, ends(EndKind::At), config.comfort_weight, config.steady_end_weight),
-            range: JointSpline::new(spans, ends(EndKind::Position), config.comfort_weight, 0.0),
+            at: JointSpline::new(spans, ends(EndKind::At), COMFORT_WEIGHT, STEADY_END_WEIGHT),
+            range: JointSpline::new(spans, ends(EndKind::Position), COMFORT_WEIGHT, 0.0),
         }
     }
 }
@@ -275,7 +214,7 @@ impl MotionPlanner {
     /// Prepares what does not depend on any catch.
     pub fn new(robot: Robot, gripper: Gripper, config: Config) -> Self {
         // Short first spans take up the acceleration at a replan, short last ones steady the velocity before the catch.
-        let catch_splines = CatchSplines::new(&[0.35, 0.65, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5], true, &config);
+        let catch_splines = CatchSplines::new(&[0.35, 0.65, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5], true);
         let at_rest = Ends { start_acceleration: true, end: EndKind::Rest };
         let brake_spline = JointSpline::new(&[0.5, 0.5, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5], at_rest, 0.0, 0.0);
         let flange_m = robot.X_LG.translation.vector.norm();
@@ -347,13 +286,21 @@ pub struct CatchSearch {
     motion: MotionPlanner,
     /// When the gripper can be where, if that was worked out.
     reach_map: Option<Arc<ReachMap>>,
+    /// Distance between the catch times that are tried, in seconds.
+    time_step_s: f64,
 }
 
 impl CatchSearch {
     /// Over the motions that can be generated. With a map of what the arm can reach when from its ready pose, hopeless times and
     /// grasps cost next to nothing; arms of [some kinds](ReachMap::serves) need it to be quick.
     pub fn new(motion: MotionPlanner, reach_map: Option<Arc<ReachMap>>) -> Self {
-        Self { motion, reach_map }
+        Self { motion, reach_map, time_step_s: TIME_STEP_S }
+    }
+
+    /// The same with another distance between the catch times that are tried, in seconds.
+    #[must_use]
+    pub fn with_time_step_s(self, time_step_s: f64) -> Self {
+        Self { time_step_s, ..self }
     }
 
     /// When an arm that is about to move departs from the ready pose of the map, `None` if it is elsewhere already.

@@ -15,6 +15,18 @@ pub const ROUNDING: f64 = 1e-7;
 /// The same for positions, in radians.
 const HULL_ROUNDING: f64 = 1e-9;
 
+/// Fraction of the velocity limits that a replan uses where that is enough, so that the next one keeps some room; the paper's method uses
+/// no more from rest.
+const REPLAN_VELOCITY_SCALING: f64 = 0.95;
+/// The same for the acceleration limits.
+const REPLAN_ACCELERATION_SCALING: f64 = 0.9;
+/// Braking after the catch uses this fraction of the acceleration limits when its duration is chosen; the spline needs room to ramp.
+pub(super) const BRAKING_ACCELERATION_FRACTION: f64 = 0.5;
+/// Shortest braking in seconds.
+const MIN_BRAKING_S: f64 = 0.2;
+/// Longest braking in seconds: no joint is faster at the catch than this allows. What is caught must be at rest 0.5 s after the first contact,
+/// which may be a little before the catch.
+const MAX_BRAKING_S: f64 = 0.45;
 /// Where between two knots velocities are looked at, as fractions; the last knot is at rest.
 const SPAN_SAMPLES: [f64; 4] = [0.0, 0.25, 0.5, 0.75];
 
@@ -41,10 +53,7 @@ impl LimitScaling {
 impl MotionPlanner {
     /// Where this much does, a plan leaves room for replans.
     pub(super) fn replan_scaling(&self) -> LimitScaling {
-        LimitScaling {
-            velocity: self.config.replan_velocity_scaling,
-            acceleration: self.config.replan_acceleration_scaling,
-        }
+        LimitScaling { velocity: REPLAN_VELOCITY_SCALING, acceleration: REPLAN_ACCELERATION_SCALING }
     }
 
     /// On the move it may use all there is.
@@ -92,7 +101,7 @@ impl MotionPlanner {
             return None;
         }
         let shortest_s = self.braking_s(&state.dq);
-        let most_s = self.config.max_braking_s.max(shortest_s);
+        let most_s = MAX_BRAKING_S.max(shortest_s);
         let durations_s = std::iter::successors(Some(shortest_s), |duration_s| Some(duration_s * 1.3)).take(4);
         let over = |duration_s: f64| self.braking_over(state, start_s, duration_s.min(most_s), failures);
         durations_s.filter_map(over).find(|braking| self.keeps_torque(braking))
@@ -105,19 +114,19 @@ impl MotionPlanner {
                 let (acceleration, onset_s) = self.braking_by(&self.robot.joints[i].limits);
                 dq[i].abs() / acceleration + onset_s
             })
-            .fold(self.config.min_braking_s, f64::max)
+            .fold(MIN_BRAKING_S, f64::max)
     }
 
     /// The acceleration by which a joint brakes when the duration is chosen, and the time that it takes to build up and to vanish.
     fn braking_by(&self, limits: &JointLimits) -> (f64, f64) {
-        let acceleration = self.config.braking_acceleration_fraction * limits.acceleration;
+        let acceleration = BRAKING_ACCELERATION_FRACTION * limits.acceleration;
         (acceleration, limits.jerk.map_or(0.0, |jerk| limits.acceleration / jerk))
     }
 
     /// The highest speed from which a joint brakes in the longest time that there is.
     pub(super) fn max_speed_to_brake_from(&self, limits: &JointLimits) -> f64 {
         let (acceleration, onset_s) = self.braking_by(limits);
-        acceleration * (self.config.max_braking_s - onset_s).max(0.0)
+        acceleration * (MAX_BRAKING_S - onset_s).max(0.0)
     }
 
     /// One spline per joint, put together.

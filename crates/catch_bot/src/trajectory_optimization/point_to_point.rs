@@ -12,7 +12,7 @@ use super::{
     CatchSplines, Incoming, MotionPlanner, Start,
     failure_counter::FailureCounter,
     joint_spline::{End, JointPoints, JointState, Onset},
-    motion::LimitScaling,
+    motion::{BRAKING_ACCELERATION_FRACTION, LimitScaling},
     quadratic_program::ProgramFailure,
     reachability::{Interval, ReachableSet},
     terminal_velocity::{Following, TerminalVelocity, Weights, terminal_velocity},
@@ -62,8 +62,7 @@ pub type Reached = (TerminalVelocity, Vec<JointVector>);
 impl PointToPoint<'_> {
     /// The best velocities within `bounds`.
     pub fn terminal_velocity(&self, bounds: &[Interval; MAX_JOINTS]) -> Option<TerminalVelocity> {
-        let most = self.planner.config.max_speed_fraction;
-        let found = terminal_velocity(&self.jacobian, &self.v_WO, bounds, most, &self.weights, self.following.as_ref());
+        let found = terminal_velocity(&self.jacobian, &self.v_WO, bounds, &self.weights, self.following.as_ref());
         self.failures.solution(found)
     }
 
@@ -264,7 +263,7 @@ impl MotionPlanner {
             jacobian: self.robot.jacobian(&X_WL, &(X_WG * self.gripper.grasp_centre())),
             scaling,
             weights: Weights::BALANCED,
-            following: Some((X_WG.rotation.to_rotation_matrix(), self.config.following)),
+            following: Some((X_WG.rotation.to_rotation_matrix(), Following::DEFAULT)),
             brakes: true,
             failures: incoming.failures,
         }
@@ -286,7 +285,7 @@ impl MotionPlanner {
                 return None;
             }
             // v² = 2·a·s leaves room to brake before the end of the joint's range.
-            let braking = self.config.braking_acceleration_fraction * joint.limits.acceleration;
+            let braking = BRAKING_ACCELERATION_FRACTION * joint.limits.acceleration;
             let room = |distance: f64| (2.0 * braking * distance.max(0.0)).sqrt();
             let margin = self.config.position_margin_rad;
             let below = q[i] - joint.limits.lower - margin;
@@ -331,9 +330,8 @@ mod tests {
         let config = Config { object_mass_kg: Some(0.2), ..Config::default() };
         let planner = MotionPlanner::new(robot, gripper, config);
         let scan = synthetic::scan(&synthetic::Shape::ball(), 40);
-        let reference = ReferenceModel::from_scan(&scan, &Default::default());
-        let few = grasp_selection::Config { samples: 1, ..Default::default() };
-        let grasps = GraspSet::sample(&reference, planner.gripper(), &few);
+        let reference = ReferenceModel::from_scan(&scan);
+        let grasps = GraspSet::sample(&reference, planner.gripper(), &Default::default());
         let q = planner.robot().ready_q;
         let X_WG = planner.robot().gripper_pose(&q);
         let start = Start { time_s: 0.0, state: Setpoint::at_rest(q) };

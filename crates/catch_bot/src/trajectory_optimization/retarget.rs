@@ -2,10 +2,9 @@
 
 use catch_body::{JointVector, MAX_JOINTS, Pose};
 use nalgebra::{Point3, SMatrix, Vector3, Vector6};
-use serde::{Deserialize, Serialize};
 
 use super::{
-    CatchPlan, CatchSearch, Incoming, Start,
+    CatchPlan, CatchSearch, Incoming, MIN_LEAD_S, Start,
     motion::LimitScaling,
     point_to_point::PointToPoint,
     posture::Posture,
@@ -14,30 +13,21 @@ use super::{
     swept_volume::Entering,
 };
 use crate::{
-    grasp_selection::{Grasp, heuristics},
-    settings::{ANGLE_RAD, FRACTION, Faults, SettingError, Settings},
+    grasp_selection::{Grasp, Passing},
     trajectory_prediction::LocalFlight,
 };
 
-/// Settings of replans, each a list of what is tried, in this order.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Config {
-    /// Changes of the arm angle for the same catch, in radians.
-    pub arm_angles_rad: Vec<f64>,
-    /// The same where the catch is shifted in time.
-    pub shifted_arm_angles_rad: Vec<f64>,
-    /// How much later a catch may be made where it cannot be made when it was meant to be, in seconds; negative for sooner. The
-    /// object moves by some 50 mm in 10 ms.
-    pub shifts_s: Vec<f64>,
-    /// Fractions of its reachability interval that each joint may use where the arm cannot make a correction as a whole: what a joint at
-    /// the end of its interval cannot do, the others do. Also where the approach is not free with the whole correction.
-    /// None by default: where corrections are late and large it pays.
-    pub reach_fractions: Vec<f64>,
-    /// Fractions of a correction where the whole is too much.
-    pub correction_fractions: Vec<f64>,
-}
-
+/// Changes of the arm angle that are tried for the same catch, in this order, in radians.
+const ARM_ANGLES_RAD: [f64; 5] = [0.0, 0.2, -0.2, 0.4, -0.4];
+/// The same where the catch is shifted in time.
+const SHIFTED_ARM_ANGLES_RAD: [f64; 3] = [0.0, 0.2, -0.2];
+/// How much later a catch may be made where it cannot be made when it was meant to be, in seconds; negative for sooner. The object moves by
+/// some 50 mm in 10 ms.
+const SHIFTS_S: [f64; 6] = [0.01, -0.01, 0.02, -0.02, 0.04, 0.06];
+/// Fractions of a correction that are tried where the whole is too much.
+const CORRECTION_FRACTIONS: [f64; 3] = [0.75, 0.5, 0.25];
+/// Time for the gripper to obey, in seconds: an opening that it could not have reached by then is not asked for any more.
+const SETTLING_S: f64 = 0.05;
 /// What the hand is off by where not all of it can be corrected counts by axis of G: closing, approach and gap. What comes beside the
 /// grasp centre meets a finger. What the hand is off by along its approach makes the fingers close sooner or later.
 const SHIFTS: Vector3<f64> = Vector3::new(1.0, 0.1, 0.4);
@@ -49,40 +39,6 @@ const DAMPING: f64 = 1e-5;
 const MUCH_NEARER: f64 = 0.75;
 /// What a posture may leave, in metres, if the approach is free with it.
 const NEAR_ENOUGH_M: f64 = 0.004;
-
-impl Default for Config {
-    fn default() -> Self {
-        Self {
-            arm_angles_rad: vec![0.0, 0.2, -0.2, 0.4, -0.4],
-            shifted_arm_angles_rad: vec![0.0, 0.2, -0.2],
-            shifts_s: vec![0.01, -0.01, 0.02, -0.02, 0.04, 0.06],
-            reach_fractions: Vec::new(),
-            correction_fractions: vec![0.75, 0.5, 0.25],
-        }
-    }
-}
-
-impl Settings for Config {
-    fn faults(&self) -> Vec<SettingError> {
-        Faults::default()
-            .lists(
-                &ANGLE_RAD,
-                [
-                    ("arm_angles_rad", &self.arm_angles_rad[..]),
-                    ("shifted_arm_angles_rad", &self.shifted_arm_angles_rad[..]),
-                ],
-            )
-            .lists(&(-1.0..=1.0), [("shifts_s", &self.shifts_s[..])])
-            .lists(
-                &FRACTION,
-                [
-                    ("reach_fractions", &self.reach_fractions[..]),
-                    ("correction_fractions", &self.correction_fractions[..]),
-                ],
-            )
-            .all()
-    }
-}
 
 /// What a running catch is adjusted from, and to which flight.
 pub struct Correction<'a> {
@@ -116,11 +72,10 @@ impl<'a> Correction<'a> {
 impl CatchSearch {
     /// The same catch for a flight that is known better: same time and grasp, the elbow where it was or close by.
     pub fn retarget(&self, to: &Correction) -> Option<CatchPlan> {
-        let elbows_rad = &self.motion.config.replan.arm_angles_rad;
         // What a motion leaves of the limits, the next replan can use: more is taken only where less does not do.
         let scaling =
             [0.0, 0.5, 1.0].map(|more| self.motion.replan_scaling().toward(self.motion.moving_scaling(), more));
-        let found = scaling.iter().find_map(|scaling| self.adjusted(to, &to.X_WG(), *scaling, elbows_rad))?;
+        let found = scaling.iter().find_map(|scaling| self.adjusted(to, &to.X_WG(), *scaling, &ARM_ANGLES_RAD))?;
         let found = self.opened(found, to);
         // A joint at the end of its reach has but one velocity there, so that the hand cannot follow the object as it should.
         let mut near = self.within_reach(to, |[_, left_m]| left_m < NEAR_ENOUGH_M);
@@ -131,21 +86,20 @@ impl CatchSearch {
     /// The same grasp a little sooner or later, where the arm is in time and the object can come in.
     pub fn shifted(&self, to: &Correction) -> Option<CatchPlan> {
         let Correction { start, incoming, plan, .. } = *to;
-        let in_time =
-            |later_s: &&f64| **later_s > 0.0 || plan.catch_s + **later_s > start.time_s + self.motion.config.min_lead_s;
-        let (replan, scaling) = (&self.motion.config.replan, self.motion.moving_scaling());
-        replan.shifts_s.iter().filter(in_time).find_map(|later_s| {
+        let in_time = |later_s: &&f64| **later_s > 0.0 || plan.catch_s + **later_s > start.time_s + MIN_LEAD_S;
+        let scaling = self.motion.moving_scaling();
+        SHIFTS_S.iter().filter(in_time).find_map(|later_s| {
             let correction = Correction::new(start, incoming, plan, plan.catch_s + later_s);
-            let found = self.adjusted(&correction, &correction.X_WG(), scaling, &replan.shifted_arm_angles_rad)?;
+            let found = self.adjusted(&correction, &correction.X_WG(), scaling, &SHIFTED_ARM_ANGLES_RAD)?;
             Some(self.opened(found, &correction)).filter(|it| it.approach_is_free)
         })
     }
 
     /// The same catch as near to the flight as the arm can still come.
     pub fn nearest(&self, to: &Correction) -> Option<CatchPlan> {
-        let (replan, scaling) = (&self.motion.config.replan, self.motion.moving_scaling());
+        let scaling = self.motion.moving_scaling();
         let in_part = || {
-            replan.correction_fractions.iter().find_map(|part| {
+            CORRECTION_FRACTIONS.iter().find_map(|part| {
                 let X_WG = to.plan.X_WG.try_lerp_slerp(&to.X_WG(), *part, 1e-9)?;
                 Some(self.opened(self.adjusted(to, &X_WG, scaling, &[0.0])?, to))
             })
@@ -158,7 +112,7 @@ impl CatchSearch {
     /// the plan's posture and in that one.
     fn within_reach(&self, to: &Correction, is_near: fn([f64; 2]) -> bool) -> impl Iterator<Item = CatchPlan> {
         let (wanted, motion) = (to.X_WG(), &self.motion);
-        motion.config.replan.reach_fractions.iter().filter_map(move |fraction| {
+        motion.config.reach_fractions.iter().filter_map(move |fraction| {
             let (posture, off_m) = self.nearest_posture(to, &wanted, *fraction)?;
             let at = || self.at_posture(to, &motion.robot.gripper_pose(&posture.q), motion.moving_scaling(), posture);
             Some(self.opened(is_near(off_m).then(at)??, to))
@@ -222,8 +176,8 @@ impl CatchSearch {
         let LocalFlight { time_s: catch_s, X_WO, V_WO, .. } = *local_flight;
         let q = posture.q;
         let base = Point3::from(self.motion.robot.X_WB.translation.vector);
-        let still_cost =
-            heuristics::rank_alone(0, grasp, &X_WO, &V_WO.linear, &base, &incoming.config.weights).still_cost;
+        let passing = Passing::new(&X_WO, &V_WO.linear, &base, &incoming.config.weights);
+        let still_cost = passing.rank_alone(0, grasp).still_cost;
         let point_to_point = self.motion.point_to_point((start, incoming), local_flight, X_WG, &q, scaling);
         let point_to_point = PointToPoint { weights: plan.weights, ..point_to_point };
         let joints = self.motion.reaches(start, catch_s - start.time_s, scaling);
@@ -251,7 +205,7 @@ impl CatchSearch {
         let fingers = incoming.config.closing(&self.motion.gripper);
         let takes_s = fingers.duration_s((aperture_m - had_m).abs())
             + fingers.duration_s(aperture_m - plan.grasp.object_width_m)
-            + incoming.config.settling_s;
+            + SETTLING_S;
         if to.start.time_s + takes_s > plan.catch_s {
             return CatchPlan { aperture_m: had_m, approach_is_free: false, ..plan };
         }

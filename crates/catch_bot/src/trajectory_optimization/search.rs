@@ -24,7 +24,7 @@ use catch_body::Pose;
 use nalgebra::Vector3;
 
 use super::{
-    CatchPlan, CatchSearch, Incoming, PlanningFailure, Start,
+    CatchPlan, CatchSearch, Incoming, MAX_SPEED_FRACTION, PlanningFailure, Start,
     point_to_point::{PointToPoint, Reached},
     posture::Posture,
     swept_volume::Obstacle,
@@ -33,14 +33,14 @@ use super::{
 use crate::grasp_selection::{Approach, Grasp, RankedGrasp};
 use pass::Pass;
 use reach::Reach;
-pub use settings::{Config, Weights};
+pub use settings::{REACH_FRACTION, Weights};
 
 /// Where the catch times of the passes lie, in fractions of the step between them.
 const OFFSETS: [f64; 8] = [0.5, 0.0, 0.25, 0.75, 0.125, 0.625, 0.375, 0.875];
 /// Passes that make up a search. In the second round what got as far as the approach or a motion is tried a little sooner and
-/// later, too ([`Config::nearby_s`]).
+/// later, too ([`settings::NEARBY_S`]).
 pub const PASSES: usize = 2 * OFFSETS.len();
-/// The work of a posture and of an arrival, in the units of [`Config::max_work`].
+/// The work of a posture and of an arrival, in the units of [`Config::max_work`](super::Config::max_work).
 const WORK_OF_A_POSTURE: usize = 3;
 const WORK_OF_A_TERMINAL_VELOCITY: usize = 10;
 /// That of an approach, of a motion, and of its openings.
@@ -109,7 +109,7 @@ impl CatchSearch {
         let mut search = self.begin(start, incoming, departure_s);
         let mut failure = PlanningFailure::NoGrasp;
         for _ in 0..PASSES {
-            let left = self.motion.config.search.max_work.saturating_sub(search.work);
+            let left = self.motion.config.max_work.saturating_sub(search.work);
             if left == 0 {
                 break;
             }
@@ -156,7 +156,7 @@ impl CatchSearch {
     fn least_holding_cost(&self, incoming: &Incoming, ranked: &RankedGrasp, v_WO: &Vector3<f64>) -> f64 {
         let v_G = ranked.X_WG.rotation.inverse_transform_vector(v_WO);
         let across = (1.0 - EXPECTED_ACROSS_MPS / v_G.x.hypot(v_G.z).max(1e-6)).max(0.0);
-        let v_G = v_G.component_mul(&Vector3::new(across, 1.0 - self.motion.config.max_speed_fraction, across));
+        let v_G = v_G.component_mul(&Vector3::new(across, 1.0 - MAX_SPEED_FRACTION, across));
         self.holding_cost(incoming, ranked.still_cost, &v_G, 0.0)
     }
 

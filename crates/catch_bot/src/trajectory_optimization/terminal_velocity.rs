@@ -17,13 +17,12 @@
 
 use catch_body::{JointVector, MAX_JOINTS, robot::Jacobian};
 use nalgebra::{Matrix3, Rotation3, Vector3};
-use serde::{Deserialize, Serialize};
 
 use super::{
+    MAX_SPEED_FRACTION,
     quadratic_program::{Hessian, ProgramFailure, Row, Square, Variables},
     reachability::Interval,
 };
-use crate::settings::{Faults, NOT_NEGATIVE, SettingError, Settings};
 
 /// What counts among the joint velocities that keep the direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,8 +46,7 @@ impl Weights {
 }
 
 /// How the hand follows the object: weights on the square of what is left along each axis of G, per (m/s)².
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Following {
     /// Along the direction of closing, x.
     pub closing: f64,
@@ -58,18 +56,9 @@ pub struct Following {
     pub gap: f64,
 }
 
-impl Default for Following {
-    /// Chosen on 600 throws of `honest`.
-    fn default() -> Self {
-        Self { closing: 8.0, approach: 0.8, gap: 0.8 }
-    }
-}
-
-impl Settings for Following {
-    fn faults(&self) -> Vec<SettingError> {
-        let Self { closing, approach, gap } = *self;
-        Faults::default().values(&NOT_NEGATIVE, [("closing", closing), ("approach", approach), ("gap", gap)]).all()
-    }
+impl Following {
+    /// What moves toward a finger counts most. Chosen on 600 throws of `honest`.
+    pub const DEFAULT: Self = Self { closing: 8.0, approach: 0.8, gap: 0.8 };
 }
 
 /// Joint velocities at the catch and what they do to the gripper.
@@ -97,7 +86,6 @@ pub fn terminal_velocity(
     jacobian: &Jacobian,
     v_WO: &Vector3<f64>,
     bounds: &[Interval; MAX_JOINTS],
-    max_speed_fraction: f64,
     weights: &Weights,
     following: Option<&(Rotation3<f64>, Following)>,
 ) -> Result<TerminalVelocity, ProgramFailure> {
@@ -111,10 +99,10 @@ pub fn terminal_velocity(
     }
     H[(S, S)] = weights.speed;
     let mut gradient = Variables::zeros();
-    gradient[S] = -weights.speed * max_speed_fraction;
+    gradient[S] = -weights.speed * MAX_SPEED_FRACTION;
     if let Some((R_WG, Following { closing, approach, gap })) = following {
         let wanted = R_WG.inverse() * v_WO;
-        let wanted = Vector3::new(wanted.x, wanted.y * max_speed_fraction, wanted.z);
+        let wanted = Vector3::new(wanted.x, wanted.y * MAX_SPEED_FRACTION, wanted.z);
         let axes = R_WG.matrix().transpose() * linear;
         let weighted = axes.transpose() * Matrix3::from_diagonal(&Vector3::new(*closing, *approach, *gap));
         let mut joints = H.fixed_view_mut::<MAX_JOINTS, MAX_JOINTS>(0, 0);
@@ -139,7 +127,7 @@ pub fn terminal_velocity(
         limits[3 + joint] = [interval.low, interval.high];
     }
     rows[3 + S] = Row::new(Variables::ith(S, 1.0));
-    limits[3 + S] = [0.0, max_speed_fraction];
+    limits[3 + S] = [0.0, MAX_SPEED_FRACTION];
     let hessian = Hessian::new(&H).ok_or(ProgramFailure::Numerical)?;
     let x = hessian.minimize(&gradient, &rows[3 - hard..], &limits[3 - hard..], hard)?;
     let dq: JointVector = x.fixed_rows::<MAX_JOINTS>(0).into_owned();

@@ -6,49 +6,39 @@
 //! orientations of the poses are taken as they are, and velocities and angular velocities as fitted before, so that position, velocity, k,
 //! E, c_M, s and c follow from one linear problem with Gaussian priors.
 
-use catch_body::dynamics::gravity;
+use catch_body::{dynamics::gravity, quantity};
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::{
     AerodynamicForces, Config, FlightTrajectory,
+    correlated_error::CorrelatedSums,
     process_noise::{add_product, after_impulse, lost_square},
 };
-use crate::{
-    perception::{ObjectPose, Symmetry},
-    settings::{Faults, NOT_NEGATIVE, SettingError, Settings},
-};
+use crate::perception::{ObjectPose, Symmetry};
 
 /// What is expected of the forces. Zero by default: there are none.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AerodynamicPrior {
     /// Standard deviation in 1/m of E's elements along the principal axes of inertia; of those beside them a fifth.
+    #[serde(deserialize_with = "quantity::drag_per_m")]
     pub drag_deviation_sd_per_m: f64,
     /// Magnus coefficient c_M that is expected.
+    #[serde(deserialize_with = "quantity::magnus")]
     pub magnus: f64,
     /// Its standard deviation.
+    #[serde(deserialize_with = "quantity::magnus")]
     pub magnus_sd: f64,
     /// Standard deviation of each component of s, in rad/s. Where no Magnus coefficient is expected, s is the lift of all spin, seen or not.
+    #[serde(deserialize_with = "quantity::speed_radps")]
     pub lift_sd_radps: f64,
     /// Decay c of the spin that is expected, ω̇ = −c·ω, in 1/s.
+    #[serde(deserialize_with = "quantity::decay_per_s")]
     pub spin_decay_per_s: f64,
     /// Its standard deviation.
+    #[serde(deserialize_with = "quantity::decay_per_s")]
     pub spin_decay_sd_per_s: f64,
-}
-
-impl Settings for AerodynamicPrior {
-    fn faults(&self) -> Vec<SettingError> {
-        let values = [
-            ("drag_deviation_sd_per_m", self.drag_deviation_sd_per_m),
-            ("magnus", self.magnus),
-            ("magnus_sd", self.magnus_sd),
-            ("lift_sd_radps", self.lift_sd_radps),
-            ("spin_decay_per_s", self.spin_decay_per_s),
-            ("spin_decay_sd_per_s", self.spin_decay_sd_per_s),
-        ];
-        Faults::default().values(&NOT_NEGATIVE, values).all()
-    }
 }
 
 impl AerodynamicPrior {
@@ -178,7 +168,7 @@ pub(super) fn refine(
         by
     };
     rows.clear();
-    rows.reserve(config.fit_window);
+    rows.reserve(config.considered.fit_window);
     // Backward from the newest pose, by the trapezoid rule: the velocity along the flight as it was fitted.
     let mut v = flight.v_WOcm;
     let mut tumbling = flight.tumbling();
@@ -227,7 +217,7 @@ pub(super) fn refine(
     let mut scale = 1.0;
     for pass in 0..=PASSES {
         let (mut H, mut g) = (SMatrix::<f64, N, N>::zeros(), SVector::<f64, N>::zeros());
-        let mut correlated = config.correlated_error.sums().filter(|_| pass == PASSES);
+        let mut correlated = CorrelatedSums::of(config.correlated_sd_per_m).filter(|_| pass == PASSES);
         let mut older_s = None;
         for row in rows.iter().rev() {
             if let Some(older_s) = older_s.replace(row.age_s) {

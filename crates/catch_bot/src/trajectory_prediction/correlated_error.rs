@@ -6,48 +6,13 @@
 //! methods to navigation problems, 1966): the flight stays that of independent errors, and its covariance counts what such errors do to it.
 
 use nalgebra::{SMatrix, Vector3};
-use serde::{Deserialize, Serialize};
 
 use super::process_noise::add_product;
-use crate::settings::{DURATION_S, Faults, NOT_NEGATIVE, SettingError, Settings};
 
-/// A first-order Gauss–Markov process along each axis: errors of positions Δt apart have the covariance σ₁·σ₂·e^(−Δt/τ).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct CorrelatedError {
-    /// Its standard deviation σ in metres for each metre between the pose and the origin of W, where the arm stands. Scenarios have it from
-    /// `perception.camera_sd_rad` if it is not set.
-    pub sd_per_m: Option<f64>,
-    /// Its correlation time τ in seconds.
-    pub correlation_time_s: f64,
-}
+/// Correlation time τ of the errors, in seconds: they change as slowly as a thrown object comes nearer.
+const CORRELATION_TIME_S: f64 = 0.1;
 
-impl Default for CorrelatedError {
-    fn default() -> Self {
-        Self { sd_per_m: None, correlation_time_s: 0.1 }
-    }
-}
-
-impl Settings for CorrelatedError {
-    fn faults(&self) -> Vec<SettingError> {
-        Faults::default()
-            .options(&NOT_NEGATIVE, [("sd_per_m", self.sd_per_m)])
-            .values(&DURATION_S, [("correlation_time_s", self.correlation_time_s)])
-            .all()
-    }
-}
-
-impl CorrelatedError {
-    /// Sums to which poses can be added; `None` if there is no such error.
-    pub(super) fn sums<const N: usize>(&self) -> Option<CorrelatedSums<N>> {
-        let sd_per_m = self.sd_per_m.filter(|it| *it > 0.0)?;
-        let Self { correlation_time_s, .. } = *self;
-        let (sum, half) = (SMatrix::zeros(), SMatrix::zeros());
-        Some(CorrelatedSums { sd_per_m, correlation_time_s, last_age_s: None, sum, half })
-    }
-}
-
-/// What correlated errors eᵢ of the positions do to the right-hand side Σ Aᵢ·eᵢ of normal equations, Aᵢ = Jᵢᵀ·Wᵢ.
+/// What correlated errors eᵢ of the positions, a first-order Gauss–Markov process along each axis, do to the right-hand side Σ Aᵢ·eᵢ of normal equations, Aᵢ = Jᵢᵀ·Wᵢ.
 ///
 /// Its covariance is Σᵢⱼ σᵢ·σⱼ·e^(−|tᵢ − tⱼ|/τ)·Aᵢ·Aⱼᵀ. With Sᵢ = σᵢ·Aᵢ + e^(−|tᵢ − tᵢ₋₁|/τ)·Sᵢ₋₁ that is Σᵢ (Sᵢ − ½·σᵢ·Aᵢ)·σᵢ·Aᵢᵀ and its
 /// transpose.
@@ -63,10 +28,18 @@ pub(super) struct CorrelatedSums<const N: usize> {
 }
 
 impl<const N: usize> CorrelatedSums<N> {
+    /// Sums to which poses can be added, of errors with this standard deviation for each metre from the origin; `None` if there is no such
+    /// error.
+    pub fn of(sd_per_m: Option<f64>) -> Option<Self> {
+        let sd_per_m = sd_per_m.filter(|it| *it > 0.0)?;
+        let (sum, half) = (SMatrix::zeros(), SMatrix::zeros());
+        Some(Self { sd_per_m, correlation_time_s: CORRELATION_TIME_S, last_age_s: None, sum, half })
+    }
+
     /// Adds a pose at the position `p_W` with this A. Poses come in the order of their ages, up or down.
     pub fn add(&mut self, age_s: f64, p_W: &Vector3<f64>, A: &SMatrix<f64, N, 3>) {
         let since_s = self.last_age_s.replace(age_s).map_or(0.0, |last_s| (age_s - last_s).abs());
-        self.sum *= (-since_s / self.correlation_time_s.max(f64::MIN_POSITIVE)).exp();
+        self.sum *= (-since_s / self.correlation_time_s).exp();
         let own = A * (self.sd_per_m * p_W.norm());
         add_product(&mut self.half, &(self.sum + own * 0.5), &own);
         self.sum += own;
@@ -93,7 +66,9 @@ mod tests {
     use crate::trajectory_prediction::process_noise::after_impulse;
 
     const N: usize = 8;
-    const ERROR: CorrelatedError = CorrelatedError { sd_per_m: Some(0.02), correlation_time_s: 0.15 };
+    fn sums<const N: usize>() -> CorrelatedSums<N> {
+        CorrelatedSums::of(Some(0.02)).unwrap()
+    }
 
     fn by_position(i: usize) -> SMatrix<f64, N, 3> {
         SMatrix::from_fn(|row, column| ((3 * i + 7 * row + 5 * column) as f64).sin())
@@ -107,12 +82,12 @@ mod tests {
     #[test]
     fn sums_are_those_over_all_pairs() {
         let ages_s = [0.5, 0.45, 0.3, 0.1, 0.0];
-        let mut sums = ERROR.sums::<N>().unwrap();
+        let mut sums = sums::<N>();
         let mut expected = SMatrix::<f64, N, N>::zeros();
         for (i, first_s) in ages_s.into_iter().enumerate() {
             sums.add(first_s, &p_W(i), &by_position(i));
             for (j, second_s) in ages_s.into_iter().enumerate() {
-                let correlation = (-(first_s - second_s).abs() / 0.15).exp();
+                let correlation = (-(first_s - second_s).abs() / CORRELATION_TIME_S).exp();
                 let variance = 0.02 * p_W(i).norm() * 0.02 * p_W(j).norm() * correlation;
                 expected += by_position(i) * by_position(j).transpose() * variance;
             }
@@ -125,7 +100,7 @@ mod tests {
     #[test]
     fn sums_of_some_parameters_are_those_of_all() {
         const FEW: usize = 5;
-        let (mut all, mut few) = (ERROR.sums::<N>().unwrap(), ERROR.sums::<FEW>().unwrap());
+        let (mut all, mut few) = (sums::<N>(), sums::<FEW>());
         for (i, age_s) in [0.5, 0.45, 0.3, 0.1].into_iter().enumerate() {
             let mut A = by_position(i);
             A.fixed_rows_mut::<{ N - FEW }>(FEW).fill(0.0);
@@ -142,8 +117,7 @@ mod tests {
     fn an_impulse_is_eliminated_from_the_sums() {
         let (blocks, age_s, variance) = ([1, 5], 0.3, 0.07);
         let rows = SMatrix::<f64, 12, N>::from_fn(|i, j| ((3 * i + 7 * j) as f64).sin() + f64::from(u8::from(i == j)));
-        let same = CorrelatedError { correlation_time_s: 1e12, ..ERROR };
-        let mut sums = same.sums::<N>().unwrap();
+        let mut sums = CorrelatedSums { correlation_time_s: 1e12, ..sums::<N>() };
         (0..2).for_each(|i| sums.add(0.4, &p_W(i), &by_position(i)));
         let by_error = (0..2).map(|i| by_position(i) * (0.02 * p_W(i).norm())).sum::<SMatrix<f64, N, 3>>();
         let mut expected = SMatrix::<f64, N, N>::zeros();

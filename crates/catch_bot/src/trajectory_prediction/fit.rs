@@ -14,6 +14,7 @@ use nalgebra::{Matrix3, Point3, SMatrix, SVector, Vector3};
 
 use super::{
     AerodynamicForces, Config, FlightTrajectory, LocalFlight, PredictionStatus,
+    correlated_error::CorrelatedSums,
     flight::Motion,
     ransac::{is_finite, reach_m},
     tumbling,
@@ -29,6 +30,9 @@ const SCALE_PRIOR_DOF: f64 = 12.0;
 const STEP_SD: f64 = 0.05;
 /// Within this many standard deviations the flight is as good as linear in its parameters.
 const LINEAR_SD: f64 = 0.5;
+
+/// Iterations at most.
+const MAX_ITERATIONS: usize = 10;
 
 /// Buffers of the fit.
 #[derive(Debug, Clone, Default)]
@@ -79,7 +83,7 @@ pub(super) fn fit(
     let mut scale = problem.typical_error(good, scratch).max(1.0);
     let mut agreeing = near_start;
     let mut converged = false;
-    for _ in 0..config.max_iterations {
+    for _ in 0..MAX_ITERATIONS {
         let sums = problem.sums::<N>(scale, scale, None, scratch);
         let (information, gradient) = problem.with_priors(&sums, &state, scale);
         let step = -solved(&information, &gradient, problem.turns(), config).ok_or(PredictionStatus::NotConverged)?;
@@ -90,9 +94,9 @@ pub(super) fn fit(
         let before = state;
         state = state.moved(&step, config);
         agreeing = if step_sd < LINEAR_SD {
-            problem.advance(&state.since(&before), config.window, scratch)
+            problem.advance(&state.since(&before), config.considered.window, scratch)
         } else {
-            problem.linearize(&state, config.window, scratch)
+            problem.linearize(&state, config.considered.window, scratch)
         };
         let shrunk = problem.typical_error(good, scratch).clamp(0.3, scale.max(1.0));
         converged = step_sd < STEP_SD && shrunk > 0.7 * scale;
@@ -161,8 +165,8 @@ impl Problem<'_> {
     fn linearize(&self, state: &State, window: usize, scratch: &mut Scratch) -> usize {
         scratch.rows.clear();
         // Room for as many poses as there will ever be, so that it is made once.
-        scratch.rows.reserve(self.config.fit_window);
-        scratch.squares.reserve(self.config.fit_window);
+        scratch.rows.reserve(self.config.considered.fit_window);
+        scratch.squares.reserve(self.config.considered.fit_window);
         let start = Tumbling::new(state.R_WO, &state.w, self.inertia.as_ref()).decaying(state.decay_per_s);
         // A decay that is known has no part in the fit.
         let decays = self.config.aerodynamics.spin_decay_sd_per_s > 0.0;
@@ -253,7 +257,7 @@ impl Problem<'_> {
 
     /// The covariance of a fitted state and the scale of the errors. Errors that poses have in common reach the first `M` parameters.
     fn conclude<const M: usize>(&self, state: &State, scale: f64, scratch: &Scratch) -> Option<Conclusion> {
-        let mut correlated = self.config.correlated_error.sums::<M>();
+        let mut correlated = CorrelatedSums::<M>::of(self.config.correlated_sd_per_m);
         let noisy = self.config.process_noise.any();
         let mut sums = self.sums(scale, scale, correlated.as_mut().filter(|_| !noisy), scratch);
         let error_scale = ((sums.squares + SCALE_PRIOR_DOF) / (sums.freedom + SCALE_PRIOR_DOF)).sqrt();

@@ -13,127 +13,87 @@ mod process_noise;
 pub mod ransac;
 mod tumbling;
 
+use catch_body::quantity;
 use nalgebra::{Matrix6, SMatrix, Vector3};
 use serde::{Deserialize, Serialize};
 
 pub use aerodynamic_forces::AerodynamicForces;
 pub use aerodynamics::AerodynamicPrior;
-pub use correlated_error::CorrelatedError;
 pub use flight::{FlightPropagator, FlightTrajectory};
 pub use local_flight::LocalFlight;
 pub use process_noise::ProcessNoise;
-use ransac::Rotation;
+use ransac::Sampling;
 pub use tumbling::inertia_per_kg;
 
-use crate::{
-    perception::{ObjectPose, Symmetry},
-    settings::{Faults, LIMIT_SCALE, NOT_NEGATIVE, SettingError, Settings},
-};
+use crate::perception::{ObjectPose, Symmetry};
 
 /// Settings of trajectory prediction.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// Two-pose flights that are sampled at least: 20 (paper, III-B).
-    pub samples: usize,
-    /// And at most. With 40 % outliers one start in 7,000 sees no good pair in 20 samples, so sampling goes on until a better
-    /// pair can hardly have been missed.
-    pub max_samples: usize,
-    /// Poses at most that sampling looks at: the newest 30 (paper, III-B).
-    pub window: usize,
-    /// Poses at most that the fit looks at: a second of them, since each adds information.
-    pub fit_window: usize,
-    /// Poses before there is a first flight: 6 (original).
-    pub first_after: usize,
-    /// A pose agrees with a flight within this distance: 1 cm (original).
-    pub inlier_m: f64,
-    /// And within this angle: 0.1 rad (original).
-    pub inlier_rad: f64,
-    /// A flight that fewer than this fraction of the newest poses agree with is given up, and searched for anew.
-    pub min_inlier_fraction: f64,
-    /// A fit whose poses err by more than so many times what they say is searched for anew as well, and the better one is taken.
-    pub max_error_scale: f64,
     /// Drag constant k that is expected, in 1/m; zero if it is not set.
+    #[serde(deserialize_with = "quantity::drag_per_m")]
     pub drag_prior_per_m: Option<f64>,
     /// Its standard deviation. Zero, as in the paper's simulator: there is no drag, or exactly as much as expected; so it is if it is not set.
+    #[serde(deserialize_with = "quantity::drag_per_m")]
     pub drag_prior_sd_per_m: Option<f64>,
     /// Standard deviation of each component of the angular velocity around zero before anything is seen, rad/s.
+    #[serde(deserialize_with = "quantity::speed_radps")]
     pub spin_prior_sd_radps: f64,
     /// Error in metres that all poses have in common, at the arm and away from it (calibration of the cameras).
+    #[serde(deserialize_with = "quantity::error_m")]
     pub systematic_sd_m: f64,
-    /// Error that successive poses have in common, which grows with the distance from the arm. None by default, as in the paper's simulator.
-    pub correlated_error: CorrelatedError,
+    /// Standard deviation of an error that successive poses have in common, in metres for each metre between the pose and the origin of W,
+    /// where the arm stands. It is that of `perception.camera_sd_rad` if it is not set.
+    #[serde(deserialize_with = "quantity::fraction")]
+    pub correlated_sd_per_m: Option<f64>,
     /// Standard deviation in metres of each coordinate by which the centre of mass may be beside that of the reference model, whose density is
     /// uniform; as the object's file says if it is not set.
+    #[serde(deserialize_with = "quantity::error_m")]
     pub com_sd_m: Option<f64>,
     /// Forces that depend on orientation and spin. None are expected by default.
     pub aerodynamics: AerodynamicPrior,
     /// What no model of the flight knows. None by default, as in the paper's simulator.
     pub process_noise: ProcessNoise,
-    /// Iterations of the fit at most.
-    pub max_iterations: usize,
+    /// Which poses are looked at. No setting of a file: tracks that hold few or noisy points have others.
+    #[serde(skip)]
+    pub considered: Considered,
 }
 
 impl Default for Config {
     fn default() -> Self {
         Self {
-            samples: 20,
-            max_samples: 500,
-            window: 30,
-            fit_window: 100,
-            first_after: 6,
-            inlier_m: 0.01,
-            inlier_rad: 0.1,
-            min_inlier_fraction: 0.25,
-            max_error_scale: 2.0,
             drag_prior_per_m: None,
             drag_prior_sd_per_m: None,
             spin_prior_sd_radps: 8.3,
             systematic_sd_m: 0.0002,
-            correlated_error: CorrelatedError::default(),
+            correlated_sd_per_m: None,
             com_sd_m: None,
             aerodynamics: AerodynamicPrior::default(),
             process_noise: ProcessNoise::default(),
-            max_iterations: 10,
+            considered: Considered::default(),
         }
     }
 }
 
-impl Settings for Config {
-    fn faults(&self) -> Vec<SettingError> {
-        Faults::default()
-            .counts([
-                ("samples", self.samples),
-                ("max_samples", self.max_samples),
-                ("window", self.window),
-                ("fit_window", self.fit_window),
-                ("first_after", self.first_after),
-                ("max_iterations", self.max_iterations),
-            ])
-            .at_most(("first_after", self.first_after), ("window", self.window))
-            .values(
-                &NOT_NEGATIVE,
-                [
-                    ("inlier_m", self.inlier_m),
-                    ("inlier_rad", self.inlier_rad),
-                    ("max_error_scale", self.max_error_scale),
-                    ("spin_prior_sd_radps", self.spin_prior_sd_radps),
-                    ("systematic_sd_m", self.systematic_sd_m),
-                ],
-            )
-            .values(&LIMIT_SCALE, [("min_inlier_fraction", self.min_inlier_fraction)])
-            .table("correlated_error", &self.correlated_error)
-            .table("aerodynamics", &self.aerodynamics)
-            .table("process_noise", &self.process_noise)
-            .options(
-                &NOT_NEGATIVE,
-                [
-                    ("drag_prior_per_m", self.drag_prior_per_m),
-                    ("drag_prior_sd_per_m", self.drag_prior_sd_per_m),
-                    ("com_sd_m", self.com_sd_m),
-                ],
-            )
-            .all()
+/// Which poses of a throw a flight is found from, and which of them agree with it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Considered {
+    /// Poses before there is a first flight.
+    pub first_after: usize,
+    /// Newest poses at most that sampling looks at.
+    pub window: usize,
+    /// Newest poses at most that the fit looks at.
+    pub fit_window: usize,
+    /// A pose agrees with a flight within this distance, in metres.
+    pub inlier_m: f64,
+}
+
+impl Default for Considered {
+    /// First flights and distances are those of the original; sampling looks at 30 poses (paper, III-B), the fit at a second of them,
+    /// since each adds information.
+    fn default() -> Self {
+        Self { first_after: 6, window: 30, fit_window: 100, inlier_m: 0.01 }
     }
 }
 
@@ -155,8 +115,8 @@ impl Config {
 
     /// The newest poses, at which sampling looks, oldest first; `None` before there are enough for a first flight.
     pub fn sampled<'a>(&self, poses: &'a [ObjectPose]) -> Option<&'a [ObjectPose]> {
-        let window = &poses[poses.len() - self.window.max(2).min(poses.len())..];
-        (window.len() >= self.first_after.max(2)).then_some(window)
+        let window = &poses[poses.len() - self.considered.window.max(2).min(poses.len())..];
+        (window.len() >= self.considered.first_after.max(2)).then_some(window)
     }
 }
 
@@ -246,7 +206,7 @@ impl InformationFit {
         previous: &FlightTrajectory,
     ) -> Result<FlightTrajectory, PredictionStatus> {
         let com_O = previous.com_O;
-        let most = self.config.fit_window.max(self.config.window);
+        let most = self.config.considered.fit_window.max(self.config.considered.window);
         let mut about_com = std::mem::take(&mut self.about_com);
         about_com.clear();
         about_com.reserve(most);
@@ -275,19 +235,17 @@ impl InformationFit {
     ) -> Result<FlightTrajectory, PredictionStatus> {
         let Self { config, symmetry, seed, fit: fitting, ransac: sampling, .. } = self;
         let window = config.sampled(poses).ok_or(PredictionStatus::TooFewPoses)?;
-        let fitted = &poses[poses.len() - config.fit_window.min(poses.len())..];
-        let enough =
-            |inliers: usize| inliers >= 3 && inliers as f64 >= config.min_inlier_fraction * window.len() as f64;
+        let fitted = &poses[poses.len() - config.considered.fit_window.min(poses.len())..];
+        let enough = |inliers: usize| inliers >= 3 && inliers as f64 >= MIN_INLIER_FRACTION * window.len() as f64;
         let known = previous.and_then(|it| fit::fit(fitted, it, symmetry, config, fitting).ok());
         let known = known.filter(|(_, agreeing)| enough(*agreeing)).map(|(flight, _)| flight);
         if let Some(known) = &known
-            && known.error_scale <= config.max_error_scale
+            && known.error_scale <= MAX_ERROR_SCALE
         {
             return Ok(known.clone());
         }
         // A fit that has gone astray stays so, however good the poses are by now.
-        let sampling_from = (Rotation::Free, ransac::TieBreak::MeanSquare);
-        let anew = ransac::best_flight(window, symmetry, sampling_from, config, *seed, sampling).and_then(|start| {
+        let anew = ransac::best_flight(window, symmetry, Sampling::OURS, config, *seed, sampling).and_then(|start| {
             if !enough(start.inliers) {
                 return Err(PredictionStatus::NoAgreement);
             }
@@ -312,7 +270,7 @@ impl FlightPredictor for InformationFit {
             Some(previous) => self.fit_about_com(poses, previous)?,
         };
         if self.config.aerodynamics.any() || self.config.com_sd_m() > 0.0 {
-            let fitted = &poses[poses.len() - self.config.fit_window.min(poses.len())..];
+            let fitted = &poses[poses.len() - self.config.considered.fit_window.min(poses.len())..];
             let refined = aerodynamics::refine(fitted, &mut flight, &self.symmetry, &self.config, &mut self.rows);
             self.failures += u32::from(refined.is_none());
         }
@@ -330,3 +288,7 @@ impl FlightPredictor for InformationFit {
 
 /// A fit is much better than another if its errors are less than this fraction.
 const MUCH_BETTER: f64 = 0.8;
+/// A flight that fewer than this fraction of the newest poses agree with is given up, and searched for anew.
+pub const MIN_INLIER_FRACTION: f64 = 0.25;
+/// A fit whose poses err by more than so many times what they say is searched for anew as well, and the better one is taken.
+const MAX_ERROR_SCALE: f64 = 2.0;

@@ -3,26 +3,20 @@
 //! The acceleration and the angular acceleration are those of the model and white noise. Poses then tell the less of the present state
 //! the older they are, and predictions become uncertain the sooner the farther ahead they are.
 
+use catch_body::quantity;
 use nalgebra::{Cholesky, Matrix3, Matrix6, SMatrix, SVector, U3, Vector3};
 use serde::{Deserialize, Serialize};
-
-use crate::settings::{Faults, NOT_NEGATIVE, SettingError, Settings};
 
 /// Densities of white noise. Both zero by default: the flight obeys its model.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ProcessNoise {
     /// Noise density of the acceleration, in m/s²/√Hz.
+    #[serde(deserialize_with = "quantity::noise_density")]
     pub acceleration: f64,
     /// Noise density of the angular acceleration, in rad/s²/√Hz.
+    #[serde(deserialize_with = "quantity::noise_density")]
     pub angular_acceleration: f64,
-}
-
-impl Settings for ProcessNoise {
-    fn faults(&self) -> Vec<SettingError> {
-        let values = [("acceleration", self.acceleration), ("angular_acceleration", self.angular_acceleration)];
-        Faults::default().values(&NOT_NEGATIVE, values).all()
-    }
 }
 
 impl ProcessNoise {

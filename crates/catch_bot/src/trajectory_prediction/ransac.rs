@@ -33,6 +33,28 @@ pub enum TieBreak {
     Sum,
 }
 
+/// How flights are sampled and compared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Sampling {
+    /// How a sampled flight rotates.
+    pub rotation: Rotation,
+    /// Which of several flights is the best.
+    pub ties: TieBreak,
+    /// Two-pose flights that are sampled at most, [`SAMPLES`] at least.
+    pub most: usize,
+}
+
+/// Two-pose flights that are sampled at least (paper, III-B).
+pub const SAMPLES: usize = 20;
+/// A pose agrees with a rotation within this angle, in radians (original).
+const INLIER_RAD: f64 = 0.1;
+
+impl Sampling {
+    /// With 40 % outliers one start in 7,000 sees no good pair in 20 samples, so sampling goes on until a better pair can hardly have been
+    /// missed.
+    pub const OURS: Self = Self { rotation: Rotation::Free, ties: TieBreak::MeanSquare, most: 500 };
+}
+
 /// The sampled flight that most poses agree with and, of several, the one they lie closest to.
 ///
 /// # Errors
@@ -40,7 +62,7 @@ pub enum TieBreak {
 pub fn best_flight(
     poses: &[ObjectPose],
     symmetry: &Symmetry,
-    (rotation, ties): (Rotation, TieBreak),
+    Sampling { rotation, ties, most }: Sampling,
     config: &Config,
     seed: u64,
     scratch: &mut Scratch,
@@ -50,8 +72,8 @@ pub fn best_flight(
     }
     let mut random = Pcg64Mcg::seed_from_u64(seed ^ poses.len() as u64);
     let mut best: Option<(Agreement, FlightTrajectory)> = None;
-    for sample in 0..config.max_samples.max(config.samples) {
-        if sample >= config.samples && best.as_ref().is_some_and(|(it, _)| enough(sample, it.inliers, poses.len())) {
+    for sample in 0..most.max(SAMPLES) {
+        if sample >= SAMPLES && best.as_ref().is_some_and(|(it, _)| enough(sample, it.inliers, poses.len())) {
             break;
         }
         let first = random.random_range(0..poses.len());
@@ -223,7 +245,7 @@ fn agreement(
             return;
         }
         let angle_rad = angle_rad();
-        if rotation == Rotation::Free || angle_rad < config.inlier_rad {
+        if rotation == Rotation::Free || angle_rad < INLIER_RAD {
             inliers += 1;
             squares += distance * distance;
             sum += distance + angle_rad;
@@ -234,7 +256,7 @@ fn agreement(
 
 /// How far a pose that agrees with a flight may lie from it, in metres.
 pub(super) fn reach_m(pose: &ObjectPose, config: &Config) -> f64 {
-    config.inlier_m.max(3.0 * position_sd(pose))
+    config.considered.inlier_m.max(3.0 * position_sd(pose))
 }
 
 /// A pose's standard deviation of position over all directions, for judging whether it is an outlier.

@@ -25,7 +25,7 @@ fn tracking_and_predicting_allocate_nothing() {
             if noise == Noise::Stereo7 { (&prediction, Some(2), Some(0.5)) } else { (&simple, None, None) };
         let depth_noise = Some(DepthNoise { constant_m, quadratic_per_m });
         let config = Config { depth_noise, depth_edge_px, depth_common_fraction, ..Config::default() };
-        let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(&shape, 100), &config));
+        let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(&shape, 100)));
         for labelled in [true, false] {
             let mut estimator = SdfEstimator::new(config.clone(), reference.clone(), Workspace::default());
             let mut fit = InformationFit::new(prediction.clone(), reference.symmetry, 1);

@@ -23,7 +23,7 @@ struct Bench {
 impl Bench {
     fn new() -> Self {
         let (shape, config) = (Shape::banana(), Config::default());
-        let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(&shape, 100), &config));
+        let reference = Arc::new(ReferenceModel::from_scan(&synthetic::scan(&shape, 100)));
         let X_WO = synthetic::pose_in_flight(&mut Normal::new(2));
         Self { cameras: synthetic::flight_rig(), shape, reference, config, X_WO }
     }
@@ -171,10 +171,7 @@ fn a_cloud_of_one_point_is_too_few() {
     frames[0].mask.iter_mut().flatten().enumerate().for_each(|(i, mask)| *mask = i == first);
     assert_eq!(bench.find(&frames, Some(&bench.X_WO)), Err(PerceptionStatus::TooFewPoints));
     assert_eq!(bench.find(&frames, None), Err(PerceptionStatus::TooFewPoints));
-    assert_eq!(
-        ReferenceModel::from_points(&[Point3::origin()], &[Vector3::z()], &bench.config),
-        ReferenceModel::default()
-    );
+    assert_eq!(ReferenceModel::from_points(&[Point3::origin()], &[Vector3::z()]), ReferenceModel::default());
     let nothing = Arc::new(ReferenceModel::default());
     let found = bench.find_with(&nothing, &frames, None);
     assert_eq!(found, Err(PerceptionStatus::NoReference));
@@ -191,4 +188,39 @@ fn poses_that_make_no_flight_give_a_status() {
     assert!(flight_of(&vec![pose; 20]).is_err());
     pose.capture_s = f64::NAN;
     assert!(flight_of(&vec![pose; 20]).is_err());
+}
+
+/// A setting made in code is refused as one of a file is, wherever it stands.
+#[test]
+fn settings_out_of_range_are_named() {
+    assert_eq!(catch_bot::Config { seed: u64::MAX, ..Default::default() }.check(), Ok(()));
+    let fault = |change: fn(&mut catch_bot::Config)| {
+        let mut config = catch_bot::Config::default();
+        change(&mut config);
+        config.check().unwrap_err().to_string()
+    };
+    for (found, expected) in [
+        (
+            fault(|it| it.control.closing_force_n = -1.0),
+            "settings of the brain: control.closing_force_n: found -1, expected 0.01 to 100000 N",
+        ),
+        (
+            fault(|it| it.perception.camera_sd_rad = f64::NAN),
+            "settings of the brain: perception.camera_sd_rad: found nan, expected a finite number",
+        ),
+        (
+            fault(|it| it.trajectory_optimization.reach_fractions = vec![0.9, 2.0]),
+            "settings of the brain: trajectory_optimization.reach_fractions[1]: found 2, expected 0 to 1",
+        ),
+        (
+            fault(|it| it.trajectory_optimization.max_work = 0),
+            "settings of the brain: trajectory_optimization.max_work: found 0, expected 1 to 100000",
+        ),
+        (
+            fault(|it| it.grasp_selection.restitution = Some(1.5)),
+            "settings of the brain: grasp_selection.restitution: found 1.5, expected 0 to 1",
+        ),
+    ] {
+        assert_eq!(found, expected);
+    }
 }

@@ -2,7 +2,7 @@
 
 use catch_body::{Gripper, Pose};
 use catch_bot::{
-    grasp_selection::{Config, GraspSet},
+    grasp_selection::{Config, GraspSet, KEPT, Sampling},
     perception::ReferenceModel,
 };
 use nalgebra::Point3;
@@ -28,10 +28,14 @@ fn ellipsoid(semi_axes: Vector3<f64>) -> ReferenceModel {
     model
 }
 
+fn sample(sampling: &Sampling<'_>, reference: &ReferenceModel, gripper: &Gripper) -> GraspSet {
+    GraspSet::sample_as(sampling, reference, gripper, &Config::default())
+}
+
 #[test]
 fn a_ball_can_be_held_from_everywhere() {
-    let config = Config { samples: 50, turns_rad: vec![], ..Config::default() };
-    let set = GraspSet::sample(&ellipsoid(Vector3::repeat(0.0335)), &gripper(), &config);
+    let sampling = Sampling { most: 50, turns_rad: &[], ..Sampling::DEFAULT };
+    let set = sample(&sampling, &ellipsoid(Vector3::repeat(0.0335)), &gripper());
     assert_eq!(set.grasps.len(), 200);
     for grasp in &set.grasps {
         assert!((grasp.object_width_m - 0.067).abs() < 1e-3);
@@ -41,27 +45,27 @@ fn a_ball_can_be_held_from_everywhere() {
 
 #[test]
 fn a_long_body_is_held_across_and_a_wide_one_not_at_all() {
-    let config = Config { samples: 100, ..Config::default() };
-    let set = GraspSet::sample(&ellipsoid(Vector3::new(0.02, 0.03, 0.09)), &gripper(), &config);
+    let sampling = Sampling { most: 100, ..Sampling::DEFAULT };
+    let set = sample(&sampling, &ellipsoid(Vector3::new(0.02, 0.03, 0.09)), &gripper());
     assert!(!set.grasps.is_empty());
     for grasp in &set.grasps {
         let closing = grasp.X_OG * Vector3::x();
         assert!(closing.z.abs() < 0.5, "never closes along the length");
         assert!(grasp.object_width_m < 0.062);
     }
-    assert!(GraspSet::sample(&ellipsoid(Vector3::repeat(0.06)), &gripper(), &config).grasps.is_empty());
+    assert!(sample(&sampling, &ellipsoid(Vector3::repeat(0.06)), &gripper()).grasps.is_empty());
 }
 
 /// Few places on a large body can be held: more are tried there.
 #[test]
 fn sampling_ends_when_there_are_enough_grasps() {
-    let config = Config { fewest_samples: 10, enough_grasps: 300, turns_rad: vec![], ..Config::default() };
+    let sampling = Sampling { fewest: 10, enough: 300, turns_rad: &[], ..Sampling::DEFAULT };
     for semi_axes in [Vector3::repeat(0.0335), Vector3::new(0.02, 0.045, 0.085)] {
-        let found = GraspSet::sample(&ellipsoid(semi_axes), &gripper(), &config).grasps.len();
+        let found = sample(&sampling, &ellipsoid(semi_axes), &gripper()).grasps.len();
         assert!((300..304).contains(&found), "{found} grasps");
     }
-    let few = Config { samples: 75, ..config };
-    let found = GraspSet::sample(&ellipsoid(Vector3::new(0.02, 0.045, 0.085)), &gripper(), &few).grasps.len();
+    let few = Sampling { most: 75, ..sampling };
+    let found = sample(&few, &ellipsoid(Vector3::new(0.02, 0.045, 0.085)), &gripper()).grasps.len();
     assert!((1..300).contains(&found), "{found} grasps");
 }
 
@@ -82,10 +86,10 @@ fn slow(control: &str) -> Gripper {
 
 #[test]
 fn an_object_too_wide_for_the_finger_margin_is_held_with_less() {
-    let config = Config { samples: 20, ..Config::default() };
-    let set = GraspSet::sample(&ellipsoid(Vector3::repeat(0.0335)), &slow("\"position\""), &config);
+    let sampling = Sampling { most: 20, ..Sampling::DEFAULT };
+    let set = sample(&sampling, &ellipsoid(Vector3::repeat(0.0335)), &slow("\"position\""));
     assert!(set.grasps.iter().all(|it| it.aperture_m == 0.08) && !set.grasps.is_empty());
-    assert!(GraspSet::sample(&ellipsoid(Vector3::repeat(0.038)), &slow("\"position\""), &config).grasps.is_empty());
+    assert!(sample(&sampling, &ellipsoid(Vector3::repeat(0.038)), &slow("\"position\"")).grasps.is_empty());
 }
 
 #[test]
@@ -104,9 +108,9 @@ fn slow_fingers_wait_as_near_as_the_position_is_certain() {
 #[test]
 fn turned_grasps_close_in_the_same_direction() {
     let body = ellipsoid(Vector3::new(0.02, 0.02, 0.04));
-    let config = Config { samples: 1, turns_rad: vec![0.5], ..Config::default() };
-    let set = GraspSet::sample(&body, &gripper(), &config);
-    let plain = GraspSet::sample(&body, &gripper(), &Config { turns_rad: Vec::new(), ..config });
+    let sampling = Sampling { most: 1, turns_rad: &[0.5], ..Sampling::DEFAULT };
+    let set = sample(&sampling, &body, &gripper());
+    let plain = sample(&Sampling { turns_rad: &[], ..sampling }, &body, &gripper());
     assert!(set.grasps.len() > plain.grasps.len() && !plain.grasps.is_empty());
     for pair in set.grasps.windows(2) {
         let [one, two] = [&pair[0].X_OG, &pair[1].X_OG];
@@ -123,6 +127,6 @@ fn only_what_may_be_reached_is_ranked() {
         let config = Config::default();
         set.rank(&Pose::identity(), &Vector3::x(), &Point3::origin(), &config, |_| may_reach)
     };
-    assert_eq!((rank(true).0.len(), rank(true).1), (Config::default().kept, true));
+    assert_eq!((rank(true).0.len(), rank(true).1), (KEPT, true));
     assert_eq!((rank(false).0.len(), rank(false).1), (0, true));
 }

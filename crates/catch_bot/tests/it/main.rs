@@ -15,7 +15,6 @@ mod quadratic_program;
 mod reach_map;
 mod reachability;
 mod sent_plans;
-mod settings;
 mod symmetry;
 mod synthetic;
 mod terminal_velocity;

@@ -173,5 +173,5 @@ fn what_shows_nothing_gives_a_status() {
     frames[0].camera = 99;
     frames[1].depth_m.clear();
     assert_eq!(find(&frames, None), Err(PerceptionStatus::NoPoints));
-    assert_eq!(ReferenceModel::from_scan(&Default::default(), &config), ReferenceModel::default());
+    assert_eq!(ReferenceModel::from_scan(&Default::default()), ReferenceModel::default());
 }

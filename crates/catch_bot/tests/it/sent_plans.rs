@@ -70,7 +70,7 @@ fn catches(plans: &SentPlans) -> Vec<f64> {
 #[test]
 fn a_rejected_plan_is_dropped_with_those_that_went_on_from_it() {
     let mut plans = sent(&[0.0, 0.1, 0.2]);
-    assert!(plans.acknowledge(&arm(0.05, Some(1), &[2]), 0.02));
+    assert!(plans.acknowledge(&arm(0.05, Some(1), &[2])));
     assert_eq!(catches(&plans), [1.0]);
     assert!((plans.setpoint(0.3, &arm(0.05, Some(1), &[])).q[0] - 1.0).abs() < 1e-12);
     // The next one goes on from what executes, under a new identifier.
@@ -80,19 +80,19 @@ fn a_rejected_plan_is_dropped_with_those_that_went_on_from_it() {
 #[test]
 fn nothing_is_dropped_while_stamps_are_a_little_off() {
     let mut plans = sent(&[0.0, 0.1]);
-    assert!(!plans.acknowledge(&arm(0.1004, Some(1), &[]), 0.02));
+    assert!(!plans.acknowledge(&arm(0.1004, Some(1), &[])));
     assert_eq!(catches(&plans), [1.0, 2.0]);
-    assert!(!plans.acknowledge(&arm(0.11, Some(2), &[]), 0.02));
+    assert!(!plans.acknowledge(&arm(0.11, Some(2), &[])));
     assert_eq!(catches(&plans), [2.0], "what has been replaced is forgotten");
 }
 
 #[test]
 fn what_does_not_begin_has_been_lost() {
     let mut plans = sent(&[0.0, 0.1, 0.2]);
-    assert!(plans.acknowledge(&arm(0.15, Some(1), &[]), 0.02));
+    assert!(plans.acknowledge(&arm(0.15, Some(1), &[])));
     assert_eq!(catches(&plans), [1.0]);
     let mut plans = sent(&[0.1]);
-    assert!(plans.acknowledge(&arm(0.15, None, &[]), 0.02));
+    assert!(plans.acknowledge(&arm(0.15, None, &[])));
     assert_eq!(plans.last(), None);
 }
 
@@ -101,7 +101,7 @@ fn what_does_not_begin_has_been_lost() {
 fn what_somebody_else_has_sent_is_extrapolated() {
     let mut plans = SentPlans::default();
     let state = arm(0.5, Some(40), &[41]);
-    assert!(!plans.acknowledge(&state, 0.02));
+    assert!(!plans.acknowledge(&state));
     let ahead = plans.setpoint(0.51, &state);
     assert!((ahead.q[0] - 0.01).abs() < 1e-15 && ahead.dq[0] == 1.0);
     assert_eq!(plans.send(plan(0.51, 1.0)).id, TrajectoryId(42));

@@ -216,7 +216,7 @@ pub fn scan(shape: &Shape, width: u32) -> ReferenceScan {
 
 #[cfg(test)]
 pub(crate) fn reference(shape: &Shape, width: u32) -> super::ReferenceModel {
-    super::ReferenceModel::from_scan(&scan(shape, width), &Default::default())
+    super::ReferenceModel::from_scan(&scan(shape, width))
 }
 
 /// Poses of O (the reference's centre of mass) on the way of a throw, any orientation.

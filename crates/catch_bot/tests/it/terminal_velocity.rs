@@ -17,7 +17,6 @@ fn the_grasp_centre_moves_along_with_the_object() {
             &jacobian,
             &v_WO,
             &[Interval { low: -width, high: width }; MAX_JOINTS],
-            0.3,
             &Weights::BALANCED,
             None,
         )
@@ -39,7 +38,7 @@ fn a_hand_that_follows_leaves_no_velocity_across_its_approach() {
     let R_WG = Rotation3::from_euler_angles(0.3, -0.7, 1.1);
     let following = Some((R_WG, Following { closing: 8e3, approach: 8e2, gap: 8e2 }));
     let bounds = [Interval { low: -50.0, high: 50.0 }; MAX_JOINTS];
-    let found = terminal_velocity(&jacobian, &v_WO, &bounds, 0.3, &Weights::BALANCED, following.as_ref()).unwrap();
+    let found = terminal_velocity(&jacobian, &v_WO, &bounds, &Weights::BALANCED, following.as_ref()).unwrap();
     assert!((jacobian.fixed_rows::<3>(3) * found.dq - found.v_WG).norm() < 1e-12);
     let left = R_WG.inverse() * (v_WO - found.v_WG);
     let expected = Vector3::new(0.0, 0.7 * (R_WG.inverse() * v_WO).y, 0.0);
@@ -62,7 +61,7 @@ proptest! {
         let mut bounds = [Interval { low: 0.0, high: 0.0 }; MAX_JOINTS];
         bounds[..7].fill(Interval { low: -width, high: width });
         let found =
-            terminal_velocity(&jacobian, &v_WO, &bounds, 0.3, &weights, Some(&(R_WG, following))).unwrap();
+            terminal_velocity(&jacobian, &v_WO, &bounds, &weights, Some(&(R_WG, following))).unwrap();
         let cost = |dq: &JointVector| {
             let left = R_WG.inverse() * (jacobian.fixed_rows::<3>(3) * dq - v_WO);
             let along = left.y + 0.7 * (R_WG.inverse() * v_WO).y;

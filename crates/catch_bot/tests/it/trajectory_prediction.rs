@@ -100,7 +100,7 @@ fn prediction_survives_outliers_of_four_frames_in_ten() {
             }
             Err(status) => {
                 let agree = poses.iter().filter(|pose| off_m(&pose.X_WO, pose.capture_s) < 0.02).count();
-                let is_too_few = (agree as f64) < config.min_inlier_fraction * FRAMES as f64;
+                let is_too_few = (agree as f64) < MIN_INLIER_FRACTION * FRAMES as f64;
                 assert!(status == PredictionStatus::NoAgreement && is_too_few, "{seed}: {status:?}, {agree} agree");
                 without += 1;
             }
@@ -300,7 +300,7 @@ fn off_centre(symmetry: &Symmetry, com_O: Vector3<f64>, com_sd_m: Option<f64>, t
         let poses = seen(&flown, 30, 1e-3, 0.02, 0.0, &mut normal);
         let mut predictor = InformationFit::new(config.clone(), *symmetry, seed);
         let (mut found, mut last): (Option<FlightTrajectory>, _) = (None, 0.0);
-        for count in config.first_after..=poses.len() {
+        for count in config.considered.first_after..=poses.len() {
             found = predictor.predict(&poses[..count], found.as_ref()).ok();
             last = poses[count - 1].capture_s + 0.3;
         }

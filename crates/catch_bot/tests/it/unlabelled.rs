@@ -7,7 +7,7 @@ use catch_cell::{CameraModel, DepthFrame, PixelWindow};
 use nalgebra::{Point3, UnitQuaternion};
 
 use catch_bot::perception::{
-    Config, DepthNoise, PoseEstimator, Prior, SdfEstimator, Surroundings, View, Workspace,
+    Config, DepthNoise, GATE_M, PoseEstimator, Prior, SdfEstimator, Surroundings, View, Workspace,
     segmentation::{Background, Label},
 };
 
@@ -131,10 +131,7 @@ fn segment(case: Case, trials: u64) -> Segmented {
             .iter()
             .map(|camera| {
                 if tracked {
-                    camera.window_around(
-                        &camera.X_WC.inverse_transform_point(&centre),
-                        reference.radius_m + config.gate_m,
-                    )
+                    camera.window_around(&camera.X_WC.inverse_transform_point(&centre), reference.radius_m + GATE_M)
                 } else {
                     camera.full_window()
                 }

@@ -133,10 +133,7 @@ fn row(section: &Section, field: &Field, ranges: &BTreeMap<String, String>) -> [
     let path = if section.path.is_empty() { field.name.clone() } else { format!("{}.{}", section.path, field.name) };
     let has_defaults = !section.path.is_empty() || section.heading == "The file";
     let default = has_defaults.then(|| default(&path, section.with)).flatten();
-    let range = match &field.quantity {
-        Some(name) => ranges[name].clone(),
-        None => expected(&path).unwrap_or_default(),
-    };
+    let range = field.quantity.as_ref().map_or_else(String::new, |name| ranges[name].clone());
     let default = default.map_or(String::new(), |it| format!("`{it}`"));
     let mut holds = kind(&field.kind);
     if SCENARIO.iter().any(|it| it.heading == path && has_defaults) {
@@ -171,7 +168,8 @@ fn kind(rust: &str) -> String {
         "Pose" => "pose",
         "JointVector" => "joint values",
         "Drawn" => "number or `{ min, max }`",
-        "Wind" => "3 numbers or `{ max_mps }`",
+        "GripperDriveKind" => "`ideal`, `real` or `position`",
+        "GripperTrigger" => "`command` or `proximity`",
         "Method" => "`ours` or `paper`",
         "Clock" | "DepthModel" | "Combine" => "name, or table",
         _ => "table",
@@ -224,21 +222,6 @@ fn default(path: &str, with: &str) -> Option<String> {
     }
     let is_left_out = LEAST.lines().any(|line| line.split(" = ").next() == Some(path));
     (!is_left_out && !found.is_table()).then(|| found.to_string())
-}
-
-/// The values that a setting of the brain may have, as the brain says them when it is given another one.
-fn expected(path: &str) -> Option<String> {
-    path.strip_prefix("brain.")?;
-    let scenario = least();
-    ["1e300", "-1e300", "999999999999", "[1e300]"].into_iter().find_map(|value| {
-        let faults = match scenario.clone().with_settings(&[format!("{path}={value}")]) {
-            Ok(changed) => changed.faults(""),
-            Err(fault) => vec![fault],
-        };
-        let range = faults.into_iter().find(|it| it.field.starts_with(path)).map(|it| it.expected)?;
-        let range = range.replace("zero or", "0 or");
-        range.starts_with(|it: char| it.is_ascii_digit() || it == '-').then_some(range)
-    })
 }
 
 /// The ranges of checked quantities, by the functions that read them.

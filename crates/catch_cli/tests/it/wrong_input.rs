@@ -255,7 +255,7 @@ fn arguments_that_cannot_be_right_say_what_would_be() {
         (&["eval", "--study", "ablation", "--set", "arena.friction=1"], &["--study", "--set"]),
         (&["eval", "--study", "ablatoin"], &["--study", "did you mean `ablation`?"]),
         (&["catch", "--set", "brain.trajectory_optimization.velocity_scaling=1.5"], &["velocity_scaling", "0.01 to 1"]),
-        (&["catch", "--set", "brain.perception.distance_grid_m=0"], &["distance_grid_m", "0.0005 to 0.05"]),
+        (&["catch", "--set", "brain.trajectory_optimization.clearance_m=0"], &["clearance_m", "0.001 to 2 m"]),
         (&["catch", "--set", "arena.step_s=1e-9"], &["arena.step_s", "0.00001 to 0.002"]),
     ] {
         let said = complaint(arguments);
@@ -298,8 +298,8 @@ fn every_asset_is_right_and_what_is_not_is_told() {
         ),
         (
             "scenarios/as-published.toml",
-            "\ngripper = { kind = \"position\", stiffness_npm = 2500.0, damping_nspm = 20.0, max_force_n = 500.0, open_width_m = 1.0, cycle_s = 0.001 }",
-            "\ngripper = { kind = \"real\" }",
+            "\ngripper = \"position\"",
+            "\ngripper = \"real\"",
             "brain.grasp_selection.closing_speed_mps: found 6, expected at most 0.42, the max_speed_mps of grippers/wsg50.toml",
         ),
         (

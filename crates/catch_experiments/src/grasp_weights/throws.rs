@@ -185,7 +185,7 @@ fn last_report(trial: &Trial, catch_s: f64) -> Option<&Report> {
 
 #[cfg(test)]
 mod tests {
-    use catch_bot::{Status, grasp_selection::heuristics};
+    use catch_bot::{Status, grasp_selection::Passing};
     use catch_lab::scenario::setup::Choice;
     use nalgebra::Point3;
 
@@ -224,7 +224,7 @@ mod tests {
             let comfort_alone = weights::with(config.clone(), &[0.0; weights::SETTINGS.len()]).grasp_selection.weights;
             let base = Point3::from(setup.robot.X_WB.translation.vector);
             let (X_WO, v_WO) = (flight.pose_at(plan.catch_s), flight.twist_at(plan.catch_s).linear);
-            let comfort = heuristics::rank_alone(0, &plan.grasp, &X_WO, &v_WO, &base, &comfort_alone).still_cost;
+            let comfort = Passing::new(&X_WO, &v_WO, &base, &comfort_alone).rank_alone(0, &plan.grasp).still_cost;
             let terms = weights::terms(&setup, report).unwrap();
             let found = weights::cost(&today, &terms) + comfort;
             assert!((found - plan.holding_cost).abs() < 1e-3, "{found} {}", plan.holding_cost);

@@ -6,7 +6,7 @@ use std::{
 };
 
 use catch_body::{InputError, TriangleMesh};
-use catch_bot::perception::{Config, ReferenceModel};
+use catch_bot::perception::ReferenceModel;
 use catch_cell::{CameraModel, DepthFrame, ReferenceScan, rig_from_toml};
 use nalgebra::Point3;
 
@@ -62,7 +62,7 @@ pub(super) fn surface(folder: &Path, scale: Option<f64>) -> Result<(TriangleMesh
         return Err(InputError::new(rig.display(), "cameras", found, expected));
     }
     let scan = ReferenceScan { cameras, frames };
-    let reference = ReferenceModel::from_scan(&scan, &Config::default());
+    let reference = ReferenceModel::from_scan(&scan);
     let findings = vec![format!("{named}: {} depth images", images.len())];
     scan::between(&named, &reference, scale.unwrap_or(1.0), findings)
 }

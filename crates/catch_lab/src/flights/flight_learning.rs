@@ -6,7 +6,6 @@
 use std::path::Path;
 
 use catch_body::InputError;
-use catch_bot::settings::Settings;
 
 use super::aerodynamics::{FlightPrior, Noise, PARAMETERS, ParameterCovariance, ParameterVector};
 use super::flight_misses::{Miss, Misses, Seen, Throw, in_parallel, misses, quantile};
@@ -204,7 +203,7 @@ pub fn read(path: &Path) -> Result<FlightPrior, InputError> {
     let text = FileKind::toml(expected).read_text(path)?;
     let prior: FlightPrior = InputError::parse_toml(&file, &text)
         .map_err(|fault| InputError { expected: format!("{}, as in {expected}", fault.expected), ..fault })?;
-    prior.check().map_err(|fault| InputError::new(&file, fault.field, fault.found, fault.expected))?;
+    prior.check(&file)?;
     Ok(prior)
 }
 
@@ -260,8 +259,8 @@ mod tests {
     fn what_is_built_in_is_a_prior_and_is_written_as_it_is_read() {
         let prior = any_object();
         assert!(prior.throws > 0 && prior.source.contains("github.com"), "{}", prior.source);
-        prior.check().unwrap();
-        broad().check().unwrap();
+        prior.check("learned").unwrap();
+        broad().check("broad").unwrap();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("object.toml");
         std::fs::write(&path, text(&prior).unwrap()).unwrap();

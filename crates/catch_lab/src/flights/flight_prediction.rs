@@ -1,6 +1,6 @@
 //! Flights through recorded tracks: where an object goes on to that was seen for a while.
 
-use catch_bot::trajectory_prediction::{Config, PredictionStatus};
+use catch_bot::trajectory_prediction::{Config, Considered, PredictionStatus};
 use nalgebra::{Matrix6, Point3, Unit, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -213,10 +213,12 @@ fn fit(
         let config = Config {
             drag_prior_per_m: Some(drag),
             drag_prior_sd_per_m: Some(drag_sd),
-            first_after: LEAST_SIGHTINGS,
-            window: samples.len(),
-            fit_window: samples.len(),
-            inlier_m: Config::default().inlier_m.max(4.0 * noise_m),
+            considered: Considered {
+                first_after: LEAST_SIGHTINGS,
+                window: samples.len(),
+                fit_window: samples.len(),
+                inlier_m: Considered::default().inlier_m.max(4.0 * noise_m),
+            },
             ..Config::default()
         };
         Track::fit(&samples, up, &config, SEED)

@@ -18,7 +18,7 @@
 use catch_body::{JointVector, MAX_JOINTS, dynamics::gravity, robot::Jacobian};
 use catch_bot::{
     trajectory_optimization::{
-        MotionPlanner, Start,
+        MAX_SPEED_FRACTION, MotionPlanner, Start,
         motion::LimitScaling,
         reachability::{Interval, ReachableSet},
     },
@@ -224,14 +224,13 @@ impl Proof<'_> {
         flown: &Flown,
         reaches: &[ReachableSet; MAX_JOINTS],
     ) -> bool {
-        let most = self.planner.config().max_speed_fraction;
         let bounds = std::array::from_fn(|i| {
             let far = reaches[i].displacements();
             let at = |q: f64| reaches[i].terminal_velocities((q - self.start.state.q[i]).clamp(far.low, far.high));
             // Both ends rise with the displacement.
             Interval { low: at(piece[i].low).low - ROUNDING_RADPS, high: at(piece[i].high).high + ROUNDING_RADPS }
         });
-        let Some(lambda) = shortfall(&middle.J, &flown.v, &bounds, most) else { return false };
+        let Some(lambda) = shortfall(&middle.J, &flown.v, &bounds) else { return false };
         let (half, columns) = (&middle.half, &middle.columns);
         let reached: f64 = (0..MAX_JOINTS)
             .map(|i| {
@@ -242,7 +241,7 @@ impl Proof<'_> {
             })
             .sum();
         let faster = flown.acceleration * half[TIME] * lambda.norm();
-        reached < (most * (lambda.dot(&flown.v) - faster)).min(0.0)
+        reached < (MAX_SPEED_FRACTION * (lambda.dot(&flown.v) - faster)).min(0.0)
     }
 }
 
@@ -307,7 +306,7 @@ mod tests {
                 let fast = reaches[i].terminal_velocities(q[i] - from[i]);
                 if J.column(i).dot(&Vector3::from(toward)) > 0.0 { fast.high } else { fast.low }
             });
-            let v_WOcm = J * dq / (fraction.min(1.0) * planner.config().max_speed_fraction);
+            let v_WOcm = J * dq / (fraction.min(1.0) * MAX_SPEED_FRACTION);
             let flight = FlightTrajectory { time_s: catch_s, p_WOcm, v_WOcm, drag_per_m, ..FlightTrajectory::default() };
 
             let any = AnyCatch { flight: &flight, times_s: [0.0, 1.0], within_m: 0.0 };

@@ -6,7 +6,7 @@ use catch_bot::{
     trajectory_prediction::FlightTrajectory,
 };
 
-use super::setup::{CHECKED, Setup};
+use super::setup::Setup;
 
 /// Search passes before the answer is that there is no catch: each tries times between those of the one before.
 const PASSES: usize = 8;
@@ -17,7 +17,7 @@ const PASSES: usize = 8;
 /// If settings were changed in code to values out of their ranges.
 pub fn plan(setup: &Setup, start: Start, flight: &FlightTrajectory) -> Decision {
     let settings = setup.uncalibrated_config(0, 0);
-    let mut planner = settings.catch_planner(setup.known(), settings.seed).expect(CHECKED);
+    let mut planner = settings.catch_planner(setup.known(), settings.seed);
     let mut progress = Progress::default();
     let mut ask = || {
         let decision = planner.plan(&Situation {

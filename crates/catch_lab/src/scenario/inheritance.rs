@@ -10,7 +10,7 @@ use toml::{
 
 use crate::{
     assets::{Asset, Kind, Origin},
-    scenario::Scenario,
+    scenario::{Scenario, depth_errors},
 };
 
 /// The field that names the scenario that a file extends.
@@ -40,7 +40,9 @@ fn extended_after(asset: &Asset, before: &mut Vec<String>) -> Result<Table, Inpu
     }
     let mut below = extended_after(&base, before)?;
     // Its own faults bear its own name.
-    let (scenario, faults): (Scenario, _) = InputError::from_table(&base.file, below.clone())?;
+    let mut complete = below.clone();
+    depth_errors::fill_in(&mut complete, &base.file)?;
+    let (scenario, faults): (Scenario, _) = InputError::from_table(&base.file, complete)?;
     InputError::first_of(faults.into_iter().chain(scenario.faults(&base.file)).map(Err::<(), _>))?;
     name_from_here(&scenario, &base.origin, &mut below);
     let spans = DeTable::parse(&asset.text).map_err(|it| fault(it.message().to_owned(), "valid TOML"))?;
@@ -105,7 +107,7 @@ mod tests {
         let mut expected = honest.clone();
         (expected.name, expected.description) = ("slippery".to_owned(), "mine".to_owned());
         expected.arena.friction = 0.2.into();
-        expected.arena.depth = toml::from_str("model = \"stereo7\"").unwrap();
+        expected.arena.depth = toml::from_str("model = { stereo = {} }").unwrap();
         expected.arena.robot_errors.link_mass_spread = 0.1;
         expected.brain.grasp_selection.weights.width = 1.0;
         assert_eq!(load(folder.path(), "slippery.toml").unwrap(), expected);

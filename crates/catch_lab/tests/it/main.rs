@@ -18,6 +18,7 @@ mod random_chains;
 mod referee;
 mod robot_controller;
 mod search_passes;
+mod settings;
 mod source;
 mod standard_terms;
 mod supply_chain;

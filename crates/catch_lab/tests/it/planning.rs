@@ -60,7 +60,7 @@ impl Desk {
     fn of(setup: Setup, change: impl Fn(&mut Config)) -> Self {
         let mut config = setup.brain_config(1, 0);
         change(&mut config.trajectory_optimization);
-        let reference = ReferenceModel::from_scan(&setup.known_object.scan, &config.perception);
+        let reference = ReferenceModel::from_scan(&setup.known_object.scan);
         let grasps = GraspSet::sample(&reference, &setup.gripper, &config.grasp_selection);
         let motion =
             MotionPlanner::new(setup.robot.clone(), setup.gripper.clone(), config.trajectory_optimization.clone());
@@ -287,7 +287,7 @@ fn many(desks: &[Desk], catches: usize, seed: u64) -> Outcomes {
 #[test]
 fn catches_that_cannot_be_adjusted_are_shifted_or_approached() {
     shifts_or_approaches(&Desk::new("banana", |_| {}));
-    shifts_or_approaches(&Desk::new("banana", |config| config.replan.reach_fractions = vec![0.97, 0.9, 0.8]));
+    shifts_or_approaches(&Desk::new("banana", |config| config.reach_fractions = vec![0.97, 0.9, 0.8]));
     shifts_or_approaches(&Desk::with_jerk("banana", 2000.0));
 }
 
@@ -295,7 +295,7 @@ fn catches_that_cannot_be_adjusted_are_shifted_or_approached() {
 #[test]
 fn reach_left_in_each_joint_lets_more_objects_in() {
     let [exact, with_reach] = [vec![], vec![0.97, 0.9, 0.8]]
-        .map(|fractions| Desk::new("banana", |config| config.replan.reach_fractions.clone_from(&fractions)));
+        .map(|fractions| Desk::new("banana", |config| config.reach_fractions.clone_from(&fractions)));
     let mut rng = Pcg64::seed_from_u64(7);
     let (mut replans, mut freed) = (0, 0);
     for _ in 0..2500 {

@@ -65,7 +65,6 @@ const CRATES: &[(&str, &[&str])] = &[
 
 /// Modules of the brain in the order in which data flows; a module may use only those above it, and nothing of the crate's root.
 const STAGES: &[&str] = &[
-    "settings",
     "perception",
     "trajectory_prediction",
     "grasp_selection",

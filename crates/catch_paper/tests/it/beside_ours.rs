@@ -36,7 +36,7 @@ fn icp_gives_the_pose_less_well_than_the_distance_field() {
         let reference = Arc::new(synthetic::reference(&shape, 200));
         let config = perception::Config::default;
         let settings = registration::Config::default();
-        let mut icp = IcpEstimator::new(settings, config(), reference.clone(), Workspace::default()).unwrap();
+        let mut icp = IcpEstimator::new(settings, config(), reference.clone(), Workspace::default());
         let mut ours = SdfEstimator::new(config(), reference.clone(), Workspace::default());
         let icp = errors(&mut icp, &shape, &reference);
         let ours = errors(&mut ours, &shape, &reference);
@@ -54,14 +54,9 @@ fn icp_gives_the_pose_less_well_than_the_distance_field() {
 fn icp_starts_from_the_origin_if_it_starts_from_its_last_pose() {
     let (_, shape) = Shape::all().into_iter().next().unwrap();
     let reference = Arc::new(synthetic::reference(&shape, 200));
-    let settings = registration::Config {
-        starts_from_last_pose: true,
-        max_iterations: 1000,
-        relative_tolerance: Some(1e-5),
-        ..registration::Config::default()
-    };
-    let perception = perception::Config { gate_m: 3.0, max_residual_m: 1.0, ..perception::Config::default() };
-    let mut icp = IcpEstimator::new(settings, perception, reference.clone(), Workspace::default()).unwrap();
+    let settings = registration::Config { as_published: true };
+    let perception = perception::Config::default();
+    let mut icp = IcpEstimator::new(settings, perception, reference.clone(), Workspace::default());
     let cameras = synthetic::flight_rig();
     let mut normal = Normal::new(1);
     let X_WO = synthetic::pose_in_flight(&mut normal);

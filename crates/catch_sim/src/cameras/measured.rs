@@ -44,6 +44,22 @@ fn config(model: DepthModel) -> DepthConfig {
     DepthConfig { model, ..DepthConfig::default() }
 }
 
+/// A small camera with errors of every kind.
+fn near_stereo() -> StereoNoise {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/depth_errors/near_stereo.toml");
+    toml::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+}
+
+/// Bare stereo.
+fn bare() -> DepthModel {
+    DepthModel::Stereo(StereoNoise::default())
+}
+
+/// Stereo with most of its error common to an image, and pixels that are missing.
+fn missing() -> StereoNoise {
+    StereoNoise { common_fraction: 0.9, dropout_fraction: 0.1, ..StereoNoise::default() }
+}
+
 fn stereo(noise: StereoNoise) -> DepthConfig {
     config(DepthModel::Stereo(noise))
 }
@@ -66,8 +82,7 @@ fn the_spread_of_a_depth_is_that_of_the_formula() {
     let models = [
         DepthModel::Perfect,
         DepthModel::Gaussian(GaussianNoise { sd_m: 0.002 }),
-        DepthModel::Kinect,
-        DepthModel::Stereo7,
+        bare(),
         DepthModel::Stereo(StereoNoise { baseline_m: 0.05, subpixel_px: 0.05, ..StereoNoise::default() }),
     ];
     for model in models {
@@ -146,7 +161,7 @@ fn the_fraction_of_pixels_is_missing_that_should_be() {
     let without = Wall::at(3.0).captured(&stereo(noise), 0..1);
     let errors = with[0].depth_m.iter().zip(&without[0].depth_m).filter(|(with, _)| with.is_nan());
     let (mean, variance, count) = moments(errors.map(|(_, without)| f64::from(*without) - 3.0));
-    let sd_m = DepthModel::Stereo7.sd_m(3.0, 362.13);
+    let sd_m = bare().sd_m(3.0, 362.13);
     assert!(mean.abs() < 4.0 * sd_m / count.sqrt() + 1e-4, "{mean}");
     assert!((variance.sqrt() / sd_m - 1.0).abs() < 0.02, "{variance}");
 }
@@ -318,22 +333,15 @@ fn images_are_lost_in_bursts() {
 }
 
 #[test]
-fn depths_and_disparities_have_steps() {
-    let depths = DepthConfig { step_m: 0.001, ..config(DepthModel::Stereo7) };
-    let disparity_step_px = 1.0 / 32.0;
-    let disparities = stereo(StereoNoise { disparity_step_px, ..StereoNoise::default() });
+fn depths_have_steps() {
+    let depths = DepthConfig { step_m: 0.001, ..config(bare()) };
     let wall = Wall::at(3.0);
-    let exact = wall.captured(&config(DepthModel::Stereo7), 0..1);
-    for (config, is_whole, most_off_m) in [
-        (depths, Box::new(|z: f64| z / 0.001) as Box<dyn Fn(f64) -> f64>, 0.0005),
-        (disparities, Box::new(|z: f64| wall.camera.focal_px * 0.095 / z / disparity_step_px), 0.006),
-    ] {
-        for (stepped, exact) in wall.captured(&config, 0..1)[0].depth_m.iter().zip(&exact[0].depth_m) {
-            let (stepped, exact) = (f64::from(*stepped), f64::from(*exact));
-            let steps = is_whole(stepped);
-            assert!((steps - steps.round()).abs() < 1e-3, "{stepped}");
-            assert!((stepped - exact).abs() < most_off_m, "{stepped} {exact}");
-        }
+    let exact = wall.captured(&config(bare()), 0..1);
+    for (stepped, exact) in wall.captured(&depths, 0..1)[0].depth_m.iter().zip(&exact[0].depth_m) {
+        let (stepped, exact) = (f64::from(*stepped), f64::from(*exact));
+        let steps = stepped / 0.001;
+        assert!((steps - steps.round()).abs() < 1e-3, "{stepped}");
+        assert!((stepped - exact).abs() < 0.0005, "{stepped} {exact}");
     }
 }
 
@@ -345,11 +353,11 @@ fn patches_of_the_object_give_no_depth() {
     let fraction = 0.3;
     let centre = Point3::new(1.2, 1.0, 0.8);
     let rig = [Vector3::x(), Vector3::y(), Vector3::new(0.3, 0.2, 1.0)]
-        .map(|away| CameraModel::with_field_of_view(look_at(&(centre + away), &centre), 120, 120, 0.3));
+        .map(|away| CameraModel::with_field_of_view(look_at(&(centre + away), &centre), 120, 120, 0.1));
     let (X_WL, renderer) = (iiwa().link_poses(&JointVector::zeros()), renderer(&long_object(), false));
     let X_WO = Pose::translation(centre.x, centre.y, centre.z);
     let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: 0.11, X_WO: &X_WO };
-    let config = |fraction| DepthConfig { hole_fraction: fraction, hole_size_m: 0.03, ..DepthConfig::default() };
+    let config = |fraction| DepthConfig { hole_fraction: fraction, ..DepthConfig::default() };
     let images = |config: &DepthConfig, index, exposure| {
         let cameras = DepthCameras::new(&rig, config, 8, index);
         cameras.capture(&renderer, &scene, exposure, Readout::Object, true)
@@ -444,10 +452,9 @@ fn every_model() -> Vec<DepthConfig> {
     let models = [
         DepthModel::Perfect,
         DepthModel::Gaussian(GaussianNoise { sd_m: 0.002 }),
-        DepthModel::Kinect,
-        DepthModel::Stereo7,
-        DepthModel::Stereo7c,
-        DepthModel::NearStereo,
+        bare(),
+        DepthModel::Stereo(missing()),
+        DepthModel::Stereo(near_stereo()),
         DepthModel::Stereo(wild),
     ];
     let with_losses = |model| DepthConfig {
@@ -511,7 +518,7 @@ fn every_camera_exposure_and_scene_has_noise_of_its_own() {
     let scene = Scene { capture_s: 0.0, X_WL: &X_WL, width_m: 0.11, X_WO: &Pose::translation(0.0, 0.0, 1.0) };
     let window = [PixelWindow { left: 0, top: 0, width: 50, height: 50 }; 2];
     let errors = |seed, index, exposure| {
-        let cameras = DepthCameras::new(&rig, &config(DepthModel::Stereo7c), seed, index);
+        let cameras = DepthCameras::new(&rig, &stereo(missing()), seed, index);
         cameras.capture(&wall.renderer, &scene, exposure, Readout::Windows(&window), false)
     };
     let mut all = Vec::new();

@@ -142,10 +142,10 @@ impl DepthCameras {
         let person = self.person.iter().flat_map(|person| person.parts(scene.capture_s));
         let view = renderer.view(scene).with(person);
         let stereo = self.config.model.stereo();
-        let edge_px = stereo.as_ref().map_or(0, StereoNoise::edge_reach_px);
+        let edge_px = stereo.map_or(0, StereoNoise::edge_reach_px);
         let channels = Channels {
             shows_object: labelled || self.holes.is_some(),
-            facing: stereo.as_ref().is_some_and(|stereo| stereo.grazing_rad.is_some()),
+            facing: stereo.is_some_and(|stereo| stereo.grazing_rad.is_some()),
         };
         let frame_of = |(index, exposure): (usize, u64)| {
             let camera = &self.cameras[index];
@@ -158,7 +158,7 @@ impl DepthCameras {
             let exact = view.image(camera, widened(camera, &window, edge_px), channels);
             let hidden = self.holes.as_ref().map(|holes| holes.pixels(&exact.part(window), scene.X_WO));
             let pixels = key.part(Place::Pixels as u64);
-            let mut image = match (&self.config.model, &stereo) {
+            let mut image = match (&self.config.model, stereo) {
                 (_, Some(stereo)) => stereo.measured(exact, window, key),
                 (DepthModel::Perfect, _) => exact,
                 (model, _) => exact.changed(|pixel, _, z| {
@@ -188,6 +188,9 @@ impl DepthCameras {
     }
 }
 
+/// Edge length of a patch without depth, in metres.
+const HOLE_SIZE_M: f64 = 0.01;
+
 /// Patches of the object's surface of which there are no depths: cubes of a lattice in O.
 #[derive(Debug, Clone)]
 struct Holes {
@@ -200,7 +203,7 @@ impl Holes {
     /// Those of a throw; none where there are none.
     fn new(config: &DepthConfig, key: Key) -> Option<Self> {
         let fraction = config.hole_fraction.at(key.unit(0));
-        (fraction > 0.0).then_some(Self { fraction, size_m: config.hole_size_m, key })
+        (fraction > 0.0).then_some(Self { fraction, size_m: HOLE_SIZE_M, key })
     }
 
     /// The pixels of an exact image that show such a patch.
@@ -270,8 +273,6 @@ impl StereoNoise {
         let own_sd = sd * (1.0 - self.common_fraction).sqrt();
         let pixels = key.part(Place::Pixels as u64);
         let [nearest_m, farthest_m] = self.range_m.unwrap_or([0.0, f64::MAX]);
-        // Inverse depths that are a step of the disparity apart.
-        let step_per_m = self.disparity_step_px / (image.camera.focal_px * self.baseline_m);
         let facing = image.facing.take();
         let grazing = self.grazing_rad.map(|[from, to]| (from.cos(), from, to));
         image.changed(|pixel, at, z| {
@@ -286,9 +287,7 @@ impl StereoNoise {
             if counter_generator::unit(bits as u32) < missing {
                 return f32::NAN;
             }
-            let inverse = 1.0 / z + common + own_sd * counter_generator::normal((bits >> 32) as u32);
-            let measured =
-                if step_per_m > 0.0 { 1.0 / ((inverse / step_per_m).round() * step_per_m) } else { 1.0 / inverse };
+            let measured = 1.0 / (1.0 / z + common + own_sd * counter_generator::normal((bits >> 32) as u32));
             // An error that leaves no disparity gives a depth that is infinite or behind the camera.
             if measured >= nearest_m && measured <= farthest_m { measured as f32 } else { f32::NAN }
         })

@@ -4,8 +4,9 @@
 use catch_body::Gripper;
 use catch_cell::{GripperMove, GripperState};
 
-use crate::config::RealDrive;
-
+/// The reported width and speed are rounded to this, in metres and m/s: the unit of the command set (Schunk, WSG series, PROFIBUS interface,
+/// register WIDTH).
+const WIDTH_STEP_M: f64 = 1e-5;
 /// Natural frequency of the position controller in rad/s, below a third of the rate at which it runs.
 pub(super) const BANDWIDTH_RADPS: f64 = 300.0;
 
@@ -23,14 +24,14 @@ pub(super) struct Interface {
 
 impl Interface {
     /// `phase` is the fraction of a cycle that is left at t = 0.
-    pub fn new(config: &RealDrive, gripper: &Gripper, width_m: f64, phase: f64) -> Self {
-        let cycle_s = 1.0 / config.state_rate_hz.unwrap_or(gripper.drive.state_rate_hz);
+    pub fn new(gripper: &Gripper, width_m: f64, phase: f64) -> Self {
+        let cycle_s = 1.0 / gripper.drive.state_rate_hz;
         let reported = GripperState { width_m, speed_mps: 0.0, force_n: 0.0, grasp: catch_cell::GraspState::Idle };
         Self {
-            latency_s: config.latency_s.unwrap_or(gripper.drive.latency_s),
+            latency_s: gripper.drive.latency_s,
             cycle_s,
             phase_s: phase * cycle_s,
-            step_m: config.width_step_m,
+            step_m: WIDTH_STEP_M,
             cycles_seen: 0,
             reported,
         }

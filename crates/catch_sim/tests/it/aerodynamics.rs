@@ -4,7 +4,6 @@ use catch_cell::Cell;
 use catch_sim::{
     Arena, ArenaConfig, Conditions, Equipment, FreeFlight, Release,
     aerodynamics::{Aerodynamics, AerodynamicsConfig},
-    config::Wind,
 };
 use nalgebra::{Matrix3, Point3, Quaternion, UnitQuaternion, Vector3};
 use serde::Deserialize;
@@ -88,7 +87,7 @@ fn flights_in_air_are_those_of_scipy() {
 #[test]
 fn the_arena_flies_as_free_flight_has_it() {
     let aerodynamics = AerodynamicsConfig { drag_anisotropy: 0.9, max_magnus: 0.02, max_spin_decay_per_s: 1.0 };
-    let wind = Wind::Always([1.0, -1.0, 0.0]);
+    let wind = [1.0, -1.0, 0.0];
     let config = ArenaConfig { drag: true, aerodynamics, wind, max_spin_radps: 25.0, ..ArenaConfig::default() };
     let (robot, object) = (setting::robot(), setting::object("banana"));
     let equipment = Equipment::new(config.clone(), robot.clone(), setting::gripper(), object.clone(), Vec::new());

@@ -4,8 +4,7 @@ use catch_body::Gripper;
 use catch_cell::GripperMove;
 use catch_sim::{
     ThrownObject,
-    config::RealDrive,
-    gripper_drive::GripperDrive,
+    gripper_drive::{DRIVE_MASS_KG, GripperDrive},
     physics::{World, WorldSettings},
     random_streams::{Draws, Stream},
 };
@@ -35,9 +34,10 @@ impl Grip {
         let world = setting::fixed_hand(settings, p_WG, &gripper, width_m, object, &release);
         let mut drive = match settings.drive_mass_kg {
             0.0 => GripperDrive::new(&gripper, width_m),
-            drive_mass_kg => {
-                let config = RealDrive { drive_mass_kg, latency_s: Some(0.0), ..RealDrive::default() };
-                GripperDrive::real(&gripper, width_m, &config, &mut Draws::new(Stream::Gripper, 0, 0))
+            _ => {
+                let mut prompt = gripper.clone();
+                prompt.drive.latency_s = 0.0;
+                GripperDrive::real(&prompt, width_m, &mut Draws::new(Stream::Gripper, 0, 0))
             }
         };
         drive.receive(&[GripperMove { start_s: 0.0, width_m: 0.0, speed_mps: 0.4, force_n }], 0.0);
@@ -109,7 +109,7 @@ fn fingers_press_as_hard_as_they_are_told() {
 fn what_is_squeezed_is_as_stiff_as_its_file_says() {
     for (name, width_m) in [("tennis_ball", 0.068), ("pill_bottle", 0.052)] {
         let object = setting::object(name);
-        for drive_mass_kg in [0.0, 0.5] {
+        for drive_mass_kg in [0.0, DRIVE_MASS_KG] {
             let settings = WorldSettings { drive_mass_kg, ..setting::settings(0.667, 0.0) };
             let apart_m = |force_n: f64| {
                 let grip = Grip::with_drive(&object, width_m, settings, force_n);

@@ -3,8 +3,7 @@
 use catch_body::DriveControl;
 use catch_cell::{GraspState, GripperMove, GripperState};
 use catch_sim::{
-    config::RealDrive,
-    gripper_drive::GripperDrive,
+    gripper_drive::{DRIVE_MASS_KG, GripperDrive},
     physics::{World, WorldSettings},
     random_streams::{Draws, Stream},
 };
@@ -17,7 +16,7 @@ const STEP_S: f64 = 1e-3;
 fn drive(index: u64) -> GripperDrive {
     let gripper = setting::gripper();
     let mut draws = Draws::new(Stream::Gripper, 5, index);
-    GripperDrive::real(&gripper, gripper.max_width_m, &RealDrive::default(), &mut draws)
+    GripperDrive::real(&gripper, gripper.max_width_m, &mut draws)
 }
 
 fn close_at(start_s: f64) -> GripperMove {
@@ -27,7 +26,7 @@ fn close_at(start_s: f64) -> GripperMove {
 /// A hand in the air with a ball in the middle of its fingers, or far away from it.
 fn hand(ball_is_inside: bool) -> World {
     let gripper = setting::gripper();
-    let settings = WorldSettings { drive_mass_kg: RealDrive::default().drive_mass_kg, ..setting::settings(0.6, 0.0) };
+    let settings = WorldSettings { drive_mass_kg: DRIVE_MASS_KG, ..setting::settings(0.6, 0.0) };
     let p_WG = Point3::new(0.0, 0.0, 2.0);
     let place = if ball_is_inside { [0.0, gripper.grasp_centre_y_m, 2.0] } else { [3.0, 0.0, 2.0] };
     let release = setting::release(place, [0.0; 3]);

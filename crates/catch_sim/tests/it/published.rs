@@ -5,7 +5,7 @@ use catch_body::JointVector;
 use catch_cell::{ArmTrajectory, BSpline, Cell, Command, TrajectoryId};
 use catch_sim::{
     Arena, ArenaConfig, Conditions, Equipment, FreeFlight, GripperDriveKind, Release,
-    config::{GripperTrigger, PositionDrive, ProximitySensor, RobotController},
+    config::{GripperTrigger, RobotController},
     free_flight::coasted,
     physics::World,
 };
@@ -54,8 +54,8 @@ fn the_sensor_closes_the_gripper_whatever_is_commanded() {
             ..setting::release([0.0; 3], [0.0; 3])
         };
         let config = ArenaConfig {
-            gripper: GripperDriveKind::Position(PositionDrive::default()),
-            gripper_trigger: GripperTrigger::Proximity(ProximitySensor::default()),
+            gripper: GripperDriveKind::Position,
+            gripper_trigger: GripperTrigger::Proximity,
             ..ArenaConfig::default()
         };
         let mut arena = setting::arena(&config, "tennis_ball", &release, &robot.ready_q);

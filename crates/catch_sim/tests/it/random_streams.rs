@@ -6,7 +6,7 @@ use catch_body::dynamics;
 use catch_sim::{
     ArenaConfig, Conditions, Release, Throw,
     aerodynamics::{Aerodynamics, AerodynamicsConfig},
-    config::{Between, Drawn, DrawnWind, RobotErrors, Wind},
+    config::{Between, Drawn, RobotErrors},
 };
 use nalgebra::Vector3;
 
@@ -40,7 +40,6 @@ fn everything() -> ArenaConfig {
         drag_spread: 0.3,
         aerodynamics: AerodynamicsConfig { drag_anisotropy: 0.8, max_magnus: 0.006, max_spin_decay_per_s: 0.6 },
         max_spin_radps: 25.0,
-        wind: Wind::Drawn(DrawnWind { max_mps: 2.0 }),
         robot_errors: RobotErrors {
             encoder_sd_rad: 1e-4,
             encoder_step_rad: 5e-5,
@@ -70,7 +69,6 @@ fn materials_air_and_spin_have_their_distributions() {
     assert_uniform("restitution", [0.3 * 0.7, 0.3 * 1.3], scenes.iter().map(|it| it.restitution));
     assert_uniform("drag", [0.05 * 0.7, 0.05 * 1.3], scenes.iter().map(|it| it.drag_per_m));
     assert_uniform("spin", [0.0, 25.0], scenes.iter().map(|it| it.spin_radps.norm()));
-    assert_uniform("wind", [0.0, 2.0], scenes.iter().map(|it| it.wind_mps.norm()));
     assert_uniform("Magnus coefficient", [0.0, 0.006], scenes.iter().map(|it| it.aerodynamics.magnus));
     assert_uniform("decay of the spin", [0.0, 0.6], scenes.iter().map(|it| it.aerodynamics.spin_decay_per_s));
     // Of three numbers that add up to zero on a circle of radius r, Σx² = 3/2·r².
@@ -149,7 +147,6 @@ fn passage(conditions: &Conditions, release: &Release) -> (f64, f64, f64, f64) {
 #[test]
 fn random_throws_pass_where_they_should_in_air_and_without() {
     for (config, count) in [(everything(), 300), (ArenaConfig::default(), 300)] {
-        let config = ArenaConfig { wind: Wind::Always([0.0; 3]), ..config };
         let scenes: Vec<(Conditions, Release)> = (0..count).map(|index| scene(&config, index)).collect();
         let passages: Vec<_> = scenes.iter().map(|(conditions, release)| passage(conditions, release)).collect();
         // The fine steps see it within a millimetre and a tenth of a millisecond.

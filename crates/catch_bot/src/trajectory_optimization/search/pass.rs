@@ -8,11 +8,15 @@ use super::{
     WORK_OF_AN_APPROACH, WORK_OF_APERTURES,
     candidate::{Candidate, CatchTimeSample},
     frontier::{Frontier, Node, Stage},
+    settings::{
+        COMFORT, DELAY, FAILURE_PENALTY, LATEST_CATCH_S, MAX_MOTION_TRIALS, MAX_VELOCITY_TRIALS, NEARBY_S,
+        REACH_FRACTION,
+    },
 };
 use crate::{
-    grasp_selection::{RankedGrasp, heuristics},
+    grasp_selection::{Passing, RankedGrasp},
     trajectory_optimization::{
-        CatchPlan, CatchSearch, PlanningFailure,
+        CatchPlan, CatchSearch, MIN_LEAD_S, PlanningFailure,
         point_to_point::PointToPoint,
         posture::Posture,
         reachability::fraction_used,
@@ -40,7 +44,7 @@ pub struct Pass<'a, 's> {
 impl<'a, 's> Pass<'a, 's> {
     /// The pass of this number, with the candidates of its time grid.
     pub fn new(planner: &'a CatchSearch, search: &'s mut Search<'a>, number: usize) -> Self {
-        let frontier = Frontier::new(planner.motion.config.search.failure_penalty);
+        let frontier = Frontier::new(FAILURE_PENALTY);
         let failures = vec![0; search.incoming.grasps.grasps.len()];
         let mut this = Self {
             planner,
@@ -96,7 +100,7 @@ impl<'a, 's> Pass<'a, 's> {
     /// From a pose to the postures that the joints can reach.
     fn expand_pose(&mut self, node: &Node) {
         let (motion, start) = (&self.planner.motion, self.search.start);
-        let (weights, from) = (&motion.config.weights, &start.state.q);
+        let from = &start.state.q;
         let Candidate { sample, ranked: RankedGrasp { index, X_WG, .. }, margin_cost, .. } =
             self.candidates[node.candidate];
         let at = &self.samples[sample];
@@ -116,8 +120,8 @@ impl<'a, 's> Pass<'a, 's> {
                 continue;
             };
             let cost = node.cost - margin_cost
-                + weights.reach_fraction * reach_fraction.powi(4)
-                + weights.comfort * (posture.q - motion.robot.comfortable_q).norm();
+                + REACH_FRACTION * reach_fraction.powi(4)
+                + COMFORT * (posture.q - motion.robot.comfortable_q).norm();
             self.frontier.push(Node { stage: Stage::Posture(posture), cost, ..*node });
         }
     }
@@ -125,9 +129,9 @@ impl<'a, 's> Pass<'a, 's> {
     /// From a posture to the velocities of the joints at the catch.
     fn expand_posture(&mut self, node: &Node, posture: Posture) {
         let (motion, &mut Search { start, incoming, .. }) = (&self.planner.motion, &mut *self.search);
-        let (config, from) = (&motion.config.search, &start.state.q);
+        let from = &start.state.q;
         let Candidate { sample, ranked, velocity_trials, failed, .. } = &mut self.candidates[node.candidate];
-        let used_up = *velocity_trials == config.max_velocity_trials || *failed == config.max_motion_trials;
+        let used_up = *velocity_trials == MAX_VELOCITY_TRIALS || *failed == MAX_MOTION_TRIALS;
         if used_up || !motion.stands_clear(&posture.q) {
             return;
         }
@@ -143,7 +147,7 @@ impl<'a, 's> Pass<'a, 's> {
         );
         let bounds = motion.terminal_velocity_bounds(&at.joints, from, &posture.q);
         let Some(terminal_velocity) = bounds.and_then(|bounds| point_to_point.terminal_velocity(&bounds)) else {
-            self.failures[ranked.index] += usize::from(*velocity_trials == config.max_velocity_trials);
+            self.failures[ranked.index] += usize::from(*velocity_trials == MAX_VELOCITY_TRIALS);
             return;
         };
         let planner = self.planner;
@@ -158,7 +162,7 @@ impl<'a, 's> Pass<'a, 's> {
         let (planner, motion) = (self.planner, &self.planner.motion);
         let Search { start, incoming, ref mut obstacles, ref mut work, .. } = *self.search;
         let Candidate { sample, ranked, failed, .. } = &mut self.candidates[node.candidate];
-        if *failed == motion.config.search.max_motion_trials {
+        if *failed == MAX_MOTION_TRIALS {
             return None;
         }
         let RankedGrasp { index, X_WG, approach, still_cost, .. } = *ranked;
@@ -206,9 +210,9 @@ impl<'a, 's> Pass<'a, 's> {
         let farthest_m = motion.gripper_reach_m + incoming.grasps.farthest_held_m() + incoming.flight.com_O.norm();
         let mut any_grasp = false;
         let mut propagator = incoming.flight.propagator();
-        let steps = (motion.config.search.latest_catch_s / motion.config.time_step_s) as usize;
+        let steps = (LATEST_CATCH_S / self.planner.time_step_s) as usize;
         for step in 0..steps {
-            let lead_s = motion.config.min_lead_s + (step as f64 + offset) * motion.config.time_step_s;
+            let lead_s = MIN_LEAD_S + (step as f64 + offset) * self.planner.time_step_s;
             let catch_s = start.time_s + lead_s;
             let p_WOcm = propagator.position_at(catch_s);
             if p_WOcm.z < FLOOR_Z_M {
@@ -237,23 +241,23 @@ impl<'a, 's> Pass<'a, 's> {
 
     /// Adds what got as far as the approach or a motion, a little sooner and later.
     fn add_nearby(&mut self) {
-        let (motion, &mut Search { start, incoming, .. }) = (&self.planner.motion, &mut *self.search);
+        let &mut Search { start, incoming, .. } = &mut *self.search;
         let (base, known) = (self.base(), self.candidates.len());
         let mut propagator = incoming.flight.propagator();
         for at in 0..self.samples.len() {
             let failed = self.candidates[..known].iter().filter(|it| it.sample == at && it.failed > 0);
             let close: Vec<usize> = failed.map(|it| it.ranked.index).collect();
-            for by_s in motion.config.search.nearby_s.iter().filter(|_| !close.is_empty()) {
+            for by_s in NEARBY_S.iter().filter(|_| !close.is_empty()) {
                 let catch_s = self.samples[at].local_flight.time_s + by_s;
-                if catch_s < start.time_s + motion.config.min_lead_s {
+                if catch_s < start.time_s + MIN_LEAD_S {
                     continue;
                 }
                 let sample = self.sample(&mut propagator, catch_s);
                 let LocalFlight { X_WO, V_WO, .. } = sample.local_flight;
                 self.samples.push(sample);
                 for &index in &close {
-                    let (grasp, weights) = (&incoming.grasps.grasps[index], &incoming.config.weights);
-                    self.add(heuristics::rank_alone(index, grasp, &X_WO, &V_WO.linear, &base, weights));
+                    let passing = Passing::new(&X_WO, &V_WO.linear, &base, &incoming.config.weights);
+                    self.add(passing.rank_alone(index, &incoming.grasps.grasps[index]));
                 }
             }
         }
@@ -262,12 +266,12 @@ impl<'a, 's> Pass<'a, 's> {
 
     /// Adds a grasp at the newest catch time, with the least that it can cost.
     fn add(&mut self, ranked: RankedGrasp) {
-        let (config, &mut Search { start, incoming, reach, .. }) = (&self.planner.motion.config, &mut *self.search);
+        let &mut Search { start, incoming, reach, .. } = &mut *self.search;
         let sample = self.samples.len() - 1;
         let LocalFlight { time_s, V_WO, .. } = &self.samples[sample].local_flight;
-        let margin_cost = reach.map_or(0.0, |it| it.margin_cost(&ranked.X_WG, *time_s, &config.weights));
+        let margin_cost = reach.map_or(0.0, |it| it.margin_cost(&ranked.X_WG, *time_s));
         let holding = self.planner.least_holding_cost(incoming, &ranked, &V_WO.linear);
-        let cost = holding + config.weights.delay * (time_s - start.time_s) + margin_cost;
+        let cost = holding + DELAY * (time_s - start.time_s) + margin_cost;
         let candidate = self.candidates.len();
         self.frontier.push(Node { candidate, stage: Stage::Pose, cost, failures: 0 });
         self.candidates.push(Candidate::new(sample, ranked, margin_cost));

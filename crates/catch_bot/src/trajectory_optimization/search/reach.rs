@@ -2,7 +2,7 @@
 
 use catch_body::Pose;
 
-use super::Weights;
+use super::REACH_FRACTION;
 use crate::trajectory_optimization::reach_map::ReachMap;
 
 /// A reach map, and when the arm departed from the pose for which it holds.
@@ -19,7 +19,7 @@ impl Reach<'_> {
     }
 
     /// What the reachability margin there costs about: where the arm needs most of the time, it needs most of what its joints can do.
-    pub fn margin_cost(&self, X_WG: &Pose, catch_s: f64, weights: &Weights) -> f64 {
-        weights.reach_fraction * (self.map.least_time_s(X_WG) / (catch_s - self.departure_s)).min(1.0).powi(4)
+    pub fn margin_cost(&self, X_WG: &Pose, catch_s: f64) -> f64 {
+        REACH_FRACTION * (self.map.least_time_s(X_WG) / (catch_s - self.departure_s)).min(1.0).powi(4)
     }
 }

@@ -30,7 +30,6 @@ const fn with(
 }
 
 const ARENA: &str = "catch_sim/src/config.rs";
-const GRIPPER: &str = "catch_sim/src/config/gripper.rs";
 const FAULTS: &str = "catch_sim/src/camera_faults.rs";
 const DEPTH: &str = "catch_sim/src/depth_noise.rs";
 
@@ -41,23 +40,7 @@ pub const SCENARIO: &[Section] = &[
     at("clock", "catch_lab/src/scenario.rs", "Clock"),
     with("calibration", "calibration", "calibration={}", ("catch_lab/src/scenario.rs", "CalibrationSettings")),
     at("arena", ARENA, "ArenaConfig"),
-    at("arena.gripper", GRIPPER, "GripperDriveKind"),
-    with("arena.gripper", "arena.gripper, kind real", "arena.gripper={ kind = \"real\" }", (GRIPPER, "RealDrive")),
-    with(
-        "arena.gripper",
-        "arena.gripper, kind position",
-        "arena.gripper={ kind = \"position\" }",
-        (GRIPPER, "PositionDrive"),
-    ),
-    at("arena.gripper_trigger", GRIPPER, "GripperTrigger"),
-    with(
-        "arena.gripper_trigger",
-        "arena.gripper_trigger, kind proximity",
-        "arena.gripper_trigger={ kind = \"proximity\" }",
-        (GRIPPER, "ProximitySensor"),
-    ),
     of("Numbers that are drawn", "catch_sim/src/drawn.rs", "Between"),
-    of("arena.wind, drawn", ARENA, "DrawnWind"),
     of("arena.camera_faults", FAULTS, "CameraFault"),
     of("arena.camera_faults, kind", FAULTS, "CameraFaultKind"),
     of("arena.camera_faults, kind swapped", FAULTS, "SwappedCamera"),
@@ -87,11 +70,6 @@ pub const SCENARIO: &[Section] = &[
     of("brain.perception.depth_noise", "catch_bot/src/perception/point_cloud.rs", "DepthNoise"),
     at("brain.trajectory_prediction", "catch_bot/src/trajectory_prediction/mod.rs", "Config"),
     at(
-        "brain.trajectory_prediction.correlated_error",
-        "catch_bot/src/trajectory_prediction/correlated_error.rs",
-        "CorrelatedError",
-    ),
-    at(
         "brain.trajectory_prediction.aerodynamics",
         "catch_bot/src/trajectory_prediction/aerodynamics.rs",
         "AerodynamicPrior",
@@ -104,14 +82,7 @@ pub const SCENARIO: &[Section] = &[
     at("brain.grasp_selection", "catch_bot/src/grasp_selection/mod.rs", "Config"),
     at("brain.grasp_selection.weights", "catch_bot/src/grasp_selection/heuristics.rs", "Weights"),
     at("brain.trajectory_optimization", "catch_bot/src/trajectory_optimization/mod.rs", "Config"),
-    at(
-        "brain.trajectory_optimization.following",
-        "catch_bot/src/trajectory_optimization/terminal_velocity.rs",
-        "Following",
-    ),
     at("brain.trajectory_optimization.weights", "catch_bot/src/trajectory_optimization/search/settings.rs", "Weights"),
-    at("brain.trajectory_optimization.search", "catch_bot/src/trajectory_optimization/search/settings.rs", "Config"),
-    at("brain.trajectory_optimization.replan", "catch_bot/src/trajectory_optimization/retarget.rs", "Config"),
     at("brain.control", "catch_bot/src/control/mod.rs", "Config"),
     at("brain.cycle", "catch_bot/src/cycle/config.rs", "CycleConfig"),
     at("brain.paper_method", "catch_paper/src/lib.rs", "Config"),
@@ -119,7 +90,6 @@ pub const SCENARIO: &[Section] = &[
     at("brain.paper_method.prediction", "catch_paper/src/prediction.rs", "SamplingConfig"),
     at("brain.paper_method.grasp", "catch_paper/src/grasp.rs", "Config"),
     at("brain.paper_method.motion", "catch_paper/src/motion.rs", "Config"),
-    of("brain.paper_method.motion, tolerances", "catch_paper/src/motion.rs", "Tolerances"),
 ];
 
 /// The other files.

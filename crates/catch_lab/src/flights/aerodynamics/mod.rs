@@ -15,11 +15,8 @@ use nalgebra::{Matrix6, Point3, SMatrix, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::track::TrackSample;
-use catch_body::dynamics::gravity;
-use catch_bot::{
-    settings::{Faults, NOT_NEGATIVE, SettingError, Settings},
-    trajectory_prediction::PredictionStatus,
-};
+use catch_body::{InputError, dynamics::gravity, quantity};
+use catch_bot::trajectory_prediction::PredictionStatus;
 use dynamics::{Body, Covariance, POINT, State};
 pub use dynamics::{PARAMETERS, ParameterVector};
 use smoother::{Node, Problem, Sample};
@@ -42,10 +39,13 @@ pub struct FlightPrior {
     /// Throws that they were learned from.
     pub throws: usize,
     /// Noise density of the acceleration, in m/s²/√Hz.
+    #[serde(deserialize_with = "quantity::noise_density")]
     pub acceleration_noise: f64,
     /// Noise density of the angular acceleration, in rad/s²/√Hz.
+    #[serde(deserialize_with = "quantity::noise_density")]
     pub angular_acceleration_noise: f64,
     /// Error in metres that neighbouring samples have in common, so that no number of them reduces it; part of every prediction.
+    #[serde(deserialize_with = "quantity::error_m")]
     pub systematic_sd_m: f64,
     /// Least noise of a sample that is believed, however well the samples agree with each other.
     pub least_noise: Noise,
@@ -66,6 +66,18 @@ impl FlightPrior {
         ParameterCovariance::from_fn(|i, j| self.covariance[i][j])
     }
 
+    /// Whether it can be used; `file` names it in errors.
+    ///
+    /// # Errors
+    /// A covariance that is none.
+    pub fn check(&self, file: &str) -> Result<(), InputError> {
+        let covariance = self.covariance();
+        let is_covariance = (covariance - covariance.transpose()).amax() <= 1e-9 * covariance.amax()
+            && (covariance + ParameterCovariance::identity() * 1e-12).cholesky().is_some();
+        let expected = "a matrix that is symmetric and positive definite";
+        if is_covariance { Ok(()) } else { Err(InputError::new(file, "covariance", "another matrix", expected)) }
+    }
+
     /// This prior with other moments of the parameters.
     pub fn with_moments(&self, mean: &ParameterVector, covariance: &ParameterCovariance) -> Self {
         let rows = std::array::from_fn(|i| std::array::from_fn(|j| covariance[(i, j)]));
@@ -73,33 +85,14 @@ impl FlightPrior {
     }
 }
 
-impl Settings for FlightPrior {
-    fn faults(&self) -> Vec<SettingError> {
-        let covariance = self.covariance();
-        let is_covariance = (covariance - covariance.transpose()).amax() <= 1e-9 * covariance.amax()
-            && (covariance + ParameterCovariance::identity() * 1e-12).cholesky().is_some();
-        Faults::default()
-            .values(
-                &NOT_NEGATIVE,
-                [
-                    ("acceleration_noise", self.acceleration_noise),
-                    ("angular_acceleration_noise", self.angular_acceleration_noise),
-                    ("systematic_sd_m", self.systematic_sd_m),
-                    ("least_noise.position_sd_m", self.least_noise.position_sd_m),
-                    ("least_noise.orientation_sd_rad", self.least_noise.orientation_sd_rad),
-                    ("covariance (1: symmetric and positive definite)", if is_covariance { 1.0 } else { f64::NAN }),
-                ],
-            )
-            .all()
-    }
-}
-
 /// Standard deviations of a track's samples along and about each axis.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Noise {
     /// Of the position, in metres.
+    #[serde(deserialize_with = "quantity::error_m")]
     pub position_sd_m: f64,
     /// Of the orientation, in radians.
+    #[serde(deserialize_with = "quantity::error_rad")]
     pub orientation_sd_rad: f64,
 }
 

@@ -22,8 +22,8 @@ impl Setup {
             cameras += ", calibrated by the arm";
         }
         let drive = match arena.gripper {
-            GripperDriveKind::Real(_) | GripperDriveKind::Wsg50(_) => "a gripper as fast as its file says",
-            GripperDriveKind::Ideal {} | GripperDriveKind::Position(_) => "a gripper without a speed limit",
+            GripperDriveKind::Real => "a gripper as fast as its file says",
+            GripperDriveKind::Ideal | GripperDriveKind::Position => "a gripper without a speed limit",
         };
         let mut assumed = vec![cameras, drive.to_owned()];
         let ideal = [

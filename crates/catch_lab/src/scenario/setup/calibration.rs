@@ -9,8 +9,7 @@ use catch_body::{InputError, JointVector, Pose};
 use catch_bot::trajectory_optimization::MotionPlanner;
 use catch_calibration::{
     Calibration, CalibrationRun, CalibrationStatus, CameraCalibration, Config, FlightRun, Session, calibrate,
-    flights::{Flight, FlightSettings, refine},
-    pose_choice::choose_poses,
+    flights::Flight, pose_choice::choose_poses,
 };
 use catch_cell::{Brain, CameraModel, Cell};
 use catch_sim::{
@@ -170,8 +169,6 @@ impl CalibratedCameras {
             Config { poses: settings.poses, ..config(&setup.knowledge(), setup.scenario.arena.frame_rate_hz, seed) };
         let session = run_session(setup, &config, &believed, seed, 0).session;
         let found = calibrate(&config, &setup.robot, &setup.gripper, &believed, &session);
-        let flights = observe_flights(setup, &found, &believed, settings.flights, (seed, 0));
-        let found = refine(&found, &flights, &FlightSettings::default()).calibration;
         let found: Vec<CameraCalibration> = found.cameras.into_iter().map(|it| claimed(it, settings)).collect();
         Self { cameras: calibrated_cameras(&believed, &found), found }
     }

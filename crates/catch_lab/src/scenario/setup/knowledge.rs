@@ -101,6 +101,6 @@ impl Setup {
     /// As [`known`](Self::known).
     pub fn brain(&self, seed: u64, index: u64) -> ChosenBrain {
         let settings = self.brain_config(seed, index);
-        settings.brain(self.known_for(seed), settings.seed).expect(CHECKED)
+        settings.brain(self.known_for(seed), settings.seed)
     }
 }
