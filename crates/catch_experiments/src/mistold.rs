@@ -33,6 +33,7 @@ const SOURCES: &[&str] = &[
     "crates/catch_bot",
     "crates/catch_cell",
     "crates/catch_lab/src",
+    "crates/catch_recording",
     "crates/catch_sim",
 ];
 /// Parts of the throws that are evaluated and kept together.

@@ -3,6 +3,7 @@
 use std::{fs, path::Path};
 
 use catch_lab::recording::replay;
+use catch_recording::{RecordingReader, replay::compare};
 use catch_view::{export::mcap_file, playback::Playback};
 use serde_json::Value;
 
@@ -31,6 +32,11 @@ fn a_recording_without_ground_truth_is_viewed_replayed_and_converted() {
     assert!(replay["ticks"].as_u64().unwrap() > 90);
     assert_eq!((&replay["caught"], &replay["scene"]), (&Value::Null, &Value::Null));
     assert!(stdout(&catchingbot(&["replay", path])).contains("own cell: outcome unknown"));
+
+    // The same without the lab, as a driver's author does it.
+    let mut reader: RecordingReader = RecordingReader::open(&recording).unwrap();
+    let compared = compare(&mut reader).unwrap();
+    assert_eq!((compared.difference, compared.ticks as u64), (None, replay["ticks"].as_u64().unwrap()));
 
     let output = catchingbot(&["view", "--no-open", "--mcap", path]);
     assert!(output.status.success(), "{}", stderr(&output));

@@ -29,8 +29,15 @@ use crate::{parallel, results};
 /// grasp; the referee's own measure.
 const LARGE_ERROR_M: f64 = 0.02;
 /// What the outcome of a throw depends on, from the root of the repository.
-const SOURCES: &[&str] =
-    &["assets", "crates/catch_body", "crates/catch_bot", "crates/catch_cell", "crates/catch_lab", "crates/catch_sim"];
+const SOURCES: &[&str] = &[
+    "assets",
+    "crates/catch_body",
+    "crates/catch_bot",
+    "crates/catch_cell",
+    "crates/catch_lab",
+    "crates/catch_recording",
+    "crates/catch_sim",
+];
 /// Weights are drawn from a quarter to four times those in use.
 const MOST_FACTOR: f64 = 4.0;
 
