@@ -24,6 +24,7 @@ pub mod clearance;
 pub mod description;
 pub mod document;
 pub mod dynamics;
+pub mod free_flight;
 pub mod gripper;
 pub mod input_error;
 pub mod inverse_kinematics;

@@ -7,13 +7,13 @@ use std::{
 
 use anyhow::Context;
 use catch_body::InputError;
-use catch_lab::flights::aerodynamics::FlightPrior;
 use catch_lab::{
     VERSION,
     evaluation::summary_table::plain,
     flights::{
-        flight_learning::{self, broad},
+        flight_learning,
         flight_misses::{Misses, QUANTILES, Reliability, Seen, Throw},
+        flight_prior::FlightPrior,
     },
     whole_file,
 };
@@ -39,7 +39,7 @@ pub struct LearnArguments {
     #[arg(long, value_name = "DIR", required = true)]
     tracks: Vec<PathBuf>,
     /// Axis of the tracks that points up
-    #[arg(long, value_enum, default_value_t = Up::Z)]
+    #[arg(long, value_enum, default_value_t = Up::Z, allow_hyphen_values = true)]
     up: Up,
     /// File for what was learned
     #[arg(long, value_name = "FILE")]
@@ -106,7 +106,7 @@ pub fn run(arguments: &LearnArguments) -> anyhow::Result<()> {
             flight_learning::cross_validated(throws, folds, || progress.inc(1)).ok_or_else(|| nothing(folder))?;
         tables.push((name(folder), misses));
         let all: Vec<&Throw> = throws.iter().collect();
-        priors.push(flight_learning::learn(&all, &broad()).ok_or_else(|| nothing(folder))?);
+        priors.push(flight_learning::learn(&all).ok_or_else(|| nothing(folder))?);
         progress.inc(1);
     }
     progress.finish_and_clear();
@@ -120,7 +120,7 @@ pub fn run(arguments: &LearnArguments) -> anyhow::Result<()> {
     let prior = prior.with_context(|| "no folder of throws")?;
     let throws = objects.iter().map(Vec::len).sum();
     let prior = FlightPrior { source: format!("{}; {throws} throws", arguments.source), ..prior };
-    whole_file::write_new(&[(arguments.out.clone(), flight_learning::text(&prior)?.into_bytes())], "--out")?;
+    whole_file::write_new(&[(arguments.out.clone(), prior.text()?.into_bytes())], "--out")?;
     let document = Document { version: VERSION, throws, cross_validated: rows(tables), other_objects: rows(others) };
     if let Some(path) = &arguments.report {
         whole_file::write_new(&[(path.clone(), report(&document, arguments).into_bytes())], "--report")?;

@@ -1,21 +1,24 @@
 //! Predicted ends of recorded throws against where they ended.
 
-use std::path::{Path, PathBuf};
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
 
 use catch_body::InputError;
 use nalgebra::{Matrix3, Unit, Vector3};
 
 use super::{
-    aerodynamics::{AerodynamicFit, FlightPrior},
-    track::TrackSample,
-    track_file,
+    flight_prediction::{Known, predict},
+    flight_prior::FlightPrior,
+    track_file::{self, Sighting},
 };
 
 /// A recorded throw.
 #[derive(Debug, Clone)]
 pub struct Throw {
     /// Its samples, in the order of time; two or more.
-    pub samples: Vec<TrackSample>,
+    pub samples: Vec<Sighting>,
     /// Direction against which gravity pulls.
     pub up: Unit<Vector3<f64>>,
 }
@@ -28,7 +31,7 @@ impl Throw {
     pub fn read_folder(folder: &Path, up: Unit<Vector3<f64>>, least: usize) -> Result<Vec<Self>, InputError> {
         let read = |path: &PathBuf| {
             let (track, _) = track_file::read(path)?;
-            Ok(Self { samples: track.iter().map(track_file::Sighting::sample).collect(), up })
+            Ok(Self { samples: track, up })
         };
         track_file::in_folder(folder, least)?.iter().map(read).collect()
     }
@@ -86,37 +89,29 @@ pub fn quantile(fraction: f64) -> f64 {
 }
 
 /// Predicts the end of each throw; `None` where there is no flight.
-pub fn misses(throws: &[&Throw], prior: &FlightPrior, seen: Seen) -> Vec<Option<Miss>> {
-    in_parallel(throws, prior, |fit, throw| {
+pub fn misses(throws: &[&Throw], prior: &Arc<FlightPrior>, seen: Seen) -> Vec<Option<Miss>> {
+    in_parallel(throws, |throw| {
         let (first, last) = (throw.samples.first()?, throw.samples.last()?);
         let until_s = match seen {
             Seen::Half => f64::midpoint(first.time_s, last.time_s),
             Seen::AllBut(left_s) => last.time_s - left_s,
         };
         let known = throw.samples.partition_point(|it| it.time_s <= until_s);
-        let end = fit.fit(&throw.samples[..known], &throw.up, None).ok()?.at(last.time_s);
+        let found = predict(&throw.samples[..known], &throw.up, Known::Prior(prior.clone()));
+        let end = found.flight?.at(last.time_s);
         let covariance = end.covariance.fixed_view::<3, 3>(0, 0).into_owned();
-        Some(Miss { error: last.position - end.position, covariance })
+        Some(Miss { error: last.p - end.position, covariance })
     })
 }
 
-/// Fits all throws on all cores; results in their order.
-pub fn in_parallel<T: Send>(
-    throws: &[&Throw],
-    prior: &FlightPrior,
-    with: impl Fn(&mut AerodynamicFit, &Throw) -> Option<T> + Sync,
-) -> Vec<Option<T>> {
+/// Looks at all throws on all cores; results in their order.
+pub fn in_parallel<T: Send>(throws: &[&Throw], with: impl Fn(&Throw) -> Option<T> + Sync) -> Vec<Option<T>> {
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let chunk = throws.len().div_ceil(threads).max(1);
-    let fitted = |part: &[&Throw]| {
-        let mut fit = AerodynamicFit::new(prior.clone());
-        part.iter().map(|throw| with(&mut fit, throw)).collect::<Vec<_>>()
-    };
-    let fitted = &fitted;
+    let looked = &|part: &[&Throw]| part.iter().map(|throw| with(throw)).collect::<Vec<_>>();
     std::thread::scope(|scope| {
         // Where the system allows no other thread it is done here.
-        let begin =
-            |part| std::thread::Builder::new().spawn_scoped(scope, move || fitted(part)).map_err(|_| fitted(part));
+        let begin = |part| std::thread::Builder::new().spawn_scoped(scope, move || looked(part)).map_err(|_| looked(part));
         let parts: Vec<_> = throws.chunks(chunk).map(begin).collect();
         parts.into_iter().flat_map(|it| it.map_or_else(|done| done, |part| part.join().unwrap_or_default())).collect()
     })
