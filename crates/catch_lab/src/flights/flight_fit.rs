@@ -26,9 +26,11 @@ use crate::statistics::median_in_place;
 const STUDENT_DOF: f64 = 4.0;
 /// The median of the norm of three standard normal numbers.
 const MEDIAN: f64 = 1.538;
-/// How long a disturbance stays the same, and how many of them there are at most.
-const STRETCH_S: f64 = 0.08;
-const MOST_STRETCHES: f64 = 10.0;
+/// How long the first and the last disturbance stay the same, and how much longer each further inwards does: what is predicted rests on
+/// the motion at the end most.
+const FIRST_STRETCH_S: f64 = 0.05;
+const LAST_STRETCH_S: f64 = 0.025;
+const STRETCH_GROWTH: f64 = 1.5;
 /// Iterations at most, and those of them after which the noise stays as it is.
 const ITERATIONS: usize = 60;
 const NOISE_ITERATIONS: usize = 8;
@@ -38,6 +40,8 @@ const FIRST_NOISE_ITERATIONS: usize = 2;
 const SMALL_GAIN: f64 = 1e-3;
 /// Stretches of noise that the prior's density counts for.
 const NOISE_DOF: f64 = 6.0;
+/// Density of the disturbances that comes with a Magnus force, in 1/√Hz.
+const VARYING_LIFT: f64 = 0.02;
 /// Largest element of z: six standard deviations of the prior.
 const MOST_SD: f64 = 6.0;
 /// Time from the first sighting on that a track with orientations is fitted to first; each fit after that has twice as much.
@@ -67,8 +71,8 @@ pub(super) struct Problem<'a> {
     oriented: bool,
     mean: ParameterVector,
     basis: DMatrix<f64>,
-    stretches: usize,
-    stretch_s: f64,
+    /// Times since the first sighting at which the disturbances end.
+    ends_s: Vec<f64>,
 }
 
 /// The normal equations, and what they are from.
@@ -85,8 +89,7 @@ impl<'a> Problem<'a> {
         let oriented = rows.iter().any(|it| it.rotation.is_some());
         let (mean, basis) = prior.whitened(oriented);
         let duration_s = rows.last().map_or(0.0, |it| it.time_s) - rows.first().map_or(0.0, |it| it.time_s);
-        let stretches = (duration_s / STRETCH_S).round().clamp(1.0, MOST_STRETCHES);
-        Self { g, prior, rows, oriented, mean, basis, stretches: stretches as usize, stretch_s: duration_s / stretches }
+        Self { g, prior, rows, oriented, mean, basis, ends_s: stretch_ends_s(duration_s) }
     }
 
     /// Elements of the state, and of a disturbance.
@@ -96,7 +99,7 @@ impl<'a> Problem<'a> {
 
     fn unknowns(&self) -> usize {
         let (state, push) = self.sizes();
-        state + self.basis.ncols() + push * self.stretches
+        state + self.basis.ncols() + push * self.ends_s.len()
     }
 
     fn body(&self, guess: &Guess) -> FlyingBody {
@@ -108,7 +111,7 @@ impl<'a> Problem<'a> {
     /// What pushes during a disturbance, and where its elements stand among the unknowns after the state.
     fn pushes(&self, guess: &Guess, between_s: [f64; 2]) -> (Pushes, usize) {
         let middle_s = f64::midpoint(between_s[0], between_s[1]) - self.rows[0].time_s;
-        let stretch = ((middle_s / self.stretch_s) as usize).min(self.stretches - 1);
+        let stretch = self.ends_s.partition_point(|it| *it < middle_s).min(self.ends_s.len() - 1);
         let (_, size) = self.sizes();
         let at = self.basis.ncols() + size * stretch;
         let push = |from: usize| Vector3::from_fn(|i, _| guess.rest[at + from + i]);
@@ -158,14 +161,17 @@ impl<'a> Problem<'a> {
     fn weights(&self, scales: &Scales) -> DVector<f64> {
         let (_, size) = self.sizes();
         let z = self.basis.ncols();
-        DVector::from_fn(z + size * self.stretches, |i, _| {
-            let density = match i.checked_sub(z).map(|it| it % size) {
-                None => return 1.0,
-                Some(0..3) => scales.acceleration_noise,
-                Some(_) => self.prior.angular_acceleration_noise,
-            };
-            self.stretch_s / density.max(1e-6).powi(2)
+        DVector::from_fn(z + size * self.ends_s.len(), |i, _| {
+            let Some(push) = i.checked_sub(z) else { return 1.0 };
+            let linear = push % size < 3;
+            let density = if linear { scales.acceleration_noise } else { self.prior.angular_acceleration_noise };
+            self.duration_s(push / size) / density.max(1e-6).powi(2)
         })
+    }
+
+    /// How long a disturbance stays the same.
+    fn duration_s(&self, stretch: usize) -> f64 {
+        self.ends_s[stretch] - stretch.checked_sub(1).map_or(0.0, |before| self.ends_s[before])
     }
 
     /// The equations of a Gauss–Newton step from a guess.
@@ -205,7 +211,7 @@ impl<'a> Problem<'a> {
                 errors.rows_mut(per_row * i + 3, 3).copy_from(&(turn * root));
             }
         }
-        let (mut information, mut pull) = (jacobian.tr_mul(&jacobian), jacobian.tr_mul(&errors));
+        let (mut information, mut pull) = (jacobian.transpose() * &jacobian, jacobian.tr_mul(&errors));
         let weights = self.weights(scales);
         for (i, weight) in weights.iter().enumerate() {
             information[(state_size + i, state_size + i)] += weight;
@@ -249,8 +255,8 @@ impl<'a> Problem<'a> {
         };
         let least = &self.prior.least_noise;
         let (squares, _) = self.disturbances(guess, &information.clone().cholesky()?.inverse());
-        let count = 3.0 * self.stretches as f64;
-        let variance = (NOISE_DOF * self.prior.acceleration_noise.powi(2) + squares * count) / (NOISE_DOF + count);
+        let (expected, count) = (self.expected_noise(guess), 3.0 * self.ends_s.len() as f64);
+        let variance = (NOISE_DOF * expected.powi(2) + squares * count) / (NOISE_DOF + count);
         Some(Scales {
             noise: Noise {
                 position_sd_m: typical(&mut errors.iter().map(|it| it.0), least.position_sd_m),
@@ -260,13 +266,20 @@ impl<'a> Problem<'a> {
         })
     }
 
+    /// The density of the disturbances that the prior expects. A Magnus force varies with the speed and the spin, which decays.
+    fn expected_noise(&self, guess: &Guess) -> f64 {
+        let lift = self.body(guess).lift.cross(&guess.start.v).norm();
+        self.prior.acceleration_noise.hypot(VARYING_LIFT * lift)
+    }
+
     /// Mean squares of the disturbances over the stretches, as squares of densities.
     fn disturbances(&self, guess: &Guess, covariance: &DMatrix<f64>) -> (f64, f64) {
         let ((state, size), z) = (self.sizes(), self.basis.ncols());
         let mut squares = [0.0, 0.0];
         for i in z..guess.rest.len() {
             let square = guess.rest[i].powi(2) + covariance[(state + i, state + i)];
-            squares[usize::from((i - z) % size >= 3)] += square * self.stretch_s / (3 * self.stretches) as f64;
+            let part = square * self.duration_s((i - z) / size) / (3 * self.ends_s.len()) as f64;
+            squares[usize::from((i - z) % size >= 3)] += part;
         }
         (squares[0], squares[1])
     }
@@ -365,8 +378,8 @@ impl<'a> Problem<'a> {
         let deviance = cost
             + position * scales.noise.position_sd_m.ln()
             + turned * scales.noise.orientation_sd_rad.ln()
-            + 3.0 * self.stretches as f64 * scales.acceleration_noise.max(1e-6).ln();
-        let pushes = (0..self.stretches).map(|i| guess.rest.fixed_rows::<3>(z + size * i).into_owned()).collect();
+            + 3.0 * self.ends_s.len() as f64 * scales.acceleration_noise.max(1e-6).ln();
+        let pushes = (0..self.ends_s.len()).map(|i| guess.rest.fixed_rows::<3>(z + size * i).into_owned()).collect();
         let flight = Flight {
             start_s: self.rows[0].time_s,
             time_s: self.rows[self.rows.len() - 1].time_s,
@@ -386,4 +399,19 @@ impl<'a> Problem<'a> {
         };
         flight.covariance.iter().chain(&flight.body.parameters).all(|it| it.is_finite()).then_some(flight)
     }
+}
+
+/// When the disturbances of a flight of this duration end.
+fn stretch_ends_s(duration_s: f64) -> Vec<f64> {
+    let (mut first_s, mut last_s, mut left_s) = (FIRST_STRETCH_S, LAST_STRETCH_S, duration_s);
+    let (mut front, mut back) = (Vec::new(), Vec::new());
+    while left_s > 1.5 * first_s.min(last_s) {
+        let (side, next_s) = if first_s < last_s { (&mut front, &mut first_s) } else { (&mut back, &mut last_s) };
+        side.push(*next_s);
+        left_s -= *next_s;
+        *next_s *= STRETCH_GROWTH;
+    }
+    let mut end_s = 0.0;
+    let durations = front.into_iter().chain([left_s]).chain(back.into_iter().rev());
+    durations.map(|it: f64| { end_s += it; end_s }).collect()
 }

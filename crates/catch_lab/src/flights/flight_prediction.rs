@@ -90,6 +90,8 @@ const MOST_LIFT_PER_S: f64 = 6.0;
 /// A disturbance of the first or last part of a flight that is a hand's or a floor's: in m/s², and in those of the other parts.
 const TOUCH_MPS2: f64 = 3.0;
 const TOUCH_TIMES: f64 = 4.0;
+/// How much of the flight is then left out at a time.
+const TOUCH_S: f64 = 0.025;
 /// That many sightings in a row at an end that all lie further off than this are no outliers.
 const TAIL: usize = 4;
 const TAIL_SD: f64 = 12.0;
@@ -170,11 +172,11 @@ fn untouched(mut rows: &[Sighting], g: &Vector3<f64>, prior: &Arc<FlightPrior>) 
 fn untouched_s(flight: &Flight, rows: &[Sighting]) -> Option<[f64; 2]> {
     let pushes: Vec<f64> = flight.pushes.iter().map(|it| it.norm()).collect();
     let limit = TOUCH_MPS2 + TOUCH_TIMES * median_in_place(&mut pushes.clone());
-    let half_s = 0.5 * (flight.time_s - flight.start_s) / pushes.len() as f64;
+    let part_s = TOUCH_S.min(0.2 * (flight.time_s - flight.start_s));
     let (first, last) = (pushes[0], pushes[pushes.len() - 1]);
     if pushes.len() > 2 && first.max(last) > limit {
         let at_first = first >= last;
-        return Some(if at_first { [flight.start_s + half_s, flight.time_s] } else { [flight.start_s, flight.time_s - half_s] });
+        return Some(if at_first { [flight.start_s + part_s, flight.time_s] } else { [flight.start_s, flight.time_s - part_s] });
     }
     let far = |error: &&f64| **error > TAIL_M.max(TAIL_SD * flight.noise.position_sd_m);
     let head = flight.errors_m.iter().take_while(far).count();

@@ -166,8 +166,8 @@ impl FlightPrior {
 
     /// The built-in prior for tracks of positions: everyday objects between a baseball and a foam ball, spinning or not.
     pub fn any_point() -> Self {
-        let prior = Self::of_hand_size("everyday objects whose orientation is not tracked", [-3.2, 1.1, 0.0], 1.5);
-        Self { acceleration_noise: 0.02, systematic_sd_m: 0.0, least_noise: Noise { position_sd_m: 1e-4, ..prior.least_noise }, ..prior }
+        let prior = Self::of_hand_size("everyday objects whose orientation is not tracked", [-3.2, 1.1, 0.0], 0.5);
+        Self { acceleration_noise: 0.01, systematic_sd_m: 5e-4, least_noise: Noise { position_sd_m: 1e-4, ..prior.least_noise }, ..prior }
     }
 
     /// Reads what was learned of an object.
