@@ -38,7 +38,10 @@ pub struct Flight {
     pub errors_m: Vec<f64>,
     /// Negative logarithm of its probability density, but for a constant.
     pub deviance: f64,
-    pub(super) disturbances: (f64, f64),
+    /// Squares of the noise densities that the disturbances of this flight have: of the acceleration and of the angular acceleration.
+    pub disturbances: (f64, f64),
+    /// Iterations of the fit.
+    pub iterations: usize,
     pub(super) body: FlyingBody,
     /// Of the error state at the last sighting.
     pub(super) covariance: SMatrix<f64, N, N>,
@@ -117,6 +120,12 @@ impl Flight {
         let drag = self.parameters().fixed_rows::<3>(DRAG_AT).mean().exp();
         let variance = self.parameter_covariance().fixed_view::<3, 3>(DRAG_AT, DRAG_AT).sum() / 9.0;
         [drag, drag * variance.max(0.0).sqrt()]
+    }
+
+    /// What a sighting that lies on the flight adds to the deviance, about: the mean of the robust cost under normal errors is 1.7.
+    pub(super) fn deviance_of_row(&self) -> f64 {
+        let of = |sd: f64| 1.7 + 3.0 * sd.ln();
+        of(self.noise.position_sd_m) + if self.oriented { of(self.noise.orientation_sd_rad) } else { 0.0 }
     }
 
     /// Sightings that it was fitted to.

@@ -32,20 +32,26 @@ const FIRST_STRETCH_S: f64 = 0.05;
 const LAST_STRETCH_S: f64 = 0.025;
 const STRETCH_GROWTH: f64 = 1.5;
 /// Iterations at most, and those of them after which the noise stays as it is.
-const ITERATIONS: usize = 60;
-const NOISE_ITERATIONS: usize = 8;
-/// The same where a part of the track is fitted to begin with.
-const FIRST_NOISE_ITERATIONS: usize = 2;
+const ITERATIONS: usize = 30;
+const NOISE_ITERATIONS: usize = 10;
+/// The same for a guess that is near.
+const FIRST_NOISE_ITERATIONS: usize = 3;
 /// The iterations end when a step promises less than this of the cost.
-const SMALL_GAIN: f64 = 1e-3;
+const SMALL_GAIN: f64 = 0.05;
 /// Stretches of noise that the prior's density counts for.
 const NOISE_DOF: f64 = 6.0;
+/// Less noise than the errors have, until the last of these iterations: what is smooth is the motion's.
+const ANNEALING: f64 = 0.5;
 /// Density of the disturbances that comes with a Magnus force, in 1/√Hz.
-const VARYING_LIFT: f64 = 0.02;
-/// Largest element of z: six standard deviations of the prior.
-const MOST_SD: f64 = 6.0;
-/// Time from the first sighting on that a track with orientations is fitted to first; each fit after that has twice as much.
-const FIRST_S: f64 = 0.15;
+const VARYING_LIFT: f64 = 0.01;
+/// Largest element of z: that many standard deviations of the prior.
+const MOST_SD: f64 = 12.0;
+/// Time from the first sighting on that a track with orientations is fitted to first, and how much more each fit after that has.
+const FIRST_S: f64 = 0.12;
+const LONGER_S: f64 = 0.08;
+/// Noise in the meantime.
+const FIRST_M: f64 = 2e-3;
+const FIRST_RAD: f64 = 0.04;
 
 /// Standard deviations of the unknowns' errors: of the sightings, and the density of the disturbances.
 #[derive(Debug, Clone, Copy)]
@@ -71,6 +77,8 @@ pub(super) struct Problem<'a> {
     oriented: bool,
     mean: ParameterVector,
     basis: DMatrix<f64>,
+    /// Least noise of the sightings: as neighbours have it.
+    least: Noise,
     /// Times since the first sighting at which the disturbances end.
     ends_s: Vec<f64>,
 }
@@ -83,13 +91,21 @@ struct Equations {
     last_by: DMatrix<f64>,
 }
 
+/// How a minimization ended.
+struct Rest {
+    equations: Equations,
+    converged: bool,
+    iterations: usize,
+}
+
 impl<'a> Problem<'a> {
     /// Of sightings in the order of time, under gravity `g`.
     pub fn new(g: Vector3<f64>, prior: &'a Arc<FlightPrior>, rows: &'a [Sighting]) -> Self {
         let oriented = rows.iter().any(|it| it.rotation.is_some());
         let (mean, basis) = prior.whitened(oriented);
         let duration_s = rows.last().map_or(0.0, |it| it.time_s) - rows.first().map_or(0.0, |it| it.time_s);
-        Self { g, prior, rows, oriented, mean, basis, ends_s: stretch_ends_s(duration_s) }
+        let local = Noise { position_sd_m: local_noise_m(rows).max(prior.least_noise.position_sd_m), ..prior.least_noise };
+        Self { g, prior, rows, oriented, mean, basis, least: local, ends_s: stretch_ends_s(duration_s) }
     }
 
     /// Elements of the state, and of a disturbance.
@@ -249,14 +265,20 @@ impl<'a> Problem<'a> {
 
     /// Noise of the sightings by the median of their errors, and density of the disturbances by their mean square (expectation
     /// maximization under an inverse gamma prior).
-    fn scales(&self, guess: &Guess, errors: &[(f64, Option<f64>)], information: &DMatrix<f64>) -> Option<Scales> {
+    fn scales(
+        &self,
+        guess: &Guess,
+        errors: &[(f64, Option<f64>)],
+        information: &DMatrix<f64>,
+        factor: f64,
+    ) -> Option<Scales> {
         let typical = |values: &mut dyn Iterator<Item = f64>, least: f64| {
-            (median_in_place(&mut values.collect::<Vec<_>>()) / MEDIAN).max(least)
+            (factor * median_in_place(&mut values.collect::<Vec<_>>()) / MEDIAN).max(least)
         };
-        let least = &self.prior.least_noise;
+        let least = &self.least;
         let (squares, _) = self.disturbances(guess, &information.clone().cholesky()?.inverse());
-        let (expected, count) = (self.expected_noise(guess), 3.0 * self.ends_s.len() as f64);
-        let variance = (NOISE_DOF * expected.powi(2) + squares * count) / (NOISE_DOF + count);
+        let count = 3.0 * self.ends_s.len() as f64;
+        let variance = (NOISE_DOF * self.expected_noise(guess).powi(2) + squares * count) / (NOISE_DOF + count);
         Some(Scales {
             noise: Noise {
                 position_sd_m: typical(&mut errors.iter().map(|it| it.0), least.position_sd_m),
@@ -284,30 +306,52 @@ impl<'a> Problem<'a> {
         (squares[0], squares[1])
     }
 
-    /// The first guess: the parabola through most sightings, and the rotation that those near the first have in common.
+    /// The first guess: the parabola through most sightings, and the rotation that the first of them have in common.
     fn first_guess(&self) -> Option<(Guess, Scales)> {
         let parabola = Parabola::through(self.rows)?;
-        let beginning = self.rows.partition_point(|it| it.time_s <= self.rows[0].time_s + FIRST_S).max(LEAST_SIGHTINGS);
-        let turned: Vec<(f64, UnitQuaternion<f64>)> = self.rows[..beginning.min(self.rows.len())]
+        let turned: Vec<(f64, UnitQuaternion<f64>)> = self
+            .rows
             .iter()
             .filter_map(|it| Some((it.time_s - self.rows[0].time_s, it.rotation?)))
+            .take_while(|it| it.0 <= FIRST_S)
             .collect();
-        let rates: Vec<Vector3<f64>> =
-            turned.windows(2).map(|it| (it[0].1.inverse() * it[1].1).scaled_axis() / (it[1].0 - it[0].0)).collect();
-        let w = median_vector(&rates);
+        let rate = |it: &[(f64, UnitQuaternion<f64>)]| (it[0].1.inverse() * it[1].1).scaled_axis() / (it[1].0 - it[0].0);
+        let w = median_vector(&turned.windows(2).map(rate).collect::<Vec<_>>());
         let back = |(t, R): &(f64, UnitQuaternion<f64>)| R * UnitQuaternion::from_scaled_axis(-w * *t);
         let begun: Vec<UnitQuaternion<f64>> = turned.iter().map(back).collect();
         let far = |R: &UnitQuaternion<f64>| median_in_place(&mut begun.iter().map(|it| it.angle_to(R)).collect::<Vec<_>>());
         let R = begun.iter().min_by(|a, b| far(a).total_cmp(&far(b))).copied().unwrap_or_default();
         let start = FreeState { p: parabola.p, v: parabola.v, R, w };
-        let noise = Noise { position_sd_m: parabola.off_m.max(self.prior.least_noise.position_sd_m), orientation_sd_rad: 0.1 };
-        let (state, _) = self.sizes();
-        let guess = Guess { start, rest: DVector::zeros(self.unknowns() - state) };
-        Some((guess, Scales { noise, acceleration_noise: self.prior.acceleration_noise }))
+        let guess = Guess { start, rest: DVector::zeros(self.unknowns() - self.sizes().0) };
+        let acceleration_noise = self.expected_noise(&guess);
+        let noise = Noise { position_sd_m: parabola.off_m.max(self.least.position_sd_m), orientation_sd_rad: FIRST_RAD };
+        Some((guess, Scales { noise, acceleration_noise }))
+    }
+
+    /// The first guess, and where there are orientations what fits to more and more of the track lead to: they are periodic, and a rotation
+    /// that is known for a while leads to that for a little longer.
+    fn begun(&self) -> Option<(Guess, Scales)> {
+        let (mut guess, mut scales) = self.first_guess()?;
+        let (z, start_s) = (self.basis.ncols(), self.rows[0].time_s);
+        let mut end_s = start_s + FIRST_S;
+        while self.oriented && end_s + LONGER_S < self.rows[self.rows.len() - 1].time_s {
+            let known = self.rows.partition_point(|it| it.time_s <= end_s);
+            end_s += LONGER_S;
+            if known >= LEAST_SIGHTINGS {
+                let part = Problem::new(self.g, self.prior, &self.rows[..known]);
+                let mut begun = Guess { rest: DVector::zeros(part.unknowns() - part.sizes().0), ..guess.clone() };
+                begun.rest.rows_mut(0, z).copy_from(&guess.rest.rows(0, z));
+                scales.noise.position_sd_m = FIRST_M.max(self.least.position_sd_m);
+                part.minimize(&mut begun, &mut scales, 0)?;
+                guess.start = begun.start;
+                guess.rest.rows_mut(0, z).copy_from(&begun.rest.rows(0, z));
+            }
+        }
+        Some((guess, scales))
     }
 
     /// Minimizes the cost; `None` where a guess leads nowhere.
-    fn minimize(&self, guess: &mut Guess, scales: &mut Scales, noise_iterations: usize) -> Option<(Equations, bool)> {
+    fn minimize(&self, guess: &mut Guess, scales: &mut Scales, noise_iterations: usize) -> Option<Rest> {
         let mut damping = 1e-3;
         for iteration in 0..ITERATIONS {
             let equations = self.equations(guess, scales);
@@ -326,7 +370,8 @@ impl<'a> Problem<'a> {
                     *guess = moved;
                     damping = (damping * 0.2).max(1e-9);
                     if iteration < noise_iterations {
-                        *scales = self.scales(guess, &errors, &equations.information)?;
+                        let factor = if iteration + 1 < noise_iterations { ANNEALING } else { 1.0 };
+                        *scales = self.scales(guess, &errors, &equations.information, factor)?;
                     }
                     break;
                 }
@@ -336,46 +381,56 @@ impl<'a> Problem<'a> {
                 damping *= 8.0;
             }
             if gain < SMALL_GAIN && iteration >= noise_iterations || damping > 1e9 {
-                return cost.is_finite().then(|| (self.equations(guess, scales), gain < SMALL_GAIN));
+                let converged = gain < SMALL_GAIN;
+                return cost.is_finite().then(|| Rest { equations: self.equations(guess, scales), converged, iterations: iteration });
             }
         }
-        Some((self.equations(guess, scales), false))
+        Some(Rest { equations: self.equations(guess, scales), converged: false, iterations: ITERATIONS })
     }
 
-    /// The flight; `None` where none fits.
-    pub fn solve(&self) -> Option<Flight> {
-        let (mut guess, mut scales) = self.first_guess()?;
-        let duration_s = self.rows[self.rows.len() - 1].time_s - self.rows[0].time_s;
-        let mut beginning_s = FIRST_S;
-        // Orientations are periodic: a rotation that is known for a while leads to that for twice as long.
-        while self.oriented && beginning_s < 0.7 * duration_s {
-            let known = self.rows.partition_point(|it| it.time_s <= self.rows[0].time_s + beginning_s);
-            beginning_s *= 2.0;
-            if known >= LEAST_SIGHTINGS {
-                let part = Problem { rows: &self.rows[..known], ..Problem::new(self.g, self.prior, &self.rows[..known]) };
-                let mut begun = Guess { rest: DVector::zeros(part.unknowns() - part.sizes().0), ..guess.clone() };
-                let z = self.basis.ncols();
-                begun.rest.rows_mut(0, z).copy_from(&guess.rest.rows(0, z));
-                part.minimize(&mut begun, &mut scales, FIRST_NOISE_ITERATIONS)?;
-                guess.start = begun.start;
-                guess.rest.rows_mut(0, z).copy_from(&begun.rest.rows(0, z));
-            }
-        }
-        let (equations, converged) = self.minimize(&mut guess, &mut scales, NOISE_ITERATIONS)?;
-        self.flight(&guess, &scales, (&equations, converged))
+    /// The flight, sought near another one if there is one; `None` where none fits.
+    pub fn solve(&self, near: Option<&Flight>) -> Option<Flight> {
+        let near = near.filter(|it| it.oriented == self.oriented && it.noise.orientation_sd_rad < FIRST_RAD);
+        let (mut guess, mut scales) = near.map(|it| self.guess_near(it)).map_or_else(|| self.begun(), Some)?;
+        let noise_iterations = if near.is_some() { FIRST_NOISE_ITERATIONS } else { NOISE_ITERATIONS };
+        let rest = self.minimize(&mut guess, &mut scales, noise_iterations)?;
+        self.flight(&guess, &scales, &rest)
     }
 
-    fn flight(&self, guess: &Guess, scales: &Scales, (equations, converged): (&Equations, bool)) -> Option<Flight> {
-        let covariance = equations.information.clone().cholesky()?.inverse();
+    /// The guess that another flight is.
+    fn guess_near(&self, near: &Flight) -> (Guess, Scales) {
+        let start_s = self.rows[0].time_s;
+        let at = near.states.partition_point(|it| it.0 < start_s).min(near.states.len() - 1);
+        let (time_s, state) = near.states[at];
+        let (count, h) = steps(start_s - time_s);
+        let pushes = Pushes { acceleration: self.g, angular: Vector3::zeros() };
+        let start = (0..count).fold(state, |state, _| near.body.step(&pushes, &state, h));
+        let off = near.parameters() - self.mean;
+        let z = DVector::from_fn(self.basis.ncols(), |i, _| {
+            let column = self.basis.column(i);
+            (column.dot(&off) / column.norm_squared()).clamp(-MOST_SD, MOST_SD)
+        });
+        let mut rest = DVector::zeros(self.unknowns() - self.sizes().0);
+        rest.rows_mut(0, z.len()).copy_from(&z);
+        let guess = Guess { start, rest };
+        let acceleration_noise = self.expected_noise(&guess);
+        (guess, Scales { noise: near.noise, acceleration_noise })
+    }
+
+    fn flight(&self, guess: &Guess, scales: &Scales, rest: &Rest) -> Option<Flight> {
+        let factor = rest.equations.information.clone().cholesky()?;
+        let covariance = factor.inverse();
         let ((state, size), z) = (self.sizes(), self.basis.ncols());
         let mut by = DMatrix::<f64>::zeros(N, self.unknowns());
-        by.rows_mut(0, state).copy_from(&equations.last_by);
+        by.rows_mut(0, state).copy_from(&rest.equations.last_by);
         by.view_mut((POINT, state), (PARAMETERS, z)).copy_from(&self.basis);
         let spread = &by * &covariance * by.transpose();
         let body = self.body(guess);
         let (cost, errors) = self.cost(guess, scales);
         let (position, turned) = (3.0 * errors.len() as f64, 3.0 * errors.iter().filter_map(|it| it.1).count() as f64);
+        // Laplace's approximation of the evidence.
         let deviance = cost
+            + factor.l_dirty().diagonal().map(f64::ln).sum()
             + position * scales.noise.position_sd_m.ln()
             + turned * scales.noise.orientation_sd_rad.ln()
             + 3.0 * self.ends_s.len() as f64 * scales.acceleration_noise.max(1e-6).ln();
@@ -385,7 +440,8 @@ impl<'a> Problem<'a> {
             time_s: self.rows[self.rows.len() - 1].time_s,
             noise: scales.noise,
             acceleration_noise: scales.acceleration_noise,
-            converged,
+            converged: rest.converged,
+            iterations: rest.iterations,
             oriented: self.oriented,
             pushes,
             deviance,
@@ -415,3 +471,21 @@ fn stretch_ends_s(duration_s: f64) -> Vec<f64> {
     let durations = front.into_iter().chain([left_s]).chain(back.into_iter().rev());
     durations.map(|it: f64| { end_s += it; end_s }).collect()
 }
+
+/// Noise of positions by how far each is from the parabola through three neighbours, in the median.
+fn local_noise_m(rows: &[Sighting]) -> f64 {
+    let off = |four: &[Sighting]| {
+        let [a, b, c, d] = [0, 1, 2, 3].map(|i| four[i].time_s);
+        // Lagrange's weights at the second time.
+        let weights = [
+            (b - c) * (b - d) / ((a - c) * (a - d)),
+            (b - a) * (b - d) / ((c - a) * (c - d)),
+            (b - a) * (b - c) / ((d - a) * (d - c)),
+        ];
+        let expected = four[0].p.coords * weights[0] + four[2].p.coords * weights[1] + four[3].p.coords * weights[2];
+        let scale = (1.0 + weights.iter().map(|it| it * it).sum::<f64>()).sqrt();
+        (four[1].p.coords - expected).norm() / scale
+    };
+    median_in_place(&mut rows.windows(4).map(off).collect::<Vec<_>>()) / MEDIAN
+}
+

@@ -8,25 +8,52 @@ use catch_body::free_flight::{PARAMETERS, ParameterVector};
 use nalgebra::Matrix3;
 
 use super::{
-    flight_misses::{Miss, Misses, Seen, Throw, in_parallel, misses, quantile},
-    flight_prediction::{Known, predict},
+    flight::Flight,
+    flight_misses::{Miss, Misses, Throw, in_parallel, quantile},
+    flight_prediction::{Known, predict, predict_near},
     flight_prior::{DRAG_AT, FlightPrior, LIFT_AT, Noise, ParameterCovariance},
 };
+use crate::statistics::median_in_place;
 
 /// Iterations of expectation maximization.
-const ITERATIONS: usize = 5;
+const ITERATIONS: usize = 3;
 /// Throws that the first prior counts for in the covariance, and the fraction of its variance that it claims.
 const PRIOR_THROWS: f64 = 3.0;
 const PRIOR_FRACTION: f64 = 0.01;
 /// A throw with fewer sightings that agree than this fraction teaches nothing.
 const LEAST_AGREEING: f64 = 0.6;
+/// One whose orientations are noisier than most by this factor neither.
+const MOST_TIMES: f64 = 4.0;
 
-/// Learns an object's prior from its throws, beginning with a broad one. `None` where no throw could be fitted.
-pub fn learn(throws: &[&Throw]) -> Option<FlightPrior> {
+/// A throw with what a broad prior makes of it: where every fit by a better one begins.
+pub struct Studied<'a> {
+    throw: &'a Throw,
+    whole: Option<Flight>,
+    parts: [Option<Flight>; 4],
+}
+
+/// Fits all throws by a broad prior, or those without orientations by the most evident one of any object.
+pub fn studied(throws: &[Throw]) -> Vec<Studied<'_>> {
+    let broad = Arc::new(FlightPrior::broad());
+    in_parallel(throws, |throw| {
+        let oriented = throw.samples.iter().any(|it| it.rotation.is_some());
+        let known = if oriented { Known::Prior(broad.clone()) } else { Known::Nothing };
+        let parts = throw.flights(&known, None);
+        Studied { throw, whole: predict(&throw.samples, &throw.up, known).flight, parts }
+    })
+}
+
+/// Learns an object's prior from its throws. `None` where no throw could be fitted.
+pub fn learn(throws: &[&Studied<'_>]) -> Option<FlightPrior> {
     let broad = FlightPrior::broad();
-    let mut prior = Arc::new(broad.clone());
-    for _ in 0..ITERATIONS {
-        prior = Arc::new(maximized(throws, &prior, &broad)?);
+    let known = throws.iter().filter_map(|it| lesson(it.whole.as_ref()?)).collect();
+    let mut prior = Arc::new(maximized(known, &broad, &broad)?);
+    for _ in 1..ITERATIONS {
+        let found = in_parallel(throws, |it| {
+            let (throw, known) = (it.throw, Known::Prior(prior.clone()));
+            lesson(&predict_near(&throw.samples, &throw.up, known, it.whole.as_ref()).flight?)
+        });
+        prior = Arc::new(maximized(found.into_iter().flatten().collect(), &prior, &broad)?);
     }
     Some(calibrated(throws, &prior))
 }
@@ -37,22 +64,28 @@ struct Lesson {
     covariance: ParameterCovariance,
     /// Squares of the noise densities of the acceleration and of the angular acceleration.
     disturbances: (f64, f64),
+    orientation_sd_rad: f64,
     oriented: bool,
 }
 
+/// What a flight says, if most sightings agree with it.
+fn lesson(flight: &Flight) -> Option<Lesson> {
+    let agrees = flight.inliers() as f64 >= LEAST_AGREEING * flight.considered() as f64;
+    agrees.then(|| Lesson {
+        mean: flight.parameters(),
+        covariance: flight.parameter_covariance(),
+        disturbances: flight.disturbances,
+        orientation_sd_rad: flight.noise.orientation_sd_rad,
+        oriented: flight.oriented,
+    })
+}
+
 /// One iteration of expectation maximization: the moments over all throws.
-fn maximized(throws: &[&Throw], prior: &Arc<FlightPrior>, broad: &FlightPrior) -> Option<FlightPrior> {
-    let found = in_parallel(throws, |throw| {
-        let flight = predict(&throw.samples, &throw.up, Known::Prior(prior.clone())).flight?;
-        let agrees = flight.inliers() as f64 >= LEAST_AGREEING * flight.considered() as f64;
-        (flight.converged && agrees).then(|| Lesson {
-            mean: flight.parameters(),
-            covariance: flight.parameter_covariance(),
-            disturbances: flight.disturbances,
-            oriented: flight.oriented,
-        })
-    });
-    let found: Vec<Lesson> = found.into_iter().flatten().collect();
+fn maximized(mut found: Vec<Lesson>, prior: &FlightPrior, broad: &FlightPrior) -> Option<FlightPrior> {
+    let typical = |of: &dyn Fn(&Lesson) -> f64, found: &[Lesson]| median_in_place(&mut found.iter().map(of).collect::<Vec<_>>());
+    // Rotations that were not understood teach nothing.
+    let most_rad = MOST_TIMES * typical(&|it| it.orientation_sd_rad, &found);
+    found.retain(|it| it.orientation_sd_rad <= most_rad);
     let count = found.len() as f64;
     let oriented = found.first()?.oriented;
     let mean = found.iter().map(|it| it.mean).sum::<ParameterVector>() / count;
@@ -63,7 +96,7 @@ fn maximized(throws: &[&Throw], prior: &Arc<FlightPrior>, broad: &FlightPrior) -
     // The mean itself is known only as well as that many throws tell.
     let covariance = pooled * (1.0 + 1.0 / count);
     let (mean, covariance) = with_unmeasured(broad, (mean, (covariance + covariance.transpose()) * 0.5), oriented);
-    let density = |square: &dyn Fn(&Lesson) -> f64| (found.iter().map(square).sum::<f64>() / count).sqrt();
+    let density = |square: &dyn Fn(&Lesson) -> f64| typical(square, &found).sqrt();
     Some(FlightPrior {
         throws: found.len(),
         acceleration_noise: density(&|it| it.disturbances.0),
@@ -106,9 +139,9 @@ fn systematic_sds_m() -> impl Iterator<Item = f64> {
 ///
 /// What neighbouring sightings share (markers that are hidden, a body that bends, a hand that touches) is beyond the model; the
 /// last row of a recording has it too.
-fn calibrated(throws: &[&Throw], prior: &FlightPrior) -> FlightPrior {
+fn calibrated(throws: &[&Studied<'_>], prior: &FlightPrior) -> FlightPrior {
     let bare = Arc::new(FlightPrior { systematic_sd_m: 0.0, ..prior.clone() });
-    let misses = Seen::ALL.map(|seen| misses(throws, &bare, seen));
+    let misses = misses(throws, &bare);
     let covers = |sd: f64, misses: &[Option<Miss>]| {
         let inside = |miss: &&Miss| miss.measures(sd * sd).0 <= quantile(0.95);
         misses.iter().flatten().filter(inside).count() as f64 >= COVERED * misses.iter().flatten().count() as f64
@@ -168,26 +201,31 @@ pub fn generic(objects: &[FlightPrior]) -> Option<FlightPrior> {
     })
 }
 
+/// Predicted ends of throws by how much was seen.
+pub fn misses(throws: &[&Studied<'_>], prior: &Arc<FlightPrior>) -> Misses {
+    let flights = in_parallel(throws, |it| it.throw.flights(&Known::Prior(prior.clone()), Some(&it.parts)));
+    let all = throws.iter().zip(&flights);
+    std::array::from_fn(|at| all.clone().map(|(it, flights)| it.throw.miss(flights[at].as_ref()?)).collect())
+}
+
 /// Predictions of each throw by a prior learned from the other folds; throws go to folds by turns. `None` where nothing could
 /// be learned.
-pub fn cross_validated(throws: &[Throw], folds: usize, mut progress: impl FnMut()) -> Option<Misses> {
+pub fn cross_validated(throws: &[Studied<'_>], folds: usize, mut progress: impl FnMut()) -> Option<Misses> {
     let mut all = Misses::default();
     for fold in 0..folds {
         let (test, train): (Vec<_>, Vec<_>) = throws.iter().enumerate().partition(|(i, _)| i % folds == fold);
         let [test, train] = [test, train].map(|part| part.into_iter().map(|(_, throw)| throw).collect::<Vec<_>>());
         let prior = Arc::new(learn(&train)?);
-        for (misses_of, seen) in all.iter_mut().zip(Seen::ALL) {
-            misses_of.extend(misses(&test, &prior, seen));
-        }
+        all.iter_mut().zip(misses(&test, &prior)).for_each(|(all, of_fold)| all.extend(of_fold));
         progress();
     }
     Some(all)
 }
 
 /// Predictions of the throws of one object by a prior for any object, learned from the others.
-pub fn left_out(throws: &[Throw], others: &[FlightPrior]) -> Option<Misses> {
-    let (prior, throws) = (Arc::new(generic(others)?), throws.iter().collect::<Vec<_>>());
-    Some(Seen::ALL.map(|seen| misses(&throws, &prior, seen)))
+pub fn left_out(throws: &[Studied<'_>], others: &[FlightPrior]) -> Option<Misses> {
+    let prior = Arc::new(generic(others)?);
+    Some(misses(&throws.iter().collect::<Vec<_>>(), &prior))
 }
 
 #[cfg(test)]

@@ -1,16 +1,13 @@
 //! Predicted ends of recorded throws against where they ended.
 
-use std::{
-    path::{Path, PathBuf},
-    sync::Arc,
-};
+use std::path::{Path, PathBuf};
 
 use catch_body::InputError;
 use nalgebra::{Matrix3, Unit, Vector3};
 
 use super::{
-    flight_prediction::{Known, predict},
-    flight_prior::FlightPrior,
+    flight::Flight,
+    flight_prediction::{Known, predict_near},
     track_file::{self, Sighting},
 };
 
@@ -88,31 +85,39 @@ pub fn quantile(fraction: f64) -> f64 {
     QUANTILES.iter().find(|it| it.0 >= fraction).map_or(f64::INFINITY, |it| it.1)
 }
 
-/// Predicts the end of each throw; `None` where there is no flight.
-pub fn misses(throws: &[&Throw], prior: &Arc<FlightPrior>, seen: Seen) -> Vec<Option<Miss>> {
-    in_parallel(throws, |throw| {
-        let (first, last) = (throw.samples.first()?, throw.samples.last()?);
-        let until_s = match seen {
-            Seen::Half => f64::midpoint(first.time_s, last.time_s),
-            Seen::AllBut(left_s) => last.time_s - left_s,
-        };
-        let known = throw.samples.partition_point(|it| it.time_s <= until_s);
-        let found = predict(&throw.samples[..known], &throw.up, Known::Prior(prior.clone()));
-        let end = found.flight?.at(last.time_s);
+impl Throw {
+    /// Predicts the end by how much was seen, each time near the flight that was found in `near` if there is one; `None` where there is no flight.
+    pub fn flights(&self, known: &Known, near: Option<&[Option<Flight>; 4]>) -> [Option<Flight>; 4] {
+        std::array::from_fn(|at| {
+            let (first, last) = (self.samples.first()?, self.samples.last()?);
+            let until_s = match Seen::ALL[at] {
+                Seen::Half => f64::midpoint(first.time_s, last.time_s),
+                Seen::AllBut(left_s) => last.time_s - left_s,
+            };
+            let seen = &self.samples[..self.samples.partition_point(|it| it.time_s <= until_s)];
+            let near = near.and_then(|it| it[at].as_ref());
+            predict_near(seen, &self.up, known.clone(), near).flight
+        })
+    }
+
+    /// How far the end is from where a flight has it.
+    pub fn miss(&self, flight: &Flight) -> Option<Miss> {
+        let last = self.samples.last()?;
+        let end = flight.at(last.time_s);
         let covariance = end.covariance.fixed_view::<3, 3>(0, 0).into_owned();
         Some(Miss { error: last.p - end.position, covariance })
-    })
+    }
 }
 
-/// Looks at all throws on all cores; results in their order.
-pub fn in_parallel<T: Send>(throws: &[&Throw], with: impl Fn(&Throw) -> Option<T> + Sync) -> Vec<Option<T>> {
+/// Looks at all of them on all cores; results in their order.
+pub fn in_parallel<I: Sync, T: Send>(all: &[I], with: impl Fn(&I) -> T + Sync) -> Vec<T> {
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let chunk = throws.len().div_ceil(threads).max(1);
-    let looked = &|part: &[&Throw]| part.iter().map(|throw| with(throw)).collect::<Vec<_>>();
+    let chunk = all.len().div_ceil(threads).max(1);
+    let looked = &|part: &[I]| part.iter().map(&with).collect::<Vec<_>>();
     std::thread::scope(|scope| {
         // Where the system allows no other thread it is done here.
         let begin = |part| std::thread::Builder::new().spawn_scoped(scope, move || looked(part)).map_err(|_| looked(part));
-        let parts: Vec<_> = throws.chunks(chunk).map(begin).collect();
+        let parts: Vec<_> = all.chunks(chunk).map(begin).collect();
         parts.into_iter().flat_map(|it| it.map_or_else(|done| done, |part| part.join().unwrap_or_default())).collect()
     })
 }

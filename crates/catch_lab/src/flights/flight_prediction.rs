@@ -13,7 +13,6 @@ use super::{
     stretches::{Parabola, axis, between_contacts, sighted, thinned},
     track_file::Sighting,
 };
-use crate::statistics::median_in_place;
 
 /// What is known of an object's flights before one is seen.
 #[derive(Debug, Clone, Default)]
@@ -28,13 +27,13 @@ pub enum Known {
 }
 
 impl Known {
-    /// The prior for a track with or without orientations.
-    fn prior(self, oriented: bool) -> Arc<FlightPrior> {
-        let any = || if oriented { FlightPrior::any_object() } else { FlightPrior::any_point() };
+    /// The priors for a track with or without orientations, among which its evidence chooses.
+    fn priors(self, oriented: bool) -> Vec<Arc<FlightPrior>> {
+        let any = || if oriented { vec![FlightPrior::any_object()] } else { FlightPrior::any_points() };
         match self {
-            Self::Nothing => Arc::new(any()),
-            Self::Drag([drag, sd]) => Arc::new(any().with_drag(drag, sd)),
-            Self::Prior(prior) => prior,
+            Self::Nothing => any().into_iter().map(Arc::new).collect(),
+            Self::Drag([drag, sd]) => any().iter().map(|it| Arc::new(it.with_drag(drag, sd))).collect(),
+            Self::Prior(prior) => vec![prior],
         }
     }
 }
@@ -87,11 +86,15 @@ const LEAST_AGREEING: f64 = 0.5;
 /// A force beyond gravity and drag that is looked into, in m/s²; more by spin, as a fraction of the speed per second.
 const STRANGE_MPS2: f64 = 8.0;
 const MOST_LIFT_PER_S: f64 = 6.0;
-/// A disturbance of the first or last part of a flight that is a hand's or a floor's: in m/s², and in those of the other parts.
+/// A disturbance of the first or last part of a flight that may be a hand's or a floor's, in m/s².
 const TOUCH_MPS2: f64 = 3.0;
-const TOUCH_TIMES: f64 = 4.0;
-/// How much of the flight is then left out at a time.
-const TOUCH_S: f64 = 0.025;
+/// How much of the flight is then tried to be left out, and how much must be left, in seconds.
+const CUTS_S: [f64; 5] = [0.025, 0.05, 0.075, 0.1, 0.15];
+/// Density of the disturbances without them, as a fraction.
+const CALMER: f64 = 0.3;
+const SHORTEST_S: f64 = 0.1;
+/// Density of disturbances that is no flight's, in m/s²/√Hz.
+const MOST_DENSITY: f64 = 2.0;
 /// That many sightings in a row at an end that all lie further off than this are no outliers.
 const TAIL: usize = 4;
 const TAIL_SD: f64 = 12.0;
@@ -103,13 +106,23 @@ const SURELY: f64 = 10.0;
 ///
 /// What precedes the flight, as in a hand, and what follows a contact is left out.
 pub fn predict(rows: &[Sighting], up: &Unit<Vector3<f64>>, known: Known) -> FlightPrediction {
+    predict_near(rows, up, known, None)
+}
+
+/// [`predict`], begun with a flight through some of the rows.
+pub fn predict_near(
+    rows: &[Sighting],
+    up: &Unit<Vector3<f64>>,
+    known: Known,
+    near: Option<&Flight>,
+) -> FlightPrediction {
     let seen = sighted(rows);
     if seen.len() < LEAST_SIGHTINGS {
         let stands = rows.len() >= LEAST_SIGHTINGS && !seen.is_empty();
         let status = if stands { FlightStatus::NoGravity } else { FlightStatus::TooFewSightings };
         return FlightPrediction::none(status);
     }
-    let prior = known.prior(seen.iter().any(|it| it.rotation.is_some()));
+    let priors = known.priors(seen.iter().any(|it| it.rotation.is_some()));
     let g = up.into_inner() * -gravity().norm();
     let seen = thinned(&seen, MOST_ROWS);
     let mut status = FlightStatus::NoGravity;
@@ -118,7 +131,7 @@ pub fn predict(rows: &[Sighting], up: &Unit<Vector3<f64>>, known: Known) -> Flig
         if rows.len() < LEAST_SIGHTINGS || !may_fall(rows, &g) {
             continue;
         }
-        match untouched(rows, &g, &prior) {
+        match untouched(rows, &g, &priors, near) {
             Ok(flight) => return judged(flight, &seen),
             Err(why) => status = why,
         }
@@ -153,43 +166,75 @@ fn scatter(rows: &[Sighting], parabola: &Parabola) -> f64 {
 }
 
 /// The flight through a stretch between contacts, without the rows at its ends that something touched.
-fn untouched(mut rows: &[Sighting], g: &Vector3<f64>, prior: &Arc<FlightPrior>) -> Result<Flight, FlightStatus> {
-    loop {
-        if rows.len() < LEAST_SIGHTINGS || !may_fall(rows, g) {
-            return Err(FlightStatus::NoGravity);
-        }
-        let few = thinned(rows, MOST_SIGHTINGS);
-        let flight = Problem::new(*g, prior, &few).solve().ok_or(FlightStatus::NotConverged)?;
-        let Some([first_s, last_s]) = untouched_s(&flight, &few) else {
-            return if is_against(&few, g, (prior, &flight)) { Err(FlightStatus::NoGravity) } else { Ok(flight) };
-        };
-        let first = rows.partition_point(|it| it.time_s < first_s);
-        rows = &rows[first..rows.partition_point(|it| it.time_s <= last_s).max(first)];
+fn untouched(
+    rows: &[Sighting],
+    g: &Vector3<f64>,
+    priors: &[Arc<FlightPrior>],
+    near: Option<&Flight>,
+) -> Result<Flight, FlightStatus> {
+    let few = thinned(rows, MOST_SIGHTINGS);
+    let mut rows = &few[..];
+    let mut flight = most_probable(*g, priors, rows, near).ok_or(FlightStatus::NotConverged)?;
+    while let Some((range, cut)) = less_touched(&flight, g, priors, rows) {
+        (rows, flight) = (&rows[range], cut);
     }
+    if flight.acceleration_noise > MOST_DENSITY || !may_fall(rows, g) || is_against(rows, g, (priors, &flight)) {
+        return Err(FlightStatus::NoGravity);
+    }
+    Ok(flight)
 }
 
-/// The time in which nothing touched the object, where something did at one of the ends.
-fn untouched_s(flight: &Flight, rows: &[Sighting]) -> Option<[f64; 2]> {
-    let pushes: Vec<f64> = flight.pushes.iter().map(|it| it.norm()).collect();
-    let limit = TOUCH_MPS2 + TOUCH_TIMES * median_in_place(&mut pushes.clone());
-    let part_s = TOUCH_S.min(0.2 * (flight.time_s - flight.start_s));
-    let (first, last) = (pushes[0], pushes[pushes.len() - 1]);
-    if pushes.len() > 2 && first.max(last) > limit {
-        let at_first = first >= last;
-        return Some(if at_first { [flight.start_s + part_s, flight.time_s] } else { [flight.start_s, flight.time_s - part_s] });
-    }
+/// A shorter flight that explains its rows so much better that something touched the others, if its ends look like that.
+fn less_touched(
+    flight: &Flight,
+    g: &Vector3<f64>,
+    priors: &[Arc<FlightPrior>],
+    rows: &[Sighting],
+) -> Option<(std::ops::Range<usize>, Flight)> {
     let far = |error: &&f64| **error > TAIL_M.max(TAIL_SD * flight.noise.position_sd_m);
-    let head = flight.errors_m.iter().take_while(far).count();
-    let tail = flight.errors_m.iter().rev().take_while(far).count();
-    if head.max(tail) < TAIL || head + tail >= rows.len() {
+    let (head, tail) =
+        (flight.errors_m.iter().take_while(far).count(), flight.errors_m.iter().rev().take_while(far).count());
+    let pushed = |push: Option<&Vector3<f64>>| push.is_some_and(|it| it.norm() > TOUCH_MPS2);
+    let at_start = head >= TAIL || pushed(flight.pushes.first());
+    let at_end = tail >= TAIL || pushed(flight.pushes.last());
+    let mut ranges = Vec::new();
+    for cut_s in CUTS_S {
+        if at_start {
+            ranges.push(rows.partition_point(|it| it.time_s < flight.start_s + cut_s)..rows.len());
+        }
+        if at_end {
+            ranges.push(0..rows.partition_point(|it| it.time_s <= flight.time_s - cut_s));
+        }
+    }
+    ranges.retain(|it| it.len() >= LEAST_SIGHTINGS && rows[it.end - 1].time_s - rows[it.start].time_s > SHORTEST_S);
+    let cut = |range: std::ops::Range<usize>| Some((range.clone(), most_probable(*g, priors, &rows[range], None)?));
+    // An object that tumbles about its tracked point is disturbed throughout.
+    let is_calm = |it: &Flight| it.acceleration_noise < flight.acceleration_noise * CALMER;
+    let shortest = ranges.iter().rev().take(usize::from(at_start) + usize::from(at_end));
+    if !shortest.cloned().filter_map(cut).any(|(_, it)| is_calm(&it)) {
         return None;
     }
-    let cut = |count: usize| if count < TAIL { 0 } else { count };
-    Some([rows[cut(head)].time_s, rows[rows.len() - 1 - cut(tail)].time_s])
+    let cuts: Vec<_> = ranges.into_iter().filter_map(cut).collect();
+    // A row that lies on the flight costs as much as it does in the best of them.
+    let of_row = cuts.iter().map(|(_, it)| it.deviance_of_row()).fold(f64::INFINITY, f64::min);
+    let score = |range: &std::ops::Range<usize>, it: &Flight| it.deviance + (rows.len() - range.len()) as f64 * of_row;
+    let best = cuts.into_iter().min_by(|a, b| score(&a.0, &a.1).total_cmp(&score(&b.0, &b.1)))?;
+    (score(&best.0, &best.1) + SURELY < flight.deviance).then_some(best)
+}
+
+/// The flight of most evidence.
+fn most_probable(
+    g: Vector3<f64>,
+    priors: &[Arc<FlightPrior>],
+    rows: &[Sighting],
+    near: Option<&Flight>,
+) -> Option<Flight> {
+    let flights = priors.iter().filter_map(|prior| Problem::new(g, prior, rows).solve(near));
+    flights.min_by(|a, b| a.deviance.total_cmp(&b.deviance))
 }
 
 /// Whether another direction of gravity, or none, explains the rows better: looked at where there are strong forces.
-fn is_against(rows: &[Sighting], g: &Vector3<f64>, (prior, flight): (&Arc<FlightPrior>, &Flight)) -> bool {
+fn is_against(rows: &[Sighting], g: &Vector3<f64>, (priors, flight): (&[Arc<FlightPrior>], &Flight)) -> bool {
     if Parabola::through(rows).is_none_or(|it| (it.a - g).norm() < STRANGE_MPS2) {
         return false;
     }
@@ -197,7 +242,7 @@ fn is_against(rows: &[Sighting], g: &Vector3<f64>, (prior, flight): (&Arc<Flight
         .map(|it| axis(it) * gravity().norm())
         .chain([Vector3::zeros()])
         .filter(|it| (it - g).norm() > 1.0)
-        .filter_map(|it| Problem::new(it, prior, rows).solve())
+        .filter_map(|it| most_probable(it, priors, rows, None))
         .any(|it| it.deviance + SURELY < flight.deviance)
 }
 

@@ -164,10 +164,15 @@ impl FlightPrior {
         toml::from_str(ANY_OBJECT).unwrap_or_else(|_| Self::broad())
     }
 
-    /// The built-in prior for tracks of positions: everyday objects between a baseball and a foam ball, spinning or not.
-    pub fn any_point() -> Self {
-        let prior = Self::of_hand_size("everyday objects whose orientation is not tracked", [-3.2, 1.1, 0.0], 0.5);
-        Self { acceleration_noise: 0.01, systematic_sd_m: 5e-4, least_noise: Noise { position_sd_m: 1e-4, ..prior.least_noise }, ..prior }
+    /// The built-in priors for tracks of positions: everyday objects between a baseball and a foam ball, of which the evidence of the track
+    /// chooses one. They spin hardly or fast, and are balls or have a tracked point that tumbles with them.
+    pub fn any_points() -> Vec<Self> {
+        let of = |[lift_sd, acceleration_noise]: [f64; 2]| {
+            let prior = Self::of_hand_size("everyday objects without orientation", [-3.2, 1.1, 0.0], lift_sd);
+            let least_noise = Noise { position_sd_m: 1e-4, ..prior.least_noise };
+            Self { acceleration_noise, systematic_sd_m: 5e-4, least_noise, ..prior }
+        };
+        [[0.1, 0.01], [1.5, 0.01], [0.1, 0.5]].map(of).to_vec()
     }
 
     /// Reads what was learned of an object.
