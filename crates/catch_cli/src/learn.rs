@@ -101,11 +101,12 @@ pub fn run(arguments: &LearnArguments) -> anyhow::Result<()> {
     let total = objects.len() * (folds + 1);
     let progress = screen::progress_bar(total, "parts");
     let (mut priors, mut tables) = (Vec::new(), Vec::new());
+    let objects: Vec<_> = objects.iter().map(|it| flight_learning::studied(it)).collect();
     for (throws, folder) in objects.iter().zip(&arguments.tracks) {
         let misses =
             flight_learning::cross_validated(throws, folds, || progress.inc(1)).ok_or_else(|| nothing(folder))?;
         tables.push((name(folder), misses));
-        let all: Vec<&Throw> = throws.iter().collect();
+        let all: Vec<_> = throws.iter().collect();
         priors.push(flight_learning::learn(&all).ok_or_else(|| nothing(folder))?);
         progress.inc(1);
     }

@@ -89,6 +89,7 @@ fn simulated(setup: &Setup, seed: u64, index: u64) -> Option<[Option<Miss>; 4]> 
 fn recorded(options: &Options) -> Result<Vec<Table>> {
     let (mut own, mut priors) = (Vec::new(), Vec::new());
     let throws = options.tracks.iter().map(|it| read(it)).collect::<Result<Vec<_>>>()?;
+    let throws: Vec<_> = throws.iter().map(|it| flight_learning::studied(it)).collect();
     let nothing = "no flight in any of the tracks";
     for (folder, throws) in options.tracks.iter().zip(&throws) {
         own.push((name(folder), flight_learning::cross_validated(throws, FOLDS, || ()).context(nothing)?));

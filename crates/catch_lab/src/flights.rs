@@ -6,6 +6,7 @@ pub mod flight_learning;
 pub mod flight_misses;
 pub mod flight_prediction;
 pub mod flight_prior;
+mod flight_problem;
 pub mod recorded_throws;
 pub mod stretches;
 pub mod track_file;

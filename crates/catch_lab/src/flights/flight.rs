@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use catch_body::free_flight::{DRAG, FlyingBody, FreeState, N, OMEGA, PARAMETERS, POINT, ParameterVector, Pushes, THETA};
+use catch_body::free_flight::{
+    DRAG, FlyingBody, FreeState, N, OMEGA, PARAMETERS, POINT, ParameterVector, Pushes, THETA,
+};
 use catch_bot::trajectory_prediction::{AerodynamicForces, FlightTrajectory, ProcessNoise};
 use nalgebra::{Matrix3, Matrix6, Point3, SMatrix, UnitQuaternion, Vector3};
 

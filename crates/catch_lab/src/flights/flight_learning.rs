@@ -35,12 +35,12 @@ pub struct Studied<'a> {
 /// Fits all throws by a broad prior, or those without orientations by the most evident one of any object.
 pub fn studied(throws: &[Throw]) -> Vec<Studied<'_>> {
     let broad = Arc::new(FlightPrior::broad());
-    in_parallel(throws, |throw| {
+    let fitted = in_parallel(throws, |throw| {
         let oriented = throw.samples.iter().any(|it| it.rotation.is_some());
         let known = if oriented { Known::Prior(broad.clone()) } else { Known::Nothing };
-        let parts = throw.flights(&known, None);
-        Studied { throw, whole: predict(&throw.samples, &throw.up, known).flight, parts }
-    })
+        (throw.flights(&known, None), predict(&throw.samples, &throw.up, known).flight)
+    });
+    throws.iter().zip(fitted).map(|(throw, (parts, whole))| Studied { throw, whole, parts }).collect()
 }
 
 /// Learns an object's prior from its throws. `None` where no throw could be fitted.
@@ -82,7 +82,8 @@ fn lesson(flight: &Flight) -> Option<Lesson> {
 
 /// One iteration of expectation maximization: the moments over all throws.
 fn maximized(mut found: Vec<Lesson>, prior: &FlightPrior, broad: &FlightPrior) -> Option<FlightPrior> {
-    let typical = |of: &dyn Fn(&Lesson) -> f64, found: &[Lesson]| median_in_place(&mut found.iter().map(of).collect::<Vec<_>>());
+    let typical =
+        |of: &dyn Fn(&Lesson) -> f64, found: &[Lesson]| median_in_place(&mut found.iter().map(of).collect::<Vec<_>>());
     // Rotations that were not understood teach nothing.
     let most_rad = MOST_TIMES * typical(&|it| it.orientation_sd_rad, &found);
     found.retain(|it| it.orientation_sd_rad <= most_rad);
@@ -100,7 +101,11 @@ fn maximized(mut found: Vec<Lesson>, prior: &FlightPrior, broad: &FlightPrior) -
     Some(FlightPrior {
         throws: found.len(),
         acceleration_noise: density(&|it| it.disturbances.0),
-        angular_acceleration_noise: if oriented { density(&|it| it.disturbances.1) } else { prior.angular_acceleration_noise },
+        angular_acceleration_noise: if oriented {
+            density(&|it| it.disturbances.1)
+        } else {
+            prior.angular_acceleration_noise
+        },
         ..prior.with_moments(&mean, &covariance)
     })
 }
@@ -119,7 +124,8 @@ fn with_unmeasured(
         return (mean, covariance);
     }
     // Throws spin about any axis.
-    let lift = (covariance.fixed_view::<3, 3>(LIFT_AT, LIFT_AT).trace() + mean.fixed_rows::<3>(LIFT_AT).norm_squared()) / 3.0;
+    let lift =
+        (covariance.fixed_view::<3, 3>(LIFT_AT, LIFT_AT).trace() + mean.fixed_rows::<3>(LIFT_AT).norm_squared()) / 3.0;
     let (drag, variance) = (mean[DRAG_AT], covariance[block(DRAG_AT)]);
     let by_direction = own.fixed_view::<3, 3>(DRAG_AT, DRAG_AT).into_owned();
     let by_direction = by_direction.add_scalar(-by_direction.sum() / 9.0);
@@ -173,9 +179,14 @@ pub fn generic(objects: &[FlightPrior]) -> Option<FlightPrior> {
     mean.fixed_rows_mut::<3>(DRAG_AT).fill(drag);
     (mean[9], mean[10]) = (magnus, decay);
     let mut covariance = ParameterCovariance::zeros();
-    for (range, around) in
-        [(0..3, 0.0), (DRAG_AT + 3..9, 0.0), (9..10, magnus), (10..11, decay), (11..LIFT_AT, 0.0), (LIFT_AT..PARAMETERS, 0.0)]
-    {
+    for (range, around) in [
+        (0..3, 0.0),
+        (DRAG_AT + 3..9, 0.0),
+        (9..10, magnus),
+        (10..11, decay),
+        (11..LIFT_AT, 0.0),
+        (LIFT_AT..PARAMETERS, 0.0),
+    ] {
         let variance = square(range.clone(), around);
         range.for_each(|i| covariance[(i, i)] = variance);
     }

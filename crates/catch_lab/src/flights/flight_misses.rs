@@ -116,7 +116,8 @@ pub fn in_parallel<I: Sync, T: Send>(all: &[I], with: impl Fn(&I) -> T + Sync) -
     let looked = &|part: &[I]| part.iter().map(&with).collect::<Vec<_>>();
     std::thread::scope(|scope| {
         // Where the system allows no other thread it is done here.
-        let begin = |part| std::thread::Builder::new().spawn_scoped(scope, move || looked(part)).map_err(|_| looked(part));
+        let begin =
+            |part| std::thread::Builder::new().spawn_scoped(scope, move || looked(part)).map_err(|_| looked(part));
         let parts: Vec<_> = all.chunks(chunk).map(begin).collect();
         parts.into_iter().flat_map(|it| it.map_or_else(|done| done, |part| part.join().unwrap_or_default())).collect()
     })

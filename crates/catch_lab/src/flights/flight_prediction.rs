@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     flight::Flight,
-    flight_fit::Problem,
     flight_prior::FlightPrior,
+    flight_problem::Problem,
     stretches::{Parabola, axis, between_contacts, sighted, thinned},
     track_file::Sighting,
 };

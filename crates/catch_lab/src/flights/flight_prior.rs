@@ -4,7 +4,7 @@ use std::path::Path;
 
 use catch_body::{
     InputError,
-    free_flight::{DRAG, DECAY, INERTIA, LIFT, MAGNUS, PARAMETERS, POINT, ParameterVector},
+    free_flight::{DECAY, DRAG, INERTIA, LIFT, MAGNUS, PARAMETERS, POINT, ParameterVector},
 };
 use catch_bot::settings::{Faults, NOT_NEGATIVE, SettingError, Settings};
 use nalgebra::{DMatrix, SMatrix};

@@ -26,8 +26,15 @@ pub fn sighted(rows: &[Sighting]) -> Vec<Sighting> {
     for row in rows {
         let finite = row.time_s.is_finite() && row.p.coords.iter().all(|it| it.is_finite());
         let repeated = last.replace(row.p) == Some(row.p);
-        if finite && !repeated && row.p.coords != Vector3::zeros() && seen.last().is_none_or(|it| it.time_s < row.time_s) {
-            seen.push(Sighting { rotation: row.rotation.filter(|it| it.coords.iter().all(|it| it.is_finite())), ..*row });
+        if finite
+            && !repeated
+            && row.p.coords != Vector3::zeros()
+            && seen.last().is_none_or(|it| it.time_s < row.time_s)
+        {
+            seen.push(Sighting {
+                rotation: row.rotation.filter(|it| it.coords.iter().all(|it| it.is_finite())),
+                ..*row
+            });
         }
     }
     seen
