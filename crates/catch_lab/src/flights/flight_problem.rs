@@ -12,10 +12,12 @@ use super::{
     flight_prior::{FlightPrior, Noise},
     track_file::Sighting,
 };
-use crate::statistics::median_in_place;
+use crate::statistics::{quantile, sorted};
 
 /// The median of the norm of three standard normal numbers.
 pub(super) const MEDIAN: f64 = 1.538;
+/// A tenth of such norms is smaller than this.
+const TENTH: f64 = 0.764;
 /// Degrees of freedom of the errors' distribution.
 const STUDENT_DOF: f64 = 4.0;
 /// How long the first and the last disturbance stay the same, and how much longer each further inwards does: what is predicted rests on
@@ -272,7 +274,8 @@ fn stretch_ends_s(duration_s: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Noise of positions by how far each is from the parabola through three neighbours, in the median.
+/// Noise of positions by how far each is from the parabola through three neighbours, in the nearest tenth: of four rows none may be an
+/// outlier.
 fn local_noise_m(rows: &[Sighting]) -> f64 {
     let off = |four: &[Sighting]| {
         let [a, b, c, d] = [0, 1, 2, 3].map(|i| four[i].time_s);
@@ -286,5 +289,6 @@ fn local_noise_m(rows: &[Sighting]) -> f64 {
         let scale = (1.0 + weights.iter().map(|it| it * it).sum::<f64>()).sqrt();
         (four[1].p.coords - expected).norm() / scale
     };
-    median_in_place(&mut rows.windows(4).map(off).collect::<Vec<_>>()) / MEDIAN
+    let distances = sorted(rows.windows(4).map(off));
+    quantile(&distances, 0.1).unwrap_or_default() / TENTH
 }

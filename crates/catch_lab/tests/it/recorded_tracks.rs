@@ -191,7 +191,8 @@ fn a_status_is_evidence() {
 #[test]
 fn a_bounce_ends_the_flight() {
     let rows = thrown(3, &Made { floor_m: 1.5, ..TUMBLING });
-    let lowest = rows.iter().min_by(|a, b| a.p.z.total_cmp(&b.p.z)).unwrap().time_s;
+    let turns = rows.windows(3).find(|it| it[1].p.z < it[0].p.z - 0.005 && it[2].p.z > it[1].p.z);
+    let lowest = turns.unwrap()[1].time_s;
     let found = predict(&rows, &Vector3::z_axis(), Known::Nothing);
     let contact_s = found.contact_s.unwrap();
     assert!((contact_s - lowest).abs() < 0.03, "{contact_s} and {lowest}");
