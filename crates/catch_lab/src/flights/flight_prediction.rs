@@ -95,6 +95,9 @@ const CALMER: f64 = 0.3;
 const SHORTEST_S: f64 = 0.1;
 /// Density of disturbances that is no flight's, in m/s²/√Hz.
 const MOST_DENSITY: f64 = 2.0;
+/// Noise of orientations that are not understood, in radians, and for how long a flight can be followed at least, in seconds.
+const MOST_RAD: f64 = 0.2;
+const FOLLOWED_S: f64 = 0.5;
 /// That many sightings in a row at an end that all lie further off than this are no outliers.
 const TAIL: usize = 4;
 const TAIL_SD: f64 = 12.0;
@@ -222,15 +225,23 @@ fn less_touched(
     (score(&best.0, &best.1) + SURELY < flight.deviance).then_some(best)
 }
 
-/// The flight of most evidence.
+/// The flight of most evidence. Orientations that are not understood are left out.
 fn most_probable(
     g: Vector3<f64>,
     priors: &[Arc<FlightPrior>],
     rows: &[Sighting],
     near: Option<&Flight>,
 ) -> Option<Flight> {
-    let flights = priors.iter().filter_map(|prior| Problem::new(g, prior, rows).solve(near));
-    flights.min_by(|a, b| a.deviance.total_cmp(&b.deviance))
+    let of = |rows: &[Sighting]| {
+        let flights = priors.iter().filter_map(|prior| Problem::new(g, prior, rows).solve(near));
+        flights.min_by(|a, b| a.deviance.total_cmp(&b.deviance))
+    };
+    let flight =
+        of(rows).filter(|it| it.noise.orientation_sd_rad < MOST_RAD && it.at(it.time_s + FOLLOWED_S).is_finite());
+    if flight.is_some() || rows.iter().all(|it| it.rotation.is_none()) {
+        return flight;
+    }
+    of(&rows.iter().map(|it| Sighting { rotation: None, ..*it }).collect::<Vec<_>>())
 }
 
 /// Whether another direction of gravity, or none, explains the rows better: looked at where there are strong forces.
