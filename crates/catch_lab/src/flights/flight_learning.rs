@@ -242,6 +242,7 @@ pub fn left_out(throws: &[Studied<'_>], others: &[FlightPrior]) -> Option<Misses
 #[cfg(test)]
 mod tests {
     use super::*;
+    use catch_bot::settings::Settings;
 
     #[test]
     fn what_is_built_in_is_a_prior_and_is_written_as_it_is_read() {
@@ -257,7 +258,7 @@ mod tests {
         assert!(FlightPrior::read(&path).unwrap_err().to_string().contains("throw"));
         let mut wrong = prior;
         wrong.covariance[2][2] = -1.0;
-        std::fs::write(&path, text(&wrong).unwrap()).unwrap();
+        std::fs::write(&path, wrong.text().unwrap()).unwrap();
         assert!(FlightPrior::read(&path).unwrap_err().to_string().contains("positive definite"));
     }
 
