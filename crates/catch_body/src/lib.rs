@@ -22,6 +22,7 @@
 pub mod clearance;
 pub mod document;
 pub mod dynamics;
+pub mod free_flight;
 pub mod gripper;
 pub mod input_error;
 pub mod inverse_kinematics;

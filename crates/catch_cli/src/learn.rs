@@ -11,9 +11,9 @@ use catch_lab::{
     VERSION,
     evaluation::summary_table::plain,
     flights::{
-        aerodynamics::FlightPrior,
-        flight_learning::{self, broad},
+        flight_learning,
         flight_misses::{Misses, QUANTILES, Reliability, Seen, Throw},
+        flight_prior::FlightPrior,
     },
 };
 use catch_recording::whole_file;
@@ -39,7 +39,7 @@ pub struct LearnArguments {
     #[arg(long, value_name = "DIR", required = true)]
     tracks: Vec<PathBuf>,
     /// Axis of the tracks that points up
-    #[arg(long, value_enum, default_value_t = Up::Z)]
+    #[arg(long, value_enum, default_value_t = Up::Z, allow_hyphen_values = true)]
     up: Up,
     /// File for what was learned
     #[arg(long, value_name = "FILE")]
@@ -101,12 +101,13 @@ pub fn run(arguments: &LearnArguments) -> anyhow::Result<()> {
     let total = objects.len() * (folds + 1);
     let progress = screen::progress_bar(total, "parts");
     let (mut priors, mut tables) = (Vec::new(), Vec::new());
+    let objects: Vec<_> = objects.iter().map(|it| flight_learning::studied(it)).collect();
     for (throws, folder) in objects.iter().zip(&arguments.tracks) {
         let misses =
             flight_learning::cross_validated(throws, folds, || progress.inc(1)).ok_or_else(|| nothing(folder))?;
         tables.push((name(folder), misses));
-        let all: Vec<&Throw> = throws.iter().collect();
-        priors.push(flight_learning::learn(&all, &broad()).ok_or_else(|| nothing(folder))?);
+        let all: Vec<_> = throws.iter().collect();
+        priors.push(flight_learning::learn(&all).ok_or_else(|| nothing(folder))?);
         progress.inc(1);
     }
     progress.finish_and_clear();
@@ -120,7 +121,7 @@ pub fn run(arguments: &LearnArguments) -> anyhow::Result<()> {
     let prior = prior.with_context(|| "no folder of throws")?;
     let throws = objects.iter().map(Vec::len).sum();
     let prior = FlightPrior { source: format!("{}; {throws} throws", arguments.source), ..prior };
-    whole_file::write_new(&[(arguments.out.clone(), flight_learning::text(&prior)?.into_bytes())], "--out")?;
+    whole_file::write_new(&[(arguments.out.clone(), prior.text()?.into_bytes())], "--out")?;
     let document = Document { version: VERSION, throws, cross_validated: rows(tables), other_objects: rows(others) };
     if let Some(path) = &arguments.report {
         whole_file::write_new(&[(path.clone(), report(&document, arguments).into_bytes())], "--report")?;

@@ -6,8 +6,9 @@ use catch_body::{InputError, quantity};
 use catch_lab::{
     VERSION,
     flights::{
-        flight_learning,
-        flight_prediction::{self, DRAG_PER_M, Flight, FlightModel, FlightState, Known, LEAST_SIGHTINGS, NoFlight},
+        flight::{Flight, FlightState},
+        flight_prediction::{self, DRAG_PER_M, FlightStatus, Known, LEAST_SIGHTINGS},
+        flight_prior::FlightPrior,
         track_file,
     },
 };
@@ -27,10 +28,12 @@ name them in any order; rows with gaps or NaN are left out. What is called the e
 last time in the file, seen or not. Gravity is 9.81 m/s² against the axis named by --up. What is
 printed is in the track's own axes and clock; covariances are of (position, velocity).
 
-A track with orientations is fitted with drag by direction, Magnus force, decay of the spin and
-a tracked point beside the centre of mass; what is known of them beforehand is in --object, or
-in a prior for any object. One without orientations is fitted with isotropic drag unless there
-is an --object. A contact ends the flight: it is reported, and what follows it is not looked at.
+The flight has drag, a Magnus force and, with orientations, drag by direction, decay of the spin and
+a tracked point beside the centre of mass. What is known of them beforehand is in --object, or in a
+prior for any object. Rows before the flight, as in a hand, are left out, and so are rows of zeros
+and rows that repeat the one before. A contact ends the flight: it is reported, and what follows it
+is not looked at. The status is `predicted`; `implausible` where the rows are far from one flight;
+`no_gravity` where none of them fall; `too_few_sightings`; or `not_converged`.
 
 Examples:
   catchingbot predict --track ball.csv --up y --until 0.4     what was known after 0.4 s?
@@ -42,7 +45,7 @@ pub struct PredictArguments {
     #[arg(long, value_name = "FILE")]
     track: PathBuf,
     /// Axis of the track that points up
-    #[arg(long, value_enum, default_value_t = Up::Z)]
+    #[arg(long, value_enum, default_value_t = Up::Z, allow_hyphen_values = true)]
     up: Up,
     /// Use only what was seen until then, in the track's time
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
@@ -53,7 +56,7 @@ pub struct PredictArguments {
     /// What `learn` found of the object
     #[arg(long, value_name = "FILE", conflicts_with_all = ["drag", "drag_sd"])]
     object: Option<PathBuf>,
-    /// Isotropic drag: constant k of a = -k·|v|·v that is expected, in 1/m [default: 0.05]
+    /// Isotropic drag: constant k of a = -k·|v|·v that is expected, in 1/m [default: 0.05 with --drag-sd]
     #[arg(long, value_name = "K", allow_negative_numbers = true)]
     drag: Option<f64>,
     /// How well that is known, as a standard deviation; 0: exactly [default: 0.1]
@@ -67,16 +70,30 @@ pub struct PredictArguments {
 /// Axis that points up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Up {
+    #[value(alias = "+x")]
+    X,
+    #[value(alias = "+y")]
     Y,
+    #[value(alias = "+z")]
     Z,
+    #[value(name = "-x")]
+    MinusX,
+    #[value(name = "-y")]
+    MinusY,
+    #[value(name = "-z")]
+    MinusZ,
 }
 
 impl Up {
     /// Its direction.
     pub fn direction(self) -> Unit<Vector3<f64>> {
         match self {
+            Self::X => Vector3::x_axis(),
             Self::Y => Vector3::y_axis(),
             Self::Z => Vector3::z_axis(),
+            Self::MinusX => -Vector3::x_axis(),
+            Self::MinusY => -Vector3::y_axis(),
+            Self::MinusZ => -Vector3::z_axis(),
         }
     }
 }
@@ -92,22 +109,19 @@ struct Prediction {
 #[derive(Debug, Serialize)]
 struct Document {
     version: &'static str,
-    /// `predicted`, or what was missing.
-    status: serde_json::Value,
-    model: FlightModel,
+    /// `predicted`, or what is wrong.
+    status: FlightStatus,
     /// When a contact ended the flight.
     contact_s: Option<f64>,
     sightings: usize,
     inliers: Option<usize>,
-    noise_m: f64,
+    noise_m: Option<f64>,
     drag_per_m: Option<f64>,
     drag_sd_per_m: Option<f64>,
     end: Option<Prediction>,
     at: Vec<Prediction>,
 }
 
-/// With more noise than this something is wrong, most likely.
-const IMPLAUSIBLE_NOISE_M: f64 = 0.02;
 /// Predicts a track.
 ///
 /// # Errors
@@ -117,10 +131,10 @@ pub fn run(arguments: &PredictArguments) -> anyhow::Result<()> {
     for &time_s in arguments.at.iter().chain(&arguments.until) {
         finite("--at and --until", time_s)?;
     }
-    let prior = arguments.object.as_deref().map(flight_learning::read).transpose()?;
+    let prior = arguments.object.as_deref().map(FlightPrior::read).transpose()?;
     let drag = [("--drag", arguments.drag), ("--drag-sd", arguments.drag_sd)];
     let known = match prior {
-        Some(prior) => Known::Prior(Box::new(prior)),
+        Some(prior) => Known::Prior(prior.into()),
         None if drag.iter().all(|(_, given)| given.is_none()) => Known::Nothing,
         None => {
             let [drag, drag_sd] =
@@ -139,7 +153,7 @@ pub fn run(arguments: &PredictArguments) -> anyhow::Result<()> {
 
     let found = flight_prediction::predict(seen, &arguments.up.direction(), known);
     let flight = found.flight.as_ref();
-    let state = |time_s: f64| flight.ok().map(|flight| (time_s, flight.at(time_s)));
+    let state = |time_s: f64| flight.map(|flight| (time_s, flight.at(time_s)));
     let times = arguments.at.iter().copied().map(|time_s| (time_s, true)).chain([(end_s, false)]);
     for (time_s, is_asked) in times {
         if state(time_s).is_none_or(|(_, state)| state.is_finite()) {
@@ -150,21 +164,20 @@ pub fn run(arguments: &PredictArguments) -> anyhow::Result<()> {
         let (file, field) = if is_asked { (COMMAND_LINE, "--at") } else { (&*file, field) };
         return Err(InputError::new(file, field, time_s, expected).into());
     }
-    let [drag_per_m, drag_sd_per_m] = [0, 1].map(|i| flight.ok().map(|flight| flight.drag_per_m()[i]));
+    let [drag_per_m, drag_sd_per_m] = [0, 1].map(|i| flight.map(|flight| flight.drag_per_m()[i]));
     let document = Document {
         version: VERSION,
-        status: flight.map_or_else(serde_json::to_value, |_| Ok("predicted".into()))?,
-        model: found.model,
+        status: found.status,
         contact_s: found.contact_s,
         sightings: seen.len(),
-        inliers: flight.ok().map(Flight::inliers),
-        noise_m: found.noise_m,
+        inliers: flight.map(Flight::inliers),
+        noise_m: flight.map(|it| it.noise.position_sd_m),
         drag_per_m,
         drag_sd_per_m,
         end: state(end_s).map(Prediction::of),
         at: arguments.at.iter().filter_map(|&time_s| state(time_s)).map(Prediction::of).collect(),
     };
-    if arguments.json { screen::json(&document) } else { Ok(print(&document, found.flight.err())?) }
+    if arguments.json { screen::json(&document) } else { Ok(print(&document)?) }
 }
 
 impl Prediction {
@@ -178,9 +191,8 @@ impl Prediction {
     }
 }
 
-fn print(document: &Document, missing: Option<NoFlight>) -> std::io::Result<()> {
-    screen::fact("status", document.status.as_str().unwrap_or_default())?;
-    screen::fact("model", serde_json::to_value(document.model)?.as_str().unwrap_or_default())?;
+fn print(document: &Document) -> std::io::Result<()> {
+    screen::fact("status", serde_json::to_value(document.status)?.as_str().unwrap_or_default())?;
     if let Some(contact_s) = document.contact_s {
         screen::fact(
             "contact",
@@ -189,12 +201,18 @@ fn print(document: &Document, missing: Option<NoFlight>) -> std::io::Result<()> 
     }
     let inliers = document.inliers.map_or(String::new(), |count| format!(", {count} agree"));
     screen::fact("sightings", &format!("{}{inliers}", document.sightings))?;
-    screen::fact("their noise", &format!("{:.2} mm", document.noise_m * 1e3))?;
-    if document.noise_m > IMPLAUSIBLE_NOISE_M || document.inliers.is_some_and(|count| 2 * count < document.sightings) {
-        screen::fact("implausible", "they are far from one flight: is --up right, are they metres and seconds?")?;
+    if let Some(noise_m) = document.noise_m {
+        screen::fact("their noise", &format!("{:.2} mm", noise_m * 1e3))?;
     }
-    if missing == Some(NoFlight::NoGravity) {
-        screen::fact("what is wrong", "their acceleration is not 9.81 m/s² against --up, nor that and drag")?;
+    let wrong = match document.status {
+        FlightStatus::Predicted => None,
+        FlightStatus::Implausible => Some("they are far from one flight: is --up right, are they metres and seconds?"),
+        FlightStatus::NoGravity => Some("none of them accelerate by 9.81 m/s² against --up, nor by that and air"),
+        FlightStatus::TooFewSightings => Some("few of them are numbers and differ from the row before"),
+        FlightStatus::NotConverged => Some("no flight fits them"),
+    };
+    if let Some(wrong) = wrong {
+        screen::fact("what is wrong", wrong)?;
     }
     if document.end.is_none() {
         screen::fact(

@@ -8,9 +8,10 @@ use catch_cell::{Brain, Cell, Command};
 use catch_lab::{
     assets::Kind,
     flights::{
-        flight_learning::{self, broad},
+        flight_learning,
         flight_misses::{Miss, Misses, QUANTILES, Reliability, Seen, Throw},
-        recorded_throws, track_file,
+        stretches::up,
+        track_file,
     },
     referee::true_com_O,
     scenario::setup::{Choice, Setup},
@@ -88,10 +89,11 @@ fn simulated(setup: &Setup, seed: u64, index: u64) -> Option<[Option<Miss>; 4]> 
 fn recorded(options: &Options) -> Result<Vec<Table>> {
     let (mut own, mut priors) = (Vec::new(), Vec::new());
     let throws = options.tracks.iter().map(|it| read(it)).collect::<Result<Vec<_>>>()?;
+    let throws: Vec<_> = throws.iter().map(|it| flight_learning::studied(it)).collect();
     let nothing = "no flight in any of the tracks";
     for (folder, throws) in options.tracks.iter().zip(&throws) {
         own.push((name(folder), flight_learning::cross_validated(throws, FOLDS, || ()).context(nothing)?));
-        priors.push(flight_learning::learn(&throws.iter().collect::<Vec<_>>(), &broad()).context(nothing)?);
+        priors.push(flight_learning::learn(&throws.iter().collect::<Vec<_>>()).context(nothing)?);
     }
     let mut others = Vec::new();
     for (at, (folder, throws)) in options.tracks.iter().zip(&throws).enumerate().filter(|_| priors.len() > 1) {
@@ -113,7 +115,7 @@ fn recorded(options: &Options) -> Result<Vec<Table>> {
 
 fn read(folder: &Path) -> Result<Vec<Throw>> {
     let first = track_file::in_folder(folder, LEAST_THROWS)?.swap_remove(0);
-    let up = recorded_throws::up(&track_file::read(&first)?.0);
+    let up = up(&track_file::read(&first)?.0);
     Ok(Throw::read_folder(folder, up, LEAST_THROWS)?)
 }
 

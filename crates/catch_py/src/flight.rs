@@ -3,7 +3,9 @@
 use catch_body::quantity;
 use catch_bot::trajectory_prediction::FlightTrajectory;
 use catch_lab::flights::{
-    flight_prediction::{self, DRAG_PER_M, FlightState, Known},
+    flight::{self, FlightState},
+    flight_prediction::{self, Known},
+    stretches::axis,
     track_file::Sighting,
 };
 use nalgebra::{Matrix6, Quaternion, Unit, UnitQuaternion, Vector3};
@@ -27,8 +29,8 @@ pub struct Flight {
 }
 
 enum Kind {
-    /// Through a track; whether its z points up.
-    Track(flight_prediction::Flight, bool),
+    /// Through a track, and as planners take it where its z points up.
+    Track(Box<flight::Flight>, Option<Box<FlightTrajectory>>),
     /// As a brain predicts it, in W.
     Brain(Box<FlightTrajectory>),
 }
@@ -41,12 +43,10 @@ impl Flight {
 
     /// As planners take it.
     pub fn trajectory(&self) -> PyResult<&FlightTrajectory> {
-        let expected = "one with z up and isotropic drag: predict(t, p, q, up='z', drag=(k, sd))";
+        let expected = "one with z up: predict(t, p, q, up='z')";
         match &self.kind {
-            Kind::Brain(flight) => Ok(flight),
-            Kind::Track(flight_prediction::Flight::IsotropicDrag(track), true) => Ok(&track.flight),
-            Kind::Track(_, true) => Err(fault("flight", "one with aerodynamics", expected)),
-            Kind::Track(_, false) => Err(fault("flight", "one in other axes", expected)),
+            Kind::Brain(flight) | Kind::Track(_, Some(flight)) => Ok(flight),
+            Kind::Track(_, None) => Err(fault("flight", "one in other axes", expected)),
         }
     }
 
@@ -56,6 +56,7 @@ impl Flight {
             Kind::Brain(flight) => FlightState {
                 position: flight.pose_at(time_s).translation.vector.into(),
                 velocity: flight.twist_at(time_s).linear,
+                orientation: flight.pose_at(time_s).rotation,
                 covariance: flight.covariance_at(time_s),
             },
         }
@@ -179,11 +180,9 @@ pub fn predict(
     drag: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Flight> {
     let seen = sightings(t, p, q)?;
-    let direction = match up {
-        "y" => Vector3::y_axis(),
-        "z" => Vector3::z_axis(),
-        _ => return Err(fault("up", format!("'{up}'"), "'y' or 'z'")),
-    };
+    let axes = ["x", "-x", "y", "-y", "z", "-z"];
+    let named = axes.iter().position(|it| *it == up);
+    let direction = named.ok_or_else(|| fault("up", format!("'{up}'"), "one of 'x', 'y', 'z', '-x', '-y', '-z'"))?;
     let known = match drag {
         None => Known::Nothing,
         Some(drag) => {
@@ -192,25 +191,15 @@ pub fn predict(
             Known::Drag([check(0)?, check(1)?])
         }
     };
-    fly(py, &seen, &direction, known).map(|flight| Flight { kind: Kind::Track(flight, up == "z") })
-}
-
-fn fly(
-    py: Python<'_>,
-    seen: &[Sighting],
-    up: &Unit<Vector3<f64>>,
-    known: Known,
-) -> PyResult<flight_prediction::Flight> {
-    let found = py.detach(|| flight_prediction::predict(seen, up, known));
-    found.flight.map_err(|why| {
-        NoFlight::new_err(format!(
-            "p: no flight fits it ({}); is `up` right, are they metres and seconds, and nothing but the flight? Without orientations a drag \
-             of {} ± {} 1/m is expected",
-            name_of(why),
-            DRAG_PER_M[0],
-            DRAG_PER_M[1]
-        ))
-    })
+    let found = py.detach(|| flight_prediction::predict(&seen, &Unit::new_unchecked(axis(direction)), known));
+    let Some(flight) = found.flight else {
+        let why = name_of(found.status);
+        return Err(NoFlight::new_err(format!(
+            "p: no flight fits it ({why}); is `up` right, are they metres and seconds, and nothing but the flight?"
+        )));
+    };
+    let trajectory = (up == "z").then(|| Box::new(flight.trajectory()));
+    Ok(Flight { kind: Kind::Track(Box::new(flight), trajectory) })
 }
 
 /// A track's samples.

@@ -1,4 +1,5 @@
-//! Bodies against an independent library.
+//! Bodies against independent libraries.
 
 mod all_arms;
 mod arm_dynamics;
+mod free_flight;

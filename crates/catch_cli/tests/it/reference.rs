@@ -155,8 +155,8 @@ fn kind(rust: &str) -> String {
         return format!("list of {}", plural(&kind(inner)));
     }
     if let Some((inner, length)) = rust.strip_prefix('[').and_then(|it| it.strip_suffix(']')?.rsplit_once("; ")) {
-        // `aerodynamics::PARAMETERS`.
-        let length = if length == "PARAMETERS" { "16" } else { length };
+        // `free_flight::PARAMETERS`.
+        let length = if length == "PARAMETERS" { "19" } else { length };
         return format!("{length} {}", plural(&kind(inner)));
     }
     let known = match rust {

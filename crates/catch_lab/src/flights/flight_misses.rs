@@ -6,16 +6,16 @@ use catch_body::InputError;
 use nalgebra::{Matrix3, Unit, Vector3};
 
 use super::{
-    aerodynamics::{AerodynamicFit, FlightPrior},
-    track::TrackSample,
-    track_file,
+    flight::Flight,
+    flight_prediction::{Known, predict_near},
+    track_file::{self, Sighting},
 };
 
 /// A recorded throw.
 #[derive(Debug, Clone)]
 pub struct Throw {
     /// Its samples, in the order of time; two or more.
-    pub samples: Vec<TrackSample>,
+    pub samples: Vec<Sighting>,
     /// Direction against which gravity pulls.
     pub up: Unit<Vector3<f64>>,
 }
@@ -28,7 +28,7 @@ impl Throw {
     pub fn read_folder(folder: &Path, up: Unit<Vector3<f64>>, least: usize) -> Result<Vec<Self>, InputError> {
         let read = |path: &PathBuf| {
             let (track, _) = track_file::read(path)?;
-            Ok(Self { samples: track.iter().map(track_file::Sighting::sample).collect(), up })
+            Ok(Self { samples: track, up })
         };
         track_file::in_folder(folder, least)?.iter().map(read).collect()
     }
@@ -85,39 +85,40 @@ pub fn quantile(fraction: f64) -> f64 {
     QUANTILES.iter().find(|it| it.0 >= fraction).map_or(f64::INFINITY, |it| it.1)
 }
 
-/// Predicts the end of each throw; `None` where there is no flight.
-pub fn misses(throws: &[&Throw], prior: &FlightPrior, seen: Seen) -> Vec<Option<Miss>> {
-    in_parallel(throws, prior, |fit, throw| {
-        let (first, last) = (throw.samples.first()?, throw.samples.last()?);
-        let until_s = match seen {
-            Seen::Half => f64::midpoint(first.time_s, last.time_s),
-            Seen::AllBut(left_s) => last.time_s - left_s,
-        };
-        let known = throw.samples.partition_point(|it| it.time_s <= until_s);
-        let end = fit.fit(&throw.samples[..known], &throw.up, None).ok()?.at(last.time_s);
+impl Throw {
+    /// Predicts the end by how much was seen, each time near the flight that was found in `near` if there is one; `None` where there is no flight.
+    pub fn flights(&self, known: &Known, near: Option<&[Option<Flight>; 4]>) -> [Option<Flight>; 4] {
+        std::array::from_fn(|at| {
+            let (first, last) = (self.samples.first()?, self.samples.last()?);
+            let until_s = match Seen::ALL[at] {
+                Seen::Half => f64::midpoint(first.time_s, last.time_s),
+                Seen::AllBut(left_s) => last.time_s - left_s,
+            };
+            let seen = &self.samples[..self.samples.partition_point(|it| it.time_s <= until_s)];
+            let near = near.and_then(|it| it[at].as_ref());
+            predict_near(seen, &self.up, known.clone(), near).flight
+        })
+    }
+
+    /// How far the end is from where a flight has it.
+    pub fn miss(&self, flight: &Flight) -> Option<Miss> {
+        let last = self.samples.last()?;
+        let end = flight.at(last.time_s);
         let covariance = end.covariance.fixed_view::<3, 3>(0, 0).into_owned();
-        Some(Miss { error: last.position - end.position, covariance })
-    })
+        Some(Miss { error: last.p - end.position, covariance })
+    }
 }
 
-/// Fits all throws on all cores; results in their order.
-pub fn in_parallel<T: Send>(
-    throws: &[&Throw],
-    prior: &FlightPrior,
-    with: impl Fn(&mut AerodynamicFit, &Throw) -> Option<T> + Sync,
-) -> Vec<Option<T>> {
+/// Looks at all of them on all cores; results in their order.
+pub fn in_parallel<I: Sync, T: Send>(all: &[I], with: impl Fn(&I) -> T + Sync) -> Vec<T> {
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let chunk = throws.len().div_ceil(threads).max(1);
-    let fitted = |part: &[&Throw]| {
-        let mut fit = AerodynamicFit::new(prior.clone());
-        part.iter().map(|throw| with(&mut fit, throw)).collect::<Vec<_>>()
-    };
-    let fitted = &fitted;
+    let chunk = all.len().div_ceil(threads).max(1);
+    let looked = &|part: &[I]| part.iter().map(&with).collect::<Vec<_>>();
     std::thread::scope(|scope| {
         // Where the system allows no other thread it is done here.
         let begin =
-            |part| std::thread::Builder::new().spawn_scoped(scope, move || fitted(part)).map_err(|_| fitted(part));
-        let parts: Vec<_> = throws.chunks(chunk).map(begin).collect();
+            |part| std::thread::Builder::new().spawn_scoped(scope, move || looked(part)).map_err(|_| looked(part));
+        let parts: Vec<_> = all.chunks(chunk).map(begin).collect();
         parts.into_iter().flat_map(|it| it.map_or_else(|done| done, |part| part.join().unwrap_or_default())).collect()
     })
 }

@@ -8,7 +8,6 @@ use std::{
 use catch_body::{InputError, document::Document};
 use nalgebra::{Point3, Quaternion, UnitQuaternion};
 
-use super::track::TrackSample;
 use catch_recording::bounded_file::FileKind;
 
 /// What was seen at one time.
@@ -20,19 +19,6 @@ pub struct Sighting {
     pub p: Point3<f64>,
     /// How it was turned, if the track says so.
     pub rotation: Option<UnitQuaternion<f64>>,
-}
-
-impl Sighting {
-    /// It as a sample of which nobody says how noisy it is.
-    pub fn sample(&self) -> TrackSample {
-        TrackSample {
-            time_s: self.time_s,
-            position: self.p,
-            orientation: self.rotation,
-            position_sd_m: 0.0,
-            orientation_sd_rad: 0.0,
-        }
-    }
 }
 
 /// Tracks in a folder at most.

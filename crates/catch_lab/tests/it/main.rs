@@ -1,6 +1,5 @@
 //! Tests of the whole: the architecture, every object and throw, and what the brain cannot see.
 
-mod aerodynamic_flight;
 mod all_cells;
 mod as_it_comes;
 mod blanked;
@@ -15,6 +14,7 @@ mod planning;
 mod play;
 mod prose;
 mod random_chains;
+mod recorded_tracks;
 mod referee;
 mod robot_controller;
 mod search_passes;
@@ -24,5 +24,4 @@ mod standard_terms;
 mod supply_chain;
 mod throws_out_of_reach;
 mod tidy;
-mod track;
 mod workcells;

@@ -130,7 +130,7 @@ pub const FILES: &[Section] = &[
     of("Study: throw_grid", "catch_lab/src/study/throw_grid.rs", "ThrowGrid"),
     of("Suite", "catch_lab/src/suite.rs", "SuiteFile"),
     of("Suite: part", "catch_lab/src/suite.rs", "SuitePart"),
-    of("Learned flights", "catch_lab/src/flights/aerodynamics/mod.rs", "FlightPrior"),
+    of("Learned flights", "catch_lab/src/flights/flight_prior.rs", "FlightPrior"),
 ];
 
 /// Strict structs that are no file of a user.
