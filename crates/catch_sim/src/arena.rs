@@ -31,10 +31,8 @@ use crate::{
 const RELEASE_GAP_M: f64 = 1e-3;
 /// Solver substeps per step: at 4 the outcome of a catch agrees with MuJoCo in 62 of 63 cases.
 const SUBSTEPS: usize = 4;
-/// The paper's sensor in the gripper sees an object whose origin is this near the gripper's, and this near along z of the gripper, the direction
-/// in which it passes, in metres (the authors' code). It does not look at how far aside that is.
-const SENSED_WITHIN_M: f64 = 0.25;
-const SENSED_ALONG_Z_M: f64 = 0.01;
+/// Within these distances from the gripper's origin, in all and along its z, the paper's sensor sees the object's, in metres (code).
+const SENSED_WITHIN_M: [f64; 2] = [0.25, 0.01];
 /// While the object is farther than this from arm, gripper and floor the physics takes fewer substeps, in metres: what the
 /// fastest object and the fastest gripper do not cover in ten steps.
 const ALONE_M: f64 = 0.15;
@@ -242,7 +240,7 @@ impl Arena {
         }
         let Some(last) = self.truth.samples.last().filter(|_| !self.has_triggered) else { return };
         let p_GO = last.X_WG.inverse_transform_point(&(last.X_WO * self.equipment.shared.object.origin_O));
-        if p_GO.coords.norm() < SENSED_WITHIN_M && p_GO.z.abs() < SENSED_ALONG_Z_M {
+        if p_GO.coords.norm() < SENSED_WITHIN_M[0] && p_GO.z.abs() < SENSED_WITHIN_M[1] {
             self.has_triggered = true;
             self.drive.squeeze(now_s);
         }

@@ -105,13 +105,13 @@ const ALL: &[(Where, &[&str], &str)] = &[
     (Honest, &[], "brain.pose_estimation=paper"),
     (Honest, &[], "brain.flight_prediction=paper"),
     (Honest, &[], "brain.catch_planning=paper"),
-    (Honest, &[], "brain.perception.depth_noise={ constant_m = 0.03, quadratic_per_m = 0.001 }"),
+    (Honest, &[], "brain.perception.depth_noise={ constant_m = 0.3, quadratic_per_m = 0.01 }"),
     (Honest, NOISY, "brain.perception.depth_noise.constant_m=0.03"),
     (Honest, NOISY, "brain.perception.depth_noise.quadratic_per_m=0.004"),
     (Honest, &[], "brain.perception.camera_sd_rad=0.01"),
     (Honest, &[], "brain.perception.floor_visible=true"),
     (Honest, &[], "brain.perception.depth_dropout=false"),
-    (Honest, &[], "brain.perception.depth_common_fraction=0.1"),
+    (Honest, NEAR_CAMERAS, "brain.perception.depth_common_fraction=0.1"),
     (Honest, &[], "brain.perception.depth_edge_px=3"),
     (Honest, &[], "brain.trajectory_prediction.drag_prior_per_m=0.1"),
     (Honest, &[], "brain.trajectory_prediction.drag_prior_sd_per_m=0.1"),
@@ -138,11 +138,11 @@ const ALL: &[(Where, &[&str], &str)] = &[
     (Honest, &[], "brain.grasp_selection.restitution=0.9"),
     (Honest, &[], "brain.grasp_selection.weights.catchability=0.0"),
     (Honest, &[], "brain.grasp_selection.weights.strength=50.0"),
-    (Honest, &[], "brain.grasp_selection.weights.overhang=60.0"),
+    (Honest, BOTTLE, "brain.grasp_selection.weights.overhang=0.0"),
     (Honest, &[], "brain.grasp_selection.weights.width=0.0"),
-    (Honest, &[], "brain.grasp_selection.weights.pass_through=0.0"),
+    (Honest, &[], "brain.grasp_selection.weights.pass_through=60.0"),
     (Honest, &[], "brain.grasp_selection.weights.max_sideways=0.02"),
-    (Honest, &[], "brain.grasp_selection.weights.max_from_behind=-0.9"),
+    (Honest, &[], "brain.grasp_selection.weights.max_from_behind=-1.0"),
     (Honest, &[], "brain.trajectory_optimization.position_margin_rad=0.5"),
     (Honest, &[], "brain.trajectory_optimization.velocity_scaling=0.5"),
     (Honest, &[], "brain.trajectory_optimization.terminal_velocity_scaling=0.2"),
@@ -178,6 +178,10 @@ const NEAR_PERSON: &[&str] = &["arena.person={ nearest_m = 2.0, speed_mps = 1.0 
 const BANANA_IN_AIR: &[&str] = &["object=banana", "arena.drag=true", "arena.max_spin_radps=20"];
 const STEREO: &[&str] = &["arena.depth.model={ stereo = {} }"];
 const EDGES: &[&str] = &["arena.depth.model={ stereo = { edge_px = 2, bleed_fraction = 0.3, flying_fraction = 0.3 } }"];
+const NEAR_CAMERAS: &[&str] =
+    &["camera=d435", "flight_rig=d435_3", "arena.depth.model=near_stereo", "arena.frame_rate_hz=50"];
+/// A throw of a bottle that has grasps with the centre of mass far from the palm.
+const BOTTLE: &[&str] = &["object=pill_bottle", "index=1"];
 const NOISY: &[&str] = &["brain.perception.depth_noise={ constant_m = 0.002, quadratic_per_m = 0.001 }"];
 /// Seven links of one kilogram.
 const LINKS: &str = "arena.robot_controller.links=[{ mass_kg = 1.0, com_m = [0.0, 0.0, 0.1], inertia_kgm2 = [0.01, 0.01, 0.01], \
@@ -206,7 +210,7 @@ impl Where {
         };
         let object = settings.iter().find_map(|it| it.strip_prefix("object=")).unwrap_or(object);
         let robot = settings.iter().find_map(|it| it.strip_prefix("robot="));
-        let is_choice = |it: &&&str| it.starts_with("object=") || it.starts_with("robot=");
+        let is_choice = |it: &&&str| ["object=", "robot=", "index="].iter().any(|name| it.starts_with(name));
         let own: &[&str] = if self == Calibrated { CALIBRATION } else { &[] };
         let settings: Vec<String> =
             own.iter().chain(settings).filter(|it| !is_choice(it)).map(|&it| it.to_owned()).collect();
@@ -224,6 +228,7 @@ impl Where {
     /// All that comes out.
     fn outcome(self, settings: &[&str]) -> String {
         let setup = self.setup(settings);
+        let index = settings.iter().find_map(|it| it.strip_prefix("index=")).map_or(0, |it| it.parse().unwrap());
         let mut out = String::new();
         match self {
             World => {
@@ -248,7 +253,7 @@ impl Where {
             }
             Honest | Paper | AsPublished => {
                 let ends_s = if self == Paper { f64::INFINITY } else { AFTER_CATCH_S };
-                let trial = trial::run(&setup, SEED, 0, &mut |tick, _| {
+                let trial = trial::run(&setup, SEED, index, &mut |tick, _| {
                     let _ = write!(out, "{:?}{:?}", tick.command, tick.report.map(|it| &it.flight));
                     if tick.observation.time_s < ends_s { Ok(()) } else { Err(io::Error::other("over")) }
                 });
