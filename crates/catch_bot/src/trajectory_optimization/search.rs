@@ -38,7 +38,7 @@ pub use settings::{REACH_FRACTION, Weights};
 /// Where the catch times of the passes lie, in fractions of the step between them.
 const OFFSETS: [f64; 8] = [0.5, 0.0, 0.25, 0.75, 0.125, 0.625, 0.375, 0.875];
 /// Passes that make up a search. In the second round what got as far as the approach or a motion is tried a little sooner and
-/// later, too ([`settings::NEARBY_S`]).
+/// later, too (`NEARBY_S`).
 pub const PASSES: usize = 2 * OFFSETS.len();
 /// The work of a posture and of an arrival, in the units of [`Config::max_work`](super::Config::max_work).
 const WORK_OF_A_POSTURE: usize = 3;
