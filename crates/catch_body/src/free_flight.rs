@@ -1,9 +1,9 @@
 //! Motion of a rigid body in free flight, with its derivatives: gravity, drag, Magnus force, free rotation whose spin decays.
 //!
-//! v̇ = g − |v|·R·D·Rᵀ·v + k·(R·ω)×v + s×v + a, Ṙ = R·[ω]ₓ, ω̇ = J⁻¹·(J·ω×ω) − c·ω + α, with ω and all matrices in the body frame.
+//! v̇ = g − |v|·R·D·Rᵀ·v + k·(R·ω)×v + s×v + a, Ṙ = R·(ω×), ω̇ = J⁻¹·(J·ω×ω) − c·ω + α, with ω and all matrices in the body frame.
 //! D = exp(M) with M symmetric, so that air never accelerates; J = exp(S) with S symmetric and traceless, because only ratios of the
 //! inertia matter. s is the Magnus force of a spin that nobody measured, k·ω in the world; a and α disturb the motion. A tracked
-//! point lies at p + R·r. Perturbations of the orientation are in the body frame: R·exp([δθ]ₓ).
+//! point lies at p + R·r. Perturbations of the orientation are in the body frame: R·exp(δθ×).
 
 use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
 
