@@ -174,10 +174,11 @@ const EXPERIMENTS: &[Experiment] = &[
     },
     Experiment {
         name: "mistold",
-        about: "what a wrong belief of the brain costs, one at a time, on the same throws",
+        about: "what a wrong belief of the brain costs, one at a time, on the same throws of honest",
         trials: 150,
-        run: mistold::run,
+        run: mistold::honest,
     },
+    Experiment { name: "mistold-lab", about: "the same in the scenario lab", trials: 60, run: mistold::lab },
     Experiment {
         name: "grasp-weights",
         about: "weights of the grasp choice, fitted on objects that are in no other experiment",

@@ -21,8 +21,7 @@ use crate::{
 };
 
 const LEGEND: &str = "One belief of the brain is wrong at a time; the world is the same, and so is each throw. *Right* and *wrong*: caught \
-with the right and the wrong belief. *Difference*: wrong less right, in points of all throws, with its interval of 95 % for pairs. `lab` has two \
-fifths of the throws. *Size*: every extent of the scan is off. *Centre of mass*: the object's is beside that of uniform density, which the brain \
+with the right and the wrong belief. *Difference*: wrong less right, in points of all throws, with its interval of 95 % for pairs. *Size*: every extent of the scan is off. *Centre of mass*: the object's is beside that of uniform density, which the brain \
 believes in; this row alone changes the world. *Controller*: the arm's own loop without errors of its encoders, which no brain knows of. What a run \
 has found is kept in `target/mistold`, so that one that was ended goes on.";
 
@@ -38,9 +37,6 @@ const SOURCES: &[&str] = &[
 ];
 /// Parts of the throws that are evaluated and kept together.
 const PART: u64 = 10;
-/// The throws of a scenario out of five.
-const SCENARIOS: [(&str, u64); 2] = [("honest", 5), ("lab", 2)];
-
 /// A change of a setup before anything is prepared.
 type Change = fn(&mut Setup, f64);
 
@@ -72,29 +68,39 @@ const BELIEFS: &[(&str, Values, Change)] = &[
     }),
 ];
 
-/// Every scenario, object and belief.
-pub fn run(options: &Options) -> Result<Findings> {
+/// Every object and belief in the scenario `honest`.
+pub fn honest(options: &Options) -> Result<Findings> {
+    run("honest", options)
+}
+
+/// The same in the scenario `lab`.
+pub fn lab(options: &Options) -> Result<Findings> {
+    run("lab", options)
+}
+
+fn run(scenario: &str, options: &Options) -> Result<Findings> {
     let columns =
         ["scenario", "belief", "value", "object", "pairs", "right, %", "wrong, %", "difference, points", "from", "to"];
     let mut table = Table::new("What a wrong belief costs", &columns);
-    for (scenario, fifths) in SCENARIOS {
-        let trials = (options.trials * fifths / 5).max(1);
-        let mut right = Vec::new();
-        for object in Kind::Object.names() {
-            right.push(Case { scenario, object, belief: "right", value: "" }.caught(options.seed, trials, &|_| {})?);
-        }
-        for (belief, values, change) in BELIEFS {
-            for (value, amount) in *values {
-                let mut together = [0; 4];
-                for (object, right) in Kind::Object.names().into_iter().zip(&right) {
-                    let case = Case { scenario, object, belief, value };
-                    let wrong = case.caught(options.seed, trials, &|setup| change(setup, *amount))?;
-                    let counts = counts(right, &wrong);
-                    together.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
-                    table.rows.push(case.row(object, counts));
-                }
-                table.rows.push(Case { scenario, object: "", belief, value }.row("all", together));
+    let mut right = Vec::new();
+    for object in Kind::Object.names() {
+        right.push(Case { scenario, object, belief: "right", value: "" }.caught(
+            options.seed,
+            options.trials,
+            &|_| {},
+        )?);
+    }
+    for (belief, values, change) in BELIEFS {
+        for (value, amount) in *values {
+            let mut together = [0; 4];
+            for (object, right) in Kind::Object.names().into_iter().zip(&right) {
+                let case = Case { scenario, object, belief, value };
+                let wrong = case.caught(options.seed, options.trials, &|setup| change(setup, *amount))?;
+                let counts = counts(right, &wrong);
+                together.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
+                table.rows.push(case.row(object, counts));
             }
+            table.rows.push(Case { scenario, object: "", belief, value }.row("all", together));
         }
     }
     Ok(Findings { legend: LEGEND, tables: vec![table] })

@@ -131,7 +131,12 @@ fn register_cloud(
     let start = hypotheses.iter().min_by(|a, b| square(&few.points, a).total_cmp(&square(&few.points, b)));
     let start = start.ok_or(PerceptionStatus::NotConverged)?;
     let fit = registration.register(&mut all, &start.X_WO, false)?;
-    let status = Evidence::new(&few, &fit, &registration).status(&hypotheses, noise_m);
+    let mut evidence = Evidence::new(&few, &fit, &registration);
+    let status = match evidence.is_explained(noise_m) {
+        false => RegistrationStatus::Implausible,
+        true if evidence.is_unique(&hypotheses) => RegistrationStatus::Registered,
+        true => RegistrationStatus::Degenerate,
+    };
     Ok((fit, status))
 }
 

@@ -8,8 +8,6 @@ use catch_body::Pose;
 use catch_bot::perception::{self, Fit, ReferenceModel, SceneCloud, Symmetry, point_cloud::ScenePoint};
 use nalgebra::{Matrix3, Matrix6, Translation3, UnitQuaternion, Vector3, Vector6};
 
-use super::cloud_registration::RegistrationStatus;
-
 /// A pose, and the points that speak for it.
 pub(super) struct Evidence<'a> {
     scene: SceneCloud,
@@ -51,15 +49,14 @@ impl<'a> Evidence<'a> {
         points.iter().map(square).sum::<f64>() / points.len().max(1) as f64
     }
 
-    /// The status that the pose has earned, among `hypotheses` at which other registrations ended. Noise of zero is none stated.
-    pub fn status(&mut self, hypotheses: &[Fit], noise_m: f64) -> RegistrationStatus {
-        if noise_m > 0.0 && self.fit.residual_m > EXPLAINED * self.registration.model_sd_m {
-            return RegistrationStatus::Implausible;
-        }
-        if self.is_open() || hypotheses.iter().any(|it| self.is_another(&it.X_WO)) || self.slides() {
-            return RegistrationStatus::Degenerate;
-        }
-        RegistrationStatus::Registered
+    /// Whether noise of the standard deviation `noise_m` explains how far the points are off; zero is none stated.
+    pub fn is_explained(&self, noise_m: f64) -> bool {
+        noise_m == 0.0 || self.fit.residual_m <= EXPLAINED * self.registration.model_sd_m
+    }
+
+    /// Whether the pose is the only one: `hypotheses` at which other registrations ended are worse, and so is all that lies aside.
+    pub fn is_unique(&mut self, hypotheses: &[Fit]) -> bool {
+        !self.is_open() && !hypotheses.iter().any(|it| self.is_another(&it.X_WO)) && !self.slides()
     }
 
     /// Directions of (rotation, position) with their information in 1/m², rotations taken at the object's radius r: eigenvectors of

@@ -97,7 +97,7 @@ fn a_track_of_rows_that_are_no_flight_has_a_status() {
     let document = json(&["predict", "--track", path.to_str().unwrap(), "--json"]);
     let text = document.to_string();
     assert!(!text.contains("NaN"), "{text}");
-    if document["status"] == "predicted" {
+    if document["status"] == "predicted" || document["status"] == "implausible" {
         // What agrees by accident promises little.
         for axis in 0..3 {
             let variance = document["end"]["covariance"][axis][axis].as_f64().unwrap();
