@@ -218,7 +218,6 @@ fn patches_are_registered_as_well_as_claimed_or_not_at_all() {
         let reference = reference_model(all.clone(), name).unwrap();
         for full in [true, false] {
             let tally = tally(&reference, &all, full, trials);
-            println!("{name}, {}: {tally:?}", if full { "a view" } else { "a patch" });
             assert_eq!((tally.wrong, tally.others), (0, 0), "{name}: {tally:?}");
             assert!(!full || tally.registered as u64 > trials * 9 / 10, "{name}: {tally:?}");
             registered += tally.registered;
