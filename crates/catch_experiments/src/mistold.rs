@@ -22,7 +22,7 @@ use crate::{
 
 const LEGEND: &str = "One belief of the brain is wrong at a time; the world is the same, and so is each throw. *Right* and *wrong*: caught \
 with the right and the wrong belief. *Difference*: wrong less right, in points of all throws, with its interval of 95 % for pairs. *Size*: every extent of the scan is off. *Centre of mass*: the object's is beside that of uniform density, which the brain \
-believes in; this row alone changes the world. *Controller*: the arm's own loop without errors of its encoders, which no brain knows of. What a run \
+expects; this row alone changes the world. What a run \
 has found is kept in `target/mistold`, so that one that was ended goes on.";
 
 /// What throws depend on.
