@@ -20,10 +20,11 @@ use crate::{
     spread::percent,
 };
 
-const LEGEND: &str = "One belief of the brain is wrong at a time; the world is the same, and so is each throw. *Right* and *wrong*: caught \
-with the right and the wrong belief. *Difference*: wrong less right, in points of all throws, with its interval of 95 % for pairs. *Size*: every extent of the scan is off. *Centre of mass*: the object's is beside that of uniform density, which the brain \
-expects; this row alone changes the world. What a run \
-has found is kept in `target/mistold`, so that one that was ended goes on.";
+const LEGEND: &str = "\
+One belief of the brain is wrong at a time. The world is the same, and so is each throw. Caught with the right and the wrong belief: *right* \
+and *wrong*. *Difference*: wrong less right, in points of all throws, with its interval of 95 % for pairs. Every extent of the scan is off in \
+*size*. The *centre of mass* of the object is beside that of uniform density, which the brain expects. This row alone changes the world. What \
+a run has found is kept in `target/mistold`, so that one that was ended goes on.";
 
 /// What throws depend on.
 const SOURCES: &[&str] = &[
