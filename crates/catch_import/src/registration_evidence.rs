@@ -1,8 +1,9 @@
-//! What a registered pose is worth: whether its residuals are those of the stated noise, and whether no other pose explains the cloud as
-//! well.
+//! What a registered pose is worth: whether its residuals are those of the stated noise, and whether no other
+//! pose explains the cloud as well.
 //!
-//! A patch of a flat face slides in its plane, one of a can along its axis: the residuals stay the same, while the normal equations see
-//! information in the roughness of the model. So poses aside are tried, not believed to be ruled out.
+//! A patch of a flat face slides in its plane, one of a can along its axis: the residuals stay the same,
+//! while the normal equations see information in the roughness of the model. So poses aside are tried, not
+//! believed to be ruled out.
 
 use catch_body::Pose;
 use catch_bot::perception::{self, Fit, ReferenceModel, SceneCloud, Symmetry, point_cloud::ScenePoint};
@@ -22,11 +23,13 @@ pub(super) struct Evidence<'a> {
 const MOST_SQUARE: f64 = 9.0;
 /// Residuals larger than the stated noise and the model's by this factor are not explained by them.
 const EXPLAINED: f64 = 2.0;
-/// A pose with a larger mean square of residuals, by this or by what the number of points tells at three standard deviations, is worse.
+/// A pose with a larger mean square of residuals, by this or by what the number of points tells at three
+/// standard deviations, is worse.
 const WORSE: f64 = 0.1;
 /// A pose whose standard deviation is larger than this many radii of the object in some direction is none.
 const MOST_SD: f64 = 0.5;
-/// Poses nearer than this many radii, or than so many of the standard deviations that the pose claims, are the same.
+/// Poses nearer than this many radii, or than so many of the standard deviations that the pose claims, are
+/// the same.
 pub(super) const SAME_RADII: f64 = 0.1;
 const SAME_SD: f64 = 5.0;
 /// How far aside poses are tried, in radii, in the directions that the cloud tells least about.
@@ -42,26 +45,29 @@ impl<'a> Evidence<'a> {
         Self { scene: scene.clone(), fit, registration, sd_m, mean_square: square(sd_m) }
     }
 
-    /// Mean square of the points' distances from the reference at a pose, in standard deviations, outliers bounded.
+    /// Mean square of the points' distances from the reference at a pose, in standard deviations, outliers
+    /// bounded.
     pub fn mean_square(points: &[ScenePoint], X_WO: &Pose, sd_m: f64, reference: &ReferenceModel) -> f64 {
         let X_OW = X_WO.inverse();
         let square = |it: &ScenePoint| (reference.distance.at(&(X_OW * it.p_W)).0 / sd_m).powi(2).min(MOST_SQUARE);
         points.iter().map(square).sum::<f64>() / points.len().max(1) as f64
     }
 
-    /// Whether noise of the standard deviation `noise_m` explains how far the points are off; zero is none stated.
+    /// Whether noise of the standard deviation `noise_m` explains how far the points are off; zero is none
+    /// stated.
     pub fn is_explained(&self, noise_m: f64) -> bool {
         noise_m == 0.0 || self.fit.residual_m <= EXPLAINED * self.registration.model_sd_m
     }
 
-    /// Whether the pose is the only one: `hypotheses` at which other registrations ended are worse, and so is all that lies aside.
+    /// Whether the pose is the only one: `hypotheses` at which other registrations ended are worse, and so is
+    /// all that lies aside.
     pub fn is_unique(&mut self, hypotheses: &[Fit]) -> bool {
         !self.is_open() && !hypotheses.iter().any(|it| self.is_another(&it.X_WO)) && !self.slides()
     }
 
-    /// Directions of (rotation, position) with their information in 1/m², rotations taken at the object's radius r: eigenvectors of
-    /// diag(1/r, 1)·I·diag(1/r, 1), the least informed first. Rotations under which the object looks the same are left out: one for
-    /// an axis, three for a sphere.
+    /// Directions of (rotation, position) with their information in 1/m², rotations taken at the object's
+    /// radius r: eigenvectors of diag(1/r, 1)·I·diag(1/r, 1), the least informed first. Rotations under which
+    /// the object looks the same are left out: one for an axis, three for a sphere.
     fn directions(&self) -> Vec<(f64, Vector6<f64>)> {
         let unseen = match self.registration.reference.symmetry {
             Symmetry::Finite { .. } => 0,
@@ -87,7 +93,8 @@ impl<'a> Evidence<'a> {
         1.0 / least.max(0.0).sqrt() > MOST_SD * self.registration.reference.radius_m
     }
 
-    /// Whether the object may be moved along a direction of which little is known, by itself or with what then fits best.
+    /// Whether the object may be moved along a direction of which little is known, by itself or with what
+    /// then fits best.
     fn slides(&mut self) -> bool {
         let radius_m = self.registration.reference.radius_m;
         let steps = ASIDE_RADII.into_iter().flat_map(|it| [it, -it]).map(|it| it * radius_m);
@@ -131,8 +138,9 @@ pub(super) fn away_m(reference: &ReferenceModel, X_WA: &Pose, X_WB: &Pose) -> f6
     step.fixed_rows::<3>(3).norm().hypot(step.fixed_rows::<3>(0).norm() * reference.radius_m)
 }
 
-/// A pose moved along a twist (ω, v) about its origin, as a screw: exp of the twist, so that what slides about a distant axis stays on
-/// its circle (Murray, Li, Sastry: A mathematical introduction to robotic manipulation, 2.36).
+/// A pose moved along a twist (ω, v) about its origin, as a screw: exp of the twist, so that what slides
+/// about a distant axis stays on its circle (Murray, Li, Sastry: A mathematical introduction to robotic
+/// manipulation, 2.36).
 fn screw(X_WO: &Pose, twist: &Vector6<f64>) -> Pose {
     let (turn, v): (Vector3<f64>, Vector3<f64>) = (twist.fixed_rows::<3>(0).into(), twist.fixed_rows::<3>(3).into());
     let (angle, cross) = (turn.norm(), turn.cross_matrix());
