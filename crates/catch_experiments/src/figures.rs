@@ -104,13 +104,13 @@ fn crates() -> String {
         ("catch_recording", "throws on disk", (110.0, 275.0)),
         ("catch_calibration", "where cameras stand", (340.0, 275.0)),
         ("catch_paper", "the paper's method", (110.0, 360.0)),
-        ("catch_bot", "the brain", (340.0, 360.0)),
+        ("catch_bot", "the brain", (340.0, 445.0)),
         ("catch_sim", "the arena", (570.0, 315.0)),
-        ("catch_cell", "the contract", (340.0, 445.0)),
-        ("catch_body", "robots, shapes", (340.0, 530.0)),
+        ("catch_cell", "the contract", (340.0, 530.0)),
+        ("catch_body", "robots, shapes", (340.0, 615.0)),
     ];
     let (width, height) = (190.0, 50.0);
-    let mut drawing = Drawing::new(680.0, 600.0);
+    let mut drawing = Drawing::new(680.0, 685.0);
     let place = |name: &str| boxes.iter().find(|(it, ..)| *it == name).map_or((0.0, 0.0), |(.., place)| *place);
     let uses = [
         ("catch_cli", "catch_import"),
