@@ -104,7 +104,7 @@ fn crates() -> String {
         ("catch_recording", "throws on disk", (110.0, 275.0)),
         ("catch_calibration", "where cameras stand", (340.0, 275.0)),
         ("catch_paper", "the paper's method", (110.0, 360.0)),
-        ("catch_bot", "the brain", (340.0, 445.0)),
+        ("catch_bot", "the brain", (260.0, 445.0)),
         ("catch_sim", "the arena", (570.0, 315.0)),
         ("catch_cell", "the contract", (340.0, 530.0)),
         ("catch_body", "robots, shapes", (340.0, 615.0)),
