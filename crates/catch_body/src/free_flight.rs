@@ -112,13 +112,13 @@ fn exponential<const COUNT: usize>(
     let (basis, roots) = (eigen.eigenvectors, eigen.eigenvalues);
     let slopes = Matrix3::from_fn(|i, j| {
         let (middle, half) = (f64::midpoint(roots[i], roots[j]), 0.5 * (roots[i] - roots[j]));
-        middle.exp() * if half.abs() > 1e-4 { half.sinh() / half } else { 1.0 + half * half / 6.0 }
+        libm::exp(middle) * if half.abs() > 1e-4 { libm::sinh(half) / half } else { 1.0 + half * half / 6.0 }
     });
     let by = std::array::from_fn(|i| {
         let inner = basis.transpose() * along(i) * basis;
         basis * inner.component_mul(&slopes) * basis.transpose()
     });
-    (basis * Matrix3::from_diagonal(&roots.map(f64::exp)) * basis.transpose(), by)
+    (basis * Matrix3::from_diagonal(&roots.map(libm::exp)) * basis.transpose(), by)
 }
 
 impl FlyingBody {
@@ -261,7 +261,7 @@ impl FlyingBody {
 fn rotated_by(phi: &Vector3<f64>, dtheta: &ByState, dphi: &ByState) -> ByState {
     let (angle, cross) = (phi.norm(), phi.cross_matrix());
     let (first, second) = if angle > 1e-3 {
-        ((1.0 - angle.cos()) / (angle * angle), (angle - angle.sin()) / angle.powi(3))
+        ((1.0 - libm::cos(angle)) / (angle * angle), (angle - libm::sin(angle)) / angle.powi(3))
     } else {
         (0.5, 1.0 / 6.0)
     };

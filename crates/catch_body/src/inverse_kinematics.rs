@@ -143,7 +143,7 @@ impl SrsArm {
         let (a, b) = (self.upper_arm, self.forearm);
         let least_bend = low.max(-high).max(0.0);
         let most_bend = high.max(-low).min(std::f64::consts::PI);
-        [most_bend, least_bend].map(|bend| a * a + b * b + 2.0 * a * b * bend.cos())
+        [most_bend, least_bend].map(|bend| a * a + b * b + 2.0 * a * b * libm::cos(bend))
     }
 
     /// The shoulder in W, at which the first three axes meet.
@@ -169,8 +169,8 @@ impl SrsArm {
             R_WG: X_WG.rotation.to_rotation_matrix(),
             to_wrist,
             across: [first, to_wrist.cross(&first)],
-            shoulder_angle: cos_shoulder.acos(),
-            elbow_bend: std::f64::consts::PI - cos_elbow.acos(),
+            shoulder_angle: libm::acos(cos_shoulder),
+            elbow_bend: std::f64::consts::PI - libm::acos(cos_elbow),
         })
     }
 
@@ -187,8 +187,8 @@ impl SrsArm {
 
     /// The joint positions of one branch, whether within limits or not.
     pub fn solve_branch(&self, circle: &ElbowCircle, swivel: f64, branch: Branch) -> JointVector {
-        let aside = circle.across[0] * swivel.cos() + circle.across[1] * swivel.sin();
-        let upper = circle.to_wrist * circle.shoulder_angle.cos() + aside * circle.shoulder_angle.sin();
+        let aside = circle.across[0] * libm::cos(swivel) + circle.across[1] * libm::sin(swivel);
+        let upper = circle.to_wrist * libm::cos(circle.shoulder_angle) + aside * libm::sin(circle.shoulder_angle);
         // The elbow's axis is perpendicular to the arm's plane: upper × forearm = axis · sin(bend).
         let elbow_sign = if branch.elbow { -1.0 } else { 1.0 };
         let elbow_axis = aside.cross(&circle.to_wrist) * elbow_sign;
@@ -214,7 +214,7 @@ impl SrsArm {
         let Some(circle) = self.elbow_circle(&robot.gripper_in(&X_WL)) else { return 0.0 };
         let upper = X_WL[3].rotation
             * (robot.link_poses(&JointVector::zeros())[3].rotation.inverse() * self.along.into_inner());
-        upper.dot(&circle.across[1]).atan2(upper.dot(&circle.across[0]))
+        libm::atan2(upper.dot(&circle.across[1]), upper.dot(&circle.across[0]))
     }
 
     /// Angles of joints `first`, `first + 1`, `first + 2`, whose product of rotations is `R`; the middle one is negative if
@@ -229,10 +229,10 @@ impl SrsArm {
         let turned = R * u;
         let (along_b, along_c) = (turned.dot(&b), turned.dot(&c));
         let sign = if turned_over { -1.0 } else { 1.0 };
-        let beta = sign * along_b.hypot(along_c).atan2(turned.dot(&u));
-        let alpha = (sign * along_b).atan2(sign * along_c);
+        let beta = sign * libm::atan2(libm::hypot(along_b, along_c), turned.dot(&u));
+        let alpha = libm::atan2(sign * along_b, sign * along_c);
         let rest = (Rotation3::new(u * alpha) * Rotation3::new(b * beta)).inverse() * (R * c);
-        let gamma = rest.dot(&b).atan2(rest.dot(&c));
+        let gamma = libm::atan2(rest.dot(&b), rest.dot(&c));
         [alpha * signs[0], beta, gamma * signs[1]]
     }
 }

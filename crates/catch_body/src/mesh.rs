@@ -227,7 +227,7 @@ mod tests {
         let rings: Vec<TubeRing> = (0..=64)
             .map(|i| {
                 let angle = PI / 2.0 * f64::from(i) / 64.0;
-                let outwards = Vector3::new(angle.cos(), angle.sin(), 0.0);
+                let outwards = Vector3::new(libm::cos(angle), libm::sin(angle), 0.0);
                 TubeRing {
                     centre: Point3::from(outwards * bend),
                     axes: [outwards, Vector3::z()],

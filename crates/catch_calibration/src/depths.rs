@@ -24,7 +24,7 @@ pub fn measure(
     image: Option<&AveragedImage>,
     config: &Config,
 ) {
-    let least_cosine = config.max_incidence_rad.cos();
+    let least_cosine = libm::cos(config.max_incidence_rad);
     let beside_edge = beside_edges(rendering, JUMP_SD * config.inverse_depth_sd_per_m, config.edge_px);
     let window = rendering.window;
     let wide = window.width as usize;

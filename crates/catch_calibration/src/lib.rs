@@ -176,7 +176,7 @@ impl Config {
     /// Fraction of the pixels that a camera loses where the cosine of the incidence is this.
     fn missing_fraction(&self, cosine: f64) -> f64 {
         let [from, to] = self.grazing_rad;
-        let incidence = cosine.clamp(-1.0, 1.0).acos().min(FRAC_PI_2);
+        let incidence = libm::acos(cosine.clamp(-1.0, 1.0)).min(FRAC_PI_2);
         ((incidence - from) / (to - from)).clamp(0.0, 1.0)
     }
 }

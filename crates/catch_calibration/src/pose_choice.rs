@@ -161,7 +161,7 @@ fn log_det(information: &DMatrix<f64>) -> f64 {
     let nuisances = OF_CAMERA - FIRST_NUISANCE;
     let part = information.view((FIRST_NUISANCE, FIRST_NUISANCE), (nuisances, nuisances)).into_owned();
     let of =
-        |matrix: DMatrix<f64>| matrix.cholesky().map_or(0.0, |it| 2.0 * it.l_dirty().diagonal().map(f64::ln).sum());
+        |matrix: DMatrix<f64>| matrix.cholesky().map_or(0.0, |it| 2.0 * it.l_dirty().diagonal().map(libm::log).sum());
     of(information.clone()) - of(part)
 }
 

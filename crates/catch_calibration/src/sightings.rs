@@ -200,7 +200,7 @@ impl Brain for FlightRun {
 fn is_on(flight: &FlightTrajectory, pose: &ObjectPose) -> bool {
     let off_m = (pose.X_WO.translation.vector - flight.pose_at(pose.capture_s).translation.vector).norm();
     let pose_sd_m = position_covariance(pose).map_or(0.0, |it| it.trace().sqrt());
-    off_m < GATE_M + GATE_SD * pose_sd_m.hypot(flight.position_sd_at(pose.capture_s))
+    off_m < GATE_M + GATE_SD * libm::hypot(pose_sd_m, flight.position_sd_at(pose.capture_s))
 }
 
 /// Covariance of the position in W, whatever the orientation is; along directions that the image does not tell it is 1 m.

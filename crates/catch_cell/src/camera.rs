@@ -39,7 +39,7 @@ impl CameraModel {
     /// A camera whose principal point is the image centre, with a vertical field of view in radians.
     pub fn with_field_of_view(X_WC: Pose, width_px: u32, height_px: u32, vertical_rad: f64) -> Self {
         let [width, height] = [f64::from(width_px), f64::from(height_px)];
-        let focal_px = height / 2.0 / (vertical_rad / 2.0).tan();
+        let focal_px = height / 2.0 / libm::tan(vertical_rad / 2.0);
         Self {
             X_WC,
             width_px,

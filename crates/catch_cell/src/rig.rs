@@ -135,8 +135,8 @@ fn uv_sphere(sphere: &UvSphereFields) -> Vec<CameraModel> {
     let mut cameras = Vec::with_capacity(sphere.azimuths_deg.len() * sphere.elevations_deg.len());
     for azimuth in &sphere.azimuths_deg {
         for elevation in &sphere.elevations_deg {
-            let (sin_a, cos_a) = azimuth.to_radians().sin_cos();
-            let (sin_e, cos_e) = elevation.to_radians().sin_cos();
+            let (sin_a, cos_a) = libm::sincos(azimuth.to_radians());
+            let (sin_e, cos_e) = libm::sincos(elevation.to_radians());
             let eye = target + nalgebra::Vector3::new(cos_e * cos_a, cos_e * sin_a, sin_e) * radius_m;
             let X_WC = look_at(&eye, &target);
             cameras.push(CameraModel::with_field_of_view(X_WC, width_px, height_px, vertical_rad));
@@ -172,7 +172,7 @@ fn single_camera(file: &str, table: &str, camera: &CameraFields) -> Result<Camer
     };
     let mut model = CameraModel::with_field_of_view(X_WC, camera.width_px, camera.height_px, 1.0);
     model.focal_px = match (camera.vertical_fov_deg, camera.focal_px) {
-        (Some(degrees), None) => f64::from(camera.height_px) / 2.0 / (degrees.to_radians() / 2.0).tan(),
+        (Some(degrees), None) => f64::from(camera.height_px) / 2.0 / libm::tan(degrees.to_radians() / 2.0),
         (None, Some(focal_px)) => focal_px,
         (both, _) => {
             let found = if both.is_some() { "both" } else { "neither" };

@@ -24,7 +24,7 @@ impl Brain for Watcher {
             for (pixel, _) in seen {
                 let p_C = camera.back_project(&frame.window.pixel_centre(pixel), f64::from(frame.depth_m[pixel]));
                 let p_W = camera.X_WC * p_C;
-                nearest_m = nearest_m.min(p_W.x.hypot(p_W.y));
+                nearest_m = nearest_m.min(libm::hypot(p_W.x, p_W.y));
             }
         }
         let closes = nearest_m < 0.75 && !self.has_closed;

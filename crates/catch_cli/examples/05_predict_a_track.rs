@@ -16,7 +16,7 @@ fn main() -> anyhow::Result<()> {
     let poses: Vec<ObjectPose> = (0..20)
         .map(|i| {
             let time_s = f64::from(i) * 0.01;
-            let error = Vector3::new(1.0, -0.6, 0.8) * 1e-3 * (f64::from(i) * 2.3).sin();
+            let error = Vector3::new(1.0, -0.6, 0.8) * 1e-3 * libm::sin(f64::from(i) * 2.3);
             let p_WO = truth(time_s) + error;
             let mut information = Matrix6::zeros();
             information.fixed_view_mut::<3, 3>(3, 3).fill_diagonal(1e6);

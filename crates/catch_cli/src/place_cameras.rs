@@ -261,7 +261,7 @@ fn tell(document: &Document<'_>, cameras: &[CameraModel]) -> io::Result<()> {
     for (i, (camera, (shown, of_arm))) in cameras.iter().zip(shown.iter().zip(arm_shown)).enumerate() {
         let p = camera.X_WC.translation.vector;
         let ahead = camera.X_WC.rotation * nalgebra::Vector3::z();
-        let (turned_deg, down_deg) = (ahead.y.atan2(ahead.x).to_degrees(), (-ahead.z).asin().to_degrees());
+        let (turned_deg, down_deg) = (libm::atan2(ahead.y, ahead.x).to_degrees(), libm::asin(-ahead.z).to_degrees());
         let place =
             format!("({:.2}, {:.2}, {:.2}) m, looks to {turned_deg:.0}° and {down_deg:.0}° down", p.x, p.y, p.z);
         let shows = format!("shows {:.0} % of the images and {:.0} % of the arm", shown * 100.0, of_arm * 100.0);

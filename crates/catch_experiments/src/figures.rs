@@ -58,7 +58,7 @@ impl Drawing {
 
     fn arrow(&mut self, from: (f64, f64), to: (f64, f64), stroke: &str) {
         let (x, y) = (to.0 - from.0, to.1 - from.1);
-        let length = x.hypot(y).max(1e-9);
+        let length = libm::hypot(x, y).max(1e-9);
         let (x, y) = (x / length * 7.0, y / length * 7.0);
         self.line(&[from, to], stroke, "");
         self.line(

@@ -36,7 +36,7 @@ pub struct Coefficients {
 
 /// The logistic function.
 pub fn logistic(z: f64) -> f64 {
-    1.0 / (1.0 + (-z).exp())
+    1.0 / (1.0 + libm::exp(-z))
 }
 
 impl LogisticRegression<'_> {
@@ -88,7 +88,7 @@ impl LogisticRegression<'_> {
 
     fn objective(&self, beta: &DVector<f64>) -> f64 {
         // ln(1 + exp(z)) without overflow.
-        let softplus = |z: f64| z.max(0.0) + (-z.abs()).exp().ln_1p();
+        let softplus = |z: f64| z.max(0.0) + libm::log1p(libm::exp(-z.abs()));
         let z = self.X * beta;
         let loss: f64 = z.iter().zip(self.y.iter()).map(|(z, y)| softplus(*z) - y * z).sum();
         loss + 0.5 * beta.component_mul(beta).dot(self.ridge)

@@ -69,7 +69,7 @@ impl Entry {
             Self::Count(count) => count.to_string(),
             Self::Number(None) => "–".to_owned(),
             Self::Number(Some(value)) => {
-                let digits = if *value == 0.0 { 0.0 } else { 2.0 - value.abs().log10().floor() };
+                let digits = if *value == 0.0 { 0.0 } else { 2.0 - libm::log10(value.abs()).floor() };
                 format!("{value:.*}", digits.clamp(0.0, 6.0) as usize)
             }
         }

@@ -150,7 +150,7 @@ fn outermost(points: &[Point3<f64>], directions: usize) -> impl Iterator<Item = 
     let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
     (0..directions).filter_map(move |i| {
         let z = 1.0 - 2.0 * (i as f64 + 0.5) / directions as f64;
-        let (sin, cos) = (golden * i as f64).sin_cos();
+        let (sin, cos) = libm::sincos(golden * i as f64);
         let direction = Vector3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + Vector3::z() * z;
         let along = |i: &usize| direction.dot(&points[*i].coords);
         (0..points.len()).max_by(|a, b| along(a).total_cmp(&along(b)))

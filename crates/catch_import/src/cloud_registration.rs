@@ -110,7 +110,7 @@ fn register_cloud(
         few if few < MIN_POINTS => return Err(PerceptionStatus::TooFewPoints),
         _ => {}
     }
-    let model_sd_m = model_sd_m(reference).hypot(noise_m);
+    let model_sd_m = libm::hypot(model_sd_m(reference), noise_m);
     let registration = perception::Registration { reference, config: &config, model_sd_m };
     let every = |most: usize| points.iter().step_by(points.len().div_ceil(most));
     let (mut fewest, mut few, mut all) = (scene(every(MOST_TRIED)), scene(every(MOST_COMPARED)), scene(points.iter()));

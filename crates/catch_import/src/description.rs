@@ -206,7 +206,7 @@ impl Geometry {
     /// The surface in the link's frame; `None` for a mesh, which is in a file of its own. Circles become polygons around them.
     pub fn surface(&self) -> Option<TriangleMesh> {
         // So that the polygon's sides touch the circle.
-        let wider = 1.0 / (std::f64::consts::PI / f64::from(SIDES)).cos();
+        let wider = 1.0 / libm::cos(std::f64::consts::PI / f64::from(SIDES));
         let along_z = |radius: f64, length_m: f64| {
             let half = Vector3::z() * (length_m / 2.0);
             TriangleMesh::capsule(&Capsule { from: (-half).into(), to: half.into(), radius: radius * wider }, SIDES)
@@ -230,7 +230,7 @@ impl Geometry {
 /// A prism along z whose base is a regular polygon with its corners at `radius`.
 fn prism(radius: f64, length_m: f64) -> TriangleMesh {
     let corner = |i: u32, z: f64| {
-        let (sin, cos) = (std::f64::consts::TAU * f64::from(i) / f64::from(SIDES)).sin_cos();
+        let (sin, cos) = libm::sincos(std::f64::consts::TAU * f64::from(i) / f64::from(SIDES));
         nalgebra::Point3::new(radius * cos, radius * sin, z)
     };
     let half = length_m / 2.0;

@@ -22,7 +22,7 @@ const TETRAHEDRA: [[usize; 4]; 6] =
 /// where there would be too many. Where the inside leaves the box the surface is cut off there.
 pub fn isosurface(bounds: &Cuboid, spacing_m: f64, distance_m: impl Fn(&Point3<f64>) -> f64) -> TriangleMesh {
     let cubes = bounds.size.map(|it| (it / spacing_m).ceil() + 3.0).product();
-    let spacing_m = spacing_m * (cubes / MOST_NODES).cbrt().max(1.0);
+    let spacing_m = spacing_m * libm::cbrt(cubes / MOST_NODES).max(1.0);
     // A layer of nodes all around is outside whatever the distance says.
     let [nx, ny, nz] = <[usize; 3]>::from(bounds.size.map(|it| (it / spacing_m).ceil() as usize + 3));
     let lowest = bounds.centre - Vector3::new(nx as f64 - 1.0, ny as f64 - 1.0, nz as f64 - 1.0) * (spacing_m / 2.0);

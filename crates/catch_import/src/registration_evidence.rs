@@ -135,7 +135,7 @@ fn between(reference: &ReferenceModel, X_WA: &Pose, X_WB: &Pose) -> Vector6<f64>
 /// How far the looks of the object at two poses are from each other, rotations taken at its radius.
 pub(super) fn away_m(reference: &ReferenceModel, X_WA: &Pose, X_WB: &Pose) -> f64 {
     let step = between(reference, X_WA, X_WB);
-    step.fixed_rows::<3>(3).norm().hypot(step.fixed_rows::<3>(0).norm() * reference.radius_m)
+    libm::hypot(step.fixed_rows::<3>(3).norm(), step.fixed_rows::<3>(0).norm() * reference.radius_m)
 }
 
 /// A pose moved along a twist (ω, v) about its origin, as a screw: exp of the twist, so that what slides
@@ -147,7 +147,7 @@ fn screw(X_WO: &Pose, twist: &Vector6<f64>) -> Pose {
     let (a, b) = if angle < 1e-6 {
         (0.5, 1.0 / 6.0)
     } else {
-        ((1.0 - angle.cos()) / angle.powi(2), (angle - angle.sin()) / angle.powi(3))
+        ((1.0 - libm::cos(angle)) / angle.powi(2), (angle - libm::sin(angle)) / angle.powi(3))
     };
     let shift = (Matrix3::identity() + cross * a + cross * cross * b) * v;
     Pose::from_parts(

@@ -229,7 +229,7 @@ impl<'a> PlacementStudy<'a> {
         }
         // Mean logarithm of the deviations, of which what one camera improves counts as a ratio.
         let cost = |others: &[Matrix6<f64>], candidate: usize| -> f64 {
-            others.iter().zip(&told[candidate]).map(|(sum, one)| deviation_m(&(sum + one)).ln()).sum()
+            others.iter().zip(&told[candidate]).map(|(sum, one)| libm::log(deviation_m(&(sum + one)))).sum()
         };
         let best = |chosen: &[usize]| {
             let none = vec![Matrix6::zeros(); 2 * self.flights.len()];
@@ -443,7 +443,8 @@ mod tests {
         let kind = &setup.cameras[0];
         let study = PlacementStudy::new(&setup, &one).unwrap();
         let best = study.place(kind).unwrap();
-        let mean = |it: &Score| it.decision_sd_m.iter().chain(&it.closing_sd_m).map(|sd_m| sd_m.ln()).sum::<f64>();
+        let mean =
+            |it: &Score| it.decision_sd_m.iter().chain(&it.closing_sd_m).map(|sd_m| libm::log(*sd_m)).sum::<f64>();
         let placed = study.score(&best.cameras);
         assert!(best.candidates > 50 && placed.shown.len() == 1 && placed.shown_by_one == placed.shown[0]);
         for other in study.candidates(kind).iter().step_by(17) {

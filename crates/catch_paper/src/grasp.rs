@@ -184,7 +184,7 @@ mod tests {
         let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
         (0..count).map(move |i| {
             let z = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(count);
-            let (sin, cos) = (golden * f64::from(i)).sin_cos();
+            let (sin, cos) = libm::sincos(golden * f64::from(i));
             Vector3::new(cos * (1.0 - z * z).sqrt(), sin * (1.0 - z * z).sqrt(), z)
         })
     }

@@ -195,7 +195,7 @@ impl Icp<'_> {
             silhouette_residual_m: None,
             points_mismatch: Some((residual_m / MODEL_SD_M).powi(2)),
             silhouette_mismatch: None,
-            robust_cost: count * residual_m.max(1e-9).ln(),
+            robust_cost: count * libm::log(residual_m.max(1e-9)),
             iterations,
         })
     }

@@ -22,7 +22,7 @@ const ALIKE: f64 = 0.01;
 /// along axes of equal moments, the mean.
 fn deviation(inertia_kgm2: &Matrix3<f64>, size: f64, phase: f64) -> Matrix3<f64> {
     let SymmetricEigen { eigenvalues, eigenvectors } = inertia_kgm2.symmetric_eigen();
-    let each = Vector3::from_fn(|i, _| size * (phase + TAU / 3.0 * i as f64).cos());
+    let each = Vector3::from_fn(|i, _| size * libm::cos(phase + TAU / 3.0 * i as f64));
     let alike = |i: usize, j: usize| (eigenvalues[i] - eigenvalues[j]).abs() <= ALIKE * eigenvalues.max();
     let shared = Vector3::from_fn(|i, _| {
         let with: Vec<usize> = (0..3).filter(|&j| alike(i, j)).collect();

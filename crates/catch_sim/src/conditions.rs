@@ -99,14 +99,14 @@ impl Draws {
     pub fn direction(&mut self) -> Unit<Vector3<f64>> {
         let (height, azimuth) = (self.between([-1.0, 1.0]), TAU * self.unit());
         let radius = (1.0 - height * height).max(0.0).sqrt();
-        Unit::new_normalize(Vector3::new(radius * azimuth.cos(), radius * azimuth.sin(), height))
+        Unit::new_normalize(Vector3::new(radius * libm::cos(azimuth), radius * libm::sin(azimuth), height))
     }
 
     /// An orientation, uniform over all (Shoemake, Uniform random rotations, Graphics Gems III, 1992).
     pub fn orientation(&mut self) -> UnitQuaternion<f64> {
         let (u, one, two) = (self.unit(), TAU * self.unit(), TAU * self.unit());
         let (a, b) = ((1.0 - u).sqrt(), u.sqrt());
-        let [x, y, z, w] = [a * one.sin(), a * one.cos(), b * two.sin(), b * two.cos()];
+        let [x, y, z, w] = [a * libm::sin(one), a * libm::cos(one), b * libm::sin(two), b * libm::cos(two)];
         UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z))
     }
 }

@@ -64,7 +64,7 @@ mod tests {
     fn horseshoe() -> TriangleMesh {
         let rings: Vec<TubeRing> = (0..=40)
             .map(|i| {
-                let (sin, cos) = (f64::from(i) / 40.0 * 4.0).sin_cos();
+                let (sin, cos) = libm::sincos(f64::from(i) / 40.0 * 4.0);
                 let outwards = Vector3::new(cos, sin, 0.0);
                 TubeRing { centre: (outwards * 0.05).into(), axes: [outwards, Vector3::z()], semi_axes_m: [0.008; 2] }
             })

@@ -57,7 +57,7 @@ impl Encoders {
             (self.q, self.dq) = (*ended.0, *ended.1);
             return;
         }
-        let pole = (-OBSERVER_RADPS * cycle_s).exp();
+        let pole = libm::exp(-OBSERVER_RADPS * cycle_s);
         // det(λ − A + L·C) = (λ − pole)².
         let (of_position, of_velocity) = (2.0 * (1.0 - pole), (1.0 - pole).powi(2) / cycle_s);
         for i in 0..self.joints {

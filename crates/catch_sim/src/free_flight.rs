@@ -92,7 +92,7 @@ impl Air {
         let acceleration = dynamics::gravity() + conditions.air_mps2(&X_WC.rotation, V_WC);
         let linear = V_WC.linear + acceleration * half_s;
         // L̇ = −c·L: the constant torque that has the same effect in the step.
-        let decay = (-conditions.aerodynamics.spin_decay_per_s * step_s).exp_m1() / step_s;
+        let decay = libm::expm1(-conditions.aerodynamics.spin_decay_per_s * step_s) / step_s;
         let torque_nm = body.momentum(&X_WC.rotation, &V_WC.angular) * decay;
         let (R_WC, angular) = body.rotated((&X_WC.rotation, &V_WC.angular), &torque_nm, half_s);
         let acceleration_mps2 = conditions.air_mps2(&R_WC, &Twist { angular, linear });

@@ -302,7 +302,7 @@ fn bent_tube(
         .iter()
         .enumerate()
         .map(|(i, &radius)| {
-            let (sin, cos) = (angle * (i as f64 / (radii_m.len() - 1) as f64 - 0.5)).sin_cos();
+            let (sin, cos) = libm::sincos(angle * (i as f64 / (radii_m.len() - 1) as f64 - 0.5));
             let outwards = Vector3::new(0.0, cos, sin);
             TubeRing {
                 centre: (outwards * arc_radius_m).into(),

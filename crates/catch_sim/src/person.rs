@@ -91,7 +91,7 @@ impl Person {
             UnitQuaternion::identity()
         };
         let X_WB = self.X_WP * Pose::from_parts(Vector3::new(along_m, 0.0, 0.0).into(), facing);
-        let swing = (TAU * walked_m / STRIDE_M).sin();
+        let swing = libm::sin(TAU * walked_m / STRIDE_M);
         self.parts.iter().map(move |Part { surface, pivot, swing_rad }| {
             let turn = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), -swing * swing_rad);
             (X_WB * Pose::from_parts((*pivot).into(), turn), surface)

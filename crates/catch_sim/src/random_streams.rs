@@ -76,8 +76,8 @@ impl Draws {
     /// A number from the normal distribution with mean 0 and standard deviation 1 (Box & Muller, A note on the generation of
     /// random normal deviates, 1958; one of the pair).
     pub fn normal(&mut self) -> f64 {
-        let radius = (-2.0 * (1.0 - self.unit()).ln()).sqrt();
-        radius * (std::f64::consts::TAU * self.unit()).cos()
+        let radius = (-2.0 * libm::log(1.0 - self.unit())).sqrt();
+        radius * libm::cos(std::f64::consts::TAU * self.unit())
     }
 
     /// A number between two bounds.

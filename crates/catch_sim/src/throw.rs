@@ -205,7 +205,7 @@ impl Throw {
                 let p_WO = Point3::new(draws.between(*x_m), draws.between(*y_m), *z_m);
                 let speed = draws.between(*horizontal_speed_mps);
                 let aside = draws.between(*aside);
-                let distance = p_WO.x.hypot(p_WO.y);
+                let distance = libm::hypot(p_WO.x, p_WO.y);
                 release.p_WO = p_WO;
                 release.v_WO = Vector3::new(
                     speed * (aside - p_WO.x / distance),

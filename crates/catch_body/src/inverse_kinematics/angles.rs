@@ -16,13 +16,13 @@ pub struct Sinusoid {
 impl Sinusoid {
     /// By a and b.
     pub fn new([a, b]: [f64; 2]) -> Self {
-        Self { phase: b.atan2(a), amplitude: a.hypot(b) }
+        Self { phase: libm::atan2(b, a), amplitude: libm::hypot(a, b) }
     }
 
     /// The angles at which it is `value`: two, or none.
     pub fn angles_at(self, value: f64) -> impl Iterator<Item = f64> {
         let cos = value / self.amplitude;
-        let aside = (cos.abs() <= 1.0).then(|| cos.acos());
+        let aside = (cos.abs() <= 1.0).then(|| libm::acos(cos));
         aside.into_iter().flat_map(move |aside| [self.phase + aside, self.phase - aside])
     }
 }
@@ -38,7 +38,7 @@ pub struct AxisRotation {
 impl AxisRotation {
     /// By an angle about an axis.
     pub fn new(axis: &Vector3<f64>, angle: f64) -> Self {
-        let (sin, cos) = angle.sin_cos();
+        let (sin, cos) = libm::sincos(angle);
         Self { axis: *axis, sin, cos }
     }
 
@@ -56,7 +56,7 @@ impl AxisRotation {
 /// The angle about `axis` from one direction to another, both seen along it.
 pub fn angle(axis: &Vector3<f64>, from: &Vector3<f64>, to: &Vector3<f64>) -> f64 {
     let from = from - axis * axis.dot(from);
-    axis.dot(&from.cross(to)).atan2(from.dot(to))
+    libm::atan2(axis.dot(&from.cross(to)), from.dot(to))
 }
 
 /// An angle by as many whole turns off that it is within its range, near `from`.

@@ -90,7 +90,7 @@ impl Arc {
         if h.x < -r {
             return Self::NONE;
         }
-        let (middle, half) = (h.z.atan2(h.y), (-h.x / r).acos());
+        let (middle, half) = (libm::atan2(h.z, h.y), libm::acos(-h.x / r));
         Self::between(middle - half, middle + half)
     }
 
@@ -133,7 +133,7 @@ struct AngleRange {
 
 impl AngleRange {
     fn new(low: f64, high: f64) -> Self {
-        Self { width: high - low, low: low.sin_cos(), high: high.sin_cos() }
+        Self { width: high - low, low: libm::sincos(low), high: libm::sincos(high) }
     }
 
     /// Where the direction (`x`, `y`) has an angle in the range.
@@ -250,7 +250,11 @@ impl SrsArm {
             AngleRange::new(low.max(-std::f64::consts::PI), high.min(std::f64::consts::PI))
         };
         let [low, high] = ranges[first + 1];
-        Bounds { outer: [outer(first), outer(first + 2)], middle: [low, high], cosines: [low.cos(), high.cos()] }
+        Bounds {
+            outer: [outer(first), outer(first + 2)],
+            middle: [low, high],
+            cosines: [libm::cos(low), libm::cos(high)],
+        }
     }
 
     /// By how much at most each joint turns, in radians, while the elbow moves by up to `by` radians from `swivel`.
@@ -260,14 +264,14 @@ impl SrsArm {
         let elbow_sign = if branch.elbow { -1.0 } else { 1.0 };
         let upper_arm = self.upper_arm_forms(circle, elbow_sign);
         let (shoulder, wrist) = (self.shoulder_forms(&upper_arm), self.wrist_forms(&upper_arm, circle, elbow_sign));
-        let at = Harmonic::new(1.0, swivel.cos(), swivel.sin());
-        let change = |h: &Harmonic| h.y.hypot(h.z) * by;
+        let at = Harmonic::new(1.0, libm::cos(swivel), libm::sin(swivel));
+        let change = |h: &Harmonic| libm::hypot(h.y, h.z) * by;
         let angle = |[x, y]: &[Harmonic; 2]| {
-            let fraction = change(x).hypot(change(y)) / x.dot(&at).hypot(y.dot(&at));
-            if fraction < 1.0 { fraction.asin() } else { std::f64::consts::TAU }
+            let fraction = libm::hypot(change(x), change(y)) / libm::hypot(x.dot(&at), y.dot(&at));
+            if fraction < 1.0 { libm::asin(fraction) } else { std::f64::consts::TAU }
         };
         let arc_cosine = |h: &Harmonic| {
-            let arc = |value: f64| value.clamp(-1.0, 1.0).acos();
+            let arc = |value: f64| libm::acos(value.clamp(-1.0, 1.0));
             let (value, change) = (h.dot(&at), change(h));
             (arc(value - change) - arc(value)).max(arc(value) - arc(value + change))
         };
@@ -278,7 +282,7 @@ impl SrsArm {
 
     /// Columns of R_03 in the basis (u, a₄, u × a₄), as vectors of harmonics: column k is Σ over 1, cos ψ, sin ψ.
     fn upper_arm_forms(&self, circle: &ElbowCircle, elbow_sign: f64) -> UpperArm {
-        let (sin, cos) = circle.shoulder_angle.sin_cos();
+        let (sin, cos) = libm::sincos(circle.shoulder_angle);
         let w = circle.to_wrist;
         UpperArm {
             before: basis(self.along.into_inner(), self.axes[3].into_inner()),

@@ -106,7 +106,7 @@ impl Robot {
             } else {
                 // Additive recurrence with the roots of xᵈ⁺¹ = x + 1 (Roberts, The unreasonable effectiveness of quasirandom
                 // sequences, 2018).
-                let root = (0..30).fold(2.0_f64, |x, _| (1.0 + x).powf(1.0 / (dof as f64 + 1.0)));
+                let root = (0..30).fold(2.0_f64, |x, _| libm::pow(1.0 + x, 1.0 / (dof as f64 + 1.0)));
                 JointVector::from_fn(|i, _| {
                     let fraction = (0.5 + start as f64 / root.powi(i as i32 + 1)).fract();
                     if i < dof { ranges[i][0] + fraction * (ranges[i][1] - ranges[i][0]) } else { 0.0 }

@@ -103,7 +103,7 @@ impl ParallelAxesArm {
                 if cos.abs() > 1.0 {
                     continue;
                 }
-                for bend in [cos.acos(), -cos.acos()] {
+                for bend in [libm::acos(cos), -libm::acos(cos)] {
                     let turn_3 = bend - angle(&a2, &upper, &fore);
                     let reached = upper + Rotation3::from_axis_angle(&self.axes[1], turn_3) * fore;
                     let q2 = angle(&a2, &reached, &r);
@@ -169,7 +169,7 @@ mod tests {
             robot.X_WB = Pose::new(Vector3::new(0.3, -0.2, 0.5), Vector3::new(0.5, 1.0, -0.3));
             let arm = ParallelAxesArm::of(&robot).unwrap();
             let [q, start] = [q, start].map(|it| robot.joint_vector(&it).unwrap());
-            prop_assume!(q[2].sin().abs() > 0.02 && q[4].sin().abs() > 0.02);
+            prop_assume!(libm::sin(q[2]).abs() > 0.02 && libm::sin(q[4]).abs() > 0.02);
             let X_WG = robot.gripper_pose(&q);
             let solutions = arm.solutions(&X_WG, &q, &limits(&robot));
             for found in solutions.iter() {
@@ -189,7 +189,7 @@ mod tests {
         fn solutions_keep_their_ranges(q in prop::array::uniform6(-6.0f64..6.0)) {
             let robot = ur10e();
             let q = robot.joint_vector(&q).unwrap();
-            prop_assume!(q[2].sin().abs() > 0.02 && q[4].sin().abs() > 0.02);
+            prop_assume!(libm::sin(q[2]).abs() > 0.02 && libm::sin(q[4]).abs() > 0.02);
             let ranges: Ranges = std::array::from_fn(|i| [q[i] - 0.2, q[i] + 0.3]);
             let found = ParallelAxesArm::of(&robot).unwrap().solutions(&robot.gripper_pose(&q), &q, &ranges);
             prop_assert!(found.iter().any(|it| (it - q).amax() < 1e-6));

@@ -86,8 +86,8 @@ impl TriangleMesh {
         let at = |z: f64, i: u32| {
             let angle = FRAC_PI_2 * f64::from(i) / f64::from(arcs);
             // The poles are exactly on the axis, which the cosine is not.
-            let r = if i == arcs { 0.0 } else { capsule.radius * angle.cos() };
-            [z + capsule.radius * angle.sin().copysign(if z > 0.0 { 1.0 } else { -1.0 }), r]
+            let r = if i == arcs { 0.0 } else { capsule.radius * libm::cos(angle) };
+            [z + capsule.radius * libm::sin(angle).copysign(if z > 0.0 { 1.0 } else { -1.0 }), r]
         };
         let lower = (0..=arcs).rev().map(|i| at(0.0, i));
         // Two equal rings would make triangles without area: a capsule of no length is a ball.
@@ -146,7 +146,7 @@ impl TriangleMesh {
             return vec![first];
         }
         for i in 0..segments {
-            let (sin, cos) = (TAU * f64::from(i) / f64::from(segments)).sin_cos();
+            let (sin, cos) = libm::sincos(TAU * f64::from(i) / f64::from(segments));
             let [a, b] = ring.semi_axes_m;
             self.vertices.push(ring.centre + ring.axes[0] * (a * cos) + ring.axes[1] * (b * sin));
         }

@@ -101,7 +101,7 @@ mod tests {
 
     #[test]
     fn closest_approach_is_found() {
-        assert!((closest(0.7, |time| (time - 0.7123_f64).hypot(0.01)) - 0.7123).abs() < 1e-5);
+        assert!((closest(0.7, |time| libm::hypot(time - 0.7123_f64, 0.01)) - 0.7123).abs() < 1e-5);
     }
 
     /// A drive obeys the move that starts last.

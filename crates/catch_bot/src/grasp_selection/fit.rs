@@ -100,7 +100,7 @@ pub fn fit_gripper(
 
     // "Strength" (paper, III-C): the gripper's axis points at the centre of mass.
     let centre = X_GO * Point3::origin();
-    let strength_m = centre.x.hypot(centre.z);
+    let strength_m = libm::hypot(centre.x, centre.z);
     let overhang_m = overhang_m(&X_GO, gripper);
     if strength_m > MAX_STRENGTH_M || overhang_m > config.max_overhang_m {
         return Err(GraspFailure::OffCentre);
@@ -108,7 +108,7 @@ pub fn fit_gripper(
 
     // Both faces must meet the surface squarely enough for friction to hold.
     let squareness = |side: f64| squareness(reference, gripper, &X_GO, object_width_m, side);
-    if squareness(1.0).min(squareness(-1.0)) < MAX_CONTACT_ANGLE_RAD.cos() {
+    if squareness(1.0).min(squareness(-1.0)) < libm::cos(MAX_CONTACT_ANGLE_RAD) {
         return Err(GraspFailure::Slanted);
     }
 

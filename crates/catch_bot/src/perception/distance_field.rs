@@ -113,7 +113,7 @@ impl Grid {
     fn around(cloud: &OrientedPoints<'_>, near: &PointGrid, spacing_m: f64, margin_m: f64) -> Self {
         let (low, high) = bounds(cloud.points);
         let lowest = low - Vector3::repeat(margin_m);
-        let spacing_m = spacing_m.max(((high - lowest).add_scalar(margin_m).product() / MOST_CELLS).cbrt());
+        let spacing_m = spacing_m.max(libm::cbrt((high - lowest).add_scalar(margin_m).product() / MOST_CELLS));
         let nodes = std::array::from_fn(|axis| ((high[axis] + margin_m - lowest[axis]) / spacing_m) as usize + 2);
         let mut grid = Self { lowest, spacing_m, per_m: 1.0 / spacing_m, nodes, values: Vec::new() };
         let nearest = grid.nearest_points(cloud.points);

@@ -29,7 +29,7 @@ impl EdgeGrowth {
 
     /// As it was before any image, where pixels at sharp edges have this standard deviation.
     pub fn reset(&mut self, sharp_sd_px: f64) {
-        self.place_sd_px = sharp_sd_px.hypot(BLUR_FRACTION * self.edge_px);
+        self.place_sd_px = libm::hypot(sharp_sd_px, BLUR_FRACTION * self.edge_px);
         self.px = EXPECTED_FRACTION * self.edge_px;
     }
 

@@ -84,7 +84,7 @@ mod tests {
         let points: Vec<Point3<f64>> = (0..500)
             .map(|i| {
                 let i = f64::from(i);
-                Point3::new((i * 0.37).sin(), (i * 0.71).cos(), (i * 0.13).sin()) * 0.1
+                Point3::new(libm::sin(i * 0.37), libm::cos(i * 0.71), libm::sin(i * 0.13)) * 0.1
             })
             .collect();
         let grid = PointGrid::new(&points, 0.01);

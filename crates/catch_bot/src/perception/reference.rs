@@ -341,7 +341,7 @@ impl Patch {
         let mut patch =
             Self { origin: *origin, x_axis, y_axis, axis, c: Vector6::zeros(), radius_m, error_m: radius_m };
         let Some(c) = patch.quadric(neighbours) else { return patch };
-        let slope = c[1].hypot(c[2]);
+        let slope = libm::hypot(c[1], c[2]);
         if slope < 0.5 && c[0].abs() < 0.2 {
             patch.c = c;
             let squares: f64 = neighbours.iter().map(|offset| patch.at(&(origin + offset)).0.powi(2)).sum();

@@ -352,7 +352,7 @@ fn robust_cost(sums: &Sums, count: usize, least_m: f64) -> f64 {
     if count == 0 {
         return 0.0;
     }
-    2.0 * count as f64 * (sums.distances_m / count.max(1) as f64).max(least_m).ln()
+    2.0 * count as f64 * libm::log((sums.distances_m / count.max(1) as f64).max(least_m))
 }
 
 /// The Gauss–Newton step in O, damped a little so that what cannot be observed stays where it was.

@@ -421,7 +421,7 @@ mod tests {
         let radius_px = 1000.0 * radius_m / (1.0 - radius_m * radius_m).sqrt() + 1.0;
         let mut silhouette = Silhouette::default();
         silhouette.collect(window, &camera, &window, edge_px, |column, row| {
-            let beside = (column as f64 - 49.5).hypot(row as f64 - 49.5);
+            let beside = libm::hypot(column as f64 - 49.5, row as f64 - 49.5);
             if beside < radius_px { Label::Object } else { Label::Elsewhere }
         });
         (synthetic::reference(&Shape::Sphere { radius: radius_m }, 200), silhouette)

@@ -171,7 +171,7 @@ impl Symmetry {
             return Self::all_around(mean_square);
         }
         let axis = |step: u32| {
-            let (sin, cos) = (PI * f64::from(step) / f64::from(STEPS)).sin_cos();
+            let (sin, cos) = libm::sincos(PI * f64::from(step) / f64::from(STEPS));
             Unit::new_normalize(principal[i].into_inner() * cos + principal[j].into_inner() * sin)
         };
         let changed = |step: u32| mean_square(UnitQuaternion::from_axis_angle(&axis(step), PI));
@@ -188,7 +188,7 @@ impl Symmetry {
         let golden = PI * (3.0 - 5.0_f64.sqrt());
         let direction = |i: u32| {
             let z = 1.0 - (f64::from(i) + 0.5) / f64::from(DIRECTIONS);
-            let (sin, cos) = (golden * f64::from(i)).sin_cos();
+            let (sin, cos) = libm::sincos(golden * f64::from(i));
             Vector3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + Vector3::z() * z
         };
         let mut axes: Vec<Unit<Vector3<f64>>> = Vec::new();
@@ -201,7 +201,7 @@ impl Symmetry {
             tried.sort_by(|a, b| a.0.total_cmp(&b.0));
             let mut chosen: Vec<Vector3<f64>> = Vec::new();
             for (least, axis) in tried {
-                if chosen.len() < MOST_AXES && chosen.iter().all(|it| it.dot(&axis).abs() < APART.cos()) {
+                if chosen.len() < MOST_AXES && chosen.iter().all(|it| it.dot(&axis).abs() < libm::cos(APART)) {
                     chosen.push(Self::nearest_minimum(axis, least, &changed));
                 }
             }
@@ -273,7 +273,7 @@ impl Symmetry {
                 }
                 let cross = from.cross(&to);
                 let sine = cross.norm();
-                let angle = sine.atan2(from.dot(&to));
+                let angle = libm::atan2(sine, from.dot(&to));
                 if sine > 1e-12 {
                     cross * (angle / sine)
                 } else if angle > 1.0 {

@@ -190,7 +190,7 @@ mod tests {
     proptest! {
         #[test]
         fn a_sextant_is_that_of_the_angle(degrees in -179.99f64..179.99) {
-            let (y, x) = degrees.to_radians().sin_cos();
+            let (y, x) = libm::sincos(degrees.to_radians());
             prop_assert_eq!(sextant(x, y), ((degrees + 180.0) / 60.0) as usize);
         }
     }

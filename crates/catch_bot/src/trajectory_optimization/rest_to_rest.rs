@@ -53,7 +53,7 @@ impl MotionPlanner {
             let (limits, way) = (&self.robot().joints[i].limits, (to[i] - from[i]).abs());
             let by_velocity = 1.875 * way / (VELOCITY_FRACTION * limits.velocity);
             let by_acceleration = (5.78 * way / (ACCELERATION_FRACTION * limits.acceleration)).sqrt();
-            let by_jerk = limits.jerk.map_or(0.0, |jerk| (60.0 * way / jerk).cbrt());
+            let by_jerk = limits.jerk.map_or(0.0, |jerk| libm::cbrt(60.0 * way / jerk));
             by_velocity.max(by_acceleration).max(by_jerk)
         };
         let duration_s = stretched * (0..self.robot().dof()).map(needed_s).fold(SHORTEST_S, f64::max);

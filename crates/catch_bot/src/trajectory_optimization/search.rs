@@ -155,7 +155,7 @@ impl CatchSearch {
     /// The least that it may be expected to cost, before a posture is known.
     fn least_holding_cost(&self, incoming: &Incoming, ranked: &RankedGrasp, v_WO: &Vector3<f64>) -> f64 {
         let v_G = ranked.X_WG.rotation.inverse_transform_vector(v_WO);
-        let across = (1.0 - EXPECTED_ACROSS_MPS / v_G.x.hypot(v_G.z).max(1e-6)).max(0.0);
+        let across = (1.0 - EXPECTED_ACROSS_MPS / libm::hypot(v_G.x, v_G.z).max(1e-6)).max(0.0);
         let v_G = v_G.component_mul(&Vector3::new(across, 1.0 - MAX_SPEED_FRACTION, across));
         self.holding_cost(incoming, ranked.still_cost, &v_G, 0.0)
     }

@@ -183,7 +183,7 @@ pub(super) fn refine(
         v -= (gravity() - v * (flight.drag_per_m * v.norm())) * h;
         tumbling = tumbling.after(-h, false);
         let w = if turns { tumbling.w_WO() } else { Vector3::zeros() };
-        let left = (flight.spin_decay_per_s * (age_s + h)).exp();
+        let left = libm::exp(flight.spin_decay_per_s * (age_s + h));
         let now = accelerations(&pose.X_WO.rotation, &v, &w, left);
         let mean = (last + now) * 0.5;
         by_position += mean * (0.5 * h * h) - by_velocity * h;

@@ -39,7 +39,7 @@ impl<const N: usize> CorrelatedSums<N> {
     /// Adds a pose at the position `p_W` with this A. Poses come in the order of their ages, up or down.
     pub fn add(&mut self, age_s: f64, p_W: &Vector3<f64>, A: &SMatrix<f64, N, 3>) {
         let since_s = self.last_age_s.replace(age_s).map_or(0.0, |last_s| (age_s - last_s).abs());
-        self.sum *= (-since_s / self.correlation_time_s).exp();
+        self.sum *= libm::exp(-since_s / self.correlation_time_s);
         let own = A * (self.sd_per_m * p_W.norm());
         add_product(&mut self.half, &(self.sum + own * 0.5), &own);
         self.sum += own;
@@ -71,7 +71,7 @@ mod tests {
     }
 
     fn by_position(i: usize) -> SMatrix<f64, N, 3> {
-        SMatrix::from_fn(|row, column| ((3 * i + 7 * row + 5 * column) as f64).sin())
+        SMatrix::from_fn(|row, column| libm::sin((3 * i + 7 * row + 5 * column) as f64))
     }
 
     fn p_W(i: usize) -> Vector3<f64> {
@@ -87,7 +87,7 @@ mod tests {
         for (i, first_s) in ages_s.into_iter().enumerate() {
             sums.add(first_s, &p_W(i), &by_position(i));
             for (j, second_s) in ages_s.into_iter().enumerate() {
-                let correlation = (-(first_s - second_s).abs() / CORRELATION_TIME_S).exp();
+                let correlation = libm::exp(-(first_s - second_s).abs() / CORRELATION_TIME_S);
                 let variance = 0.02 * p_W(i).norm() * 0.02 * p_W(j).norm() * correlation;
                 expected += by_position(i) * by_position(j).transpose() * variance;
             }
@@ -116,7 +116,8 @@ mod tests {
     #[test]
     fn an_impulse_is_eliminated_from_the_sums() {
         let (blocks, age_s, variance) = ([1, 5], 0.3, 0.07);
-        let rows = SMatrix::<f64, 12, N>::from_fn(|i, j| ((3 * i + 7 * j) as f64).sin() + f64::from(u8::from(i == j)));
+        let rows =
+            SMatrix::<f64, 12, N>::from_fn(|i, j| libm::sin((3 * i + 7 * j) as f64) + f64::from(u8::from(i == j)));
         let mut sums = CorrelatedSums { correlation_time_s: 1e12, ..sums::<N>() };
         (0..2).for_each(|i| sums.add(0.4, &p_W(i), &by_position(i)));
         let by_error = (0..2).map(|i| by_position(i) * (0.02 * p_W(i).norm())).sum::<SMatrix<f64, N, 3>>();

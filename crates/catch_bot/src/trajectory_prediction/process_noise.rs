@@ -106,8 +106,9 @@ mod tests {
     #[test]
     fn an_impulse_leaves_what_its_elimination_leaves() {
         const N: usize = 8;
-        let rows = SMatrix::<f64, 12, N>::from_fn(|i, j| ((3 * i + 7 * j) as f64).sin() + f64::from(u8::from(i == j)));
-        let seen = SVector::<f64, 12>::from_fn(|i, _| (5.0 * i as f64).cos());
+        let rows =
+            SMatrix::<f64, 12, N>::from_fn(|i, j| libm::sin((3 * i + 7 * j) as f64) + f64::from(u8::from(i == j)));
+        let seen = SVector::<f64, 12>::from_fn(|i, _| libm::cos(5.0 * i as f64));
         let (age_s, variance) = (0.3, 0.07);
         let (mut H, mut g) = (rows.transpose() * rows, -rows.transpose() * seen);
         // What was seen depends on x − Γ·u.
@@ -133,8 +134,8 @@ mod tests {
     #[test]
     fn products_are_added_and_factors_solved_as_whole_matrices_are() {
         const N: usize = 7;
-        let [A, B] = [1.0, 2.0].map(|k| SMatrix::<f64, N, 3>::from_fn(|i, j| (k + (3 * i + 5 * j) as f64).sin()));
-        let mut M = SMatrix::<f64, N, N>::from_fn(|i, j| ((2 * i + 3 * j) as f64).cos());
+        let [A, B] = [1.0, 2.0].map(|k| SMatrix::<f64, N, 3>::from_fn(|i, j| libm::sin(k + (3 * i + 5 * j) as f64)));
+        let mut M = SMatrix::<f64, N, N>::from_fn(|i, j| libm::cos((2 * i + 3 * j) as f64));
         let expected = M + A * B.transpose();
         add_product(&mut M, &A, &B);
         assert_eq!(M, expected);

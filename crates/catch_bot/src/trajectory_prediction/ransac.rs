@@ -110,7 +110,7 @@ const MISS: f64 = 1e-6;
 /// Whether `samples` pairs are enough when a fraction w of the poses agrees with the best: (1 − w²)^samples ≤ [`MISS`].
 fn enough(samples: usize, inliers: usize, poses: usize) -> bool {
     let fraction = inliers as f64 / poses as f64;
-    samples as f64 * (1.0 - fraction * fraction).ln() <= MISS.ln()
+    samples as f64 * libm::log(1.0 - fraction * fraction) <= libm::log(MISS)
 }
 
 /// The flight through two poses, at the time of the later one: p₂ = p₁ + v₁Δt + ½gΔt², shortened by the drag that is

@@ -83,7 +83,7 @@ impl Tumbling {
         if self.decay_per_s == 0.0 {
             return Self { elapsed_s: self.elapsed_s + duration_s, ..self.after_free(duration_s, with_derivatives) };
         }
-        let lost = (-self.decay_per_s * duration_s).exp_m1();
+        let lost = libm::expm1(-self.decay_per_s * duration_s);
         let mut state = self.after_free(-lost / self.decay_per_s, with_derivatives);
         state.elapsed_s += duration_s;
         state.left *= 1.0 + lost;
@@ -94,7 +94,8 @@ impl Tumbling {
     /// ∂θ/∂c, c being the decay and all states since the start those of the same one: ω of the free rotation times ∂τ/∂c.
     pub fn by_decay(&self) -> Vector3<f64> {
         let (c, t) = (self.decay_per_s, self.elapsed_s);
-        let by = if (c * t).abs() < 1e-4 { -t * t / 2.0 } else { (t * (-c * t).exp() + (-c * t).exp_m1() / c) / c };
+        let by =
+            if (c * t).abs() < 1e-4 { -t * t / 2.0 } else { (t * libm::exp(-c * t) + libm::expm1(-c * t) / c) / c };
         self.w_WO() * (by / self.left)
     }
 
@@ -145,7 +146,7 @@ impl Tumbling {
             let vector = self.momentum * duration_s;
             let (angle, cross) = (vector.norm(), vector.cross_matrix());
             let (first, second) = if angle > 1e-3 {
-                ((1.0 - angle.cos()) / (angle * angle), (angle - angle.sin()) / angle.powi(3))
+                ((1.0 - libm::cos(angle)) / (angle * angle), (angle - libm::sin(angle)) / angle.powi(3))
             } else {
                 (0.5, 1.0 / 6.0)
             };
@@ -246,7 +247,7 @@ mod tests {
         for inertia in [None, Some(&inertia)] {
             let at = |decay: f64| Tumbling::new(R, &w, inertia).decaying(decay).after(0.2, false).after(0.2, false);
             let (free, slowed) = (at(0.0), at(0.5));
-            assert!((slowed.momentum - free.momentum * (-0.2f64).exp()).norm() < 1e-9 * free.momentum.norm());
+            assert!((slowed.momentum - free.momentum * libm::exp(-0.2f64)).norm() < 1e-9 * free.momentum.norm());
             for decay in [0.0, 0.5] {
                 let h = 1e-4;
                 let numeric = (at(decay + h).R_WO * at(decay - h).R_WO.inverse()).scaled_axis() / (2.0 * h);

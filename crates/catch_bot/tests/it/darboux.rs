@@ -9,7 +9,7 @@ fn on_a_cylinder_the_axis_is_the_direction_of_least_curvature() {
     for ring in 0..20 {
         for step in 0..60 {
             let angle = f64::from(step) * std::f64::consts::TAU / 60.0;
-            let normal = Vector3::new(angle.cos(), angle.sin(), 0.0);
+            let normal = Vector3::new(libm::cos(angle), libm::sin(angle), 0.0);
             points.push(Point3::from(normal * 0.025 + Vector3::z() * (f64::from(ring) * 0.003)));
             normals.push(normal);
         }

@@ -18,7 +18,7 @@ fn ellipsoid(semi_axes: Vector3<f64>) -> ReferenceModel {
     let mut model = ReferenceModel::default();
     for i in 0..3000 {
         let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / 3000.0;
-        let (s, c) = (golden * f64::from(i)).sin_cos();
+        let (s, c) = libm::sincos(golden * f64::from(i));
         let r = (1.0 - z * z).sqrt();
         let unit = Vector3::new(r * c, r * s, z);
         model.points.push(Point3::from(unit.component_mul(&semi_axes)));

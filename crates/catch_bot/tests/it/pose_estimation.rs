@@ -106,7 +106,7 @@ fn edges_are_not_rounded() {
     let reference = synthetic::reference(&Shape::Bottle, 200);
     for [radius, height] in [[0.0254, 0.0], [0.0254, 0.06], [0.022, 0.0786]] {
         let distances = (0..50).map(|i| {
-            let (sin, cos) = (0.04 * std::f64::consts::PI * f64::from(i)).sin_cos();
+            let (sin, cos) = libm::sincos(0.04 * std::f64::consts::PI * f64::from(i));
             let on_edge = nalgebra::Point3::new(radius * cos, radius * sin, height);
             reference.distance.at(&(reference.X_RO.inverse() * on_edge)).0
         });

@@ -55,7 +55,7 @@ proptest! {
         normals in prop::collection::vec((variables(), 0.0f64..0.5), 1..25),
     ) {
         let root = Square::from_column_slice(&root).qr().q();
-        let scales = Variables::from_iterator(exponents.iter().map(|it| 10.0_f64.powf(2.0 * it)));
+        let scales = Variables::from_iterator(exponents.iter().map(|it| libm::pow(10.0_f64, 2.0 * it)));
         let H = root * Square::from_diagonal(&scales) * root.transpose();
         let H = (H + H.transpose()) * 0.5;
         let rows: Vec<Row> = normals.iter().map(|(a, _)| Row::new(*a)).collect();

@@ -41,7 +41,7 @@ impl Shape {
                 let along = f64::from(i) / 8.0 - 1.0;
                 let angle = along * 0.85;
                 let radius = 0.0155 * (1.0 - 0.55 * along.powi(4) - uneven * along);
-                (Point3::new(0.1 * angle.sin() + 0.01, 0.1 * angle.cos() - 0.09, 0.005), radius)
+                (Point3::new(0.1 * libm::sin(angle) + 0.01, 0.1 * libm::cos(angle) - 0.09, 0.005), radius)
             })
             .collect();
         Self::Banana { balls }
@@ -53,8 +53,8 @@ impl Shape {
 
     pub fn distance(&self, p: &Point3<f64>) -> f64 {
         let cylinder = |low: f64, high: f64, radius: f64| {
-            let d = [p.x.hypot(p.y) - radius, (p.z - f64::midpoint(low, high)).abs() - (high - low) / 2.0];
-            d[0].max(d[1]).min(0.0) + d[0].max(0.0).hypot(d[1].max(0.0))
+            let d = [libm::hypot(p.x, p.y) - radius, (p.z - f64::midpoint(low, high)).abs() - (high - low) / 2.0];
+            d[0].max(d[1]).min(0.0) + libm::hypot(d[0].max(0.0), d[1].max(0.0))
         };
         match self {
             Self::Sphere { radius } => (p - Point3::new(0.003, -0.002, 0.001)).norm() - radius,
@@ -139,8 +139,9 @@ pub fn uv_sphere(around: &[f64], elevations: &[f64], radius: f64, size: [u32; 2]
     let mut cameras = Vec::new();
     for elevation in elevations.iter().map(|degrees| degrees.to_radians()) {
         for azimuth in around.iter().map(|degrees| degrees.to_radians()) {
-            let (sin, cos) = azimuth.sin_cos();
-            let eye = Point3::new(cos * elevation.cos(), sin * elevation.cos(), elevation.sin()) * radius;
+            let (sin, cos) = libm::sincos(azimuth);
+            let eye =
+                Point3::new(cos * libm::cos(elevation), sin * libm::cos(elevation), libm::sin(elevation)) * radius;
             let X_WC = look_at(&eye, &Point3::origin());
             cameras.push(CameraModel::with_field_of_view(X_WC, size[0], size[1], 45.0_f64.to_radians()));
         }

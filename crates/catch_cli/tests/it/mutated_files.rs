@@ -116,7 +116,7 @@ fn add_meshes_and_data(add: &mut impl FnMut(Kind)) {
         .map(|i| {
             let (z, angle) = (f64::from(i) / 100.0 - 0.995, 2.4 * f64::from(i));
             let r = (1.0 - z * z).sqrt();
-            let n = [r * angle.cos(), r * angle.sin(), z];
+            let n = [r * libm::cos(angle), r * libm::sin(angle), z];
             format!("{} {} {} {} {} {}", 0.05 * n[0], 0.03 * n[1], 0.08 * n[2], n[0], n[1], n[2])
         })
         .collect();
@@ -130,7 +130,7 @@ fn add_meshes_and_data(add: &mut impl FnMut(Kind)) {
         .map(|i| {
             let t = 0.01 * f64::from(i);
             let angle = 3.0 * t;
-            let (q, z) = ([angle.sin(), 0.0, 0.0, angle.cos()], 1.0 + 4.0 * t - 4.905 * t * t);
+            let (q, z) = ([libm::sin(angle), 0.0, 0.0, libm::cos(angle)], 1.0 + 4.0 * t - 4.905 * t * t);
             format!("{t},{},{},{z},{},{},{},{}\n", 2.0 * t, -1.5 * t, q[0], q[1], q[2], q[3])
         })
         .collect();

@@ -277,7 +277,7 @@ fn depth_images_become_an_object() {
 fn ring() -> TriangleMesh {
     let rings: Vec<TubeRing> = (0..=96)
         .map(|i| {
-            let (sin, cos) = (std::f64::consts::TAU * f64::from(i % 96) / 96.0).sin_cos();
+            let (sin, cos) = libm::sincos(std::f64::consts::TAU * f64::from(i % 96) / 96.0);
             let outwards = Vector3::new(cos, sin, 0.0);
             TubeRing { centre: (outwards * 0.035).into(), axes: [outwards, Vector3::z()], semi_axes_m: [0.008, 0.003] }
         })

@@ -113,7 +113,7 @@ fn horn() -> TriangleMesh {
     let rings: Vec<TubeRing> = (0..24)
         .map(|i| {
             let fraction = f64::from(i) / 23.0;
-            let (sin, cos) = (1.8 * fraction).sin_cos();
+            let (sin, cos) = libm::sincos(1.8 * fraction);
             let outwards = Vector3::new(0.0, cos, sin);
             TubeRing {
                 centre: (outwards * 0.08).into(),

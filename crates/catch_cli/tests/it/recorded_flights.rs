@@ -19,16 +19,16 @@ fn write_throw(path: &Path, number: u32, rows: u32, floor_m: f64, unit_m: f64) -
     let turn = f64::from(number);
     let drag = Matrix3::from_diagonal(&Vector3::new(0.1, 0.06, 0.03));
     let point = Vector3::new(0.01, -0.01, 0.005);
-    let (mut p, mut v) = (Vector3::new(0.0, 1.2, 0.0), Vector3::new(5.0 + 0.2 * turn, 4.0, 0.5 * turn.sin()));
+    let (mut p, mut v) = (Vector3::new(0.0, 1.2, 0.0), Vector3::new(5.0 + 0.2 * turn, 4.0, 0.5 * libm::sin(turn)));
     let (mut R, w) = (
         UnitQuaternion::from_euler_angles(turn, 0.4 * turn, -0.3),
-        Vector3::new(6.0 + turn.sin(), 9.0 * turn.cos(), -4.0),
+        Vector3::new(6.0 + libm::sin(turn), 9.0 * libm::cos(turn), -4.0),
     );
     let mut text = "t,x,y,z,qx,qy,qz,qw\n".to_owned();
     let mut last = [0.0; 3];
     for i in 0..rows {
         // As good as noise of 0.3 mm.
-        let noise = Vector3::from_fn(|axis, _| 4e-4 * (f64::from(i * 37 + number * 11) + 2.0 * axis as f64).sin());
+        let noise = Vector3::from_fn(|axis, _| 4e-4 * libm::sin(f64::from(i * 37 + number * 11) + 2.0 * axis as f64));
         let seen = (p + R * point + noise) / unit_m;
         last = seen.into();
         let q = R.coords;

@@ -69,7 +69,7 @@ fn tube() -> String {
     let mut text = String::new();
     for z in [0.0, 0.25] {
         for i in 0..16 {
-            let (sin, cos) = (std::f64::consts::TAU * f64::from(i) / 16.0).sin_cos();
+            let (sin, cos) = libm::sincos(std::f64::consts::TAU * f64::from(i) / 16.0);
             text += &format!("v {} {} {z}\n", 0.04 * cos, 0.04 * sin);
         }
     }

@@ -353,7 +353,7 @@ fn flights_are_followed_no_farther_than_they_can_be() {
         if step % 100 == 0 {
             rows += &format!("{},{},0,{}\n", f64::from(step) * 1e-4, p[0], p[1]);
         }
-        let braking = 0.05 * v[0].hypot(v[1]);
+        let braking = 0.05 * libm::hypot(v[0], v[1]);
         (p, v) = (
             [p[0] + v[0] * 1e-4, p[1] + v[1] * 1e-4],
             [v[0] * (1.0 - braking * 1e-4), v[1] - (9.81 + braking * v[1]) * 1e-4],

@@ -168,7 +168,7 @@ impl Batch {
         // Every object has draws of its own, whichever others are thrown.
         let of_name = object.bytes().fold(0_u64, |sum, byte| sum.wrapping_mul(31).wrapping_add(u64::from(byte)));
         let mut draws = Draws::new(Stream::GraspWeights, self.seed ^ of_name, index);
-        self.weights.map(|weight| weight * MOST_FACTOR.powf(draws.between([-1.0, 1.0])))
+        self.weights.map(|weight| weight * libm::pow(MOST_FACTOR, draws.between([-1.0, 1.0])))
     }
 }
 

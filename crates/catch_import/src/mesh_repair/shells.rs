@@ -185,5 +185,5 @@ fn solid_angle(at: &Point3<f64>, corners: &[Point3<f64>; 3]) -> f64 {
     let [l, m, n] = [a.norm(), b.norm(), c.norm()];
     let numerator = a.dot(&b.cross(&c));
     let denominator = l * m * n + a.dot(&b) * n + b.dot(&c) * l + c.dot(&a) * m;
-    2.0 * numerator.atan2(denominator)
+    2.0 * libm::atan2(numerator, denominator)
 }

@@ -209,7 +209,7 @@ fn ends_off_m(parts: &[TriangleMesh], solid: &TriangleMesh) -> f64 {
     let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
     let off = (0..DIRECTIONS).map(|i| {
         let z = 1.0 - 2.0 * (i as f64 + 0.5) / DIRECTIONS as f64;
-        let (sin, cos) = (golden * i as f64).sin_cos();
+        let (sin, cos) = libm::sincos(golden * i as f64);
         let direction = Vector3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + Vector3::z() * z;
         let of_parts = parts.iter().map(|it| end(it, &direction)).fold(f64::NEG_INFINITY, f64::max);
         (of_parts - end(solid, &direction)).abs()

@@ -70,7 +70,7 @@ fn tally(reference: &ReferenceModel, all: &CloudFile, full: bool, trials: u64) -
                 let error = Vector6::new(turn.x, turn.y, turn.z, shift.x, shift.y, shift.z);
                 tally.registered += 1;
                 let chi2 = error.dot(&(information * error));
-                let off_m = shift.norm().hypot(turn.norm() * reference.radius_m);
+                let off_m = libm::hypot(shift.norm(), turn.norm() * reference.radius_m);
                 tally.outside_95 += usize::from(chi2 > chi2_95);
                 tally.wrong += usize::from(off_m > 0.1 * reference.radius_m && chi2 > 3.0 * chi2_95);
             }
@@ -108,7 +108,7 @@ fn cuboid(half_m: [f64; 3]) -> TriangleMesh {
 fn can(radius_m: f64, half_m: f64) -> TriangleMesh {
     let sides = 48;
     let rim = |i: u32, z: f64| {
-        let (sin, cos) = (std::f64::consts::TAU * f64::from(i) / f64::from(sides)).sin_cos();
+        let (sin, cos) = libm::sincos(std::f64::consts::TAU * f64::from(i) / f64::from(sides));
         [radius_m * cos, radius_m * sin, z]
     };
     let corners: Vec<[f64; 3]> =

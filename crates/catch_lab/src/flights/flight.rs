@@ -119,14 +119,14 @@ impl Flight {
 
     /// Drag constant in 1/m, where it depends on the direction its geometric mean, and its standard deviation.
     pub fn drag_per_m(&self) -> [f64; 2] {
-        let drag = self.parameters().fixed_rows::<3>(DRAG_AT).mean().exp();
+        let drag = libm::exp(self.parameters().fixed_rows::<3>(DRAG_AT).mean());
         let variance = self.parameter_covariance().fixed_view::<3, 3>(DRAG_AT, DRAG_AT).sum() / 9.0;
         [drag, drag * variance.max(0.0).sqrt()]
     }
 
     /// What a sighting that lies on the flight adds to the deviance, about: the mean of the robust cost under normal errors is 1.7.
     pub(super) fn deviance_of_row(&self) -> f64 {
-        let of = |sd: f64| 1.7 + 3.0 * sd.ln();
+        let of = |sd: f64| 1.7 + 3.0 * libm::log(sd);
         of(self.noise.position_sd_m) + if self.oriented { of(self.noise.orientation_sd_rad) } else { 0.0 }
     }
 

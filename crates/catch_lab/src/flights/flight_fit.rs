@@ -202,10 +202,10 @@ impl Problem<'_> {
         let (position, turned) = (3.0 * errors.len() as f64, 3.0 * errors.iter().filter_map(|it| it.1).count() as f64);
         // Laplace's approximation of the evidence.
         let deviance = cost
-            + factor.l_dirty().diagonal().map(f64::ln).sum()
-            + position * scales.noise.position_sd_m.ln()
-            + turned * scales.noise.orientation_sd_rad.ln()
-            + 3.0 * self.ends_s.len() as f64 * scales.acceleration_noise.max(1e-6).ln();
+            + factor.l_dirty().diagonal().map(libm::log).sum()
+            + position * libm::log(scales.noise.position_sd_m)
+            + turned * libm::log(scales.noise.orientation_sd_rad)
+            + 3.0 * self.ends_s.len() as f64 * libm::log(scales.acceleration_noise.max(1e-6));
         let pushes = (0..self.ends_s.len()).map(|i| guess.rest.fixed_rows::<3>(z + size * i).into_owned()).collect();
         let flight = Flight {
             start_s: self.rows[0].time_s,

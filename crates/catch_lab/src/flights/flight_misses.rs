@@ -63,7 +63,7 @@ impl Miss {
     pub fn measures(&self, more_variance: f64) -> (f64, f64) {
         let covariance = self.covariance + Matrix3::identity() * more_variance;
         covariance.cholesky().map_or((f64::INFINITY, f64::INFINITY), |factor| {
-            let log_determinant = 2.0 * factor.l().diagonal().map(f64::ln).sum();
+            let log_determinant = 2.0 * factor.l().diagonal().map(libm::log).sum();
             (self.error.dot(&factor.solve(&self.error)), log_determinant)
         })
     }

@@ -133,7 +133,7 @@ impl<'a> Problem<'a> {
             .map(|(state, row)| self.error(&body, state, row))
             .map(|(position, turn)| (position.norm(), turn.map(|it| it.norm())))
             .collect();
-        let robust = |error: f64, sd: f64| 0.5 * (STUDENT_DOF + 3.0) * ((error / sd).powi(2) / STUDENT_DOF).ln_1p();
+        let robust = |error: f64, sd: f64| 0.5 * (STUDENT_DOF + 3.0) * libm::log1p((error / sd).powi(2) / STUDENT_DOF);
         let Noise { position_sd_m, orientation_sd_rad } = scales.noise;
         let measured = errors
             .iter()
@@ -238,7 +238,7 @@ impl<'a> Problem<'a> {
     /// The density of the disturbances that the prior expects. A Magnus force varies with the speed and the spin, which decays.
     pub fn expected_noise(&self, guess: &Guess) -> f64 {
         let lift = self.body(guess).lift.cross(&guess.start.v).norm();
-        self.prior.acceleration_noise.hypot(VARYING_LIFT * lift)
+        libm::hypot(self.prior.acceleration_noise, VARYING_LIFT * lift)
     }
 
     /// Mean squares of the disturbances over the stretches, as squares of densities.

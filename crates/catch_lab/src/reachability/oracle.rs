@@ -201,8 +201,8 @@ fn hands(v_WO: &Vector3<f64>) -> impl Iterator<Item = Rotation3<f64>> {
     (0..TILTS * ROLLS).map(move |i| {
         let tilt = ((i % TILTS) as f64 / (TILTS - 1) as f64 - 0.5) * 2.0 * FRAC_PI_2;
         let outwards = Rotation3::from_axis_angle(&along, (i / TILTS) as f64 / ROLLS as f64 * TAU) * across;
-        let y = outwards * tilt.sin() - along.into_inner() * tilt.cos();
-        let z = outwards * tilt.cos() + along.into_inner() * tilt.sin();
+        let y = outwards * libm::sin(tilt) - along.into_inner() * libm::cos(tilt);
+        let z = outwards * libm::cos(tilt) + along.into_inner() * libm::sin(tilt);
         Rotation3::from_basis_unchecked(&[y.cross(&z), y, z])
     })
 }

@@ -140,7 +140,7 @@ impl<'a> Corridor<'a> {
         let mut best = self.value(start, f64::INFINITY);
         for attempt in 0..tries {
             // From a third of each joint's range down to a few hundredths of a radian.
-            let size = 0.6 * (0.05_f64 / 0.6).powf(attempt as f64 / tries as f64);
+            let size = 0.6 * libm::pow(0.05_f64 / 0.6, attempt as f64 / tries as f64);
             let centre = best.map_or(*start, |ready| ready.q);
             let step = self.robot.per_joint(|joint| (joint.limits.upper - joint.limits.lower) / 6.0);
             let q = JointVector::from_fn(|i, _| {

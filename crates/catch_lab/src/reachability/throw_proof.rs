@@ -314,8 +314,8 @@ mod tests {
             let catch: [f64; UNKNOWNS] = std::array::from_fn(|i| if i == TIME { catch_s } else { q[i] });
             let mut piece = catch.map(|at| Interval { low: at, high: at });
             for (k, i) in (0..planner.robot().dof()).chain([TIME]).enumerate() {
-                let most = if i == TIME { FIRST_PIECE_S } else { (-smallness).exp2() };
-                let size = most * sizes[k].min(0.0).exp2();
+                let most = if i == TIME { FIRST_PIECE_S } else { libm::exp2(-smallness) };
+                let size = most * libm::exp2(sizes[k].min(0.0));
                 piece[i] = Interval { low: catch[i] - asides[k] * size, high: catch[i] + (1.0 - asides[k]) * size };
             }
             let Some((left, _)) = proof.narrowed(piece) else { return Err(TestCaseError::fail("the catch is lost")) };

@@ -51,7 +51,7 @@ impl Story {
 
 fn thrown(sample: &TruthSample) -> String {
     let p_WO = sample.X_WO.translation.vector;
-    format!("{:.2} m/s, {:.2} m from the arm's axis", sample.V_WO.linear.norm(), p_WO.x.hypot(p_WO.y))
+    format!("{:.2} m/s, {:.2} m from the arm's axis", sample.V_WO.linear.norm(), libm::hypot(p_WO.x, p_WO.y))
 }
 
 fn touched_by(sample: &TruthSample) -> String {

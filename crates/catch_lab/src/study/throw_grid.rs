@@ -131,10 +131,10 @@ fn aimed(
     }
     let (g, h, v2) = (gravity().norm(), place.z - RELEASE_M, speed_mps * speed_mps);
     let root = v2 * v2 - g * (g * L * L + 2.0 * h * v2);
-    let angle = ((v2 - Some(root).filter(|root| *root >= 0.0)?.sqrt()) / (g * L)).atan();
+    let angle = libm::atan((v2 - Some(root).filter(|root| *root >= 0.0)?.sqrt()) / (g * L));
     let from = place - direction * L;
     let p_WO = Point3::new(from.x, from.y, RELEASE_M);
-    Some((p_WO, direction * (speed_mps * angle.cos()) + Vector3::z() * (speed_mps * angle.sin())))
+    Some((p_WO, direction * (speed_mps * libm::cos(angle)) + Vector3::z() * (speed_mps * libm::sin(angle))))
 }
 
 #[cfg(test)]

@@ -101,9 +101,9 @@ pub fn random_flight(rng: &mut Pcg64) -> FlightTrajectory {
     let from = PI / 4.0 + between(-0.52, 0.52);
     let (distance, height) = (between(2.0, 4.0), between(0.2, 1.2));
     let (aside, passes_at, duration) = (between(0.3, 0.8), between(0.2, 1.0), between(0.5, 0.8));
-    let p_WOcm = Point3::new(distance * from.cos(), distance * from.sin(), height);
+    let p_WOcm = Point3::new(distance * libm::cos(from), distance * libm::sin(from), height);
     // Past the axis on the side where the arm waits.
-    let passed = Vector3::new(from.sin(), -from.cos(), 0.0) * aside;
+    let passed = Vector3::new(libm::sin(from), -libm::cos(from), 0.0) * aside;
     let mut v_WOcm = (passed - p_WOcm.coords) / duration;
     v_WOcm.z = (passes_at - height) / duration + 4.905 * duration;
     let mut normal = || between(-1.0, 1.0) + between(-1.0, 1.0) + between(-1.0, 1.0);
@@ -379,7 +379,7 @@ fn shifts_or_approaches(desk: &Desk) {
                 let shift = wanted.rotation.inverse() * (wanted * centre - it.X_WG * centre);
                 let turn = wanted.rotation.inverse() * (wanted.rotation * it.X_WG.rotation.inverse()).scaled_axis();
                 let turn_m = turn.component_mul(&Vector3::new(0.015, 0.025, 0.025));
-                shift.component_mul(&Vector3::new(1.0, 0.1, 0.4)).norm().hypot(turn_m.norm())
+                libm::hypot(shift.component_mul(&Vector3::new(1.0, 0.1, 0.4)).norm(), turn_m.norm())
             };
             assert!(missed_m(&near) < 0.76 * missed_m(&plan));
             approached += 1;

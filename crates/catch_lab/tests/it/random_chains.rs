@@ -25,7 +25,7 @@ fn random_files(rng: &mut Pcg64) -> [String; 2] {
     let (mut urdf, mut joints) = ("<robot name=\"random\">\n".to_owned(), String::new());
     let mut poses = Vec::new();
     for i in 0..=dof {
-        let mass: f64 = 10f64.powf(rng.random_range(-1.0..1.0));
+        let mass: f64 = libm::pow(10f64, rng.random_range(-1.0..1.0));
         let [a, b, c] = [0; 3].map(|_| mass * rng.random_range(0.001..0.02));
         let _ = writeln!(
             urdf,
@@ -46,8 +46,9 @@ fn random_files(rng: &mut Pcg64) -> [String; 2] {
         let offset: [f64; 3] = [0; 3].map(|_| round(rng.random_range(-1.0..1.0)) * 0.4);
         let rpy: [f64; 3] = [0; 3].map(|_| round(rng.random_range(-3.2..3.2)));
         let middle: f64 = rng.random_range(-1.0..1.0);
-        let half = 10f64.powf(rng.random_range(-1.0..0.8));
-        let (velocity, torque) = (10f64.powf(rng.random_range(-0.5..1.0)), 10f64.powf(rng.random_range(0.5..3.0)));
+        let half = libm::pow(10f64, rng.random_range(-1.0..0.8));
+        let (velocity, torque) =
+            (libm::pow(10f64, rng.random_range(-0.5..1.0)), libm::pow(10f64, rng.random_range(0.5..3.0)));
         let is_endless = rng.random_bool(0.2);
         let range =
             if is_endless { String::new() } else { format!("lower=\"{}\" upper=\"{}\"", middle - half, middle + half) };
@@ -69,7 +70,7 @@ fn random_files(rng: &mut Pcg64) -> [String; 2] {
         );
         let range =
             if is_endless { "range_rad = { value = [-6.3, 6.3], assumed = true, reason = \"endless\" }\n" } else { "" };
-        let acceleration = velocity * 10f64.powf(rng.random_range(0.0..1.5));
+        let acceleration = velocity * libm::pow(10f64, rng.random_range(0.0..1.5));
         let jerk =
             if rng.random_bool(0.2) { format!("max_jerk_radps3 = {}\n", acceleration * 100.0) } else { String::new() };
         let rotor = rng.random_range(0.0..1.0);

@@ -139,7 +139,7 @@ fn rate_of_rotation_vector(turn: &Vector3<f64>) -> Matrix3<f64> {
     let second = if angle < 1e-3 {
         1.0 / 12.0
     } else {
-        1.0 / (angle * angle) - (1.0 + angle.cos()) / (2.0 * angle * angle.sin().max(1e-3))
+        1.0 / (angle * angle) - (1.0 + libm::cos(angle)) / (2.0 * angle * libm::sin(angle).max(1e-3))
     };
     Matrix3::identity() - K * 0.5 + K * K * second
 }

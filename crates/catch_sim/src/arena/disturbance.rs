@@ -35,5 +35,5 @@ impl Disturbance {
 
 /// Acceleration in W so long after it began.
 pub(super) fn acceleration_mps2(since_s: f64) -> Vector3<f64> {
-    Vector3::repeat(DISTURBANCE_MPS2 * (TAU * DISTURBANCE_HZ * since_s).sin() / 3.0f64.sqrt())
+    Vector3::repeat(DISTURBANCE_MPS2 * libm::sin(TAU * DISTURBANCE_HZ * since_s) / 3.0f64.sqrt())
 }

@@ -95,7 +95,7 @@ fn tail(p: f64) -> f64 {
     ];
     const TAIL_BELOW: [f64; 5] =
         [7.784_695_709_041_462e-3, 3.224_671_290_700_398e-1, 2.445_134_137_142_996, 3.754_408_661_907_416, 1.0];
-    let r = (-2.0 * p.ln()).sqrt();
+    let r = (-2.0 * libm::log(p)).sqrt();
     (polynomial(&TAIL, r) / polynomial(&TAIL_BELOW, r)).abs()
 }
 

@@ -186,7 +186,7 @@ fn grazing_surfaces_are_missed() {
                 assert!(depth.is_nan());
                 continue;
             }
-            let incidence = down.acos();
+            let incidence = libm::acos(down);
             let fraction = 0.1 + 0.9 * ((incidence - from) / (to - from)).clamp(0.0, 1.0);
             let bin = &mut bins[(incidence.to_degrees() / 5.0) as usize];
             bin[0] += fraction;

@@ -274,12 +274,12 @@ impl StereoNoise {
         let pixels = key.part(Place::Pixels as u64);
         let [nearest_m, farthest_m] = self.range_m.unwrap_or([0.0, f64::MAX]);
         let facing = image.facing.take();
-        let grazing = self.grazing_rad.map(|[from, to]| (from.cos(), from, to));
+        let grazing = self.grazing_rad.map(|[from, to]| (libm::cos(from), from, to));
         image.changed(|pixel, at, z| {
             let bits = pixels.bits(pixel);
             let missing = match (&facing, grazing) {
                 (Some(facing), Some((cosine, from, to))) if f64::from(facing[at]) < cosine => {
-                    let rise = ((f64::from(facing[at]).acos() - from) / (to - from)).min(1.0);
+                    let rise = ((libm::acos(f64::from(facing[at])) - from) / (to - from)).min(1.0);
                     self.dropout_fraction + (1.0 - self.dropout_fraction) * rise
                 }
                 _ => self.dropout_fraction,

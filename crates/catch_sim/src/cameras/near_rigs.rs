@@ -31,7 +31,7 @@ fn seen(rig: &str, throw: &str, throws: u64) -> Vec<Flight> {
             throw.release("tennis_ball", &Conditions::draw(&ArenaConfig::default(), &object, 0, index), 0, index);
         let at = |time_s: f64| release.p_WO + release.v_WO * time_s + dynamics::gravity() * (time_s * time_s / 2.0);
         // Until it is nearest to the base's axis.
-        let horizontal = |time_s: f64| at(time_s).x.hypot(at(time_s).y);
+        let horizontal = |time_s: f64| libm::hypot(at(time_s).x, at(time_s).y);
         let passage =
             (0..150).min_by(|a, b| horizontal(f64::from(*a) / 100.0).total_cmp(&horizontal(f64::from(*b) / 100.0)));
         let mut flight = Flight::default();

@@ -130,7 +130,7 @@ fn a_ball_covers_the_pixels_of_its_outline() {
     let outline = |camera: &CameraModel| {
         let p_C = camera.X_WC.inverse() * Point3::from(X_WO.translation.vector);
         let square = 0.0336_f64.powi(2);
-        let stretch = (p_C.coords.norm_squared() - square).sqrt() / (p_C.z * p_C.z - square).powf(1.5);
+        let stretch = (p_C.coords.norm_squared() - square).sqrt() / libm::pow(p_C.z * p_C.z - square, 1.5);
         std::f64::consts::PI * camera.focal_px.powi(2) * square * stretch
     };
     let expected: f64 = flight_rig().iter().map(outline).sum();

@@ -88,11 +88,11 @@ impl RandomMotion {
         let azimuth = draws.between(self.azimuth_deg).to_radians();
         let distance = draws.between(self.distance_m);
         let at = |radius: f64, azimuth: f64, height: f64| {
-            Point3::new(radius * azimuth.cos(), radius * azimuth.sin(), height)
+            Point3::new(radius * libm::cos(azimuth), radius * libm::sin(azimuth), height)
         };
         let p_WO = at(distance, azimuth, draws.between(self.height_m));
         let radius = draws.between(self.passage_distance_m);
-        let turn = (radius / distance).acos();
+        let turn = libm::acos(radius / distance);
         let passage_azimuth = match self.side {
             Side::Clockwise => azimuth - turn,
             Side::Counterclockwise => azimuth + turn,

@@ -230,7 +230,7 @@ impl RecordedMotion {
         };
         let axis = passage.coords - outward * distance_m;
         let from = flight.release().position.coords - axis;
-        let yaw = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), azimuth_rad - from.y.atan2(from.x));
+        let yaw = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), azimuth_rad - libm::atan2(from.y, from.x));
         let shift = Vector3::z() * height_m - yaw * Vector3::new(axis.x, axis.y, passage.z);
         let placed = |it: &RecordedState| {
             let state = it.moved(&yaw, &shift);
@@ -307,7 +307,7 @@ mod tests {
                 assert_eq!(release.path.is_some(), flight == "recorded");
                 let nearest = release.p_WO.coords.xy().perp(&release.v_WO.xy().normalize());
                 assert!((-0.7..=-0.35).contains(&nearest), "{nearest} m beside the axis, clockwise");
-                let azimuth = release.p_WO.y.atan2(release.p_WO.x).to_degrees();
+                let azimuth = libm::atan2(release.p_WO.y, release.p_WO.x).to_degrees();
                 assert!((15.0..=75.0).contains(&azimuth), "{azimuth}");
                 assert!(release.p_WO.z >= LEAST_RELEASE_M - 1e-9);
                 let recorded = if index % 2 == 0 { Vector3::new(4.0, 3.0, 4.5) } else { Vector3::new(-6.0, 0.1, 5.5) };

@@ -152,7 +152,7 @@ fn shaken_objects_stay_in_the_grasp() {
         grip.hold(0.5, &|_| (Vector3::zeros(), gravity));
         let settled = grip.place();
         grip.hold(2.0, &|t| {
-            let shake = 10.0 * (std::f64::consts::TAU * 2.0 * t).sin();
+            let shake = 10.0 * libm::sin(std::f64::consts::TAU * 2.0 * t);
             (Vector3::zeros(), gravity + Vector3::repeat(shake / 3.0f64.sqrt()))
         });
         grip.hold(0.2, &|_| (Vector3::zeros(), gravity));

@@ -35,7 +35,7 @@ fn momentum_and_energy(
 /// A random object of one of the four kinds, 5 g to 1 kg.
 fn random_object(kind: usize, random: &mut Pcg64) -> ThrownObject {
     let mut between = |low: f64, high: f64| random.random_range(low..high);
-    let mass_kg = between(0.005f64.ln(), 0.0).exp();
+    let mass_kg = libm::exp(between(libm::log(0.005f64), 0.0));
     let half = [between(0.005, 0.08), between(0.005, 0.08), between(0.005, 0.08)];
     let shape = match kind {
         0 => format!("kind = \"ball\"\ndiameter_m = {}\nhollow = true", half[0] + 0.02),

@@ -156,7 +156,7 @@ fn random_throws_pass_where_they_should_in_air_and_without() {
         assert!(passages.iter().all(|it| it.3 < 0.0), "one passes on the wrong side");
         let place = |release: &Release| release.p_WO.coords.xy();
         assert_uniform("release", [2.0, 4.5], scenes.iter().map(|(_, it)| place(it).norm()));
-        let azimuth = |release: &Release| release.p_WO.y.atan2(release.p_WO.x).to_degrees();
+        let azimuth = |release: &Release| libm::atan2(release.p_WO.y, release.p_WO.x).to_degrees();
         assert_uniform("azimuth", [15.0, 75.0], scenes.iter().map(|(_, it)| azimuth(it)));
     }
 }

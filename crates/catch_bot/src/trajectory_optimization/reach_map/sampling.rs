@@ -38,7 +38,7 @@ impl<'a> ReachSamples<'a> {
     pub fn draw(&mut self, chunk: u64) {
         let mut rng = Pcg64::seed_from_u64(chunk);
         for _ in 0..SAMPLES {
-            let within_s = HORIZON_S * rng.random::<f64>().powf(SPREAD);
+            let within_s = HORIZON_S * libm::pow(rng.random::<f64>(), SPREAD);
             let (mut q, mut time_s) = ([0.0; MAX_JOINTS], 0.0_f64);
             for (i, joint) in self.robot.joints.iter().enumerate() {
                 let (limits, from) = (&joint.limits, self.robot.ready_q[i]);

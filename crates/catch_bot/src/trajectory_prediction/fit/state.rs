@@ -100,7 +100,7 @@ mod tests {
     /// Against the whole matrix, where orientations are seen or not, and the decay is known or not.
     #[test]
     fn parameters_without_a_part_are_left_out() {
-        let all = SMatrix::<f64, 20, N>::from_fn(|i, j| (((1 + i) * (2 + j)) as f64).sin());
+        let all = SMatrix::<f64, 20, N>::from_fn(|i, j| libm::sin(((1 + i) * (2 + j)) as f64));
         for (turns, decay_sd) in [(true, 0.2), (true, 0.0), (false, 0.2), (false, 0.0)] {
             let aerodynamics = AerodynamicPrior { spin_decay_sd_per_s: decay_sd, ..AerodynamicPrior::default() };
             let config = Config { aerodynamics, ..Config::default() };

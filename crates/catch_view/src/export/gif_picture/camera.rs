@@ -32,9 +32,12 @@ pub fn beside_the_flight(playback: &Playback, width_px: u16, height_px: u16) -> 
     }
     points.extend(&path);
     let back = path.first().zip(path.last()).map_or_else(Vector3::x, |(first, last)| first - last);
-    let azimuth = back.y.atan2(back.x) + AZIMUTH_RAD;
-    let away =
-        Vector3::new(ELEVATION_RAD.cos() * azimuth.cos(), ELEVATION_RAD.cos() * azimuth.sin(), ELEVATION_RAD.sin());
+    let azimuth = libm::atan2(back.y, back.x) + AZIMUTH_RAD;
+    let away = Vector3::new(
+        libm::cos(ELEVATION_RAD) * libm::cos(azimuth),
+        libm::cos(ELEVATION_RAD) * libm::sin(azimuth),
+        libm::sin(ELEVATION_RAD),
+    );
     let mut target = Point3::from(points.iter().map(|it| it.coords).sum::<Vector3<f64>>() / points.len() as f64);
     let mut distance_m = 4.0;
     let camera = |target: &Point3<f64>, distance_m: f64| {

@@ -180,7 +180,7 @@ impl Shader {
             return grey(SKY);
         }
         let p_W = origin + direction * t;
-        let away_m = p_W.x.hypot(p_W.y);
+        let away_m = libm::hypot(p_W.x, p_W.y);
         let fade = 1.0 - ((away_m - 1.5) / 4.0).clamp(0.0, 1.0);
         // Lines 12 mm wide every half metre, as far as they cover a pixel's part of the floor.
         let pixel_m = t / self.camera.focal_px * (direction.norm() / direction.z.abs()).sqrt();

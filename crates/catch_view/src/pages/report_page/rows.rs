@@ -67,7 +67,7 @@ impl Scale {
 
     /// A logarithmic scale that holds all positive values.
     pub fn decades(values: &[f64], unit: &'static str) -> Self {
-        let logarithms = || values.iter().filter(|value| **value > 0.0).map(|value| value.log10());
+        let logarithms = || values.iter().filter(|value| **value > 0.0).map(|value| libm::log10(*value));
         let high = logarithms().fold(f64::NEG_INFINITY, f64::max).ceil().clamp(-6.0, 9.0) as i32;
         let low = logarithms().fold(f64::INFINITY, f64::min).floor().clamp(f64::from(high) - 6.0, 9.0) as i32;
         Self { decades: Some((low.min(high - 1), high)), unit }
@@ -76,7 +76,7 @@ impl Scale {
     /// The place of a value.
     pub fn place(&self, value: f64) -> f64 {
         let Some((low, high)) = self.decades else { return value };
-        ((value.max(1e-12).log10() - f64::from(low)) / f64::from(high - low)).clamp(0.0, 1.0)
+        ((libm::log10(value.max(1e-12)) - f64::from(low)) / f64::from(high - low)).clamp(0.0, 1.0)
     }
 
     /// The axis below the rows.
