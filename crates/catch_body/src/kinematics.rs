@@ -66,6 +66,15 @@ impl Robot {
         let V_WG = self.jacobian(&X_WL, &p_WG) * dq;
         Twist { angular: V_WG.fixed_rows::<3>(0).into(), linear: V_WG.fixed_rows::<3>(3).into() }
     }
+
+    /// Speed of the hand in m/s: the higher one of the last link's origin and of the tool. No point between them is faster, such as the
+    /// flange.
+    pub fn hand_speed_mps(&self, q: &JointVector, dq: &JointVector) -> f64 {
+        let X_WL = self.link_poses(q);
+        let points = [Point3::from(X_WL[MAX_JOINTS].translation.vector), self.gripper_in(&X_WL) * self.tool_G];
+        let speed = |p_WP: Point3<f64>| (self.jacobian(&X_WL, &p_WP) * dq).fixed_rows::<3>(3).norm();
+        points.map(speed).into_iter().fold(0.0, f64::max)
+    }
 }
 
 #[cfg(test)]

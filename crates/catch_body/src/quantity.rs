@@ -328,6 +328,8 @@ quantities! {
     speed_radps SPEED_RADPS = 0.0 to 200.0 "rad/s";
     /// Velocities of joints.
     joint_velocity_radps JOINT_VELOCITY_RADPS = 0.001 to 1000.0 "rad/s";
+    /// Highest speeds of hands.
+    hand_speed_mps HAND_SPEED_MPS = 0.01 to 100.0 "m/s";
     /// Velocities of joints with their direction.
     signed_joint_velocity_radps SIGNED_JOINT_VELOCITY_RADPS = -1000.0 to 1000.0 "rad/s";
     /// Accelerations of joints.

@@ -1,5 +1,7 @@
 //! The model of a serial arm: joints, links, limits, outline.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Matrix3, Point3, SMatrix, SVector, Unit, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -160,6 +162,12 @@ pub struct Robot {
     pub joints: Vec<Joint>,
     /// Pose of the gripper in the last link.
     pub X_LG: Pose,
+    /// The same of grippers that are mounted in another way, by their names.
+    pub own_X_LG: BTreeMap<String, Pose>,
+    /// Where the fingers close, in the frame of the gripper: its origin until one is [carried](Self::carrying).
+    pub tool_G: Point3<f64>,
+    /// Speed of the hand in m/s at which the maker's controller stops, where one is stated.
+    pub max_hand_speed_mps: Option<f64>,
     /// The paper's comfortable pose q0 (III-D).
     pub comfortable_q: JointVector,
     /// Where the arm waits when nothing else is said.
@@ -197,6 +205,7 @@ impl Robot {
 
     /// This arm with its limits multiplied.
     pub fn with_limits_scaled(mut self, by: &LimitScale) -> Self {
+        self.max_hand_speed_mps = self.max_hand_speed_mps.map(|it| it * by.velocity);
         for joint in &mut self.joints {
             joint.limits.velocity *= by.velocity;
             joint.velocity_table = joint.velocity_table.take().map(|it| it.scaled(by.velocity));
@@ -207,10 +216,17 @@ impl Robot {
         self
     }
 
-    /// This arm with the gripper's mass added to its last link.
+    /// This arm with the pose in which this gripper is mounted.
+    pub fn with_mount_of(mut self, gripper: &Gripper) -> Self {
+        self.X_LG = self.own_X_LG.get(&gripper.name).copied().unwrap_or(self.X_LG);
+        self
+    }
+
+    /// This arm with the gripper's mass added to its last link, and the tool where the gripper grasps.
     ///
     /// The fingers count at their mean opening; where they stand changes the inertia by less than 1e-3 kg·m².
     pub fn carrying(mut self, gripper: &Gripper) -> Self {
+        self.tool_G = Point3::new(0.0, gripper.grasp_centre_y_m, 0.0);
         if let Some(last) = self.joints.last_mut() {
             last.inertia = last.inertia.joined(&gripper.inertia(gripper.max_width_m / 2.0).transformed(&self.X_LG));
         }

@@ -28,6 +28,12 @@ struct RobotFile {
     base: PoseFields,
     /// Pose of the gripper on the last link.
     gripper_mount: MountFields,
+    /// Poses of grippers that are mounted in another way, by the gripper's name.
+    #[serde(default)]
+    gripper_mounts: BTreeMap<String, MountFields>,
+    /// Speed at which the maker's controller stops, of the flange and of the tool.
+    #[serde(default, deserialize_with = "quantity::hand_speed_mps")]
+    max_hand_speed_mps: Option<f64>,
     /// Where the arm waits, and where it is comfortable.
     poses: PosesFields,
     /// What the URDF cannot say of each joint, by the joint's name.
@@ -171,14 +177,22 @@ impl Robot {
             capsules.push((link, Capsule { from: from_m.into(), to: to_m.into(), radius: radius_m }));
             faults.extend(unreasoned(files, &field(""), capsule.assumed, capsule.reason.as_ref()));
         }
-        let MountFields { position_m, rpy_rad, assumed, ref reason } = extra.gripper_mount;
-        faults.extend(unreasoned(files, "gripper_mount.", assumed, reason.as_ref()));
+        let mut mounted = |field: &str, mount: &MountFields| {
+            faults.extend(unreasoned(files, field, mount.assumed, mount.reason.as_ref()));
+            PoseFields { position_m: mount.position_m, rpy_rad: mount.rpy_rad }.pose()
+        };
+        let X_LG = mounted("gripper_mount.", &extra.gripper_mount);
+        let named = extra.gripper_mounts.iter();
+        let own_X_LG = named.map(|(name, it)| (name.clone(), mounted(&format!("gripper_mounts.{name}."), it))).collect();
 
         let mut robot = Self {
             name: urdf.name.clone(),
             base_link,
             X_WB: extra.base.pose(),
-            X_LG: PoseFields { position_m, rpy_rad }.pose(),
+            X_LG,
+            own_X_LG,
+            tool_G: nalgebra::Point3::origin(),
+            max_hand_speed_mps: extra.max_hand_speed_mps,
             joints,
             comfortable_q: nalgebra::zero(),
             ready_q: nalgebra::zero(),

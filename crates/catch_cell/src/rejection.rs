@@ -65,6 +65,8 @@ pub enum LimitKind {
     Torque,
     /// Joint jerk, where the robot states a limit.
     Jerk,
+    /// Speed of the hand, where the robot states a limit; said of the last joint.
+    HandSpeed,
 }
 
 /// A limit that was broken.

@@ -46,11 +46,12 @@ impl Sources {
             toml_file: names.robot_toml,
             toml: &self.robot_toml,
         })?;
-        let mut robot = robot.with_limits_scaled(&self.limit_scale);
+        let gripper = Gripper::from_toml(names.gripper_toml, &self.gripper_toml)?;
+        let mut robot = robot.with_limits_scaled(&self.limit_scale).with_mount_of(&gripper);
         if let Some(text) = &self.workcell_toml {
             robot.obstacles = Workcell::from_toml(names.workcell_toml, text)?.obstacles;
         }
-        Ok((robot, Gripper::from_toml(names.gripper_toml, &self.gripper_toml)?))
+        Ok((robot, gripper))
     }
 }
 

@@ -3,6 +3,8 @@
 //! It is on the robot's side, as in a real cell: it knows the arm's model and its encoders and nothing of the world. What it takes
 //! and rejects is the [`Executor`]'s business, as in any other cell.
 
+use std::collections::HashMap;
+
 use catch_body::{JointVector, Robot, robot::Inertia};
 use catch_cell::{
     ArmState, ArmTrajectory, Executor, ExecutorConfig, LimitCheck, LimitKind, LimitViolation, Rejection, Setpoint,
@@ -30,8 +32,8 @@ pub struct Servo {
     error_integral: JointVector,
     /// What the joints were last asked for, in rad/s².
     asked_radps2: JointVector,
-    /// Excursions that last: entries of the report by joint, for position and velocity.
-    excursions: [Vec<Option<usize>>; 2],
+    /// Excursions that last: entries of the report by limit and joint.
+    excursions: HashMap<(LimitKind, usize), usize>,
     report: ServoReport,
 }
 
@@ -39,7 +41,6 @@ impl Servo {
     /// A servo that holds the arm at `q`. `model` is the arm as the servo believes it to be and should carry its gripper; what is
     /// random about the controller comes from `draws`.
     pub fn new(model: Robot, q: JointVector, config: RobotController, draws: Draws) -> Self {
-        let excursions = [vec![None; model.dof()], vec![None; model.dof()]];
         // What breaks a limit is counted and executed as well as the torque limits allow, and so are accelerations that jump along
         // a trajectory, as those of the paper's method do at the catch.
         let checks = ExecutorConfig {
@@ -55,7 +56,7 @@ impl Servo {
             executor: Executor::new(model, q, checks),
             error_integral: JointVector::zeros(),
             asked_radps2: JointVector::zeros(),
-            excursions,
+            excursions: HashMap::new(),
             report: ServoReport::default(),
         }
     }
@@ -67,7 +68,7 @@ impl Servo {
 
     /// What was noticed since the last call, or since the beginning.
     pub fn take_report(&mut self) -> ServoReport {
-        self.excursions.iter_mut().for_each(|joints| joints.fill(None));
+        self.excursions.clear();
         std::mem::take(&mut self.report)
     }
 
@@ -160,8 +161,13 @@ impl Servo {
             let report = &mut self.report;
             report.peak_velocity_ratio = report.peak_velocity_ratio.max(velocity);
             report.peak_acceleration_ratio = report.peak_acceleration_ratio.max(acceleration);
-            self.note_excursion(0, LimitKind::Position, i, position, 1.0, time_s);
-            self.note_excursion(1, LimitKind::Velocity, i, velocity, VELOCITY_TOLERANCE, time_s);
+            self.note_excursion(LimitKind::Position, i, position, time_s);
+            self.note_excursion(LimitKind::Velocity, i, velocity, time_s);
+        }
+        let robot = self.executor.robot();
+        if let Some(most_mps) = robot.max_hand_speed_mps {
+            let (last, ratio) = (robot.dof() - 1, robot.hand_speed_mps(q, dq) / most_mps);
+            self.note_excursion(LimitKind::HandSpeed, last, ratio, time_s);
         }
     }
 
@@ -172,14 +178,14 @@ impl Servo {
         self.report.min_floor_clearance_m = smaller(self.report.min_floor_clearance_m, floor_m);
     }
 
-    fn note_excursion(&mut self, slot: usize, kind: LimitKind, joint: usize, ratio: f64, tolerated: f64, time_s: f64) {
-        let excursion = &mut self.excursions[slot][joint];
+    fn note_excursion(&mut self, kind: LimitKind, joint: usize, ratio: f64, time_s: f64) {
+        let tolerated = if kind == LimitKind::Position { 1.0 } else { VELOCITY_TOLERANCE };
         if ratio <= tolerated {
-            *excursion = None;
+            self.excursions.remove(&(kind, joint));
             return;
         }
         let violations = &mut self.report.motion_violations;
-        let entry = *excursion.get_or_insert_with(|| {
+        let entry = *self.excursions.entry((kind, joint)).or_insert_with(|| {
             violations.push(LimitViolation { joint, kind, ratio, time_s });
             violations.len() - 1
         });

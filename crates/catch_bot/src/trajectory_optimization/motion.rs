@@ -27,6 +27,8 @@ const MIN_BRAKING_S: f64 = 0.2;
 /// Longest braking in seconds: no joint is faster at the catch than this allows. What is caught must be at rest 0.5 s after the first contact,
 /// which may be a little before the catch.
 const MAX_BRAKING_S: f64 = 0.45;
+/// Fraction of the hand's speed limit that a motion uses where it is looked at.
+const HAND_SPEED_FRACTION: f64 = 0.98;
 /// Where between two knots velocities are looked at, as fractions; the last knot is at rest.
 const SPAN_SAMPLES: [f64; 4] = [0.0, 0.25, 0.5, 0.75];
 
@@ -190,7 +192,7 @@ impl MotionPlanner {
             && within(&velocities, &speed)
             && within(&accelerations, &rate)
             && self.keeps_jerk(trajectory)
-            && self.keeps_velocity_tables(trajectory)
+            && self.keeps_sampled_speeds(trajectory)
     }
 
     /// Whether the jerk stays within its limit where there is one; a jump of the acceleration at a repeated knot does not.
@@ -234,27 +236,34 @@ impl MotionPlanner {
             .all(|i| torque[i].abs() <= self.robot.joints[i].limits.torque * self.config.torque_scaling)
     }
 
-    /// Whether velocities whose limits depend on the position keep them: at knots and thrice between them.
-    fn keeps_velocity_tables(&self, spline: &BSpline) -> bool {
+    /// Whether the hand's speed, and velocities whose limits depend on the position, keep their limits: at knots and thrice between them.
+    fn keeps_sampled_speeds(&self, spline: &BSpline) -> bool {
         let tables = || self.robot.joints.iter().enumerate().filter(|(_, joint)| joint.velocity_table.is_some());
-        tables().next().is_none()
+        (tables().next().is_none() && self.robot.max_hand_speed_mps.is_none())
             || spline.spans().flat_map(|[from_s, to_s]| SPAN_SAMPLES.map(|by| from_s + by * (to_s - from_s))).all(
                 |time_s| {
                     let [q, dq, _] = spline.evaluate(time_s);
                     let most = self.config.velocity_scaling;
                     tables().all(|(i, joint)| dq[i].abs() <= most * joint.max_speed(q[i], dq[i]))
+                        && self.keeps_hand_speed(&q, &dq)
                 },
             )
     }
 
-    /// Whether velocity tables, torque limits and clearances hold along a trajectory, the hand holding the object from the catch on.
+    /// Whether the hand is slower than the maker allows, with some room for what is between samples.
+    pub(super) fn keeps_hand_speed(&self, q: &JointVector, dq: &JointVector) -> bool {
+        let most_mps = self.robot.max_hand_speed_mps.map(|it| it * HAND_SPEED_FRACTION);
+        most_mps.is_none_or(|most_mps| self.robot.hand_speed_mps(q, dq) <= most_mps)
+    }
+
+    /// Whether speeds, torque limits and clearances hold along a trajectory, the hand holding the object from the catch on.
     /// [Braking](Self::braking) keeps the torque limits anyway.
     pub(super) fn is_safe(&self, trajectory: &BSpline, catch_s: f64, grasp: &Grasp) -> bool {
         let (start_s, end_s) = (trajectory.start_s(), trajectory.end_s());
         // How wide the gripper opens is chosen later.
         let widest_m = self.gripper.max_width_m;
         // What collides mostly does so while braking.
-        self.keeps_velocity_tables(trajectory)
+        self.keeps_sampled_speeds(trajectory)
             && self.keeps_clear(trajectory, [catch_s, end_s], widest_m, Some(&grasp.held_G))
             && self.keeps_clear(trajectory, [start_s, catch_s], widest_m, None)
             && self.keeps_torque_until(trajectory, catch_s)

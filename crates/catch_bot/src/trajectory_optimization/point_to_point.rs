@@ -63,7 +63,7 @@ impl PointToPoint<'_> {
     /// The best velocities within `bounds`.
     pub fn terminal_velocity(&self, bounds: &[Interval; MAX_JOINTS]) -> Option<TerminalVelocity> {
         let found = terminal_velocity(&self.jacobian, &self.v_WO, bounds, &self.weights, self.following.as_ref());
-        self.failures.solution(found)
+        self.failures.solution(found).filter(|it| self.planner.keeps_hand_speed(&self.q, &it.dq))
     }
 
     /// The best velocities within `bounds` that splines can have, `None` if there are none or their speed fraction is not

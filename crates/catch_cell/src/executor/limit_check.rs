@@ -13,8 +13,14 @@ const ROUNDING: f64 = 1e-9;
 /// How finely torques, and velocities whose limits depend on the position, are sampled between knots, where they are smooth.
 const SAMPLE_INTERVAL_S: f64 = 4e-3;
 
-const KINDS: [LimitKind; 5] =
-    [LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Torque, LimitKind::Jerk];
+const KINDS: [LimitKind; 6] = [
+    LimitKind::Position,
+    LimitKind::Velocity,
+    LimitKind::Acceleration,
+    LimitKind::Torque,
+    LimitKind::Jerk,
+    LimitKind::HandSpeed,
+];
 
 /// The highest ratio of value to limit along a trajectory.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,8 +32,8 @@ pub struct PeakRatios {
 
 impl PeakRatios {
     /// Of a valid spline. Positions, velocities, accelerations and jerks are exact: between knots they are polynomials. Torques are
-    /// those of inverse dynamics, sampled at the knots, on both sides of them, and densely between, and so are velocities whose limits depend
-    /// on the position; `robot` should carry its gripper.
+    /// those of inverse dynamics, sampled at the knots, on both sides of them, and densely between, and so are the speed of the hand and
+    /// velocities whose limits depend on the position; `robot` should carry its gripper.
     /// Where the acceleration jumps the jerk is infinite.
     pub fn of(robot: &Robot, spline: &BSpline) -> Self {
         let nothing = [JointVector::zeros(); KINDS.len()];
@@ -48,6 +54,9 @@ impl PeakRatios {
             for time_s in (0..=count).map(|k| (start_s + k as f64 * SAMPLE_INTERVAL_S).min(end_s)) {
                 let [q, dq, ddq] = spline.evaluate(time_s);
                 let torque = robot.inverse_dynamics(&q, &dq, &ddq);
+                if let Some(most) = robot.max_hand_speed_mps {
+                    peaks.note(5, peaks.dof - 1, robot.hand_speed_mps(&q, &dq) / most, time_s);
+                }
                 for (i, joint) in robot.joints.iter().enumerate() {
                     peaks.note(3, i, torque[i] / joint.limits.torque, time_s);
                     if joint.velocity_table.is_some() {

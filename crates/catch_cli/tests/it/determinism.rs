@@ -1,6 +1,6 @@
 //! Same seed, same bytes.
 
-use std::{fs, path::Path};
+use std::{fs, path::Path, process::Command};
 
 use serde_json::Value;
 
@@ -39,6 +39,26 @@ fn two_runs_write_the_same_recording_and_a_replay_wants_the_same() {
     let replay: Value = serde_json::from_str(&stdout(&output)).unwrap();
     assert_eq!(replay["identical"], true, "{replay}");
     assert!(replay["ticks"].as_u64().unwrap() > 50);
+}
+
+#[test]
+fn a_processor_without_avx2_and_fma_gives_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let recording = |name: &str, tunables: &str| {
+        let out = folder.path().join(name);
+        let thrown = ["--scenario", "honest", "--object", "banana", "--seed", "5", "--index", "1"];
+        let output = Command::new(env!("CARGO_BIN_EXE_catchingbot"))
+            .args(["catch", "--json", "--out", out.to_str().unwrap()])
+            .args(thrown)
+            // The system's library chooses its functions by these; another one ignores them.
+            .env("GLIBC_TUNABLES", tunables)
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+        let document: Value = serde_json::from_str(&stdout(&output)).unwrap();
+        fs::read(document["recording"].as_str().unwrap()).unwrap()
+    };
+    assert!(recording("as it is", "") == recording("without", "glibc.cpu.hwcaps=-AVX2,-FMA"));
 }
 
 #[test]

@@ -5,9 +5,9 @@
 //!
 //! ½·Σ (ν + 3)·ln(1 + |e|²/(ν·σ²)) + ½·|z|² + ½·Σ Δ·|a|²/q² + ½·Σ Δ·|α|²/q_α²
 //!
-//! with the errors e of positions and orientations, which have Student's t distribution with ν degrees of freedom, and white noise of
-//! the densities q and q_α, averaged over the stretches of duration Δ. Noise σ of the sightings and density q are estimated meanwhile.
-//! The covariance is the inverse of the last normal equations.
+//! with the errors e of positions and orientations, which have Student's t distribution with ν degrees of freedom, and white noise
+//! of the densities q and q_α, averaged over the stretches of duration Δ. Noise σ of the sightings and both densities are estimated
+//! meanwhile. The covariance is the inverse of the last normal equations.
 
 use catch_body::free_flight::{FreeState, N, PARAMETERS, POINT, Pushes};
 use nalgebra::{DMatrix, DVector, SMatrix, UnitQuaternion, Vector3};
@@ -46,7 +46,7 @@ struct Rest {
 }
 
 impl Problem<'_> {
-    /// Noise of the sightings by the median of their errors, and density of the disturbances by their mean square (expectation
+    /// Noise of the sightings by the median of their errors, and densities of the disturbances by their mean squares (expectation
     /// maximization under an inverse gamma prior).
     fn scales(
         &self,
@@ -59,15 +59,22 @@ impl Problem<'_> {
             (factor * median_in_place(&mut values.collect::<Vec<_>>()) / MEDIAN).max(least)
         };
         let least = &self.least;
-        let (squares, _) = self.disturbances(guess, &information.clone().cholesky()?.inverse());
+        let (squares, angular) = self.disturbances(guess, &information.clone().cholesky()?.inverse());
         let count = 3.0 * self.ends_s.len() as f64;
-        let variance = (NOISE_DOF * self.expected_noise(guess).powi(2) + squares * count) / (NOISE_DOF + count);
-        Some(Scales {
-            noise: Noise {
+        let density = |expected: f64, squares: f64| {
+            ((NOISE_DOF * expected.powi(2) + squares * count) / (NOISE_DOF + count)).sqrt()
+        };
+        let expected = self.expected_scales(
+            guess,
+            Noise {
                 position_sd_m: typical(&mut errors.iter().map(|it| it.0), least.position_sd_m),
                 orientation_sd_rad: typical(&mut errors.iter().filter_map(|it| it.1), least.orientation_sd_rad),
             },
-            acceleration_noise: variance.sqrt(),
+        );
+        Some(Scales {
+            acceleration_noise: density(expected.acceleration_noise, squares),
+            angular_acceleration_noise: density(expected.angular_acceleration_noise, angular),
+            ..expected
         })
     }
 
@@ -90,10 +97,10 @@ impl Problem<'_> {
         let R = begun.iter().min_by(|a, b| far(a).total_cmp(&far(b))).copied().unwrap_or_default();
         let start = FreeState { p: parabola.p, v: parabola.v, R, w };
         let guess = Guess { start, rest: DVector::zeros(self.unknowns() - self.sizes().0) };
-        let acceleration_noise = self.expected_noise(&guess);
         let noise =
             Noise { position_sd_m: parabola.off_m.max(self.least.position_sd_m), orientation_sd_rad: FIRST_RAD };
-        Some((guess, Scales { noise, acceleration_noise }))
+        let scales = self.expected_scales(&guess, noise);
+        Some((guess, scales))
     }
 
     /// The first guess, and where there are orientations what fits to more and more of the track lead to: they are periodic, and a rotation
@@ -185,8 +192,8 @@ impl Problem<'_> {
         let mut rest = DVector::zeros(self.unknowns() - self.sizes().0);
         rest.rows_mut(0, z.len()).copy_from(&z);
         let guess = Guess { start, rest };
-        let acceleration_noise = self.expected_noise(&guess);
-        (guess, Scales { noise: near.noise, acceleration_noise })
+        let scales = self.expected_scales(&guess, near.noise);
+        (guess, scales)
     }
 
     fn flight(&self, guess: &Guess, scales: &Scales, rest: &Rest) -> Option<Flight> {
@@ -200,12 +207,16 @@ impl Problem<'_> {
         let body = self.body(guess);
         let (cost, errors) = self.cost(guess, scales);
         let (position, turned) = (3.0 * errors.len() as f64, 3.0 * errors.iter().filter_map(|it| it.1).count() as f64);
+        let mut disturbances = libm::log(scales.acceleration_noise.max(1e-6));
+        if self.oriented {
+            disturbances += libm::log(scales.angular_acceleration_noise.max(1e-6));
+        }
         // Laplace's approximation of the evidence.
         let deviance = cost
             + factor.l_dirty().diagonal().map(libm::log).sum()
             + position * libm::log(scales.noise.position_sd_m)
             + turned * libm::log(scales.noise.orientation_sd_rad)
-            + 3.0 * self.ends_s.len() as f64 * libm::log(scales.acceleration_noise.max(1e-6));
+            + 3.0 * self.ends_s.len() as f64 * disturbances;
         let pushes = (0..self.ends_s.len()).map(|i| guess.rest.fixed_rows::<3>(z + size * i).into_owned()).collect();
         let flight = Flight {
             start_s: self.rows[0].time_s,

@@ -22,18 +22,19 @@ const TENTH: f64 = 0.764;
 const STUDENT_DOF: f64 = 4.0;
 /// How long the first and the last disturbance stay the same, and how much longer each further inwards does: what is predicted rests on
 /// the motion at the end most.
-const FIRST_STRETCH_S: f64 = 0.05;
-const LAST_STRETCH_S: f64 = 0.025;
-const STRETCH_GROWTH: f64 = 1.5;
+const FIRST_STRETCH_S: f64 = 0.03;
+const LAST_STRETCH_S: f64 = 0.015;
+const STRETCH_GROWTH: f64 = 1.25;
 /// Density of the disturbances that comes with a Magnus force, in 1/√Hz.
 const VARYING_LIFT: f64 = 0.01;
 /// Largest element of z: that many standard deviations of the prior.
 pub(super) const MOST_SD: f64 = 12.0;
-/// Standard deviations of the unknowns' errors: of the sightings, and the density of the disturbances.
+/// Standard deviations of the unknowns' errors: of the sightings, and the densities of the disturbances.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Scales {
     pub noise: Noise,
     pub acceleration_noise: f64,
+    pub angular_acceleration_noise: f64,
 }
 
 /// A point of the search.
@@ -152,7 +153,7 @@ impl<'a> Problem<'a> {
         DVector::from_fn(z + size * self.ends_s.len(), |i, _| {
             let Some(push) = i.checked_sub(z) else { return 1.0 };
             let linear = push % size < 3;
-            let density = if linear { scales.acceleration_noise } else { self.prior.angular_acceleration_noise };
+            let density = if linear { scales.acceleration_noise } else { scales.angular_acceleration_noise };
             self.duration_s(push / size) / density.max(1e-6).powi(2)
         })
     }
@@ -235,10 +236,12 @@ impl<'a> Problem<'a> {
         Guess { start: guess.start.moved(&change), rest }
     }
 
-    /// The density of the disturbances that the prior expects. A Magnus force varies with the speed and the spin, which decays.
-    pub fn expected_noise(&self, guess: &Guess) -> f64 {
+    /// The scales that the prior expects, with that noise of the sightings. A Magnus force varies with the speed and the spin, which
+    /// decays.
+    pub fn expected_scales(&self, guess: &Guess, noise: Noise) -> Scales {
         let lift = self.body(guess).lift.cross(&guess.start.v).norm();
-        libm::hypot(self.prior.acceleration_noise, VARYING_LIFT * lift)
+        let acceleration_noise = libm::hypot(self.prior.acceleration_noise, VARYING_LIFT * lift);
+        Scales { noise, acceleration_noise, angular_acceleration_noise: self.prior.angular_acceleration_noise }
     }
 
     /// Mean squares of the disturbances over the stretches, as squares of densities.
