@@ -340,6 +340,25 @@ pub(crate) mod tests {
         assert!(violations.iter().any(|it| it.joint == 0 && it.kind == LimitKind::Velocity), "{violations:?}");
     }
 
+    /// The speed of the hand against differences of its positions; it counts where the robot states a limit.
+    #[test]
+    fn the_speed_of_the_hand_is_checked_where_it_is_stated() {
+        let mut robot = robot();
+        let trajectory = motion(1, 0.0, robot.ready_q, 0.2);
+        let at = |time_s: f64| robot.gripper_pose(&trajectory.spline.setpoint(time_s).q).translation.vector;
+        let speed = |i: i32| (at(0.001 * f64::from(i + 1)) - at(0.001 * f64::from(i))).norm() / 0.001;
+        let fastest_mps = (0..1000).map(speed).fold(0.0, f64::max);
+        assert_eq!(PeakRatios::of(&robot, &trajectory.spline).highest(LimitKind::HandSpeed), 0.0);
+        robot.max_hand_speed_mps = Some(fastest_mps / 1.1);
+        let found = Executor::new(robot.clone(), robot.ready_q, ExecutorConfig::default()).receive(&trajectory, 0.0);
+        let Err(Rejection::Limit(LimitViolation { joint: 6, kind: LimitKind::HandSpeed, ratio, .. })) = found else {
+            panic!("{found:?}")
+        };
+        assert!((ratio - 1.1).abs() < 2e-3, "{ratio}");
+        robot.max_hand_speed_mps = Some(fastest_mps * 1.01);
+        assert_eq!(PeakRatios::of(&robot, &trajectory.spline).violations(), []);
+    }
+
     /// The jerk of a cubic spline is constant between knots, and counts where the robot states a limit.
     #[test]
     fn jerk_is_checked_where_it_is_stated() {

@@ -97,13 +97,17 @@ impl<'a> Problem<'a> {
 
     /// What pushes during a disturbance, and where its elements stand among the unknowns after the state.
     pub fn pushes(&self, guess: &Guess, between_s: [f64; 2]) -> (Pushes, usize) {
-        let middle_s = f64::midpoint(between_s[0], between_s[1]) - self.rows[0].time_s;
-        let stretch = self.ends_s.partition_point(|it| *it < middle_s).min(self.ends_s.len() - 1);
         let (_, size) = self.sizes();
-        let at = self.basis.ncols() + size * stretch;
+        let at = self.basis.ncols() + size * self.stretch(f64::midpoint(between_s[0], between_s[1]));
         let push = |from: usize| Vector3::from_fn(|i, _| guess.rest[at + from + i]);
         let angular = if self.oriented { push(3) } else { Vector3::zeros() };
         (Pushes { acceleration: self.g + push(0), angular }, at)
+    }
+
+    /// The stretch of a time.
+    fn stretch(&self, time_s: f64) -> usize {
+        let since_s = time_s - self.rows[0].time_s;
+        self.ends_s.partition_point(|it| *it < since_s).min(self.ends_s.len() - 1)
     }
 
     /// The states at all sightings.
@@ -165,7 +169,7 @@ impl<'a> Problem<'a> {
 
     /// The equations of a Gauss–Newton step from a guess.
     pub fn equations(&self, guess: &Guess, scales: &Scales) -> Equations {
-        let (state_size, z) = (self.sizes().0, self.basis.ncols());
+        let ((state_size, push_size), z) = (self.sizes(), self.basis.ncols());
         let (body, unknowns) = (self.body(guess), self.unknowns());
         let mut state = guess.start;
         let mut by = DMatrix::<f64>::zeros(state_size, unknowns);
@@ -200,7 +204,16 @@ impl<'a> Problem<'a> {
                 errors.rows_mut(per_row * i + 3, 3).copy_from(&(turn * root));
             }
         }
-        let (mut information, mut pull) = (jacobian.transpose() * &jacobian, jacobian.tr_mul(&errors));
+        let (mut information, mut pull) = (DMatrix::zeros(unknowns, unknowns), DVector::zeros(unknowns));
+        let mut first = 0;
+        for rows in self.rows.chunk_by(|one, next| self.stretch(one.time_s) == self.stretch(next.time_s)) {
+            // Later disturbances change nothing here.
+            let (count, known) = (per_row * rows.len(), state_size + z + push_size * (self.stretch(rows[0].time_s) + 1));
+            let by = jacobian.view((first, 0), (count, known));
+            information.view_mut((0, 0), (known, known)).gemm(1.0, &by.transpose(), &by, 1.0);
+            pull.rows_mut(0, known).gemv_tr(1.0, &by, &errors.rows(first, count), 1.0);
+            first += count;
+        }
         let weights = self.weights(scales);
         for (i, weight) in weights.iter().enumerate() {
             information[(state_size + i, state_size + i)] += weight;
@@ -211,8 +224,8 @@ impl<'a> Problem<'a> {
 
     /// Derivatives of the state after a step with a disturbance at `at` among the unknowns.
     pub fn carry(&self, transition: &Transition, by: &mut DMatrix<f64>, (at, h): (usize, f64)) {
-        let size = self.sizes().0;
-        let mut next = transition.view((0, 0), (size, size)) * &*by;
+        let (size, push_size) = self.sizes();
+        let mut next = transition.view((0, 0), (size, size)) * by.columns(0, at + push_size);
         let mut of_parameters = next.columns_mut(size, self.basis.ncols());
         of_parameters += transition.view((0, POINT), (size, PARAMETERS)) * &self.basis;
         for i in 0..3 {
@@ -223,7 +236,7 @@ impl<'a> Problem<'a> {
                 next[(OMEGA + i, at + 3 + i)] += h;
             }
         }
-        *by = next;
+        by.columns_mut(0, at + push_size).copy_from(&next);
     }
 
     /// The guess after a step.

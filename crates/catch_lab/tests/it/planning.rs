@@ -194,6 +194,16 @@ fn keeps_its_word(
             must((limits.lower..=limits.upper).contains(&at.q[i]), || format!("joint {i} is at {}", at.q[i]))?;
             must(torque[i].abs() <= limits.torque, || format!("joint {i} needs {} N·m", torque[i]))?;
         }
+        if let Some(most_mps) = robot.max_hand_speed_mps {
+            let wrist_and_tool = |time_s: f64| {
+                let X_WL = robot.link_poses(&trajectory.setpoint(time_s).q);
+                let X_WG = robot.gripper_in(&X_WL);
+                [X_WL[robot.dof()].translation.vector, (X_WG * gripper.grasp_centre()).coords]
+            };
+            let (before, after) = (wrist_and_tool(time_s - 1e-5), wrist_and_tool(time_s + 1e-5));
+            let fastest_mps = before.iter().zip(&after).map(|(a, b)| (b - a).norm() / 2e-5).fold(0.0, f64::max);
+            must(fastest_mps <= most_mps, || format!("the hand moves at {fastest_mps} m/s at {time_s}"))?;
+        }
         let X_WL = robot.link_poses(&at.q);
         let free = clearance
             .self_clearance(&X_WL, plan.aperture_m)
