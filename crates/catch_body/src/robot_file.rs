@@ -183,7 +183,8 @@ impl Robot {
         };
         let X_LG = mounted("gripper_mount.", &extra.gripper_mount);
         let named = extra.gripper_mounts.iter();
-        let own_X_LG = named.map(|(name, it)| (name.clone(), mounted(&format!("gripper_mounts.{name}."), it))).collect();
+        let own_X_LG =
+            named.map(|(name, it)| (name.clone(), mounted(&format!("gripper_mounts.{name}."), it))).collect();
 
         let mut robot = Self {
             name: urdf.name.clone(),

@@ -2,4 +2,3 @@
 
 pub mod oracle;
 pub mod ready;
-pub mod throw_proof;

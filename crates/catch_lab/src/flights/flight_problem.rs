@@ -208,7 +208,8 @@ impl<'a> Problem<'a> {
         let mut first = 0;
         for rows in self.rows.chunk_by(|one, next| self.stretch(one.time_s) == self.stretch(next.time_s)) {
             // Later disturbances change nothing here.
-            let (count, known) = (per_row * rows.len(), state_size + z + push_size * (self.stretch(rows[0].time_s) + 1));
+            let (count, known) =
+                (per_row * rows.len(), state_size + z + push_size * (self.stretch(rows[0].time_s) + 1));
             let by = jacobian.view((first, 0), (count, known));
             information.view_mut((0, 0), (known, known)).gemm(1.0, &by.transpose(), &by, 1.0);
             pull.rows_mut(0, known).gemv_tr(1.0, &by, &errors.rows(first, count), 1.0);

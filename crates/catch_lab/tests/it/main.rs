@@ -22,6 +22,7 @@ mod settings;
 mod source;
 mod standard_terms;
 mod supply_chain;
+mod throw_proof;
 mod throws_out_of_reach;
 mod tidy;
 mod workcells;

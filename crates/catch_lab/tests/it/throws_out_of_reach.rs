@@ -9,12 +9,14 @@ use catch_bot::{
     trajectory_prediction::FlightTrajectory,
 };
 use catch_cell::arm::Setpoint;
-use catch_lab::reachability::throw_proof::{AnyCatch, ThrowProof, prove_out_of_reach};
 use nalgebra::{Point3, Vector3};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
-use crate::planning::{Desk, random_flight};
+use crate::{
+    planning::{Desk, random_flight},
+    throw_proof::{AnyCatch, ThrowProof, prove_out_of_reach},
+};
 
 /// From the paper's start pose its near throw is out of reach: at every time, in every orientation, over the whole redundancy, even
 /// standing still at the catch. The flight is known from 50 ms on: six images at 100 Hz.

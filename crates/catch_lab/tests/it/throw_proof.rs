@@ -272,8 +272,8 @@ fn narrow(row: &[f64; UNKNOWNS], rest: Interval, unknowns: &mut [Interval; UNKNO
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::planner_cases;
     use catch_bot::trajectory_optimization::Config;
+    use catch_lab::planner_cases;
     use proptest::prelude::*;
 
     proptest! {
