@@ -293,6 +293,35 @@ fn serial_chain(files: &RobotFiles, urdf: &Urdf, extra: &RobotFile) -> Result<(S
     Ok((base.to_owned(), joints))
 }
 
+/// The positions between which a joint moves: those of the TOML file, else those `of_urdf`.
+fn position_range(
+    files: &RobotFiles,
+    joint: &Element,
+    fields: &JointFields,
+    of_urdf: impl FnOnce() -> [Result<f64, InputError>; 2],
+) -> Result<[f64; 2], InputError> {
+    let field = format!("joints.{}.range_rad", joint.text("name")?);
+    let [lower, upper] = match &fields.range_rad {
+        Some(range) => range.value,
+        None if joint.text("type")? == "continuous" => {
+            let expected = format!("revolute with limits, or {field} in {}", files.toml_file);
+            return Err(joint.fault("type", "continuous", expected));
+        }
+        None => {
+            let [lower, upper] = of_urdf();
+            [lower?, upper?]
+        }
+    };
+    if lower < upper {
+        return Ok([lower, upper]);
+    }
+    let (found, expected) = (format!("lower {lower} and upper {upper}"), "finite limits, lower below upper");
+    Err(match &fields.range_rad {
+        Some(_) => InputError::new(files.toml_file, field, found, expected),
+        None => joint.fault("limit", found, expected),
+    })
+}
+
 fn revolute_joint(files: &RobotFiles, urdf: &Urdf, joint: &Element, extra: &RobotFile) -> Result<Joint, InputError> {
     let name = joint.text("name")?;
     if let Some(mimic) = joint.child("mimic")? {
@@ -317,23 +346,8 @@ fn revolute_joint(files: &RobotFiles, urdf: &Urdf, joint: &Element, extra: &Robo
         Some(stated) => Ok(stated.value),
         None => limit(field, range),
     };
-    let is_endless = joint.text("type")? == "continuous";
-    let [lower, upper] = match &fields.range_rad {
-        Some(range) => range.value,
-        None if is_endless => {
-            let expected = format!("revolute with limits, or joints.{name}.range_rad in {}", files.toml_file);
-            return Err(joint.fault("type", "continuous", expected));
-        }
-        None => [limit("lower", quantity::JOINT_POSITION_RAD)?, limit("upper", quantity::JOINT_POSITION_RAD)?],
-    };
-    if lower >= upper {
-        let found = format!("lower {lower} and upper {upper}");
-        let expected = "finite limits, lower below upper";
-        return Err(match &fields.range_rad {
-            Some(_) => InputError::new(files.toml_file, format!("joints.{name}.range_rad"), found, expected),
-            None => joint.fault("limit", found, expected),
-        });
-    }
+    let [lower, upper] =
+        position_range(files, joint, fields, || ["lower", "upper"].map(|it| limit(it, quantity::JOINT_POSITION_RAD)))?;
     let limits = JointLimits {
         lower,
         upper,

@@ -115,11 +115,20 @@ pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
     if arguments.json {
         return screen::json(&document);
     }
+    tell(&table(&play, &life), &life, &document, alone)?;
+    if let Some(path) = &arguments.html {
+        screen::fact("page", &path.display().to_string())?;
+    }
+    Ok(())
+}
+
+/// Prints the story of a life.
+fn tell(table: &Table, life: &Life, document: &Document, alone: Option<usize>) -> anyhow::Result<()> {
     screen::line("")?;
-    screen::line(&table(&play, &life).trim_fmt())?;
+    screen::line(&table.trim_fmt())?;
     screen::line("")?;
     let [low, high] = document.wilson95.map(|it| it * 100.0);
-    let Document { throws, caught, caught_per_minute, placed, identified, .. } = document;
+    let Document { throws, caught, caught_per_minute, placed, identified, .. } = *document;
     let (broken, exceeded) = (document.limit_violations, document.motion_excursions);
     screen::fact("caught", &format!("{caught} of {throws} ({low:.1}–{high:.1} %), {caught_per_minute:.1} a minute"))?;
     if let Some(alone) = alone {
@@ -135,11 +144,8 @@ pub fn run(arguments: &PlayArguments) -> anyhow::Result<()> {
             screen::fact("camera", &format!("number {}: {}, first in throw {}", faulty.camera, faulty.status, i + 1))?;
         }
     }
-    if let Some(reason) = life.ended_early {
+    if let Some(reason) = &life.ended_early {
         screen::fact("ended early", &reason.to_string())?;
-    }
-    if let Some(path) = &arguments.html {
-        screen::fact("page", &path.display().to_string())?;
     }
     Ok(())
 }

@@ -11,8 +11,4 @@ pub use measurement::DepthCameras;
 pub use render::{Readout, Renderer, Scene};
 
 #[cfg(test)]
-mod measured;
-#[cfg(test)]
-mod near_rigs;
-#[cfg(test)]
 mod tests;

@@ -85,16 +85,7 @@ pub fn fit_gripper(
         return Err(GraspFailure::NothingBetween);
     }
     let object_width_m = high - low;
-    let roomy_m = object_width_m + 2.0 * config.finger_margin_m;
-    let most_margin_m = (gripper.max_width_m - object_width_m) / 2.0;
-    let margin_m = if roomy_m > gripper.max_width_m { most_margin_m } else { config.finger_margin_m };
-    if margin_m < config.approach_margin_m.min(config.finger_margin_m) {
-        return Err(GraspFailure::TooWide);
-    }
-    let aperture_m = match gripper.drive.control {
-        DriveControl::TwoState => gripper.max_width_m,
-        _ => roomy_m.min(gripper.max_width_m),
-    };
+    let (aperture_m, margin_m) = opening(gripper, config, object_width_m)?;
     let X_OG = place(Vector3::new((low + high) / 2.0, -backed_off, 0.0));
     let X_GO = X_OG.inverse();
 
@@ -125,6 +116,21 @@ pub fn fit_gripper(
     }
     let held_G = held_box(&reference.points, &X_GO);
     Ok(Grasp { X_OG, object_width_m, aperture_m, strength_m, overhang_m, held_G })
+}
+
+/// How far the gripper opens for an object of this width, and the room that is then left beside it.
+fn opening(gripper: &Gripper, config: &Config, object_width_m: f64) -> Result<(f64, f64), GraspFailure> {
+    let roomy_m = object_width_m + 2.0 * config.finger_margin_m;
+    let most_margin_m = (gripper.max_width_m - object_width_m) / 2.0;
+    let margin_m = if roomy_m > gripper.max_width_m { most_margin_m } else { config.finger_margin_m };
+    if margin_m < config.approach_margin_m.min(config.finger_margin_m) {
+        return Err(GraspFailure::TooWide);
+    }
+    let aperture_m = match gripper.drive.control {
+        DriveControl::TwoState => gripper.max_width_m,
+        _ => roomy_m.min(gripper.max_width_m),
+    };
+    Ok((aperture_m, margin_m))
 }
 
 /// How squarely the finger on one `side` (−1, 1) meets the surface of an object of this width at `X_GO`: the cosine of the angle between its face and

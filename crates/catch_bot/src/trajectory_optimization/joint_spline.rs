@@ -58,6 +58,27 @@ pub struct JointSpline {
     hessian: Hessian,
 }
 
+/// Between which values a quantity of a motion of this duration is, in units of the duration.
+fn ranges(end: &End, duration_s: f64, limits: &JointLimits) -> impl Fn(Quantity) -> [f64; 2] {
+    let (velocity, acceleration) = (limits.velocity * duration_s, limits.acceleration * duration_s * duration_s);
+    let jerk = limits.jerk.map_or(f64::INFINITY, |it| it * duration_s.powi(3));
+    let unbounded = [f64::NEG_INFINITY, f64::INFINITY];
+    let (last, last_speed) = match end {
+        End::At { ddq, last_speed, .. } => (ddq.map(|it| it * duration_s * duration_s), *last_speed),
+        End::Extreme { last_speed, .. } => (unbounded, *last_speed),
+        End::Rest => (unbounded, limits.velocity),
+    };
+    let (position, last_velocity) = ([limits.lower, limits.upper], velocity.min(last_speed * duration_s));
+    move |of| match of {
+        Quantity::Position => position,
+        Quantity::Velocity => [-velocity, velocity],
+        Quantity::LastVelocity => [-last_velocity, last_velocity],
+        Quantity::Acceleration => [-acceleration, acceleration],
+        Quantity::LastAcceleration => last,
+        Quantity::Jerk => [-jerk, jerk],
+    }
+}
+
 impl JointSpline {
     /// A spline over spans of the given relative lengths. `comfort_weight` is λ, `steady_end_weight` μ.
     ///
@@ -169,23 +190,7 @@ impl JointSpline {
             gradient[self.free() - 1] += sign * EXTREME;
         }
 
-        let (velocity, acceleration) = (limits.velocity * duration_s, limits.acceleration * duration_s * duration_s);
-        let jerk = limits.jerk.map_or(f64::INFINITY, |it| it * duration_s.powi(3));
-        let unbounded = [f64::NEG_INFINITY, f64::INFINITY];
-        let (last, last_speed) = match end {
-            End::At { ddq, last_speed, .. } => (ddq.map(|it| it * duration_s * duration_s), *last_speed),
-            End::Extreme { last_speed, .. } => (unbounded, *last_speed),
-            End::Rest => (unbounded, limits.velocity),
-        };
-        let last_velocity = velocity.min(last_speed * duration_s);
-        let range = |of: Quantity| match of {
-            Quantity::Position => [limits.lower, limits.upper],
-            Quantity::Velocity => [-velocity, velocity],
-            Quantity::LastVelocity => [-last_velocity, last_velocity],
-            Quantity::Acceleration => [-acceleration, acceleration],
-            Quantity::LastAcceleration => last,
-            Quantity::Jerk => [-jerk, jerk],
-        };
+        let range = ranges(end, duration_s, limits);
         // Where nothing free enters, it holds, or no motion does.
         let holds = self.given.iter().all(|quantity| {
             let ([low, high], value) = (range(quantity.of), quantity.dot(&fixed));

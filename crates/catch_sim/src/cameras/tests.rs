@@ -1,5 +1,8 @@
 //! What the cameras see, against closed forms and against themselves.
 
+mod measured;
+mod near_rigs;
+
 use catch_body::{
     Gripper, JointVector, Pose, Robot, TriangleMesh,
     robot_file::RobotFiles,

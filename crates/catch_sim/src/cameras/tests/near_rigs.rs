@@ -3,7 +3,7 @@
 use catch_body::{Pose, dynamics};
 use catch_cell::rig_from_toml;
 
-use super::{Readout, Scene, tests::*};
+use super::*;
 use crate::{ArenaConfig, Throw, ThrownObject, conditions::Conditions};
 
 const RIGS: [&str; 4] = ["d435_1", "d435_2", "d435_3", "d435_4"];

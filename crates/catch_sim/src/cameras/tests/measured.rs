@@ -9,7 +9,7 @@ use crate::{
     drawn::{Between, Drawn},
 };
 
-use super::{DepthCameras, Readout, Renderer, Scene, tests::*};
+use super::{super::DepthCameras, *};
 
 /// A camera that looks at the floor from a height, and its renderer; the object is out of sight, the arm behind it.
 struct Wall {
