@@ -46,12 +46,9 @@ def box_inertia(mass: float, size) -> np.ndarray:
 
 def add_capsules(body: Element, capsules: list[dict], name: str) -> None:
     for i, it in enumerate(capsules):
-        ends = text(it["from"], it["to"])
         # A capsule without a length is a ball.
-        if it["from"] == it["to"]:
-            SubElement(body, "geom", name=f"{name}:{i}", type="sphere", size=text(it["radius"]), pos=text(it["from"]), group=SEEN)
-        else:
-            SubElement(body, "geom", name=f"{name}:{i}", type="capsule", size=text(it["radius"]), fromto=ends, group=SEEN)
+        shape = {"type": "capsule", "fromto": text(it["from"], it["to"])} if it["from"] != it["to"] else {"type": "sphere", "pos": text(it["from"])}
+        SubElement(body, "geom", name=f"{name}:{i}", size=text(it["radius"]), group=SEEN, **shape)
 
 
 def add_arm(world: Element, arm: dict, gripper: dict, *, drive_kg: float, mass_ratios=None, X_MG=np.eye(4)) -> None:
