@@ -87,7 +87,7 @@ def add_object(asset: Element, world: Element, thing: dict) -> None:
             SubElement(asset, "mesh", name=f"part{i}", vertex=text(part["hull"]))
             SubElement(body, "geom", name=f"object:{i}", type="mesh", mesh=f"part{i}", group=HIDDEN)
         else:
-            SubElement(body, "geom", name=f"object:{i}", size=text(part["radius"]), pos=text(part["centre"]), group=HIDDEN)
+            SubElement(body, "geom", name=f"object:{i}", size=text(part["ball"]["radius_m"]), pos=text(part["ball"]["centre"]), group=HIDDEN)
 
 
 def add_pairs(root: Element, friction: float, torsion_m: float, solref: tuple[float, float]) -> None:

@@ -1,5 +1,6 @@
 //! The referee: the only place where truth meets score.
 
+pub mod cell_samples;
 mod counted;
 pub mod faulty_cameras;
 mod impact;
@@ -111,11 +112,6 @@ pub fn judge(setup: &Setup, trial: &Trial) -> Verdict {
     }
 }
 
-/// Why an object was not caught and held in any cell, from the truth alone; `None` if it was. The limits of the arm are left out.
-pub fn why_not_held(truth: &Truth) -> Option<Reason> {
-    reason::why_not_held(&Evidence::of_truth(truth))
-}
-
 /// When the gripper first touched the object.
 fn first_contact_s(truth: &Truth) -> Option<f64> {
     truth.samples.iter().find(|sample| sample.contact.gripper()).map(|sample| sample.time_s)
@@ -197,20 +193,6 @@ impl<'a> Evidence<'a> {
                 com_O: true_com_O(setup),
                 symmetry: setup.known().reference().symmetry,
             }),
-        }
-    }
-
-    /// Of a cell whose brain tells nothing.
-    fn of_truth(truth: &'a Truth) -> Self {
-        Self {
-            truth,
-            snapshots: &[],
-            contact_s: first_contact_s(truth),
-            last: None,
-            catch_s: None,
-            at_catch: None,
-            undisturbed_O: None,
-            known: None,
         }
     }
 

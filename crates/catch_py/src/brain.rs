@@ -11,7 +11,10 @@ use catch_cell::{Brain as _, CameraModel, KnownObject, ObjectFigures, ReferenceS
 use catch_lab::{
     assets::Kind,
     recording,
-    scenario::setup::Setup,
+    scenario::{
+        Scenario,
+        setup::{DEFAULT_SCENARIO, Setup},
+    },
     trial::{StateSnapshot, stopwatch::Stopwatch},
 };
 use catch_recording::{
@@ -215,9 +218,10 @@ fn known_object(object: &Bound<'_, PyAny>, known: Option<&Bound<'_, PyAny>>) -> 
     Ok(KnownObject { scan, figures })
 }
 
-/// The scan of a surface whose middle is at the origin, by the cameras of the built-in rig.
+/// The scan of a surface whose middle is at the origin, by the cameras that scan objects in the default scenario.
 fn scanned(mesh: &TriangleMesh) -> PyResult<ReferenceScan> {
-    let rig = asset(Kind::Rig, "reference", "object")?;
+    let scenario = Scenario::of_asset(&asset(Kind::Scenario, DEFAULT_SCENARIO, "object")?).map_err(input_fault)?;
+    let rig = asset(Kind::Rig, &scenario.reference_rig, "object")?;
     Ok(reference_scan(mesh, &rig_from_toml(&rig.file, &rig.text).map_err(input_fault)?))
 }
 

@@ -6,13 +6,15 @@ use catch_body::{
     Gripper as BodyGripper, InputError, JointVector, Pose, Robot as BodyRobot, robot::LimitScale,
     robot_file::RobotFiles, workcell::Workcell,
 };
-use catch_lab::assets::{Asset, Kind, Origin};
+use catch_lab::{
+    assets::{Asset, Kind, Origin},
+    scenario::setup::Setup,
+};
 use catch_recording::{sources::Sources, whole_file::COMMAND_LINE};
-use catch_sim::{ThrownObject, object::ColliderPart};
 use nalgebra::{Matrix3, Point3};
 use numpy::{PyArray1, PyArray2, ToPyArray};
 use pyo3::{prelude::*, types::PyDict};
-use serde_json::{Value, json};
+use serde_json::json;
 
 use crate::{
     arguments::{Named, fault, input_fault, joints, json_dict},
@@ -224,16 +226,13 @@ impl Gripper {
     }
 }
 
-/// An object as it truly is, for whoever simulates it.
-pub fn object_dict<'py>(py: Python<'py>, object: &ThrownObject) -> PyResult<Bound<'py, PyDict>> {
-    let parts = object.parts.iter().map(|part| match part {
-        ColliderPart::Ball { centre, radius_m } => json!({ "centre": coordinates(centre), "radius": radius_m }),
-        ColliderPart::Hull(points) => json!({ "hull": points.iter().map(coordinates).collect::<Vec<_>>() }),
-    });
+/// The object of a setup as it truly is, for whoever simulates it.
+pub fn object_dict<'py>(py: Python<'py>, setup: &Setup) -> PyResult<Bound<'py, PyDict>> {
+    let object = &setup.object;
     let numbers = json!({
         "name": object.name, "mass": object.mass_kg, "com": coordinates(&object.com_O),
         "inertia": matrix_rows(&object.inertia_kgm2), "restitution": object.restitution,
-        "stiffness_npm": object.stiffness_npm, "parts": parts.collect::<Vec<Value>>(),
+        "stiffness_npm": object.stiffness_npm, "parts": object.parts,
     });
     let dict = json_dict(py, &numbers)?;
     let vertices: Vec<Vec<f64>> = object.mesh.vertices.iter().map(|it| coordinates(it).to_vec()).collect();

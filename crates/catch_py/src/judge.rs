@@ -1,8 +1,7 @@
 //! The referee's rule for any cell whose truth is known.
 
-use catch_body::{JointVector, Pose};
-use catch_lab::referee;
-use catch_sim::{Truth, TruthSample, truth::Contact};
+use catch_body::Pose;
+use catch_lab::referee::cell_samples::{CellSample, why_not_held};
 use pyo3::{exceptions::PyTypeError, prelude::*, types::PyDict};
 
 use crate::{
@@ -47,33 +46,17 @@ pub fn judge(
     let (grippers, objects) = (poses("X_WG", &grippers)?, poses("X_WO", &objects)?);
     let sample = |i: usize| {
         let touches = |part: usize| contacts[6 * i + part] != 0.0;
-        TruthSample {
+        CellSample {
             time_s: times[i],
-            q: JointVector::zeros(),
-            dq: Numbers { values: speeds.values[i * dof..(i + 1) * dof].to_vec(), shape: vec![dof] }.joints(),
-            torque: JointVector::zeros(),
             X_WG: grippers[i],
-            V_WG: catch_body::Twist::default(),
+            X_WO: objects[i],
             width_m: widths[i],
             commanded_width_m: commanded[i],
-            finger_force_n: [0.0; 2],
-            X_WO: objects[i],
-            V_WO: catch_body::Twist::default(),
-            contact: Contact {
-                left_finger: touches(0),
-                right_finger: touches(1),
-                palm: touches(2),
-                arm: touches(3),
-                floor: touches(4),
-                obstacle: touches(5),
-                peak_impulse_ns: 0.0,
-            },
+            dq: Numbers { values: speeds.values[i * dof..(i + 1) * dof].to_vec(), shape: vec![dof] }.joints(),
+            touches: std::array::from_fn(touches),
         }
     };
-    let truth = Truth {
-        samples: (0..times.len()).map(sample).collect(),
-        disturbed_since_s: disturbed_since_s.map(|it| number("disturbed_since_s", it)).transpose()?,
-        ..Truth::default()
-    };
-    Ok(py.detach(|| referee::why_not_held(&truth)).map(name_of))
+    let samples: Vec<CellSample> = (0..times.len()).map(sample).collect();
+    let disturbed_since_s = disturbed_since_s.map(|it| number("disturbed_since_s", it)).transpose()?;
+    Ok(py.detach(|| why_not_held(&samples, disturbed_since_s)).map(name_of))
 }

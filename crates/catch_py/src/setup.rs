@@ -161,10 +161,11 @@ impl Setup {
     }
 
     /// The object as it truly is: `name`, `mass`, `com`, `inertia` about it, `restitution`, `stiffness_npm`, its surface (`vertices`, `faces`)
-    /// and the convex `parts` as which it collides, each a `hull` of points or a ball with `centre` and `radius`.
+    /// and the convex `parts` as which it collides, each a `hull` of points or a `ball` with
+    /// `centre` and `radius_m`.
     #[getter]
     fn object<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        object_dict(py, &self.lab.object)
+        object_dict(py, &self.lab)
     }
 
     /// The cameras that watch the flight, as the brain believes them to be.

@@ -178,7 +178,7 @@ fn what_is_held_stays_whichever_way_the_hand_is_turned() {
             farthest_m
         };
         assert!(drift_m(0.667) < 1e-3, "{name}: {} m", drift_m(0.667));
-        // A banana between the fingers of one without friction is held by its bend.
+        // The parts of a banana hold it even so.
         assert!(name == "banana" || drift_m(0.0) > 0.05, "{name} without friction: {} m", drift_m(0.0));
     }
 }
