@@ -139,25 +139,26 @@ def scene(setup, drawn: dict, drive_kg: float) -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_string(tostring(root, "unicode"))
 
 
+def bounce(ratio: float, rate: float) -> float:
+    """How fast a ball that meets the floor at 3 m/s leaves it, as a fraction."""
+    root, _, world = empty()
+    SubElement(world, "geom", name="floor:0", type="plane", size="1 1 1")
+    ball = SubElement(world, "body", name="object", pos="0 0 0.0301")
+    SubElement(ball, "freejoint")
+    SubElement(ball, "geom", name="object:0", size="0.03", mass="0.1")
+    add_pairs(root, 0.5, 5e-4, (1 / (rate * ratio), ratio))
+    model = mujoco.MjModel.from_xml_string(tostring(root, "unicode"))
+    data = mujoco.MjData(model)
+    data.qvel[2] = -3.0
+    mujoco.mj_step(model, data, 60)
+    return data.qvel[2] / 3.0
+
+
 @cache
 def damping_ratio(restitution: float, rate: float) -> float:
-    """The damping ratio with which a ball that meets the floor at 3 m/s leaves it `restitution` times as fast."""
-
-    def bounce(ratio: float) -> float:
-        root, _, world = empty()
-        SubElement(world, "geom", name="floor:0", type="plane", size="1 1 1")
-        ball = SubElement(world, "body", name="object", pos="0 0 0.0301")
-        SubElement(ball, "freejoint")
-        SubElement(ball, "geom", name="object:0", size="0.03", mass="0.1")
-        add_pairs(root, 0.5, 5e-4, (1 / (rate * ratio), ratio))
-        model = mujoco.MjModel.from_xml_string(tostring(root, "unicode"))
-        data = mujoco.MjData(model)
-        data.qvel[2] = -3.0
-        mujoco.mj_step(model, data, 60)
-        return data.qvel[2] / 3.0
-
+    """The damping ratio of contacts with this restitution, by bisection."""
     low, high = 0.02, 1.0
     for _ in range(12):
         middle = (low + high) / 2
-        low, high = (middle, high) if bounce(middle) > restitution else (low, middle)
+        low, high = (middle, high) if bounce(middle, rate) > restitution else (low, middle)
     return high

@@ -159,8 +159,9 @@ impl DepthFrame {
             Some(window) => read_window(window, [width, height])?,
         };
         let depths = depths.as_slice()?;
-        if let Some(negative) = depths.iter().find(|it| **it < 0.0 && it.is_finite()) {
-            return Err(fault("depth_m", negative, "depths of zero or more"));
+        // Without an early end, which would keep the compiler from comparing several at a time.
+        if depths.iter().fold(false, |is_negative, depth| is_negative | (*depth < 0.0)) {
+            return Err(fault("depth_m", "one below zero", "depths of zero or more"));
         }
         let depth_m = depths.iter().map(|&it| if it > 0.0 && it < f32::INFINITY { it } else { f32::NAN }).collect();
         let mask = mask.map(|mask| {
