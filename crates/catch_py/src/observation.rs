@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use catch_body::quantity;
 use catch_cell::{Observation as Sensed, PixelWindow};
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{Element, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::{exceptions::PyTypeError, prelude::*};
 
 use crate::{
@@ -147,8 +147,7 @@ impl DepthFrame {
     ) -> PyResult<Self> {
         let camera = camera.checked(py, "camera", 0, quantity::CAMERA_NUMBER.most as u64)? as usize;
         let capture_s = quantity("capture_s", capture_s, &quantity::CLOCK_S)?;
-        let depths = rows(depth_m, "depth_m", "f", "float32")?;
-        let depths: PyReadonlyArray2<'_, f32> = depths.extract()?;
+        let depths: PyReadonlyArray2<'_, f32> = rows(depth_m, "depth_m", "f", "float32")?;
         let [height, width] = [0, 1].map(|axis| depths.shape()[axis]);
         let most = quantity::PIXEL.most as usize;
         if height.max(width) > most {
@@ -165,8 +164,7 @@ impl DepthFrame {
         }
         let depth_m = depths.iter().map(|&it| if it > 0.0 && it < f32::INFINITY { it } else { f32::NAN }).collect();
         let mask = mask.map(|mask| {
-            let mask = rows(mask, "mask", "b", "bool")?;
-            let mask: PyReadonlyArray2<'_, bool> = mask.extract()?;
+            let mask: PyReadonlyArray2<'_, bool> = rows(mask, "mask", "b", "bool")?;
             let [rows, columns] = [0, 1].map(|axis| mask.shape()[axis]);
             if [rows, columns] == [height, width] {
                 Ok(mask.as_slice()?.to_vec())
@@ -240,8 +238,19 @@ fn read_window(window: &Bound<'_, PyAny>, [width, height]: [usize; 2]) -> PyResu
     Ok(PixelWindow { left: found.0, top: found.1, width: found.2, height: found.3 })
 }
 
-/// An array of rows whose numbers are of this kind, as NumPy names kinds, as a contiguous one of a type.
-fn rows<'py>(value: &Bound<'py, PyAny>, argument: &str, kind: &str, dtype: &str) -> PyResult<Bound<'py, PyAny>> {
+/// An array of rows whose numbers are of this kind, as NumPy names kinds, as a contiguous one of the type `dtype`.
+fn rows<'py, T: Element>(
+    value: &Bound<'py, PyAny>,
+    argument: &str,
+    kind: &str,
+    dtype: &str,
+) -> PyResult<PyReadonlyArray2<'py, T>> {
+    // Most come as they are needed.
+    if let Ok(array) = value.extract::<PyReadonlyArray2<'py, T>>()
+        && array.is_c_contiguous()
+    {
+        return Ok(array);
+    }
     let expected = format!("rows of {dtype}");
     let numpy = value.py().import("numpy")?;
     let wrong = |found: String| PyTypeError::new_err(format!("{argument}: found {found}, expected {expected}"));
@@ -255,5 +264,5 @@ fn rows<'py>(value: &Bound<'py, PyAny>, argument: &str, kind: &str, dtype: &str)
         return Err(fault(argument, format!("{axes} axes"), expected));
     }
     // Narrowing may turn a number into infinity, which is no depth.
-    numpy.call_method1("ascontiguousarray", (array, dtype))
+    Ok(numpy.call_method1("ascontiguousarray", (array, dtype))?.extract()?)
 }
