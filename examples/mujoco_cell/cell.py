@@ -117,7 +117,8 @@ class MujocoCell:
         drawn, arena, clock = setup.conditions(seed, index), setup.scenario["arena"], setup.scenario["clock"]
         self.setup, self.drawn, self.n, self.random = setup, drawn, setup.dof, np.random.default_rng([seed, index])
         is_real = arena["gripper"] == "real"
-        self.model, self.nominal = mjcf.scene(setup, drawn, mjcf.DRIVE_KG if is_real else 0.0), mjcf.nominal(setup)
+        self.xml, self.nominal = mjcf.scene(setup, drawn, mjcf.DRIVE_KG if is_real else 0.0), mjcf.nominal(setup)
+        self.model = mujoco.MjModel.from_xml_string(self.xml)
         self.data, self.believed = mujoco.MjData(self.model), mujoco.MjData(self.nominal)
         self.executor, self.images = cb.Executor(setup.robot, setup.gripper), Images(setup, drawn, self.random)
         self.fingers = Fingers(setup.gripper.numbers, is_real, drawn["gripper_phase_s"])

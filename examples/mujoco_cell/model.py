@@ -116,8 +116,8 @@ def nominal(setup) -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_string(tostring(root, "unicode"))
 
 
-def scene(setup, drawn: dict, drive_kg: float) -> mujoco.MjModel:
-    """Everything, under the conditions that were drawn for a throw."""
+def scene(setup, drawn: dict, drive_kg: float) -> str:
+    """Everything, under the conditions that were drawn for a throw: an MJCF."""
     arm, gripper, thing = setup.robot.numbers, setup.gripper.numbers, setup.object
     root, asset, world = empty()
     SubElement(world, "geom", name="floor:0", type="plane", size="20 20 1", group=HIDDEN)
@@ -136,7 +136,11 @@ def scene(setup, drawn: dict, drive_kg: float) -> mujoco.MjModel:
     torsion_m = 5e-4 if stiffness is None else 2 / 3 * np.sqrt(radius * gripper["max_force_n"] / stiffness)
     ratio = damping_ratio(round(drawn["restitution"], 2), rate)
     add_pairs(root, max(drawn["friction"], 1e-5), torsion_m, (1 / (rate * ratio), ratio))
-    return mujoco.MjModel.from_xml_string(tostring(root, "unicode"))
+    for i, (it, stands) in enumerate(zip(setup.cameras, drawn["cameras"], strict=True)):
+        # MuJoCo's cameras look along -z, with y up.
+        X_WC = matrix(stands["position_m"], stands["orientation_xyzw"]) @ np.diag([1, -1, -1, 1])
+        SubElement(world, "camera", name=f"camera:{i}", fovy=text(np.degrees(2 * np.arctan(it.size_px[1] / 2 / it.K[0, 0]))), **frame(X_WC))
+    return tostring(root, "unicode")
 
 
 def bounce(ratio: float, rate: float) -> float:

@@ -45,7 +45,7 @@ impl<'py> FromPyObject<'_, 'py> for Named {
 
 impl Named {
     /// As text.
-    pub fn text(&self, py: Python<'_>, argument: &str) -> PyResult<String> {
+    pub fn text(self, py: Python<'_>, argument: &str) -> PyResult<String> {
         let value = self.0.bind(py);
         let text = py.import("os")?.call_method1("fspath", (value,)).ok().and_then(|it| it.extract().ok());
         text.ok_or_else(|| type_fault(argument, value, "a name, or a file as a str or a pathlib.Path"))

@@ -264,5 +264,5 @@ fn rows<'py, T: Element>(
         return Err(fault(argument, format!("{axes} axes"), expected));
     }
     // Narrowing may turn a number into infinity, which is no depth.
-    Ok(numpy.call_method1("ascontiguousarray", (array, dtype))?.extract()?)
+    numpy.call_method1("ascontiguousarray", (array, dtype))?.extract()
 }

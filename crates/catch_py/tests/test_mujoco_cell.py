@@ -80,3 +80,16 @@ def test_the_bounce_has_the_restitution_that_was_asked_for(cell):
     for restitution in [0.3, 0.6, 0.75]:
         ratio = model.damping_ratio(restitution, 1000.0)
         assert model.bounce(ratio, 1000.0) == pytest.approx(restitution, abs=0.03)
+
+
+def test_the_scene_is_a_file_that_mujoco_loads(tmp_path):
+    command = [sys.executable, EXAMPLE / "run.py", "--scenario", "honest", "--object", "banana", "--mjcf", tmp_path / "scene.xml"]
+    run = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "scene.xml"))
+    camera = cb.Setup("honest").cameras[0]
+    assert run.stderr == "" and model.ncam == 20
+    assert model.cam_fovy[0] == pytest.approx(np.degrees(2 * np.arctan(camera.size_px[1] / 2 / camera.K[0, 0])))
+    # Nothing of the compiler or of the first step is a warning.
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data)
+    assert not any(it.number for it in data.warning) and list(tmp_path.iterdir()) == [tmp_path / "scene.xml"]
