@@ -20,6 +20,8 @@ class Fingers:
         self.queue, self.widest_m, self.most_n = cb.GripperQueue(), gripper["max_width_m"], gripper["max_force_n"]
         self.width_m, self.rate_mps, self.wanted_m, self.force_n = self.widest_m, 0.0, self.widest_m, self.most_n
         self.speed_mps, self.state = 0.0, cb.GripperState(self.widest_m)
+        # What a move says that the fingers obey: all of it, the width alone, or only whether they open or close.
+        self.control = gripper.get("drive", {}).get("control", "speed_and_force")
         # A real drive is critically damped at 300 rad/s and knows limits; an ideal one is as stiff as 1 kHz allows, and knows none.
         kg, light = gripper["finger_mass_kg"] + mjcf.DRIVE_KG, min(gripper["finger_mass_kg"] / 0.05, 1.0)
         self.stiffness, self.damping, self.ahead_kg = (kg * 300.0**2, 2 * kg * 300.0, kg / 2) if is_real else (1e4 * light, 40 * light, 0.0)
@@ -31,8 +33,11 @@ class Fingers:
     def forces(self, now_s: float, at_m: np.ndarray, speed_mps: np.ndarray) -> np.ndarray:
         width_m, rate_mps, is_cycle = at_m.sum(), speed_mps.sum(), now_s + 1e-9 >= self.next_s
         while is_cycle and (move := self.queue.take_due(now_s, self.latency_s)) is not None:
-            self.wanted_m, self.speed_mps = np.clip(move.width_m, 0.0, self.widest_m), min(move.speed_mps, self.fastest)
-            self.force_n = min(move.force_n, self.most_n)
+            self.wanted_m = np.clip(move.width_m, 0.0, self.widest_m)
+            if self.control == "two_state":
+                self.wanted_m = self.widest_m if 2 * move.width_m > self.widest_m else 0.0
+            obeys = self.control == "speed_and_force"
+            self.speed_mps, self.force_n = (min(move.speed_mps, self.fastest), min(move.force_n, self.most_n)) if obeys else (self.fastest, self.most_n)
         # The set-point brakes in time, and waits for fingers that something keeps.
         way, before_mps, change = self.wanted_m - self.width_m, self.rate_mps, self.acceleration * TICK_S
         target = np.sign(way) * min(self.speed_mps, np.sqrt(2 * self.acceleration * abs(way)))

@@ -26,9 +26,10 @@ OBJECTS = ["tennis_ball", "banana", "pill_bottle"]
 CONDITIONS = [("paper", "near_sampled"), ("paper", "far_sampled"), ("honest", "random")]
 
 
-def row(name: str, pairs: list[tuple[bool, bool]]) -> str:
-    """Counts of throws by who caught them, with the 95 % interval of the difference of paired rates by Agresti and Min (2005)."""
-    n = len(pairs)
+def row(name: str, throws: list[list[str | None]], other: int) -> str:
+    """Counts of throws by who caught them, the arena or the `other` of the outcomes, with the 95 % interval of the difference of paired
+    rates by Agresti and Min (2005)."""
+    pairs, n = [(it[0] is None, it[other] is None) for it in throws], len(throws)
     both, first, second, neither = (pairs.count(it) for it in [(True, True), (True, False), (False, True), (False, False)])
     b, c, m = first + 0.5, second + 0.5, n + 2
     difference, half = (c - b) / m, 1.96 * math.sqrt(b + c - (b - c) ** 2 / m) / m
@@ -60,15 +61,20 @@ def main() -> None:
     parser.add_argument("--kept", type=Path, default=ROOT / "target/engines.jsonl", help="throws that are done")
     asked = parser.parse_args()
     engines, steps, differing = [], [], []
+    every = {scenario: [] for scenario, _ in CONDITIONS}
     for scenario, kind in CONDITIONS:
         for thing in OBJECTS:
             throws = [outcomes(asked.kept, scenario, kind, thing, asked.seed, index) for index in range(getattr(asked, scenario))]
             name = f"`{scenario}`, `{kind}`, {thing}"
-            engines.append(row(name, [(arena is None, other is None) for arena, other, _ in throws]))
-            steps.append(row(name, [(arena is None, quarter is None) for arena, _, quarter in throws]))
+            every[scenario] += throws
+            engines.append(row(name, throws, 1))
+            steps.append(row(name, throws, 2))
             for index, found in enumerate(throws):
                 if len({it is None for it in found}) > 1:
                     differing.append(f"| {name} | {index} | " + " | ".join(it or "caught" for it in found) + " |")
+    for scenario, throws in every.items():
+        engines.append(row(f"`{scenario}`, all", throws, 1))
+        steps.append(row(f"`{scenario}`, all", throws, 2))
     page = PAGE.format(
         engines="\n".join(engines),
         steps="\n".join(steps),
