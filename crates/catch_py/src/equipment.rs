@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use catch_body::{
-    Gripper as BodyGripper, InputError, JointVector, Pose, Robot as BodyRobot, robot::LimitScale,
-    robot_file::RobotFiles, workcell::Workcell,
+    Gripper as BodyGripper, InputError, Pose, Robot as BodyRobot, robot::LimitScale, robot_file::RobotFiles,
+    workcell::Workcell,
 };
 use catch_lab::{
     assets::{Asset, Kind, Origin},
@@ -17,7 +17,7 @@ use pyo3::{prelude::*, types::PyDict};
 use serde_json::json;
 
 use crate::{
-    arguments::{Named, fault, input_fault, joints, json_dict},
+    arguments::{Named, Numbers, input_fault, joints, json_dict},
     cell_state::joint_array,
 };
 
@@ -83,8 +83,8 @@ impl Robot {
             model.obstacles = Workcell::from_toml(&around.file, &around.text).map_err(input_fault)?.obstacles;
         }
         if let Some(ready_q) = ready_q {
-            let q = joints("ready_q", ready_q, model.dof())?;
-            model.ready_q = checked_pose(&model, "ready_q", &q)?;
+            let values = Numbers::read("ready_q", ready_q, &[model.dof()])?.values;
+            model.ready_q = model.checked_pose(COMMAND_LINE, "--ready_q", &values).map_err(input_fault)?;
         }
         let workcell = around.map(|it| it.text);
         Ok(Self { model, texts: Texts { urdf, toml: arm.text, workcell, limit_scale: LimitScale::default() } })
@@ -168,17 +168,6 @@ impl Robot {
     fn __repr__(&self) -> String {
         format!("<Robot {}: {} joints>", self.model.name, self.dof())
     }
-}
-
-/// Joint positions within the limits.
-fn checked_pose(robot: &BodyRobot, argument: &str, q: &JointVector) -> PyResult<JointVector> {
-    for (i, joint) in robot.joints.iter().enumerate() {
-        let (lower, upper) = (joint.limits.lower, joint.limits.upper);
-        if !(lower..=upper).contains(&q[i]) {
-            return Err(fault(argument, q[i], format!("{lower} to {upper} for joint {i}")));
-        }
-    }
-    Ok(*q)
 }
 
 /// A gripper by its name or file.

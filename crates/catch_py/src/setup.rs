@@ -9,7 +9,7 @@ use catch_lab::scenario::{
     catch_plan,
     setup::{Choice, DEFAULT_SCENARIO, Setup as LabSetup},
 };
-use catch_recording::brain::Method;
+use catch_recording::{brain::Method, whole_file::COMMAND_LINE};
 use numpy::{PyArray1, PyArray2};
 use pyo3::{
     exceptions::PyTypeError,
@@ -18,7 +18,7 @@ use pyo3::{
 };
 
 use crate::{
-    arguments::{MOST, Named, Whole, fault, input_fault, interruptible, joints, json_dict, number, settings},
+    arguments::{MOST, Named, Numbers, Whole, fault, input_fault, interruptible, joints, json_dict, number, settings},
     brain::Brain,
     camera::Camera,
     cell_state::joint_array,
@@ -248,14 +248,10 @@ impl Setup {
         flight: &Bound<'_, PyAny>,
         now_s: &Bound<'_, PyAny>,
     ) -> PyResult<Plan> {
-        let q = joints("q", q, self.dof())?;
+        let q = Numbers::read("q", q, &[self.dof()])?.values;
+        let q = self.lab.robot.checked_pose(COMMAND_LINE, "--q", &q).map_err(input_fault)?;
         let dq = joints("dq", dq, self.dof())?;
         for (i, joint) in self.lab.robot.joints.iter().enumerate() {
-            let limits = &joint.limits;
-            if q[i] < limits.lower || q[i] > limits.upper {
-                let expected = format!("{} to {} for joint {i}", limits.lower, limits.upper);
-                return Err(fault("q", q[i], expected));
-            }
             let [low, high] = joint.velocity_range(q[i]);
             if dq[i] < low || dq[i] > high {
                 return Err(fault("dq", dq[i], format!("{low} to {high} for joint {i}")));

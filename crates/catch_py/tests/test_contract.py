@@ -133,6 +133,7 @@ def test_paths_are_names(tmp_path):
     assert cb.Gripper(ROOT / "assets/grippers/wsg50.toml").toml == setup.gripper.toml
     assert cb.Robot(ROOT / "assets/robots/iiwa14").urdf == setup.robot.urdf
     raises("robot", cb.Setup, robot=3)
+    raises("ready_q", cb.Robot, "iiwa14", ready_q=np.full(7, 9.0))
     raises("gripper", cb.Gripper, 3)
 
 
