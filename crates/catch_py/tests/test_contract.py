@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import os
 import pickle
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -242,6 +244,28 @@ def test_the_referee_judges_any_cell():
     raises("samples", cb.judge, 3)
     raises("samples: dq", cb.judge, held(dq=np.zeros((3, 7))))
     raises("samples: X_WG", cb.judge, {it: value for it, value in held().items() if it != "X_WG"})
+
+
+def test_threads_share_what_cannot_change(setup):
+    """Observations, a brain and an executor in eight threads, while the garbage collector runs."""
+    brain, executor, q = setup.brain(), cb.Executor(setup.robot, setup.gripper), setup.ready_q
+    frames, faults = [cb.DepthFrame(it, 0.0, np.ones((20, 20))) for it in range(3)], []
+
+    def work():
+        try:
+            for _ in range(50):
+                seen = cb.Observation(0.0, executor.arm_state(0.0, q, 0 * q), cb.GripperState(0.1), frames)
+                assert same(seen, made_again(seen)) and brain.tick(seen).trajectory is None
+                gc.collect(0)
+        except Exception as fault:
+            faults.append(fault)
+
+    threads = [threading.Thread(target=work) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not faults, faults
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
