@@ -168,6 +168,10 @@ def sphere(radius_m: float) -> tuple[np.ndarray, np.ndarray]:
 
 def test_brains_without_a_scenario(setup):
     cameras = [cb.Camera(it.K, it.size_px, it.X_WC, sheet="perfect") for it in setup.cameras]
+    for one, again in zip(cameras, pickle.loads(pickle.dumps(cameras)), strict=True):
+        np.testing.assert_array_equal(one.K, again.K)
+        np.testing.assert_allclose(one.X_WC, again.X_WC, atol=1e-12)
+        assert one.size_px == again.size_px and one.rate_hz == again.rate_hz
     known = {"mass_kg": 0.058, "drag_per_m": 0.0, "drag_sd_per_m": 0.0}
     make = lambda thing, **more: cb.Brain(setup.robot, setup.gripper, cameras, thing, known=known, **more)
     arena = cb.Setup("paper").arena()
