@@ -78,18 +78,23 @@ impl Channel for GroundTruth {
     }
 }
 
+/// What the brain of throw number `index` of `seed` is made from.
+pub fn cell(setup: &Setup, seed: u64, index: u64) -> RecordedCell {
+    RecordedCell {
+        brain: setup.brain_config(seed, index),
+        sources: setup.sources.clone(),
+        ready_rad: setup.robot.ready_q.as_slice()[..setup.robot.dof()].to_vec(),
+        cameras: setup.believed_cameras(seed),
+        reference_scan: setup.known_object.scan.clone(),
+    }
+}
+
 /// Begins the recording of a scene in `folder`, which is made if it does not exist.
 ///
 /// # Errors
 /// If the folder or the file cannot be written.
 pub fn begin(folder: &Path, setup: &Setup, scene: &Scene) -> io::Result<Recorder> {
-    let cell = RecordedCell {
-        brain: setup.brain_config(scene.seed, scene.index),
-        sources: setup.sources.clone(),
-        ready_rad: setup.robot.ready_q.as_slice()[..setup.robot.dof()].to_vec(),
-        cameras: setup.believed_cameras(scene.seed),
-        reference_scan: setup.known_object.scan.clone(),
-    };
+    let cell = cell(setup, scene.seed, scene.index);
     let title = format!("{}, {} throw", scene.object, scene.throw).replace('_', " ");
     let simulation = Simulation { scene: scene.clone(), scenario: setup.scenario.clone() };
     Recorder::begin(folder, &file_stem(scene), title, cell, Some(simulation))

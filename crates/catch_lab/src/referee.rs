@@ -1,5 +1,6 @@
 //! The referee: the only place where truth meets score.
 
+pub mod cell_samples;
 mod counted;
 pub mod faulty_cameras;
 mod impact;
@@ -89,7 +90,7 @@ impl Verdict {
 /// Judges a trial.
 pub fn judge(setup: &Setup, trial: &Trial) -> Verdict {
     let truth = &trial.truth;
-    let contact_s = truth.samples.iter().find(|sample| sample.contact.gripper()).map(|sample| sample.time_s);
+    let contact_s = first_contact_s(truth);
     let evidence = Evidence::new(setup, trial, contact_s);
     let reason = reason::why_not_caught(&evidence);
     let servo = &truth.servo;
@@ -109,6 +110,11 @@ pub fn judge(setup: &Setup, trial: &Trial) -> Verdict {
         contact_s,
         measures: evidence.measures(setup),
     }
+}
+
+/// When the gripper first touched the object.
+fn first_contact_s(truth: &Truth) -> Option<f64> {
+    truth.samples.iter().find(|sample| sample.contact.gripper()).map(|sample| sample.time_s)
 }
 
 /// The result of one trial.
@@ -152,8 +158,13 @@ pub(crate) struct Evidence<'a> {
     pub at_catch: Option<&'a TruthSample>,
     /// Where the object's O would have been at the planned catch if nothing had touched it.
     pub undisturbed_O: Option<Point3<f64>>,
+    /// The object, where it is known.
+    known: Option<Known<'a>>,
+}
+
+/// The object of a setup.
+struct Known<'a> {
     object: &'a ThrownObject,
-    grasp_centre_G: Point3<f64>,
     /// As [`true_com_O`] has it.
     com_O: Point3<f64>,
     symmetry: Symmetry,
@@ -177,10 +188,11 @@ impl<'a> Evidence<'a> {
             catch_s,
             at_catch: catch_s.and_then(|at| sample_at(truth, at)),
             undisturbed_O: catch_s.and_then(|at| undisturbed_position(truth, &setup.object, at)),
-            object: &setup.object,
-            grasp_centre_G: setup.gripper.grasp_centre(),
-            com_O: true_com_O(setup),
-            symmetry: setup.known().reference().symmetry,
+            known: Some(Known {
+                object: &setup.object,
+                com_O: true_com_O(setup),
+                symmetry: setup.known().reference().symmetry,
+            }),
         }
     }
 
@@ -197,7 +209,7 @@ impl<'a> Evidence<'a> {
 
     fn error_of(&self, report: &Report) -> Option<f64> {
         let flight = report.flight.as_ref()?;
-        let predicted = flight.pose_at(self.catch_s?) * self.com_O;
+        let predicted = flight.pose_at(self.catch_s?) * self.known.as_ref()?.com_O;
         Some((predicted - self.undisturbed_O?).norm())
     }
 
@@ -208,7 +220,7 @@ impl<'a> Evidence<'a> {
             let undisturbed = |sample: &TruthSample| self.first_contact_s().is_none_or(|touch| sample.time_s < touch);
             Some((pose, sample_at(self.truth, pose.capture_s).filter(|sample| undisturbed(sample))?))
         })?;
-        Some(((pose.X_WO * self.com_O).coords - sample.X_WO.translation.vector).norm())
+        Some(((pose.X_WO * self.known.as_ref()?.com_O).coords - sample.X_WO.translation.vector).norm())
     }
 
     /// When anything first touched the object.
@@ -224,27 +236,28 @@ impl<'a> Evidence<'a> {
     /// How far the undisturbed object would have been from where the plan wants it in the gripper at the catch.
     pub fn grasp_offset_m(&self) -> Option<f64> {
         let p_GO = self.at_catch?.X_WG.inverse_transform_point(&self.undisturbed_O?);
-        Some((p_GO - self.plan()?.grasp.X_OG.inverse_transform_point(&self.com_O)).norm())
+        Some((p_GO - self.plan()?.grasp.X_OG.inverse_transform_point(&self.known.as_ref()?.com_O)).norm())
     }
 
     /// How far the object would have been turned from `R_WO` at the planned catch if nothing had touched it.
     fn turn_from(&self, R_WO: &UnitQuaternion<f64>) -> Option<f64> {
         let sample = self.before_contact()?;
-        let (undisturbed, _) = coasted(self.object, (&sample.X_WO, &sample.V_WO), self.catch_s? - sample.time_s);
-        Some(self.symmetry.turn_between(R_WO, &undisturbed.rotation).norm())
+        let known = self.known.as_ref()?;
+        let (undisturbed, _) = coasted(known.object, (&sample.X_WO, &sample.V_WO), self.catch_s? - sample.time_s);
+        Some(known.symmetry.turn_between(R_WO, &undisturbed.rotation).norm())
     }
 
     /// The instant midway between the first contacts of the two fingers, less that at which the undisturbed object's centre would
     /// have been nearest the grasp centre.
-    fn contact_delay_s(&self) -> Option<f64> {
+    fn contact_delay_s(&self, setup: &Setup) -> Option<f64> {
         let samples = &self.truth.samples;
         let first = |touches: fn(&TruthSample) -> bool| samples.iter().find(|it| touches(it)).map(|it| it.time_s);
         let (left_s, right_s) = (first(|it| it.contact.left_finger)?, first(|it| it.contact.right_finger)?);
         let near =
             |it: &&TruthSample| self.catch_s.is_some_and(|catch_s| (it.time_s - catch_s).abs() < NEAREST_WITHIN_S);
         let distance = |sample: &TruthSample| {
-            let undisturbed = undisturbed_position(self.truth, self.object, sample.time_s)?;
-            Some((undisturbed - sample.X_WG * self.grasp_centre_G).norm())
+            let undisturbed = undisturbed_position(self.truth, &setup.object, sample.time_s)?;
+            Some((undisturbed - sample.X_WG * setup.gripper.grasp_centre()).norm())
         };
         let distances = samples.iter().filter(near).filter_map(|sample| Some((sample.time_s, distance(sample)?)));
         let (nearest_s, _) = distances.min_by(|a, b| a.1.total_cmp(&b.1))?;
@@ -256,7 +269,7 @@ impl<'a> Evidence<'a> {
         let sample = self.before_contact()?;
         let planned_GO = self.plan()?.grasp.X_OG.inverse().translation.vector;
         let p_GO = sample.X_WG.inverse_transform_point(&sample.X_WO.translation.vector.into());
-        let way_W = relative_velocity(sample, self.object).try_normalize(1e-6)?;
+        let way_W = relative_velocity(sample, self.known.as_ref()?.object).try_normalize(1e-6)?;
         Some((p_GO.coords - planned_GO).dot(&sample.X_WG.rotation.inverse_transform_vector(&way_W)))
     }
 
@@ -268,10 +281,10 @@ impl<'a> Evidence<'a> {
 
     fn measures(&self, setup: &Setup) -> Measures {
         let servo = &self.truth.servo;
-        let plan = self.plan();
+        let (plan, grasp_centre_G) = (self.plan(), setup.gripper.grasp_centre());
         let velocity_G = self
             .before_contact()
-            .map(|sample| sample.X_WG.rotation.inverse_transform_vector(&relative_velocity(sample, self.object)));
+            .map(|sample| sample.X_WG.rotation.inverse_transform_vector(&relative_velocity(sample, &setup.object)));
         let impulses =
             self.truth.samples.iter().filter(|sample| sample.contact.gripper()).map(|it| it.contact.peak_impulse_ns);
         // Nothing that touched the gripper: all of the trial was before it.
@@ -288,12 +301,12 @@ impl<'a> Evidence<'a> {
             tracking_error_m: self
                 .at_catch
                 .zip(plan)
-                .map(|(sample, plan)| (sample.X_WG * self.grasp_centre_G - plan.X_WG * self.grasp_centre_G).norm()),
+                .map(|(sample, plan)| (sample.X_WG * grasp_centre_G - plan.X_WG * grasp_centre_G).norm()),
             grasp_offset_m: self.grasp_offset_m(),
             grasp_rotation_error_rad: self.at_catch.zip(plan).and_then(|(sample, plan)| {
                 self.turn_from(&(sample.X_WG.rotation * plan.grasp.X_OG.rotation.inverse()))
             }),
-            contact_delay_s: self.contact_delay_s(),
+            contact_delay_s: self.contact_delay_s(setup),
             relative_speed_mps: velocity_G.map(|it| it.norm()),
             sideways_fraction: velocity_G.and_then(|it| Some(it.try_normalize(1e-6)?.x.abs())),
             palm_fraction: velocity_G.and_then(|it| Some(-it.try_normalize(1e-6)?.y)),

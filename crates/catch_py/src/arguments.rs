@@ -1,6 +1,14 @@
 //! Arguments from Python: every one is checked, and errors name it.
 
-use std::fmt::Display;
+use std::{
+    fmt::Display,
+    sync::{
+        Mutex, PoisonError,
+        mpsc::{self, RecvTimeoutError},
+    },
+    thread,
+    time::Duration,
+};
 
 use catch_body::{InputError, JointVector};
 use catch_recording::whole_file::COMMAND_LINE;
@@ -8,10 +16,58 @@ use nalgebra::Point3;
 use numpy::{PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::{
     Borrowed,
-    exceptions::{PyOSError, PyTypeError, PyValueError},
+    exceptions::{PyOSError, PyRuntimeError, PyTypeError, PyValueError},
     prelude::*,
     types::{PyBool, PyDict, PyString},
 };
+
+/// A serialized name, such as that of a state.
+pub fn name_of(value: impl serde::Serialize) -> String {
+    serde_json::to_value(value).ok().and_then(|it| it.as_str().map(str::to_owned)).unwrap_or_default()
+}
+
+/// A serialized map as a dict.
+pub fn json_dict<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bound<'py, PyDict>> {
+    let text = serde_json::to_string(value).map_err(|it| PyRuntimeError::new_err(it.to_string()))?;
+    Ok(py.import("json")?.call_method1("loads", (text,))?.cast_into()?)
+}
+
+/// A name, or a file as a `str` or a `pathlib.Path`, that is checked once the name of its argument is known.
+pub struct Named(Py<PyAny>);
+
+impl<'py> FromPyObject<'_, 'py> for Named {
+    type Error = PyErr;
+
+    fn extract(value: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        Ok(Self(value.to_owned().unbind()))
+    }
+}
+
+impl Named {
+    /// As text.
+    pub fn text(self, py: Python<'_>, argument: &str) -> PyResult<String> {
+        let value = self.0.bind(py);
+        let text = py.import("os")?.call_method1("fspath", (value,)).ok().and_then(|it| it.extract().ok());
+        text.ok_or_else(|| type_fault(argument, value, "a name, or a file as a str or a pathlib.Path"))
+    }
+}
+
+/// Does `work` in another thread. An interrupt of the user comes out within a moment; the work then ends by itself, and nobody sees what
+/// comes of it.
+pub fn interruptible<T: Send + 'static>(py: Python<'_>, work: impl FnOnce() -> T + Send + 'static) -> PyResult<T> {
+    const LOOKS_EVERY: Duration = Duration::from_millis(50);
+    let (sender, receiver) = mpsc::channel();
+    thread::spawn(move || sender.send(work()));
+    let receiver = Mutex::new(receiver);
+    loop {
+        let wait = || receiver.lock().unwrap_or_else(PoisonError::into_inner).recv_timeout(LOOKS_EVERY);
+        match py.detach(wait) {
+            Ok(done) => return Ok(done),
+            Err(RecvTimeoutError::Timeout) => py.check_signals()?,
+            Err(RecvTimeoutError::Disconnected) => return Err(PyRuntimeError::new_err("the work panicked")),
+        }
+    }
+}
 
 /// The largest number that a throw or a seed can have: what TOML can hold.
 pub const MOST: u64 = i64::MAX as u64;
@@ -22,7 +78,7 @@ pub fn fault(argument: &str, found: impl Display, expected: impl Display) -> PyE
 }
 
 /// The exception for a value of a wrong type.
-fn type_fault(argument: &str, value: &Bound<'_, PyAny>, expected: &str) -> PyErr {
+pub fn type_fault(argument: &str, value: &Bound<'_, PyAny>, expected: &str) -> PyErr {
     let found = value.get_type().name().map_or_else(|_| "another type".to_owned(), |it| it.to_string());
     PyTypeError::new_err(format!("{argument}: found {found}, expected {expected}"))
 }
@@ -167,6 +223,20 @@ pub fn settings(settings: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<String>> {
         Ok(format!("{field}={text}"))
     };
     settings.iter().map(setting).collect()
+}
+
+/// Fields by their names, with dots where they lie in tables, as TOML.
+pub fn toml_text(argument: &str, fields: Option<&Bound<'_, PyAny>>) -> PyResult<String> {
+    let Some(fields) = fields else { return Ok(String::new()) };
+    let fields = fields.cast::<PyDict>().map_err(|_| type_fault(argument, fields, "a dict of fields"))?;
+    let line = |(field, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
+        let field = field.cast::<PyString>().map_err(|_| type_fault(argument, &field, "names of fields"))?.to_string();
+        if !field.chars().all(|it| it.is_ascii_alphanumeric() || ['_', '.'].contains(&it)) {
+            return Err(fault(argument, format!("the field `{field}`"), "a field's name"));
+        }
+        Ok(format!("{field} = {}\n", toml_value(&format!("{argument}: {field}"), &value, 0)?))
+    };
+    fields.iter().map(line).collect()
 }
 
 /// Tables in tables, at most.

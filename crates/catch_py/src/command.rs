@@ -3,12 +3,16 @@
 use std::sync::Arc;
 
 use catch_body::MAX_JOINTS;
-use catch_cell::{ArmTrajectory, BSpline, Command as Sent, TrajectoryId};
+use catch_cell::{ArmTrajectory, BSpline, Command as Sent, PixelWindow, TrajectoryId};
 use catch_lab::trial::StateSnapshot;
 use numpy::{PyArray1, PyArray2};
 use pyo3::{exceptions::PyTypeError, prelude::*};
 
-use crate::arguments::{MOST, Numbers, Whole, fault, number};
+use crate::{
+    arguments::{MOST, Numbers, Whole, fault, number},
+    cell_state::Made,
+    observation::{Window, window_of},
+};
 
 /// A motion of the arm: a clamped cubic B-spline of joint positions over the cell's clock.
 #[pyclass(frozen, module = "catchingbot")]
@@ -19,6 +23,11 @@ pub struct Trajectory {
 }
 
 impl Trajectory {
+    /// Its identifier.
+    pub fn number(&self) -> u64 {
+        self.id
+    }
+
     /// Joint positions over time.
     pub fn spline(&self) -> &BSpline {
         &self.spline
@@ -53,6 +62,11 @@ impl Trajectory {
         Ok(Self { id, spline, dof })
     }
 
+    fn __reduce__<'py>(slf: &Bound<'py, Self>, py: Python<'py>) -> PyResult<Made<'py>> {
+        let it = slf.get();
+        Ok((slf.get_type().into_any(), (it.id, it.knots_s(py), it.control_points(py)?).into_pyobject(py)?))
+    }
+
     /// Identifier, higher than those of all trajectories that were sent before.
     #[getter]
     fn id(&self) -> u64 {
@@ -78,6 +92,21 @@ pub struct GripperMove {
     sent: catch_cell::GripperMove,
 }
 
+impl From<catch_cell::GripperMove> for GripperMove {
+    fn from(sent: catch_cell::GripperMove) -> Self {
+        Self { sent }
+    }
+}
+
+impl GripperMove {
+    /// Moves in a list.
+    pub fn list(moves: &Bound<'_, PyAny>, argument: &str) -> PyResult<Vec<catch_cell::GripperMove>> {
+        let wrong = || PyTypeError::new_err(format!("{argument}: expected a list of GripperMove"));
+        let one = |it: PyResult<Bound<'_, PyAny>>| Ok(it?.cast::<Self>().map_err(|_| wrong())?.get().sent);
+        moves.try_iter().map_err(|_| wrong())?.map(one).collect()
+    }
+}
+
 #[pymethods]
 impl GripperMove {
     #[new]
@@ -98,6 +127,11 @@ impl GripperMove {
             force_n: above_zero("force_n", force_n)?,
         };
         Ok(Self { sent })
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>, py: Python<'py>) -> PyResult<Made<'py>> {
+        let catch_cell::GripperMove { start_s, width_m, speed_mps, force_n } = slf.get().sent;
+        Ok((slf.get_type().into_any(), (start_s, width_m, speed_mps, force_n).into_pyobject(py)?))
     }
 
     /// When it begins, on the cell's clock.
@@ -145,21 +179,25 @@ impl Command {
 #[pymethods]
 impl Command {
     #[new]
-    #[pyo3(signature = (trajectory=None, gripper=None))]
-    fn new(trajectory: Option<&Bound<'_, PyAny>>, gripper: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
-        let expected =
-            |argument: &str, expected: &str| PyTypeError::new_err(format!("{argument}: expected {expected}"));
-        let trajectory =
-            trajectory.map(|it| it.cast::<Trajectory>().map_err(|_| expected("trajectory", "a Trajectory or None")));
-        let trajectory = trajectory.transpose()?.map(Bound::get);
-        let moves = gripper.map(|moves| {
-            let wrong = || expected("gripper", "a list of GripperMove or None");
-            let one = |it: PyResult<Bound<'_, PyAny>>| Ok(it?.cast::<GripperMove>().map_err(|_| wrong())?.get().sent);
-            moves.try_iter().map_err(|_| wrong())?.map(one).collect::<PyResult<Vec<_>>>()
-        });
+    #[pyo3(signature = (trajectory=None, gripper=None, windows=None))]
+    fn new(
+        trajectory: Option<&Bound<'_, PyAny>>,
+        gripper: Option<&Bound<'_, PyAny>>,
+        windows: Option<Vec<Window>>,
+    ) -> PyResult<Self> {
+        let wrong = |_| PyTypeError::new_err("trajectory: expected a Trajectory or None");
+        let trajectory = trajectory.map(|it| it.cast::<Trajectory>().map_err(wrong)).transpose()?.map(Bound::get);
+        let moves = gripper.map(|moves| GripperMove::list(moves, "gripper"));
         let arm = trajectory.map(|it| ArmTrajectory { id: TrajectoryId(it.id), spline: it.spline.clone() });
-        let sent = Sent { arm, gripper: moves.transpose()?, windows: None };
+        let window = |(left, top, width, height): Window| PixelWindow { left, top, width, height };
+        let windows = windows.map(|windows| windows.into_iter().map(window).collect());
+        let sent = Sent { arm, gripper: moves.transpose()?, windows };
         Ok(Self { sent, snapshot: None, dof: trajectory.map_or(0, |it| it.dof) })
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>, py: Python<'py>) -> PyResult<Made<'py>> {
+        let it = slf.get();
+        Ok((slf.get_type().into_any(), (it.trajectory(), it.gripper(), it.windows()).into_pyobject(py)?))
     }
 
     /// Replaces the executing trajectory from its start on; `None` changes nothing.
@@ -173,5 +211,11 @@ impl Command {
     #[getter]
     fn gripper(&self) -> Option<Vec<GripperMove>> {
         self.sent.gripper.as_ref().map(|moves| moves.iter().map(|&sent| GripperMove { sent }).collect())
+    }
+    /// The part of each camera's next images that the brain wants, as (left, top, width, height) in pixels; `None` means all that the cameras
+    /// give by themselves.
+    #[getter]
+    fn windows(&self) -> Option<Vec<Window>> {
+        self.sent.windows.as_ref().map(|windows| windows.iter().map(window_of).collect())
     }
 }

@@ -12,10 +12,7 @@ use nalgebra::{Matrix6, Quaternion, Unit, UnitQuaternion, Vector3};
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods};
 use pyo3::{create_exception, exceptions::PyValueError, prelude::*};
 
-use crate::{
-    arguments::{Numbers, fault, input_fault, number},
-    observation::name_of,
-};
+use crate::arguments::{Numbers, fault, input_fault, name_of, number};
 
 create_exception!(catchingbot, NoFlight, PyValueError, "No flight fits the track; the message says why.");
 

@@ -1,13 +1,20 @@
-//! The Python package `catchingbot`: throws, evaluations, predictions, registrations and plans, and the arena step by step.
+//! The Python package `catchingbot`: throws, evaluations, predictions, registrations and plans, the arena step by step, and the contract
+//! for cells of one's own.
 //!
 //! Every argument is checked before any work begins, and exceptions name it. The interpreter is detached while the lab works, so that
 //! other Python threads go on. Arrays are copied in and out. Units are SI; matrices are in monogram notation, as in the rest of the
 //! project.
 
 mod arguments;
+mod brain;
+mod camera;
+mod cell_state;
 mod command;
+mod equipment;
 mod evaluation;
+mod executor;
 mod flight;
+mod judge;
 mod observation;
 mod plan;
 mod policy_actor;
@@ -29,19 +36,25 @@ use pyo3::prelude::*;
 mod _catchingbot {
     #[pymodule_export]
     use crate::{
+        brain::{Brain, Recorder},
+        camera::{Camera, camera_from_json},
+        cell_state::{ArmState, GripperState, Rejection},
         command::{Command, GripperMove, Trajectory},
+        equipment::{Gripper, Robot},
         evaluation::{columns_of, parquet},
+        executor::{Executor, GripperQueue},
         flight::{Flight, NoFlight, predict},
-        observation::{Camera, DepthFrame, Observation},
+        judge::judge,
+        observation::{DepthFrame, Observation},
         plan::Plan,
         python_stages::{ObjectPose, Situation},
         registration::{RegisteredPose, register},
         setup::Setup,
         steered_arena::SteeredArena,
-        stepping::{Arena, Brain},
+        stepping::Arena,
         study::{study_setup, study_steps},
         suite::suite_file,
-        trial::Trial,
+        trial::{Trial, trial_from},
     };
     use pyo3::prelude::*;
 

@@ -1,16 +1,16 @@
-//! What the cell senses, as Python sees it.
+//! What the cell senses, as Python sees and makes it.
 
 use std::sync::Arc;
 
-use catch_body::JointVector;
-use catch_cell::{CameraModel, Observation as Sensed};
-use numpy::{PyArray1, PyArray2, PyArrayMethods, ToPyArray};
-use pyo3::prelude::*;
+use catch_body::quantity;
+use catch_cell::{Observation as Sensed, PixelWindow};
+use numpy::{Element, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::{exceptions::PyTypeError, prelude::*};
 
-/// One number per joint of the arm.
-pub fn joint_array<'py>(py: Python<'py>, joints: &JointVector, dof: usize) -> Bound<'py, PyArray1<f64>> {
-    PyArray1::from_slice(py, &joints.as_slice()[..dof])
-}
+use crate::{
+    arguments::{Whole, fault},
+    cell_state::{ArmState, GripperState, Made, quantity},
+};
 
 /// What the cell senses at one instant.
 #[pyclass(frozen, module = "catchingbot")]
@@ -36,73 +36,65 @@ impl Observation {
     }
 }
 
-/// A serialized name, such as that of a state.
-pub fn name_of(value: impl serde::Serialize) -> String {
-    serde_json::to_value(value).ok().and_then(|it| it.as_str().map(str::to_owned)).unwrap_or_default()
-}
-
 #[pymethods]
 impl Observation {
+    /// What is sensed at `time_s` on the cell's clock. `frames` are the images that have arrived since the last observation: any number, in any
+    /// order, taken at `time_s` or before.
+    #[new]
+    #[pyo3(signature = (time_s, arm, gripper, frames=None), text_signature = "(time_s, arm, gripper, frames=())")]
+    fn of_parts(
+        time_s: &Bound<'_, PyAny>,
+        arm: &Bound<'_, PyAny>,
+        gripper: &Bound<'_, PyAny>,
+        frames: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let wrong = |argument: &str, kind: &str| PyTypeError::new_err(format!("{argument}: expected {kind}"));
+        let time_s = quantity("time_s", time_s, &quantity::CLOCK_S)?;
+        let arm = arm.cast::<ArmState>().map_err(|_| wrong("arm", "an ArmState"))?.get();
+        let gripper = gripper.cast::<GripperState>().map_err(|_| wrong("gripper", "a GripperState"))?.get();
+        let unlisted = || wrong("frames", "a list of DepthFrame");
+        let one = |it: PyResult<Bound<'_, PyAny>>| {
+            let frame = it?.cast::<DepthFrame>().map_err(|_| unlisted())?.get().frame().clone();
+            let is_past = frame.capture_s <= time_s;
+            let found = format!("one that was taken at {} s", frame.capture_s);
+            if is_past { Ok(frame) } else { Err(fault("frames", found, format!("at most time_s, {time_s} s"))) }
+        };
+        let frames = frames.map(|it| it.try_iter().map_err(|_| unlisted())?.map(one).collect::<PyResult<Vec<_>>>());
+        let frames = frames.transpose()?.unwrap_or_default();
+        let sensed = Sensed { time_s, arm: arm.sensed.clone(), gripper: gripper.sensed, frames };
+        Ok(Self::new(Arc::new(sensed), arm.dof))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>, py: Python<'py>) -> PyResult<Made<'py>> {
+        let it = slf.get();
+        let arguments = (it.time_s(), it.arm(), it.gripper(), it.frames());
+        Ok((slf.get_type().into_any(), arguments.into_pyobject(py)?))
+    }
+
     /// The cell's clock in seconds.
     #[getter]
     fn time_s(&self) -> f64 {
         self.sensed.time_s
     }
 
-    /// Joint positions in radians as the encoders give them.
+    /// The arm as its robot controller reports it.
     #[getter]
-    fn q<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        joint_array(py, &self.sensed.arm.q, self.dof)
+    fn arm(&self) -> ArmState {
+        ArmState { sensed: self.sensed.arm.clone(), dof: self.dof }
     }
 
-    /// Joint velocities in rad/s as the encoders give them.
+    /// The gripper as it reports itself.
     #[getter]
-    fn dq<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        joint_array(py, &self.sensed.arm.dq, self.dof)
-    }
-
-    /// Positions, velocities and accelerations that the robot controller asks of the joints, one a row.
-    #[getter]
-    fn commanded<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let catch_cell::Setpoint { q, dq, ddq } = &self.sensed.arm.commanded;
-        let rows = [q, dq, ddq].map(|row| row.as_slice()[..self.dof].to_vec());
-        Ok(PyArray2::from_vec2(py, &rows)?)
-    }
-
-    /// Identifier of the trajectory that is being executed, if there is one.
-    #[getter]
-    fn executing(&self) -> Option<u64> {
-        self.sensed.arm.executing.map(|it| it.0)
-    }
-
-    /// The trajectories that were rejected since the last observation: identifiers with reasons.
-    #[getter]
-    fn rejected(&self) -> Vec<(u64, String)> {
-        self.sensed.arm.rejected.iter().map(|it| (it.id.0, it.reason.to_string())).collect()
-    }
-
-    /// Distance between the fingers' inner faces in metres.
-    #[getter]
-    fn gripper_width_m(&self) -> f64 {
-        self.sensed.gripper.width_m
-    }
-
-    /// Force of each finger in N.
-    #[getter]
-    fn gripper_force_n(&self) -> f64 {
-        self.sensed.gripper.force_n
-    }
-
-    /// What the gripper's drive makes of its grasp: idle, positioning, grasping, holding, no_part or part_lost.
-    #[getter]
-    fn gripper_state(&self) -> String {
-        name_of(self.sensed.gripper.grasp)
+    fn gripper(&self) -> GripperState {
+        GripperState { sensed: self.sensed.gripper }
     }
 
     /// Depth images that have arrived since the last observation.
     #[getter]
     fn frames(&self) -> Vec<DepthFrame> {
-        (0..self.sensed.frames.len()).map(|index| DepthFrame { sensed: self.sensed.clone(), index }).collect()
+        (0..self.sensed.frames.len())
+            .map(|index| DepthFrame { image: Image::Sensed(self.sensed.clone(), index) })
+            .collect()
     }
 
     fn __repr__(&self) -> String {
@@ -113,13 +105,23 @@ impl Observation {
 /// One depth image, or the window of it that was read out.
 #[pyclass(frozen, module = "catchingbot")]
 pub struct DepthFrame {
-    sensed: Arc<Sensed>,
-    index: usize,
+    image: Image,
+}
+
+enum Image {
+    /// In an observation, at this index.
+    Sensed(Arc<Sensed>, usize),
+    /// By itself.
+    Alone(Box<catch_cell::DepthFrame>),
 }
 
 impl DepthFrame {
-    fn frame(&self) -> &catch_cell::DepthFrame {
-        &self.sensed.frames[self.index]
+    /// As the contract has it.
+    pub fn frame(&self) -> &catch_cell::DepthFrame {
+        match &self.image {
+            Image::Sensed(observation, index) => &observation.frames[*index],
+            Image::Alone(frame) => frame,
+        }
     }
 
     /// Rows and columns.
@@ -130,7 +132,61 @@ impl DepthFrame {
 
 #[pymethods]
 impl DepthFrame {
-    /// Index of the camera in `Setup.cameras`.
+    /// An image of camera number `camera`, whose shutter closed at `capture_s` on the cell's clock: depths along the optical axis in metres, rows
+    /// by columns. Zero, NaN and infinity are no depth. `window` (left, top, width, height) is the part of the image that this is, all of it if
+    /// nothing is said; `mask` tells which of its pixels show the object, where the cell's sensors can tell.
+    #[new]
+    #[pyo3(signature = (camera, capture_s, depth_m, window=None, mask=None))]
+    fn new(
+        py: Python<'_>,
+        camera: Whole,
+        capture_s: &Bound<'_, PyAny>,
+        depth_m: &Bound<'_, PyAny>,
+        window: Option<&Bound<'_, PyAny>>,
+        mask: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let camera = camera.checked(py, "camera", 0, quantity::CAMERA_NUMBER.most as u64)? as usize;
+        let capture_s = quantity("capture_s", capture_s, &quantity::CLOCK_S)?;
+        let depths: PyReadonlyArray2<'_, f32> = rows(depth_m, "depth_m", "f", "float32")?;
+        let [height, width] = [0, 1].map(|axis| depths.shape()[axis]);
+        let most = quantity::PIXEL.most as usize;
+        if height.max(width) > most {
+            return Err(fault("depth_m", format!("shape ({height}, {width})"), format!("at most {most} each")));
+        }
+        let window = match window {
+            None => PixelWindow { left: 0, top: 0, width: width as u32, height: height as u32 },
+            Some(window) => read_window(window, [width, height])?,
+        };
+        let depths = depths.as_slice()?;
+        // Without an early end, which would keep the compiler from comparing several at a time.
+        if depths.iter().fold(false, |is_negative, depth| is_negative | (*depth < 0.0)) {
+            return Err(fault("depth_m", "one below zero", "depths of zero or more"));
+        }
+        let depth_m = depths.iter().map(|&it| if it > 0.0 && it < f32::INFINITY { it } else { f32::NAN }).collect();
+        let mask = mask.map(|mask| {
+            let mask: PyReadonlyArray2<'_, bool> = rows(mask, "mask", "b", "bool")?;
+            let [rows, columns] = [0, 1].map(|axis| mask.shape()[axis]);
+            if [rows, columns] == [height, width] {
+                Ok(mask.as_slice()?.to_vec())
+            } else {
+                Err(fault(
+                    "mask",
+                    format!("shape ({rows}, {columns})"),
+                    format!("that of depth_m, ({height}, {width})"),
+                ))
+            }
+        });
+        let frame = catch_cell::DepthFrame { camera, capture_s, window, depth_m, mask: mask.transpose()? };
+        Ok(Self { image: Image::Alone(Box::new(frame)) })
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>, py: Python<'py>) -> PyResult<Made<'py>> {
+        let it = slf.get();
+        let arguments = (it.camera(), it.capture_s(), it.depth_m(py)?, it.window(), it.mask(py)?);
+        Ok((slf.get_type().into_any(), arguments.into_pyobject(py)?))
+    }
+
+    /// Index of the camera in the brain's list.
     #[getter]
     fn camera(&self) -> usize {
         self.frame().camera
@@ -142,16 +198,10 @@ impl DepthFrame {
         self.frame().capture_s
     }
 
-    /// First column of the window in the camera's image.
+    /// First column, first row, width and height of the window in the camera's image, in pixels.
     #[getter]
-    fn left(&self) -> u32 {
-        self.frame().window.left
-    }
-
-    /// First row of the window in the camera's image.
-    #[getter]
-    fn top(&self) -> u32 {
-        self.frame().window.top
+    fn window(&self) -> Window {
+        window_of(&self.frame().window)
     }
 
     /// Depth along the optical axis in metres, rows by columns; NaN where nothing was measured.
@@ -167,42 +217,52 @@ impl DepthFrame {
     }
 }
 
-/// A pinhole depth camera at a known place: z along its optical axis, x to the right, y down in the image.
-#[pyclass(frozen, module = "catchingbot")]
-pub struct Camera {
-    model: CameraModel,
+/// First column, first row, width and height in pixels.
+pub type Window = (u32, u32, u32, u32);
+
+/// A window as Python has it.
+pub fn window_of(window: &PixelWindow) -> Window {
+    (window.left, window.top, window.width, window.height)
 }
 
-impl From<&CameraModel> for Camera {
-    fn from(model: &CameraModel) -> Self {
-        Self { model: model.clone() }
+/// A window as wide and as high as an image.
+fn read_window(window: &Bound<'_, PyAny>, [width, height]: [usize; 2]) -> PyResult<PixelWindow> {
+    let expected = || PyTypeError::new_err("window: expected (left, top, width, height) in whole pixels");
+    let found: Window = window.extract().map_err(|_| expected())?;
+    let most = quantity::PIXEL.most as u32;
+    let within = found.0 <= most && found.1 <= most;
+    if !within || [found.2 as usize, found.3 as usize] != [width, height] {
+        let expected = format!("places within {most} pixels, and the size of depth_m, {width} by {height}");
+        return Err(fault("window", format!("{found:?}"), expected));
     }
+    Ok(PixelWindow { left: found.0, top: found.1, width: found.2, height: found.3 })
 }
 
-#[pymethods]
-impl Camera {
-    /// Pose of the camera in the world, 4×4.
-    #[getter]
-    #[allow(non_snake_case)]
-    fn X_WC<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
-        self.model.X_WC.to_homogeneous().to_pyarray(py)
+/// An array of rows whose numbers are of this kind, as NumPy names kinds, as a contiguous one of the type `dtype`.
+fn rows<'py, T: Element>(
+    value: &Bound<'py, PyAny>,
+    argument: &str,
+    kind: &str,
+    dtype: &str,
+) -> PyResult<PyReadonlyArray2<'py, T>> {
+    // Most come as they are needed.
+    if let Ok(array) = value.extract::<PyReadonlyArray2<'py, T>>()
+        && array.is_c_contiguous()
+    {
+        return Ok(array);
     }
-
-    /// Width and height of its images in pixels.
-    #[getter]
-    fn size_px(&self) -> (u32, u32) {
-        (self.model.width_px, self.model.height_px)
+    let expected = format!("rows of {dtype}");
+    let numpy = value.py().import("numpy")?;
+    let wrong = |found: String| PyTypeError::new_err(format!("{argument}: found {found}, expected {expected}"));
+    let array = numpy.call_method1("asarray", (value,)).map_err(|_| wrong(value.get_type().to_string()))?;
+    let found: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
+    if found != kind {
+        return Err(wrong(format!("dtype {}", array.getattr("dtype")?)));
     }
-
-    /// Focal length in pixels.
-    #[getter]
-    fn focal_px(&self) -> f64 {
-        self.model.focal_px
+    let axes: usize = array.getattr("ndim")?.extract()?;
+    if axes != 2 {
+        return Err(fault(argument, format!("{axes} axes"), expected));
     }
-
-    /// Principal point in image coordinates.
-    #[getter]
-    fn principal_px(&self) -> (f64, f64) {
-        self.model.principal_px.into()
-    }
+    // Narrowing may turn a number into infinity, which is no depth.
+    numpy.call_method1("ascontiguousarray", (array, dtype))?.extract()
 }

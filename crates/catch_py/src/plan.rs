@@ -4,10 +4,7 @@ use catch_bot::control::Decision;
 use numpy::{PyArray1, PyArray2, ToPyArray};
 use pyo3::prelude::*;
 
-use crate::{
-    command::control_points,
-    observation::{joint_array, name_of},
-};
+use crate::{arguments::name_of, cell_state::joint_array, command::control_points};
 
 /// A catch and the motion to it, or why there is none.
 #[pyclass(frozen, module = "catchingbot")]

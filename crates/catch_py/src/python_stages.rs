@@ -17,9 +17,9 @@ use pyo3::prelude::*;
 
 use crate::{
     arguments::{fault, number},
+    cell_state::joint_array,
     command::Trajectory,
     flight::Flight,
-    observation::joint_array,
     plan::Plan,
     python_brain::{Made, Maker},
 };

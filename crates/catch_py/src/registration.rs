@@ -11,10 +11,7 @@ use catch_recording::whole_file::COMMAND_LINE;
 use numpy::{PyArray2, ToPyArray};
 use pyo3::{prelude::*, types::PyString};
 
-use crate::{
-    arguments::{Numbers, fault, input_fault, number},
-    observation::name_of,
-};
+use crate::arguments::{Numbers, fault, input_fault, name_of, number};
 
 /// Name of the argument, which is an asset's name, too.
 const REFERENCE: &str = stringify!(reference);

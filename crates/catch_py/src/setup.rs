@@ -7,26 +7,29 @@ use catch_bot::trajectory_optimization::Start;
 use catch_cell::Setpoint;
 use catch_lab::scenario::{
     catch_plan,
-    setup::{Choice, Setup as LabSetup},
+    setup::{Choice, DEFAULT_SCENARIO, Setup as LabSetup},
 };
-use catch_recording::brain::Method;
+use catch_recording::{brain::Method, whole_file::COMMAND_LINE};
 use numpy::{PyArray1, PyArray2};
 use pyo3::{
-    exceptions::{PyRuntimeError, PyTypeError},
+    exceptions::PyTypeError,
     prelude::*,
     types::{PyDict, PyTuple},
 };
 
 use crate::{
-    arguments::{MOST, Whole, fault, input_fault, joints, number, settings},
+    arguments::{MOST, Named, Numbers, Whole, fault, input_fault, interruptible, joints, json_dict, number, settings},
+    brain::Brain,
+    camera::Camera,
+    cell_state::joint_array,
+    equipment::{Gripper, Robot, object_dict},
     evaluation::{Asked, evaluate},
     flight::Flight,
-    observation::{Camera, joint_array},
     plan::Plan,
     policy_actor::Action,
     policy_view::View,
     steered_arena::SteeredArena,
-    stepping::{Arena, Brain},
+    stepping::Arena,
     trial::Trial,
 };
 
@@ -58,30 +61,32 @@ const MOST_THREADS: u64 = catch_lab::evaluation::MOST_THREADS as u64;
 #[pymethods]
 impl Setup {
     #[new]
-    #[pyo3(signature = (scenario="honest", *, robot=None, gripper=None, workcell=None, object=None, throw=None, method=None, settings=None))]
+    #[pyo3(signature = (scenario=None, *, robot=None, gripper=None, workcell=None, object=None, throw=None, method=None, settings=None),
+           text_signature = "(scenario='honest', *, robot=None, gripper=None, workcell=None, object=None, throw=None, method=None, settings=None)")]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn new(
         py: Python<'_>,
-        scenario: &str,
-        robot: Option<&str>,
-        gripper: Option<&str>,
-        workcell: Option<&str>,
-        object: Option<&str>,
-        throw: Option<&str>,
+        scenario: Option<Named>,
+        robot: Option<Named>,
+        gripper: Option<Named>,
+        workcell: Option<Named>,
+        object: Option<Named>,
+        throw: Option<Named>,
         method: Option<&str>,
         settings: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let arguments = PyDict::new(py);
-        let names = [
-            ("robot", robot),
-            ("gripper", gripper),
-            ("workcell", workcell),
-            ("object", object),
-            ("throw", throw),
-            ("method", method),
-        ];
-        arguments.set_item("scenario", scenario)?;
-        names.into_iter().try_for_each(|(name, value)| arguments.set_item(name, value))?;
+        let text = |argument: &str, given: Option<Named>| {
+            let text = given.map(|it| it.text(py, argument)).transpose()?;
+            arguments.set_item(argument, &text)?;
+            Ok::<_, PyErr>(text)
+        };
+        let scenario = text("scenario", scenario)?.unwrap_or_else(|| DEFAULT_SCENARIO.to_owned());
+        let [robot, gripper, workcell] =
+            [text("robot", robot)?, text("gripper", gripper)?, text("workcell", workcell)?];
+        let [object, throw] = [text("object", object)?, text("throw", throw)?];
+        arguments.set_item("scenario", &scenario)?;
+        arguments.set_item("method", method)?;
         arguments.set_item("settings", settings)?;
         let method = match method {
             None => None,
@@ -92,12 +97,12 @@ impl Setup {
         let settings = self::settings(settings)?;
         let lab = py.detach(|| {
             let choice = Choice {
-                scenario: Some(scenario),
-                robot,
-                gripper,
-                workcell,
-                object,
-                throw,
+                scenario: Some(&scenario),
+                robot: robot.as_deref(),
+                gripper: gripper.as_deref(),
+                workcell: workcell.as_deref(),
+                object: object.as_deref(),
+                throw: throw.as_deref(),
                 method,
                 settings: &settings,
             };
@@ -122,9 +127,7 @@ impl Setup {
     /// The scenario, all choices made.
     #[getter]
     fn scenario<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let text = serde_json::to_string(&self.lab.scenario);
-        let text = text.map_err(|it| PyRuntimeError::new_err(format!("the scenario: {it}")))?;
-        Ok(py.import("json")?.call_method1("loads", (text,))?.cast_into()?)
+        json_dict(py, &self.lab.scenario)
     }
 
     /// Number of the arm's joints.
@@ -142,11 +145,27 @@ impl Setup {
     /// Lowest and highest positions, highest velocities, accelerations and torques of the joints, one a row.
     #[getter]
     fn limits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let joints = self.lab.robot.joints.iter().map(|it| it.limits);
-        let columns: Vec<[f64; 5]> =
-            joints.map(|it| [it.lower, it.upper, it.velocity, it.acceleration, it.torque]).collect();
-        let rows: Vec<Vec<f64>> = (0..5).map(|row| columns.iter().map(|column| column[row]).collect()).collect();
-        Ok(PyArray2::from_vec2(py, &rows)?)
+        self.robot().limits(py)
+    }
+
+    /// The arm, with what stands around it; it waits at `ready_q`.
+    #[getter]
+    fn robot(&self) -> Robot {
+        Robot::of_setup(&self.lab.robot, &self.lab.sources)
+    }
+
+    /// The gripper.
+    #[getter]
+    fn gripper(&self) -> Gripper {
+        Gripper::of_setup(&self.lab.gripper, &self.lab.sources)
+    }
+
+    /// The object as it truly is: `name`, `mass`, `com`, `inertia` about it, `restitution`, `stiffness_npm`, its surface (`vertices`, `faces`)
+    /// and the convex `parts` as which it collides, each a `hull` of points or a `ball` with
+    /// `centre` and `radius_m`.
+    #[getter]
+    fn object<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        object_dict(py, &self.lab)
     }
 
     /// The cameras that watch the flight, as the brain believes them to be.
@@ -158,8 +177,15 @@ impl Setup {
     /// Throws once.
     #[pyo3(signature = (seed=Whole::Default(1), index=Whole::Default(0)), text_signature = "($self, seed=1, index=0)")]
     fn run(&self, py: Python<'_>, seed: Whole, index: Whole) -> PyResult<Trial> {
-        let (seed, index) = self.thrown(py, seed, index)?;
-        py.detach(|| Trial::run(&self.lab, seed, index))
+        self.thrown(py, seed, index, |lab, seed, index| Trial::run(lab, seed, index))?
+    }
+
+    /// All that is drawn for a throw: release, friction, restitution, air, masses, mount, where the cameras truly stand. Recordings have it, too.
+    #[pyo3(signature = (seed=Whole::Default(1), index=Whole::Default(0)), text_signature = "($self, seed=1, index=0)")]
+    fn conditions<'py>(&self, py: Python<'py>, seed: Whole, index: Whole) -> PyResult<Bound<'py, PyDict>> {
+        let drawn =
+            self.thrown(py, seed, index, |lab, seed, index| lab.arena(seed, index).truth().conditions.clone())?;
+        json_dict(py, &drawn)
     }
 
     /// Throws `trials` times on all cores, or on `threads` at a time, from throw number `first` on: a table with a column for each
@@ -222,14 +248,10 @@ impl Setup {
         flight: &Bound<'_, PyAny>,
         now_s: &Bound<'_, PyAny>,
     ) -> PyResult<Plan> {
-        let q = joints("q", q, self.dof())?;
+        let q = Numbers::read("q", q, &[self.dof()])?.values;
+        let q = self.lab.robot.checked_pose(COMMAND_LINE, "--q", &q).map_err(input_fault)?;
         let dq = joints("dq", dq, self.dof())?;
         for (i, joint) in self.lab.robot.joints.iter().enumerate() {
-            let limits = &joint.limits;
-            if q[i] < limits.lower || q[i] > limits.upper {
-                let expected = format!("{} to {} for joint {i}", limits.lower, limits.upper);
-                return Err(fault("q", q[i], expected));
-            }
             let [low, high] = joint.velocity_range(q[i]);
             if dq[i] < low || dq[i] > high {
                 return Err(fault("dq", dq[i], format!("{low} to {high} for joint {i}")));
@@ -246,15 +268,14 @@ impl Setup {
     /// The arena with everything in place, the object about to fly.
     #[pyo3(signature = (seed=Whole::Default(1), index=Whole::Default(0)), text_signature = "($self, seed=1, index=0)")]
     fn arena(&self, py: Python<'_>, seed: Whole, index: Whole) -> PyResult<Arena> {
-        let (seed, index) = self.thrown(py, seed, index)?;
-        Ok(py.detach(|| Arena::new(&self.lab, seed, index)))
+        self.thrown(py, seed, index, Arena::new)
     }
 
     /// The scenario's brain, which has seen nothing yet.
     #[pyo3(signature = (seed=Whole::Default(1), index=Whole::Default(0)), text_signature = "($self, seed=1, index=0)")]
     fn brain(&self, py: Python<'_>, seed: Whole, index: Whole) -> PyResult<Brain> {
-        let (seed, index) = scene(py, seed, index)?;
-        Ok(py.detach(|| Brain::new(&self.lab, seed, index)))
+        let ((seed, index), lab) = (scene(py, seed, index)?, self.lab.clone());
+        interruptible(py, move || Brain::of_setup(&lab, seed, index))
     }
 
     /// The same for learned policies. `obs` is what is seen besides the arm: 'state', 'pose', 'depth' or 'cloud'; `action` is what the numbers of
@@ -271,7 +292,6 @@ impl Setup {
         obs: &str,
         action: &str,
     ) -> PyResult<SteeredArena> {
-        let (seed, index) = self.thrown(py, seed, index)?;
         let views = [("state", View::State), ("pose", View::Pose), ("depth", View::Depth), ("cloud", View::Cloud)];
         let actions =
             [("acceleration", Action::Acceleration), ("delta", Action::Delta), ("residual", Action::Residual)];
@@ -283,7 +303,8 @@ impl Setup {
             .iter()
             .find(|(name, _)| *name == action)
             .ok_or_else(|| fault("action", format!("'{action}'"), expected))?;
-        py.detach(|| SteeredArena::new(&self.lab, seed, index, view.1, action.1))
+        let (view, action) = (view.1, action.1);
+        self.thrown(py, seed, index, move |lab, seed, index| SteeredArena::new(lab, seed, index, view, action))?
     }
 
     fn __repr__(&self) -> String {
@@ -293,11 +314,17 @@ impl Setup {
 }
 
 impl Setup {
-    /// Seed and number of a throw that can be thrown.
-    fn thrown(&self, py: Python<'_>, seed: Whole, index: Whole) -> PyResult<(u64, u64)> {
-        let (seed, index) = scene(py, seed, index)?;
-        py.detach(|| self.lab.check_throw(seed, index)).map_err(input_fault)?;
-        Ok((seed, index))
+    /// What `work` makes of a throw, if it is one that can be thrown.
+    fn thrown<T: Send + 'static>(
+        &self,
+        py: Python<'_>,
+        seed: Whole,
+        index: Whole,
+        work: impl FnOnce(&Arc<LabSetup>, u64, u64) -> T + Send + 'static,
+    ) -> PyResult<T> {
+        let ((seed, index), lab) = (scene(py, seed, index)?, self.lab.clone());
+        let checked = move || lab.check_throw(seed, index).map(|()| work(&lab, seed, index));
+        interruptible(py, checked)?.map_err(input_fault)
     }
 }
 

@@ -23,10 +23,10 @@ use pyo3::{
 };
 
 use crate::{
-    arguments::{Numbers, fault},
+    arguments::{Numbers, fault, json_dict},
     policy_actor::{Action, ShiftedBrain, SteeredArm},
     policy_view::{self, SeenArray, View},
-    trial::{dict, line},
+    trial::line,
 };
 
 /// Sees and predicts, and plans nothing.
@@ -211,7 +211,7 @@ impl SteeredArena {
     #[getter]
     fn row<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let row = self.row_of(py, |row| Ok(row.clone()))?;
-        dict(py, &row)
+        json_dict(py, &row)
     }
 
     /// The same as the line of JSON that `catchingbot eval` writes.

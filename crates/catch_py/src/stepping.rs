@@ -1,18 +1,16 @@
-//! The arena and the brain, tick by tick.
+//! The arena, tick by tick.
 
 use std::{
     sync::{Arc, Mutex, PoisonError},
     time::Instant,
 };
 
-use catch_cell::Brain as _;
 use catch_lab::{
     evaluation::{self, Row},
     referee,
     scenario::setup::Setup,
     trial::{Episode, StateSnapshot, stopwatch::Stopwatch},
 };
-use catch_recording::brain::ChosenBrain;
 use pyo3::{
     exceptions::{PyRuntimeError, PyTypeError},
     prelude::*,
@@ -20,11 +18,10 @@ use pyo3::{
 };
 
 use crate::{
-    arguments::fault,
+    arguments::{fault, json_dict},
     command::Command,
-    flight::Flight,
-    observation::{Observation, name_of},
-    trial::{dict, line},
+    observation::Observation,
+    trial::line,
 };
 
 /// One throw in the arena: `act(command)` follows each `sense()` until it is `done`.
@@ -136,7 +133,7 @@ impl Arena {
     #[getter]
     fn row<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let row = self.row_of(py, |row| Ok(row.clone()))?;
-        dict(py, &row)
+        json_dict(py, &row)
     }
 
     /// The same as the line of JSON that `catchingbot eval` writes.
@@ -152,66 +149,5 @@ impl Arena {
             *state = State::Closed;
             Ok(())
         })
-    }
-}
-
-/// The scenario's brain for one throw.
-#[pyclass(frozen, module = "catchingbot")]
-pub struct Brain {
-    brain: Mutex<(Box<ChosenBrain>, Stopwatch)>,
-    dof: usize,
-    cameras: usize,
-}
-
-impl Brain {
-    /// One that has seen nothing yet.
-    pub fn new(setup: &Setup, seed: u64, index: u64) -> Self {
-        let brain = Mutex::new((Box::new(setup.brain(seed, index)), Stopwatch::default()));
-        Self { brain, dof: setup.robot.dof(), cameras: setup.cameras.len() }
-    }
-
-    fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut ChosenBrain, &mut Stopwatch) -> T + Send) -> T {
-        py.detach(|| {
-            let (brain, stopwatch) = &mut *self.brain.lock().unwrap_or_else(PoisonError::into_inner);
-            work(brain, stopwatch)
-        })
-    }
-}
-
-#[pymethods]
-impl Brain {
-    /// One decision about what was sensed.
-    fn tick(&self, py: Python<'_>, observation: &Bound<'_, PyAny>) -> PyResult<Command> {
-        let observation = observation.cast::<Observation>();
-        let observation = observation.map_err(|_| PyTypeError::new_err("observation: expected an Observation"))?.get();
-        let sensed = observation.sensed();
-        if observation.dof() != self.dof || sensed.frames.iter().any(|frame| frame.camera >= self.cameras) {
-            return Err(fault("observation", "one of another setup", "one of this brain's setup"));
-        }
-        Ok(self.with(py, |brain, stopwatch| {
-            stopwatch.start();
-            let command = brain.tick(sensed, stopwatch);
-            stopwatch.stop();
-            let report = Some(brain.report().clone());
-            let snapshot = StateSnapshot { time_s: sensed.time_s, report, stage_ms: stopwatch.last_tick_ms() };
-            Command::of_brain(command, snapshot, self.dof)
-        }))
-    }
-
-    /// Forgets all that was seen and decided.
-    fn reset(&self, py: Python<'_>) {
-        self.with(py, |brain, _| brain.reset());
-    }
-
-    /// How far the last tick got, such as `no_object`, `planned` or `committed`.
-    #[getter]
-    fn status(&self, py: Python<'_>) -> String {
-        name_of(self.with(py, |brain, _| brain.report().status))
-    }
-
-    /// The flight as it is predicted now, if it is.
-    #[getter]
-    fn flight(&self, py: Python<'_>) -> Option<Flight> {
-        self.with(py, |brain, _| brain.report().flight.clone()).map(Flight::of_brain)
     }
 }

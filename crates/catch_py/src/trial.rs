@@ -15,7 +15,10 @@ use pyo3::{
     types::{PyBytes, PyDict},
 };
 
-use crate::arguments::input_fault;
+use crate::{
+    arguments::{fault, input_fault, json_dict},
+    cell_state::Made,
+};
 
 /// A throw, and what became of it.
 #[pyclass(frozen, module = "catchingbot")]
@@ -41,13 +44,20 @@ pub fn line(row: &Row) -> PyResult<String> {
     Ok(line + "\n")
 }
 
-/// A row as a dict.
-pub fn dict<'py>(py: Python<'py>, row: &Row) -> PyResult<Bound<'py, PyDict>> {
-    Ok(py.import("json")?.call_method1("loads", (line(row)?,))?.cast_into()?)
+/// A trial from another process.
+#[pyfunction]
+pub fn trial_from(jsonl: &str, recording: Vec<u8>) -> PyResult<Trial> {
+    let row = serde_json::from_str(jsonl).map_err(|it| fault("jsonl", it, "the row of a trial"))?;
+    Ok(Trial { row, recording })
 }
 
 #[pymethods]
 impl Trial {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>, py: Python<'py>) -> PyResult<Made<'py>> {
+        let make = py.import("catchingbot._catchingbot")?.getattr("trial_from")?;
+        Ok((make, (line(&slf.get().row)?, slf.get().recording(py)).into_pyobject(py)?))
+    }
+
     /// Whether the object was caught and held.
     #[getter]
     fn caught(&self) -> bool {
@@ -65,7 +75,7 @@ impl Trial {
     /// The row of this throw in an evaluation.
     #[getter]
     fn row<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        dict(py, &self.row)
+        json_dict(py, &self.row)
     }
 
     /// The same as the line of JSON that `catchingbot eval` writes.

@@ -115,7 +115,7 @@ def test_commands(setup):
     arena.sense()
     raises("command", arena.act, "go")
     arena.act(cb.Command(cb.Trajectory(1, [0, 0, 0, 0, 1, 1, 1, 1], np.full((4, 8), 0.1))))
-    assert "joint" in arena.sense().rejected[0][1]
+    assert [it.reason for it in arena.sense().arm.rejected] == ["unknown_joint"]
 
 
 def test_brains_of_other_setups(setup):

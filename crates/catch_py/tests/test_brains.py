@@ -30,7 +30,7 @@ class Waiting:
         pass
 
     def tick(self, observation: cb.Observation) -> None:
-        assert observation.q.shape == (7,) and observation.commanded.shape == (3, 7)
+        assert observation.arm.q.shape == (7,) and observation.arm.commanded.shape == (3, 7)
         for frame in observation.frames:
             assert frame.depth_m.dtype == np.float32 and frame.mask.shape == frame.depth_m.shape
 

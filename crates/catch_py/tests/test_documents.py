@@ -10,17 +10,29 @@ import pytest
 
 from conftest import ROOT
 
-BLOCKS = re.findall(r"```python\n(.*?)```", (ROOT / "docs/how-to/use-it-from-python.md").read_text(), re.DOTALL)
+def blocks(page: str) -> list[str]:
+    return re.findall(r"```python\n(.*?)```", (ROOT / "docs/how-to" / page).read_text(), re.DOTALL)
+
+
 NOTEBOOK = json.loads((ROOT / "examples/notebooks/first_throw.ipynb").read_text())
 
 
 def test_the_page_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert len(BLOCKS) >= 7
+    assert len(blocks("use-it-from-python.md")) >= 7
     names: dict[str, object] = {}
-    for block in BLOCKS:
+    for block in blocks("use-it-from-python.md"):
         exec(compile(block, "use-it-from-python.md", "exec"), names)
     assert names["pose"].status == "registered"
+
+
+def test_the_own_cell_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    [cell] = blocks("own-cell-in-python.md")
+    names: dict[str, object] = {}
+    exec(compile(cell, "own-cell-in-python.md", "exec"), names)
+    assert names["brain"].status == "committed" and names["cell"].width_m < 0.06
+    assert (tmp_path / "own_cell.catch").exists()
 
 
 def test_the_notebook_runs(tmp_path, monkeypatch):

@@ -74,7 +74,7 @@ def test_a_catch_is_planned(setup):
     arena.act(cb.Command(cb.Trajectory(1, plan.knots_s, plan.control_points)))
     while not arena.done:
         observation = arena.sense()
-        assert observation.rejected == []
+        assert observation.arm.rejected == []
         arena.act()
     assert arena.row["limit_violations"] == 0
     late = setup.plan(setup.ready_q, 0 * setup.ready_q, flight, 3.0)

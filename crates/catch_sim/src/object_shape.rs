@@ -10,7 +10,7 @@ use catch_body::{
     robot::Inertia,
 };
 use nalgebra::{Matrix3, Point3, Vector3};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use crate::convex_parts::{convex_parts, hull_area_m2, hull_volume_m3};
 
@@ -20,7 +20,8 @@ const SEGMENTS: u32 = 32;
 const BALL_SUBDIVISIONS: u32 = 4;
 
 /// A convex piece of an object, in the object's frame.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum ColliderPart {
     /// A ball.
     Ball {

@@ -8,29 +8,37 @@ True
 
 from catchingbot._catchingbot import (
     Arena,
+    ArmState,
     Brain,
     Camera,
     Command,
     DepthFrame,
+    Executor,
     Flight,
+    Gripper,
     GripperMove,
+    GripperQueue,
+    GripperState,
     NoFlight,
     ObjectPose,
     Observation,
     Plan,
+    Recorder,
     RegisteredPose,
+    Rejection,
+    Robot,
     Setup,
     Situation,
     SteeredArena,
     Trajectory,
     Trial,
     __version__,
+    judge,
     predict,
     register,
 )
 from catchingbot.benchmark import Suite, SuiteResult
 from catchingbot.table import Table
-
 
 
 def suite(name: str) -> Suite:
@@ -40,17 +48,25 @@ def suite(name: str) -> Suite:
 
 __all__ = [
     "Arena",
+    "ArmState",
     "Brain",
     "Camera",
     "Command",
     "DepthFrame",
+    "Executor",
     "Flight",
+    "Gripper",
     "GripperMove",
+    "GripperQueue",
+    "GripperState",
     "NoFlight",
     "ObjectPose",
     "Observation",
     "Plan",
+    "Recorder",
     "RegisteredPose",
+    "Rejection",
+    "Robot",
     "Setup",
     "Situation",
     "SteeredArena",
@@ -60,6 +76,7 @@ __all__ = [
     "Trajectory",
     "Trial",
     "__version__",
+    "judge",
     "predict",
     "register",
     "suite",

@@ -1,0 +1,245 @@
+//! Arms, grippers and objects from their files: texts for whoever reads them, numbers for whoever simulates them.
+
+use std::path::PathBuf;
+
+use catch_body::{
+    Gripper as BodyGripper, InputError, Pose, Robot as BodyRobot, robot::LimitScale, robot_file::RobotFiles,
+    workcell::Workcell,
+};
+use catch_lab::{
+    assets::{Asset, Kind, Origin},
+    scenario::setup::Setup,
+};
+use catch_recording::{sources::Sources, whole_file::COMMAND_LINE};
+use nalgebra::{Matrix3, Point3};
+use numpy::{PyArray1, PyArray2, ToPyArray};
+use pyo3::{prelude::*, types::PyDict};
+use serde_json::json;
+
+use crate::{
+    arguments::{Named, Numbers, input_fault, joints, json_dict},
+    cell_state::joint_array,
+};
+
+/// What an argument names: a built-in asset, or a file.
+pub fn asset(kind: Kind, name: &str, argument: &str) -> PyResult<Asset> {
+    let nowhere = Origin::BuiltIn(PathBuf::new());
+    Asset::find(kind, name, &nowhere, (COMMAND_LINE, &format!("--{argument}"))).map_err(input_fault)
+}
+
+/// An arm by its name or the file `robot.toml`, and what stands around it.
+#[pyclass(frozen, module = "catchingbot")]
+pub struct Robot {
+    /// The arm, with its workcell; it waits at its `ready_q`.
+    pub model: BodyRobot,
+    /// The texts it is made from.
+    texts: Texts,
+}
+
+struct Texts {
+    urdf: String,
+    toml: String,
+    workcell: Option<String>,
+    limit_scale: LimitScale,
+}
+
+impl Robot {
+    /// Of a setup.
+    pub fn of_setup(model: &BodyRobot, sources: &Sources) -> Self {
+        let Sources { robot_urdf, robot_toml, workcell_toml, limit_scale, .. } = sources.clone();
+        let texts = Texts { urdf: robot_urdf, toml: robot_toml, workcell: workcell_toml, limit_scale };
+        Self { model: model.clone(), texts }
+    }
+
+    /// With a gripper, as recordings keep them.
+    pub fn sources(&self, gripper: &Gripper) -> Sources {
+        let Texts { urdf, toml, workcell, limit_scale } = &self.texts;
+        Sources {
+            robot_urdf: urdf.clone(),
+            robot_toml: toml.clone(),
+            gripper_toml: gripper.toml.clone(),
+            workcell_toml: workcell.clone(),
+            limit_scale: *limit_scale,
+        }
+    }
+}
+
+#[pymethods]
+impl Robot {
+    #[new]
+    #[pyo3(signature = (robot, *, workcell=None, ready_q=None))]
+    fn new(
+        py: Python<'_>,
+        robot: Named,
+        workcell: Option<Named>,
+        ready_q: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let arm = asset(Kind::Robot, &robot.text(py, "robot")?, "robot")?;
+        let (urdf_file, urdf) = arm.read_text_beside("robot.urdf").map_err(input_fault)?;
+        let files = RobotFiles { urdf_file: &urdf_file, urdf: &urdf, toml_file: &arm.file, toml: &arm.text };
+        let mut model = BodyRobot::from_files(&files).map_err(input_fault)?;
+        let around = workcell.map(|it| asset(Kind::Workcell, &it.text(py, "workcell")?, "workcell")).transpose()?;
+        if let Some(around) = &around {
+            model.obstacles = Workcell::from_toml(&around.file, &around.text).map_err(input_fault)?.obstacles;
+        }
+        if let Some(ready_q) = ready_q {
+            let values = Numbers::read("ready_q", ready_q, &[model.dof()])?.values;
+            model.ready_q = model.checked_pose(COMMAND_LINE, "--ready_q", &values).map_err(input_fault)?;
+        }
+        let workcell = around.map(|it| it.text);
+        Ok(Self { model, texts: Texts { urdf, toml: arm.text, workcell, limit_scale: LimitScale::default() } })
+    }
+
+    /// Text of `robot.urdf`.
+    #[getter]
+    fn urdf(&self) -> &str {
+        &self.texts.urdf
+    }
+
+    /// Text of `robot.toml`, which says what a URDF cannot.
+    #[getter]
+    fn toml(&self) -> &str {
+        &self.texts.toml
+    }
+
+    /// Text of the workcell's file, if there is one.
+    #[getter]
+    fn workcell(&self) -> Option<&str> {
+        self.texts.workcell.as_deref()
+    }
+
+    /// Number of its joints.
+    #[getter]
+    fn dof(&self) -> usize {
+        self.model.dof()
+    }
+
+    /// Joint positions in radians where it waits.
+    #[getter]
+    fn ready_q<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        joint_array(py, &self.model.ready_q, self.dof())
+    }
+
+    /// Lowest and highest positions, highest velocities, accelerations and torques of the joints, one a row.
+    #[getter]
+    pub fn limits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let joints = self.model.joints.iter().map(|it| it.limits);
+        let columns: Vec<[f64; 5]> =
+            joints.map(|it| [it.lower, it.upper, it.velocity, it.acceleration, it.torque]).collect();
+        let rows: Vec<Vec<f64>> = (0..5).map(|row| columns.iter().map(|column| column[row]).collect()).collect();
+        Ok(PyArray2::from_vec2(py, &rows)?)
+    }
+
+    /// All that a simulator needs. `X_WB` is the pose of the base. Each of `joints` has `name`, `link`, `X_PL` (pose of its link in the one
+    /// before while the joint is at zero), `axis` (in the link), `lower`, `upper`, `torque`, `damping`, `rotor_inertia`, and the link's `mass`,
+    /// `com` and `inertia` (about it). `X_LG` is the pose of the gripper in the last link. `capsules` are its shape: `link` (0 is the base),
+    /// `from`, `to`, `radius`. `boxes` (`X_WS`, `size`) and `obstacle_capsules` stand around it.
+    #[getter]
+    fn numbers<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let it = &self.model;
+        let joints = it.joints.iter().map(|joint| {
+            json!({
+                "name": joint.name, "link": joint.link_name, "X_PL": rows_of(&joint.X_PL), "axis": joint.axis.as_slice(),
+                "lower": joint.limits.lower, "upper": joint.limits.upper, "torque": joint.limits.torque,
+                "damping": joint.damping, "rotor_inertia": joint.rotor_inertia, "mass": joint.inertia.mass,
+                "com": joint.inertia.com.coords.as_slice(), "inertia": matrix_rows(&joint.inertia.about_com),
+            })
+        });
+        let capsule = |link: usize, of: &catch_body::shape::Capsule| {
+            let [from, to] = [of.from, of.to].map(|end| <[f64; 3]>::from(end.coords));
+            json!({ "link": link, "from": from, "to": to, "radius": of.radius })
+        };
+        let boxes = it.obstacles.iter().filter_map(|it| it.as_cuboid());
+        let numbers = json!({
+            "name": it.name, "X_WB": rows_of(&it.X_WB), "joints": joints.collect::<Vec<_>>(), "X_LG": rows_of(&it.X_LG),
+            "capsules": it.capsules.iter().map(|(link, of)| capsule(*link, of)).collect::<Vec<_>>(),
+            "boxes": boxes.map(|(X_WS, of)| json!({ "X_WS": rows_of(X_WS), "size": of.size.as_slice() })).collect::<Vec<_>>(),
+            "obstacle_capsules": it.obstacles.iter().filter_map(|it| it.as_capsule()).map(|of| capsule(0, of)).collect::<Vec<_>>(),
+        });
+        json_dict(py, &numbers)
+    }
+
+    /// Pose of the gripper in the world (4×4) with the joints at `q`.
+    fn gripper_pose<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let q = joints("q", q, self.dof())?;
+        Ok(self.model.gripper_pose(&q).to_homogeneous().to_pyarray(py))
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Robot {}: {} joints>", self.model.name, self.dof())
+    }
+}
+
+/// A gripper by its name or file.
+#[pyclass(frozen, module = "catchingbot")]
+pub struct Gripper {
+    /// The gripper.
+    pub model: BodyGripper,
+    toml: String,
+}
+
+impl Gripper {
+    /// Of a setup.
+    pub fn of_setup(model: &BodyGripper, sources: &Sources) -> Self {
+        Self { model: model.clone(), toml: sources.gripper_toml.clone() }
+    }
+}
+
+#[pymethods]
+impl Gripper {
+    #[new]
+    fn new(py: Python<'_>, gripper: Named) -> PyResult<Self> {
+        let file = asset(Kind::Gripper, &gripper.text(py, "gripper")?, "gripper")?;
+        let model = BodyGripper::from_toml(&file.file, &file.text).map_err(input_fault)?;
+        Ok(Self { model, toml: file.text })
+    }
+
+    /// Text of its file.
+    #[getter]
+    fn toml(&self) -> &str {
+        &self.toml
+    }
+
+    /// The fields of its file, with `latency_s` and `state_rate_hz` of its drive.
+    #[getter]
+    fn numbers<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let fields: toml::Table = InputError::parse_toml("gripper", &self.toml).map_err(input_fault)?;
+        let dict = json_dict(py, &fields)?;
+        dict.set_item("latency_s", self.model.drive.latency_s)?;
+        dict.set_item("state_rate_hz", self.model.drive.state_rate_hz)?;
+        Ok(dict)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Gripper {}>", self.model.name)
+    }
+}
+
+/// The object of a setup as it truly is, for whoever simulates it.
+pub fn object_dict<'py>(py: Python<'py>, setup: &Setup) -> PyResult<Bound<'py, PyDict>> {
+    let object = &setup.object;
+    let numbers = json!({
+        "name": object.name, "mass": object.mass_kg, "com": coordinates(&object.com_O),
+        "inertia": matrix_rows(&object.inertia_kgm2), "restitution": object.restitution,
+        "stiffness_npm": object.stiffness_npm, "parts": object.parts,
+    });
+    let dict = json_dict(py, &numbers)?;
+    let vertices: Vec<Vec<f64>> = object.mesh.vertices.iter().map(|it| coordinates(it).to_vec()).collect();
+    let faces: Vec<Vec<u32>> = object.mesh.triangles.iter().map(|it| it.to_vec()).collect();
+    dict.set_item("vertices", PyArray2::from_vec2(py, &vertices)?)?;
+    dict.set_item("faces", PyArray2::from_vec2(py, &faces)?)?;
+    Ok(dict)
+}
+
+fn coordinates(point: &Point3<f64>) -> [f64; 3] {
+    point.coords.into()
+}
+
+fn matrix_rows(matrix: &Matrix3<f64>) -> [[f64; 3]; 3] {
+    matrix.transpose().into()
+}
+
+#[allow(non_snake_case)]
+fn rows_of(X: &Pose) -> [[f64; 4]; 4] {
+    X.to_homogeneous().transpose().into()
+}

@@ -1,0 +1,95 @@
+"""The example `mujoco_cell`: what the arena catches a second engine catches, too."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import catchingbot as cb
+from conftest import ROOT
+
+mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install mujoco")
+EXAMPLE = ROOT / "examples/mujoco_cell"
+
+
+@pytest.mark.parametrize(("scenario", "throw"), [("paper", "near_sampled"), ("honest", "random")])
+def test_ten_throws_end_alike(scenario, throw):
+    command = [sys.executable, EXAMPLE / "run.py", "--scenario", scenario, "--throw", throw, "--trials", "10", "--json"]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    counts = json.loads(run.stdout)
+    assert counts["trials"] == sum(counts[it] for it in ["both", "arena_only", "mujoco_only", "neither"]) == 10
+    assert counts["arena_only"] + counts["mujoco_only"] <= 1 and counts["both"] >= 8, counts
+
+
+@pytest.fixture(scope="module")
+def cell():
+    sys.path.insert(0, str(EXAMPLE))
+    import cell
+
+    return cell
+
+
+@pytest.mark.parametrize(("robot", "gripper"), [("iiwa14", "wsg50"), ("panda", "franka_hand"), ("ur5e", "robotiq_2f85")])
+def test_the_arm_is_that_of_the_package(cell, robot, gripper):
+    setup = cb.Setup("honest", robot=robot, gripper=gripper, settings={"arena.robot_errors.tool_position_m": 0.0, "arena.robot_errors.tool_rotation_deg": 0.0})
+    it = cell.MujocoCell(setup, 1, 0)
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        q = rng.uniform(setup.limits[0], setup.limits[1])
+        it.data.qpos[: setup.dof] = q
+        mujoco.mj_kinematics(it.model, it.data)
+        hand, X_WG = it.data.body("gripper"), setup.robot.gripper_pose(q)
+        np.testing.assert_allclose(hand.xpos, X_WG[:3, 3], atol=1e-9)
+        np.testing.assert_allclose(hand.xmat.reshape(3, 3), X_WG[:3, :3], atol=1e-9)
+
+
+def test_images_are_those_of_the_arena(cell):
+    """Without errors of the cameras every pixel shows what the arena shows."""
+    setup = cb.Setup("paper", settings={"arena.labels": False})
+    it, seen = cell.MujocoCell(setup, 1, 0), setup.arena().sense()
+    for ours, theirs in zip(seen.frames[:3], it.sense().frames[:3], strict=True):
+        one, other = ours.depth_m, theirs.depth_m
+        assert one.shape == other.shape and (np.isnan(one) != np.isnan(other)).mean() < 2e-3
+        both = ~np.isnan(one) & ~np.isnan(other)
+        assert both.any() and (np.abs(one[both] - other[both]) > 2e-3).mean() < 0.02
+
+
+def test_flights_are_those_of_the_arena(cell):
+    setup = cb.Setup("honest", object="banana")
+    it, drawn = cell.MujocoCell(setup, 1, 0), setup.conditions(1, 0)
+    while it.time_s < 0.4:
+        it.tick()
+    np.testing.assert_allclose(it.drawn["release"]["position_m"], drawn["release"]["position_m"])
+    flown = it.data.body("object").xpos - drawn["release"]["position_m"]
+    v, k = np.array(drawn["release"]["velocity_mps"]), drawn["drag_per_m"]
+    # Small steps of the same law.
+    p, w = np.zeros(3), v.copy()
+    for _ in range(40_000):
+        p, w = p + 1e-5 * w, w + 1e-5 * (np.array([0, 0, -9.81]) - k * np.linalg.norm(w) * w)
+    np.testing.assert_allclose(flown, p, atol=1e-3)
+
+
+def test_the_bounce_has_the_restitution_that_was_asked_for(cell):
+    import model
+
+    for restitution in [0.3, 0.6, 0.75]:
+        ratio = model.damping_ratio(restitution, 1000.0)
+        assert model.bounce(ratio, 1000.0) == pytest.approx(restitution, abs=0.03)
+
+
+def test_the_scene_is_a_file_that_mujoco_loads(tmp_path):
+    command = [sys.executable, EXAMPLE / "run.py", "--scenario", "honest", "--object", "banana", "--mjcf", tmp_path / "scene.xml"]
+    run = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "scene.xml"))
+    camera = cb.Setup("honest").cameras[0]
+    assert run.stderr == "" and model.ncam == 20
+    assert model.cam_fovy[0] == pytest.approx(np.degrees(2 * np.arctan(camera.size_px[1] / 2 / camera.K[0, 0])))
+    # Nothing of the compiler or of the first step is a warning.
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data)
+    assert not any(it.number for it in data.warning) and list(tmp_path.iterdir()) == [tmp_path / "scene.xml"]
