@@ -47,6 +47,7 @@ pub const HARMLESS: Harmless = &[
             "self_collision_checking",
             "collision_checking",
             "self_filter",
+            "kinematic",
             "surface",
             "gravity",
             "origin",

@@ -162,7 +162,7 @@ pub fn run(arguments: &CalibrateArguments) -> anyhow::Result<()> {
         link_sd_m: arguments.link_sd_mm.map(|it| it / 1e3),
         ..calibration::config(&setup.knowledge(), setup.scenario.arena.frame_rate_hz, arguments.seed)
     };
-    calibration::check_memory(&setup, &config, "--poses")?;
+    calibration::check_memory(&setup, &config, (COMMAND_LINE, "--poses"))?;
     let session = calibration::run_session(&setup, &config, &setup.cameras, arguments.seed, 0);
     let found = calibrate(&config, &setup.robot, &setup.gripper, &setup.cameras, &session.session);
     let scene = (arguments.seed, 0);

@@ -59,15 +59,14 @@ impl<'a> Tree<'a> {
     }
 
     fn not_of_an_arm(&self, joint: &TreeJoint) -> InputError {
-        let found = match (&joint.mimics, joint.kind) {
-            (Some(_), _) => "a joint that another drives",
-            (None, JointKind::Revolute) => "a joint of a leg, a wheel or a head by its name",
-            _ => "a joint that slides or floats",
+        let (found, or) = match (&joint.mimics, joint.kind) {
+            (Some(_), _) => ("a joint that another drives", ""),
+            (None, JointKind::Revolute) => {
+                ("a joint of a leg, a wheel or a head by its name", ", `--tip LINK` says that it is one of an arm")
+            }
+            _ => ("a joint that slides or floats", ""),
         };
-        let expected = format!(
-            "revolute joints of an arm: `--base {}` begins behind it, `--tip LINK` says that it is one",
-            joint.child
-        );
+        let expected = format!("revolute joints of an arm: `--base {}` begins behind it{or}", joint.child);
         self.fault(&format!("joint {}", joint.name), found, expected)
     }
 
