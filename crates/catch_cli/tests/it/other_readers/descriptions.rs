@@ -76,7 +76,8 @@ fn text(seed: u64) -> String {
         }
     };
     let vector = |rng: &mut Pcg64, most: f64| {
-        let gap = [" ", "  ", "\t", "\n "][rng.random_range(0..4)];
+        // urdfdom parts at blanks alone.
+        let gap = [" ", "  "][rng.random_range(0..2)];
         [(); 3].map(|()| number(rng, -most, most)).join(gap)
     };
     let origin = |rng: &mut Pcg64| match rng.random_range(0..4) {
