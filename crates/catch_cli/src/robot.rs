@@ -152,7 +152,9 @@ fn import(arguments: &ImportArguments) -> anyhow::Result<()> {
         max_jerk: arguments.max_jerk.clone(),
     };
     let setup = Setup::load(&Choice::default())?;
+    let bar = screen::spinner("fitting capsules");
     let mut imported = ImportedRobot::read(&arguments.file, &options, &setup.gripper)?;
+    bar.finish_and_clear();
 
     // All is written to a folder beside, which takes the name when it is complete.
     let unfinished = unfinished_folder(out)?;

@@ -1,9 +1,9 @@
 //! The best waiting pose for a distribution of throws.
 //!
-//! A pose is worth what the planner can do from it: for every throw of the distribution that the [oracle](super::oracle) calls
-//! within reach it is asked for a catch, as if the flight were known when the first estimate usually is, and the costs of its
-//! choices are summed; a throw that is out of reach or that it cannot catch costs most. Poses near the best one so far are tried
-//! at random, in ever smaller steps. What the best one is worth is told by throws that it was not chosen for.
+//! A pose is worth what the planner can do from it: for every throw of the distribution it is asked for a catch, as if the flight
+//! were known when the first estimate usually is, and the costs of its choices are summed; a throw that it cannot catch costs most.
+//! Poses near the best one so far are tried at random, in ever smaller steps. What the best one is worth is told by throws that it
+//! was not chosen for, also by how many of them are within reach as the [oracle](super::oracle) has it.
 
 use std::sync::Arc;
 
@@ -40,8 +40,6 @@ pub struct Ready {
     pub q: JointVector,
     /// Throws that the planner can catch from there.
     pub caught: usize,
-    /// Throws that are within reach from there by the oracle.
-    pub within_reach: usize,
     /// Throws that were asked for.
     pub throws: usize,
     /// Mean cost.
@@ -107,15 +105,13 @@ impl<'a> Corridor<'a> {
         }
         let start = Start { time_s: FIRST_ESTIMATE_S, state: Setpoint::at_rest(*q) };
         let throws: usize = self.parts.iter().map(|part| part.flights.len()).sum();
-        let (mut cost, mut within_reach, mut travels) = (0.0, 0, Vec::new());
+        let (mut cost, mut travels) = (0.0, Vec::new());
         let failures = FailureCounter::default();
         for part in &self.parts {
-            for (true_flight, flight) in &part.flights {
-                let first_s = self.oracle.first_catch_s(true_flight, q, FIRST_ESTIMATE_S, CATCH_INTERVAL_S);
-                within_reach += usize::from(first_s.is_some());
+            for (_, flight) in &part.flights {
                 let incoming =
                     Incoming { flight, grasps: part.known.grasps(), config: &part.grasping, failures: &failures };
-                let plan = first_s.and_then(|_| part.known.search().search(&start, &incoming).ok());
+                let plan = part.known.search().search(&start, &incoming).ok();
                 cost += plan.as_ref().map_or(MISSED, |plan| plan.cost) / throws as f64;
                 if cost > most_cost {
                     return None;
@@ -124,7 +120,14 @@ impl<'a> Corridor<'a> {
             }
         }
         let (caught, travel_rad) = (travels.len(), median(travels).unwrap_or(0.0));
-        Some(Ready { q: *q, caught, within_reach, throws, cost, travel_rad })
+        Some(Ready { q: *q, caught, throws, cost, travel_rad })
+    }
+
+    /// How many throws are within reach of an arm that waits at `q`, as the oracle has it.
+    pub fn within_reach(&self, q: &JointVector) -> usize {
+        let flights = self.parts.iter().flat_map(|part| &part.flights);
+        let first_s = |flight| self.oracle.first_catch_s(flight, q, FIRST_ESTIMATE_S, CATCH_INTERVAL_S);
+        flights.filter(|(flight, _)| first_s(flight).is_some()).count()
     }
 
     /// Tries `tries` poses, starting from `start`; `observer` is told after each how many were tried, and of
