@@ -194,7 +194,7 @@ fn choose_ready_pose(
     let bar = screen::progress_bar(starts.len() + tries, "poses");
     let mut best: Option<Ready> = None;
     for start in &starts {
-        if let Some(ready) = corridor.value(start, f64::INFINITY)
+        if let Some(ready) = corridor.value(start, best.map_or(f64::INFINITY, |best| best.cost))
             && best.is_none_or(|best| ready.cost < best.cost)
         {
             best = Some(ready);

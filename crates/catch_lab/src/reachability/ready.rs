@@ -1,13 +1,17 @@
 //! The best waiting pose for a distribution of throws.
 //!
-//! A pose is worth what the planner can do from it: for every throw of the distribution it is asked for a catch, as if the flight
-//! were known when the first estimate usually is, and the costs of its choices are summed; a throw that it cannot catch costs most.
-//! Poses near the best one so far are tried at random, in ever smaller steps. What the best one is worth is told by throws that it
-//! was not chosen for, also by how many of them are within reach as the [oracle](super::oracle) has it.
+//! A pose is worth what the planner can do from it: for every throw of the distribution that the [oracle](super::oracle) calls
+//! within reach it is asked for a catch, as if the flight were known when the first estimate usually is, and the costs of its
+//! choices are summed; a throw that is out of reach or that it cannot catch costs most. Poses near the best one so far are tried
+//! at random, in ever smaller steps. What the best one is worth is told by throws that it was not chosen for.
 
 use std::sync::Arc;
 
-use catch_body::{JointVector, clearance::ArmClearance};
+use catch_body::{
+    JointVector,
+    clearance::ArmClearance,
+    inverse_kinematics::{ParallelAxesArm, SphericalShoulderArm, SrsArm},
+};
 use catch_bot::{
     Preparation, grasp_selection,
     trajectory_optimization::{Incoming, Start, failure_counter::FailureCounter},
@@ -51,6 +55,8 @@ pub struct Ready {
 /// The throws for which a pose is wanted, and planners to ask.
 pub struct Corridor<'a> {
     parts: Vec<Part>,
+    /// Whether the oracle is asked first. Where only the planner has inverse kinematics in closed form, it is the quicker one.
+    asks_oracle: bool,
     oracle: Oracle<'a>,
     clearance: ArmClearance,
     robot: catch_body::Robot,
@@ -78,7 +84,9 @@ impl<'a> Corridor<'a> {
                 .collect(),
         });
         let Setup { robot, gripper, .. } = &setups[0];
+        let is_in_closed_form = SrsArm::of(robot).is_some() || ParallelAxesArm::of(robot).is_some();
         Self {
+            asks_oracle: is_in_closed_form || SphericalShoulderArm::of(robot).is_none(),
             parts: parts.collect(),
             oracle: Oracle::of(&setups[0]),
             clearance: ArmClearance::new(robot, gripper),
@@ -108,10 +116,11 @@ impl<'a> Corridor<'a> {
         let (mut cost, mut travels) = (0.0, Vec::new());
         let failures = FailureCounter::default();
         for part in &self.parts {
-            for (_, flight) in &part.flights {
+            for (true_flight, flight) in &part.flights {
                 let incoming =
                     Incoming { flight, grasps: part.known.grasps(), config: &part.grasping, failures: &failures };
-                let plan = part.known.search().search(&start, &incoming).ok();
+                let may_reach = !self.asks_oracle || self.first_catch_s(true_flight, q).is_some();
+                let plan = if may_reach { part.known.search().search(&start, &incoming).ok() } else { None };
                 cost += plan.as_ref().map_or(MISSED, |plan| plan.cost) / throws as f64;
                 if cost > most_cost {
                     return None;
@@ -126,8 +135,11 @@ impl<'a> Corridor<'a> {
     /// How many throws are within reach of an arm that waits at `q`, as the oracle has it.
     pub fn within_reach(&self, q: &JointVector) -> usize {
         let flights = self.parts.iter().flat_map(|part| &part.flights);
-        let first_s = |flight| self.oracle.first_catch_s(flight, q, FIRST_ESTIMATE_S, CATCH_INTERVAL_S);
-        flights.filter(|(flight, _)| first_s(flight).is_some()).count()
+        flights.filter(|(flight, _)| self.first_catch_s(flight, q).is_some()).count()
+    }
+
+    fn first_catch_s(&self, flight: &Flight, q: &JointVector) -> Option<f64> {
+        self.oracle.first_catch_s(flight, q, FIRST_ESTIMATE_S, CATCH_INTERVAL_S)
     }
 
     /// Tries `tries` poses, starting from `start`; `observer` is told after each how many were tried, and of
