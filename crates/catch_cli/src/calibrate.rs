@@ -162,12 +162,16 @@ pub fn run(arguments: &CalibrateArguments) -> anyhow::Result<()> {
         link_sd_m: arguments.link_sd_mm.map(|it| it / 1e3),
         ..calibration::config(&setup.knowledge(), setup.scenario.arena.frame_rate_hz, arguments.seed)
     };
-    calibration::check_memory(&setup, &config, "--poses")?;
+    calibration::check_memory(&setup, &config, (COMMAND_LINE, "--poses"))?;
+    let bar = screen::spinner("the arm goes through its poses");
     let session = calibration::run_session(&setup, &config, &setup.cameras, arguments.seed, 0);
+    bar.set_message(format!("comparing images of {} poses", session.poses.len()));
     let found = calibrate(&config, &setup.robot, &setup.gripper, &setup.cameras, &session.session);
+    bar.set_message(format!("{} throws are seen", arguments.flights));
     let scene = (arguments.seed, 0);
     let flights = calibration::observe_flights(&setup, &found, &setup.cameras, arguments.flights as usize, scene);
     let refinement = refine(&found, &flights, &FlightSettings::default());
+    bar.finish_and_clear();
     let flights = (arguments.flights > 0).then(|| flights_document(&refinement));
     let found = refinement.calibration;
     let calibrated = calibrated_cameras(&setup.cameras, &found.cameras);

@@ -93,7 +93,9 @@ pub fn run(arguments: &ObjectArguments) -> anyhow::Result<()> {
         mass_kg: arguments.mass,
         largest_hole_m: arguments.fill_holes,
     };
+    let bar = screen::spinner("reading the surface");
     let imported = ImportedObject::read(&arguments.source, stem, &options)?;
+    bar.finish_and_clear();
 
     let folder = if is_file { out.parent().map(PathBuf::from).unwrap_or_default() } else { out.clone() };
     // The object's own file comes last: where it is, all that it names is there.

@@ -94,8 +94,9 @@ pub fn run(arguments: &ReadyArguments) -> anyhow::Result<()> {
         let expected = "throws that pass within the arm's reach, or more --tries";
         return Err(InputError::new(COMMAND_LINE, "--throw", found, expected).into());
     }
-    let others = Corridor::new(&setups, arguments.trials, arguments.seed.wrapping_add(1)).value(&best.q, f64::INFINITY);
-    let others = others.expect("the arm can stand where it was found to");
+    let corridor = Corridor::new(&setups, arguments.trials, arguments.seed.wrapping_add(1));
+    let others = corridor.value(&best.q, f64::INFINITY).expect("the arm can stand where it was found to");
+    let within_reach = corridor.within_reach(&best.q);
     let answer = Answer {
         version: VERSION,
         scenario: &setups[0].scenario,
@@ -105,7 +106,7 @@ pub fn run(arguments: &ReadyArguments) -> anyhow::Result<()> {
         mean_cost: best.cost,
         median_travel_rad: best.travel_rad,
         other_throws: OtherThrows {
-            within_reach_by_oracle: others.within_reach,
+            within_reach_by_oracle: within_reach,
             within_reach: others.caught,
             throws: others.throws,
         },
@@ -118,6 +119,6 @@ pub fn run(arguments: &ReadyArguments) -> anyhow::Result<()> {
     Ok(screen::line(&format!(
         "# {} of {} throws within reach; median over them of the largest joint's travel to the catch {:.2} rad\n\
          # of {} other throws {} are within reach by the oracle, and the planner catches {}",
-        best.caught, best.throws, best.travel_rad, others.throws, others.within_reach, others.caught
+        best.caught, best.throws, best.travel_rad, others.throws, within_reach, others.caught
     ))?)
 }

@@ -95,6 +95,8 @@ const CHOSEN_FOR: u64 = 12;
 const TRIED_ON: u64 = 50;
 /// Shapes that could not be read, of which each is told.
 const MOST_FAULTS: usize = 3;
+/// So many joints bring a hand to every pose.
+const FREE_JOINTS: usize = 6;
 /// Poses from which the search may begin.
 const STARTS: usize = 30;
 
@@ -106,6 +108,8 @@ struct Document {
     joints: Vec<String>,
     flange: String,
     taken_off: Vec<String>,
+    /// `None` where nothing was taken off.
+    taken_off_reason: Option<String>,
     left_out: Vec<String>,
     capsules: usize,
     unread: Vec<String>,
@@ -148,7 +152,9 @@ fn import(arguments: &ImportArguments) -> anyhow::Result<()> {
         max_jerk: arguments.max_jerk.clone(),
     };
     let setup = Setup::load(&Choice::default())?;
+    let bar = screen::spinner("fitting capsules");
     let mut imported = ImportedRobot::read(&arguments.file, &options, &setup.gripper)?;
+    bar.finish_and_clear();
 
     // All is written to a folder beside, which takes the name when it is complete.
     let unfinished = unfinished_folder(out)?;
@@ -188,7 +194,7 @@ fn choose_ready_pose(
     let bar = screen::progress_bar(starts.len() + tries, "poses");
     let mut best: Option<Ready> = None;
     for start in &starts {
-        if let Some(ready) = corridor.value(start, f64::INFINITY)
+        if let Some(ready) = corridor.value(start, best.map_or(f64::INFINITY, |best| best.cost))
             && best.is_none_or(|best| ready.cost < best.cost)
         {
             best = Some(ready);
@@ -217,7 +223,8 @@ fn tell(arguments: &ImportArguments, imported: &ImportedRobot, reach: Option<Rea
     let assumed = imported.assumptions();
     let mut unread: Vec<String> = imported.shapes().iter().flat_map(|it| &it.unread).map(ToString::to_string).collect();
     unread.dedup();
-    let taken_off = chain.fingers.as_ref().map(|it| it.links.clone()).unwrap_or_default();
+    let (taken_off, reason) = chain.fingers.clone().map(|it| (it.links, it.reason)).unzip();
+    let taken_off = taken_off.unwrap_or_default();
     if arguments.json {
         return screen::json(&Document {
             version: VERSION,
@@ -226,6 +233,7 @@ fn tell(arguments: &ImportArguments, imported: &ImportedRobot, reach: Option<Rea
             joints: robot.joints.iter().map(|it| it.name.clone()).collect(),
             flange: chain.flange.clone(),
             taken_off,
+            taken_off_reason: reason,
             left_out: chain.left_out.clone(),
             capsules: robot.capsules.len(),
             unread,
@@ -236,8 +244,12 @@ fn tell(arguments: &ImportArguments, imported: &ImportedRobot, reach: Option<Rea
     }
     let arm = format!("{}: {} joints from {} to {}", robot.name, robot.dof(), chain.base.links[0], chain.flange);
     screen::fact("arm", &arm)?;
-    if !taken_off.is_empty() {
-        screen::fact("taken off", &taken_off.join(", "))?;
+    if robot.dof() < FREE_JOINTS {
+        let few = format!("{}: a hand cannot take every pose, so that few throws are within reach", robot.dof());
+        screen::fact("few joints", &few)?;
+    }
+    if let Some(reason) = reason {
+        screen::fact("taken off", &format!("{} ({reason})", taken_off.join(", ")))?;
     }
     if !chain.left_out.is_empty() {
         screen::fact("left out", &format!("what moves on its own: {}", chain.left_out.join(", ")))?;

@@ -5,7 +5,10 @@
 
 mod arm_in_tree;
 mod chain;
+mod folding;
+mod limbs;
 mod sdf_reader;
+mod tree;
 mod urdf_reader;
 
 use std::collections::BTreeMap;

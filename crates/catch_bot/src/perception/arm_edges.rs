@@ -67,7 +67,7 @@ impl ArmEdges {
         let window = camera.full_window();
         let (mut with_m, mut without_m) = (Vec::new(), Vec::new());
         Background::new(camera, Some(known), &window, config).cast_all(&mut with_m);
-        Background::new(camera, None, &window, config).cast_all(&mut without_m);
+        Background::without_arm(camera, known, config).cast_all(&mut without_m);
         let image = ArmImage { window, with_m, without_m };
         let mut edges: Vec<Edge> = [true, false].into_iter().flat_map(|along_row| image.edges(along_row)).collect();
         let step = edges.len().div_ceil(MAX_EDGES).max(1);

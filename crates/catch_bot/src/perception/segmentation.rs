@@ -8,7 +8,7 @@
 use catch_body::{
     Pose,
     kinematics::LinkPoses,
-    ray_cast::{ArmSurface, RayCaster},
+    ray_cast::{ArmSurface, RayCaster, SurfacePart},
     workcell::FLOOR_Z_M,
 };
 use catch_cell::{CameraModel, DepthFrame, PixelWindow};
@@ -66,10 +66,26 @@ impl<'a> Background<'a> {
         part: &PixelWindow,
         config: &Config,
     ) -> Self {
+        let all = surroundings.map(|known| known.arm.parts(&known.X_WL, known.width_m));
+        Self::of_parts(camera, all.into_iter().flatten(), part, config)
+    }
+
+    /// The same of a full image without the arm: the obstacles and the floor.
+    pub fn without_arm(camera: &'a CameraModel, surroundings: &Surroundings<'a>, config: &Config) -> Self {
+        let all = surroundings.arm.named_parts(&surroundings.X_WL, surroundings.width_m);
+        let obstacles = all.filter(|(part, ..)| *part == SurfacePart::Obstacle).map(|(_, X_WB, caster)| (X_WB, caster));
+        Self::of_parts(camera, obstacles, &camera.full_window(), config)
+    }
+
+    fn of_parts(
+        camera: &'a CameraModel,
+        parts: impl Iterator<Item = (Pose, &'a RayCaster)>,
+        part: &PixelWindow,
+        config: &Config,
+    ) -> Self {
         let mut bodies = [None; MAX_BODIES];
         let mut count = 0;
-        let all = surroundings.map(|known| known.arm.parts(&known.X_WL, known.width_m));
-        for (X_WB, caster) in all.into_iter().flatten() {
+        for (X_WB, caster) in parts {
             let centre_C = camera.X_WC.inverse_transform_point(&(X_WB * caster.centre()));
             let covered = camera.window_around(&centre_C, caster.radius());
             let too_near = centre_C.z.abs() <= caster.radius();

@@ -2,6 +2,7 @@
 
 mod browser;
 mod calibrate;
+mod corners;
 mod depth_scan;
 mod determinism;
 #[cfg(unix)]
@@ -16,6 +17,7 @@ mod mutated_files;
 mod mutations;
 mod nothing_lost;
 mod object_import;
+mod other_readers;
 mod own_data;
 mod pages;
 mod recorded_flights;

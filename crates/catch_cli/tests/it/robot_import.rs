@@ -80,7 +80,8 @@ fn tube() -> String {
     text
 }
 
-fn package(folder: &Path) -> PathBuf {
+/// The description with its mesh, in the folders of a package.
+pub fn package(folder: &Path) -> PathBuf {
     let root = folder.join("arm_support");
     fs::create_dir_all(root.join("urdf")).unwrap();
     fs::create_dir_all(root.join("meshes")).unwrap();

@@ -1,21 +1,24 @@
-//! Finds the arm in a tree of links: which way it goes, where it ends, what is rigidly connected.
-
-use std::collections::{BTreeMap, HashMap, HashSet};
-
-use nalgebra::Vector3;
+//! Finds the arm in a tree of links: which way it goes, and where it ends.
 
 use super::{
-    Description, Geometry, JointKind, TreeJoint,
-    chain::{Body, Chain, ChainJoint, Fingers, Selection},
+    Description, JointKind, TreeJoint,
+    chain::{Chain, Selection},
+    folding::End,
+    limbs::Limb,
+    tree::{Tree, is_driven},
 };
-use catch_body::{InputError, MAX_JOINTS, Pose};
+use catch_body::{InputError, MAX_JOINTS};
 
 /// So many joints in a row are an arm where several branches could go on.
 const LEAST_ARM_JOINTS: usize = 3;
 /// After so many joints a branch is a hand.
 const MOST_JOINTS_BEFORE_A_HAND: usize = 5;
-/// Words in the names of frames at which grippers are mounted, the best first (ROS-Industrial's `tool0`, REP 199's `flange`).
-const FLANGE_WORDS: [&str; 9] = ["tool0", "flange", "tool", "ee", "eef", "effector", "endeffector", "tcp", "mount"];
+/// A jaw turns by less, in radians.
+const JAW_RANGE_RAD: f64 = 2.4;
+/// The middle of a jaw's range is further from zero, as a fraction of it.
+const JAW_ONE_SIDED: f64 = 0.2;
+/// The centre of mass of a jaw is further from its axis, in metres.
+const JAW_OFF_AXIS_M: f64 = 5e-3;
 
 impl Chain {
     /// Finds the arm in a description.
@@ -27,75 +30,19 @@ impl Chain {
     }
 }
 
-/// What is known of a link's place in the tree.
-struct Place<'a> {
-    joint: Option<&'a TreeJoint>,
-    parent: Option<&'a str>,
-    /// Revolute joints one after another below it, at most.
-    arm_joints: usize,
-    moves_below: bool,
-}
-
-/// A description with what is known of each link's place in it.
-struct Tree<'a> {
-    description: &'a Description,
-    places: HashMap<&'a str, Place<'a>>,
-}
-
 impl<'a> Tree<'a> {
-    fn new(description: &'a Description) -> Self {
-        let mut places = HashMap::new();
-        let mut order = vec![description.root.as_str()];
-        places
-            .insert(description.root.as_str(), Place { joint: None, parent: None, arm_joints: 0, moves_below: false });
-        let mut next = 0;
-        while let Some(&link) = order.get(next) {
-            for joint in description.joints_of(link) {
-                let place = Place { joint: Some(joint), parent: Some(link), arm_joints: 0, moves_below: false };
-                places.insert(joint.child.as_str(), place);
-                order.push(joint.child.as_str());
-            }
-            next += 1;
-        }
-        // Children come after their parents.
-        for link in order.into_iter().rev() {
-            let Some(&Place { joint: Some(joint), parent: Some(parent), arm_joints, moves_below }) = places.get(link)
-            else {
-                continue;
-            };
-            let joints = arm_joints + usize::from(drives_an_arm(joint));
-            if let Some(parent) = places.get_mut(parent) {
-                parent.arm_joints = parent.arm_joints.max(joints);
-                parent.moves_below |= moves_below || joint.kind != JointKind::Fixed;
-            }
-        }
-        Self { description, places }
-    }
-
-    fn fault(&self, field: &str, found: impl std::fmt::Display, expected: impl std::fmt::Display) -> InputError {
-        InputError::new(&self.description.file, field, found, expected)
-    }
-
-    fn known(&self, link: &'a str, argument: &str) -> Result<&'a str, InputError> {
-        if self.places.contains_key(link) {
-            return Ok(link);
-        }
-        let names: Vec<&str> = self.description.links.keys().take(60).map(String::as_str).collect();
-        Err(self.fault(argument, format!("`{link}`"), format!("one of the links {}", names.join(", "))))
-    }
-
     fn chain(&self, selection: &Selection<'a>) -> Result<Chain, InputError> {
         let base = self.known(selection.base.unwrap_or(&self.description.root), "--base")?;
-        let (path, tip, fingers) = match selection.tip {
+        let (path, end) = match selection.tip {
             Some(tip) => {
                 let tip = self.known(tip, "--tip")?;
-                (self.path(base, tip)?, Some(tip), None)
+                (self.path(base, tip)?, End::Tip(tip))
             }
             None => self.longest_arm(base)?,
         };
         let moving: Vec<usize> = (0..path.len()).filter(|&i| path[i].kind != JointKind::Fixed).collect();
         for &i in &moving {
-            if !drives_an_arm(path[i]) {
+            if !is_driven(path[i]) || selection.tip.is_none() && self.limb(path[i]) == Limb::Other {
                 return Err(self.not_of_an_arm(path[i]));
             }
         }
@@ -103,45 +50,41 @@ impl<'a> Tree<'a> {
             return Err(self.fault("joint", "none that moves an arm", "a serial arm of revolute joints"));
         }
         if moving.len() > MAX_JOINTS {
-            let found = format!("{} joints from {base} to {}", moving.len(), tip.unwrap_or("the tip"));
+            let tip = selection.tip.unwrap_or("the tip");
+            let found = format!("{} joints from {base} to {tip}", moving.len());
             let expected = format!("at most {MAX_JOINTS}: `--base LINK` and `--tip LINK` choose a part");
             return Err(self.fault("joint", found, expected));
         }
-        Ok(self.folded(base, &path, &moving, tip, fingers))
+        Ok(self.folded(base, &path, &moving, &end))
     }
 
     fn not_of_an_arm(&self, joint: &TreeJoint) -> InputError {
-        let found =
-            if joint.mimics.is_some() { "a joint that another drives" } else { "a joint that slides or floats" };
-        let expected = format!("revolute joints only: `--base {}` begins behind it", joint.child);
+        let (found, or) = match (&joint.mimics, joint.kind) {
+            (Some(_), _) => ("a joint that another drives", ""),
+            (None, JointKind::Revolute) => {
+                ("a joint of a leg, a wheel or a head by its name", ", `--tip LINK` says that it is one of an arm")
+            }
+            _ => ("a joint that slides or floats", ""),
+        };
+        let expected = format!("revolute joints of an arm: `--base {}` begins behind it{or}", joint.child);
         self.fault(&format!("joint {}", joint.name), found, expected)
     }
 
-    /// The joints from `base` to `tip`.
-    fn path(&self, base: &str, tip: &'a str) -> Result<Vec<&'a TreeJoint>, InputError> {
-        let (mut path, mut at) = (Vec::new(), tip);
-        while at != base {
-            let Some(&Place { joint: Some(joint), parent: Some(parent), .. }) = self.places.get(at) else {
-                return Err(self.fault("--tip", format!("`{tip}`"), format!("a link that {base} carries")));
-            };
-            path.push(joint);
-            at = parent;
-        }
-        path.reverse();
-        Ok(path)
-    }
-
-    /// Follows the only branch that is an arm. Returns the joints up to the last body, and the link at which fingers begin.
-    #[expect(clippy::type_complexity, reason = "three parts of one answer, taken apart at once")]
-    fn longest_arm(&self, base: &'a str) -> Result<(Vec<&'a TreeJoint>, Option<&'a str>, Option<&'a str>), InputError> {
+    /// Follows the only branch that is an arm. Returns the joints up to the last body, and why it ends there.
+    fn longest_arm(&self, base: &'a str) -> Result<(Vec<&'a TreeJoint>, End<'a>), InputError> {
         let (mut path, mut passed, mut at, mut end) = (Vec::<&TreeJoint>::new(), 0, base, 0);
         loop {
             let moving: Vec<&TreeJoint> =
                 self.description.joints_of(at).iter().filter(|it| self.is_moving(it)).collect();
-            let arms: Vec<&TreeJoint> =
-                moving.iter().copied().filter(|it| self.arm_joints(it) >= LEAST_ARM_JOINTS).collect();
+            let with = |least: usize| moving.iter().copied().filter(move |it| self.arm_joints(it) >= least);
+            let arms: Vec<&TreeJoint> = with(LEAST_ARM_JOINTS).collect();
+            let is_driven_from_below = |it: &&TreeJoint| it.mimics.as_ref().is_some_and(|by| is_among(by, &path));
+            let hand = |reason: String| Ok((path[..end].to_vec(), End::Hand { at, reason }));
             let next = match (&moving[..], &arms[..]) {
-                ([], _) => return Ok((path[..end].to_vec(), None, None)),
+                ([], _) => {
+                    path.truncate(end);
+                    return path.last().map_or(Ok(()), |last| self.is_no_jaw(last)).map(|()| (path, End::Open));
+                }
                 ([one], _) => *one,
                 (_, [one]) if passed < MOST_JOINTS_BEFORE_A_HAND => *one,
                 (_, [_, _, ..]) if passed < MOST_JOINTS_BEFORE_A_HAND => {
@@ -153,15 +96,28 @@ impl<'a> Tree<'a> {
                         format!("one: `--tip LINK`, such as {}", tips.join(" or ")),
                     ));
                 }
-                _ => return Ok((path[..end].to_vec(), None, Some(at))),
+                // A linkage beside the arm, as those that keep a hand level.
+                _ if moving.iter().filter(|it| !is_driven_from_below(it)).count() == 1 && with(1).count() == 1 => {
+                    with(1).next().unwrap_or(moving[0])
+                }
+                _ => return hand(format!("{} joints begin at {at}", moving.len())),
             };
-            let is_finger = !drives_an_arm(next) && next.kind != JointKind::Fixed && passed >= LEAST_ARM_JOINTS;
+            if self.limb(next) == Limb::Hand {
+                return hand(format!("{} is one of a hand by its name", next.name));
+            }
             // What a joint of the arm drives is part of the arm.
-            if next.mimics.as_ref().is_some_and(|driver| path.iter().any(|it| it.name == *driver)) {
+            if is_driven_from_below(&next) {
                 return Err(self.not_of_an_arm(next));
             }
-            if is_finger {
-                return Ok((path[..end].to_vec(), None, Some(at)));
+            if !is_driven(next) && next.kind != JointKind::Fixed && passed >= LEAST_ARM_JOINTS {
+                return match &next.mimics {
+                    // What another branch drives is a hand only if all of it is behind.
+                    Some(driver) if !self.below(at).iter().any(|it| self.is_moved_by(it, driver)) => {
+                        Err(self.not_of_an_arm(next))
+                    }
+                    Some(driver) => hand(format!("{} follows {driver}", next.name)),
+                    None => hand(format!("{} slides", next.name)),
+                };
             }
             path.push(next);
             if next.kind != JointKind::Fixed {
@@ -172,192 +128,165 @@ impl<'a> Tree<'a> {
         }
     }
 
-    fn is_moving(&self, joint: &TreeJoint) -> bool {
-        joint.kind != JointKind::Fixed || self.places.get(joint.child.as_str()).is_some_and(|it| it.moves_below)
+    /// Whether the last joint of an arm can be no jaw: it turns far or both ways alike, it carries something, or it bears its link
+    /// in the middle.
+    fn is_no_jaw(&self, last: &TreeJoint) -> Result<(), InputError> {
+        let is_end = self.description.joints_of(&last.child).is_empty();
+        let Some([lower, upper]) = last.range.filter(|_| is_end) else { return Ok(()) };
+        let is_one_sided = (lower + upper).abs() > JAW_ONE_SIDED * (upper - lower) && upper - lower < JAW_RANGE_RAD;
+        let inertia = self.description.links.get(&last.child).and_then(|it| it.inertia);
+        let off_axis_m = inertia.map(|it| {
+            let com = it.com.coords;
+            (com - last.axis.into_inner() * com.dot(&last.axis)).norm()
+        });
+        if !is_one_sided || off_axis_m.is_some_and(|it| it < JAW_OFF_AXIS_M) {
+            return Ok(());
+        }
+        let found = format!(
+            "a last joint that may be a jaw: from {lower} to {upper} rad, its link to one side of the axis, and \
+             nothing behind it"
+        );
+        let parent = self.places.get(&*last.child).and_then(|it| it.parent).unwrap_or_default();
+        let expected = format!("`--tip {parent}` if it is a jaw, `--tip {}` if it is one of the arm", last.child);
+        Err(self.fault(&format!("joint {}", last.name), found, expected))
     }
 
-    fn arm_joints(&self, joint: &TreeJoint) -> usize {
-        self.places.get(joint.child.as_str()).map_or(0, |it| it.arm_joints) + usize::from(drives_an_arm(joint))
-    }
-
-    /// The last link of the longest arm that begins with `joint`.
+    /// The last link of the longest arm that begins with `joint`, before any hand.
     fn last_of(&self, joint: &'a TreeJoint) -> &'a str {
-        let mut at = joint.child.as_str();
-        while let Some(next) = self.description.joints_of(at).iter().max_by_key(|it| self.arm_joints(it)) {
-            if self.arm_joints(next) == 0 {
-                break;
-            }
-            at = &next.child;
-        }
-        at
-    }
-
-    /// Folds what is rigidly connected. `tip` is the chosen frame of the flange, `fingers_at` the link that carries fingers.
-    fn folded(
-        &self,
-        base: &'a str,
-        path: &[&'a TreeJoint],
-        moving: &[usize],
-        tip: Option<&'a str>,
-        fingers_at: Option<&'a str>,
-    ) -> Chain {
-        let last_link = moving.last().map_or(base, |&i| path[i].child.as_str());
-        // The hand begins behind a fixed joint; fingers directly on the last link leave that where it is.
-        let hand = fingers_at.filter(|link| *link != last_link);
-        let taken_off: HashSet<&str> = match (tip, hand, fingers_at) {
-            (Some(tip), ..) => self.below(tip).into_iter().filter(|it| *it != tip).collect(),
-            (None, Some(hand), _) => self.below(hand).into_iter().collect(),
-            (None, None, Some(link)) => self.moving_below(link).into_iter().collect(),
-            (None, None, None) => HashSet::new(),
-        };
-        let starts: HashSet<&str> = moving.iter().map(|&i| path[i].child.as_str()).collect();
-        let mut left_out = Vec::new();
-        let mut body = |first: &'a str| self.body(first, &starts, &taken_off, &mut left_out);
-
-        let (base_body, mut X_BL) = body(base);
-        let mut joints = Vec::new();
-        for &i in moving {
-            let X_BP =
-                X_BL.get(self.places[path[i].child.as_str()].parent.unwrap_or(base)).copied().unwrap_or_default();
-            let (body, poses) = body(&path[i].child);
-            let joint = TreeJoint { X_PL: X_BP * path[i].X_PL, ..path[i].clone() };
-            joints.push(ChainJoint { joint, body });
-            X_BL = poses;
-        }
-        let flange = tip.or(hand).unwrap_or_else(|| self.flange(last_link, &X_BL));
-        let X_LF = X_BL.get(flange).copied().or_else(|| self.pose_from(last_link, flange)).unwrap_or_default();
-        let fingers = self.fingers(&taken_off, hand.or(tip).or(fingers_at), &X_LF, last_link);
-        let flange_link = if hand.is_some() { self.places[flange].parent.unwrap_or(flange) } else { flange };
-        Chain {
-            base: base_body,
-            joints,
-            flange: flange_link.to_owned(),
-            X_LF,
-            has_flange: flange != last_link,
-            fingers,
-            left_out,
-        }
-    }
-
-    /// The links from `first` on that are rigidly connected to it as one body, and their poses in its frame.
-    fn body(
-        &self,
-        first: &'a str,
-        starts: &HashSet<&str>,
-        taken_off: &HashSet<&str>,
-        left_out: &mut Vec<String>,
-    ) -> (Body, BTreeMap<&'a str, Pose>) {
-        let (mut body, mut poses) = (Body::default(), BTreeMap::from([(first, Pose::identity())]));
-        let mut waiting = vec![first];
-        while let Some(name) = waiting.pop() {
-            let X_BL = poses[name];
-            body.links.push(name.to_owned());
-            if let Some(link) = self.description.links.get(name) {
-                let moved = |it: &Geometry| Geometry { X_LS: X_BL * it.X_LS, shape: it.shape.clone() };
-                body.collisions.extend(link.collisions.iter().map(moved));
-                body.visuals.extend(link.visuals.iter().map(moved));
-                let inertia = link.inertia.map(|it| it.transformed(&X_BL));
-                body.inertia = match (body.inertia, inertia) {
-                    (Some(one), Some(other)) => Some(one.joined(&other)),
-                    (one, other) => one.or(other),
-                };
-            }
-            for joint in self.description.joints_of(name) {
-                let child = joint.child.as_str();
-                if taken_off.contains(child) || starts.contains(child) {
-                    continue;
+        let (mut at, mut passed) = (joint, 1);
+        loop {
+            let joints = self.description.joints_of(&at.child).iter();
+            let arms: Vec<&TreeJoint> = joints.filter(|it| self.arm_joints(it) > 0).collect();
+            let next = match arms[..] {
+                [one] => one,
+                [first, .., last] if passed < MOST_JOINTS_BEFORE_A_HAND => {
+                    if self.arm_joints(first) < self.arm_joints(last) { last } else { first }
                 }
-                if joint.kind == JointKind::Fixed {
-                    let X_LC = joint.X_PL;
-                    poses.insert(child, X_BL * X_LC);
-                    waiting.push(child);
-                } else {
-                    left_out.push(child.to_owned());
-                }
-            }
+                _ => return &at.child,
+            };
+            passed += usize::from(next.kind != JointKind::Fixed);
+            at = next;
         }
-        (body, poses)
-    }
-
-    /// All links from `link` on.
-    fn below(&self, link: &'a str) -> Vec<&'a str> {
-        let mut links = vec![link];
-        let mut next = 0;
-        while let Some(&link) = links.get(next) {
-            links.extend(self.description.joints_of(link).iter().map(|it| it.child.as_str()));
-            next += 1;
-        }
-        links
-    }
-
-    /// All links behind those joints of `link` that move, or behind which something moves.
-    fn moving_below(&self, link: &'a str) -> Vec<&'a str> {
-        let joints = self.description.joints_of(link).iter().filter(|it| self.is_moving(it));
-        joints.flat_map(|it| self.below(&it.child)).collect()
-    }
-
-    /// The frame of the last body that its name says a gripper is mounted at; otherwise its only end, or the body's own.
-    fn flange(&self, last_link: &'a str, X_BL: &BTreeMap<&'a str, Pose>) -> &'a str {
-        let rank = |name: &str| {
-            let words: Vec<String> = name.split(['_', '-', '/']).map(str::to_lowercase).collect();
-            FLANGE_WORDS.iter().position(|flange| words.iter().any(|word| word == flange))
-        };
-        let named = X_BL.keys().filter_map(|name| Some((rank(name)?, *name))).min();
-        let is_end = |name: &&str| self.description.joints_of(name).is_empty();
-        let is_frame = |name: &&str| {
-            let link = self.description.links.get(*name);
-            link.is_some_and(|it| it.inertia.is_none() && it.collisions.is_empty() && it.visuals.is_empty())
-        };
-        let ends: Vec<&str> = X_BL.keys().copied().filter(is_end).collect();
-        let frames: Vec<&str> = ends.iter().copied().filter(is_frame).collect();
-        match (named, &frames[..], &ends[..]) {
-            (Some((_, name)), ..) => name,
-            (None, [one], _) | (None, _, [one]) => one,
-            _ => last_link,
-        }
-    }
-
-    /// Pose of `link` in the frame of `from`, all joints at zero.
-    fn pose_from(&self, from: &str, link: &'a str) -> Option<Pose> {
-        let (mut X_AL, mut at) = (Pose::identity(), link);
-        while at != from {
-            let place = self.places.get(at)?;
-            let X_PA = place.joint?.X_PL;
-            let X_PL = X_PA * X_AL;
-            (X_AL, at) = (X_PL, place.parent?);
-        }
-        Some(X_AL)
-    }
-
-    fn fingers(
-        &self,
-        taken_off: &HashSet<&'a str>,
-        hand: Option<&'a str>,
-        X_LF: &Pose,
-        last_link: &str,
-    ) -> Option<Fingers> {
-        let hand = hand?;
-        let moving = self.below(hand).into_iter().filter(|link| {
-            taken_off.contains(link) && self.places[link].joint.is_some_and(|it| it.kind != JointKind::Fixed)
-        });
-        let moving: Vec<&str> = moving.collect();
-        if taken_off.is_empty() {
-            return None;
-        }
-        let closing_F = moving.first().and_then(|link| {
-            let joint = self.places[link].joint?;
-            let axis_F = X_LF.rotation.inverse() * self.pose_from(last_link, link)?.rotation * joint.axis.into_inner();
-            // Fingers that swing close across their axis.
-            let [approach_F, swing_F] = [Vector3::z(), axis_F];
-            Some(if joint.kind == JointKind::Prismatic { axis_F } else { swing_F.cross(&approach_F) })
-        });
-        let mut links: Vec<String> = taken_off.iter().map(|it| (*it).to_owned()).collect();
-        links.sort_unstable();
-        Some(Fingers { links, moving_joints: moving.len(), closing_F })
     }
 }
 
-/// Whether a joint is one of an arm: revolute, and driven on its own.
-fn drives_an_arm(joint: &TreeJoint) -> bool {
-    joint.kind == JointKind::Revolute && joint.mimics.is_none()
+/// Whether one of the joints has that name.
+fn is_among(name: &str, joints: &[&TreeJoint]) -> bool {
+    joints.iter().any(|it| it.name == name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A description of joints, each a line: name, kind, parent, child, and the rest of its element.
+    fn description(joints: &str) -> Description {
+        let joints: Vec<Vec<&str>> =
+            joints.lines().map(|it| it.split_whitespace().collect()).filter(|it: &Vec<&str>| !it.is_empty()).collect();
+        let links: std::collections::BTreeSet<&str> = joints.iter().flat_map(|it| [it[2], it[3]]).collect();
+        let link = |it: &&str| {
+            let inertia = "<inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/>";
+            let com = format!("<origin xyz=\"{} 0 0.1\"/>", if it.starts_with("round") { 0.0 } else { 0.02 });
+            let visual = "<visual><geometry><sphere radius=\"0.1\"/></geometry></visual>";
+            let visual = if it.contains("frame") { "" } else { visual };
+            format!("<link name=\"{it}\"><inertial>{com}<mass value=\"1\"/>{inertia}</inertial>{visual}</link>")
+        };
+        let joint = |it: &Vec<&str>| {
+            let rest = match it[4..] {
+                ["mimics", driver] => format!("<limit lower=\"-2\" upper=\"2\"/><mimic joint=\"{driver}\"/>"),
+                [lower, upper] => format!("<limit lower=\"{lower}\" upper=\"{upper}\"/>"),
+                _ => "<limit lower=\"-2\" upper=\"2\"/>".to_owned(),
+            };
+            let [name, kind, parent, child] = [it[0], it[1], it[2], it[3]];
+            format!(
+                "<joint name=\"{name}\" type=\"{kind}\"><parent link=\"{parent}\"/><child link=\"{child}\"/>\
+                 <axis xyz=\"0 0 1\"/>{rest}</joint>"
+            )
+        };
+        let links: String = links.iter().map(link).collect();
+        let text = format!("<robot name=\"a\">{links}{}</robot>", joints.iter().map(joint).collect::<String>());
+        Description::from_urdf("a.urdf", &text).unwrap()
+    }
+
+    /// Joints j1 to j`n` in a row, links l0 to l`n`, and `rest`.
+    fn arm(n: usize, rest: &str) -> Description {
+        let joints = (1..=n).map(|i| format!("j{i} revolute l{} l{i}\n", i - 1));
+        description(&(joints.collect::<String>() + rest))
+    }
+
+    /// Joints of the arm, and why what is behind is none.
+    fn found(description: &Description) -> Result<(usize, Option<String>), String> {
+        let chain = Chain::of(description, &Selection::default()).map_err(|it| it.to_string())?;
+        Ok((chain.joints.len(), chain.fingers.map(|it| it.reason)))
+    }
+
+    #[test]
+    fn hands_are_no_joints_of_an_arm() {
+        for (joints, rest, reason) in [
+            (5, "gripper revolute l5 moving_jaw", "gripper is one of a hand by its name"),
+            (5, "6 revolute l5 Moving_Jaw -0.2 1.8", "6 is one of a hand by its name"),
+            (
+                6,
+                "s fixed l6 stator\njointGripper revolute stator mover -1.57 0",
+                "jointGripper is one of a hand by its name",
+            ),
+            (6, "f1 prismatic l6 a", "f1 slides"),
+            (6, "f1 revolute l6 a\nf2 revolute l6 b mimics f1", "2 joints begin at l6"),
+            (4, "f1 revolute l4 a\nf2 revolute l4 b mimics f1", "2 joints begin at l4"),
+            (6, "finger_1 fixed l6 a\nfinger_2 fixed l6 b", "2 joints begin at l6"),
+        ] {
+            assert_eq!(found(&arm(joints, rest)), Ok((joints, Some(reason.to_owned()))), "{rest}");
+        }
+        assert_eq!(found(&arm(6, "finger_tip fixed l6 frame")), Ok((6, None)), "a frame is no finger");
+    }
+
+    #[test]
+    fn a_last_joint_that_may_be_a_jaw_is_asked_for() {
+        let fault = found(&arm(5, "j6 revolute l5 l6 -0.2 1.8")).unwrap_err();
+        assert!(fault.contains("joint j6: found a last joint that may be a jaw"), "{fault}");
+        assert!(fault.contains("`--tip l5` if it is a jaw, `--tip l6` if it is one of the arm"), "{fault}");
+        let both = arm(5, "j6 revolute l5 l6 -0.2 1.8");
+        for (tip, joints) in [("l5", 5), ("l6", 6)] {
+            let chain = Chain::of(&both, &Selection { tip: Some(tip), base: None }).unwrap();
+            assert_eq!(chain.joints.len(), joints);
+        }
+        for last in ["l6 -1 1", "l6 -0.2 3", "round -0.2 1.8", "l6 -0.2 1.8\nt fixed l6 tool0"] {
+            assert_eq!(found(&arm(5, &format!("j6 revolute l5 {last}"))), Ok((6, None)), "{last}");
+        }
+    }
+
+    #[test]
+    fn coupled_joints_cut_no_arm() {
+        // A linkage that keeps the hand level, beside the arm and within it.
+        let beside = "p revolute l3 bar mimics j2\nj4 revolute l3 l4\nj5 revolute l4 l5";
+        assert_eq!(found(&arm(3, beside)), Ok((5, None)));
+        for (rest, joint) in [
+            ("p revolute l3 l4 mimics j2\nj5 revolute l4 l5", "joint p: found a joint that another drives"),
+            ("p revolute l3 l4 mimics q\nq revolute l0 bar", "joint p: found a joint that another drives"),
+        ] {
+            let fault = found(&arm(3, rest)).unwrap_err();
+            assert!(fault.contains(joint), "{fault}");
+        }
+    }
+
+    #[test]
+    fn tips_are_ends_of_arms() {
+        let limb = |side: &str, name: &str, joints: usize, from: &str| -> String {
+            let link = |i: usize| if i == 0 { from.to_owned() } else { format!("{side}_{name}_{i}") };
+            (1..=joints).map(|i| format!("{side}_{name}_{i}_joint revolute {} {}\n", link(i - 1), link(i))).collect()
+        };
+        let mut text = String::new();
+        for side in ["left", "right"] {
+            text += &limb(side, "leg", 6, "pelvis");
+            text += &limb(side, "arm", 7, "torso");
+            for finger in ["a", "b", "c"] {
+                text += &limb(side, finger, 3, &format!("{side}_arm_7"));
+            }
+        }
+        let fault = found(&description(&(text + "waist revolute pelvis torso\nhead revolute torso head"))).unwrap_err();
+        assert!(fault.contains("2 arms that begin at torso"), "{fault}");
+        assert!(fault.contains("such as left_arm_7 or right_arm_7"), "{fault}");
+        let fault = found(&description(&limb("front", "leg", 3, "trunk"))).unwrap_err();
+        assert!(fault.contains("a joint of a leg, a wheel or a head by its name"), "{fault}");
+    }
 }

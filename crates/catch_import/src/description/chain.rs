@@ -60,8 +60,8 @@ pub struct Body {
 pub struct Fingers {
     /// Its links.
     pub links: Vec<String>,
-    /// Its joints that move.
-    pub moving_joints: usize,
+    /// Why it is no part of the arm.
+    pub reason: String,
     /// Direction in F in which the first finger moves.
     pub closing_F: Option<Vector3<f64>>,
 }

@@ -68,12 +68,14 @@ fn read(file: &str, text: &str) -> Result<Description, InputError> {
 fn rotor_inertias<'a>(urdf: &Urdf<'a>) -> Result<Vec<(&'a str, f64)>, InputError> {
     let mut all = Vec::new();
     for transmission in urdf.transmissions() {
-        let Some(actuator) = transmission.child("actuator")? else { continue };
-        let Some(rotor) = actuator.child("drake:rotor_inertia")? else { continue };
-        let gear = actuator.child("drake:gear_ratio")?;
-        let ratio = gear.map_or(Ok(1.0), |it| it.number("value", GEAR_RATIO))?;
-        let joint = transmission.required("joint")?.text("name")?;
-        all.push((joint, rotor.number("value", NOT_NEGATIVE)? * ratio * ratio));
+        // A differential has two of both, of which only those of its maker know what moves what.
+        for actuator in transmission.children("actuator") {
+            let Some(rotor) = actuator.child("drake:rotor_inertia")? else { continue };
+            let gear = actuator.child("drake:gear_ratio")?;
+            let ratio = gear.map_or(Ok(1.0), |it| it.number("value", GEAR_RATIO))?;
+            let joint = transmission.required("joint")?.text("name")?;
+            all.push((joint, rotor.number("value", NOT_NEGATIVE)? * ratio * ratio));
+        }
     }
     Ok(all)
 }
@@ -222,7 +224,7 @@ mod tests {
         assert_eq!(of(rotor("value=\"4e-4\"").unwrap()), Some(4e-4 * 2500.0));
         assert_eq!(of(Description::from_urdf("a.urdf", &text).unwrap()), None);
         let fault = rotor("").unwrap_err().to_string();
-        assert!(fault.contains("transmission 1: actuator drake:rotor_inertia value: found nothing"), "{fault}");
+        assert!(fault.contains("transmission 1: actuator 1 drake:rotor_inertia value: found nothing"), "{fault}");
     }
 
     #[test]

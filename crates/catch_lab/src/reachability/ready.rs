@@ -7,7 +7,11 @@
 
 use std::sync::Arc;
 
-use catch_body::{JointVector, clearance::ArmClearance};
+use catch_body::{
+    JointVector,
+    clearance::ArmClearance,
+    inverse_kinematics::{ParallelAxesArm, SphericalShoulderArm, SrsArm},
+};
 use catch_bot::{
     Preparation, grasp_selection,
     trajectory_optimization::{Incoming, Start, failure_counter::FailureCounter},
@@ -40,8 +44,6 @@ pub struct Ready {
     pub q: JointVector,
     /// Throws that the planner can catch from there.
     pub caught: usize,
-    /// Throws that are within reach from there by the oracle.
-    pub within_reach: usize,
     /// Throws that were asked for.
     pub throws: usize,
     /// Mean cost.
@@ -53,6 +55,8 @@ pub struct Ready {
 /// The throws for which a pose is wanted, and planners to ask.
 pub struct Corridor<'a> {
     parts: Vec<Part>,
+    /// Whether the oracle is asked first. Where only the planner has inverse kinematics in closed form, it is the quicker one.
+    asks_oracle: bool,
     oracle: Oracle<'a>,
     clearance: ArmClearance,
     robot: catch_body::Robot,
@@ -80,7 +84,9 @@ impl<'a> Corridor<'a> {
                 .collect(),
         });
         let Setup { robot, gripper, .. } = &setups[0];
+        let is_in_closed_form = SrsArm::of(robot).is_some() || ParallelAxesArm::of(robot).is_some();
         Self {
+            asks_oracle: is_in_closed_form || SphericalShoulderArm::of(robot).is_none(),
             parts: parts.collect(),
             oracle: Oracle::of(&setups[0]),
             clearance: ArmClearance::new(robot, gripper),
@@ -107,15 +113,14 @@ impl<'a> Corridor<'a> {
         }
         let start = Start { time_s: FIRST_ESTIMATE_S, state: Setpoint::at_rest(*q) };
         let throws: usize = self.parts.iter().map(|part| part.flights.len()).sum();
-        let (mut cost, mut within_reach, mut travels) = (0.0, 0, Vec::new());
+        let (mut cost, mut travels) = (0.0, Vec::new());
         let failures = FailureCounter::default();
         for part in &self.parts {
             for (true_flight, flight) in &part.flights {
-                let first_s = self.oracle.first_catch_s(true_flight, q, FIRST_ESTIMATE_S, CATCH_INTERVAL_S);
-                within_reach += usize::from(first_s.is_some());
                 let incoming =
                     Incoming { flight, grasps: part.known.grasps(), config: &part.grasping, failures: &failures };
-                let plan = first_s.and_then(|_| part.known.search().search(&start, &incoming).ok());
+                let may_reach = !self.asks_oracle || self.first_catch_s(true_flight, q).is_some();
+                let plan = if may_reach { part.known.search().search(&start, &incoming).ok() } else { None };
                 cost += plan.as_ref().map_or(MISSED, |plan| plan.cost) / throws as f64;
                 if cost > most_cost {
                     return None;
@@ -124,7 +129,17 @@ impl<'a> Corridor<'a> {
             }
         }
         let (caught, travel_rad) = (travels.len(), median(travels).unwrap_or(0.0));
-        Some(Ready { q: *q, caught, within_reach, throws, cost, travel_rad })
+        Some(Ready { q: *q, caught, throws, cost, travel_rad })
+    }
+
+    /// How many throws are within reach of an arm that waits at `q`, as the oracle has it.
+    pub fn within_reach(&self, q: &JointVector) -> usize {
+        let flights = self.parts.iter().flat_map(|part| &part.flights);
+        flights.filter(|(flight, _)| self.first_catch_s(flight, q).is_some()).count()
+    }
+
+    fn first_catch_s(&self, flight: &Flight, q: &JointVector) -> Option<f64> {
+        self.oracle.first_catch_s(flight, q, FIRST_ESTIMATE_S, CATCH_INTERVAL_S)
     }
 
     /// Tries `tries` poses, starting from `start`; `observer` is told after each how many were tried, and of

@@ -1,6 +1,6 @@
 //! The cameras that see a flight.
 
-use catch_body::InputError;
+use catch_body::{InputError, Robot, shape::Capsule};
 use catch_cell::{CameraModel, rig_from_toml};
 
 /// Pixels of all images that are rendered at one time, at most: rendering takes some 350 bytes for each.
@@ -20,6 +20,28 @@ pub fn read(file: &str, text: &str) -> Result<Vec<CameraModel>, InputError> {
     Err(InputError::new(file, "width_px × height_px", format!("{pixels} pixels"), expected))
 }
 
+/// Whether all cameras stand outside of the arm's base and of the obstacles; `file` is the rig's.
+///
+/// # Errors
+/// If one does not: it would see nothing else.
+pub fn check_clear(file: &str, cameras: &[CameraModel], robot: &Robot) -> Result<(), InputError> {
+    let base = robot.link_poses(&robot.ready_q)[0];
+    for (i, camera) in cameras.iter().enumerate() {
+        let at = nalgebra::Point3::from(camera.X_WC.translation.vector);
+        let in_base =
+            robot.capsules.iter().any(|(link, it)| *link == 0 && it.transformed(&base).distance_to_point(&at) <= 0.0);
+        let point = Capsule { from: at, to: at, radius: 0.0 };
+        let obstacle = robot.obstacles.iter().find(|it| it.distance_to_capsule(&point) <= 0.0);
+        let within = in_base.then_some("the arm's base").or(obstacle.map(|it| it.name.as_str()));
+        if let Some(within) = within {
+            let field = format!("cameras[{i}].position_m");
+            let expected = format!("a place outside of {within}");
+            return Err(InputError::new(file, field, format!("[{:.3}, {:.3}, {:.3}]", at.x, at.y, at.z), expected));
+        }
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -35,5 +57,22 @@ mod tests {
         assert_eq!(read("r.toml", &rig(8000)).unwrap().len(), 1);
         let fault = read("r.toml", &rig(8001)).unwrap_err().to_string();
         assert!(fault.contains("8001000 pixels, expected at most 8 megapixels"), "{fault}");
+    }
+
+    #[test]
+    fn cameras_within_solids_are_refused() {
+        use crate::scenario::setup::{Choice, Setup};
+        let choice = Choice { workcell: Some("table_and_fence"), ..Choice::default() };
+        let Setup { robot, mut cameras, .. } = Setup::load(&choice).unwrap();
+        check_clear("r.toml", &cameras, &robot).unwrap();
+        let (_, base) = robot.capsules.iter().find(|(link, _)| *link == 0).unwrap();
+        let in_base = robot.link_poses(&robot.ready_q)[0] * nalgebra::center(&base.from, &base.to);
+        let table = robot.obstacles[0].mesh().aabb().centre;
+        for (at, within) in [(in_base, "the arm's base"), (table, robot.obstacles[0].name.as_str())] {
+            cameras[1].X_WC.translation.vector = at.coords;
+            let fault = check_clear("r.toml", &cameras, &robot).unwrap_err().to_string();
+            assert!(fault.contains(&format!("a place outside of {within}")), "{fault}");
+            assert!(fault.contains("cameras[1].position_m"), "{fault}");
+        }
     }
 }

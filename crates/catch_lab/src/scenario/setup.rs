@@ -140,13 +140,13 @@ impl Setup {
         let parts = Parts::find(&scenario, &of_file, Place { file, origin }, choice)?;
         let (sources, robot, gripper) = parts.arm(&scenario, &of_file, file)?;
         let object = parts.truth(&scenario.arena)?;
-        let cameras = parts.cameras()?;
+        let cameras = parts.cameras(&robot)?;
         scenario.arena.check_cameras(&cameras, file, "arena")?;
         let known_object = parts.known_object(&object, &scenario.arena.depth)?;
         let throw = parts.throw(robot.length_m())?;
         parts.name(&mut scenario, choice);
         scenario.ready_rad = Some(robot.ready_q.as_slice()[..robot.dof()].to_vec());
-        Ok(Self {
+        let setup = Self {
             scenario,
             robot,
             gripper,
@@ -159,7 +159,15 @@ impl Setup {
             known: OnceLock::new(),
             known_calibrated: BySeed::default(),
             calibrations: BySeed::default(),
-        })
+        };
+        if let Some(settings) = &setup.scenario.calibration {
+            calibration::check_memory(
+                &setup,
+                &calibration::config_of(&setup, settings, 0),
+                (file, "calibration.poses"),
+            )?;
+        }
+        Ok(setup)
     }
 
     /// If the brain knows no way of holding the object: why.

@@ -21,7 +21,6 @@ use nalgebra::{Matrix3, Matrix6, Point3, UnitQuaternion, Vector3};
 
 use super::{Knowledge, Setup};
 use crate::scenario::CalibrationSettings;
-use catch_recording::whole_file::COMMAND_LINE;
 
 /// Where the thrown object lies, out of the cameras' range.
 const OUT_OF_SIGHT_M: [f64; 3] = [45.0, 45.0, 0.3];
@@ -62,17 +61,22 @@ pub fn config(knowledge: &Knowledge, observations_hz: f64, seed: u64) -> Config 
     }
 }
 
+/// The same for the calibration before the throws of a seed.
+pub(super) fn config_of(setup: &Setup, settings: &CalibrationSettings, seed: u64) -> Config {
+    Config { poses: settings.poses, ..config(&setup.knowledge(), setup.scenario.arena.frame_rate_hz, seed) }
+}
+
 /// Memory that the images of a calibration take at most, in bytes: they are held until all are there.
 const MOST_BYTES: u64 = 2 << 30;
 
 /// Whether there is room for all images of a calibration.
 ///
 /// # Errors
-/// If there is not; `asked_by` is the argument with the poses.
-pub fn check_memory(setup: &Setup, config: &Config, asked_by: &str) -> Result<(), InputError> {
+/// If there is not; file and field are those of the number of poses.
+pub fn check_memory(setup: &Setup, config: &Config, (file, field): (&str, &str)) -> Result<(), InputError> {
     let pixels: u64 = setup.cameras.iter().map(|it| u64::from(it.width_px) * u64::from(it.height_px)).sum();
-    // A depth, a mask and what the list of them has to spare; and an image in motion for those of each pose.
-    let bytes_per_pose = 6 * pixels * (config.images_per_pose as u64 + 1);
+    // Depth and mask of the images at rest and of one in motion; 1/z and a count of the mean of each.
+    let bytes_per_pose = pixels * (5 * (config.images_per_pose as u64 + 1) + 10);
     let most = MOST_BYTES / bytes_per_pose.max(1);
     if config.poses as u64 <= most {
         return Ok(());
@@ -80,7 +84,7 @@ pub fn check_memory(setup: &Setup, config: &Config, asked_by: &str) -> Result<()
     let gib = (bytes_per_pose * config.poses as u64) as f64 / f64::from(1 << 30);
     let found = format!("{}, whose images take {gib:.1} GiB", config.poses);
     let expected = format!("at most {most} with these cameras: {} GiB of images", MOST_BYTES >> 30);
-    Err(InputError::new(COMMAND_LINE, asked_by, found, expected))
+    Err(InputError::new(file, field, found, expected))
 }
 
 /// Where the cameras of a scene truly stand. No brain may see it.
@@ -165,8 +169,7 @@ impl CalibratedCameras {
             CameraModel { X_WC, ..camera.clone() }
         };
         let believed: Vec<CameraModel> = setup.cameras.iter().map(believed).collect();
-        let config =
-            Config { poses: settings.poses, ..config(&setup.knowledge(), setup.scenario.arena.frame_rate_hz, seed) };
+        let config = config_of(setup, settings, seed);
         let session = run_session(setup, &config, &believed, seed, 0).session;
         let found = calibrate(&config, &setup.robot, &setup.gripper, &believed, &session);
         let found: Vec<CameraCalibration> = found.cameras.into_iter().map(|it| claimed(it, settings)).collect();

@@ -111,9 +111,10 @@ impl Parts {
     }
 
     /// The cameras as their rig's file and their data sheet have them.
-    pub fn cameras(&self) -> Result<Vec<CameraModel>, InputError> {
+    pub fn cameras(&self, robot: &Robot) -> Result<Vec<CameraModel>, InputError> {
         let sheet = DataSheet::from_toml(&self.camera.file, &self.camera.text)?;
         let cameras = flight_rig::read(&self.flight_rig.file, &self.flight_rig.text)?;
+        flight_rig::check_clear(&self.flight_rig.file, &cameras, robot)?;
         Ok(cameras.into_iter().map(|camera| CameraModel { sheet: Some(sheet.clone()), ..camera }).collect())
     }
 
